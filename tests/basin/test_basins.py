@@ -8,12 +8,14 @@ import pandas as pd
 import pytest
 
 from vibroplat import basins, load_config, orbit
-from vibroplat.basin.question import Basins, bounds
+from vibroplat.basin.question import Basins, BasinTables, bounds
 from vibroplat.basin.starts import begun, states_of, values_of
 from vibroplat.continuation.orbit import beginning_at
 from vibroplat.errors import ConfigError
+from vibroplat.hybrid.state import static_rest
 from vibroplat.motion.run import simulate
 from vibroplat.study.pool import pool
+from vibroplat.study.question import ask
 from vibroplat.study.store import Store
 
 PHASE, SPEED, HEIGHT = (f"run.initial.{name}" for name in ("phase_difference_rad", "speed_ratio", "state.y_m"))
@@ -87,23 +89,67 @@ def test_an_attractor_keeps_its_name_over_a_key_and_counts_without_starts(found)
     np.testing.assert_array_equal(tables.starts[SPEED][:30], tables.starts[SPEED][30:60])
 
 
-def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(found, tmp_path):
-    scene, whole = found
+def test_starts_that_come_to_no_orbit_are_one_attractor_of_their_class():
+    starts, more = {PHASE: [-2.0, 2.0, 5], "run.initial.state.phi_rad": [0.0, 1e5, 2]}, {"longest_turns": 200}
+    scene = scene_of(starts, 0.2, **more).replace({"drive.supply_frequency_hz": 60.0})
+    answer = ask(Basins(scene))
+    attractors = answer.tables["attractors"].set_index("attractor")
+    assert set(attractors.index) == {"beyond-model", "antiphase, chaotic", "in-phase, period 1"}
+    assert attractors["count"].sum() == 10
+    assert attractors.loc["antiphase, chaotic", "count"] >= 2
+    assert attractors["fraction"].sum() == pytest.approx(1.0)
+    chaotic, lost = attractors.loc["antiphase, chaotic"], attractors.loc["beyond-model"]
+    assert (chaotic["period"], chaotic["outcome"]) == (0, "ok")
+    assert chaotic["rms_y_m"] > 1e-3
+    assert chaotic["impacts_per_period"] > 0.0
+    assert math.isnan(lost["rms_y_m"])
+    assert len(answer.failures) == 5
+    assert {line.partition(" by ")[0] for line in answer.failures} == {"beyond-model: the platform has turned"}
+    settled = attractors.loc["in-phase, period 1", "count"]
+    starts, never = answer.tables["starts"], attractors.loc[["antiphase, chaotic"]].reset_index()
+    drawn = BasinTables(scene, attractors.reset_index(), starts, None, ()).plot().axes
+    assert drawn[-1].get_ylabel() == "turns until settled; grey: never"
+    assert np.isnan(np.ma.filled(drawn[1].collections[0].get_array(), np.nan)).sum() == 10 - settled
+    all_chaotic = starts.assign(attractor="antiphase, chaotic")
+    assert len(BasinTables(scene, never, all_chaotic, None, ()).plot().axes) == 1
+
+
+@pytest.fixture(scope="module")
+def over():
+    """A key that begins without material."""
+    over = {"key": "material.mass_ratio", "values": [0.0, 0.05, 0.1]}
+    scene = scene_of({PHASE: [-math.pi, math.pi]}, random=6, over=over).replace({"drive.supply_frequency_hz": 45.0})
+    return scene, basins(scene)
+
+
+def test_an_attractor_is_carried_from_a_platform_without_material(over):
+    scene, tables = over
+    assert tables.attractors["attractor"].tolist() == ["antiphase, period 1"] * 3
+    sags = [static_rest(scene.replace({"material.mass_ratio": ratio}))[6] for ratio in (0.05, 0.1)]
+    assert tables.attractors["upper_m"].iloc[0] == 0.0
+    assert tables.attractors["upper_m"].tolist()[1:] == pytest.approx(sags, rel=0.5)
+
+
+@pytest.mark.parametrize(("kind", "at"), [("found", 100), ("over", 6)])
+def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(kind, at, request, tmp_path):
+    scene, whole = request.getfixturevalue(kind)
     asked = Basins(scene)
 
     def killed(done, known):
-        if done == 100:
+        if done == at:
             raise KeyboardInterrupt
 
     def answered(jobs, progress, *, resume=False):
         with Store(tmp_path, {}, resume=resume) as store, pool(jobs, chains=asked.chains) as workers:
-            return asked.answer(store, workers, progress).tables
+            tables = asked.answer(store, workers, progress).tables
+            return tables, store.reused
 
     with pytest.raises(KeyboardInterrupt):
         answered(1, killed)
-    tables = answered(2, lambda done, known: None, resume=True)
-    pd.testing.assert_frame_equal(tables["attractors"], whole.attractors, check_exact=True)
-    pd.testing.assert_frame_equal(tables["starts"], whole.starts, check_exact=True)
+    tables, reused = answered(2, lambda done, known: None, resume=True)
+    assert reused > 0
+    for name, table in tables.items():
+        pd.testing.assert_frame_equal(table, getattr(whole, name), check_exact=True)
 
 
 def test_bounds_hold_the_share():
@@ -116,7 +162,11 @@ def test_bounds_hold_the_share():
 @pytest.mark.parametrize(
     ("starts", "more", "told"),
     [
-        ({"run.initial.y": [0, 1]}, {}, "basins: starts.'run.initial.y' is no key of a start; allowed: run.initial"),
+        (
+            {"run.initial.y": [0, 1]},
+            {},
+            "basins: starts.'run.initial.y' is no key of a start; did you mean run.",
+        ),
         ({PHASE: [1, 1]}, {}, f"basins: starts.{PHASE} = [1, 1] is empty; allowed: a low end below the high one"),
         ({PHASE: [0, 1, 1.5]}, {}, f"basins: starts.{PHASE} = […, 1.5]; allowed: a whole number from 2 as count"),
         ({PHASE: [0, 1, 5]}, {"random": 5}, "basins: random = 5 but every range of starts has a count"),

@@ -55,8 +55,11 @@ def test_heyoka_that_is_not_there_is_left_out(command, here, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (["stability"], "bench stability: a test now, in tests/stability; allowed: precision, engines, peers, orbits"),
-        (["speed"], "bench speed: unknown; allowed: precision, engines, peers, orbits"),
+        (
+            ["stability"],
+            "bench stability: a test now, in tests/stability; allowed: precision, engines, peers, orbits, basins",
+        ),
+        (["speed"], "bench speed: unknown; allowed: precision, engines, peers, orbits, basins"),
         (["peers", "--long"], "peers --long: --long runs every bench; allowed: names or --long"),
     ],
 )

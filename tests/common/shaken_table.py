@@ -26,13 +26,21 @@ def shaken(gamma, restitution=0.0, gravity=GRAVITY):
     """Return a table with Γ = Aω²/g at this gravity, and one layer of 1e-12 of its mass.
 
     It begins just after the impact of the layer's orbit with one impact a period. Exciter 1 has a rotor that nothing
-    slows down, exciter 2 hangs still.
+    slows down, exciter 2 hangs, much lighter and slowed down by a motor that nearly stands still.
     """
     unbalance = gamma * gravity / OMEGA**2 / amplitude(1.0)
     mass = 1e3
     rotor = {"rotor_inertia_kg_m2": 1e12, "critical_slip": 0.1, "pole_pairs": 1, "friction_radius_m": 0.0}
     slope = 0.1 * OMEGA * rotor["rotor_inertia_kg_m2"] * OMEGA / 4.0 / math.pi
-    still = {"unbalance_radius_m": 1e-6, "rotor_inertia_kg_m2": 1e-2, "critical_torque_n_m": 0.0, "critical_slip": 0.1}
+    radius, natural, poles, slip = 1e-9, 0.2 * OMEGA, 100, 50.0
+    inertia = mass * radius * GRAVITY / natural**2
+    still = {
+        "unbalance_radius_m": radius,
+        "rotor_inertia_kg_m2": inertia,
+        "critical_slip": slip,
+        "pole_pairs": poles,
+        "critical_torque_n_m": inertia * natural * slip * OMEGA / poles,
+    }
     damper = 2.0 * DAMPING * math.sqrt(STIFFNESS * MASS)
     lag = math.atan2(damper * OMEGA, STIFFNESS - MASS * OMEGA**2)  # of y behind the force, along sin φ₁
     cosine = math.pi * (1.0 - restitution) / ((1.0 + restitution) * gamma) if restitution else 1.0

@@ -44,6 +44,7 @@ def test_motion_comes_nearer_from_where_an_orbit_attracts(flying):
     away = around.distance(state, around.system)
     assert around.attracts(shooter, away)
     assert around.draws(shooter, state)
+    assert around.draws(shooter, moved(around, 0.0)), "nearer than what can be told"
     shooter.motion.reset(state)
     assert shooter.motion.to_section(40, 10.0)
     left = around.distance(shooter.motion.state, shooter.motion.system.index)

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from common.commands import process
 
 from vibroplat import design, load_config, orbit
+from vibroplat.continuation.orbit import OrbitError
 
 CALIBRATED = Path(__file__).parents[2] / "configs/machines/calibrated.yaml"
 RADIUS, STIFFNESS, SUPPLY = "machine.unbalance_radius_m", "machine.stiffness_y_n_per_m", "drive.supply_frequency_hz"
@@ -48,6 +50,11 @@ def test_all_that_was_looked_at_is_told(answer):
         assert table[key].between(low * (1.0 - 1e-9), high * (1.0 + 1e-9)).all()
 
 
+def test_what_cannot_settle_is_refused():
+    with pytest.raises(OrbitError, match="comes to no periodic orbit"):
+        design(scene().replace({SUPPLY: 60.0, "material.mass_ratio": 0.2}))
+
+
 def test_more_amplitude_costs_more_power(answer):
     front = answer.tables["pareto"]
     assert front["feasible"].all()
@@ -71,3 +78,23 @@ def test_a_box_without_a_design_is_an_answer():
     assert found.lines["best"].startswith(f"nothing in this box keeps all bounds; nearest: {RADIUS} 0.048, ")
     assert not found.tables["evaluations"]["feasible"].any()
     assert found.configurations == {}
+
+
+def test_a_box_to_which_the_orbit_cannot_be_followed_is_no_answer_on_its_designs():
+    found = design(scene(keys={"motor.critical_torque_n_m": [0.001, 0.002]}, starts=2))
+    assert found.lines["best"].startswith("unknown: the orbit of the scene as given ends on the way")
+    assert found.tables["evaluations"].empty
+    assert found.plot("evaluations").axes
+
+
+@pytest.mark.long
+def test_one_job_and_two_give_the_same_bits(tmp_path):
+    """Linear algebra with several threads would round otherwise than in workers."""
+    example, found = CALIBRATED.parents[1] / "examples/design-power.yaml", []
+    for jobs in (1, 2):
+        asked = ("design", example, "--set", "design.samples=20", "--out", tmp_path / str(jobs), "--jobs", jobs)
+        assert process(*asked).code == 0
+        tables = ("evaluations", "samples", "sensitivities")
+        found.append([pd.read_parquet(tmp_path / str(jobs) / "design-power" / f"{name}.parquet") for name in tables])
+    for one, other in zip(*found, strict=True):
+        pd.testing.assert_frame_equal(one, other, check_exact=True)

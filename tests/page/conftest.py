@@ -2,9 +2,13 @@ import pytest
 from common import handmade
 
 from vibroplat import load_config, orbits, simulate, sweep
+from vibroplat.basin.question import Basins
 from vibroplat.continuation.tables import write_orbits
+from vibroplat.designs.question import Design
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
+from vibroplat.study.question import ask
+from vibroplat.thresholds.tables import question as thresholds
 
 
 @pytest.fixture(scope="session")
@@ -77,3 +81,36 @@ def measured(tmp_path_factory):
 @pytest.fixture(scope="session")
 def quickstart_scene():
     return load_config(handmade.QUICKSTART)
+
+
+@pytest.fixture(scope="session")
+def answered(tmp_path_factory):
+    """Results of questions by name: ``basins``, ``over``, ``thresholds``, ``design``, ``best``."""
+    place = tmp_path_factory.mktemp("answers")
+    supply, radius = "drive.supply_frequency_hz", "machine.unbalance_radius_m"
+    box = {"run.initial.phase_difference_rad": [-3.1, 3.1], "run.initial.speed_ratio": [0.0, 1.1]}
+    mass = {"key": "material.mass_ratio", "start": 0.0, "stop": 0.6, "from": "neighbour"}
+    wide = {radius: [0.018, 0.048], "machine.stiffness_y_n_per_m": [329e3, 611e3], supply: [46.75, 60.5]}
+    best = {
+        "keys": wide,
+        "minimize": "motor_power_w",
+        "subject": {"rms_y_m": ">= 1e-3"},
+        "pareto": {"rms_y_m": [0.9e-3, 1.1e-3]},
+    }
+    spread = {"spread": {radius: 0.05}, "samples": 20}
+    over = {"key": supply, "start": 62.3, "stop": 63.1, "count": 2}
+    questions = {
+        "basins": (Basins, 62.3, 0.0, {"basins": {"starts": box, "random": 40}}),
+        "over": (Basins, 62.3, 0.0, {"basins": {"starts": box, "random": 20, "over": over}}),
+        "thresholds": (thresholds, 60.0, 0.3, {"find": mass}),
+        "design": (Design, 57.4, 0.1, {"design": spread | {"keys": {radius: [0.02, 0.04]}}}),
+        "best": (Design, 55.0, 0.1, {"design": best | {"starts": 2}}),
+    }
+    for name, (ask_of, frequency, ratio, plan) in questions.items():
+        keys = {"name": name, "solver.engine": "taylor", supply: frequency, "material.mass_ratio": ratio}
+        question = ask_of(load_config(handmade.QUICKSTART.parents[1] / "configs/machines/calibrated.yaml", keys | plan))
+        answer, directory = ask(question), place / name
+        directory.mkdir()
+        origin = provenance(question.scene, "taylor") | {"answer": answer.told}
+        write_result(directory, question.command, origin, answer.tables, form="parquet")
+    return {name: place / name for name in questions}

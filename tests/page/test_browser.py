@@ -499,3 +499,53 @@ def test_text_from_files_is_not_run(visit, moved, tmp_path):
     assert HOSTILE in js(page, "document.getElementById('title').textContent")
     assert HOSTILE in js(page, "document.getElementById('remarks').textContent")
     assert HOSTILE in js(page, "document.querySelector('.events tbody').textContent")
+
+
+@pytest.mark.parametrize("name", ["basins", "over", "thresholds", "design", "best"])
+def test_clicks_on_starts_values_and_designs_show_their_motion(visit, answered, tmp_path, name):
+    """The page is drawn without a word on its console, and a picked point has its orbit beside it, if it has one."""
+    page = visit(write_report([answered[name]], tmp_path / "page.html", mover=motion_of))
+    titles = js(page, "[...document.querySelectorAll('#points h2')].map(box => box.textContent.split(':')[0])")
+    drawn = {"basins": ["Basins"], "over": ["Shares", "Basins"], "thresholds": ["Thresholds"]}
+    drawn |= {"design": ["Elasticities", "Tolerances"], "best": ["Elasticities", "Searches", "Pareto front"]}
+    assert titles == drawn[name]
+    assert js(page, "document.getElementById('answers').innerText.length") > 60
+    found = js(
+        page,
+        """window.vibroplat.data.points.map((study, number) => {
+        const box = document.getElementById(`points-${number}`), rows = study.motions.rows;
+        const row = study.owner ? 0 : Number(Object.keys(rows).find(one => Number.isInteger(rows[one])) ?? 0);
+        const trace = box.data.find(one => (one.customdata || []).includes(row));
+        const place = trace.customdata.indexOf(row);
+        box.emit('plotly_click', {points: [{customdata: trace.customdata[place]}]});
+        const panel = box.closest('section').querySelector('.row');
+        const ring = box.layout.shapes.find(one => one.type === 'circle');
+        return [panel.querySelectorAll('.orbit svg').length > 0, ring.xanchor === trace.x[place]]; })""",
+    )
+    assert found == [[title != "Tolerances", True] for title in titles if title != "Elasticities"]
+
+
+@WIDE
+def test_dots_of_starts_are_drawn_for_the_chosen_value_and_found_where_they_are(visit, answered, tmp_path):
+    page = visit(write_report([answered["over"]], tmp_path / "page.html"))
+    x, y = js(
+        page,
+        """(() => { const box = document.getElementById('points-1'), {xaxis, yaxis} = box._fullLayout;
+        box.scrollIntoView(); const {left, top} = box.getBoundingClientRect();
+        const one = box.data.find(t => t.mode === 'none');
+        return [left + xaxis._offset + xaxis.d2p(one.x[0]), top + yaxis._offset + yaxis.d2p(one.y[0])]; })()""",
+    )
+    click_at(page, x, y)
+    heading = "document.querySelector('#points-1').closest('section').querySelector('.row h3').textContent"
+    assert js(page, heading) == "Row 1 of starts"
+    starts = """document.getElementById('points-1').data.filter(t => t.mode === 'none' && t.yaxis === 'y')
+        .flatMap(t => t.customdata).sort((a, b) => a - b)"""
+    assert js(page, starts) == list(range(20))
+    page.execute_script(
+        """const box = document.querySelectorAll('#points-1')[0].closest('section').querySelectorAll('select')[1];
+        box.value = '1'; box.dispatchEvent(new Event('change'));"""
+    )
+    assert js(page, starts) == list(range(20, 40))
+    dots = """(() => { const canvas = document.querySelector('#points-1 canvas'), pen = canvas.getContext('2d');
+        return pen.getImageData(0, 0, canvas.width, canvas.height).data.filter(part => part > 0).length; })()"""
+    assert js(page, dots) > 1000

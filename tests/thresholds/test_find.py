@@ -97,7 +97,7 @@ def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(tmp_path):
 @pytest.mark.parametrize(
     ("plan", "told"),
     [
-        ({"key": "material.mass"}, "find.key = material.mass has no numbers"),
+        ({"key": "material.mass"}, "find: unknown key material.mass; did you mean mass_ratio?"),
         ({"start": 0.6}, "find: stop = 0.6 is not above start = 0.6"),
         ({"scale": "log", "start": 0.0}, "find: scale = log but start = 0.0"),
         ({"key": "sweep.seed"}, "find: key = 'sweep.seed' cannot be varied"),
@@ -105,7 +105,10 @@ def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(tmp_path):
         ({"expression": "rms_y > 1"}, "find.expression: no column rms_y; did you mean rms_y_m"),
         ({"expression": "sync > 1"}, "find.expression: no column sync"),
         ({"start": -0.1}, "find: material.mass_ratio = -0.1"),
-        ({"key": "motor.pole_pairs", "start": 1.0, "stop": 3.0}, "find.key = motor.pole_pairs has no numbers"),
+        (
+            {"key": "motor.pole_pairs", "start": 1.0, "stop": 3.0},
+            "find: motor.pole_pairs = 1.0; allowed: a whole number",
+        ),
         ({"max_settle_s": 1e20}, "find.max_settle_s = 2e+20 takes"),
     ],
 )

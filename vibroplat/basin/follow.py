@@ -1,8 +1,8 @@
 """Follows motions from starts until each is surely in the basin of a periodic orbit, and finds the orbits on the way.
 
-Every eight turns of exciter 1 a motion is looked at: it is assigned to an orbit once it is in one of its ellipsoids
-(:mod:`vibroplat.continuation.attraction`). One that takes several times as long as others may come to an orbit that is
-not known yet: where its section nearly comes back to itself, Newton's method begins there.
+Every eight turns of exciter 1, later every sixteen, a motion is looked at: it is assigned to an orbit once it is in one
+of its ellipsoids (:mod:`vibroplat.continuation.attraction`). One that takes several times as long as others may come to
+an orbit that is not known yet: where its section nearly comes back to itself, Newton's method begins there.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from vibroplat.study.point import measure_point, on_orbit, row_of
 from vibroplat.study.settling import KnownOrbit
 from vibroplat.study.store import Record
 
-#: Turns between two looks whether a motion is in an ellipsoid.
-STRIDE = 8
+#: Turns between two looks whether a motion is in an ellipsoid, in its first FIRST turns and later.
+STRIDE, LATE_STRIDE = 8, 16
 #: A motion that is in none after so many turns, or so many times the median of the others, is looked at for new orbits,
 #: and again each time after twice as long.
 FIRST, PATIENT, EXPERIENCED = 96, 4.0, 20
@@ -85,13 +85,14 @@ class Follower:
         motion = self._motion
         motion.reset(start)
         self._seeker.forget()
-        state, longest = motion.automaton.run["state"], 4.0 * (STRIDE + 1) * self._turn
+        state, longest = motion.automaton.run["state"], 4.0 * (LATE_STRIDE + 1) * self._turn
         turns, look = 0, FIRST
         if len(self._history) >= EXPERIENCED:
             look = max(FIRST, int(PATIENT * np.median(self._history)))
         while turns < self.longest and motion.now < self.longest * self._turn:
-            motion.to_section(STRIDE, longest)
-            turns += STRIDE
+            stride = STRIDE if turns < FIRST else LATE_STRIDE
+            motion.to_section(stride, longest)
+            turns += stride
             if motion.outcome != "ok":
                 return {"attractor": None, "turns": turns, "outcome": motion.outcome, "detail": motion.detail}
             place = self._inside(state, motion.system.index, *self._packed)
@@ -177,6 +178,14 @@ def follow_starts(
     with closing(Follower(scene, plan.longest_turns, known, history)) as follower:
         starts = [follower.follow(state) for state in states_of(scene, plan, range(first, first + count))]
         return {"starts": starts, "known": len(known), "found": follower.attractors[len(known) :]}
+
+
+def followed_alone(scene: Scene, plan: BasinsPlan, number: int) -> Record:
+    """Follow a start without what others have found: the ``row`` of what it comes to."""
+    with closing(Follower(scene, plan.longest_turns, [])) as follower:
+        found = follower.follow(states_of(scene, plan, [number])[0])
+        own = found if found["attractor"] is None else follower.attractors[found["attractor"]]
+        return {"row": {"motion": None, "period": 0, **own.get("row", {})}}
 
 
 def representative(scene: Scene, state: list[float]) -> Record:

@@ -38,13 +38,14 @@ class Found:
     ----------
     scene, known
         The scene, and attractors that were known before.
-    blocks
-        Records of :func:`vibroplat.basin.follow.follow_starts`; attractors that several have found are the same.
     """
 
-    def __init__(self, scene: Scene, known: Sequence[Record], blocks: Sequence[Record]) -> None:
+    def __init__(self, scene: Scene, known: Sequence[Record]) -> None:
         self.scene, self.attractors, self.starts = scene, list(known), list[Record]()
-        scales = state_scales(scene)
+
+    def add(self, blocks: Sequence[Record]) -> None:
+        """Add records of :func:`vibroplat.basin.follow.follow_starts`; what several have found is the same."""
+        scales = state_scales(self.scene)
         for block in blocks:
             numbers = list(range(block["known"]))
             for record in block["found"]:
@@ -52,11 +53,12 @@ class Found:
                 numbers.append(same[0] if same else self._add(record))
             for start in block["starts"]:
                 number = start["attractor"]
-                self.starts.append(start | {"attractor": None if number is None else numbers[number]})
-        for start in self.starts:  # a motion that has ended early is an outcome of its own
-            if start["attractor"] is None and start["outcome"] != "ok":
-                row = {"outcome": start["outcome"], "detail": start["detail"]} | dict.fromkeys(_CLASS)
-                start["attractor"] = self._number({"row": row, "state": None, "centres": [], "radius": None})
+                if number is not None:
+                    number = numbers[number]
+                elif start["outcome"] != "ok":  # a motion that has ended early is an outcome of its own
+                    row = {"outcome": start["outcome"], "detail": start["detail"]} | dict.fromkeys(_CLASS)
+                    number = self._number({"row": row, "state": None, "centres": [], "forms": [], "radius": None})
+                self.starts.append(start | {"attractor": number})
 
     def _add(self, record: Record) -> int:
         self.attractors.append(record)
@@ -198,9 +200,9 @@ def names(found: Sequence[Found]) -> Iterator[list[str]]:
             first.setdefault(number, record["row"])
     rows = [first[number] for number in range(len(first))]
     told = [_name(row) for row in rows]
-    for more in (_phase, _height):
-        counts = Counter(told)
-        told = [f"{name}{more(row)}" if counts[name] > 1 else name for name, row in zip(told, rows, strict=True)]
+    for more in (_phase, _height, _impacts):
+        different = Counter(name for name, _ in {(name, more(row)) for name, row in zip(told, rows, strict=True)})
+        told = [f"{name}{more(row)}" if different[name] > 1 else name for name, row in zip(told, rows, strict=True)]
     counts, seen = Counter(told), Counter[str]()
     for place, name in enumerate(told):
         seen[name] += 1
@@ -224,3 +226,8 @@ def _phase(row: Mapping[str, Any]) -> str:
 def _height(row: Mapping[str, Any]) -> str:
     height = row.get("rms_y_m")
     return "" if height is None else f", RMS y {1e3 * height:.3g} mm"
+
+
+def _impacts(row: Mapping[str, Any]) -> str:
+    impacts = row.get("impacts_per_period")
+    return "" if impacts is None else f", {impacts:.3g} impact{'s' * (impacts != 1.0)} a period"

@@ -1,20 +1,20 @@
 """The command ``basins``: attractors of a scene, the share of starts that comes to each, and what becomes of a start.
 
-Starts are followed in blocks of fixed size. The first block finds the attractors that most starts come to; the others
-know these, and what they find besides is compared in the order of blocks, so that nothing depends on who is first.
+Starts are followed in blocks of fixed size: one, then two side by side, then four, and so on. Each knows the attractors
+that the rounds before have found, and what it finds besides is compared in the order of blocks, so that nothing depends
+on who is first.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from vibroplat.basin.follow import follow_starts, representative
+from vibroplat.basin.follow import follow_starts, followed_alone, representative
 from vibroplat.basin.found import Found, carried, names
 from vibroplat.basin.starts import begun, values_of
 from vibroplat.columns import Column, Columns, words_in_place
@@ -30,7 +30,7 @@ from vibroplat.study import WAIT
 from vibroplat.study.branches import column_of, place_words, study_table
 from vibroplat.study.point import ERRORS, MEASURED
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
-from vibroplat.study.question import Answer, Progress, ask
+from vibroplat.study.question import COMPARED, Answer, Progress, Repeat, ask
 from vibroplat.study.store import Record, Store
 from vibroplat.study.sweep import SWEEP
 
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 #: Starts that a task follows.
 BLOCK = 100
+#: Starts that another engine repeats.
+CHECKED = 20
 #: Error of the bounds of a fraction: they hold it in 95 of 100 samples.
 DOUBT = 0.05
 #: Columns of the tables after the key that varies.
@@ -144,17 +146,40 @@ class Basins:
         found: list[Found] = []
         history: list[int] = []
         for place, scene in enumerate(self._scenes):
-            known = self._carried(place, found, store, workers)
-            follow = partial(self._followed, place, store, workers, progress)
-            [first] = follow(known, history, range(1))  # finds the attractors that most starts come to
-            known = [*known, *first["found"]]
-            history = [start["turns"] for start in first["starts"]]
-            found.append(Found(scene, known, [first, *follow(known, history, range(1, len(self._blocks)))]))
-            groups = found[-1].groups()
+            now = Found(scene, self._carried(place, found, store, workers))
+            found.append(now)
+            done = 0
+            while done < len(self._blocks):
+                numbers = range(done, min(2 * done + 1, len(self._blocks)))
+                now.add(self._followed(place, store, workers, progress, now.attractors, history, numbers))
+                history = history if done else [start["turns"] for start in now.starts]
+                done = numbers.stop
+            groups = now.groups()
             tasks = [Task(representative, (scene, group[0]["state"])) for group in groups]
             for group, record in zip(groups, _run(f"{place} motion", tasks, store, workers), strict=True):
-                found[-1].take(group, record)
+                now.take(group, record)
         return _told(self, found)
+
+    def repeats(self, answer: Answer, other: Callable[[Scene], Scene]) -> list[Repeat]:
+        """Choose starts, as far from each other as they can be, that must come to the same attractors."""
+        attractors, starts = answer.tables["attractors"], answer.tables["starts"]
+        count, order, found = self.plan.number, self.order, list[Repeat]()
+        for place in np.unique(np.linspace(0, len(starts) - 1, CHECKED).round().astype(int)).tolist():
+            value, start = divmod(place, count)
+            at = attractors if self.key is None else attractors[attractors[column_of(self.key)] == self.values[value]]
+            row = at[at["attractor"] == starts["attractor"].iloc[place]].iloc[0]
+            task = Task(followed_alone, (other(self._scenes[value]), self.plan, int(order[start])))
+            known = {name: row[name] for name in COMPARED if name != "motion"}
+            found.append(Repeat(f"from start {place} of the table", task, known))
+        return found
+
+    @property
+    def order(self) -> Sequence[int]:
+        """Numbers of the starts at a value of the key in the order of the table."""
+        plan = self.plan
+        if not plan.shape or plan.random:
+            return range(plan.number)
+        return [int(k) for k in np.lexsort(values_of(plan, range(plan.number)).T[::-1])]
 
     def _followed(
         self,
@@ -225,12 +250,11 @@ def _told(question: Basins, found: Sequence[Found]) -> Answer:
         counts = f.counts
         order = sorted(range(len(counts)), key=lambda k: (-counts[k], k))
         attractors += [at | _row(f.attractors[k], labels[k], counts[k], plan.number) for k in order]
-        ordered = np.lexsort(places.T[::-1]) if plan.shape and not plan.random else range(plan.number)
         starts += [
             at
             | dict(zip(plan.starts, places[k].tolist(), strict=True))
             | {"attractor": labels[f.starts[k]["attractor"]], "turns": f.starts[k]["turns"]}
-            for k in ordered
+            for k in question.order
         ]
     more = of_points(question.scene.output.points)
     tables = {
@@ -244,7 +268,7 @@ def _told(question: Basins, found: Sequence[Found]) -> Answer:
         lines=_lines(plan, tables, len(question.values)),
         text=_text(tables["attractors"], key),
         notes=_notes(plan, tables["attractors"]),
-        failures=_failures(tables["attractors"]),
+        failures=[line for f in found for line in _failures(f)],
     )
 
 
@@ -287,7 +311,7 @@ def _text(table: pd.DataFrame, key: str | None) -> list[str]:
 def _notes(plan: BasinsPlan, table: pd.DataFrame) -> list[str]:
     """Return what deserves a second look."""
     notes = [f"attractors with a share below {bounds(0, plan.number)[1]:.2g} of the box are easily missed"]
-    restless = table[table["radius"].isna() & (table["count"] > 0)]
+    restless = table[table["radius"].isna() & (table["count"] > 0) & (table["outcome"] == "ok")]
     if len(restless):
         notes.append(
             f"motions that came to no orbit in {plan.longest_turns} turns are told from each other by their RMS values "
@@ -296,10 +320,12 @@ def _notes(plan: BasinsPlan, table: pd.DataFrame) -> list[str]:
     return notes
 
 
-def _failures(table: pd.DataFrame) -> list[str]:
-    """Return a line for each way in which motions have ended early."""
-    failed = table[table["outcome"] != "ok"]
-    return [f"{row['outcome']} from {row['count']} starts: {row['detail']}" for _, row in failed.iterrows()]
+def _failures(found: Found) -> Iterator[str]:
+    """Yield a line for each motion that has ended early."""
+    for start in found.starts:
+        row = found.attractors[start["attractor"]]["row"]
+        if row["outcome"] != "ok":
+            yield f"{row['outcome']}: {(start.get('detail') or row['detail']).partition(', state [')[0]}"
 
 
 def basins(

@@ -137,6 +137,34 @@ def heyoka_leg(scene: Scene, p: Parameters, tolerance: float) -> Leg:
     return leg
 
 
+def ensemble(system: System, p: Parameters, tolerance: float, batch: int) -> Callable[[FloatArray, float], FloatArray]:
+    """Return what follows unknowns of a system without events, shape (motions, size), for a time by heyoka, on a core.
+
+    ``batch`` motions at a time are in one vector; their number is a multiple of it.
+    """
+    import heyoka as hk  # noqa: PLC0415  (optional)
+
+    equations, _ = _equations(hk, system, p)
+    size = len(equations)
+    if batch == 1:
+        made = hk.taylor_adaptive(equations, [0.0] * size, tol=tolerance)
+    else:
+        made = hk.taylor_adaptive_batch(equations, np.zeros((size, batch)), tol=tolerance)
+
+    def follow(unknowns: FloatArray, seconds: float) -> FloatArray:
+        groups = unknowns.reshape(-1, batch, size).transpose(0, 2, 1)
+
+        def begun(ta: Any, number: int) -> Any:
+            ta.state[:] = groups[number].reshape(ta.state.shape)
+            return ta
+
+        found = hk.ensemble_propagate_until(made, seconds, len(groups), begun, max_workers=1)
+        ends = np.array([ta.state.reshape(size, batch) for ta, *_ in found])
+        return ends.transpose(0, 2, 1).reshape(unknowns.shape)
+
+    return follow
+
+
 def _equations(hk: Any, system: System, p: Parameters) -> tuple[list[Any], Any]:
     """Return (unknown, derivative) of a system, and F_c where it is attached, as heyoka's expressions.
 

@@ -21,6 +21,7 @@ DURATIONS = {
     "engines": "two minutes",
     "peers": "five minutes",
     "orbits": "eight minutes",
+    "basins": "a minute",
 }
 _NAMES = ", ".join(f"{name} ({duration})" for name, duration in DURATIONS.items() if name)
 _FORMER = {
@@ -56,8 +57,7 @@ def bench(
         if long:
             raise VibroplatError(f"{name} --long: --long runs every bench; allowed: names or --long")
     tell_of_compilation()
-    from vibroplat.bench import measure, scenes
-    from vibroplat.bench.orbits import cost
+    from vibroplat.bench import basins, measure, orbits, scenes
     from vibroplat.plots.bench import plot_precision
     from vibroplat.results.tables import result_directory, write_table
 
@@ -80,8 +80,8 @@ def bench(
         "peers": (cases, [*both, *others], [1e-3, *fine, 1e-11, 1e-12]),
     }
     for name in known if long else names or ["summary"]:
-        if name == "orbits":
-            show(cost(min(repeats, 3)), "orbits-cost")
+        if name in ("orbits", "basins"):
+            show((orbits if name == "orbits" else basins).cost(min(repeats, 3)), f"{name}-cost")
             continue
         chosen, engines, tolerances = plans[name]
         table = measure.precision((measure.truth(*case) for case in chosen.items()), engines, tolerances, repeats)

@@ -16,7 +16,11 @@ if TYPE_CHECKING:
     from vibroplat.continuation.rows import OrbitMotion
 
 #: Figures: the first four show a run, three a sweep, three orbits, the last basins.
-Kind = StrEnum("Kind", "motion force exciters loads response bifurcation map branches multipliers boundaries basins")
+Kind = StrEnum(
+    "Kind",
+    "motion force exciters loads response bifurcation map branches multipliers boundaries basins "
+    "sensitivities samples evaluations",
+)
 
 
 def plot(
@@ -24,7 +28,7 @@ def plot(
         list[Path],
         typer.Argument(
             metavar="DIR...",
-            help="Result directory of a run, a sweep, orbits, basins or the paper; several are laid over each other.",
+            help="Result directory of a run, sweep, orbits, basins, design or the paper; several are overlaid.",
         ),
     ],
     kind: Annotated[list[Kind] | None, typer.Option(help="Figures to draw. Default: all.")] = None,
@@ -59,7 +63,7 @@ def plot(
 
 
 def report(
-    directories: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Directories of runs, sweeps or orbits.")],
+    directories: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Result directories, of all but paper.")],
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="The page. Default: report.html in the first DIR.")
     ] = None,

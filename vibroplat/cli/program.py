@@ -105,6 +105,8 @@ def _options(
         import logging  # help needs none
 
         logging.basicConfig(format="vibroplat: %(message)s")
+        # as in workers: further threads take 0.3 GB each and are of no use, but round sums otherwise
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         require_memory()
 
 

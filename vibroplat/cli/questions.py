@@ -14,12 +14,19 @@ from vibroplat.study import WAIT
 from vibroplat.system.terminal import points_progress
 
 if TYPE_CHECKING:
+    from vibroplat.check.questions import AnswerCheck
     from vibroplat.config.scene import Scene
-    from vibroplat.study.question import Question
+    from vibroplat.study.question import Answer, Question
+
+
+Check = Annotated[
+    bool, typer.Option("--check", help="Repeat some of the motions with another engine, and compare both.")
+]
 
 
 def find(
     config: Annotated[Path, typer.Argument(help="Configuration file with a find section.")],
+    check: Check = False,
     set_: common.Settings = None,
     engine: common.EngineName = None,
     out: common.Out = Path("results"),
@@ -38,11 +45,14 @@ def find(
     scene = common.scene_of(config, set_, engine)
     from vibroplat.thresholds.tables import question
 
-    _answer(question, config, scene, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite)
+    _answer(
+        question, config, scene, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite, check=check
+    )
 
 
 def design(
     config: Annotated[Path, typer.Argument(help="Configuration file with a design section.")],
+    check: Check = False,
     set_: common.Settings = None,
     engine: common.EngineName = None,
     out: common.Out = Path("results"),
@@ -60,7 +70,7 @@ def design(
     scene = common.scene_of(config, set_, engine)
     from vibroplat.designs.question import Design
 
-    _answer(Design, config, scene, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite)
+    _answer(Design, config, scene, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite, check=check)
 
 
 def _answer(
@@ -75,17 +85,20 @@ def _answer(
     *,
     resume: bool,
     overwrite: bool,
+    check: bool,
 ) -> None:
     """Answer the question that a section of a scene asks: write its tables and print what was found.
 
-    Finished tasks are stored, so that a command that was killed can be resumed. Exit code 1 says that motions failed.
+    Finished tasks are stored, so that a command that was killed can be resumed. Exit code 1 says that motions failed,
+    or with a check that two engines disagree.
     """
     common.tell_of_compilation(scene.solver.engine)
     with common.about(config):
         question = ask(scene)
     common.require_scheduler(scheduler)
+    from vibroplat.check.questions import check_answer
     from vibroplat.config.plausibility import notes_on_inputs
-    from vibroplat.integrate import engine_name
+    from vibroplat.integrate import engine_name, other_engine
     from vibroplat.results.files import write_result
     from vibroplat.results.provenance import provenance
     from vibroplat.study.pool import pool
@@ -97,31 +110,45 @@ def _answer(
     kept: dict[str, Any] = {"file": f"{command}.sqlite", "what": question.counted}  # a sweep may have its points there
     common.print_notes(notes_on_inputs(question.scenes()))
     with Store(directory, conditions(scene), resume=resume, overwrite=overwrite, **kept) as store:
-        common.begin(store, scene.solver.engine)
+        common.begin(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if check else []))
         began = time.perf_counter()
         with (
             pool(jobs, scheduler, wait=wait, chains=question.chains) as workers,
             points_progress(scene.name, question.counted) as progress,
         ):
             found = question.answer(store, workers, progress or (lambda done, known: None))
+            checked = check_answer(question, found, store, workers) if check else None
         seconds, known = time.perf_counter() - began, store.reused
         store.finish()
-        origin, absent = provenance(scene, engine_name(scene)), question.absent - found.tables.keys()
+        origin = provenance(scene, engine_name(scene)) | {"answer": found.told}
+        origin |= {} if checked is None else {"check": checked.to_tree()}
+        absent = question.absent - found.tables.keys()
         write_result(
             directory, command, origin, found.tables, form=form, absent=absent, configurations=found.configurations
         )
     took = f"{seconds:.3g} s" + (f", {known} {question.counted} from before" if known else "")
     common.print_lines({**found.lines, "wall time": took, "tables": str(directory)})
+    if not _print_answer(found, checked, question.counted):
+        raise typer.Exit(1)
+
+
+def _print_answer(found: Answer, checked: AnswerCheck | None, counted: str) -> bool:
+    """Print an answer, and what its check has found; return whether no motion failed and the engines agree."""
     for line in found.text:
         print(line)
     common.print_notes(list(found.notes))
-    common.complain_of(found.failures, f"{len(found.failures)} {question.counted} failed")
-    if found.failures:
-        raise typer.Exit(1)
+    common.complain_of(found.failures, f"{len(found.failures)} {counted} failed")
+    if checked is None:
+        return not found.failures
+    common.print_lines(dict(checked.lines()))
+    total = f"engines disagree at {len(checked.disagreements)} of {checked.checked} motions"
+    common.complain_of(checked.disagreements, total)
+    return checked.agrees and not found.failures
 
 
 def basins(
     config: Annotated[Path, typer.Argument(help="Configuration file with a basins section.")],
+    check: Check = False,
     set_: common.Settings = None,
     engine: common.EngineName = None,
     out: common.Out = Path("results"),
@@ -139,4 +166,4 @@ def basins(
     scene = common.scene_of(config, set_, engine)
     from vibroplat.basin.question import Basins
 
-    _answer(Basins, config, scene, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite)
+    _answer(Basins, config, scene, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite, check=check)

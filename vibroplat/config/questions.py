@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.plans import Over, SweepPlan, may_vary
-from vibroplat.config.schema import LARGEST, Positive, Real, Section, Share
+from vibroplat.config.schema import LARGEST, Positive, Real, Section, Share, meant
 
 #: What keys of starts begin with, and those that there are.
 INITIAL = "run.initial."
@@ -40,9 +40,8 @@ class BasinsPlan(Section, title="Basins"):
     def _possible(self) -> Self:
         for key, (low, high, *count) in self.starts.items():
             if key not in STARTS:
-                raise ValueError(
-                    f"starts.{key!a} is no key of a start; allowed: {', '.join(STARTS[:5])}, … of run.initial"
-                )
+                hint = f"{meant(key, STARTS)}allowed: {', '.join(STARTS[:5])}, … of run.initial"
+                raise ValueError(f"starts.{key!a} is no key of a start; {hint}")
             if not low < high:
                 raise ValueError(f"starts.{key} = [{low:g}, {high:g}] is empty; allowed: a low end below the high one")
             if count and not (count[0].is_integer() and 2 <= count[0] <= MAX_STARTS):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
@@ -163,8 +163,7 @@ def explain(error: ValidationError, model: type[BaseModel]) -> str:
         names = [name.rpartition(".") for name in nodes(model)]
         known = [last for above, _, last in names if above == in_lists(section)]
         elsewhere = [".".join((above, last)) for above, _, last in names if last == wrong]  # its section is missing
-        near = elsewhere[:1] or difflib.get_close_matches(wrong, known, n=1, cutoff=0.5)
-        hint = f"did you mean {near[0]}? " if near else ""
+        hint = f"did you mean {elsewhere[0]}? " if elsewhere else meant(wrong, known)
         line = f"unknown key {key}; {hint}allowed: {', '.join(known)}"
     elif first["type"] == "value_error":
         line = f"{key}: {first['ctx']['error']}" if key else str(first["ctx"]["error"])
@@ -173,6 +172,12 @@ def explain(error: ValidationError, model: type[BaseModel]) -> str:
         allowed = template.format(**first.get("ctx", {})) if template else first["msg"]
         line = f"{key} = {short(first['input'])}; allowed: {allowed}"
     return f"{line} (and {len(more)} more)" if more else line
+
+
+def meant(wrong: str, known: Collection[str], most: int = 1) -> str:
+    """Ask whether a known name was meant that looks much like a wrong one, or one of several; "" if there is none."""
+    near = difflib.get_close_matches(wrong, known, n=most, cutoff=0.5)
+    return f"did you mean {' or '.join(near)}? " if near else ""
 
 
 def short(value: Any) -> str:

@@ -107,10 +107,10 @@ class Attraction:
         """
         offset, bound = self._offset(state), 1.0 - ON_WAY * (1.0 - self.rate)
         for place in range(PLACES):
-            if not self._comes_nearer(shooter, offset, PERIODS if place else FIRST_PERIODS, bound):
-                return False
             if self._length(offset) < NOISE * shooter.scene.solver.tolerance:
                 break
+            if not self._comes_nearer(shooter, offset, PERIODS if place else FIRST_PERIODS, bound):
+                return False
             offset = SHRINK * offset
         return True
 

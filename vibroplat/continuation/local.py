@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -21,8 +21,9 @@ from vibroplat.continuation.orbit import Orbit, accurate, first_orbit, measured_
 from vibroplat.continuation.shooting import STEP, Shooter
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
-from vibroplat.model.sensitivity import flat, value_of, with_value
+from vibroplat.model.sensitivity import flat, value_of, with_values
 from vibroplat.model.systems import FULL_SIZE
+from vibroplat.observe.sheet import columns
 from vibroplat.observe.variation import Variation
 
 #: Least part of a step into which it is divided.
@@ -169,16 +170,16 @@ class Local:
         return here
 
     def centred(self) -> Local:
-        """Return the orbit with its section far from events."""
+        """Return the orbit with its section far from events: steps are long, and move them."""
         self.problem.shooter.motion.set_parameters(self._p)
-        moved = self.problem.far_from_events(self.found)
+        moved = self.problem.far_from_events(self.found, longest=True)
         if moved is None:
             return self
         try:
             found = correct(self.problem, *moved[:2], held(moved[0]), most=ITERATIONS)
         except MissedError:
             return self
-        return Local(self.problem, found, self.keys, self.values)
+        return self._at(found, self.values, self.scene, self._p)
 
     def gradients(self, names: Sequence[str]) -> FloatArray:
         """Differentiate measures of the orbit, ``margin`` among them, by all keys, shape (names, keys).
@@ -195,10 +196,10 @@ class Local:
         for k, (step, *sides) in enumerate(self._beside):
             change = step * self.tangents[:, k]
             above, below = (
-                self._measured(near, self.found.u + way, margin="margin" in names)
+                self._measured(near, self.found.u + way, names)
                 for near, way in zip(sides, (change, -change), strict=True)
             )
-            found[:, k] = [((above[n] or 0.0) - (below[n] or 0.0)) / (2.0 * step) for n in names]
+            found[:, k] = (above - below) / (2.0 * step)
         return found
 
     @cached_property
@@ -216,38 +217,56 @@ class Local:
             found.append((step, _Near(above, parameters(above)), _Near(below, parameters(below))))
         return found
 
-    def _measured(self, near: _Near, u: FloatArray, *, margin: bool) -> dict[str, Any]:
-        """Measure a period from unknowns on this section in a scene beside this one, with the margin if asked for."""
-        shooter, chart = self.problem.shooter, self.found.chart
+    @cached_property
+    def _weights(self) -> FloatArray:
+        """Weights of the section map's entries in the size of its largest multiplier, to first order in them."""
+        values, right = np.linalg.eig(self.found.chart.section_map(self.found.shot))
+        k = int(np.abs(values).argmax())
+        slope = np.outer(np.linalg.inv(right)[k], right[:, k]) * (values[k].conj() / (abs(values[k]) or 1.0))
+        return np.asarray(slope.real)
+
+    @cached_property
+    def _sheet(self) -> set[str]:
+        """Measures that take the data sheet or the audit."""
+        return {"energy_residual", *columns(self.problem.shooter.scene)}
+
+    def _measured(self, near: _Near, u: FloatArray, names: Sequence[str]) -> FloatArray:
+        """Measure a period from unknowns on this section in a scene beside this one; the margin but for a constant."""
+        shooter, chart, margin = self.problem.shooter, self.found.chart, "margin" in names
         shooter.motion.set_parameters(near.p)
         state, seconds, _ = chart.unpack(u)
-        shot = shooter.shot(state, seconds, full=margin, measured=True)
+        shot = shooter.shot(state, seconds, full=margin, measured=True, events=False)
         if shot.outcome != "ok":
             raise MissedError(f"{shot.outcome}: {shot.detail}")
-        found = measured_over_period(self.problem, shot, near.scene)
+        found = measured_over_period(self.problem, shot, near.scene, brief=self._sheet.isdisjoint(names))
         if margin:
-            found["margin"] = 1.0 - float(np.abs(np.linalg.eigvals(chart.section_map(shot))).max())
-        return found
+            found["margin"] = -float((self._weights * chart.section_map(shot)).sum())
+        return np.array([found[name] or 0.0 for name in names], float)
 
     def _scene(self, values: FloatArray) -> Scene:
         """Change the values of the keys that are not those here."""
-        scene = self.scene
-        for k in np.flatnonzero(values != self.values).tolist():
-            scene = with_value(scene, self.keys[k].split("."), float(values[k]))
-        return scene
+        changed = np.flatnonzero(values != self.values).tolist()
+        return cast("Scene", with_values(self.scene, {self.keys[k]: float(values[k]) for k in changed}))
 
     def _step(self, values: FloatArray) -> Local:
         """Find the orbit at other values by Newton's method from the prediction, with the Jacobian of this one."""
         u = self.predict(values)
         try:
-            self.problem.shooter.motion.set_parameters(parameters(self._scene(values)))
+            p = parameters(scene := self._scene(values))
         except ValueError as error:
             raise MissedError(f"no scene has these values: {error}") from None
+        self.problem.shooter.motion.set_parameters(p)
         chart, jacobian = self.found.chart, self.found.jacobian
         found = correct(self.problem, chart, u, held(chart), jacobian, most=ITERATIONS)
         if np.abs(found.u - u).max() > max(ELSEWHERE * np.abs(u - self.found.u).max(), NEAR):
             raise MissedError("Newton's method went to another orbit", found.residuals)
-        return Local(self.problem, found, self.keys, values)
+        return self._at(found, values, scene, p)
+
+    def _at(self, found: NewtonResult, values: FloatArray, scene: Scene, p: Parameters) -> Local:
+        """Make one of an orbit whose scene and parameters are known."""
+        there = Local(self.problem, found, self.keys, values)
+        there.scene, there._p = scene, p
+        return there
 
     def _along(self, directions: Sequence[FloatArray]) -> FloatArray:
         """Differentiate the unknowns along directions of the parameters, shape (count, directions), by one shot."""

@@ -242,13 +242,14 @@ class Problem:
         return bool(np.abs(difference / self.shooter.scales).max() < HALVED * self.tolerance)
 
     def far_from_events(
-        self, orbit: NewtonResult, *directions: FloatArray
+        self, orbit: NewtonResult, *directions: FloatArray, longest: bool = False
     ) -> tuple[Chart, FloatArray, list[FloatArray]] | None:
         """Move the section of an orbit to the middle of a piece between events; None if it need not or cannot be.
 
-        Returns the orbit as chart and unknowns, and the directions carried along it, of length 1.
+        See :meth:`vibroplat.continuation.shooting.Shot.far_from_events` for where it goes. Returns the orbit as chart
+        and unknowns, and the directions carried along it, of length 1.
         """
-        when = orbit.shot.far_from_events()
+        when = orbit.shot.far_from_events(longest=longest)
         moved = self.moved(orbit.chart, orbit.u, when) if when > 0.0 else None
         if moved is None:
             return None

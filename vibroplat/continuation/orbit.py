@@ -49,7 +49,6 @@ INTEGRATOR = 0.1
 HALVINGS = 6
 #: Residual, over the tolerance, within which an orbit repeats after fewer turns.
 REPEATS = 1e4
-
 #: Periods over which the turns of both exciters are compared where no orbit is found, and how far from whole turns in
 #: each those of exciter 2 may be.
 WATCHED, OUT_OF_STEP = 1000, 4e-4
@@ -442,10 +441,10 @@ def measures_of(problem: Problem, shot: Shot, scene: Scene) -> dict[str, Any]:
     return {name: row[name] for name in (*MEASURED, "sync", "notes", *columns(scene))}
 
 
-def measured_over_period(problem: Problem, shot: Shot, scene: Scene) -> dict[str, Any]:
+def measured_over_period(problem: Problem, shot: Shot, scene: Scene, *, brief: bool = False) -> dict[str, Any]:
     """Gather what was measured over the period of a scene's orbit; see :func:`vibroplat.observe.summary.measured`."""
     assert isinstance(shot.part, Part)
     first, second = (abs(n) / shot.duration for n in problem.turns)
     speeds = {"excitation_frequency_hz": 0.5 * (first + second), "frequency_split_hz": first - second}
     impacts = float(shot.part.measures.marks["measured"][IMPACT]) / abs(problem.turns[0])
-    return measured(shot.part, scene) | speeds | {"impacts_per_period": impacts}
+    return measured(shot.part, scene, brief=brief) | speeds | {"impacts_per_period": impacts}

@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -19,11 +19,11 @@ import numpy.typing as npt
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import IMPACT, LATCH, LIFTOFF
-from vibroplat.hybrid.state import state_scales
+from vibroplat.hybrid.state import EVENT, state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
-from vibroplat.model.sensitivity import Course, flat, with_value
+from vibroplat.model.sensitivity import Course, flat, with_values
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.motion.recorder import Recorder
@@ -43,6 +43,7 @@ MARGIN, CONTACT_SHARE = 0.15, 0.06
 
 TURN = 2.0 * math.pi
 _ALL = np.eye(FULL_SIZE)
+_NONE = np.empty(0, EVENT)
 
 
 @dataclass
@@ -106,16 +107,18 @@ class Shot:
         speeds = -self.events["rate_before"][rebounds]
         return float(speeds.min()) if speeds.size else math.inf
 
-    def far_from_events(self, *, elsewhere: bool = False) -> float:
+    def far_from_events(self, *, elsewhere: bool = False, longest: bool = False) -> float:
         """Return when to begin the period (s) so that the section is far from events.
 
-        It is 0 if it is far already, unless it must be ``elsewhere`` all the same.
+        It is 0 if it is far already, unless it must be ``elsewhere`` all the same. It lies in the ``longest`` piece if
+        that is asked for, otherwise in contact, where there are fewer unknowns.
         """
         if not self.events.size:
             return 0.0
         pieces = self._joined()
         system, begin, end = pieces[0]
-        contact = [p for p in pieces if SYSTEMS[p[0]].algebraic and p[2] - p[1] >= CONTACT_SHARE * self.duration]
+        share = math.inf if longest else CONTACT_SHARE
+        contact = [p for p in pieces if SYSTEMS[p[0]].algebraic and p[2] - p[1] >= share * self.duration]
         best = max(contact or pieces, key=lambda p: p[2] - p[1])
         far = min(-begin, end) > MARGIN * (end - begin) and end - begin > 0.5 * (best[2] - best[1])
         if far and (SYSTEMS[system].algebraic or not contact) and not elsewhere:
@@ -200,10 +203,7 @@ class Shooter:
 
     def scene_at(self, values: Mapping[str, float]) -> Scene:
         """Return the scene with other values of keys, without a check of their ranges."""
-        scene = self.scene
-        for key, value in values.items():
-            scene = with_value(scene, key.split("."), value)
-        return scene
+        return cast("Scene", with_values(self.scene, values))
 
     def set(self, values: Sequence[float]) -> None:
         """Change the values of the keys for the shots to come."""
@@ -229,18 +229,21 @@ class Shooter:
         found: FloatArray = (flat(above) - flat(below)) / (2.0 * step)
         return found
 
-    def shot(self, start: FloatArray, duration: float, *, full: bool = False, measured: bool = False) -> Shot:
+    def shot(
+        self, start: FloatArray, duration: float, *, full: bool = False, measured: bool = False, events: bool = True
+    ) -> Shot:
         """Follow the motion from a full state for a duration (s).
 
         It is ``measured`` if that is asked for; if ``full``, with rates, derivative and the margins of the guards too.
+        Without ``events`` it has neither them nor these margins, and takes less time.
         """
         motion, h, near = self.motion, self.motion.automaton, self._near
-        recorder = Recorder(motion.scene, "events")
-        observers: list[Observer] = [recorder]
+        recorder = Recorder(motion.scene, "events") if events else None
+        observers: list[Observer] = [] if recorder is None else [recorder]
         motion.reset(start)
         begins, before = motion.system.index, None
         if full:
-            observers += [self._variation, near]
+            observers += [self._variation, near] if events else [self._variation]
             self._variation.begin(_ALL, [self.direction(key) for key in self.keys])
             near.begin()
         if full or measured:
@@ -251,7 +254,8 @@ class Shooter:
         motion.to_time(duration, observers)
         state, ends, restitution = motion.state, motion.system.index, float(h.p["restitution"])
         self.turns += abs(float(state[3] - start[3])) / TURN
-        found = Shot(state, begins, ends, duration, motion.outcome, motion.detail, recorder.events, restitution)
+        happened = _NONE if recorder is None else recorder.events
+        found = Shot(state, begins, ends, duration, motion.outcome, motion.detail, happened, restitution)
         if before is not None:
             found.part = Part(self._statistics.measures, before, Energies.of(h.run["state"], h.p))
         if full:

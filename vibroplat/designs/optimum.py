@@ -17,7 +17,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.local import Local
 from vibroplat.continuation.newton import MissedError
 from vibroplat.designs.samples import regime, within
-from vibroplat.designs.sensitivities import begun, settling
+from vibroplat.designs.sensitivities import begun, placed, settling
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.point import measure_point
 from vibroplat.study.store import Record
@@ -245,7 +245,7 @@ def confirmed(scene: Scene, known: Record, values: dict[str, float]) -> Record:
     record
         ``row`` of a sweep, ``regime``, and whether it is that of the scene as given.
     """
-    other = scene.replace(values)
+    other = scene.replace(placed(values))
     row = measure_point(other, settling(other), None, (0,)).row
     if row["outcome"] != "ok":
         return {"row": {}, "regime": row["outcome"], "same": False}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from io import StringIO
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import pandas as pd
 from ruamel.yaml import YAML
@@ -17,17 +17,50 @@ from vibroplat.designs import optimum
 from vibroplat.designs import samples as of_samples
 from vibroplat.designs import sensitivities as of_keys
 from vibroplat.errors import ConfigError
+from vibroplat.extensions import figure_of
 from vibroplat.frames import labelled
 from vibroplat.model.sensitivity import value_of
 from vibroplat.results.files import Command
 from vibroplat.study import WAIT
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
-from vibroplat.study.question import Answer, Progress, ask
+from vibroplat.study.question import Answer, Progress, Repeat, ask
 from vibroplat.study.store import Record, Store
 from vibroplat.study.sweep import SWEEP
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 #: Most keys that are printed of each measure.
 SHOWN = 4
+
+
+class DesignTables(NamedTuple):
+    """What an orbit depends on, what tolerances do to it, and which values of keys are best.
+
+    Attributes
+    ----------
+    scene
+        Whose orbit it is.
+    tables
+        By name: ``sensitivities``; with a spread ``samples``; with a measure to minimize ``evaluations``, ``pareto``.
+    lines, text
+        The answer: labels and texts, and plain lines below.
+    notes
+        What deserves a second look.
+    configurations
+        With a best design its configuration ``best``, as YAML.
+    """
+
+    scene: Scene
+    tables: Mapping[str, pd.DataFrame]
+    lines: Mapping[str, str]
+    text: Sequence[str]
+    notes: Sequence[str]
+    configurations: Mapping[str, str]
+
+    def plot(self, kind: Literal["sensitivities", "samples", "evaluations"] = "sensitivities") -> Figure:
+        """Draw elasticities, measures of samples, or what a search looked at with the Pareto front."""
+        return figure_of(self, kind)
 
 
 class Design:
@@ -52,10 +85,12 @@ class Design:
         of_keys.require_measures(scene, self.plan.named, "design")
         for key, share in self.plan.spread.items():
             for end in (-share, share):
-                require_allowed(scene, f"design.spread.{key} = {share}", key, value_of(scene, key) * (1.0 + end))
+                of_keys.require_allowed(
+                    scene, f"design.spread.{key} = {share}", key, value_of(scene, key) * (1.0 + end)
+                )
         for key, ends in self.plan.keys.items():
             for value in ends:
-                require_allowed(scene, f"design.keys.{key} = {ends}", key, value)
+                of_keys.require_allowed(scene, f"design.keys.{key} = {ends}", key, value)
         self.keys = list(self.plan.keys) or of_keys.varied_keys(scene)
         allowed = of_keys.measured_names(scene)
         self.names = [n for n in dict.fromkeys((*of_keys.USUAL, *self.plan.named)) if n in allowed]
@@ -82,7 +117,7 @@ class Design:
         answer = Answer(tables, lines | found, text)
         if best is None:
             return answer
-        scene = self.scene.replace(best["values"])
+        scene = self.scene.replace(of_keys.placed(best["values"]))
         row = run.one("confirmed", optimum.confirmed, self.scene, known, best["values"])
         told = [f"{name} {row['row'][name]:.6g}" for name in self.aims if row["row"].get(name) is not None]
         lines = {"from rest": ", ".join([row["regime"], *told])}
@@ -91,6 +126,17 @@ class Design:
         if not (row["same"] and self.plan.spread):
             return answer
         return self._with_samples(run, scene, run.one("settled there", of_keys.settled, scene), answer)
+
+    def repeats(self, answer: Answer, other: Callable[[Scene], Scene]) -> list[Repeat]:
+        """Choose the orbit of the scene as given, and that of the best design that was looked at."""
+        told = answer.tables["sensitivities"].dropna(subset=["elasticity"])  # others are round-off
+        nominal: Record = dict(zip(told["measure"], told["value"].tolist(), strict=True))
+        found = [("at the values of the scene", Record(), nominal)]
+        tried = answer.tables.get("evaluations")
+        if tried is not None and tried["feasible"].any():
+            best = tried.loc[tried.loc[tried["feasible"], self.aims[0]].idxmin()].to_dict()
+            found.append(("at the best design", {k: best[k] for k in self.plan.keys}, {n: best[n] for n in nominal}))
+        return [Repeat(place, Task(of_keys.measured_at, (other(self.scene), at)), row) for place, at, row in found]
 
     def _best(
         self, run: _Runner, known: Record, tables: dict[str, pd.DataFrame]
@@ -113,9 +159,10 @@ class Design:
                 front.append({"bound": value, "feasible": part is not None, **row})
             tables["pareto"] = self._table(front, optimum.PARETO, ("bound",), ("feasible",))
         if best is None:
-            near = min(rows, key=lambda row: row["violation"], default=None)
-            told = "" if near is None else "; nearest: " + _values(near, [*self.plan.keys, *self.aims])
-            return None, {"best": f"nothing in this box keeps all bounds{told}"}
+            if not rows:
+                return None, {"best": "unknown: the orbit of the scene as given ends on the way to every start"}
+            near = _values(min(rows, key=lambda row: row["violation"]), [*self.plan.keys, *self.aims])
+            return None, {"best": f"nothing in this box keeps all bounds; nearest: {near}"}
         same = sum(other["objective"] < best["objective"] + 1e-4 * abs(best["objective"]) for other in bests)
         return best, {
             "best": _values(best["values"], list(self.plan.keys)),
@@ -202,14 +249,6 @@ def _single(task: Task) -> Tasks[Record]:
     return (yield task)
 
 
-def require_allowed(scene: Scene, what: str, key: str, value: float) -> None:
-    """Refuse a value that a key of a scene cannot have (ConfigError)."""
-    try:
-        scene.replace({key: value})
-    except ConfigError as error:
-        raise ConfigError(f"{what}: {error}") from None
-
-
 def _told_of_keys(found: Record, names: Sequence[str]) -> Iterable[str]:
     """Yield a line for each measure: its value, and its largest elasticities."""
     yield "elasticities: relative change of a measure over that of a key, largest first"
@@ -253,7 +292,7 @@ def design(
     scheduler: str | None = None,
     wait: float = WAIT,
     progress: Progress = lambda done, known: None,
-) -> Answer:
+) -> DesignTables:
     """Answer the question of a scene's section ``design``: sensitivities, tolerances, best values of keys.
 
     Parameters
@@ -265,7 +304,7 @@ def design(
 
     Returns
     -------
-    Answer
+    DesignTables
         Its ``tables`` by name, as ``vibroplat design`` writes them, and its printed ``lines`` and ``text``.
 
     Raises
@@ -275,4 +314,5 @@ def design(
     OrbitError
         The motion comes to no periodic orbit.
     """
-    return ask(Design(scene), jobs, scheduler, wait, progress)
+    found = ask(Design(scene), jobs, scheduler, wait, progress)
+    return DesignTables(scene, found.tables, found.lines, found.text, found.notes, found.configurations)

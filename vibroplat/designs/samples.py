@@ -6,6 +6,7 @@ loses a fair part of the samples, and mostly unstable ones.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 
@@ -13,9 +14,10 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import Column, Columns
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import MissedError
-from vibroplat.designs.sensitivities import begun, settling
+from vibroplat.designs.sensitivities import begun, placed, settling
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.point import measure_point
 from vibroplat.study.store import Record
@@ -24,8 +26,10 @@ from vibroplat.study.store import Record
 CHUNK = 50
 #: Shares of samples below the values that are printed.
 QUANTILES = (0.05, 0.5, 0.95)
-#: How samples without a stable orbit settle: quickly, as they are many.
-_BRIEFLY = {"max_settle_s": 20.0, "measure_s": 1.0, "lyapunov": False}
+#: How samples without a stable orbit settle: quickly, as they are many. Turns for which they settle at most, and of
+#: each part that is measured if they do not repeat; and how far they begin from the orbit, in the scene's scales.
+#: Of 50 chaotic ones RMS y differs by 1 % in the median and 14 % at most from that of 60 s of settling and 48 s more.
+SETTLING, MEASURING, AWAY = 128.0, 6.0, 1e-3
 
 SAMPLES: Columns = {
     "sample": Column("number of the scene within the spread"),
@@ -65,13 +69,21 @@ def sampled(scene: Scene, names: Sequence[str], known: Record, first: int, stop:
                 found = there.measures
                 row |= {"stable": True, "regime": regime(found["sync"], "periodic", known["period"])}
             else:
-                other, p = scene.replace(dict(zip(local.keys, values.tolist(), strict=True))), settling(scene)
-                point = measure_point(other, p.model_copy(update=_BRIEFLY), state.tolist(), (number,))
+                other = scene.replace(placed(dict(zip(local.keys, values.tolist(), strict=True))))
+                point = measure_point(other, _briefly(other), state.tolist(), (number,))
                 found, ended = point.row, point.row["outcome"]
                 kind = (found["sync"], found["motion"], found["period"]) if ended == "ok" else ("none", ended, 0)
                 row |= {"stable": False, "regime": regime(*kind)}
             rows.append(row | {name: found.get(name) for name in names if name != "margin"})
     return {"rows": rows}
+
+
+def _briefly(scene: Scene) -> SweepPlan:
+    """Return how a sample without a stable orbit settles."""
+    turn = 2.0 * math.pi / scene.speed_scale
+    times = {"max_settle_s": SETTLING * turn, "measure_s": MEASURING * turn}
+    how = {"settle": "motion", "perturbation": AWAY, "lyapunov": False}
+    return settling(scene).model_copy(update=times | how)
 
 
 def regime(sync: str, motion: str, period: int) -> str:

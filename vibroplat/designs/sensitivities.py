@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from typing import Any
 
 import pandas as pd
 
 from vibroplat.columns import Column, Columns
+from vibroplat.config.keys import number_of
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.schema import nodes
+from vibroplat.config.schema import meant, nodes
 from vibroplat.continuation.local import Local
 from vibroplat.continuation.newton import MissedError
 from vibroplat.continuation.orbit import Orbit, OrbitError
@@ -35,6 +36,7 @@ _CHANGE = 1e-6
 SENSITIVITIES: Columns = {
     "measure": Column("a column of a sweep, or margin", "margin: 1 less the size of the largest Floquet multiplier"),
     "key": Column("dotted key of the scene"),
+    "value": Column("value of the measure", "in its own unit"),
     "derivative": Column("derivative of the measure by the key, along the orbit", "in the unit of one over the other"),
     "elasticity": Column(
         "relative change of the measure over that of the key",
@@ -62,14 +64,33 @@ def varied_keys(scene: Scene) -> list[str]:
     return found
 
 
+def placed(values: Mapping[str, float]) -> dict[str, float]:
+    """Return values of keys with N for a place in a list as those of both places."""
+    return {key.replace(".N.", f".{i}."): value for key, value in values.items() for i in (0, 1)}
+
+
 def require_keys(scene: Scene, keys: Sequence[str], where: str) -> None:
     """Refuse keys that cannot be varied (ConfigError)."""
     if scene.drive.program is not None:
         raise ConfigError("drive.program is given, but designs have a constant supply; allowed: supply_frequency_hz")
     allowed = varied_keys(scene)
     for key in keys:
-        if key not in allowed:
+        if ".N." in key and len({value_of(scene, one) for one in placed({key: 0.0})}) > 1:
+            raise ConfigError(f"{where}.{key} has two values; allowed: equal ones, or a place instead of N")
+        if number_of(key) is None:
+            require_allowed(scene, where, key, 1.0)
+        if number_of(key) is float and any(value_of(scene, one) == 0.0 for one in placed({key: 0.0})):
+            raise ConfigError(f"{where}.{key} is 0 in this scene; allowed: another value, to begin with")
+        if not placed({key: 0.0}).keys() <= {*allowed}:
             raise ConfigError(f"{where}.{key} cannot be varied; allowed: {', '.join(allowed)}")
+
+
+def require_allowed(scene: Scene, what: str, key: str, value: float) -> None:
+    """Refuse a value that a key of a scene cannot have (ConfigError)."""
+    try:
+        scene.replace({key: value})
+    except ConfigError as error:
+        raise ConfigError(f"{what}: {error}") from None
 
 
 def measured_names(scene: Scene) -> list[str]:
@@ -82,7 +103,8 @@ def require_measures(scene: Scene, names: Sequence[str], where: str) -> None:
     allowed = measured_names(scene)
     for name in names:
         if name not in allowed:
-            raise ConfigError(f"{where}: {name} is no measure of this scene; allowed: {', '.join(allowed)}")
+            hint = meant(name, allowed)
+            raise ConfigError(f"{where}: {name} is no measure of this scene; {hint}allowed: {', '.join(allowed)}")
 
 
 def settling(scene: Scene) -> SweepPlan:
@@ -123,6 +145,12 @@ def differentiated(scene: Scene, keys: Sequence[str], names: Sequence[str], know
         return {"rows": rows(local, names), "measures": local.measures | {"stable": local.margin > 0.0}}
 
 
+def measured_at(scene: Scene, values: Mapping[str, float]) -> Record:
+    """Measure the orbit of a scene at other values of some keys, to which it is followed: a ``row``."""
+    with closing(begun(scene, list(values), settled(scene))) as local:
+        return {"row": local.correct(list(values.values())).measures}
+
+
 def rows(local: Local, names: Sequence[str]) -> list[dict[str, Any]]:
     """Make the rows of the table of sensitivities of an orbit."""
     names = [name for name in names if local.measures.get(name) is not None]
@@ -137,7 +165,9 @@ def rows(local: Local, names: Sequence[str]) -> list[dict[str, Any]]:
         told = nominal and not (name.startswith("rms") and nominal < nothing)
         for key, value, slope in zip(local.keys, map(float, local.values), by_key, strict=True):
             elasticity = slope * value / nominal if told else None
-            found_rows.append({"measure": name, "key": key, "derivative": slope, "elasticity": elasticity})
+            found_rows.append(
+                {"measure": name, "key": key, "value": nominal, "derivative": slope, "elasticity": elasticity}
+            )
     return found_rows
 
 
@@ -154,7 +184,7 @@ def sensitivities(
 
 def table(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     """Make the table of sensitivities."""
-    types: dict[str, Any] = {"measure": "str", "key": "str", "derivative": float, "elasticity": float}
+    types: dict[str, Any] = {"measure": "str", "key": "str", "value": float, "derivative": float, "elasticity": float}
     return labelled(pd.DataFrame(rows, columns=list(types)).astype(types), SENSITIVITIES)
 
 

@@ -8,6 +8,7 @@ do so (:mod:`vibroplat.observe.variation`).
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -73,23 +74,39 @@ def parameter_direction(scene: Scene, key: str) -> Parameters:
 
 
 def value_of(section: Any, key: str) -> Any:
-    """Look a dotted key up; None if there is none."""
+    """Look a dotted key up; None if there is none. With N for a place in a list, it is that of the first."""
     for name in key.split("."):
         if isinstance(section, list):
-            section = section[int(name)] if name.isdecimal() and int(name) < len(section) else None
+            place = "0" if name == "N" else name
+            section = section[int(place)] if place.isdecimal() and int(place) < len(section) else None
         else:
             section = getattr(section, name) if name in getattr(type(section), "model_fields", ()) else None
     return section
 
 
-def with_value(section: Any, path: list[str], value: float) -> Any:
+def with_value(section: Any, path: Sequence[str], value: float) -> Any:
     """Copy a section with one key changed, without a check of its range."""
-    if not path:
-        return value
-    name, *inside = path
+    return with_values(section, {".".join(path): value})
+
+
+def with_values(section: Any, values: Mapping[str, float]) -> Any:
+    """Copy a section with dotted keys changed, without a check of their ranges: each section inside it once.
+
+    N for a place in a list stands for all of them.
+    """
+    inside: dict[str, dict[str, float]] = {}
+    for key, value in values.items():
+        name, _, rest = key.partition(".")
+        inside.setdefault(name, {})[rest] = value
     if isinstance(section, list):
-        return [with_value(s, inside, value) if i == int(name) else s for i, s in enumerate(section)]
-    return section.model_copy(update={name: with_value(getattr(section, name), inside, value)})
+        everywhere = inside.pop("N", {})
+        return [with_values(one, everywhere | inside.get(str(i), {})) for i, one in enumerate(section)]
+    return section.model_copy(
+        update={
+            name: found[""] if "" in found else with_values(getattr(section, name), found)
+            for name, found in inside.items()
+        }
+    )
 
 
 class Course:

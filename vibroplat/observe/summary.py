@@ -211,22 +211,26 @@ def half_open(angle: float, near: float = 1e-12) -> float:
     return min(angle + 2.0 * math.pi, math.pi) if angle <= -math.pi + near else angle
 
 
-def measured(part: Part, scene: Scene) -> dict[str, Any]:
+def measured(part: Part, scene: Scene, *, brief: bool = False) -> dict[str, Any]:
     """Gather what was measured over a part of a scene's motion. What has no finite value is None.
 
     Statistics, extremes of contact force and impulse, the largest gap, and counts that begin with ``measured_`` are of
     the ``measured_turns`` whole turns of exciter 1 in the measured part where there are any, from ``measured_from_s``
     to ``measured_to_s``. All else is of the whole: other counts, the sum of impulses, energies, the largest rotation
-    |φ|, and two checks, the least gap and how far the contact force fell below 0.
+    |φ|, and two checks, the least gap and how far the contact force fell below 0. A ``brief`` one has only the
+    statistics and extremes.
     """
-    marks, whole, peaks = part.measures.marks, joined(part.measures.peaks), measured_peaks(part.measures)
+    peaks = measured_peaks(part.measures)
+    shown = statistics(part.measures, peaks) | extremes(peaks)
+    if brief:
+        return _finite(shown)
+    marks, whole = part.measures.marks, joined(part.measures.peaks)
     turned = part.measures.whole[TIME] > 0.0
     events = (marks["last"] - marks["first"])[3:] if turned else marks["measured"]
     kinds = ("liftoffs", "impacts", "latches")  # as KINDS; a corner of the drive is no event of the motion
     counts = dict(zip(kinds, marks["counts"].tolist(), strict=False))
     found = {
-        **statistics(part.measures, peaks),
-        **extremes(peaks),
+        **shown,
         "measured_from_s": float(marks["first"][0] if turned else marks["window"]),
         "measured_to_s": float(marks["last"][0] if turned else max(marks["until"], marks["window"])),
         "contact_force_min_n": float(peaks["least"][FORCE]),
@@ -241,6 +245,10 @@ def measured(part: Part, scene: Scene) -> dict[str, Any]:
         **audit(part.measures, part.before, part.after),
         **data_sheet(part.measures, peaks, scene),
     }
+    return _finite(found)
+
+
+def _finite(found: Mapping[str, Any]) -> dict[str, Any]:
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in found.items()}
 
 

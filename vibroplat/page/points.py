@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import shown_in, unit_of, with_shaking, words, words_in_place
+from vibroplat.columns import shown_in, with_shaking, words, words_in_place
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
@@ -50,16 +50,17 @@ Series = list[dict[str, Any]]
 # -- tables ------------------------------------------------------------------------------------------------------------
 
 
-def thinned(table: pd.DataFrame) -> pd.DataFrame:
+def thinned(table: pd.DataFrame, most: int | None = None) -> pd.DataFrame:
     """Return the rows of a table that the page has, numbered anew; one that is too long loses some evenly."""
-    if len(table) > MOST_ROWS:
-        table = table.iloc[np.unique(np.linspace(0, len(table) - 1, MOST_ROWS).round().astype(int))]
+    most = most or MOST_ROWS
+    if len(table) > most:
+        table = table.iloc[np.unique(np.linspace(0, len(table) - 1, most).round().astype(int))]
     return finite(table).reset_index(drop=True)
 
 
-def table_data(title: str, result: int, whole: pd.DataFrame) -> dict[str, Any]:
+def table_data(title: str, result: int, whole: pd.DataFrame, most: int | None = None) -> dict[str, Any]:
     """Return a table for the page, thinned, and how many rows it had."""
-    table = thinned(whole)
+    table = thinned(whole, most)
     columns = [
         {
             "name": str(name),
@@ -92,14 +93,15 @@ def axes(table: pd.DataFrame, columns: Iterable[str]) -> list[dict[str, Any]]:
     given = [name for name in dict.fromkeys(columns) if name in table and is_number(table[name])]
     found = [name for name in given if len(table[name].dropna().unique()) > 1] or given[:1]
     return [
-        {"column": name, "words": words_in_place(name), "unit": unit_of(name), "log": in_ratios(table[name])}
+        {"column": name, "words": words_in_place(name), "unit": unit, "factor": factor, "log": in_ratios(table[name])}
         for name in found
+        for unit, factor in [shown_in(name)]
     ]
 
 
-def measures(table: pd.DataFrame) -> list[dict[str, Any]]:
+def measures(table: pd.DataFrame, columns: Iterable[str] = DRAWN) -> list[dict[str, Any]]:
     """Return the panels that a table fills; what moves by rounding alone has none."""
-    numbers = [name for name in DRAWN if name in table and is_number(table[name]) and table[name].notna().any()]
+    numbers = [name for name in columns if name in table and is_number(table[name]) and table[name].notna().any()]
     largest = {name: float(table[name].abs().max()) for name in numbers}
     moved = max((size for name, size in largest.items() if name.startswith("rms")), default=0.0)
     found = []
@@ -265,8 +267,12 @@ class Motions:
     room: int
     progress: Progress | None = None
 
-    def of(self, special: pd.DataFrame | None, table: pd.DataFrame, first: Iterable[int]) -> dict[str, Any]:
+    def of(
+        self, special: pd.DataFrame | None, table: pd.DataFrame, first: Iterable[int], most: int | None = None
+    ) -> dict[str, Any]:
         """Return the orbits of special points, of some rows of a table, then of rows evenly chosen while there is room.
+
+        No more than ``most`` rows of the table are tried.
 
         Returns
         -------
@@ -277,7 +283,7 @@ class Motions:
         records, rows = ([] if shown is None else _records(shown) for shown in (special, table))
         marked: dict[int, int | str] = {}
         found: dict[int, int | str] = {row: text for row, text in enumerate(map(_why_none, rows)) if text}
-        order = [row for row in dict.fromkeys([*first, *spread(len(rows))]) if row not in found]
+        order = [row for row in dict.fromkeys([*first, *spread(len(rows))]) if row not in found][:most]
         wanted = [*((marked, *one) for one in enumerate(records)), *((found, row, rows[row]) for row in order)]
         orbits: Series = []
         machines: Series = []

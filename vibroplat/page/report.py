@@ -16,7 +16,7 @@ from typing import Any
 import pandas as pd
 from plotly.offline import get_plotlyjs
 
-from vibroplat.page import points, run, static
+from vibroplat.page import points, questions, run, static
 from vibroplat.page.points import Motions, Mover, Progress
 from vibroplat.page.results import differences, find_results, parameters, remarks, summary_rows
 from vibroplat.plots.reading import Saved, ends_of, finite, has_table
@@ -57,7 +57,7 @@ def write_report(
     Parameters
     ----------
     directories
-        Result directories of ``run``, ``sweep`` and ``orbits``, shown side by side.
+        Result directories, shown side by side.
     out
         The file. Default: ``report.html`` in the first directory.
     start, stop
@@ -131,7 +131,9 @@ def page_data(
         "transient": transient,
         "turns": run.SHOWN_TURNS,
         "panels": run.panels(runs, from_mean=from_mean),
-        "points": [_points(n, one, Motions(one.scene, mover, room, progress)) for n, one in studies],
+        "points": [study for n, one in studies for study in _points(n, one, Motions(one.scene, mover, room, progress))],
+        "elasticities": [table for number, one in studies for table in questions.elasticities(number, one)],
+        "answers": [{"result": n, "told": told} for n, one in studies if (told := questions.answer_of(one))],
         "tables": [points.table_data("events", number, _events(found[number])) for number in numbers],
         "boundaries": [table for number, one in studies for table in _boundaries(number, one)],
     }
@@ -153,6 +155,7 @@ def page(data: dict[str, Any], figures: str = "") -> str:
         "STYLE": _web("style.css"),
         "HEADER": static.header(data),
         "SUMMARY": static.summary(data),
+        "ANSWERS": static.answers(data),
         "PARAMETERS": static.parameters(data),
         "FIGURES": figures,
         "TABLES": static.tables(data),
@@ -214,10 +217,12 @@ def _events(one: Saved) -> pd.DataFrame:
     return finite(one.columns("events", ("kind",), ("t_s", "impulse_n_s")))
 
 
-def _points(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
-    """Return the figure of a sweep or of orbits, with its table and what moves when a point is clicked."""
+def _points(number: int, one: Saved, motions: Motions) -> list[dict[str, Any]]:
+    """Return the figures of a result, with their tables and what moves when a point is clicked."""
+    if one.command not in ("sweep", "orbits"):
+        return questions.studies(number, one, motions)
     shown = (_sweep if one.command == "sweep" else _orbits)(number, one, motions)
-    return {"command": one.command, "result": number} | shown
+    return [{"command": one.command, "result": number} | shown]
 
 
 def _sweep(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
@@ -225,6 +230,9 @@ def _sweep(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
     whole = one.columns("sweep", texts, (one.swept, *numbers))
     table = points.thinned(whole)
     return {
+        "title": "Sweep",
+        "meaning": "▲ up, ▼ down; filled: periodic, open: not periodic, with a dot: undecided, ×: failed. Where the "
+        "motion jumps, a line is broken.",
         "table": points.table_data("sweep", number, whole),
         "axes": points.axes(table, dict.fromkeys((abscissa(one.swept), points.EXCITATION, one.swept, *grid_of(table)))),
         "measures": points.measures(table),
@@ -241,6 +249,9 @@ def _orbits(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
     table, special = points.thinned(found.points), points.thinned(found.special)
     marks = points.special_marks(found, special, table)
     return {
+        "title": "Orbits",
+        "meaning": "Solid: stable orbits; dashed, with open points: unstable ones. White marks: special points of "
+        "branches, at their exact frequency.",
         "table": points.table_data("branches", number, found.points),
         "axes": points.axes(table, [found.x, found.key, points.EXCITATION]),
         "measures": points.measures(table),

@@ -14,7 +14,7 @@ from vibroplat.plots.reading import Saved, has_result
 from vibroplat.results.files import Command
 
 #: The commands whose results the page shows, in their order in one directory.
-COMMANDS: tuple[Command, ...] = ("run", "sweep", "orbits")
+COMMANDS: tuple[Command, ...] = ("run", "sweep", "orbits", "basins", "find", "design")
 #: Keys of a summary that are shown first.
 FIRST = (
     *("outcome", "simulated_s", "excitation_frequency_hz", "frequency_split_hz", "phase_difference_rad"),
@@ -55,7 +55,8 @@ def find_results(directories: Sequence[Path]) -> list[Saved]:
 def _in(directory: Path) -> Iterator[Saved]:
     commands = [command for command in COMMANDS if has_result(directory, command)]
     if not commands:
-        raise TableError(f"{directory} holds no finished run, sweep or orbits; allowed: a directory with one of them")
+        names = f"{', '.join(COMMANDS[:-1])} or {COMMANDS[-1]}"
+        raise TableError(f"{directory} holds no finished {names}; allowed: a directory with one of them")
     for command in commands:
         result = Saved(directory, command)
         configuration = result.provenance.get("configuration")

@@ -95,6 +95,17 @@ def _row(name: str, unit: str, values: Any) -> str:
     return f'<tr><th scope="row">{escape(name)}</th><td class="unit">{escape(unit)}</td>{cells}</tr>'
 
 
+def answers(data: Mapping[str, Any]) -> str:
+    """Return what commands printed: an overview, and lines below it."""
+    found = ""
+    for one in data["answers"]:
+        label, told = data["results"][one["result"]]["label"], one["told"]
+        lines = [_row(name, "", [str(text)]) for name, text in told.get("lines", {}).items()]
+        text = escape("\n".join(told.get("text", [])))
+        found += f"<section><h2>Answer: {escape(label)}</h2>{listing([], lines)}<pre>{text}</pre></section>"
+    return found and f'<div id="answers">{found}</div>'
+
+
 def parameters(data: Mapping[str, Any]) -> str:
     """Return the parameters of results by their sections."""
     results = data["results"]
@@ -147,7 +158,7 @@ def listing(heads: Sequence[str], rows: Sequence[str]) -> str:
 def tables(data: Mapping[str, Any]) -> str:
     """Return the first rows of all tables."""
     studies = [table for one in data["points"] for table in (one["table"], one["special"]) if table]
-    found = [*data["tables"], *studies, *(one["table"] for one in data["boundaries"])]
+    found = [*data["tables"], *studies, *(one["table"] for one in (*data["elasticities"], *data["boundaries"]))]
     return "".join(_table(table, data["results"][table["result"]]["label"]) for table in found)
 
 
@@ -181,7 +192,9 @@ def figures(found: Sequence[Saved]) -> str:
 def _pictures(found: Sequence[Saved]) -> Iterator[tuple[str, str]]:
     """Yield figures by their names, as base64 of PNG; a result without data has none."""
     for one in found:
-        draw = next(family.draw for family in FAMILIES if family.command == one.command)
+        draw = next((family.draw for family in FAMILIES if family.command == one.command), None)
+        if draw is None:
+            continue
         with styled():
             try:
                 for _, name, figure in draw([one.directory]):

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
@@ -23,6 +24,8 @@ from vibroplat.study.branches import column_of
 FIGURES = ("basins",)
 #: Attractors that the legend gives more of than their names, at most.
 DESCRIBED = 6
+#: Colour of starts that come to no orbit, where turns are drawn.
+NEVER = "0.85"
 
 
 def basin_figures(directories: Sequence[Path], kinds: Collection[str] = ()) -> Iterator[tuple[Path, str, Figure]]:
@@ -69,10 +72,15 @@ def _legend(attractors: pd.DataFrame, *, shares: bool) -> dict[str, str]:
 
 
 def _places(attractors: pd.DataFrame, starts: pd.DataFrame, ranges: Mapping[str, Sequence[float]]) -> Figure:
-    """Draw the attractor and the turns of each start over the first two keys; over a single one turns alone."""
+    """Draw the attractor and the turns of each start over the first two keys; over a single one turns alone.
+
+    Turns of motions that come to no orbit say nothing beside those of others.
+    """
     colours, names = _colours(attractors["attractor"].tolist()), _legend(attractors, shares=True)
     first, *others = ranges
-    figure, axes = new_figure(1, 2 if others else 1, (9.0 if others else 6.0, 4.6), sharex=True, sharey=True)
+    settled = starts["attractor"].isin(attractors["attractor"][attractors["period"].gt(0)])
+    timed = bool(others) and settled.any()
+    figure, axes = new_figure(1, 2 if timed else 1, (9.0 if timed else 6.0, 4.6), sharex=True, sharey=True)
     numbers = starts["attractor"].map({name: number for number, name in enumerate(colours)}).to_numpy(float)
     turns = starts["turns"].to_numpy(float)
     left: Axes = axes[0, 0]
@@ -86,16 +94,17 @@ def _places(attractors: pd.DataFrame, starts: pd.DataFrame, ranges: Mapping[str,
         left.scatter(starts[first], turns, c=numbers, s=9.0, linewidths=0.0, **bounds)
         left.set_ylabel("turns until settled")
     else:
-        second = others[0]
-        right: Axes = axes[0, 1]
-        right.set_xlabel(key_label(first))
-        left.set_ylabel(key_label(second))
+        left.set_ylabel(key_label(others[0]))
         _fill(left, starts, ranges, numbers, gridded=gridded, **bounds)
-        image = _fill(right, starts, ranges, turns, gridded=gridded, cmap="viridis")
         if not gridded:
-            left.set_ylim(ranges[second][0], ranges[second][1])
-        figure.colorbar(image, ax=right, label="turns until settled")
-        for axis in (left, right):
+            left.set_ylim(ranges[others[0]][0], ranges[others[0]][1])
+        if timed:
+            right: Axes = axes[0, 1]
+            right.set_xlabel(key_label(first))
+            shades = colormaps["viridis"].with_extremes(bad=NEVER)
+            image = _fill(right, starts, ranges, np.where(settled, turns, np.nan), gridded=gridded, cmap=shades)
+            figure.colorbar(image, ax=right, label="turns until settled" + ("" if settled.all() else "; grey: never"))
+        for axis in axes.flat:
             axis.grid(visible=False)
     legend_below(figure, [entry(names[name], color=colours[name], marker="s", linestyle="") for name in colours])
     return figure
@@ -108,7 +117,7 @@ def _fill(
     first, second = list(ranges)[:2]
     if not gridded:
         size = float(np.clip(4e4 / len(starts), 3.0, 40.0))
-        return axis.scatter(starts[first], starts[second], c=values, s=size, linewidths=0.0, **look)
+        return axis.scatter(starts[first], starts[second], c=values, s=size, linewidths=0.0, plotnonfinite=True, **look)
     shape = int(ranges[first][2]), int(ranges[second][2])
     places = [
         np.linspace(ranges[key][0], ranges[key][1], count) for key, count in zip((first, second), shape, strict=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from vibroplat.errors import VibroplatError
-from vibroplat.plots import basins, orbits, run, sweep
+from vibroplat.plots import basins, designs, orbits, run, sweep
 from vibroplat.plots.paper import paper_figures
 from vibroplat.plots.reading import RESULTS, has_result
 from vibroplat.plots.style import Saving, save, styled
@@ -47,6 +47,7 @@ FAMILIES = (
     Family("orbits", orbits.FIGURES, ("x",), orbits.orbit_figures),
     Family("basins", basins.FIGURES, (), basins.basin_figures),
     Family("find", (), ("measure",), threshold_figures),
+    Family("design", designs.FIGURES, (), designs.design_figures),
     Family("run", run.FIGURES, ("start", "stop", "data"), run.run_figures),
 )
 #: Families whose results can be laid over each other.

@@ -12,10 +12,12 @@ from matplotlib.figure import Figure
 from vibroplat.basin.question import BasinTables
 from vibroplat.continuation.orbit import Orbit
 from vibroplat.continuation.tables import OrbitTables
+from vibroplat.designs.question import DesignTables
 from vibroplat.errors import TableError
 from vibroplat.plots import histories
 from vibroplat.plots import run as drawing
 from vibroplat.plots.basins import basins_figure
+from vibroplat.plots.designs import design_figure
 from vibroplat.plots.orbits import branches_figure, orbit_figure
 from vibroplat.plots.reading import ends_of
 from vibroplat.plots.response import response_figure
@@ -127,3 +129,12 @@ def _(found: BasinTables) -> Figure:
     assert scene.basins is not None
     with styled():
         return basins_figure(scene.name, scene, scene.basins.model_dump(), found.attractors, found.starts)
+
+
+@figure_of.register
+def _(found: DesignTables, kind: str) -> Figure:
+    """Draw elasticities, measures of samples, or what a search looked at."""
+    plan = found.scene.design
+    assert plan is not None
+    with styled():
+        return design_figure(found.scene.name, found.scene, plan, found.tables, kind)

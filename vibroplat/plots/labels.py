@@ -42,9 +42,12 @@ _KEYS = {
 }
 #: Sections that a command does not use.
 UNUSED: dict[str, tuple[str, ...]] = {
-    "run": ("sweep", "orbits"),
-    "sweep": ("run", "output", "orbits"),
-    "orbits": ("sweep", "output"),
+    "run": ("sweep", "orbits", "basins", "find", "design"),
+    "sweep": ("run", "output", "orbits", "basins", "find", "design"),
+    "orbits": ("sweep", "output", "basins", "find", "design"),
+    "basins": ("sweep", "output", "orbits", "find", "design"),
+    "find": ("output", "orbits", "basins", "design"),
+    "design": ("output", "orbits", "basins", "find"),
 }
 #: What the axes and curves of a figure show themselves.
 _SHOWN = ("sweep.supply_frequency_hz.", "sweep.over.", "sweep.grid.", "orbits.")

@@ -29,6 +29,7 @@ RESULTS: dict[Command, tuple[str, str]] = {
     "orbits": ("branches of orbits", "branches"),
     "basins": ("basins of attraction", "attractors"),
     "find": ("thresholds", "thresholds"),
+    "design": ("a design", "sensitivities"),
     "run": ("a run", "trajectory"),
 }
 #: Where points are kept until their table is written, and what is then told.
@@ -37,6 +38,7 @@ _UNFINISHED: dict[Command, tuple[str, str]] = {
     "orbits": ("orbits.sqlite", "unfinished branches; continue them"),
     "basins": ("basins.sqlite", "unfinished basins; continue them"),
     "find": ("find.sqlite", "an unfinished search; continue it"),
+    "design": ("design.sqlite", "an unfinished design; continue it"),
 }
 
 
@@ -95,6 +97,10 @@ class Saved(Result):
             what, _ = RESULTS[self.command]
             raise TableError(f"{self.directory}/provenance.json is not the provenance of {what}")
         return found
+
+    def column(self, *path: str) -> str:
+        """Return the column of the key that a value of the configuration names; raises TableError as :meth:`given`."""
+        return column_of(str(self.given(*path)))
 
     @property
     def swept(self) -> str:

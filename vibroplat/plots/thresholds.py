@@ -17,7 +17,7 @@ from vibroplat.plots.reading import Saved, finite
 from vibroplat.plots.style import FAILED, REFERENCE, begin_at_zero, entry, head, legend_below, panel_grid
 from vibroplat.plots.sweep import SYNC
 from vibroplat.plots.timelines import in_units, name_axis, tell_shaking
-from vibroplat.study.branches import SUPPLY, column_of
+from vibroplat.study.branches import SUPPLY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +39,7 @@ def threshold_figures(
     """
     for directory in directories:
         saved = Saved(directory, "find")
-        key = column_of(str(saved.given("find", "key")))
+        key = saved.column("find", "key")
         values = saved.columns("scan", ("stage", "sync", "motion"), (key, *MEASURES, *measure))
         found = saved.columns("thresholds", ("kind",), ("value",))
         expression = saved.given("find").get("expression", "")

@@ -10,8 +10,11 @@ import pandas as pd
 from vibroplat.config.scene import Scene
 from vibroplat.results.files import Command
 from vibroplat.study import WAIT
-from vibroplat.study.pool import Pool, pool
-from vibroplat.study.store import Store
+from vibroplat.study.pool import Pool, Task, pool
+from vibroplat.study.store import Record, Store
+
+#: Columns in which a repeated motion must be as it was; what does not repeat has the first of them alone.
+COMPARED = ("sync", "motion", "period", "excitation_frequency_hz", "rms_x_m", "rms_y_m", "motor_power_w")
 
 #: Called with the numbers of tasks that are done, and of all that are known.
 Progress = Callable[[int, int], object]
@@ -43,6 +46,30 @@ class Answer(NamedTuple):
     failures: Sequence[str] = ()
     configurations: Mapping[str, str] = {}
 
+    @property
+    def told(self) -> dict[str, object]:
+        """What is printed, for provenance."""
+        parts = (self.text, self.notes, self.failures)
+        return {"lines": dict(self.lines), **dict(zip(("text", "notes", "failures"), map(list, parts), strict=True))}
+
+
+class Repeat(NamedTuple):
+    """A motion of an answer that is repeated by another engine.
+
+    Attributes
+    ----------
+    place
+        Where it is, as "at μ = 0.1": no two have the same.
+    task
+        What repeats it; its record has a ``row``.
+    row
+        What its row must have.
+    """
+
+    place: str
+    task: Task
+    row: Record
+
 
 class Question(Protocol):
     """A question that has been read from a section of a scene, and validated.
@@ -73,6 +100,9 @@ class Question(Protocol):
 
         The answer depends neither on the order in which workers finish nor on how many there are.
         """
+
+    def repeats(self, answer: Answer, other: Callable[[Scene], Scene]) -> Sequence[Repeat]:
+        """Choose motions of the answer that are repeated with other scenes, as by another engine."""
 
 
 def ask(

@@ -175,8 +175,6 @@ def require_memory(need: int = LEAST_ADDRESSES, what: str = "loading the librari
         The address space of the process is limited to too little.
     """
     limit = _limit_of_addresses()
-    if limit < float("inf"):
-        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # each further thread takes 0.3 GB, and none is of use
     if limit < need:
         raise MemoryShortError(
             f"memory is limited to {limit / 1e6:.0f} MB of addresses (ulimit -v {limit // 1024:.0f}); {what} takes "

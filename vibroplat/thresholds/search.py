@@ -36,6 +36,8 @@ BESIDE = 0.02
 #: Change of the measures across a threshold that is a jump, over that between the scan's values, by how much narrower
 #: it is: more than the root of it, as beside a fold, times this.
 STEEP = 2.0
+#: How many times narrower than the scan an interval is at least, which tells a jump from a level that is crossed.
+NARROWER = 16.0
 #: Pairs of values beside a threshold, over which part of the range they lie, and their distances.
 PAIRS, AROUND, DISTANCES = 12, 0.1, (1e-2, 1e-3, 1e-4)
 #: Fewest pairs that differ at the smallest distance where the border is fractal, and their least part of those that
@@ -71,6 +73,11 @@ class Threshold(NamedTuple):
     special: str
 
 
+def start_key(scene: Scene) -> tuple[int, ...]:
+    """Return what determines the perturbation of a start, as of a run."""
+    return scene.run.seed, 0, round(1e6 * scene.drive.largest_frequency)
+
+
 @dataclass
 class Search:
     """Looks for the thresholds of a section ``find``, in chains of tasks.
@@ -93,7 +100,7 @@ class Search:
     seen: list[Value] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._key = self.scene.run.seed, 0, round(1e6 * self.scene.drive.largest_frequency)  # as of a run
+        self._key = start_key(self.scene)
         self._done = self._known = 0
 
     def thresholds(self) -> tuple[list[Value], list[Threshold]]:
@@ -201,8 +208,8 @@ class Search:
                 return point, seen
             if self.plan.from_ == "neighbour":
                 break
-        first = one
-        while abs(other.at - one.at) > self.plan.narrow:
+        first, narrow = one, min(self.plan.narrow, wide[1] / NARROWER)
+        while abs(other.at - one.at) > narrow:
             middle = yield from self._value(0.5 * (one.at + other.at), "bisection", one)
             seen.append(middle)
             if middle.failed or middle.at in (one.at, other.at):

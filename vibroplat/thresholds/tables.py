@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,6 +13,7 @@ from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.keys import number_of
 from vibroplat.config.questions import FindPlan
 from vibroplat.config.scene import Scene
+from vibroplat.config.schema import meant
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import ConfigError
 from vibroplat.extensions import figure_of
@@ -21,12 +21,13 @@ from vibroplat.observe.sheet import SHEET, of_points
 from vibroplat.results.files import Command
 from vibroplat.study import WAIT
 from vibroplat.study.branches import COUNTS, SUPPLY, TEXTS, column_of, study_table
-from vibroplat.study.pool import Pool
-from vibroplat.study.question import Answer, Progress, ask
+from vibroplat.study.point import lost
+from vibroplat.study.pool import Pool, Task
+from vibroplat.study.question import COMPARED, Answer, Progress, Repeat, ask
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import COLUMNS, SWEEP
-from vibroplat.thresholds.search import DISTANCES, FRACTAL, LASTING, PAIRS, Search, Threshold
-from vibroplat.thresholds.values import Value
+from vibroplat.thresholds.search import DISTANCES, FRACTAL, LASTING, PAIRS, Search, Threshold, start_key
+from vibroplat.thresholds.values import Value, evaluate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -117,6 +118,20 @@ class Find:
         failed = [f"{v.row['outcome']} at {self.plan.key} = {v.at:g}: {v.row['detail']}" for v in every if v.failed]
         text = self._text(found) if found else [self._unchanged(scan)]
         return Answer(tables, lines, text, list(self._notes(every, found, shares)), failed)
+
+    def repeats(self, answer: Answer, other: Callable[[Scene], Scene]) -> list[Repeat]:
+        """Choose the values beside each threshold, where the same start surely gives the same motion."""
+        found: dict[float, Repeat] = {}
+        for _, row in answer.tables["thresholds"].iterrows():
+            if self.plan.from_ == "neighbour" or row["fractal"] or row["kind"] == "depends on how long":
+                continue
+            for side in ("below", "above"):
+                at = float(row[side])
+                scene = other(self.scene.replace(self.plan.changes(at)))
+                task = Task(evaluate, (scene, self.plan, None, 1, start_key(self.scene)), lost)
+                known = {name: row[f"{side}_{name}"] for name in COMPARED}
+                found[at] = Repeat(f"at {self.plan.key} = {at:.12g}", task, known)
+        return list(found.values())
 
     # -- tables --------------------------------------------------------------------------------------------------------
 
@@ -217,13 +232,13 @@ def question(scene: Scene) -> Find:
     plan = scene.find
     if plan is None:
         raise ConfigError("this configuration has no find section; add find: {key: …, start: …, stop: …}")
-    if number_of(plan.key) is not float:
-        raise ConfigError(f"find.key = {plan.key} has no numbers that vary continuously; allowed: one that has")
     for value in plan.over.upward:
         try:
             scene.replace(plan.changes(value))
         except ConfigError as error:
             raise ConfigError(f"find: {error}") from None
+    if number_of(plan.key) is not float:
+        raise ConfigError(f"find.key = {plan.key} has no numbers that vary continuously; allowed: one that has")
     if scene.run.initial.from_ is not None:
         raise ConfigError("run.initial.from is given, but find does not begin with a run; allowed: state, or phases")
     last = scene.drive.intervals[-1]
@@ -232,8 +247,7 @@ def question(scene: Scene) -> Find:
     if plan.compared is not None:
         numbers = [name for name in _columns(scene) if name not in TEXTS and name != "stage"]
         if plan.compared[0] not in numbers:
-            near = difflib.get_close_matches(plan.compared[0], numbers, n=3, cutoff=0.5)
-            hint = f"did you mean {' or '.join(near)}? " if near else ""
+            hint = meant(plan.compared[0], numbers, 3)
             raise ConfigError(f"find.expression: no column {plan.compared[0]}; {hint}allowed: numbers of a sweep")
     return Find(scene, plan, plan.scan if plan.from_ == "initial" else 2)
 

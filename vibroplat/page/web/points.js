@@ -1,11 +1,7 @@
-// Sweeps and orbits: points over frequency; a click shows a point's row and its orbit.
+// Points of studies over frequency or another column; a click shows a point's row and its orbit.
 
-const POINT_PANEL = 138, PRINTED_PANEL = 84, BETWEEN_POINTS = 34, ABOVE_POINTS = 46;
-const MEANINGS = {
-  sweep: "▲ up, ▼ down; filled: periodic, open: not periodic, with a dot: undecided, ×: failed. Where the motion jumps, a line is broken.",
-  orbits: "Solid: stable orbits; dashed, with open points: unstable ones. White marks: special points of branches, at " +
-    "their exact frequency.",
-};
+const POINT_PANEL = 138, HIGH_PANEL = 320, ON_PAPER = 0.6, BETWEEN_POINTS = 34, ABOVE_POINTS = 46;
+const LINE = {color: "#666", width: 1.2, dash: "dash"}; // of thresholds
 
 // A value in the unit of its panel, where it is drawn.
 function scaled(measure, value) {
@@ -20,9 +16,11 @@ class Points {
     this.values = Object.fromEntries(data.table.columns.map(column => [column.name, column.values]));
     this.axis = data.axes[0];
     this.scale = {};
-    this.panel = POINT_PANEL;
-    const title = {sweep: "Sweep", orbits: "Orbits"}[data.command];
+    this.print = isOn => this.draw(isOn ? ON_PAPER : 1); // lower on paper, where all panels have to fit on a sheet
+    this.at = data.at && this.values[data.at][0];
+    const {title} = data;
     this.figure = element("div", {class: "figure", id: `points-${number}`});
+    this.canvas = element("canvas", {class: "dots"});
     this.orbit = new OrbitView(data.motions, number);
     const more = data.motions.list.length ? " and its orbit" : "";
     this.row = element("div", {class: "row", "aria-live": "polite"},
@@ -30,9 +28,9 @@ class Points {
     this.table = new Table(data.table, `Table ${data.table.title}`, `${label}-${data.table.title}.csv`, row => this.pick(row));
     this.section = element("section", {class: "study"}, element("h2", {}, several ? `${title}: ${label}` : title, differs(data.result)),
       this.choice(), element("div", {class: "beside"}, this.figure, this.row),
-      element("p", {class: "hint"}, `${MEANINGS[data.command]} ${data.shaking} ${this.told()}`), this.table.box);
+      element("p", {class: "hint"}, `${data.meaning} ${data.shaking} ${this.told()}`), this.table.box);
     if (data.special) {
-      const special = new Table(data.special, "Special points", `${label}-special.csv`, row => this.special(row));
+      const special = new Table(data.special, `${data.special.title[0].toUpperCase()}${data.special.title.slice(1)}`, `${label}-${data.special.title.replace(" points", "")}.csv`, row => this.special(row));
       this.section.append(special.box);
     }
     this.picked = null; // where the ring is: a function of a column
@@ -40,6 +38,7 @@ class Points {
 
   // How many points have an orbit.
   told() {
+    if (this.data.owner || !this.data.motions.list.length && this.data.special === null) return "";
     const found = Object.values(this.data.motions.rows).filter(Number.isInteger).length, of = this.data.table.rows;
     if (!found) return "This page was written without orbits.";
     return found < of ? `The page holds the orbits of ${found} of ${of} points.` : "The page holds the orbits of all points.";
@@ -54,8 +53,22 @@ class Points {
       this.scale = logarithmic.checked ? {type: "log", dtick: 1} : {};
       this.draw();
     });
-    return element("p", {class: "screen"}, element("label", {}, "drawn over ", box), " ",
+    return element("p", {class: "screen"}, element("label", {}, "drawn over ", box), " ", ...this.choiceOfValue(),
       element("label", {class: "whole"}, logarithmic, " logarithmic"));
+  }
+
+  // Of several values of a key, the one whose starts are drawn.
+  choiceOfValue() {
+    if (!this.data.at) return [];
+    const column = this.data.table.columns.find(one => one.name === this.data.at);
+    const values = [...new Set(column.values)], box = element("select", {}, ...values.map((value, number) =>
+      element("option", {value: number}, shown(value))));
+    this.show = at => {
+      [this.at, box.value] = [at, values.indexOf(at)];
+      return this.draw();
+    };
+    box.addEventListener("change", () => this.show(values[Number(box.value)]));
+    return [element("label", {}, `at ${withUnit(column.words, column.unit)} `, box), " "];
   }
 
   colour(number) {
@@ -65,33 +78,34 @@ class Points {
     return `hsl(${hue.toFixed(0)} 75% ${light.toFixed(0)}%)`;
   }
 
-  draw() {
-    const count = this.data.measures.length, inner = count * (this.panel + BETWEEN_POINTS) - BETWEEN_POINTS;
+  draw(share = 1) {
+    const count = this.data.measures.length, panel = share * (this.data.high ? HIGH_PANEL : POINT_PANEL);
+    const inner = count * (panel + BETWEEN_POINTS) - BETWEEN_POINTS;
+    if (!count) return this.figure.replaceChildren("Nothing here has a value that could be drawn.");
+    this.room = panel; // of a panel (px)
     const above = ABOVE_POINTS + this.legendHeight();
     const layout = {height: inner + above + BOTTOM, margin: {l: LEFT, r: RIGHT, t: above, b: BOTTOM}, font: FONT,
-      hovermode: "closest", clickmode: "event", plot_bgcolor: "#fff", dragmode: "zoom",
+      hovermode: "closest", clickmode: "event", barmode: "stack", plot_bgcolor: "#fff", dragmode: "zoom",
       legend: {orientation: "h", x: 0, y: 1 + 26 / inner, yanchor: "bottom", font: {size: 11}}, annotations: [],
       shapes: this.rings(),
-      xaxis: {title: {text: plain(withUnit(this.axis.words, this.axis.unit))}, type: this.axis.log ? "log" : "linear", anchor: count > 1 ? `y${count}` : "y",
+      xaxis: {title: {text: plain(withUnit(this.axis.words, this.axis.unit))}, type: this.axis.log ? "log" : "linear", exponentformat: "power", anchor: count > 1 ? `y${count}` : "y",
         gridcolor: "#eee", zeroline: false}};
     this.data.measures.forEach((measure, number) => {
-      const top = 1 - number * (this.panel + BETWEEN_POINTS) / inner;
-      const domain = [Math.max(top - this.panel / inner, 0), top];
+      const top = 1 - number * (panel + BETWEEN_POINTS) / inner;
+      const domain = [Math.max(top - panel / inner, 0), top], counts = measure.column === this.axis.column;
       layout[number ? `yaxis${number + 1}` : "yaxis"] = {domain, anchor: "x", gridcolor: "#eee", zerolinecolor: "#ccc",
-        nticks: 6, ...(measure.column === "phase_difference_rad" ? PHASE_TICKS : this.scale)};
-      layout.annotations.push({text: `<b>${plain(withUnit(measure.words, measure.unit))}</b>`, xref: "paper", yref: "paper",
+        nticks: 6, exponentformat: "power", ...(measure.column === "phase_difference_rad" && !counts ? PHASE_TICKS : this.scale)};
+      layout.annotations.push({text: `<b>${counts ? "number of rows" : plain(withUnit(measure.words, measure.unit))}</b>`, xref: "paper", yref: "paper",
         x: 0, y: domain[1], xanchor: "left", yanchor: "bottom", showarrow: false, font: {size: 12}});
     });
     const isFirst = !this.figure.data;
     const done = figure(this.figure, this.traces(), layout);
+    if (isFirst && this.data.series.some(series => series.mode === "dots")) {
+      this.figure.on("plotly_afterplot", () => this.paint());
+      this.paint();
+    }
     if (isFirst) this.figure.on("plotly_click", ({points: [point]}) => this.clicked(point.customdata));
     return done;
-  }
-
-  // Panels are lower on paper, where all of them have to fit on a sheet.
-  print(isOn) {
-    this.panel = isOn ? PRINTED_PANEL : POINT_PANEL;
-    return this.draw();
   }
 
   // A guess of the room that the legend takes; Plotly moves nothing for it.
@@ -111,24 +125,27 @@ class Points {
   }
 
   traces() {
-    const over = this.values[this.axis.column];
+    const over = this.values[this.axis.column].map(value => value === null ? null : value * this.axis.factor);
     const traces = this.data.measures.flatMap((measure, panel) => {
       const place = {xaxis: "x", yaxis: panel ? `y${panel + 1}` : "y", type: "scatter"};
       return [
-        ...this.data.series.map((series, number) =>
+        ...this.data.series.flatMap((series, number) =>
           this.series(series, measure, over, place, panel === 0 && this.isFirst(series, number))),
         ...this.data.marks.map((mark, number) => this.mark(mark, measure, place, panel === 0, number)),
       ];
     });
+    if (this.data.lines?.length) traces.push({x: [null], y: [null], type: "scatter", mode: "lines", name: "threshold", line: LINE});
     return traces;
   }
 
   series(series, measure, over, place, inLegend) {
+    if (measure.column === this.axis.column || series.mode === "dots") return this.dots(series, measure, over, place, inLegend);
+    const stacked = measure.column === this.data.stacked && {stackgroup: "share"};
     const open = new Set(series.open), undecided = new Set(series.undecided), failed = new Set(series.failed), colour = this.colour(series.colour);
     const symbol = row => failed.has(row) ? "x-thin-open" : undecided.has(row) ?
       `${series.symbol}-open-dot` : open.has(row) ? `${series.symbol}-open` : series.symbol;
     const isOrbit = this.data.command === "orbits", wrapped = this.wrapped(series.rows, measure);
-    return {...place, mode: "lines+markers", name: plain(series.label), legendgroup: plain(series.label), showlegend: inLegend,
+    return {...place, ...stacked, mode: series.mode ?? "lines+markers", name: plain(series.label), legendgroup: plain(series.label), showlegend: inLegend,
       x: wrapped.map(row => row === null ? null : over[row]),
       y: wrapped.map(row => row === null ? null : this.value(measure, row)), customdata: wrapped,
       text: wrapped.map(row => row === null ? "" : this.hint(series, row)),
@@ -138,6 +155,41 @@ class Points {
       hovertemplate: wrapped.map(row => `%{text}<br>%{x:.5g}, ${row === null ? "" : this.read(measure, row)}<extra></extra>`)};
   }
 
+  // Many points at once, or how many there are. Plotly only finds the dots: it would need seconds to draw thousands.
+  dots(series, measure, over, place, inLegend) {
+    const rows = this.data.at ? series.rows.filter(row => this.values[this.data.at][row] === this.at) : series.rows;
+    const look = {...place, name: plain(series.label), legendgroup: plain(series.label), showlegend: false};
+    const colour = this.colour(series.colour), x = rows.map(row => over[row]);
+    const named = inLegend ? [{...look, mode: "markers", x: [null], y: [null], showlegend: true, marker: {color: colour, size: 7}}] : [];
+    if (measure.column === this.axis.column) return [...named, {...look, type: "histogram", x, marker: {color: colour},
+      bingroup: this.axis.column, hovertemplate: "%{x}: %{y}<extra></extra>"}];
+    return [...named, {...look, mode: "none", hoveron: "points", x, y: rows.map(row => this.value(measure, row)), customdata: rows,
+      meta: {colour}, marker: {color: colour}, hovertemplate: `${plain(series.label)}<br>%{x:.5g}, %{y:.5g}<extra></extra>`}];
+  }
+
+  // Draw the dots, below the rings.
+  paint() {
+    const {_fullLayout: layout, _fullData: traces} = this.figure, ratio = window.devicePixelRatio || 1;
+    const found = traces.filter(trace => trace.mode === "none"), pen = this.canvas.getContext("2d");
+    this.figure.querySelector(".main-svg").after(this.canvas);
+    [this.canvas.width, this.canvas.height] = [layout.width * ratio, layout.height * ratio];
+    this.canvas.style.width = `${layout.width}px`;
+    const size = Math.min(Math.max(0.5 * Math.sqrt(layout.width * this.room / this.data.table.rows), 2.4), 7);
+    for (const {visible, x, y, meta, xaxis, yaxis} of found) {
+      const across = layout[`xaxis${xaxis.slice(1)}`], up = layout[`yaxis${yaxis.slice(1)}`];
+      if (visible !== true) continue;
+      pen.setTransform(ratio, 0, 0, ratio, across._offset * ratio, up._offset * ratio);
+      pen.fillStyle = meta.colour;
+      for (let row = 0; row < x.length; row++) {
+        const [left, top] = x[row] === null || y[row] === null ? [-9, -9] : [across.d2p(x[row]), up.d2p(y[row])];
+        if (left < -1 || left > across._length + 1 || top < -1 || top > up._length + 1) continue; // those at the edge are whole
+        pen.beginPath();
+        pen.arc(left, top, size / 2, 0, 2 * Math.PI);
+        pen.fill();
+      }
+    }
+  }
+
   // As in the table, in the unit of its panel.
   read(measure, row) {
     const value = this.values[measure.column][row];
@@ -145,7 +197,7 @@ class Points {
   }
 
   hint(series, row) {
-    if (this.data.command === "sweep") return plain(series.label);
+    if (this.data.command !== "orbits") return plain(series.label);
     const branch = `branch ${this.values.branch[row]}`, stable = this.values.stable[row] ? "stable" : "unstable";
     return plain([series.label === branch ? "" : series.label, branch, stable].filter(Boolean).join(", "));
   }
@@ -164,41 +216,57 @@ class Points {
 
   mark(mark, measure, place, inLegend, number) {
     return {...place, mode: "markers", name: plain(mark.kind), legendgroup: plain(mark.kind), showlegend: inLegend,
-      x: mark.at[this.axis.column], y: mark.at[measure.column].map(value => scaled(measure, value)),
-      customdata: mark.rows.map(special => ({special})),
+      x: mark.at[this.axis.column].map(value => value === null ? null : value * this.axis.factor), y: mark.at[measure.column].map(value => scaled(measure, value)),
+      visible: measure.column === this.axis.column ? "legendonly" : true, customdata: mark.rows.map(special => ({special})),
       marker: {size: 9, symbol: mark.symbol, color: "#fff", line: {color: "#000", width: 1.3}},
       hovertemplate: `${plain([mark.kind, mark.meaning].filter(Boolean).join(": "))}<br>%{x:.7g}<extra></extra>`};
   }
 
   // Rings around the picked point. They are shapes: to move a point of a curve, Plotly draws all curves anew.
   rings() {
-    if (!this.picked) return [];
-    const x = this.picked(this.axis.column), size = {xsizemode: "pixel", ysizemode: "pixel", x0: -8, x1: 8, y0: -8, y1: 8};
-    return this.data.measures.map((measure, panel) => [panel, scaled(measure, this.picked(measure.column))])
+    const lines = (this.data.lines ?? []).map(value => ({type: "line", xref: "x", yref: "paper", x0: value * this.axis.factor,
+      x1: value * this.axis.factor, y0: 0, y1: 1, layer: "below", line: LINE}));
+    if (!this.picked) return lines;
+    const at = this.picked(this.axis.column), x = at === null ? null : at * this.axis.factor, size = {xsizemode: "pixel", ysizemode: "pixel", x0: -8, x1: 8, y0: -8, y1: 8};
+    return [...lines, ...this.data.measures.map((measure, panel) => [panel, this.height(measure)])
       .filter(([, y]) => y !== null && x !== null).map(([panel, y]) => ({type: "circle", xref: "x",
-        yref: panel ? `y${panel + 1}` : "y", xanchor: x, yanchor: y, ...size, line: {width: 2.2, color: "#000"}}));
+        yref: panel ? `y${panel + 1}` : "y", xanchor: x, yanchor: y, ...size, line: {width: 2.2, color: "#000"}}))];
+  }
+
+  // Where the ring of a panel is, if it has one; in a stack, on top of what is below.
+  height(measure) {
+    if (measure.column === this.axis.column) return null;
+    const value = scaled(measure, this.picked(measure.column));
+    if (measure.column !== this.data.stacked) return value;
+    const own = this.data.series.findIndex(series => series.rows.includes(this.row.number)), x = this.picked(this.axis.column);
+    return this.data.series.slice(0, own).flatMap(series => series.rows).filter(row => this.values[this.axis.column][row] === x)
+      .reduce((sum, row) => sum + this.value(measure, row), value);
   }
 
   pick(row) {
     this.picked = column => this.values[column][row];
+    this.row.number = row;
     this.table.pick(row);
+    const at = this.data.at && this.values[this.data.at][row];
+    if (at !== this.at) this.show(at);
     Plotly.relayout(this.figure, {shapes: this.rings()});
     this.tell(this.data.table, row, this.orbitOf(row));
   }
 
   special(row) {
-    const mark = this.data.marks.find(one => one.rows.includes(row)), place = mark.rows.indexOf(row);
-    this.picked = column => mark.at[column]?.[place];
+    const mark = this.data.marks.find(one => one.rows.includes(row)), place = mark?.rows.indexOf(row);
+    this.picked = mark ? column => mark.at[column]?.[place] ?? null : null;
     Plotly.relayout(this.figure, {shapes: this.rings()});
     const found = this.data.motions.special[row];
-    this.tell(this.data.special, row, Number.isInteger(found) ? {place: found, text: `Orbit at this ${mark.kind}.`} :
+    this.tell(this.data.special, row, Number.isInteger(found) ? {place: found, text: this.data.special_words ?? `Orbit at this ${mark?.kind ?? "attractor"}.`} :
       {text: found ?? "The page does not hold the orbit of this point."});
   }
 
   // The orbit of a row; where it has none, that of its nearest neighbour on the curve.
   orbitOf(row) {
-    const {rows, list} = this.data.motions, found = rows[row];
-    if (Number.isInteger(found)) return {place: found, text: "Orbit of this point."};
+    const {rows, list} = this.data.motions, {owner} = this.data, found = rows[owner ? owner[row] : row];
+    if (Number.isInteger(found)) return {place: found, text: owner ? "Orbit that this start comes to." : "Orbit of this point."};
+    if (owner) return {text: found ?? "The page does not hold the orbit of its attractor."};
     if (found !== undefined || !list.length) return {text: found ?? ""};
     const series = this.data.series.find(one => one.rows.includes(row))?.rows ?? [];
     const near = series.filter(other => other !== null && Number.isInteger(rows[other]))
@@ -271,5 +339,39 @@ class Boundaries {
       plot_bgcolor: "#fff", xaxis: {title: title(first), gridcolor: "#eee", zeroline: false},
       yaxis: {title: title(second), gridcolor: "#eee", zeroline: false}, showlegend: true,
       legend: {orientation: "h", x: 0, y: 1.01, yanchor: "bottom"}});
+  }
+}
+
+// Elasticities of a measure by all keys, as bars, the largest on top.
+class Elasticities {
+  constructor(data, label, number) {
+    this.data = data;
+    this.columns = Object.fromEntries(data.table.columns.map(column => [column.name, column.values]));
+    this.figure = element("div", {class: "figure", id: `elasticities-${number}`});
+    const measures = [...new Set(this.columns.measure)].filter(name => this.rows(name).length);
+    [this.measure] = measures;
+    const box = element("select", {}, ...measures.map(name => element("option", {value: name}, data.names[name])));
+    box.addEventListener("change", () => { this.measure = box.value; this.draw(); });
+    this.section = element("section", {class: "study"}, element("h2", {}, `Elasticities: ${label}`),
+      element("p", {class: "screen"}, element("label", {}, "of ", box)), this.figure,
+      element("p", {class: "hint"}, "Relative change of the measure over that of a key. Blue: both grow together, orange: one falls as the other grows."),
+      new Table(data.table, "Table sensitivities", `${label}-sensitivities.csv`).box);
+  }
+
+  // Rows of a measure that have an elasticity, the largest last, which is drawn on top.
+  rows(measure) {
+    const size = row => Math.abs(this.columns.elasticity[row]);
+    return this.columns.measure.flatMap((name, row) => name === measure && this.columns.elasticity[row] !== null ? [row] : [])
+      .sort((a, b) => size(a) - size(b));
+  }
+
+  draw() {
+    const rows = this.rows(this.measure), values = rows.map(row => this.columns.elasticity[row]);
+    if (!rows.length) return this.figure.replaceChildren("No measure has an elasticity: all are 0.");
+    const bars = {type: "bar", orientation: "h", x: values, y: rows.map(row => this.columns.key[row]), customdata: rows,
+      marker: {color: values.map(value => COLOURS[value < 0 ? 1 : 0])}, hovertemplate: "%{y}: %{x:.4g}<extra></extra>"};
+    return figure(this.figure, [bars], {height: 20 * rows.length + 90, margin: {l: 10, r: 16, t: 28, b: 44}, font: FONT, plot_bgcolor: "#fff",
+      xaxis: {title: {text: `elasticity of ${plain(this.data.names[this.measure])}`}, gridcolor: "#eee", zerolinecolor: "#888"},
+      yaxis: {automargin: true, tickvals: rows.map(row => this.columns.key[row]), ticktext: rows.map(row => plain(this.data.names[this.columns.key[row]]))}});
   }
 }

@@ -1,0 +1,116 @@
+"""Thresholds, basins and designs on the page: their figures, what moves when a point is clicked, and odd answers."""
+
+import shutil
+
+import numpy as np
+import pytest
+from common.results import unproven
+
+from vibroplat.continuation.rows import motion_of
+from vibroplat.errors import VibroplatError
+from vibroplat.page import report
+from vibroplat.page.report import write_report
+from vibroplat.page.results import find_results
+from vibroplat.results.tables import read_table, write_table
+
+
+def shown(*directories, **options):
+    return report.page_data(find_results(list(directories)), **options)
+
+
+def column(table, name):
+    return next(one["values"] for one in table["columns"] if one["name"] == name)
+
+
+def changed(source, place, name, **columns):
+    """Copy a result with other columns of a table."""
+    copy = unproven(shutil.copytree(source, place))
+    write_table(read_table(copy, name).assign(**columns), copy, name, "parquet")
+    return copy
+
+
+def test_each_start_moves_as_its_attractor(answered):
+    (study,) = shown(answered["basins"], mover=motion_of)["points"]
+    names, attractors = column(study["table"], "attractor"), column(study["special"], "attractor")
+    assert len(set(names)) == 2
+    assert [attractors[row] for row in study["owner"]] == names
+    orbits = study["motions"]["list"]
+    assert [study["motions"]["rows"][row] for row in range(2)] == [0, 1]
+    assert {round(1.0 / orbit["end"], 2) for orbit in orbits} == {
+        round(f, 2) for f in column(study["special"], "excitation_frequency_hz")
+    }
+    assert sorted(row for series in study["series"] for row in series["rows"]) == list(range(40))
+
+
+def test_over_a_key_shares_are_stacked_and_starts_are_of_one_value(answered):
+    shares, starts = shown(answered["over"])["points"]
+    assert (shares["stacked"], starts["at"], starts["borrows"]) == ("fraction", "supply_frequency_hz", True)
+    assert [axis["column"] for axis in shares["axes"]] == ["supply_frequency_hz"]
+    at, own = column(starts["table"], "supply_frequency_hz"), column(shares["table"], "supply_frequency_hz")
+    assert [own[row] for row in starts["owner"]] == at
+    fractions = np.array(column(shares["table"], "fraction"))
+    assert [fractions[np.array(own) == value].sum() for value in sorted(set(at))] == pytest.approx([1.0, 1.0])
+
+
+def test_thresholds_are_lines_and_move_as_what_is_below(answered):
+    (study,) = shown(answered["thresholds"], mover=motion_of)["points"]
+    assert study["lines"] == pytest.approx([0.202220, 0.410803], abs=1e-5)
+    values, moved = column(study["table"], "material.mass_ratio"), study["motions"]["special"]
+    assert "does not repeat" in moved[0], "chaotic below the period doubling"
+    ((row, _),) = [(row, place) for row, place in study["motions"]["rows"].items() if place == moved[1]]
+    assert values[row] == pytest.approx(column(study["special"], "below")[1])
+
+
+def test_designs_have_elasticities_samples_searches_and_a_front(answered):
+    data = shown(answered["design"], answered["best"], mover=motion_of)
+    assert [study["title"] for study in data["points"]] == ["Tolerances", "Searches", "Pareto front"]
+    assert [len(set(column(one["table"], "key"))) for one in data["elasticities"]] == [1, 3]
+    _, searches, front = data["points"]
+    (mark,), power = searches["marks"], column(searches["table"], "motor_power_w")
+    feasible = column(searches["table"], "feasible")
+    least = min(value for value, is_so in zip(power, feasible, strict=True) if is_so)
+    assert mark["at"]["motor_power_w"] == [pytest.approx(least)]
+    assert [type(searches["motions"]["special"][0]), searches["motions"]["rows"]] == [int, {0: 1}]
+    assert set(front["motions"]["rows"].values()) == {0, 1}
+
+
+def test_what_was_printed_is_told_and_escaped(answered, tmp_path):
+    data = shown(answered["thresholds"])
+    page = report.page(data)
+    assert "material.mass_ratio = 0.2022" in page[page.index('id="answers"') : page.index("<noscript")]
+    data["answers"][0]["told"]["text"] = ["<b>bold"]
+    assert "&lt;b&gt;bold" in report.page(data)
+
+
+def test_motions_that_settle_nowhere_and_values_that_are_missing(answered, tmp_path):
+    nothing = {"motion": "undecided", "period": np.nan, "rms_y_m": np.nan}
+    basins = changed(answered["basins"], tmp_path / "basins", "attractors", **nothing)
+    failed = {"outcome": "too-many-events", "sync": None, "motion": None, "rms_y_m": np.nan, "rms_x_m": np.nan}
+    values = changed(answered["thresholds"], tmp_path / "find", "scan", **failed)
+    none = read_table(values, "thresholds").iloc[:0]
+    write_table(none, values, "thresholds", "parquet")
+    study, other = shown(basins, values, mover=motion_of)["points"]
+    assert all("does not repeat" in text for text in study["motions"]["rows"].values())
+    assert (other["lines"], other["motions"]["list"], other["special"]["rows"]) == ([], [], 0)
+    assert [series["failed"] for series in other["series"]] == [series["rows"] for series in other["series"]]
+
+
+def test_a_search_that_finds_nothing_has_no_best_design(answered, tmp_path):
+    def lost(scene, row):
+        raise VibroplatError("lost")
+
+    copy = changed(answered["best"], tmp_path / "copy", "evaluations", feasible=False)
+    searches, _ = shown(copy, mover=lost)["points"]
+    assert (searches["marks"], searches["special"]["rows"], searches["motions"]["list"]) == ([], 0, [])
+
+
+def test_a_directory_holds_a_sweep_and_basins(answered, measured, tmp_path, command):
+    both = shutil.copytree(measured, tmp_path / "both")
+    for path in answered["basins"].iterdir():
+        name = "basins-provenance.json" if path.name == "provenance.json" else path.name
+        shutil.copy(path, both / name)
+    assert [study["title"] for study in shown(both)["points"]] == ["Sweep", "Basins"]
+    done = command("plot", both)
+    assert (done.code, done.err) == (0, "")
+    assert {name.rpartition("/")[2] for name in done.out.split()} >= {"response.png", "basins.png"}
+    assert write_report([both]).stat().st_size > 1e6
