@@ -88,7 +88,7 @@ def require_keys(scene: Scene, keys: Sequence[str], where: str) -> None:
 def require_allowed(scene: Scene, what: str, key: str, value: float) -> None:
     """Refuse a value that a key of a scene cannot have (ConfigError)."""
     try:
-        scene.replace({key: value})
+        scene.replace(placed({key: value}))
     except ConfigError as error:
         raise ConfigError(f"{what}: {error}") from None
 
