@@ -14,7 +14,7 @@ from vibroplat.config.keys import keys, yaml
 from vibroplat.continuation.tables import BOUNDARIES, BRANCHES, SPECIAL
 from vibroplat.designs.optimum import EVALUATIONS as DESIGNS
 from vibroplat.designs.optimum import PARETO
-from vibroplat.designs.samples import SAMPLES
+from vibroplat.designs.samples import SAMPLES, SHARES
 from vibroplat.designs.sensitivities import SENSITIVITIES
 from vibroplat.motion.run import SUMMARY
 from vibroplat.observe.sheet import SHEET, of_points, whole_columns
@@ -89,6 +89,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "fractions": ("`vibroplat basins` with `over`: shares of the starts over the key.", {**_OVER, **FRACTIONS}),
     "sensitivities": ("`vibroplat design`: a row for each measure and key.", SENSITIVITIES),
     "samples": ("`vibroplat design` with `spread`: a row for each sample.", {**_SPREAD, **SAMPLES, **_MEASURED}),
+    "shares": ("`vibroplat design` with `spread`: what the variance of a measure comes from.", SHARES),
     "evaluations of designs": (
         "`vibroplat design` with `minimize`, table `evaluations`: a row for each point that was looked at.",
         {**_SPREAD, **_MEASURED, **DESIGNS},

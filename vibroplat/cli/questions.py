@@ -65,7 +65,7 @@ def design(
 ) -> None:
     """Find what an orbit depends on, what tolerances do to it, and which values of keys are best.
 
-    Writes tables of sensitivities, samples and evaluations to OUT/NAME, and the best design as best.yaml.
+    Writes tables of sensitivities, samples, shares and evaluations to OUT/NAME, and the best design as best.yaml.
     """
     scene = common.scene_of(config, set_, engine)
     from vibroplat.designs.question import Design

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from io import StringIO
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import pandas as pd
@@ -19,6 +18,7 @@ from vibroplat.designs import sensitivities as of_keys
 from vibroplat.errors import ConfigError
 from vibroplat.extensions import figure_of
 from vibroplat.frames import labelled
+from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of
 from vibroplat.results.files import Command
 from vibroplat.study import WAIT
@@ -42,7 +42,8 @@ class DesignTables(NamedTuple):
     scene
         Whose orbit it is.
     tables
-        By name: ``sensitivities``; with a spread ``samples``; with a measure to minimize ``evaluations``, ``pareto``.
+        By name: ``sensitivities``; with a spread ``samples`` and ``shares``; with a measure to minimize
+        ``evaluations``, ``pareto``.
     lines, text
         The answer: labels and texts, and plain lines below.
     notes
@@ -74,7 +75,7 @@ class Design:
 
     command: Command = "design"
     counted = "steps"
-    absent = frozenset({"samples", "evaluations", "pareto"})
+    absent = frozenset({"samples", "shares", "evaluations", "pareto"})
 
     def __init__(self, scene: Scene) -> None:
         if scene.design is None:
@@ -95,7 +96,8 @@ class Design:
         allowed = of_keys.measured_names(scene)
         self.names = [n for n in dict.fromkeys((*of_keys.USUAL, *self.plan.named)) if n in allowed]
         self.aims = [n for n in (self.plan.minimize, *self.plan.subject) if n is not None]
-        self.chains = max(self.plan.samples // of_samples.CHUNK, self.plan.starts)
+        measured = max(self.plan.samples, self.plan.indices * (len(self.plan.spread) + 2))
+        self.chains = max(measured // of_samples.CHUNK, self.plan.starts)
 
     def scenes(self) -> Iterable[Scene]:
         """Yield the scenes on whose input there may be notes."""
@@ -178,20 +180,26 @@ class Design:
         """Add the samples of a scene's tolerances, if there are any."""
         if not (self.plan.spread and self.plan.samples):
             return answer
-        table, home = self._samples(run, scene, known), of_samples.regime(known["sync"], "periodic", known["period"])
-        found = answer.tables["sensitivities"].dropna(subset=["elasticity"])["measure"].unique().tolist()
+        plan, home = self.plan, of_samples.regime(known["sync"], "periodic", known["period"])
+        keys, found = list(plan.spread), answer.tables["sensitivities"].dropna(subset=["elasticity"])
+        places = of_samples.within(plan.seed, len(keys), 0, plan.samples)
+        table, exchanged = self._samples(run, scene, known, places, "samples"), None
+        if plan.indices:
+            places = of_samples.exchanged(plan.seed, len(keys), plan.indices)
+            exchanged = self._samples(run, scene, known, places, "indices")
+        shares = of_samples.shares(table, exchanged, keys, found["measure"].unique().tolist())
         return answer._replace(
-            tables={**answer.tables, "samples": table},
+            tables={**answer.tables, "samples": table, "shares": shares},
             lines={**answer.lines, **_lines_of_samples(table, home)},
-            text=[*answer.text, *_told_of_samples(table, list(self.plan.spread), found)],
+            text=[*answer.text, *_told_of_samples(table, shares)],
         )
 
-    def _samples(self, run: _Runner, scene: Scene, known: Record) -> pd.DataFrame:
-        """Measure all samples, in parts that do not depend on who measures them."""
-        ends = [*range(0, self.plan.samples, of_samples.CHUNK), self.plan.samples]
+    def _samples(self, run: _Runner, scene: Scene, known: Record, places: FloatArray, name: str) -> pd.DataFrame:
+        """Measure samples at places, in parts that do not depend on who measures them."""
         parts = {
-            f"samples {first}": (of_samples.sampled, scene, self.names, known, first, stop)
-            for first, stop in pairwise(ends)
+            f"{name} {first}": (of_samples.sampled, scene, self.names, known, first, part.tolist())
+            for first in range(0, len(places), of_samples.CHUNK)
+            for part in [places[first : first + of_samples.CHUNK]]
         }
         rows = [row for part in run.all(parts) for row in part["rows"]]
         measures = [name for name in self.names if name != "margin"]
@@ -273,17 +281,22 @@ def _lines_of_samples(table: pd.DataFrame, home: str) -> dict[str, str]:
     return told
 
 
-def _told_of_samples(table: pd.DataFrame, keys: Sequence[str], names: Sequence[str]) -> Iterable[str]:
+def _told_of_samples(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[str]:
     """Yield lines on the distribution of each measure, and on what its variance comes from."""
-    yield "samples: 5 %, 50 % and 95 % lie below; shares of the variance by linear regression"
-    for name in names:
-        if table[name].count() == 0:
-            continue
+    by = "regression" if shares["total_order"].isna().all() else "total_order"
+    how = {"regression": "shares of the variance by linear regression", "total_order": "total Sobol indices"}
+    yield f"samples: 5 %, 50 % and 95 % lie below; {how[by]}"
+    for name, own in shares.groupby("measure", sort=False):
         low, middle, high = table[name].quantile(of_samples.QUANTILES)
-        of_keys_, explained = of_samples.shares(table, keys, name)
-        first = sorted(of_keys_.items(), key=lambda item: -item[1])[:SHOWN]
-        told = ", ".join(f"{key} {100.0 * share:.0f} %" for key, share in first if share >= 0.005)
-        yield f"  {name} {low:.5g} {middle:.5g} {high:.5g}: {told} (of {100.0 * explained:.0f} % explained)"
+        first = own.sort_values(by, ascending=False, kind="stable").head(SHOWN)
+        told = ", ".join(_share_words(row, by) for _, row in first.iterrows() if row[by] >= 0.005)
+        explained = f" (of {100.0 * own['explained'].iloc[0]:.0f} % explained)" if by == "regression" else ""
+        yield f"  {name} {low:.5g} {middle:.5g} {high:.5g}: {told or 'no variance'}{explained}"
+
+
+def _share_words(row: pd.Series, by: str) -> str:
+    doubt = "" if by == "regression" else f" ± {100.0 * row[f'{by}_error']:.0f}"
+    return f"{row['key']} {100.0 * row[by]:.0f}{doubt} %"
 
 
 def design(
