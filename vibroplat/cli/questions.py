@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,68 +16,70 @@ from vibroplat.system.terminal import points_progress
 
 if TYPE_CHECKING:
     from vibroplat.check.questions import AnswerCheck
-    from vibroplat.config.scene import Scene
     from vibroplat.study.question import Answer, Question
 
 
-Check = Annotated[
-    bool, typer.Option("--check", help="Repeat some of the motions with another engine, and compare both.")
-]
+def _command(name: str, module: str, ask: str, about: str) -> Callable[..., None]:
+    """Make the command of a name; ``ask``, in a module, reads its question from the section of that name."""
+
+    def command(
+        config: Annotated[Path, typer.Argument(help="Configuration file with a section of the command's name.")],
+        check: Annotated[
+            bool, typer.Option("--check", help="Repeat some of the motions with another engine, and compare both.")
+        ] = False,
+        set_: common.Settings = None,
+        engine: common.EngineName = None,
+        out: common.Out = Path("results"),
+        jobs: common.Jobs = 1,
+        resume: common.Resume = False,
+        overwrite: common.Overwrite = False,
+        scheduler: common.Scheduler = None,
+        wait: common.Wait = WAIT,
+        format_: common.Format = "parquet",
+    ) -> None:
+        scene = common.scene_of(config, set_, engine)
+        common.tell_of_compilation(scene.solver.engine)
+        with common.about(config):
+            question = getattr(import_module(module), ask)(scene)
+        common.require_scheduler(scheduler)
+        _answer(question, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite, check=check)
+
+    command.__name__, command.__doc__ = name, about
+    return command
 
 
-def find(
-    config: Annotated[Path, typer.Argument(help="Configuration file with a find section.")],
-    check: Check = False,
-    set_: common.Settings = None,
-    engine: common.EngineName = None,
-    out: common.Out = Path("results"),
-    jobs: common.Jobs = 1,
-    resume: common.Resume = False,
-    overwrite: common.Overwrite = False,
-    scheduler: common.Scheduler = None,
-    wait: common.Wait = WAIT,
-    format_: common.Format = "parquet",
-) -> None:
+find = _command(
+    "find",
+    "vibroplat.thresholds.tables",
+    "question",
     """Find the values of a key at which the motion that is reached, or a measure of it, changes.
 
     Writes them and all values that were looked at to OUT/NAME, and prints the answer. That nothing changes is an answer
     too; exit code 1 says that a motion failed.
-    """
-    scene = common.scene_of(config, set_, engine)
-    from vibroplat.thresholds.tables import question
+    """,
+)
+basins = _command(
+    "basins",
+    "vibroplat.basin.question",
+    "Basins",
+    """Find which motions a scene comes to from a box of starts, and from which share of it.
 
-    _answer(
-        question, config, scene, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite, check=check
-    )
-
-
-def design(
-    config: Annotated[Path, typer.Argument(help="Configuration file with a design section.")],
-    check: Check = False,
-    set_: common.Settings = None,
-    engine: common.EngineName = None,
-    out: common.Out = Path("results"),
-    jobs: common.Jobs = 1,
-    resume: common.Resume = False,
-    overwrite: common.Overwrite = False,
-    scheduler: common.Scheduler = None,
-    wait: common.Wait = WAIT,
-    format_: common.Format = "parquet",
-) -> None:
+    Writes tables of the attractors and of all starts to OUT/NAME. Exit code 1 says that motions failed.
+    """,
+)
+design = _command(
+    "design",
+    "vibroplat.designs.question",
+    "Design",
     """Find what an orbit depends on, what tolerances do to it, and which values of keys are best.
 
     Writes tables of sensitivities, samples, shares and evaluations to OUT/NAME, and the best design as best.yaml.
-    """
-    scene = common.scene_of(config, set_, engine)
-    from vibroplat.designs.question import Design
-
-    _answer(Design, config, scene, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite, check=check)
+    """,
+)
 
 
 def _answer(
-    ask: Callable[[Scene], Question],
-    config: Path,
-    scene: Scene,
+    question: Question,
     out: Path,
     jobs: int,
     scheduler: str | None,
@@ -92,10 +95,6 @@ def _answer(
     Finished tasks are stored, so that a command that was killed can be resumed. Exit code 1 says that motions failed,
     or with a check that two engines disagree.
     """
-    common.tell_of_compilation(scene.solver.engine)
-    with common.about(config):
-        question = ask(scene)
-    common.require_scheduler(scheduler)
     from vibroplat.check.questions import check_answer
     from vibroplat.config.plausibility import notes_on_inputs
     from vibroplat.integrate import engine_name, other_engine
@@ -105,7 +104,7 @@ def _answer(
     from vibroplat.study.store import Store
     from vibroplat.study.sweep import conditions
 
-    command = question.command
+    scene, command = question.scene, question.command
     directory = common.study_directory(out, scene.name, command, resume=resume)
     kept: dict[str, Any] = {"file": f"{command}.sqlite", "what": question.counted}  # a sweep may have its points there
     common.print_notes(notes_on_inputs(question.scenes()))
@@ -144,26 +143,3 @@ def _print_answer(found: Answer, checked: AnswerCheck | None, counted: str) -> b
     total = f"engines disagree at {len(checked.disagreements)} of {checked.checked} motions"
     common.complain_of(checked.disagreements, total)
     return checked.agrees and not found.failures
-
-
-def basins(
-    config: Annotated[Path, typer.Argument(help="Configuration file with a basins section.")],
-    check: Check = False,
-    set_: common.Settings = None,
-    engine: common.EngineName = None,
-    out: common.Out = Path("results"),
-    jobs: common.Jobs = 1,
-    resume: common.Resume = False,
-    overwrite: common.Overwrite = False,
-    scheduler: common.Scheduler = None,
-    wait: common.Wait = WAIT,
-    format_: common.Format = "parquet",
-) -> None:
-    """Find which motions a scene comes to from a box of starts, and from which share of it.
-
-    Writes tables of the attractors and of all starts to OUT/NAME. Exit code 1 says that motions failed.
-    """
-    scene = common.scene_of(config, set_, engine)
-    from vibroplat.basin.question import Basins
-
-    _answer(Basins, config, scene, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite, check=check)
