@@ -83,6 +83,11 @@ def test_sobol_indices_are_those_known_of_ishigami():
     assert ((away < 2.0 * errors) & (errors < 0.1)).all()
 
 
+def test_a_single_key_has_all_of_the_variance():
+    orders, _ = sobol_indices(exchanged(0, 1, 256).ravel() ** 3, 1)
+    np.testing.assert_allclose(orders, 1.0, atol=0.02)
+
+
 def test_shares_of_the_variance_are_those_of_the_slopes_where_a_spread_is_small(scene):
     small = dict.fromkeys(KEYS, 1e-4)
     found = design(scene.replace({"design": {"spread": small, "samples": 64, "indices": 32}})).tables
