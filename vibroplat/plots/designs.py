@@ -9,14 +9,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.ticker import LogLocator, MaxNLocator
+from matplotlib.ticker import MaxNLocator
 
 from vibroplat.config.questions import DesignPlan
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import key_name, sweep_parameters
 from vibroplat.plots.reading import Saved, finite, has_table
-from vibroplat.plots.style import BLUE, FAILED, GREEN, REFERENCE, VERMILION, entry, head, legend_below, new_figure
+from vibroplat.plots.style import (
+    BLUE,
+    FAILED,
+    GREEN,
+    REFERENCE,
+    VERMILION,
+    entry,
+    head,
+    in_decades,
+    legend_below,
+    new_figure,
+)
 from vibroplat.plots.timelines import in_units, name_axis
 
 if TYPE_CHECKING:
@@ -194,11 +205,7 @@ def _evaluations(tables: Mapping[str, pd.DataFrame], plan: DesignPlan) -> tuple[
     for name in {across, objective} - {"start", "margin"}:
         values = table[name].to_numpy(float)
         if values.size and values.min() > 0.0 and values.max() > WIDE * values.min():  # searches begin far away
-            axis.set(**{"xscale" if name == across else "yscale": "log"})
-            along = axis.xaxis if name == across else axis.yaxis
-            along.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            along.set_major_formatter("{x:g}")
-            along.set_minor_formatter("")
+            in_decades(axis, "x" if name == across else "y")
     if across == "start":
         axis.xaxis.set_major_locator(MaxNLocator(integer=True))
     legend_below(figure, entries)

@@ -26,6 +26,7 @@ from vibroplat.plots.style import (
     begin_at_zero,
     entry,
     head,
+    in_decades,
     legend_below,
     panel_grid,
 )
@@ -214,7 +215,7 @@ def response_figure(response: Study) -> Figure:
         if column == PHASE_COLUMN:
             tell_shaking(axis, response.rotation)
     if in_ratios(response.points[response.x]):
-        panels[0].set_xscale("log")  # that all share
+        in_decades(panels[0], "x")  # that all share
     head(figure, ", ".join(response.names), response.parameters([response.key, *response.varied]))
     handles: list[Any] = []
     if scale is not None:

@@ -14,6 +14,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator
 
 from vibroplat.results.tables import replace_file, result_directory
 
@@ -40,6 +41,8 @@ SYMBOLS = dict(
 MARGIN = 0.05
 #: Least range of an axis over its largest number.
 LEAST_SHARE = 2e-4
+#: Ratio of the ends of a logarithmic axis up to which there are ticks between its powers of ten.
+NEAR_DECADES = 300.0
 #: Letters of a legend that an inch has room for.
 LETTERS = 14.0
 
@@ -140,6 +143,16 @@ def widen_ticks(axis: Axes, which: Literal["x", "y"]) -> None:
     missing = LEAST_SHARE * max(abs(low), abs(high)) - (high - low)
     if missing > 0.0:
         axis.set(**{f"{which}lim": (low - 0.5 * missing, high + 0.5 * missing)})
+
+
+def in_decades(axis: Axes, which: Literal["x", "y"]) -> None:
+    """Make an axis logarithmic once all is drawn, with plain numbers as its ticks."""
+    axis.set(**{f"{which}scale": "log"})
+    along = axis.xaxis if which == "x" else axis.yaxis
+    low, high = along.get_view_interval()
+    along.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < NEAR_DECADES * low else (1.0,)))
+    along.set_major_formatter("{x:g}")
+    along.set_minor_formatter("")
 
 
 def head(figure: Figure, name: str, parameters: str = "") -> None:

@@ -33,6 +33,7 @@ from vibroplat.plots.style import (
     VERMILION,
     entry,
     head,
+    in_decades,
     new_figure,
     widen_ticks,
 )
@@ -169,7 +170,7 @@ def bifurcation(response: Study) -> Figure:
     for axis in axes[-1]:
         axis.set_xlabel(key_label(x))
     if in_ratios(response.points[x]):
-        axes[0, 0].set_xscale("log")
+        in_decades(axes[0, 0], "x")
     widen_ticks(axes[0, 0], "x")
     head(figure, ", ".join(response.names), response.parameters([response.key, *response.varied]))
     directions = dict.fromkeys(curve.direction for curve in curves)
@@ -238,7 +239,7 @@ def draw_map(
     if missing.count():
         axis.pcolor(*corners, missing, cmap=ListedColormap(["white"]), hatch=_HATCH, lw=0.0)
     if in_ratios(grid.columns):
-        axis.set_xscale("log")
+        in_decades(axis, "x")
     every = max(1, -(-len(rows) // _TICKS))
     axis.set_yticks(rows[::every], [f"{value:g}" for value in grid.index[::every]])
     axis.grid(visible=False)

@@ -14,7 +14,7 @@ from vibroplat.config.plans import FREQUENCY
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import in_ratios, key_label, value_label
 from vibroplat.plots.reading import Saved, finite
-from vibroplat.plots.style import FAILED, REFERENCE, begin_at_zero, entry, head, legend_below, panel_grid
+from vibroplat.plots.style import FAILED, REFERENCE, begin_at_zero, entry, head, in_decades, legend_below, panel_grid
 from vibroplat.plots.sweep import SYNC
 from vibroplat.plots.timelines import in_units, name_axis, tell_shaking
 from vibroplat.study.branches import SUPPLY
@@ -77,7 +77,7 @@ def threshold_figure(
             axis.axvline(value, color=REFERENCE, lw=0.9, ls="--", zorder=1.5)
     scan = values.loc[values["stage"] == "scan", key]
     if in_ratios(scan):
-        panels[0].set_xscale("log")
+        in_decades(panels[0], "x")
     told = [f"{value_label(_key(key), float(row['value']))}: {row['kind']}" for _, row in thresholds.iterrows()]
     head(figure, name, "\n".join(told) or "no threshold")
     legend_below(figure, _entries(values, thresholds))
