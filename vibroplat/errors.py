@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 #: Longest message; keys and names from users may be longer.
 MAX_TEXT = 400
 
@@ -18,8 +20,13 @@ class VibroplatError(Exception):
 
     def __init__(self, text: str) -> None:
         line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
-        half = MAX_TEXT // 2
-        super().__init__(line if len(line) <= MAX_TEXT else f"{line[:half]} … {line[-half:]}")
+        if len(line) > MAX_TEXT:  # without the ends of names that are cut
+            first, last = (
+                re.sub(r" \S{,40}$", "", line[: MAX_TEXT // 2]),
+                re.sub(r"^\S{,40} ", "", line[-MAX_TEXT // 2 :]),
+            )
+            line = f"{first} … {last}"
+        super().__init__(line)
 
 
 class ConfigError(VibroplatError):

@@ -69,8 +69,8 @@ MESSAGES = {
         "drive: [1]": f"drive = [1]; allowed: {SECTION}",
         "motors: [{}, 3]": f"motors.1 = 3; allowed: {SECTION}",
         "motors: {a: 1}": "motors = {'a': 1}; allowed: a list",
-        "motors: [{}]": "motors = [{}]; allowed: a list of 2",
-        "exciters: [{}, {}, {}]": "exciters = [{}, {}, {}]; allowed: a list of 2",
+        "motors: [{}]": "motors = [{}]; allowed: entries, at least 2",
+        "exciters: [{}, {}, {}]": "exciters = [{}, {}, {}]; allowed: entries, at most 2",
     },
     "ranges": {
         "contact: {restitution: 1.2}": "contact.restitution = 1.2; allowed: at most 1.0",
@@ -190,7 +190,7 @@ def test_messages(kind, complaint, here):
 def test_too_many_entries_are_told():
     entries = [{"t_s": i, "supply_frequency_hz": 50} for i in range(MOST_ENTRIES + 1)]
     Scene.from_tree({"drive": {"program": entries[:-1]}})
-    with pytest.raises(ConfigError, match=rf"^drive\.program = .*; allowed: a list of {MOST_ENTRIES}$"):
+    with pytest.raises(ConfigError, match=rf"^drive\.program = .*; allowed: entries, at most {MOST_ENTRIES}$"):
         Scene.from_tree({"drive": {"program": entries}})
 
 
@@ -242,7 +242,7 @@ SETTINGS = [
     ("motors: [{}, {}]", "motors.0.pole_pairs='3'", "c.yaml: motors.0.pole_pairs = '3'; allowed: a whole number"),
     (program(), "drive.program.1.t_s=2", "unknown key drive.program.1; allowed: none"),
     (program(START), "drive.program.1.t_s=2", "unknown key drive.program.1; allowed: drive.program.0"),
-    ("exciters: [{}, {}]", "exciters=[{}]", "c.yaml: exciters = [{}]; allowed: a list of 2"),
+    ("exciters: [{}, {}]", "exciters=[{}]", "c.yaml: exciters = [{}]; allowed: entries, at least 2"),
     ("exciters: [{}, {}]", "motor.pole_pairs=3", f"c.yaml: {both('motor', 'exciters')}"),
     ("motor: 3", "motors.0.pole_pairs=2", f"c.yaml: motors.1 = 3; allowed: {SECTION}"),
     ("motor: 3", "exciters.1.critical_slip=0.1", f"c.yaml: motor = 3; allowed: {SECTION} (and 1 more)"),

@@ -127,6 +127,7 @@ def test_motor_by_its_nameplate_has_its_rated_and_its_critical_torque():
 
 
 def test_exciters_are_swept_by_a_grid_but_not_their_common_radius():
+    assert [one.critical_slip for one in Scene().replace({"exciters.N.critical_slip": 0.2}).exciter_pair] == [0.2, 0.2]
     sweep = {"supply_frequency_hz": {"start": 40, "stop": 40}, "grid": {"exciters.1.unbalance_radius_m": [0.08, 0.09]}}
     found = branches(Scene(sweep=sweep))
     assert [branch.scene.exciter_pair[1].unbalance_radius_m for branch in found] == [0.08, 0.09]

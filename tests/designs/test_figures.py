@@ -57,7 +57,9 @@ def test_what_has_little_to_show_says_so():
     figure = design_figure("d", None, DesignPlan(spread={MASS: 0.1}), tables | {"samples": samples}, "samples")
     assert [text.get_text() for text in figure.axes[0].texts] == ["no measure varies"]
     plan = DesignPlan(keys={MASS: [1.0, 2.0]}, minimize="motor_power_w", subject={"margin": ">= 0.1"})
-    nothing = pd.DataFrame({name: np.empty(0) for name in ("start", MASS, "motor_power_w", "margin", "feasible")})
+    nothing = pd.DataFrame(
+        {name: np.empty(0) for name in ("start", MASS, "motor_power_w", "margin", "feasible", "best")}
+    )
     figure = design_figure("d", None, plan, tables | {"evaluations": nothing}, "evaluations")
     assert "every start lost the orbit" in [text.get_text() for text in figure.axes[0].texts]
     with pytest.raises(TableError, match="d holds no table pareto; allowed: sensitivities"):

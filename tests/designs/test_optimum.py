@@ -8,6 +8,7 @@ from common.commands import process
 
 from vibroplat import design, load_config, orbit
 from vibroplat.continuation.orbit import OrbitError
+from vibroplat.errors import ConfigError
 
 CALIBRATED = Path(__file__).parents[2] / "configs/machines/calibrated.yaml"
 RADIUS, STIFFNESS, SUPPLY = "machine.unbalance_radius_m", "machine.stiffness_y_n_per_m", "drive.supply_frequency_hz"
@@ -63,10 +64,16 @@ def test_more_amplitude_costs_more_power(answer):
 
 
 def test_the_worst_scene_of_a_tolerance_counts():
-    """The mass 5 % off to either side: the nominal machine has some amplitude to spare."""
+    """The mass 5 % off to either side: the nominal machine has amplitude to spare, and takes less power."""
     plan = {"spread": {"machine.platform_mass_kg": 0.05}, "starts": 1, "samples": 10}
     found = design(scene(**plan))
     assert "motor_power_w 4.37877, rms_y_m 0.00117842" in found.lines["there"]
+    assert found.lines["bounds kept"] == "100.0 %"
+    table = found.tables["evaluations"]
+    (best,) = table.index[table["best"]]
+    assert table.loc[best, "objective"] == table.loc[table["feasible"], "objective"].min()
+    assert found.lines["within tolerances"].startswith(f"motor_power_w up to {table.loc[best, 'objective']:.6g}, ")
+    assert table.loc[best, "objective"] > table.loc[best, "motor_power_w"] + 1.0
     samples = found.tables["samples"]
     assert samples["stable"].all()
     assert isinstance(samples, pd.DataFrame)
@@ -75,9 +82,33 @@ def test_the_worst_scene_of_a_tolerance_counts():
 
 def test_a_box_without_a_design_is_an_answer():
     found = design(scene(starts=2, subject={"rms_y_m": ">= 8e-3"}))
-    assert found.lines["best"].startswith(f"nothing in this box keeps all bounds; nearest: {RADIUS} 0.048, ")
+    assert found.lines["best"].startswith(
+        f"the orbit of the scene keeps all bounds nowhere in this box; nearest: {RADIUS} 0.048, "
+    )
     assert not found.tables["evaluations"]["feasible"].any()
     assert found.configurations == {}
+
+
+def test_tolerances_that_break_a_bound_together_are_told():
+    spread = {"machine.platform_mass_kg": 0.03, "machine.stiffness_y_n_per_m": 0.03}
+    found = design(scene(spread=spread, starts=1, samples=40))
+    kept = found.tables["samples"]["rms_y_m"] >= 1e-3 * (1.0 - 1e-6)
+    assert found.lines["bounds kept"] == f"{100.0 * kept.mean():.1f} %"
+    assert 0.5 < kept.mean() < 1.0
+
+
+def test_what_has_no_value_cannot_be_made_least():
+    bare = scene(keys={"machine.platform_mass_kg": [10.0, 14.0]}, minimize="contact_force_max_n", subject={})
+    with pytest.raises(ConfigError, match="contact_force_max_n has no value on the motion of this scene"):
+        design(bare.replace({"material.mass_ratio": 0.0}))
+
+
+def test_a_tolerance_about_a_key_stays_within_the_model():
+    share = scene(keys={"material.lower_share": [0.5, 0.99]}, spread={"material.lower_share": 0.1})
+    with pytest.raises(
+        ConfigError, match=r"lower_share = \[0.5, 0.99\] with design.spread.material.lower_share = 0.1: "
+    ):
+        design(share)
 
 
 def test_a_box_to_which_the_orbit_cannot_be_followed_is_no_answer_on_its_designs():

@@ -99,7 +99,7 @@ def test_a_search_that_finds_nothing_has_no_best_design(answered, tmp_path):
     def lost(scene, row):
         raise VibroplatError("lost")
 
-    copy = changed(answered["best"], tmp_path / "copy", "evaluations", feasible=False)
+    copy = changed(answered["best"], tmp_path / "copy", "evaluations", feasible=False, best=False)
     searches, _ = shown(copy, mover=lost)["points"]
     assert (searches["marks"], searches["special"]["rows"], searches["motions"]["list"]) == ([], 0, [])
 

@@ -79,7 +79,7 @@ MISTAKES = {
     f"key: {MASS}, start: 1, stop: 1.0000000000001, count: 9": ": 9 values of material.mass_ratio from 1.0 to ",
     f"key: {MASS}, {RANGE}, count: 4, scale: log": ": scale = log but 0.0 is not above 0; allowed: values above 0, ",
     f"key: {MASS}, start: 1, stop: 9, step: 1, scale: log": ": scale = log but step = 1.0 is no ratio; allowed: ",
-    f"key: {MASS}, values: []": ".values = []; allowed: a list of 1",
+    f"key: {MASS}, values: []": ".values = []; allowed: entries, at least 1",
     f"key: {MASS}, values: [0, 0.0]": ": values = [0.0, 0.0]; allowed: each value once",
     f"key: {MASS}, start: -0.1, stop: 0.3, count: 3": ": material.mass_ratio = -0.1; allowed: at least 0.0",
     "key: material.layers, values: [1, 1.5]": ": material.layers = 1.5; allowed: 1 or 2",

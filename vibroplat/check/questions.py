@@ -47,7 +47,8 @@ class AnswerCheck(NamedTuple):
 
     def lines(self) -> Iterator[tuple[str, str]]:
         """Yield lines that summarize it: label and text."""
-        told = f"{self.checked} motions, measures within {self.largest:.1g}" if self.checked else "no motion to repeat"
+        motions = f"{self.checked} motion{'s' * (self.checked != 1)}"
+        told = f"{motions}, measures within {self.largest:.1g}" if self.checked else "no motion to repeat"
         yield "checked by", f"engine {self.other}, {told}"
 
     def to_tree(self) -> dict[str, Any]:

@@ -137,10 +137,6 @@ class FindPlan(Section, title="Find", populate_by_name=True):
         """Distance of the values below and above a threshold in the end."""
         return NARROW * (self.stop - self.start) if self.tolerance is None else self.tolerance
 
-    def changes(self, value: float) -> dict[str, float]:
-        """Return what a value of the key changes in a scene."""
-        return {self.key.replace(".N.", f".{place}."): value for place in (0, 1)}
-
     def measuring(self, times: int, perturbation: float) -> SweepPlan:
         """Return how a motion settles and is measured, with so many times the settling and measuring time."""
         return SweepPlan(
@@ -165,7 +161,8 @@ class DesignPlan(Section, title="Design"):
     )
     spread: dict[str, Annotated[Share, Field(gt=0.0, lt=1.0)]] = Field(
         {},
-        description="keys and their tolerances to either side, over their values: {machine.platform_mass_kg: 0.05}",
+        description="keys and their tolerances to either side, over their values: {machine.platform_mass_kg: 0.05}; "
+        "the best values keep the bounds at both ends of each tolerance, the others at their values",
     )
     samples: Annotated[int, Field(ge=0, le=100_000)] = Field(
         200, description="scenes within the spread that are measured, spread evenly; 0: none"

@@ -51,7 +51,9 @@ ALTERNATIVES: dict[str, tuple[tuple[str, str], ...]] = {
 }
 
 #: Sections with free keys: they are replaced as a whole, because merging could never remove a key.
-REPLACED = frozenset({"sweep.grid", "basins.starts"})
+REPLACED = frozenset(
+    {"sweep.grid", "basins.starts", *(f"design.{name}" for name in ("keys", "subject", "pareto", "spread"))}
+)
 
 #: Quotations in messages of the parser: single characters and the parser's own words, or anything else.
 _QUOTED = re.compile(r"""(["'])(?:(?P<harmless>.|\\.|<[a-z ]+>)|.*)\1""", re.DOTALL)
@@ -246,7 +248,7 @@ def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "")
     """Override ``lower`` with ``upper``: merge sections key by key, replace other values and :data:`REPLACED`.
 
     Exciters are merged one by one, also with a lower layer that gives their numbers in ``motor`` and ``machine``. An
-    entry of any list is overridden by its place, as in ``exciters.1.critical_slip``.
+    entry of any list is overridden by its place, as in ``exciters.1.critical_slip``, and all by N in its stead.
 
     Raises
     ------
@@ -280,12 +282,14 @@ def _merge_places(below: list[Any], places: Mapping[str, Any], section: str) -> 
     """Override entries of a list by their places."""
     merged = list(below)
     for place, value in places.items():
-        if not (place.isdecimal() and int(place) < len(below)):
+        chosen = [number for number in range(len(below)) if place in (str(number), "N")]
+        if not chosen:
             known = [f"{section}.{number}" for number in sorted({0, len(below) - 1})] if below else ["none"]
             raise ConfigError(f"unknown key {section}.{place}; allowed: {' to '.join(known)}")
-        old = merged[int(place)]
-        both = isinstance(value, Mapping) and isinstance(old, Mapping)
-        merged[int(place)] = merge(old, value, f"{section}.{place}") if both else value
+        for number in chosen:
+            old = merged[number]
+            both = isinstance(value, Mapping) and isinstance(old, Mapping)
+            merged[number] = merge(old, value, f"{section}.{number}") if both else value
     return merged
 
 

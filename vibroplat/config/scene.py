@@ -352,7 +352,7 @@ class Scene(Section):
         **sections
             Nested values by section, e.g. ``drive={"supply_frequency_hz": 46.0}``. If two keys exclude
             each other (stiffness and natural frequency), the new one replaces the old one. The numbers of exciters
-            are changed by their places, as ``{"exciters.1.critical_slip": 0.1}``.
+            are changed by their places, as ``{"exciters.1.critical_slip": 0.1}``, with N in both.
 
         Raises
         ------

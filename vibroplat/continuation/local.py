@@ -241,7 +241,7 @@ class Local:
         found = measured_over_period(self.problem, shot, near.scene, brief=self._sheet.isdisjoint(names))
         if margin:
             found["margin"] = -float((self._weights * chart.section_map(shot)).sum())
-        return np.array([found[name] or 0.0 for name in names], float)
+        return np.array([found[name] for name in names], float)
 
     def _scene(self, values: FloatArray) -> Scene:
         """Change the values of the keys that are not those here."""

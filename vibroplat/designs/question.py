@@ -90,8 +90,10 @@ class Design:
                     scene, f"design.spread.{key} = {share}", key, value_of(scene, key) * (1.0 + end)
                 )
         for key, ends in self.plan.keys.items():
-            for value in ends:
-                of_keys.require_allowed(scene, f"design.keys.{key} = {ends}", key, value)
+            share = self.plan.spread.get(key, 0.0)
+            more = f" with design.spread.{key} = {share}" if share else ""
+            for value in (ends[0] * (1.0 - share), ends[1] * (1.0 + share)):
+                of_keys.require_allowed(scene, f"design.keys.{key} = {ends}{more}", key, value)
         self.keys = list(self.plan.keys) or of_keys.varied_keys(scene)
         allowed = of_keys.measured_names(scene)
         self.names = [n for n in dict.fromkeys((*of_keys.USUAL, *self.plan.named)) if n in allowed]
@@ -108,6 +110,9 @@ class Design:
         run = _Runner(store, workers, progress)
         known = run.one("settled", of_keys.settled, self.scene)
         found = run.one("sensitivities", of_keys.differentiated, self.scene, self.keys, self.names, known)
+        for name in self.aims:
+            if found["measures"][name] is None:
+                raise ConfigError(f"design: {name} has no value on the motion of this scene; allowed: one that it has")
         tables = {"sensitivities": of_keys.table(found["rows"])}
         home = of_samples.regime(known["sync"], "periodic", known["period"])
         margin = found["measures"]["margin"]
@@ -119,11 +124,13 @@ class Design:
         answer = Answer(tables, lines | found, text)
         if best is None:
             return answer
-        scene = self.scene.replace(of_keys.placed(best["values"]))
+        scene = self.scene.replace(best["values"])
         row = run.one("confirmed", optimum.confirmed, self.scene, known, best["values"])
         told = [f"{name} {row['row'][name]:.6g}" for name in self.aims if row["row"].get(name) is not None]
         lines = {"from rest": ", ".join([row["regime"], *told])}
         notes = [] if row["same"] else [f"from rest the best design comes to {row['regime']}, not to its orbit"]
+        if notes and self.plan.spread and self.plan.samples:
+            notes = [f"{notes[0]}; so its tolerances were not sampled"]
         answer = answer._replace(lines={**answer.lines, **lines}, notes=notes, configurations={"best": _written(scene)})
         if not (row["same"] and self.plan.spread):
             return answer
@@ -135,8 +142,7 @@ class Design:
         nominal: Record = dict(zip(told["measure"], told["value"].tolist(), strict=True))
         found = [("at the values of the scene", Record(), nominal)]
         tried = answer.tables.get("evaluations")
-        if tried is not None and tried["feasible"].any():
-            best = tried.loc[tried.loc[tried["feasible"], self.aims[0]].idxmin()].to_dict()
+        for _, best in () if tried is None else tried[tried["best"]].iterrows():
             found.append(("at the best design", {k: best[k] for k in self.plan.keys}, {n: best[n] for n in nominal}))
         return [Repeat(place, Task(of_keys.measured_at, (other(self.scene), at)), row) for place, at, row in found]
 
@@ -147,29 +153,35 @@ class Design:
         bounds = {name: self.plan.bound(name) for name in self.plan.subject}
         asked = (optimum.searched, self.scene, self.names, known)
         found = run.all({f"start {n}": (*asked, bounds, n, None) for n in range(self.plan.starts)})
-        rows = [row for part in found for row in part["rows"]]
-        tables["evaluations"] = self._table(rows, optimum.EVALUATIONS, ("start",), ("violation", "feasible"))
+        rows = [row | {"best": False} for part in found for row in part["rows"]]
         bests = [part["best"] for part in found if part["best"] is not None]
         best = min(bests, key=lambda best: best["objective"], default=None)
+        if best is not None:
+            next(row for row in rows if best["values"].items() <= row.items())["best"] = True
+        last = ("objective", "violation", "feasible", "best")
+        tables["evaluations"] = self._table(rows, optimum.EVALUATIONS, ("start",), last)
         for name, values in self.plan.pareto.items():
             front, begin = list[Record](), None if best is None else best["values"]
             for value in values:
                 ends = bounds | {name: (bounds[name][0], value)}
                 part = run.one(f"{name} {value!r}", *asked, ends, 0, begin)["best"]
                 begin = begin if part is None else part["values"]
-                row = {} if part is None else part["values"] | part["measures"]
+                row = {} if part is None else part["values"] | part["measures"] | {"objective": part["objective"]}
                 front.append({"bound": value, "feasible": part is not None, **row})
-            tables["pareto"] = self._table(front, optimum.PARETO, ("bound",), ("feasible",))
+            tables["pareto"] = self._table(front, optimum.PARETO, ("bound",), ("objective", "feasible"))
         if best is None:
             if not rows:
                 return None, {"best": "unknown: the orbit of the scene as given ends on the way to every start"}
             near = _values(min(rows, key=lambda row: row["violation"]), [*self.plan.keys, *self.aims])
-            return None, {"best": f"nothing in this box keeps all bounds; nearest: {near}"}
+            return None, {"best": f"the orbit of the scene keeps all bounds nowhere in this box; nearest: {near}"}
         same = sum(other["objective"] < best["objective"] + 1e-4 * abs(best["objective"]) for other in bests)
-        return best, {
+        lines = {
             "best": _values(best["values"], list(self.plan.keys)),
             "there": _values(best["measures"], self.aims) + f" ({same} of {self.plan.starts} starts came here)",
         }
+        if self.plan.spread:
+            lines["within tolerances"] = f"{self.aims[0]} up to {best['objective']:.6g}, each at its ends alone"
+        return best, lines
 
     def _table(self, rows: Sequence[Record], meant: Columns, first: Sequence[str], last: Sequence[str]) -> pd.DataFrame:
         """Make a table of the plan's keys and measures with some columns before and behind them."""
@@ -190,9 +202,19 @@ class Design:
         shares = of_samples.shares(table, exchanged, keys, found["measure"].unique().tolist())
         return answer._replace(
             tables={**answer.tables, "samples": table, "shares": shares},
-            lines={**answer.lines, **_lines_of_samples(table, home)},
+            lines={**answer.lines, **_lines_of_samples(table, home), **self._kept(table)},
             text=[*answer.text, *_told_of_samples(table, shares)],
         )
+
+    def _kept(self, table: pd.DataFrame) -> dict[str, str]:
+        """Tell how many samples of the best design keep all bounds: several tolerances may break one together."""
+        if not self.plan.subject:
+            return {}
+        kept = pd.Series(data=True, index=table.index)
+        for name in self.plan.subject:
+            sign, limit = self.plan.bound(name)
+            kept &= sign * (table[name] - limit) >= -optimum.VIOLATION * abs(limit)
+        return {"bounds kept": f"{100.0 * kept.mean():.1f} %"}
 
     def _samples(self, run: _Runner, scene: Scene, known: Record, places: FloatArray, name: str) -> pd.DataFrame:
         """Measure samples at places, in parts that do not depend on who measures them."""
@@ -232,14 +254,19 @@ class _Runner:
 
 def _labelled(rows: Sequence[Record], columns: Sequence[str], meant: Columns) -> pd.DataFrame:
     """Make a table whose types do not depend on what was found."""
-    kinds = {"sample": "int64", "start": "int64", "stable": "bool", "feasible": "bool", "regime": "str"}
+    kinds = {
+        "sample": "int64",
+        "start": "int64",
+        "regime": "str",
+        **dict.fromkeys(("stable", "feasible", "best"), "bool"),
+    }
     types: dict[str, Any] = {name: kinds.get(name, "float64") for name in columns}
     about = {key: Column(key_of(key).meaning) for key in columns if "." in key}
     return labelled(pd.DataFrame(rows, columns=list(columns)).astype(types), {**SWEEP, **about, **meant})
 
 
 def _values(found: Mapping[str, float], names: Sequence[str]) -> str:
-    return ", ".join(f"{name} {found[name]:.6g}" for name in names)
+    return ", ".join(f"{name} {found[name]:.6g}" for name in dict.fromkeys(names))
 
 
 def _written(scene: Scene) -> str:
@@ -259,7 +286,7 @@ def _single(task: Task) -> Tasks[Record]:
 
 def _told_of_keys(found: Record, names: Sequence[str]) -> Iterable[str]:
     """Yield a line for each measure: its value, and its largest elasticities."""
-    yield "elasticities: relative change of a measure over that of a key, largest first"
+    yield "elasticities of the scene as given: relative change of a measure over that of a key, largest first"
     for name in names:
         own = of_keys.largest(found["rows"], name, SHOWN)
         if own:
@@ -290,7 +317,7 @@ def _told_of_samples(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[str]
         low, middle, high = table[name].quantile(of_samples.QUANTILES)
         first = own.sort_values(by, ascending=False, kind="stable").head(SHOWN)
         told = ", ".join(_share_words(row, by) for _, row in first.iterrows() if row[by] >= 0.005)
-        explained = f" (of {100.0 * own['explained'].iloc[0]:.0f} % explained)" if by == "regression" else ""
+        explained = f" (of {100.0 * own['explained'].iloc[0]:.0f} % explained)" if told and by == "regression" else ""
         yield f"  {name} {low:.5g} {middle:.5g} {high:.5g}: {told or 'no variance'}{explained}"
 
 

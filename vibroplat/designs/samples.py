@@ -18,7 +18,7 @@ from vibroplat.columns import Column, Columns
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import MissedError
-from vibroplat.designs.sensitivities import begun, placed, settling
+from vibroplat.designs.sensitivities import begun, settling
 from vibroplat.frames import labelled
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.point import measure_point
@@ -121,7 +121,7 @@ def sampled(scene: Scene, names: Sequence[str], known: Record, first: int, place
                 found = there.measures
                 row |= {"stable": True, "regime": regime(found["sync"], "periodic", known["period"])}
             else:
-                other = scene.replace(placed(dict(zip(local.keys, values.tolist(), strict=True))))
+                other = scene.replace(dict(zip(local.keys, values.tolist(), strict=True)))
                 point = measure_point(other, _briefly(other), state.tolist(), (number,))
                 found, ended = point.row, point.row["outcome"]
                 kind = (found["sync"], found["motion"], found["period"]) if ended == "ok" else ("none", ended, 0)

@@ -28,7 +28,7 @@ from vibroplat.study.store import Record
 USUAL = ("rms_x_m", "rms_y_m", "excitation_frequency_hz", "motor_power_w", "contact_force_max_n", "margin")
 #: Residual of orbits whose measures are differentiated.
 TOLERANCE = 1e-9
-#: RMS of a coordinate, over the larger of those of x and y, that is none.
+#: A measure over the largest of its kind that is round-off, as RMS x where the machine shakes along y.
 NOTHING = 1e-7
 #: Change of a key, over its value, that tells whether the equations have it.
 _CHANGE = 1e-6
@@ -64,31 +64,28 @@ def varied_keys(scene: Scene) -> list[str]:
     return found
 
 
-def placed(values: Mapping[str, float]) -> dict[str, float]:
-    """Return values of keys with N for a place in a list as those of both places."""
-    return {key.replace(".N.", f".{i}."): value for key, value in values.items() for i in (0, 1)}
-
-
 def require_keys(scene: Scene, keys: Sequence[str], where: str) -> None:
     """Refuse keys that cannot be varied (ConfigError)."""
     if scene.drive.program is not None:
         raise ConfigError("drive.program is given, but designs have a constant supply; allowed: supply_frequency_hz")
     allowed = varied_keys(scene)
     for key in keys:
-        if ".N." in key and len({value_of(scene, one) for one in placed({key: 0.0})}) > 1:
+        own = {key.replace(".N.", f".{place}.") for place in (0, 1)}
+        values = {value_of(scene, one) for one in own}
+        if len(values) > 1:
             raise ConfigError(f"{where}.{key} has two values; allowed: equal ones, or a place instead of N")
         if number_of(key) is None:
             require_allowed(scene, where, key, 1.0)
-        if number_of(key) is float and any(value_of(scene, one) == 0.0 for one in placed({key: 0.0})):
+        if number_of(key) is float and values == {0.0}:
             raise ConfigError(f"{where}.{key} is 0 in this scene; allowed: another value, to begin with")
-        if not placed({key: 0.0}).keys() <= {*allowed}:
+        if not own <= {*allowed}:
             raise ConfigError(f"{where}.{key} cannot be varied; allowed: {', '.join(allowed)}")
 
 
 def require_allowed(scene: Scene, what: str, key: str, value: float) -> None:
     """Refuse a value that a key of a scene cannot have (ConfigError)."""
     try:
-        scene.replace(placed({key: value}))
+        scene.replace({key: value})
     except ConfigError as error:
         raise ConfigError(f"{what}: {error}") from None
 
@@ -159,10 +156,12 @@ def rows(local: Local, names: Sequence[str]) -> list[dict[str, Any]]:
     except MissedError as error:
         raise OrbitError(f"the measures cannot be differentiated: {error}") from None
     found_rows = []
-    nothing = NOTHING * max(local.measures["rms_x_m"], local.measures["rms_y_m"])  # round-off of a symmetrical motion
     for name, by_key in zip(names, found.tolist(), strict=True):
         nominal = local.measures[name]
-        told = nominal and not (name.startswith("rms") and nominal < nothing)
+        kind = [
+            abs(v) for n, v in local.measures.items() if isinstance(v, float) and n.split("_")[0] == name.split("_")[0]
+        ]
+        told = nominal and abs(nominal) > NOTHING * max(kind)
         for key, value, slope in zip(local.keys, map(float, local.values), by_key, strict=True):
             elasticity = slope * value / nominal if told else None
             found_rows.append(
@@ -175,7 +174,8 @@ def sensitivities(
     orbit: Orbit, keys: Sequence[str] | None = None, measures: Sequence[str] | None = None
 ) -> pd.DataFrame:
     """Differentiate measures of an orbit by keys; see :meth:`vibroplat.Orbit.sensitivities`."""
-    keys = varied_keys(orbit.scene) if keys is None else keys
+    keys = varied_keys(orbit.scene) if keys is None else [keys] if isinstance(keys, str) else keys
+    measures = [measures] if isinstance(measures, str) else measures
     require_keys(orbit.scene, keys, "keys")
     require_measures(orbit.scene, measures or (), "measures")
     with closing(Local.near(orbit.scene, keys, orbit, tolerance=TOLERANCE)) as local:

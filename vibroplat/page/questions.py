@@ -203,8 +203,9 @@ def _search(number: int, one: Saved, name: str, period: int, motions: Motions) -
     table = thinned(whole)
     feasible = table["feasible"].astype(bool)
     rows = table.assign(period=period, outcome=feasible.map({True: "ok", False: "outside the bounds"}))
-    best = rows.loc[feasible].nsmallest(0 if is_front else 1, aims[0]).reset_index(drop=True)
-    others = [column for column in _numbers(table, {first, "feasible"}) if column not in aims]
+    best = whole.iloc[:0] if is_front else whole[whole["best"].astype(bool)].reset_index(drop=True)
+    best = best.assign(period=period, outcome="ok")
+    others = [column for column in _numbers(table, {first, "objective", "feasible", "best"}) if column not in aims]
     at = {column: plain_column(best[column]) for column in (*aims, *others)}
     mark = {"kind": "best", "meaning": "the least that keeps all bounds", "symbol": SYMBOLS["*"], "rows": [0], "at": at}
     return {

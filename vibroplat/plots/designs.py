@@ -69,7 +69,8 @@ def design_figure(
         raise TableError(f"{name} holds no table {kind}; allowed: {', '.join(k for k in FIGURES if k in tables)}")
     found = {name: finite(table) for name, table in tables.items()}
     figure, told = {"sensitivities": _sensitivities, "samples": _samples}.get(kind, _evaluations)(found, plan)
-    parameters = sweep_parameters(scene, list(plan.keys) if kind == "evaluations" else [])
+    varied = list(plan.keys) if plan.minimize is not None and kind != "sensitivities" else []  # not as in the scene
+    parameters = sweep_parameters(scene, varied)
     head(figure, name, "\n".join(filter(None, (parameters, told))))
     return figure
 
@@ -156,14 +157,14 @@ def _samples(tables: Mapping[str, pd.DataFrame], plan: DesignPlan) -> tuple[Figu
 def _nominal(tables: Mapping[str, pd.DataFrame], plan: DesignPlan) -> dict[str, float]:
     """Return the measures about which samples lie: those of the best design, or of the scene as given."""
     if plan.minimize is not None:
-        return _best(tables["evaluations"], plan.minimize) or {}
+        return _best(tables["evaluations"]) or {}
     return {str(row["measure"]): float(row["value"]) for _, row in tables["sensitivities"].iterrows()}
 
 
-def _best(table: pd.DataFrame, objective: str) -> dict[str, float] | None:
+def _best(table: pd.DataFrame) -> dict[str, float] | None:
     """Return the best design that was looked at; None if none keeps the bounds."""
-    kept = table[table["feasible"].to_numpy(bool)]
-    return None if kept.empty else dict(kept.iloc[int(kept[objective].argmin())].drop("feasible").astype(float))
+    best = table[table["best"].to_numpy(bool)]
+    return None if best.empty else dict(best.iloc[0].astype(float))
 
 
 def _evaluations(tables: Mapping[str, pd.DataFrame], plan: DesignPlan) -> tuple[Figure, str]:
@@ -183,7 +184,7 @@ def _evaluations(tables: Mapping[str, pd.DataFrame], plan: DesignPlan) -> tuple[
                 in_units(table.loc[mask, across], across), in_units(table.loc[mask, objective], objective), **look
             )
             entries.append(entry(label, **look))
-    best = _best(table, objective)
+    best = _best(table)
     if best is not None:
         look = {"marker": "*", "ls": "", "color": VERMILION, "ms": 11.0}
         axis.plot(in_units([best[across]], across), in_units([best[objective]], objective), zorder=4.0, **look)

@@ -131,9 +131,9 @@ class Search:
 
     def _value(self, at: float, stage: str, near: Value | None = None, times: int = 1) -> Tasks[Value]:
         """Look at a value of the key; with neighbours the motion is carried on from ``near``."""
-        scene, state = self.scene.replace(self.plan.changes(at)), None
+        scene, state = self.scene.replace({self.plan.key: at}), None
         if near is not None and near.state is not None and self.plan.from_ == "neighbour":
-            before = self.scene.replace(self.plan.changes(near.at))
+            before = self.scene.replace({self.plan.key: near.at})
             scene, state = constant(scene), carried(near.state, before, scene)
         record = yield Task(evaluate, (scene, self.plan, state, times, self._key), lost)
         return Value(at, stage, record["row"], record["state"])
@@ -159,7 +159,7 @@ class Search:
     def _outward(self) -> tuple[list[Value], list[Threshold]]:
         """Carry the motion on from the scene's own value of the key in both directions."""
         plan = self.plan
-        own = value_of(self.scene, next(iter(plan.changes(plan.start))))
+        own = value_of(self.scene, plan.key)
         own = plan.start if own is None else min(max(own, plan.start), plan.stop)
         first = self._run("own", [self._single(own, "scan")])[0]
         if first.failed:
@@ -237,7 +237,7 @@ class Search:
     def _continuous(self, at: float) -> bool:
         """Whether orbits can be followed over the key at a value of it; not where it takes the layers away."""
         try:
-            parameter_direction(self.scene.replace(self.plan.changes(float(at))), self.plan.key)
+            parameter_direction(self.scene.replace({self.plan.key: float(at)}), self.plan.key)
         except ConfigError:
             return False
         return True
@@ -256,7 +256,7 @@ class Search:
         orbits = OrbitsPlan(
             key=self.plan.key, start=begin.at, stop=end, period=period, from_="state", switch=[], step=steps
         )
-        scene = constant(self.scene.replace(self.plan.changes(begin.at)))
+        scene = constant(self.scene.replace({self.plan.key: begin.at}))
         start = accurate(beginning_at(scene, np.array(begin.state)), orbits.tolerance)
         record = yield Task(part, (start, orbits, None, Known([], [], [])), lambda reason: NOTHING)
         rows = record["rows"]

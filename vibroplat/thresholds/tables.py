@@ -104,7 +104,7 @@ class Find:
 
     def scenes(self) -> Iterator[Scene]:
         """Yield the scenes at both ends."""
-        return (self.scene.replace(self.plan.changes(end)) for end in (self.plan.start, self.plan.stop))
+        return (self.scene.replace({self.plan.key: end}) for end in (self.plan.start, self.plan.stop))
 
     def answer(self, store: Store, workers: Pool, progress: Progress) -> Answer:
         """Scan the key, narrow each change, and make the tables."""
@@ -127,7 +127,7 @@ class Find:
                 continue
             for side in ("below", "above"):
                 at = float(row[side])
-                scene = other(self.scene.replace(self.plan.changes(at)))
+                scene = other(self.scene.replace({self.plan.key: at}))
                 task = Task(evaluate, (scene, self.plan, None, 1, start_key(self.scene)), lost)
                 known = {name: row[f"{side}_{name}"] for name in COMPARED}
                 found[at] = Repeat(f"at {self.plan.key} = {at:.12g}", task, known)
@@ -234,7 +234,7 @@ def question(scene: Scene) -> Find:
         raise ConfigError("this configuration has no find section; add find: {key: …, start: …, stop: …}")
     for value in plan.over.upward:
         try:
-            scene.replace(plan.changes(value))
+            scene.replace({plan.key: value})
         except ConfigError as error:
             raise ConfigError(f"find: {error}") from None
     if number_of(plan.key) is not float:
