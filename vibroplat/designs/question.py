@@ -180,7 +180,7 @@ class Design:
             "there": _values(best["measures"], self.aims) + f" ({same} of {self.plan.starts} starts came here)",
         }
         if self.plan.spread:
-            lines["within tolerances"] = f"{self.aims[0]} up to {best['objective']:.6g}, each at its ends alone"
+            lines["within tolerances"] = f"{self.aims[0]} up to {best['objective']:.6g} (one tolerance at a time)"
         return best, lines
 
     def _table(self, rows: Sequence[Record], meant: Columns, first: Sequence[str], last: Sequence[str]) -> pd.DataFrame:
