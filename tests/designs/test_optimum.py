@@ -72,7 +72,7 @@ def test_the_worst_scene_of_a_tolerance_counts():
     table = found.tables["evaluations"]
     (best,) = table.index[table["best"]]
     assert table.loc[best, "objective"] == table.loc[table["feasible"], "objective"].min()
-    assert found.lines["within tolerances"].startswith(f"motor_power_w up to {table.loc[best, 'objective']:.6g}, ")
+    assert found.lines["within tolerances"].startswith(f"motor_power_w up to {table.loc[best, 'objective']:.6g} (")
     assert table.loc[best, "objective"] > table.loc[best, "motor_power_w"] + 1.0
     samples = found.tables["samples"]
     assert samples["stable"].all()
