@@ -157,7 +157,7 @@ def test_bad_input_is_one_line(command, config):
         assert not results()
     done = command("orbits", config(ORBITS + "drive: {program: [{t_s: 0, supply_frequency_hz: 50}]}\n"))
     assert not_a_line(done) == ""
-    assert done.err.startswith("vibroplat: c.yaml: drive.program is given, but orbits have a constant supply")
+    assert done.err.startswith("vibroplat: c.yaml: drive.program is given; orbits and basins need a constant")
     assert command("orbits", config(ORBITS)).code == 0  # nothing is unfinished
 
 

@@ -65,7 +65,7 @@ MESSAGES = {
         "contact: {model: Impact}": "contact.model = 'Impact'; allowed: 'impact' or 'non-impact'",
         program(f"{START}, exciter_1: 0"): "drive.program.0.exciter_1 = 0; allowed: 'on' or 'off'",
         program(f"{START}, off: off"): "drive.program.0.off = 'off'; allowed: true or false",
-        program("off: true"): "drive.program.0.t_s = {'off': True}; allowed: a value is required",
+        program("off: true"): "drive.program.0.t_s is missing; allowed: a value",
         "drive: [1]": f"drive = [1]; allowed: {SECTION}",
         "motors: [{}, 3]": f"motors.1 = 3; allowed: {SECTION}",
         "motors: {a: 1}": "motors = {'a': 1}; allowed: a list",

@@ -401,7 +401,7 @@ def test_shipped_plan_searches_from_several_starts():
 
 BAD = {
     "name: x": "no section calibration",
-    "calibration: {}": "allowed: a value is required",
+    "calibration: {}": "is missing; allowed: a value",
     "calibration: {parameters: {a.b: {low: 2, high: 1}}}": "high = 1.0 is not above low = 2.0",
     "calibration: {parameters: {a.b: {low: 0, high: 1, scale: log}}}": "low = 0.0; allowed: more than 0",
     "calibration: {parameters: {a.b: {low: 0, high: 1}}, generation: 3}": "did you mean generations?",

@@ -84,7 +84,7 @@ def test_scenes_of_a_branch_have_its_values_and_frequencies():
 # -- one mistake, one line ------------------------------------------------------------------------------
 
 FREQUENCIES = {
-    "{}": ".start = {}; allowed: a value is required (and 1 more)",
+    "{}": ".start is missing; allowed: a value (and 1 more)",
     "{start: 44, stop: 42}": ": stop = 42.0 is below start = 44.0; allowed: at least start; see direction",
     "{start: 42, stop: 44, step: 0}": ".step = 0; allowed: more than 0.0",
     "{start: 42, stop: 44, step: 1e-6}": ": step = 1e-06 gives too many points; allowed: at most 100000 per branch",

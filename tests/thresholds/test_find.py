@@ -53,6 +53,13 @@ def test_the_window_of_a_motion_ends_where_its_orbit_loses_its_stability(supply,
     assert found["value"].tolist() == pytest.approx(expected, abs=1e-5)  # from branches of orbits
 
 
+def test_a_start_may_be_what_varies():
+    """The machine without material comes to either of two motions."""
+    plan = {"key": "run.initial.phase_difference_rad", "start": 1.0, "stop": 3.0, "scan": 3, "tolerance": 0.05}
+    (row,) = find(loaded(62.3, **plan).replace({"material.mass_ratio": 0.0})).thresholds.to_dict("records")
+    assert (row["below_sync"], row["above_sync"], row["kind"]) == ("in-phase", "antiphase", "jump")
+
+
 @pytest.mark.parametrize("begin", ["initial", "neighbour"])
 def test_a_measure_passes_a_level(begin):
     plan = {"expression": "rms_y_m > 7e-4", "scan": 5, "start": 0.2, "stop": 0.4, "tolerance": 1e-6, "from": begin}
@@ -104,6 +111,7 @@ def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(tmp_path):
         ({"expression": "rms_y_m = 1"}, "find: expression = 'rms_y_m = 1'; allowed: column > number"),
         ({"expression": "rms_y > 1"}, "find.expression: no column rms_y; did you mean rms_y_m"),
         ({"expression": "sync > 1"}, "find.expression: no column sync"),
+        ({"expression": "wall_s > 1"}, "find.expression: no column wall_s"),
         ({"start": -0.1}, "find: material.mass_ratio = -0.1"),
         (
             {"key": "motor.pole_pairs", "start": 1.0, "stop": 3.0},

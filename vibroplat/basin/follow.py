@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from vibroplat.basin.starts import states_of
+from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.questions import BasinsPlan
 from vibroplat.config.scene import Scene
@@ -88,7 +89,7 @@ class Follower:
         state, longest = motion.automaton.run["state"], 4.0 * (LATE_STRIDE + 1) * self._turn
         turns, look = 0, FIRST
         if len(self._history) >= EXPERIENCED:
-            look = max(FIRST, int(PATIENT * np.median(self._history)))
+            look = max(FIRST, min(int(PATIENT * np.median(self._history)), self.longest // 2))
         while turns < self.longest and motion.now < self.longest * self._turn:
             stride = STRIDE if turns < FIRST else LATE_STRIDE
             motion.to_section(stride, longest)
@@ -163,7 +164,7 @@ class Follower:
             row = row_of(measured(part, self.scene), self.scene)
             found |= {
                 "state": motion.state.tolist(),
-                "row": {name: row[name] for name in (*TOLD, "flight_fraction", "sync")},
+                "row": {name: row[name] for name in (*TOLD, "flight_fraction", "sync", PHASE_COLUMN)},
             }
         return found
 
@@ -194,4 +195,5 @@ def representative(scene: Scene, state: list[float]) -> Record:
     plan = {"supply_frequency_hz": {"start": frequency, "stop": frequency}, "perturbation": 0.0}
     point = measure_point(scene, SweepPlan.model_validate(plan), state, (0,))
     del point.row["wall_s"]
-    return {"row": point.row, "state": point.state, "centres": [point.state], "forms": [], "radius": None}
+    centres = [] if point.state is None else [point.state]
+    return {"row": point.row, "state": point.state, "centres": centres, "forms": [], "radius": None}

@@ -19,6 +19,7 @@ from vibroplat.continuation.newton import MissedError
 from vibroplat.continuation.orbit import OrbitError
 from vibroplat.hybrid.state import state_scales
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.study.classification import same_phase
 from vibroplat.study.point import distinct
 from vibroplat.study.store import Record
 
@@ -104,15 +105,17 @@ def _alike(one: Mapping[str, Any], other: Mapping[str, Any], scales: FloatArray,
     sizes = np.array([[row[name] for name in TOLD] for row in (one, other)]) / scales[: len(TOLD)]
     near = np.linalg.norm(sizes[1] - sizes[0]) <= share * np.linalg.norm(sizes, axis=1).max()
     flying = abs((one["flight_fraction"] or 0.0) - (other["flight_fraction"] or 0.0)) <= share
-    return bool(near) and flying and one["sync"] == other["sync"]
+    return bool(near) and flying and same_phase(one, other)
 
 
 def _same(one: Mapping[str, Any], other: Mapping[str, Any], scales: FloatArray) -> bool:
     """Whether two measured motions are of one attractor."""
-    if any(one.get(name) != other.get(name) for name in (*_CLASS, "outcome")):
+    if any(one.get(name) != other.get(name) for name in ("motion", "period", "outcome")):
         return False
-    if other["motion"] is None:
+    if other.get("motion") is None:
         return True
+    if not same_phase(one, other):
+        return False
     return _alike(one, other, scales, REPEATED) if other["period"] else not distinct(one, other)
 
 

@@ -17,7 +17,7 @@ import pandas as pd
 from vibroplat.basin.follow import follow_starts, followed_alone, representative
 from vibroplat.basin.found import Found, carried, names
 from vibroplat.basin.starts import begun, values_of
-from vibroplat.columns import Column, Columns, words_in_place
+from vibroplat.columns import PHASE_COLUMN, Column, Columns, words_in_place
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.questions import BasinsPlan
 from vibroplat.config.scene import Scene
@@ -152,7 +152,8 @@ class Basins:
             while done < len(self._blocks):
                 numbers = range(done, min(2 * done + 1, len(self._blocks)))
                 now.add(self._followed(place, store, workers, progress, now.attractors, history, numbers))
-                history = history if done else [start["turns"] for start in now.starts]
+                assigned = [start["turns"] for start in now.starts if "outcome" not in start]
+                history = history if done else assigned
                 done = numbers.stop
             groups = now.groups()
             tasks = [Task(representative, (scene, group[0]["state"])) for group in groups]
@@ -169,7 +170,7 @@ class Basins:
             at = attractors if self.key is None else attractors[attractors[column_of(self.key)] == self.values[value]]
             row = at[at["attractor"] == starts["attractor"].iloc[place]].iloc[0]
             task = Task(followed_alone, (other(self._scenes[value]), self.plan, int(order[start])))
-            known = {name: row[name] for name in COMPARED if name != "motion"}
+            known = {name: row[name] for name in (*COMPARED, PHASE_COLUMN) if name != "motion"}
             found.append(Repeat(f"from start {place} of the table", task, known))
         return found
 

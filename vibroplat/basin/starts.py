@@ -72,6 +72,11 @@ def begun(scene: Scene, plan: BasinsPlan) -> Scene:
     ConfigError
         A start is outside the model: the key, its value and what is allowed.
     """
+    initial = scene.run.initial
+    given = [name for name, value in (("state", initial.state), ("from", initial.from_)) if value is not None]
+    if "from" in given or (given and not plan.starts.keys() <= _STATE.keys()):
+        allowed = "keys of state" if given == ["state"] else "phases, or state"
+        raise ConfigError(f"basins.starts: run.initial.{given[0]} is given; allowed: {allowed}")
     begins = scene
     for end in (0, 1):
         values = {key: ends[end] for key, ends in plan.starts.items()}

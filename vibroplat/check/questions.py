@@ -11,7 +11,9 @@ from typing import Any, Final, NamedTuple
 
 from vibroplat.check import Other, by_other_engine
 from vibroplat.check.sweeps import scales_of
+from vibroplat.columns import PHASE_COLUMN
 from vibroplat.integrate import engine_name
+from vibroplat.study.classification import same_phase
 from vibroplat.study.pool import Pool, StoredChain, Tasks, run_stored
 from vibroplat.study.question import Answer, Progress, Question, Repeat
 from vibroplat.study.store import Record, Store
@@ -87,9 +89,9 @@ def check_answer(
     engines, scales = (engine_name(question.scene), engine_name(other(question.scene))), scales_of(question.scene)
     largest, disagreements = 0.0, list[str]()
     for repeat, record in zip(repeats, found, strict=True):
-        names = (
-            repeat.row if repeat.row.get("period", 1) else [name for name in ("sync", "period") if name in repeat.row]
-        )
+        names = [name for name in repeat.row if name != PHASE_COLUMN]
+        if not repeat.row.get("period", 1):
+            names = ["period"] if same_phase(repeat.row, record["row"]) else ["period", "sync"]
         apart = {name: _apart(repeat.row[name], record["row"].get(name), scales.get(name, 0.0)) for name in names}
         worst = max((size, name) for name, size in apart.items())
         if worst[0] <= ALLOWED:

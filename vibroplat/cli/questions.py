@@ -106,7 +106,7 @@ def _answer(
 
     scene, command = question.scene, question.command
     directory = common.study_directory(out, scene.name, command, resume=resume)
-    kept: dict[str, Any] = {"file": f"{command}.sqlite", "what": question.counted}  # a sweep may have its points there
+    kept: dict[str, Any] = {"file": f"{command}.sqlite", "what": "tasks"}  # a sweep may have its points there
     common.print_notes(notes_on_inputs(question.scenes()))
     with Store(directory, conditions(scene), resume=resume, overwrite=overwrite, **kept) as store:
         common.begin(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if check else []))
@@ -125,7 +125,7 @@ def _answer(
         write_result(
             directory, command, origin, found.tables, form=form, absent=absent, configurations=found.configurations
         )
-    took = f"{seconds:.3g} s" + (f", {known} {question.counted} from before" if known else "")
+    took = f"{seconds:.3g} s" + (f", {known} tasks from before" if known else "")
     common.print_lines({**found.lines, "wall time": took, "tables": str(directory)})
     if not _print_answer(found, checked, question.counted):
         raise typer.Exit(1)

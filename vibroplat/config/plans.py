@@ -60,7 +60,9 @@ Directions = Annotated[list[Direction], BeforeValidator(_as_list), Field(min_len
 class Over(Section):
     """The values of a key along a branch, and its directions."""
 
-    key: str = Field(description="dotted key with numbers that varies along a branch")
+    key: str = Field(
+        description="dotted key with numbers that varies along a branch; with N for a place: of all in the list"
+    )
     start: Real | None = Field(None, description="its smallest value")
     stop: Real | None = Field(None, description="its largest value; with step included if whole steps reach it")
     step: Positive | None = Field(None, description="distance of values")

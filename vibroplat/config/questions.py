@@ -9,13 +9,19 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from vibroplat.config.coordinates import COORDINATES, RATES
-from vibroplat.config.plans import Over, SweepPlan, may_vary
+from vibroplat.config.plans import Frequencies, Over, SweepPlan, may_vary
 from vibroplat.config.schema import LARGEST, Positive, Real, Section, Share, meant
 
 #: What keys of starts begin with, and those that there are.
 INITIAL = "run.initial."
 PHASES = ("phase_difference_rad", "phase_sum_rad", "phi1_rad", "speed_ratio")
 STARTS = tuple(INITIAL + name for name in (*PHASES, *(f"state.{name}" for name in (*COORDINATES, *RATES))))
+#: Pairs of them that say the same.
+EXCLUSIVE = (
+    ("phase_difference_rad", "phase_sum_rad"),
+    *((name, f"state.{phase}_rad") for name in PHASES[:3] for phase in ("phi1", "phi2")),
+    *(("speed_ratio", f"state.{phase}_rate_rad_per_s") for phase in ("phi1", "phi2")),
+)
 #: Starts at random that there are without a number of them, and most starts at all values of a key.
 RANDOM, MAX_STARTS = 1000, 10_000_000
 
@@ -46,8 +52,9 @@ class BasinsPlan(Section, title="Basins"):
                 raise ValueError(f"starts.{key} = [{low:g}, {high:g}] is empty; allowed: a low end below the high one")
             if count and not (count[0].is_integer() and 2 <= count[0] <= MAX_STARTS):
                 raise ValueError(f"starts.{key} = […, {count[0]:g}]; allowed: a whole number from 2 as count")
-        if {INITIAL + "phase_difference_rad", INITIAL + "phase_sum_rad"} <= self.starts.keys():
-            raise ValueError("starts has phase_difference_rad and phase_sum_rad; allowed: one of the two")
+        for one, other in EXCLUSIVE:
+            if {INITIAL + one, INITIAL + other} <= self.starts.keys():
+                raise ValueError(f"starts has {one} and {other}; allowed: one of the two")
         if self.random is not None and all(len(ends) == 3 for ends in self.starts.values()):
             raise ValueError(f"random = {self.random} but every range of starts has a count; allowed: [low, high]")
         if self.over is not None and not may_vary(self.over.key):
@@ -140,7 +147,7 @@ class FindPlan(Section, title="Find", populate_by_name=True):
     def measuring(self, times: int, perturbation: float) -> SweepPlan:
         """Return how a motion settles and is measured, with so many times the settling and measuring time."""
         return SweepPlan(
-            over=self.over,
+            supply_frequency_hz=Frequencies(start=1.0, stop=1.0),  # a plan has some; nothing is swept
             max_settle_s=times * self.max_settle_s,
             measure_s=times * self.measure_s,
             perturbation=perturbation,

@@ -22,7 +22,6 @@ LARGEST_ANGLE = 1e10
 
 #: What is allowed, by pydantic's types of errors.
 _ALLOWED = {
-    "missing": "a value is required",
     "float_type": "a number",
     "int_type": "a whole number",
     "string_type": "text",
@@ -167,6 +166,8 @@ def explain(error: ValidationError, model: type[BaseModel]) -> str:
         line = f"unknown key {key}; {hint}allowed: {', '.join(known)}"
     elif first["type"] == "value_error":
         line = f"{key}: {first['ctx']['error']}" if key else str(first["ctx"]["error"])
+    elif first["type"] == "missing":
+        line = f"{key} is missing; allowed: a value"
     else:
         template = _ALLOWED.get(first["type"])
         allowed = template.format(**first.get("ctx", {})) if template else first["msg"]

@@ -114,7 +114,7 @@ def _basins(number: int, one: Saved, motions: Motions) -> list[Study]:
     study: Study = {
         "title": "Basins",
         "meaning": "Each dot is a start, in the colour of the attractor that its motion comes to. "
-        "Drawn over itself, a key is told by how many starts come where.",
+        "A key drawn over itself shows how many starts come to each attractor.",
         "table": table_data("starts", number, whole, MOST_STARTS),
         "axes": axes(starts, plan["starts"]),
         "measures": [_measure(name) for name in (*list(plan["starts"])[1:], "turns")],
@@ -174,8 +174,8 @@ def _tolerances(number: int, whole: pd.DataFrame, table: pd.DataFrame, keys: Seq
     drawn = _numbers(table, {"sample", *keys})
     return {
         "title": "Tolerances",
-        "meaning": "Each dot is a scene within the spread, in the colour of its regime. Drawn over itself, a "
-        "measure is told by how often its values occur.",
+        "meaning": "Each dot is a scene within the spread, in the colour of its regime. A measure drawn over "
+        "itself shows how often its values occur.",
         "table": table_data("samples", number, whole),
         "axes": axes(table, (*keys, *drawn)),
         "measures": [_measure(name) for name in drawn],

@@ -10,10 +10,12 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.model.parameters import FloatArray
@@ -30,6 +32,8 @@ DRIFT = 0.25
 #: Largest growth per turn, with two errors added, at which an exponent without a clear sign counts as 0: neighbours
 #: would need at least 350 turns to double or halve their distance.
 ZERO = 2e-3
+#: Distance of the mean phase differences (rad) up to which two motions are synchronized alike.
+NEAR_PHASE = 0.2
 
 
 class Kind(NamedTuple):
@@ -134,3 +138,13 @@ def _undecided(exponent: Exponent, why: str) -> Kind:
     if math.isnan(exponent.value):
         return Kind("undecided", 0, exponent, "no exponent: the motion ended early or exciter 1 stopped turning")
     return Kind("undecided", 0, exponent, f"exponent {exponent.value:.3g} ± {exponent.error:.2g} per s, {why}")
+
+
+def same_phase(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Whether two motions are synchronized alike: both not, or with nearly the same phase difference.
+
+    Their classes may differ all the same, where the phase difference lies at a limit of them.
+    """
+    if "none" in (one["sync"], other["sync"]) or None in (one.get(PHASE_COLUMN), other.get(PHASE_COLUMN)):
+        return bool(one["sync"] == other["sync"])
+    return abs(math.remainder(one[PHASE_COLUMN] - other[PHASE_COLUMN], 2.0 * math.pi)) < NEAR_PHASE

@@ -74,7 +74,7 @@ class Threshold(NamedTuple):
 
 
 def start_key(scene: Scene) -> tuple[int, ...]:
-    """Return what determines the perturbation of a start, as of a run."""
+    """Return what determines the perturbation of all starts: that of a run of the scene as given."""
     return scene.run.seed, 0, round(1e6 * scene.drive.largest_frequency)
 
 

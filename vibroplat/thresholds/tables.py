@@ -11,6 +11,7 @@ import pandas as pd
 
 from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.keys import number_of
+from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.questions import FindPlan
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import meant
@@ -138,7 +139,7 @@ class Find:
     def _thresholds(self, found: Sequence[Threshold], shares: Sequence[tuple[float, ...]]) -> pd.DataFrame:
         column = () if self.plan.compared is None else (self.plan.compared[0],)
         shown = list(dict.fromkeys((*SIDES, *column)))
-        meant = {f"{side}_{name}": _columns(self.scene)[name] for side in ("below", "above") for name in shown}
+        beside = {f"{side}_{name}": _columns(self.scene)[name] for side in ("below", "above") for name in shown}
         rows = [
             {"key": self.plan.key, "below": one.low.at, "above": one.high.at, "value": one.value, "kind": one.kind}
             | {"special_point": one.special, "fractal": fractal(share)}
@@ -148,16 +149,16 @@ class Find:
         ]
         types: dict[str, Any] = {"below": [0.0], "above": [0.0], "value": [0.0]}
         types |= {"key": ["k"], "special_point": ["k"], "fractal": [True]}
-        for name in meant:
+        for name in beside:
             last = name.partition("_")[2]
             types[name] = ["k"] if last in TEXTS else pd.array([0], "Int64") if last in COUNTS else [0.0]
-        return study_table(rows, [*list(THRESHOLDS)[:7], *meant], types, {**THRESHOLDS, **meant})
+        return study_table(rows, [*list(THRESHOLDS)[:7], *beside], types, {**THRESHOLDS, **beside})
 
     def _scan(self, values: Sequence[Value]) -> pd.DataFrame:
-        key, meant = column_of(self.plan.key), _columns(self.scene)
+        key, columns = column_of(self.plan.key), _columns(self.scene)
         rows = [{key: value.at, "stage": value.stage, **value.row} for value in values]
         names = [key, "stage", *_POINT, *SHEET, *of_points(self.scene.output.points)]
-        return study_table(rows, names, {"stage": ["k"]}, {**meant, **VALUES, SUPPLY: SWEEP[SUPPLY]})
+        return study_table(rows, names, {"stage": ["k"]}, {**columns, **VALUES, SUPPLY: SWEEP[SUPPLY]})
 
     # -- in words ------------------------------------------------------------------------------------------------------
 
@@ -239,13 +240,15 @@ def question(scene: Scene) -> Find:
             raise ConfigError(f"find: {error}") from None
     if number_of(plan.key) is not float:
         raise ConfigError(f"find.key = {plan.key} has no numbers that vary continuously; allowed: one that has")
+    if plan.key == FREQUENCY and scene.drive.program is not None:
+        raise ConfigError(f"find.key = {FREQUENCY}, but drive.program is given; allowed: a key that it has not")
     if scene.run.initial.from_ is not None:
         raise ConfigError("run.initial.from is given, but find does not begin with a run; allowed: state, or phases")
     last = scene.drive.intervals[-1]
     if last.frequency <= 0.0 or last.driven != (True, True):
         raise ConfigError("drive.program ends without supply; allowed: with both exciters on, for a steady motion")
     if plan.compared is not None:
-        numbers = [name for name in _columns(scene) if name not in TEXTS and name != "stage"]
+        numbers = [name for name in _columns(scene) if name not in (*TEXTS, "stage", "wall_s")]
         if plan.compared[0] not in numbers:
             hint = meant(plan.compared[0], numbers, 3)
             raise ConfigError(f"find.expression: no column {plan.compared[0]}; {hint}allowed: numbers of a sweep")
