@@ -3,6 +3,8 @@
 import pytest
 from common.places import ROOT
 
+from vibroplat.plots.sweep import SYNC, attractor_colours
+
 CONFIG = """
 extends: {machine}
 solver: {{engine: taylor}}
@@ -33,5 +35,18 @@ def test_a_figure_names_attractors_and_the_box_of_starts(kind, command, figures,
     figure = figures["basins"]
     assert [axis.get_xlabel() for axis in figure.axes if axis.get_xlabel()] == labels
     (legend,) = figure.legends
-    assert {text.get_text().partition(":")[0] for text in legend.get_texts()} == LEGEND
+    names = [text.get_text().partition(":")[0] for text in legend.get_texts()]
+    assert set(names) == LEGEND
+    assert {name: handle.get_color() for name, handle in zip(names, legend.legend_handles, strict=True)} == {
+        name: SYNC[name.partition(",")[0]] for name in LEGEND
+    }
     assert ("phase difference -0.1 … 3 rad" in figure.axes[0].get_title("left")) == (kind == "over")
+
+
+def test_colours_of_attractors_depend_on_no_order():
+    names = ["in-phase, chaotic", "antiphase, period 2", "in-phase, period 1", "antiphase, period 1", "none, undecided"]
+    found = attractor_colours(names)
+    assert found == attractor_colours(names[::-1])
+    assert len(set(found.values())) == len(names)
+    assert [found[name] for name in names[2:]] == [SYNC["in-phase"], SYNC["antiphase"], SYNC["none"]]
+    assert not {found[name] for name in names[:2]} & set(SYNC.values())

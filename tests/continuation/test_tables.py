@@ -166,6 +166,13 @@ def test_start_that_is_no_run_is_refused(scene, here):
     )
 
 
+def test_a_second_key_in_the_grid_is_refused_at_once(scene):
+    second = {"boundaries": {"key": MASS, "start": 0.0, "stop": 0.3}}
+    with pytest.raises(ConfigError) as caught:
+        planned(scene.replace({"orbits": PLAN | second}))
+    assert str(caught.value) == f"orbits.grid.{MASS} is the key of boundaries; allowed: another key"
+
+
 def test_records_of_another_version_are_not_resumed(scene, tmp_path):
     wanted, kept = conditions(scene), {"file": "orbits.sqlite", "what": "parts of branches"}
     former = {name: value for name, value in wanted.items() if name != "version of records"}

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from vibroplat.config.questions import DesignPlan
 from vibroplat.errors import TableError
@@ -45,7 +46,32 @@ def test_a_result_has_the_figures_of_its_tables(kind, command, figures, tmp_path
         assert sum(patch.get_height() for patch in figures[kind].axes[0].patches) == 8
     else:
         assert labels >= {"keeps all bounds", "best", "bound", "Pareto front", "bound that nothing keeps"}
-    assert command("plot", "c", "--kind", "samples").code == (0 if kind == "samples" else 2)
+    done = command("plot", "c", "--kind", "samples")
+    if kind == "samples":
+        assert done.code == 0
+    else:
+        assert (done.code, "c holds no table samples; allowed: sensitivities, evaluations" in done.err) == (2, True)
+
+
+def test_many_tolerances_leave_all_panels_their_width():
+    keys = [f"machine.{name}_{way}" for name in ("stiffness", "damping") for way in ("x_n_per_m", "y_n_per_m", "phi")]
+    plan = DesignPlan.model_construct(spread=dict.fromkeys([*keys, *(f"{key}_2" for key in keys)], 0.05), minimize=None)
+    random = np.random.default_rng(0)
+    samples = pd.DataFrame({name: random.random(20) for name in ("rms_x_m", "rms_y_m", "motor_power_w")})
+    table = pd.DataFrame({"measure": samples.columns, "key": MASS, "value": 0.5, "elasticity": 1.0})
+    figure = design_figure("d", None, plan, {"sensitivities": table, "samples": samples.assign(stable=True)}, "samples")
+    FigureCanvasAgg(figure).draw()
+    assert figure.axes[0].get_title("left").endswith(", 2\N{NO-BREAK SPACE}more")
+    gaps = np.diff([axis.get_position().x0 for axis in figure.axes])
+    assert gaps[0] == pytest.approx(gaps[1], rel=0.05)
+
+
+def test_a_front_without_lost_bounds_leaves_no_gap_below():
+    plan = DesignPlan(keys={MASS: [1.0, 2.0]}, minimize="motor_power_w", subject={"rms_y_m": ">= 1e-3"})
+    rows = pd.DataFrame({"rms_y_m": [1e-3, 2e-3], "motor_power_w": [1.0, 2.0], "feasible": True})
+    tables = {"evaluations": rows.assign(start=0), "pareto": rows.assign(bound=rows["rms_y_m"])}
+    figure = design_figure("d", None, plan, tables, "evaluations")
+    assert all(len(line.get_xdata()) for line in figure.axes[0].lines)
 
 
 def test_what_has_little_to_show_says_so():

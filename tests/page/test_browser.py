@@ -14,6 +14,7 @@ from tools.browser import browser, missing, open_page, resize
 from vibroplat.continuation.rows import motion_of
 from vibroplat.page import points
 from vibroplat.page.report import write_report
+from vibroplat.results.tables import read_table, write_table
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(bool(missing()), reason=missing())]
 
@@ -523,6 +524,21 @@ def test_clicks_on_starts_values_and_designs_show_their_motion(visit, answered, 
         return [panel.querySelectorAll('.orbit svg').length > 0, ring.xanchor === trace.x[place]]; })""",
     )
     assert found == [[title != "Tolerances", True] for title in titles if title != "Elasticities"]
+
+
+@WIDE
+def test_tools_cover_no_legend_and_a_share_of_none_has_no_marker(visit, answered, tmp_path):
+    copy = unproven(shutil.copytree(answered["over"], tmp_path / "copy"))
+    table = read_table(copy, "attractors")
+    none = {name: [0.0, *table[name][1:]] for name in ("fraction", "fraction_low")}
+    write_table(table.assign(**none), copy, "attractors", "parquet")
+    page = visit(write_report([copy], tmp_path / "page.html"))
+    room = """['.legend .bg', '.modebar']
+        .map(part => document.querySelector(`#points-0 ${part}`).getBoundingClientRect())
+        .reduce((legend, bar) => legend.top - bar.bottom)"""
+    assert js(page, room) >= 0.0
+    sizes = "document.getElementById('points-0').data.flatMap(t => t.yaxis === 'y' ? t.marker.size : [])"
+    assert sorted(js(page, sizes))[:2] == [0, 7]
 
 
 @WIDE

@@ -313,6 +313,23 @@ def test_motion_that_is_rounding_has_no_panel(followed):
     drawn = [measure["column"] for measure in points.measures(table)]
     assert {"rms_y_m", "rms_phi_rad"} <= {*drawn}
     assert "rms_x_m" not in drawn
+    (small,) = points.measures(table.assign(rms_x_m=9e-8), ["rms_x_m"])
+    assert small["least"] == 0.0, "nothing is larger"
+    least = {one["column"]: one["least"] for one in points.measures(table.assign(rms_x_m=9e-8))}
+    assert (least["rms_x_m"], least["rms_y_m"]) == (pytest.approx(0.18), 0.0)  # mm
+
+
+def test_boundaries_of_unstable_orbits_are_told(followed, tmp_path):
+    copy = unproven(shutil.copytree(followed, tmp_path / "copy"))
+    table = read_table(copy, "boundaries")
+    unstable = (table["kind"] == "fold") & (table["check"] != "")
+    write_table(table.assign(check=table["check"].mask(unstable, "unstable")), copy, "boundaries", "parquet")
+    (found,) = shown(copy)["boundaries"]
+    assert [(one["label"], one["reached"]) for one in found["series"]] == [
+        ("fold of unstable orbits", False),
+        ("liftoff", True),
+    ]
+    assert "reached" not in [one["name"] for one in found["table"]["columns"]]
 
 
 def test_boundaries_lie_in_the_plane_of_both_keys_and_an_empty_section_is_not_told(followed):

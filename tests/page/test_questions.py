@@ -1,5 +1,6 @@
 """Thresholds, basins and designs on the page: their figures, what moves when a point is clicked, and odd answers."""
 
+import json
 import shutil
 
 import numpy as np
@@ -11,7 +12,8 @@ from vibroplat.errors import VibroplatError
 from vibroplat.page import report
 from vibroplat.page.report import write_report
 from vibroplat.page.results import find_results
-from vibroplat.results.tables import read_table, write_table
+from vibroplat.plots.sweep import SYNC
+from vibroplat.results.tables import read_json, read_table, write_table
 
 
 def shown(*directories, **options):
@@ -70,8 +72,54 @@ def test_designs_have_elasticities_samples_searches_and_a_front(answered):
     feasible = column(searches["table"], "feasible")
     least = min(value for value, is_so in zip(power, feasible, strict=True) if is_so)
     assert mark["at"]["motor_power_w"] == [pytest.approx(least, rel=1e-5)]
-    assert [type(searches["motions"]["special"][0]), searches["motions"]["rows"]] == [int, {0: 1}]
+    assert type(searches["motions"]["special"][0]) is int
+    assert sorted(searches["motions"]["rows"]) == list(range(len(power)))
+    assert "rms_x_m" not in [measure["column"] for measure in searches["measures"]]  # round-off
     assert set(front["motions"]["rows"].values()) == {0, 1}
+
+
+def told_otherwise(source, place, **told):
+    """Copy a result with another answer in its provenance."""
+    copy = unproven(shutil.copytree(source, place))
+    proof = read_json(copy, "provenance")
+    (copy / "provenance.json").write_text(json.dumps(proof | {"answer": proof["answer"] | told}))
+    return copy
+
+
+def test_notes_and_failures_of_an_answer_are_remarks(answered, tmp_path):
+    copy = told_otherwise(answered["basins"], tmp_path / "copy", notes=["look <twice>"], failures=["lost"] * 7)
+    data = shown(copy)
+    assert [(one["text"], one["failed"]) for one in data["remarks"]] == [
+        *[("lost", True)] * 5,
+        ("2 more", True),
+        ("look <twice>", False),
+    ]
+    assert "<b>Note: </b>look &lt;twice&gt;" in report.page(data)
+
+
+def test_orbits_of_designs_have_the_period_that_was_printed(answered, tmp_path):
+    periods = set()
+
+    def lost(scene, row):
+        periods.add(row["period"])
+        raise VibroplatError("lost")
+
+    printed = {"motion": "in-phase, period 4, multipliers up to 0.9"}
+    copy = told_otherwise(answered["best"], tmp_path / "copy", lines=printed)
+    searches, _ = shown(copy, mover=lost)["points"]
+    assert periods == {4}
+    assert searches["motions"]["asked"]
+    assert not shown(copy)["points"][0]["motions"]["asked"]
+
+
+def test_a_synchronization_has_the_colour_that_maps_have(answered):
+    (study,) = shown(answered["basins"])["points"]
+    shares, starts = shown(answered["over"])["points"]
+    for series in (study["series"], shares["series"], starts["series"]):
+        assert {one["label"]: one["colour"] for one in series} == {
+            "antiphase, period 1": SYNC["antiphase"],
+            "in-phase, period 1": SYNC["in-phase"],
+        }
 
 
 def test_what_was_printed_is_told_and_escaped(answered, tmp_path):

@@ -54,7 +54,7 @@ def test_branches_are_solid_and_dashed_over_their_key():
 @pytest.mark.parametrize(
     ("table", "x", "told"),
     [
-        (pd.DataFrame({"a": [1.0]}), None, "no figure of this table is known; allowed: of a trajectory"),
+        (pd.DataFrame({"attractor": ["in-phase"]}), None, "those of basins, thresholds and designs are"),
         (handmade.branches(), "weight_kg", "x = 'weight_kg'; allowed: a column of the table"),
     ],
 )

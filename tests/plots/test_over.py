@@ -110,6 +110,16 @@ def test_any_two_keys_make_a_map_with_boundaries_of_orbits_over_both(write):
     # rows of 0 and 0.2 are 1 apart; beyond the last there is nothing
     assert np.asarray(fold.get_ydata())[:5] == pytest.approx(5.0 * np.linspace(0.0, 0.2, 5))
     assert np.isnan(fold.get_ydata()[5:]).all()
+    write_result(
+        place,
+        "orbits",
+        handmade.origin("swept"),
+        {"boundaries": boundaries.assign(check=np.where(boundaries["curve"] == 1, "unstable", "agrees"))},
+        form="parquet",
+    )
+    figure = drawn(place, "map")["map"]
+    assert len({line.get_linewidth() for line in figure.axes[0].lines}) == 2
+    assert texts(figure.legends[0])[-1] == "thin: of unstable orbits"
     other = boundaries.rename(columns={DAMPING: MASS})
     write_result(place, "orbits", handmade.origin("swept"), {"boundaries": other}, form="parquet")
     assert not drawn(place, "map")["map"].axes[0].lines

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
     from vibroplat.continuation.rows import OrbitMotion
 
-#: Figures: the first four show a run, three a sweep, three orbits, the last basins.
+#: Figures: the first four show a run, three a sweep, three orbits, one basins, the last designs.
 Kind = StrEnum(
     "Kind",
     "motion force exciters loads response bifurcation map branches multipliers boundaries basins "
@@ -28,7 +28,7 @@ def plot(
         list[Path],
         typer.Argument(
             metavar="DIR...",
-            help="Result directory of a run, sweep, orbits, basins, design or the paper; several are overlaid.",
+            help="Result directories; those of runs or sweeps are overlaid.",
         ),
     ],
     kind: Annotated[list[Kind] | None, typer.Option(help="Figures to draw. Default: all.")] = None,
@@ -49,7 +49,7 @@ def plot(
     dpi: Annotated[int | None, typer.Option(min=10, max=2400, help="Dots per inch. Default: 130.")] = None,
     out: Annotated[Path | None, typer.Option(help="Directory for the figures. Default: the first DIR.")] = None,
 ) -> None:
-    """Draw figures of a run, a sweep, orbits, basins, thresholds or the paper.
+    """Draw figures of results, of whatever command.
 
     Several runs or sweeps are laid over each other. Only the tables in DIR are read; nothing is simulated.
     """

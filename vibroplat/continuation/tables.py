@@ -183,6 +183,8 @@ def planned(scene: Scene) -> Planned:
     accurate(scene, plan.tolerance)  # has no program
     if plan.from_ == "state" and scene.run.initial.state is None:
         raise ConfigError("orbits.from = state but run.initial.state is not given; allowed: give it, or settled")
+    if plan.boundaries is not None and plan.boundaries.key in plan.grid:
+        raise ConfigError(f"orbits.grid.{plan.boundaries.key} is the key of boundaries; allowed: another key")
     for place, of in (("orbits", plan), ("orbits.boundaries", plan.boundaries)):
         if of is not None:
             for value in (of.start, of.stop):

@@ -19,7 +19,8 @@ from vibroplat.page.run import impacts_of, initial, machine_of, packed_coarsely
 from vibroplat.plots.labels import ABSCISSAE, in_ratios, is_number, value_words
 from vibroplat.plots.orbits import MARKERS, MEANINGS, at_special, places_of
 from vibroplat.plots.reading import Curve, curves_of, finite, rest_of
-from vibroplat.plots.studies import Study, grid_of
+from vibroplat.plots.response import LEAST_RANGE
+from vibroplat.plots.studies import UNREACHED, Study, grid_of
 from vibroplat.plots.style import DIRECTIONS, SYMBOLS
 
 EXCITATION = ABSCISSAE["excitation"]
@@ -100,7 +101,10 @@ def axes(table: pd.DataFrame, columns: Iterable[str]) -> list[dict[str, Any]]:
 
 
 def measures(table: pd.DataFrame, columns: Iterable[str] = DRAWN) -> list[dict[str, Any]]:
-    """Return the panels that a table fills; what moves by rounding alone has none."""
+    """Return the panels that a table fills; what moves by rounding alone has none.
+
+    A small RMS is drawn small: the end of its axis is ``least``.
+    """
     numbers = [name for name in columns if name in table and is_number(table[name]) and table[name].notna().any()]
     largest = {name: float(table[name].abs().max()) for name in numbers}
     moved = max((size for name, size in largest.items() if name.startswith("rms")), default=0.0)
@@ -108,7 +112,9 @@ def measures(table: pd.DataFrame, columns: Iterable[str] = DRAWN) -> list[dict[s
     for name in numbers:
         if largest[name] > (ROUNDING * moved if name.startswith("rms") else 0.0):
             unit, factor = shown_in(name)
-            found.append({"column": name, "words": words(name), "unit": unit, "factor": factor})
+            small = name.startswith("rms") and largest[name] < LEAST_RANGE * moved
+            least = factor * LEAST_RANGE * moved if small else 0.0
+            found.append({"column": name, "words": words(name), "unit": unit, "factor": factor, "least": least})
     return found
 
 
@@ -222,13 +228,18 @@ def ends(found: Study, table: pd.DataFrame) -> list[int]:
 
 
 def boundary_series(found: Study, table: pd.DataFrame) -> Series:
-    """Return a series of row numbers for each kind of special point and combination of the grid's values."""
+    """Return a series of row numbers for each kind of special point and combination of the grid's values.
+
+    Those of orbits that no motion comes to have one of their own; the column ``reached`` tells them.
+    """
     kinds, series = list(dict.fromkeys(table["kind"])), []
-    for combination, number, rows in curves_of(table, [*found.grid, "kind"], lambda row: _label(found.varied, row)):
-        kind = rows["kind"].iloc[0]
+    keys = [*found.grid, "kind", "reached"]
+    for combination, number, rows in curves_of(table, keys, lambda row: _label(found.varied, row)):
+        kind, is_reached = rows["kind"].iloc[0], bool(rows["reached"].iloc[0])
         series.append(
             {
-                "label": ": ".join(part for part in (combination, str(kind)) if part),
+                "label": ": ".join(filter(None, (combination, f"{kind}{'' if is_reached else f' {UNREACHED}'}"))),
+                "reached": is_reached,
                 "colour": kinds.index(kind),
                 "dash": number,
                 "rows": [row for _, curve in rows.groupby("curve") for row in [*curve.index.tolist(), None]],
@@ -267,23 +278,19 @@ class Motions:
     room: int
     progress: Progress | None = None
 
-    def of(
-        self, special: pd.DataFrame | None, table: pd.DataFrame, first: Iterable[int], most: int | None = None
-    ) -> dict[str, Any]:
+    def of(self, special: pd.DataFrame | None, table: pd.DataFrame, first: Iterable[int]) -> dict[str, Any]:
         """Return the orbits of special points, of some rows of a table, then of rows evenly chosen while there is room.
-
-        No more than ``most`` rows of the table are tried.
 
         Returns
         -------
         dict
             ``list``: the orbits; ``machines`` that move through them; ``rows``, ``special``: for each row number the
-            place of its orbit, or why it has none.
+            place of its orbit, or why it has none; ``asked``: whether orbits were to be computed.
         """
         records, rows = ([] if shown is None else _records(shown) for shown in (special, table))
         marked: dict[int, int | str] = {}
         found: dict[int, int | str] = {row: text for row, text in enumerate(map(_why_none, rows)) if text}
-        order = [row for row in dict.fromkeys([*first, *spread(len(rows))]) if row not in found][:most]
+        order = [row for row in dict.fromkeys([*first, *spread(len(rows))]) if row not in found]
         wanted = [*((marked, *one) for one in enumerate(records)), *((found, row, rows[row]) for row in order)]
         orbits: Series = []
         machines: Series = []
@@ -308,7 +315,7 @@ class Motions:
                 _packed(trajectory.assign(y_m=trajectory["y_m"] - rest_of(scene)), events)
                 | {"machine": machines.index(machine)}
             )
-        return {"rows": found, "special": marked, "list": orbits, "machines": machines}
+        return {"rows": found, "special": marked, "list": orbits, "machines": machines, "asked": self.mover is not None}
 
 
 def _packed(trajectory: pd.DataFrame, events: pd.DataFrame) -> dict[str, Any]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -11,19 +12,13 @@ from vibroplat.columns import shown_in, words_in_place
 from vibroplat.page.points import DRAWN, Motions, Series, axes, measures, plain_column, table_data, thinned
 from vibroplat.plots.labels import is_number
 from vibroplat.plots.reading import Saved, has_table
-from vibroplat.plots.style import CURVES, SYMBOLS
-from vibroplat.plots.sweep import SYNC
+from vibroplat.plots.style import FAILED, SYMBOLS
+from vibroplat.plots.sweep import SYNC, attractor_colours
 
 #: Most starts on the page: more of them than rows of other tables, as they are dots that are drawn together.
 MOST_STARTS = 10_000
 
 Study = dict[str, Any]
-
-
-def answer_of(one: Saved) -> dict[str, Any] | None:
-    """Return what a command printed, if its provenance has it."""
-    told = one.provenance.get("answer")
-    return told if isinstance(told, dict) else None
 
 
 def studies(number: int, one: Saved, motions: Motions) -> list[Study]:
@@ -35,16 +30,18 @@ def studies(number: int, one: Saved, motions: Motions) -> list[Study]:
     ]
 
 
-def _series(table: pd.DataFrame, by: str, mode: str, **rows: pd.Series) -> Series:
-    """Return a series for each value of a column; ``rows`` name those that have another look."""
+def _series(
+    table: pd.DataFrame, by: str, mode: str, colours: Mapping[str, str] | None = None, **rows: pd.Series
+) -> Series:
+    """Return a series for each value of a column, in its colour if given; ``rows`` are those that have another look."""
     names = [] if table.empty else list(dict.fromkeys(table[by].fillna("failed")))
-    found = []
-    for place, name in enumerate(names):
+    found: Series = []
+    for name in names:
         own = table[by].fillna("failed") == name
         looks = {look: [int(row) for row in table.index[own & is_so]] for look, is_so in rows.items()}
         look: dict[str, Any] = {
             "label": str(name),
-            "colour": place,
+            "colour": colours.get(name, FAILED) if colours else len(found),
             "symbol": SYMBOLS["o"],
             "dash": "solid",
             "mode": mode,
@@ -55,7 +52,7 @@ def _series(table: pd.DataFrame, by: str, mode: str, **rows: pd.Series) -> Serie
 
 def _none() -> dict[str, Any]:
     """Return what a figure without orbits has."""
-    return {"rows": {}, "special": {}, "list": [], "machines": []}
+    return {"rows": {}, "special": {}, "list": [], "machines": [], "asked": False}
 
 
 # -- thresholds --------------------------------------------------------------------------------------------------------
@@ -66,10 +63,9 @@ def _thresholds(number: int, one: Saved, motions: Motions) -> list[Study]:
     scan = one.columns("scan", ("stage", "sync", "motion", "outcome"), (key, "rms_x_m", "rms_y_m"))
     found = one.columns("thresholds", ("kind",), ("value", "below"))
     table, compared = thinned(scan), level.replace("<", ">").partition(">")[0].strip()
-    series = _series(table, "sync", "markers", open=table["motion"] != "periodic", failed=table["outcome"] != "ok")
+    looks = {"open": table["motion"] != "periodic", "failed": table["outcome"] != "ok"}
+    series = _series(table, "sync", "markers", SYNC, **looks)
     for one_series in series:
-        name = SYNC.get(one_series["label"], CURVES[-1])
-        one_series["colour"] = CURVES.index(name) if name in CURVES else len(CURVES) - 1
         one_series["label"] = {"none": "not synchronous"}.get(one_series["label"], one_series["label"])
     # Both sides of a threshold come first; a click on it shows what is below.
     good = table[table["outcome"] == "ok"]
@@ -106,10 +102,8 @@ def _basins(number: int, one: Saved, motions: Motions) -> list[Study]:
     moved = motions.of(None, shown, ())
     moved["special"] = moved["rows"]
     rows = dict(zip(_named(shown, keys), shown.index.tolist(), strict=True))
-    series = _series(starts, "attractor", "dots")
-    order = list(dict.fromkeys(shown["attractor"]))
-    for one_series in series:
-        one_series["colour"] = order.index(one_series["label"])
+    colours = attractor_colours(shown["attractor"])
+    series, order = _series(starts, "attractor", "dots", colours), list(colours)
     told = table_data("attractors", number, attractors)
     study: Study = {
         "title": "Basins",
@@ -118,7 +112,7 @@ def _basins(number: int, one: Saved, motions: Motions) -> list[Study]:
         "table": table_data("starts", number, whole, MOST_STARTS),
         "axes": axes(starts, plan["starts"]),
         "measures": [_measure(name) for name in (*list(plan["starts"])[1:], "turns")],
-        "series": sorted(series, key=lambda one_series: int(one_series["colour"])),
+        "series": sorted(series, key=lambda one_series: order.index(one_series["label"])),
         "owner": [rows.get(name) for name in _named(starts, keys)],
         "high": True,
     }
@@ -131,7 +125,7 @@ def _basins(number: int, one: Saved, motions: Motions) -> list[Study]:
         "axes": axes(shown, keys),
         "measures": [_measure("fraction"), *measures(shown)],
         "stacked": "fraction",
-        "series": _series(shown, "attractor", "lines+markers", open=shown["motion"] != "periodic"),
+        "series": _series(shown, "attractor", "lines+markers", colours, open=shown["motion"] != "periodic"),
         "motions": moved,
     }
     return [shares, study | {"at": keys[0], "motions": _none(), "borrows": True}]
@@ -160,26 +154,32 @@ def elasticities(number: int, one: Saved) -> list[dict[str, Any]]:
 
 
 def _design(number: int, one: Saved, motions: Motions) -> list[Study]:
-    found, period = [], 1
+    found = []
     if has_table(one.directory, "samples"):
         whole = one.columns("samples", ("regime",))
         table = thinned(whole)
         found.append(_tolerances(number, whole, table, list(one.given("design", "spread"))))
-        periods = table.loc[table["stable"].astype(bool), "regime"].str.extract(r"period (\d+)", expand=False).mode()
-        period = int(next(iter(periods), 1))
-    return found + [_search(number, one, name, period, motions) for name in _SEARCHES if has_table(one.directory, name)]
+    return found + [_search(number, one, name, motions) for name in _SEARCHES if has_table(one.directory, name)]
+
+
+def _period(one: Saved) -> int:
+    """Return the period of the orbit that a design is about, which its command has printed."""
+    told = one.provenance.get("answer")
+    motion = str(told.get("lines", {}).get("motion")) if isinstance(told, dict) else ""
+    found = re.search(r"period (\d+)", motion)
+    return int(found[1]) if found else 1
 
 
 def _tolerances(number: int, whole: pd.DataFrame, table: pd.DataFrame, keys: Sequence[str]) -> Study:
-    drawn = _numbers(table, {"sample", *keys})
+    drawn = measures(table, _numbers(table, {"sample", *keys}))
     return {
         "title": "Tolerances",
         "meaning": "Each dot is a scene within the spread, in the colour of its regime. A measure drawn over "
         "itself shows how often its values occur.",
         "table": table_data("samples", number, whole),
-        "axes": axes(table, (*keys, *drawn)),
-        "measures": [_measure(name) for name in drawn],
-        "series": _series(table, "regime", "dots"),
+        "axes": axes(table, (*keys, *(measure["column"] for measure in drawn))),
+        "measures": drawn,
+        "series": _series(table, "regime", "dots", attractor_colours(table["regime"])),
         "motions": _none(),
     }
 
@@ -191,29 +191,27 @@ _SEARCHES = {
 }
 
 
-def _search(number: int, one: Saved, name: str, period: int, motions: Motions) -> Study:
-    """Return the figure of all designs that were looked at, or of a Pareto front.
-
-    Of the first, only the orbits of the best design and of the scene as given are computed: all would have to settle.
-    """
+def _search(number: int, one: Saved, name: str, motions: Motions) -> Study:
+    """Return the figure of all designs that were looked at, or of a Pareto front."""
     title, mode, first = _SEARCHES[name]
     plan, is_front = one.given("design"), name == "pareto"
     aims = [column for column in (plan.get("minimize"), *plan.get("subject", {})) if column]
     whole = one.columns(name, (), (first, *aims))
     table = thinned(whole)
     feasible = table["feasible"].astype(bool)
-    rows = table.assign(period=period, outcome=feasible.map({True: "ok", False: "outside the bounds"}))
+    rows = table.assign(period=_period(one), outcome=feasible.map({True: "ok", False: "outside the bounds"}))
     best = whole.iloc[:0] if is_front else whole[whole["best"].astype(bool)].reset_index(drop=True)
-    best = best.assign(period=period, outcome="ok")
-    others = [column for column in _numbers(table, {first, "objective", "feasible", "best"}) if column not in aims]
-    at = {column: plain_column(best[column]) for column in (*aims, *others)}
+    best = best.assign(period=_period(one), outcome="ok")
+    shown = measures(table, dict.fromkeys((*aims, *_numbers(table, {first, "objective", "feasible", "best"}))))
+    columns = [measure["column"] for measure in shown]
+    at = {column: plain_column(best[column]) for column in columns}
     mark = {"kind": "best", "meaning": "the least that keeps all bounds", "symbol": SYMBOLS["*"], "rows": [0], "at": at}
     return {
         "title": title,
         "meaning": "Filled: all bounds are kept, open: they are not.",
         "table": table_data(name, number, whole),
-        "axes": axes(table, (*([first] if is_front else []), *others, *aims)),
-        "measures": [_measure(column) for column in (*aims, *others)],
+        "axes": axes(table, (*([first] if is_front else []), *sorted(columns, key=aims.__contains__))),
+        "measures": shown,
         "series": _series(
             table.assign(start="front" if is_front else "start " + table[first].astype(str)),
             "start",
@@ -223,7 +221,7 @@ def _search(number: int, one: Saved, name: str, period: int, motions: Motions) -
         "marks": [] if best.empty else [mark],
         "special": None if is_front else table_data("best design", number, best[list(table)]),
         "special_words": "Orbit of the best design.",
-        "motions": motions.of(best, rows if is_front else rows.assign(outcome="ok"), [0], len(rows) if is_front else 1),
+        "motions": motions.of(best, rows if is_front else rows.assign(outcome="ok"), [0]),
     }
 
 

@@ -20,7 +20,7 @@ from vibroplat.page import points, questions, run, static
 from vibroplat.page.points import Motions, Mover, Progress
 from vibroplat.page.results import differences, find_results, parameters, remarks, summary_rows
 from vibroplat.plots.reading import Saved, ends_of, finite, has_table
-from vibroplat.plots.studies import abscissa, grid_of, read_branches
+from vibroplat.plots.studies import abscissa, grid_of, reached, read_branches
 from vibroplat.results.tables import replace_file, require_replaceable
 
 _LOG = logging.getLogger("vibroplat")
@@ -126,14 +126,14 @@ def page_data(
             "results": numbers,
             "rows": summary_rows([one.summary for one in summaries]),
         },
-        "remarks": [remark for one in summaries for remark in remarks(one.label, one.summary)],
+        "remarks": [remark for one in found for remark in remarks(one.label, _told(one))],
         "runs": runs,
         "transient": transient,
         "turns": run.SHOWN_TURNS,
         "panels": run.panels(runs, from_mean=from_mean),
         "points": [study for n, one in studies for study in _points(n, one, Motions(one.scene, mover, room, progress))],
         "elasticities": [table for number, one in studies for table in questions.elasticities(number, one)],
-        "answers": [{"result": n, "told": told} for n, one in studies if (told := questions.answer_of(one))],
+        "answers": [{"result": n, "told": told} for n, one in studies if (told := _told(one))],
         "tables": [points.table_data("events", number, _events(found[number])) for number in numbers],
         "boundaries": [table for number, one in studies for table in _boundaries(number, one)],
     }
@@ -213,6 +213,12 @@ def _runs(found: Sequence[Saved], start: float | None, stop: float | None) -> tu
     return runs, transient
 
 
+def _told(one: Saved) -> dict[str, Any]:
+    """Return the summary of a run, or what a command printed with its check, if its provenance has it."""
+    told = one.provenance.get("answer")
+    return told | {"check": one.provenance.get("check")} if isinstance(told, dict) else one.summary
+
+
 def _events(one: Saved) -> pd.DataFrame:
     return finite(one.columns("events", ("kind",), ("t_s", "impulse_n_s")))
 
@@ -269,6 +275,6 @@ def _boundaries(number: int, one: Saved) -> list[dict[str, Any]]:
         return []
     found = read_branches(one.directory)
     whole = found.boundaries()
-    series = points.boundary_series(found, points.thinned(whole))
+    series = points.boundary_series(found, points.thinned(whole.assign(reached=reached(whole))))
     data = points.table_data("boundaries", number, whole)
     return [{"table": data, "keys": [found.key, found.second], "series": series}]

@@ -32,6 +32,8 @@ SHEET = {
     **dict.fromkeys(("synchronized_", "start_"), "start"),
     "whole_": "peaks of the whole run",
 }
+#: Most failures of a result that are told.
+MOST_FAILURES = 5
 #: Keys of a summary that are told elsewhere on the page.
 _ELSEWHERE = ("name", "detail", "notes", "check")
 
@@ -133,12 +135,21 @@ def summary_rows(summaries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]
     return rows
 
 
-def remarks(label: str, summary: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return what is to be noted of a run: how it failed, if it did, and its notes."""
-    outcome, detail, notes = (summary.get(key) for key in ("outcome", "detail", "notes"))
-    failed = [] if outcome in ("ok", None) else [f"{outcome}: {detail}"]
-    told = [str(note) for note in notes] if isinstance(notes, list) else []
-    check = summary.get("check")
-    if isinstance(check, Mapping) and check.get("agrees") is False:
-        failed.append("engines disagree")
-    return [{"result": label, "text": text, "failed": text in failed} for text in (*failed, *told)]
+def remarks(label: str, told: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return what is to be noted of the summary of a run or of an answer: what failed, a few of many, and notes."""
+    outcome, check = told.get("outcome"), told.get("check")
+    failed = [] if outcome in ("ok", None) else [f"{outcome}: {told.get('detail')}"]
+    if isinstance(check, Mapping):
+        failed += ["engines disagree"] if check.get("agrees") is False else _texts(check.get("disagreements"))
+    failed += _texts(told.get("failures"))
+    more = len(failed) - MOST_FAILURES
+    failed = failed[:MOST_FAILURES] + ([f"{more} more"] if more > 0 else [])
+    return [
+        {"result": label, "text": text, "failed": is_failure}
+        for texts, is_failure in ((failed, True), (_texts(told.get("notes")), False))
+        for text in texts
+    ]
+
+
+def _texts(found: Any) -> list[str]:
+    return [str(text) for text in found] if isinstance(found, list) else []

@@ -17,7 +17,8 @@ from vibroplat.columns import PHASE_COLUMN, unit_of
 from vibroplat.config.scene import Scene
 from vibroplat.plots.labels import key_label, key_name, sweep_parameters
 from vibroplat.plots.reading import Saved
-from vibroplat.plots.style import CURVES, entry, head, legend_below, new_figure
+from vibroplat.plots.style import entry, head, legend_below, new_figure
+from vibroplat.plots.sweep import attractor_colours
 from vibroplat.study.branches import column_of
 
 #: Figures by their names.
@@ -53,10 +54,6 @@ def _range(key: str, ends: Sequence[float]) -> str:
     return f"{key_name(key)} {ends[0]:.4g} … {ends[1]:.4g} {unit_of(key)}".strip()
 
 
-def _colours(names: Sequence[str]) -> dict[str, str]:
-    return {name: CURVES[number % len(CURVES)] for number, name in enumerate(names)}
-
-
 def _legend(attractors: pd.DataFrame, *, shares: bool) -> dict[str, str]:
     """Return what attractors are called in a legend, by their names."""
     found = {}
@@ -76,7 +73,7 @@ def _places(attractors: pd.DataFrame, starts: pd.DataFrame, ranges: Mapping[str,
 
     Turns of motions that come to no orbit say nothing beside those of others.
     """
-    colours, names = _colours(attractors["attractor"].tolist()), _legend(attractors, shares=True)
+    colours, names = attractor_colours(attractors["attractor"]), _legend(attractors, shares=True)
     first, *others = ranges
     settled = starts["attractor"].isin(attractors["attractor"][attractors["period"].gt(0)])
     timed = bool(others) and settled.any()
@@ -128,7 +125,7 @@ def _fill(
 
 def _shares(attractors: pd.DataFrame, key: str) -> Figure:
     """Stack the shares of attractors over a key; bars say how well each is known from so many starts."""
-    names, colours = _legend(attractors, shares=False), _colours(attractors["attractor"].unique().tolist())
+    names, colours = _legend(attractors, shares=False), attractor_colours(attractors["attractor"])
     figure, axes = new_figure(1, 1, (6.4, 4.2))
     axis: Axes = axes[0, 0]
     parts = {name: attractors.pivot_table(index=key, columns="attractor", values=name) for name in _BOUNDS}

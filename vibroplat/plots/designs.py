@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 FIGURES = ("sensitivities", "samples", "evaluations")
 #: Keys of which a panel has bars, at most, and panels beside each other.
 MOST, ACROSS = 10, 3
-#: Bars of a histogram, and letters of a line above it.
-BARS, LETTERS = 30, 110
+#: Bars of a histogram, and letters of a line above it, whose middle must lie above the first panel.
+BARS, LETTERS = 30, 88
 #: Ratio of values from which on an axis is logarithmic.
 WIDE = 5.0
 
@@ -55,7 +55,7 @@ def design_figures(directories: Sequence[Path], kinds: Collection[str] = ()) -> 
     for directory in directories:
         saved = Saved(directory, "design")
         plan = DesignPlan.model_validate(saved.given("design"))
-        names = [name for name in (*FIGURES, "pareto") if name in kinds or has_table(directory, name)]
+        names = [name for name in (*FIGURES, "pareto") if has_table(directory, name)]
         tables = {name: saved.table(name) for name in names}
         for kind in kinds or [name for name in FIGURES if name in tables]:
             yield directory, kind, design_figure(directory.resolve().name, saved.known_scene, plan, tables, kind)
@@ -149,9 +149,9 @@ def _samples(tables: Mapping[str, pd.DataFrame], plan: DesignPlan) -> tuple[Figu
     entries = [entry(name, color=c, marker="s", ls="") for name, (c, mask) in looks.items() if mask.any()]
     entries += [entry("nominal", color="black", lw=1.0, ls="--")] if nominal and measures else []
     legend_below(figure, entries)
-    spread = ", ".join(f"{key_name(key)} ±{100.0 * share:g} %" for key, share in list(plan.spread.items())[:MOST])
-    more = len(plan.spread) - MOST
-    return figure, fill(spread + (f", {more} more" if more > 0 else ""), LETTERS)
+    spread = [f"{key_name(key)} ±{100.0 * share:g} %" for key, share in list(plan.spread.items())[:MOST]]
+    spread += [f"{len(plan.spread) - MOST} more"] if len(plan.spread) > MOST else []
+    return figure, fill(", ".join(part.replace(" ", "\N{NO-BREAK SPACE}") for part in spread), LETTERS)
 
 
 def _nominal(tables: Mapping[str, pd.DataFrame], plan: DesignPlan) -> dict[str, float]:
@@ -198,7 +198,8 @@ def _evaluations(tables: Mapping[str, pd.DataFrame], plan: DesignPlan) -> tuple[
         axis.plot(in_units(found[across], across), in_units(found[objective], objective), zorder=3.0, **look)
         lost = in_units(front.loc[~front["feasible"].to_numpy(bool), "bound"], across)
         cross: dict[str, Any] = {"marker": "x", "ls": "", "color": FAILED, "ms": 5.0, "mew": 1.4}
-        axis.plot(lost, [0.0] * len(lost), clip_on=False, transform=axis.get_xaxis_transform(), **cross)
+        if len(lost):  # a line without points that is not clipped counts as one at the figure's corner
+            axis.plot(lost, [0.0] * len(lost), clip_on=False, transform=axis.get_xaxis_transform(), **cross)
         fronts = {"Pareto front": (len(found), look), "bound that nothing keeps": (len(lost), cross)}
         entries += [entry(label, **how) for label, (count, how) in fronts.items() if count]
     if table.empty:

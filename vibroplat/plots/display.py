@@ -70,7 +70,8 @@ def _(table: pd.DataFrame, x: str | None = None) -> Figure:
     kind = next((kind for kind, needed in _NEEDED.items() if needed <= {*table.columns}), None)
     if kind is None:
         raise ValueError(
-            "no figure of this table is known; allowed: of a trajectory, of a sweep, of branches of orbits"
+            "no figure of this table alone is known; allowed: of a trajectory, of a sweep, of branches of orbits; "
+            "those of basins, thresholds and designs are drawn by plot() of the result"
         )
     if x is not None and (kind == "trajectory" or x not in table):
         raise ValueError(f"x = {x!r}; allowed: {'not given' if kind == 'trajectory' else 'a column of the table'}")
@@ -111,8 +112,10 @@ def _(followed: OrbitTables) -> Figure:
 @figure_of.register
 def _(found: Thresholds) -> Figure:
     """Draw the values that were looked at, with the thresholds."""
+    scene = found.scene
+    assert scene.find is not None
     with styled():
-        return threshold_figure(found.name, str(found.scan.columns[0]), found.scan, found.thresholds)
+        return threshold_figure(scene.name, scene, scene.find.model_dump(), found.scan, found.thresholds)
 
 
 @figure_of.register

@@ -22,7 +22,7 @@ from vibroplat.hybrid.state import static_rest
 from vibroplat.plots.labels import ABSCISSAE, key_label, run_parameters
 from vibroplat.plots.reading import Curve, has_table
 from vibroplat.plots.response import limit_size
-from vibroplat.plots.studies import BEHIND, Study, read_branches
+from vibroplat.plots.studies import BEHIND, UNREACHED, Study, reached, read_branches
 from vibroplat.plots.style import (
     CURVES,
     DIRECTIONS,
@@ -50,6 +50,8 @@ PANELS = ("rms_y_m", "rms_x_m", PHASE_COLUMN, "motor_power_w", "contact_force_ma
 MARKERS = dict(zip(KINDS, "oDsX^vP", strict=True))
 MEANINGS = KINDS
 _COLOURS = dict(zip(KINDS, itertools.cycle(CURVES)))
+#: Lines of boundaries by whether motion comes to their orbits.
+_REACHED: dict[bool, dict[str, Any]] = {True: {"lw": 1.8}, False: {"lw": 0.8, "ls": ":"}}
 #: What is 0 without flight.
 _OF_FLIGHT = ("flight_fraction", "gap_max_m", "impulse_max_n_s")
 #: Largest real and imaginary part of multipliers that are drawn, and the least frame, just around the unit circle.
@@ -241,13 +243,16 @@ def boundaries_figure(found: Study, x: str) -> Figure:
     for axis in axes[0]:
         axis.set_xlabel(key_label(x))
     for axis, (_, values) in zip(axes[0], combinations.iterrows(), strict=False):  # an empty table has none
-        for _, rows in found.alike(table, values, varied).groupby("curve"):
-            look = {"lw": 1.8, "marker": "o" if len(rows) == 1 else "", "ms": 4.0}  # a lone point is no line
-            axis.plot(rows[x], rows[found.second], color=_COLOURS[rows["kind"].iloc[0]], **look)
+        own = found.alike(table, values, varied)
+        for (_, is_reached), rows in own.groupby(["curve", reached(own)]) if len(own) else ():
+            marker = {"marker": "o" if len(rows) == 1 else "", "ms": 4.0}  # a lone point is no line
+            look = {"color": _COLOURS[rows["kind"].iloc[0]], **marker, **_REACHED[bool(is_reached)]}
+            axis.plot(rows[x], rows[found.second], **look)
         axis.set_title(found.label(values), loc="left")
     axes[0, 0].set_ylabel(key_label(found.second))
     kinds = [kind for kind in KINDS if (table["kind"] == kind).any()]
     handles = [entry(f"{kind}: {KINDS[kind]}", color=_COLOURS[kind], lw=1.8) for kind in kinds]
+    handles += [] if reached(table).all() else [entry(f"thin: {UNREACHED}", color=REFERENCE, **_REACHED[False])]
     figure.legend(handles=handles, loc="outside lower center", ncols=1)
     _head(figure, found, found.second)
     return figure

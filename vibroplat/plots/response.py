@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from vibroplat.kernels.compiled import FloatArray
 
 _SIZES = ("rms_y_m", "rms_x_m", "rms_phi_rad")
-#: Least range of an axis of RMS, relative to the largest RMS of y: small quantities are drawn small.
+#: Least range of an axis of RMS, relative to the largest RMS of x and y: small quantities are drawn small.
 LEAST_RANGE = 0.02
 #: Most values of a key that have colours of their own; more of them follow a colour scale.
 DISTINCT = 5
@@ -245,7 +245,7 @@ def _columns(table: pd.DataFrame) -> list[str]:
 
 def limit_size(axis: Axes, table: pd.DataFrame) -> None:
     """Begin the axis of an RMS at 0, and draw small ones small, instead of magnified to noise."""
-    largest = table["rms_y_m"].max()
+    largest = float(table[["rms_x_m", "rms_y_m"]].max().max())
     begin_at_zero(axis, max(axis.get_ylim()[1], LEAST_RANGE * 1e3 * largest if np.isfinite(largest) else 0.0))
 
 

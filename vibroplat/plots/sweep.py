@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -22,7 +23,7 @@ from vibroplat.plots.labels import ABSCISSAE, in_ratios, key_label, key_name
 from vibroplat.plots.orbits import MEANINGS
 from vibroplat.plots.reading import Curve, has_table, rest_of
 from vibroplat.plots.response import response_figure
-from vibroplat.plots.studies import Study, read_sweeps
+from vibroplat.plots.studies import UNREACHED, Study, reached, read_sweeps
 from vibroplat.plots.style import (
     BLUE,
     CURVES,
@@ -66,6 +67,8 @@ _HATCH, NO_FLIGHT = "xxxx", "#ffffff"
 _LINES: dict[str, Any] = dict(
     zip(MEANINGS, ("-", "--", "-.", ":", (0, (7, 2)), (0, (1, 2, 1, 2, 5, 2)), (0, (9, 1, 2, 1))), strict=True)
 )
+#: Their widths by whether motion comes to their orbits.
+_WIDTHS = {True: 1.3, False: 0.5}
 #: Most ticks of the vertical axis of a map.
 _TICKS = 12
 
@@ -186,6 +189,20 @@ def bifurcation(response: Study) -> Figure:
 # -- map of regimes ----------------------------------------------------------------------------------------------------
 
 
+def attractor_colours(attractors: Iterable[str]) -> dict[str, str]:
+    """Return colours of attractors, which their order does not change; their names begin with the synchronization.
+
+    The first one of a synchronization, an orbit if there is any, has its colour on maps, others have what is left.
+    """
+    given = list(dict.fromkeys(attractors))
+    names = sorted(given, key=lambda name: (", period" not in name, name))
+    firsts = {name.partition(",")[0]: name for name in reversed(names)}
+    found = {name: SYNC[sync] for sync, name in firsts.items() if sync in SYNC}
+    left = sorted((c for c in CURVES if c not in found.values()), key=lambda colour: colour in SYNC.values())
+    found |= zip((name for name in names if name not in found), itertools.cycle(left), strict=False)
+    return {name: found[name] for name in given}
+
+
 def sync_classes(table: pd.DataFrame) -> pd.Series:
     """Return the number of each point's synchronization in ``SYNC``, or NaN if it failed."""
     return table["sync"].map({name: float(i) for i, name in enumerate(SYNC)})
@@ -280,6 +297,7 @@ def regimes(response: Study) -> Figure:
             figure.colorbar(panel.colours, ax=axis, location="bottom", aspect=40).set_label(panel.label)
     if kinds:
         handles = [entry(f"{kind}: {MEANINGS[kind]}", color="black", ls=_LINES[kind]) for kind in kinds]
+        handles += [] if reached(curves).all() else [entry(f"thin: {UNREACHED}", color="black", lw=_WIDTHS[False])]
         figure.legend(handles=handles, loc="outside lower center", ncols=1)
     return figure
 
@@ -325,11 +343,12 @@ def _boundaries(response: Study, second: str) -> pd.DataFrame:
 
 def _draw_boundaries(axis: Axes, curves: pd.DataFrame, x: str, second: str, rows: FloatArray) -> None:
     """Draw boundaries over tiles, whose rows are evenly spaced; beyond the first and the last row there are none."""
-    for _, curve in curves.groupby("curve") if len(curves) else ():
+    for (_, is_reached), curve in curves.groupby(["curve", reached(curves)]) if len(curves) else ():
         places = np.interp(curve[second], rows, np.arange(len(rows)), left=np.nan, right=np.nan)
-        outlined = [Stroke(linewidth=3.0, foreground="white"), Normal()]
-        line = _LINES[curve["kind"].iloc[0]]
-        axis.plot(curve[x], places, color="black", lw=1.3, ls=line, path_effects=outlined, scalex=False, scaley=False)
+        width = _WIDTHS[bool(is_reached)]
+        outlined = [Stroke(linewidth=2.3 * width, foreground="white"), Normal()]
+        look = {"color": "black", "lw": width, "ls": _LINES[curve["kind"].iloc[0]], "path_effects": outlined}
+        axis.plot(curve[x], places, scalex=False, scaley=False, **look)
 
 
 def _key(response: Study) -> str:

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from vibroplat.columns import PHASE_COLUMN
-from vibroplat.config.plans import FREQUENCY
+from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.plots.labels import in_ratios, key_label, value_label
+from vibroplat.plots.labels import in_ratios, key_label, sweep_parameters, value_label
 from vibroplat.plots.reading import Saved, finite
-from vibroplat.plots.style import FAILED, REFERENCE, begin_at_zero, entry, head, in_decades, legend_below, panel_grid
+from vibroplat.plots.response import limit_size
+from vibroplat.plots.style import FAILED, REFERENCE, entry, head, in_decades, legend_below, panel_grid
 from vibroplat.plots.sweep import SYNC
 from vibroplat.plots.timelines import in_units, name_axis, tell_shaking
-from vibroplat.study.branches import SUPPLY
+from vibroplat.study.branches import column_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,24 +43,22 @@ def threshold_figures(
         key = saved.column("find", "key")
         values = saved.columns("scan", ("stage", "sync", "motion"), (key, *MEASURES, *measure))
         found = saved.columns("thresholds", ("kind",), ("value",))
-        expression = saved.given("find").get("expression", "")
-        rotation = saved.known_scene.rotation if saved.known_scene else ""
-        name = directory.resolve().name
-        yield directory, "thresholds", threshold_figure(name, key, values, found, expression, measure, rotation)
+        name, plan = directory.resolve().name, saved.given("find")
+        yield directory, "thresholds", threshold_figure(name, saved.known_scene, plan, values, found, measure)
 
 
 def threshold_figure(
     name: str,
-    key: str,
+    scene: Scene | None,
+    plan: Mapping[str, Any],
     values: pd.DataFrame,
     thresholds: pd.DataFrame,
-    expression: str = "",
     measures: Sequence[str] = (),
-    rotation: str = "",
 ) -> Figure:
-    """Draw measures over the key, in the colours of their synchronization, with the thresholds as lines."""
+    """Draw measures over the key of a plan, in the colours of their synchronization, with the thresholds as lines."""
     if values.empty:
         raise TableError(f"{name} holds an empty table of values; there is nothing to plot")
+    key, expression = column_of(plan["key"]), plan.get("expression") or ""
     level, _, number = expression.replace("=", "").replace("<", ">").partition(">")
     columns = [*measures] or [*([level.strip()] if level else []), *(c for c in MEASURES if c != level.strip())]
     figure, panels = panel_grid(len(columns), 1, (8.0, 1.7 + 1.9 * len(columns)), key_label(key))
@@ -70,22 +69,18 @@ def threshold_figure(
         if column == level.strip():
             axis.axhline(float(in_units(float(number), column)), color=REFERENCE, lw=0.9, ls=":")
         if column == PHASE_COLUMN:
-            tell_shaking(axis, rotation)
+            tell_shaking(axis, scene.rotation if scene else "")
         elif column.startswith("rms_"):
-            begin_at_zero(axis)
+            limit_size(axis, values)
         for value in thresholds["value"]:
             axis.axvline(value, color=REFERENCE, lw=0.9, ls="--", zorder=1.5)
     scan = values.loc[values["stage"] == "scan", key]
     if in_ratios(scan):
         in_decades(panels[0], "x")
-    told = [f"{value_label(_key(key), float(row['value']))}: {row['kind']}" for _, row in thresholds.iterrows()]
-    head(figure, name, "\n".join(told) or "no threshold")
+    told = [f"{value_label(plan['key'], float(row['value']))}: {row['kind']}" for _, row in thresholds.iterrows()]
+    head(figure, name, "\n".join(filter(None, (sweep_parameters(scene, [key]), *(told or ["no threshold"])))))
     legend_below(figure, _entries(values, thresholds))
     return figure
-
-
-def _key(column: str) -> str:
-    return FREQUENCY if column == SUPPLY else column
 
 
 def _draw(axis: Axes, values: pd.DataFrame, key: str, column: str) -> None:

@@ -72,8 +72,8 @@ class Thresholds(NamedTuple):
 
     Attributes
     ----------
-    name
-        Of the scene.
+    scene
+        Whose thresholds they are.
     thresholds
         A row for each threshold, in ascending order.
     scan
@@ -82,7 +82,7 @@ class Thresholds(NamedTuple):
         The answer in plain lines.
     """
 
-    name: str
+    scene: Scene
     thresholds: pd.DataFrame
     scan: pd.DataFrame
     text: Sequence[str]
@@ -287,4 +287,4 @@ def find(
     ['drive.supply_frequency_hz = 44.40 Hz: level crossing; below excitation_frequency_hz = 21.996; above ...']
     """
     found = ask(question(scene), jobs, scheduler, wait, progress)
-    return Thresholds(scene.name, found.tables["thresholds"], found.tables["scan"], found.text)
+    return Thresholds(scene, found.tables["thresholds"], found.tables["scan"], found.text)

@@ -1,7 +1,19 @@
 // Points of studies over frequency or another column; a click shows a point's row and its orbit.
 
-const POINT_PANEL = 138, HIGH_PANEL = 320, ON_PAPER = 0.6, BETWEEN_POINTS = 34, ABOVE_POINTS = 46;
+const POINT_PANEL = 138, HIGH_PANEL = 320, ON_PAPER = 0.6, BETWEEN_POINTS = 34, ABOVE_POINTS = 46, TOOLS = 20;
 const LINE = {color: "#666", width: 1.2, dash: "dash"}; // of thresholds
+
+// A guess of the room that a legend of groups takes, below the tools; Plotly moves nothing for it.
+function legendHeight(box, names) {
+  const room = Math.max(box.clientWidth - LEFT, 200);
+  let rows = 1, used = 0;
+  for (const name of new Set(names)) {
+    const wide = 6.6 * name.length + 46;
+    if (used && used + wide > room) [rows, used] = [rows + 1, 0];
+    used += wide;
+  }
+  return 29 * rows - 10 + (CONFIG.displayModeBar ? TOOLS : 0);
+}
 
 // A value in the unit of its panel, where it is drawn.
 function scaled(measure, value) {
@@ -40,8 +52,8 @@ class Points {
   told() {
     if (this.data.owner || !this.data.motions.list.length && this.data.special === null) return "";
     const found = Object.values(this.data.motions.rows).filter(Number.isInteger).length, of = this.data.table.rows;
-    if (!found) return "This page was written without orbits.";
-    return found < of ? `The page holds the orbits of ${found} of ${of} points.` : "The page holds the orbits of all points.";
+    if (!this.data.motions.asked) return "This page was written without orbits.";
+    return found < of ? `The page holds the orbits of ${found || "none"} of ${of} points.` : "The page holds the orbits of all points.";
   }
 
   choice() {
@@ -71,7 +83,9 @@ class Points {
     return [element("label", {}, `at ${withUnit(column.words, column.unit)} `, box), " "];
   }
 
+  // A colour by its number, among all of them if these are many; some series have one of their own.
   colour(number) {
+    if (typeof number === "string") return number;
     const count = 1 + Math.max(...this.data.series.map(series => series.colour));
     if (count <= COLOURS.length) return COLOURS[number];
     const share = number / (count - 1), hue = 260 - 200 * share, light = 28 + 44 * share; // dark to light, as in print
@@ -83,36 +97,33 @@ class Points {
     const inner = count * (panel + BETWEEN_POINTS) - BETWEEN_POINTS;
     if (!count) return this.figure.replaceChildren("Nothing here has a value that could be drawn.");
     this.room = panel; // of a panel (px)
-    const above = ABOVE_POINTS + this.legendHeight();
+    // Dots at the edge are whole, and would lie on numbers beside it.
+    const hasDots = this.data.series.some(series => series.mode === "dots"), outside = hasDots ? {ticks: "outside", ticklen: 6, tickcolor: "#fff"} : {};
+    const names = [...this.data.series.map(series => series.label), ...this.data.marks.map(mark => mark.kind)];
+    const above = ABOVE_POINTS + legendHeight(this.figure, names);
     const layout = {height: inner + above + BOTTOM, margin: {l: LEFT, r: RIGHT, t: above, b: BOTTOM}, font: FONT,
       hovermode: "closest", clickmode: "event", barmode: "stack", plot_bgcolor: "#fff", dragmode: "zoom",
       legend: {orientation: "h", x: 0, y: 1 + 26 / inner, yanchor: "bottom", font: {size: 11}}, annotations: [],
       shapes: this.rings(),
-      xaxis: {title: {text: plain(withUnit(this.axis.words, this.axis.unit))}, type: this.axis.log ? "log" : "linear", exponentformat: "power", anchor: count > 1 ? `y${count}` : "y",
+      xaxis: {title: {text: plain(withUnit(this.axis.words, this.axis.unit))}, type: this.axis.log ? "log" : "linear", exponentformat: "power", ...outside, anchor: count > 1 ? `y${count}` : "y",
         gridcolor: "#eee", zeroline: false}};
     this.data.measures.forEach((measure, number) => {
       const top = 1 - number * (panel + BETWEEN_POINTS) / inner;
       const domain = [Math.max(top - panel / inner, 0), top], counts = measure.column === this.axis.column;
       layout[number ? `yaxis${number + 1}` : "yaxis"] = {domain, anchor: "x", gridcolor: "#eee", zerolinecolor: "#ccc",
-        nticks: 6, exponentformat: "power", ...(measure.column === "phase_difference_rad" && !counts ? PHASE_TICKS : this.scale)};
+        nticks: 6, exponentformat: "power", ...outside, ...(measure.column === "phase_difference_rad" && !counts ? PHASE_TICKS : this.scale)};
+      if (measure.least && !counts && !this.scale.type) layout[number ? `yaxis${number + 1}` : "yaxis"].range = [-0.05 * measure.least, measure.least];
       layout.annotations.push({text: `<b>${counts ? "number of rows" : plain(withUnit(measure.words, measure.unit))}</b>`, xref: "paper", yref: "paper",
         x: 0, y: domain[1], xanchor: "left", yanchor: "bottom", showarrow: false, font: {size: 12}});
     });
     const isFirst = !this.figure.data;
     const done = figure(this.figure, this.traces(), layout);
-    if (isFirst && this.data.series.some(series => series.mode === "dots")) {
+    if (isFirst && hasDots) {
       this.figure.on("plotly_afterplot", () => this.paint());
       this.paint();
     }
     if (isFirst) this.figure.on("plotly_click", ({points: [point]}) => this.clicked(point.customdata));
     return done;
-  }
-
-  // A guess of the room that the legend takes; Plotly moves nothing for it.
-  legendHeight() {
-    const names = new Set([...this.data.series.map(series => series.label), ...this.data.marks.map(mark => mark.kind)]);
-    const wide = [...names].reduce((sum, name) => sum + 6.6 * name.length + 46, 0);
-    return 19 * Math.ceil(wide / Math.max(this.figure.clientWidth - LEFT, 200));
   }
 
   clicked(found) {
@@ -150,7 +161,8 @@ class Points {
       y: wrapped.map(row => row === null ? null : this.value(measure, row)), customdata: wrapped,
       text: wrapped.map(row => row === null ? "" : this.hint(series, row)),
       line: {color: colour, dash: series.dash, width: isOrbit ? 1.8 : 1}, connectgaps: false,
-      marker: {color: colour, size: isOrbit ? 4 : 7, symbol: wrapped.map(row => row === null ? "circle" : symbol(row)),
+      marker: {color: colour, size: stacked ? wrapped.map(row => this.value(measure, row) ? 7 : 0) : isOrbit ? 4 : 7,
+        symbol: wrapped.map(row => row === null ? "circle" : symbol(row)),
         line: {width: 1, color: colour}},
       hovertemplate: wrapped.map(row => `%{text}<br>%{x:.5g}, ${row === null ? "" : this.read(measure, row)}<extra></extra>`)};
   }
@@ -330,12 +342,12 @@ class Boundaries {
     const columns = Object.fromEntries(this.data.table.columns.map(column => [column.name, column]));
     const [first, second] = this.data.keys.map(key => columns[key]);
     const at = (column, rows) => rows.map(row => row === null ? null : column.values[row]);
-    const traces = this.data.series.map(({label, colour, dash, rows}) => ({x: at(first, rows), y: at(second, rows),
-      name: plain(label), type: "scatter", mode: "lines+markers", marker: {size: 4}, connectgaps: false,
-      line: {color: COLOURS[colour % COLOURS.length], dash: DASHES[dash % DASHES.length]}}));
+    const traces = this.data.series.map(({label, colour, dash, reached, rows}) => ({x: at(first, rows), y: at(second, rows),
+      name: plain(label), legendgroup: plain(label), type: "scatter", mode: reached ? "lines+markers" : "lines", marker: {size: 4}, connectgaps: false,
+      line: {width: reached ? 2 : 0.7, color: COLOURS[colour % COLOURS.length], dash: DASHES[dash % DASHES.length]}}));
     const title = column => ({text: plain(withUnit(column.words, column.unit))});
-    const rows = Math.ceil(traces.reduce((sum, {name}) => sum + 7 * name.length + 46, 0) / Math.max(this.figure.clientWidth - LEFT, 200));
-    return figure(this.figure, traces, {height: 400 + 19 * rows, margin: {l: LEFT, r: RIGHT, t: 24 + 19 * rows, b: 44}, font: FONT,
+    const above = legendHeight(this.figure, traces.map(trace => trace.name)) + 24;
+    return figure(this.figure, traces, {height: 400 + above, margin: {l: LEFT, r: RIGHT, t: above, b: 44}, font: FONT,
       plot_bgcolor: "#fff", xaxis: {title: title(first), gridcolor: "#eee", zeroline: false},
       yaxis: {title: title(second), gridcolor: "#eee", zeroline: false}, showlegend: true,
       legend: {orientation: "h", x: 0, y: 1.01, yanchor: "bottom"}});
