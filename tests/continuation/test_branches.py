@@ -362,6 +362,12 @@ def test_a_motion_goes_on_settling_after_a_search_in_vain():
         assert np.delete(other, [3, 4]) == pytest.approx(np.delete(one, [3, 4]), rel=1e-6, abs=1e-9)
 
 
+def test_an_unstable_orbit_is_found_from_chaos():
+    found = orbit(load_config(CALIBRATED, {"solver.engine": "taylor", MASS: 0.02, KEY: 60.0}))
+    assert found.sequence == "impact"
+    assert abs(found.multipliers[0]) == pytest.approx(4.72, abs=0.01)  # as followed from 56 Hz
+
+
 def test_an_orbit_that_is_not_there_is_told_with_its_residuals():
     scene = load_config(MACHINE, {"solver.engine": "taylor", MASS: 0.2, KEY: 50.0})
     with pytest.raises(OrbitError, match=r"orbits.period = 2 but the motion repeats after 1; allowed: 1"):
@@ -373,9 +379,9 @@ def test_an_orbit_that_is_not_there_is_told_with_its_residuals():
 
 
 def test_motion_that_settles_to_another_period_is_told():
-    """Beyond the period doubling."""
-    with pytest.raises(OrbitError, match="the motion that settles does not repeat after 1 turns; "):
-        orbit(machine(0.2).replace({KEY: 56.7}))
+    """In chaos about an orbit that is too unstable to be met from near returns: its largest multiplier is 19."""
+    with pytest.raises(OrbitError, match=r"does not repeat after 1 turns; .*; follow one from where the motion is p"):
+        orbit(load_config(CALIBRATED, {"solver.engine": "taylor", MASS: 0.02, KEY: 62.0}))
 
 
 def test_special_points_do_not_depend_on_the_tolerance():

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -43,6 +44,8 @@ _LOG = logging.getLogger("vibroplat")
 SETTLING = (24, 96, 384)
 #: Residual of a motion that has settled, in the scales of the scene, beyond which it does not repeat.
 UNSETTLED = 1e-3
+#: What helps then.
+ADVICE = "follow one from where the motion is periodic (orbits), or give a guess"
 #: The tolerance of the integrator over that of an orbit, at most.
 INTEGRATOR = 0.1
 #: How often a step between two supplies is halved, at most.
@@ -281,18 +284,21 @@ def first_orbit(
 ) -> tuple[Problem, NewtonResult]:
     """Find an orbit near a full state, or the motion that settles, at the values that the shooter has."""
     missed = MissedError("")
-    for state in guesses(shooter, guess):
+    for tried, state in enumerate(chain(guesses(shooter, guess), shooter.returns(period) if guess is None else ())):
         try:
             problem, found = _from_state(shooter, state, period, units, tolerance)
         except MissedError as error:
             missed = error
             continue
-        _require_whole(problem, found, period)
-        return problem, found
+        turns = repeats_after(problem, found, period)
+        if turns == period:
+            return problem, found
+        if tried < len(SETTLING):  # or a return, and the next one may be another orbit
+            raise OrbitError(f"orbits.period = {period} but the motion repeats after {turns}; allowed: {turns}")
     last = ", ".join(f"{r:.1e}" for r in missed.residuals[-4:]) or "none"
     reason = _out_of_step(shooter, state, period)
-    if not reason and guess is None and missed.residuals and missed.residuals[0] > UNSETTLED:
-        reason = f"the motion that settles does not repeat after {period} turns; {missed.why}"
+    if not reason and guess is None and (not missed.residuals or missed.residuals[0] > UNSETTLED):
+        reason = f"the motion that settles does not repeat after {period} turns; {missed.why}; {ADVICE}"
     raise OrbitError(f"no orbit of period {period} near the start: {reason or missed.why}; last residuals: {last}")
 
 
@@ -408,13 +414,6 @@ def _from_state(
     chart = problem.chart(state, shot.begins)
     u = chart.pack(state, shot.duration, [shooter.held[key] for key in shooter.keys])
     return problem, correct_anywhere(problem, chart, u, 20)
-
-
-def _require_whole(problem: Problem, found: NewtonResult, period: int) -> None:
-    """Refuse an orbit that repeats after fewer turns."""
-    turns = repeats_after(problem, found, period)
-    if turns < period:
-        raise OrbitError(f"orbits.period = {period} but the motion repeats after {turns}; allowed: {turns}")
 
 
 def repeats_after(problem: Problem, found: NewtonResult, period: int) -> int:
