@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from common.commands import script
+from common.commands import PROGRAM, process, script
 from common.places import QUICKSTART, ROOT
 
 from vibroplat import __version__, load_config
@@ -95,6 +95,19 @@ def test_options_and_their_values_are_completed(command):
         done = subprocess.run(line, capture_output=True, text=True, check=True, env=os.environ | asked)
         assert (done.stdout.split(), done.stderr) == ([offered], "")
     assert "--install-completion" in command("--help").out
+
+
+@pytest.mark.long
+def test_completion_that_is_installed_works_in_a_shell(tmp_path):
+    env = os.environ | {"HOME": str(tmp_path), "PATH": f"{PROGRAM.parent}:{os.environ['PATH']}"}
+    env["_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION"] = "1"
+    for shell, of_its_own in (("zsh", "#compdef"), ("fish", "complete --command"), ("bash", "complete -o default")):
+        assert of_its_own in process("--show-completion", shell, env=env).out
+    assert process("--install-completion", "bash", env=env).code == 0
+    ask = f". {tmp_path}/.bash_completions/vibroplat.sh; COMP_WORDS=(vibroplat ba); COMP_CWORD=1; "
+    ask += "_vibroplat_completion vibroplat; echo ${COMPREPLY[@]}"
+    done = subprocess.run(["bash", "-c", ask], env=env, capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("basins\n", "")
 
 
 # -- run: what it writes --------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from common.places import QUICKSTART, ROOT
 from vibroplat import Contact, Drive, Exciter, Initial, Material, Motor, Scene, load_config
 from vibroplat.config.drive import FREQUENCY
 from vibroplat.config.plausibility import notes_on_input
-from vibroplat.config.reader import parse_overrides
+from vibroplat.config.reader import load_tree, parse_overrides
 from vibroplat.study.branches import branches
 from vibroplat.study.sweep import notes_on_branches
 
@@ -71,6 +71,28 @@ def test_extends_is_relative_to_the_extending_file_and_merged_deeply(here):
     machine = load_config("a.yaml").machine
     assert (machine.gravity_m_per_s2, machine.damping_x_n_s_per_m, machine.damping_y_n_s_per_m) == (1.0, 2.0, 3.0)
     assert machine.stiffness_x_n_per_m == 580e3
+
+
+def chain(folder, levels):
+    """Write files that extend each other, through the folder above; return the uppermost."""
+    folder.mkdir()
+    (folder / "0.yaml").write_text("name: lowest\ncontact: {restitution: 0.1}\n")
+    for i in range(1, levels):
+        (folder / f"{i}.yaml").write_text(f"extends: ../{folder.name}/{i - 1}.yaml\nmaterial: {{mass_ratio: 0.{i}}}\n")
+    return folder / f"{levels - 1}.yaml"
+
+
+def test_files_may_extend_many(tmp_path):
+    """Their paths would become longer than a system allows."""
+    found = {"contact": {"restitution": 0.1}, "material": {"mass_ratio": 0.49}}
+    assert load_tree(chain(tmp_path / ("a" * 100), 50)) == found
+
+
+@pytest.mark.long
+def test_files_that_extend_each_other_take_time_in_proportion_to_their_number(tmp_path):
+    top = chain(tmp_path / "many", 2000)
+    with cpu_seconds(4.0):  # 1.4 s
+        assert load_tree(top)["material"] == {"mass_ratio": 0.1999}
 
 
 START = "[{t_s: 0, supply_frequency_hz: 50}]"

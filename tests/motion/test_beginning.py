@@ -225,6 +225,7 @@ SPOILT = {
         ending("phi1_rate_rad_per_s", 3e8),
         " ends with phi1_rate_rad_per_s = 3e+08; allowed for this scene: up to 1.62e+06",
     ),
+    "in the platform": (ending("gap_m", -1.0), " ends with gap_m = -1; allowed for this scene: at least -6.47e-06"),
     "far too late": (ending("t_s", 1e12), " ends with t_s = 1e+12; allowed for this scene: up to 2.78e+07"),
     "no rows": (no_rows, ": its trajectory is not as vibroplat writes it"),
 }

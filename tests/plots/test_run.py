@@ -9,7 +9,7 @@ from common.places import QUICKSTART
 from matplotlib.collections import LineCollection
 from matplotlib.text import Text
 
-from vibroplat import load_config
+from vibroplat import load_config, simulate
 from vibroplat.errors import TableError
 from vibroplat.plots import histories
 from vibroplat.plots.command import plot_results
@@ -47,6 +47,14 @@ def test_motion_shows_platform_and_gap_of_the_last_turns(result, monkeypatch):
     stretches = (shown["mode"] == "attached").astype(int).diff().eq(1).sum() + (shown["mode"].iloc[0] == "attached")
     assert len(top.patches) == len(bottom.patches) == stretches > 1
     assert [axis.get_ylabel() for axis in (top, bottom)] == ["$y$ from rest (mm)", "gap $y_{w1}$ (mm)"]  # no rocking
+
+
+def test_few_samples_a_second_are_shown_over_more_turns(kernels, tmp_path):
+    """A second is 23 turns."""
+    few = {"run.duration_s": 15.0, "output.sample_rate_hz": 1.0, "drive.supply_frequency_hz": 46.0}
+    simulate(load_config(QUICKSTART, few | {"material.mass_ratio": 0.0})).save(tmp_path / "few")
+    assert histories.read_run(tmp_path / "few").shown["t_s"].tolist() == [*range(5, 16)]
+    assert "motion" in drawn(tmp_path / "few")
 
 
 def test_y_is_counted_from_rest_where_a_scene_or_a_summary_tells_the_sag(result):

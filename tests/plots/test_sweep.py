@@ -16,6 +16,7 @@ from vibroplat.hybrid.state import static_rest
 from vibroplat.plots import response
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.studies import read_sweeps
+from vibroplat.plots.style import MOST_ENTRIES
 from vibroplat.plots.sweep import FIGURES, PERIODS, SYNC, sweep_figures
 from vibroplat.results.tables import read_json, write_table
 
@@ -99,6 +100,22 @@ def test_what_all_quantities_along_a_branch_share_is_found_once(write_sweep, mon
     monkeypatch.setattr(response, "jumps", lambda rows: asked.append(rows) or found(rows))
     axes = drawn(write_sweep())["response"].axes
     assert len(asked) == sweep_table()["branch"].nunique() < len(axes)
+
+
+def test_legend_of_hundreds_of_curves_names_some_and_says_how_many_more(write_sweep):
+    """All of them would cover the figure."""
+    table, count = sweep_table(), 100
+    branch = table[table["branch"] == 0]
+    several = [branch.assign(**{MASS: 0.01 * (k // 10), "k": k % 10, "branch": k}) for k in range(count)]
+    table = pd.concat([rows[["k", *table.columns]] for rows in several], ignore_index=True)
+    figure = drawn(write_sweep(table))["response"]
+    assert len(curves(figure.axes[0])) == count
+    named = texts(figure.legends[0])
+    assert [named[0], *named[MOST_ENTRIES - 1 : MOST_ENTRIES + 2]] == [
+        *("k 0, $\\mu_w$ = 0", "k 9, $\\mu_w$ = 0.09"),
+        f"and {count - MOST_ENTRIES} more between them",
+        "supply frequency up",
+    ]
 
 
 def test_response_leaves_out_force_and_flight_where_there_is_none_and_is_over_either_frequency(write_sweep):

@@ -13,6 +13,7 @@ from common.commands import loky_workers
 from common.results import bits
 
 from vibroplat import sweep
+from vibroplat.config.plans import FREQUENCY
 from vibroplat.errors import ConfigError
 from vibroplat.study import pool as pools
 from vibroplat.study.branches import branches
@@ -347,9 +348,9 @@ LOST, NEXT = (0.0, 0.3, 0, 54.0), (0.0, 0.3, 0, 62.0)
 class Mortal(Inline):
     """This process, which pretends to have died of this point."""
 
-    def submit(self, function, *arguments):
-        if place(arguments[0], arguments[3]) != LOST:
-            return super().submit(function, *arguments)
+    def submit(self, function, first, value, state, key):
+        if place(first.replace({FREQUENCY: value}), key) != LOST:
+            return super().submit(function, first, value, state, key)
         future = Future()
         future.set_exception(BrokenExecutor())
         return future

@@ -14,7 +14,7 @@ from common import commands
 from common.places import FLYING, LOADED
 from common.results import bits
 
-from vibroplat import load_config, simulate, sweep
+from vibroplat import Scene, load_config, simulate, sweep
 from vibroplat.hybrid.state import initial_state, perturbed, state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.observe import summary
@@ -457,6 +457,7 @@ def test_undecided_points_are_told_with_the_first_reason():
 # -- many points ----------------------------------------------------------------------------------------
 
 SECTION_POINTS = 64
+MASSES = {"material.mass_ratio": [0.1, 0.2]}
 
 
 def measured_at_once(scene, plan, state, key):
@@ -471,9 +472,8 @@ def measured_at_once(scene, plan, state, key):
 
 def sweep_of(points, directory, **plan):
     """Sweep so many quick points in four branches and write the tables."""
-    grid = {"material.mass_ratio": [0.1, 0.2]}
     last = 0.9 + 0.1 * (points // 4)
-    scene = planned(LOADED, 1.0, last, step=0.1, direction=["up", "down"], grid=grid, **plan)
+    scene = planned(LOADED, 1.0, last, step=0.1, direction=["up", "down"], grid=MASSES, **plan)
     directory.mkdir()
     with Store(directory, {}) as store:
         run_sweeps([(branches(scene), store)], Inline())
@@ -500,6 +500,17 @@ def test_memory_for_each_point_is_that_of_its_row(tmp_path, monkeypatch):
     many = largest_memory(10_000, tmp_path / "many", kind="bifurcation")
     assert many - few < 2e3 * 8_000
     assert len(read_table(tmp_path / "many", "sweep")) == 10_000
+
+
+def test_no_scene_is_made_for_points_that_are_stored(tmp_path, monkeypatch):
+    """Making it takes ten times as long as finding the point."""
+    monkeypatch.setattr("vibroplat.study.sweep.measure_point", measured_at_once)
+    sweep_of(16, tmp_path / "points")
+    planned_ = branches(planned(LOADED, 1.0, 1.3, step=0.1, direction=["up", "down"], grid=MASSES))
+    monkeypatch.setattr(Scene, "replace", None)
+    with Store(tmp_path / "points", {}, resume=True) as store:
+        run_sweeps([(planned_, store)], Inline())
+        assert store.reused == 16
 
 
 def test_table_of_many_points_is_in_row_groups(tmp_path, monkeypatch):

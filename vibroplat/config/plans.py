@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -226,7 +227,7 @@ class SweepPlan(Section, title="Sweep"):
             raise ValueError("kind = map needs exactly one grid key with several numbers")
         return self
 
-    @property
+    @cached_property
     def swept(self) -> Over:
         """The key along each branch, its values and the directions."""
         if self.over is not None:

@@ -29,6 +29,8 @@ ENGINE = "solver.engine"
 MAX_BYTES = 25_000
 MAX_VALUES = 5_000
 MAX_BRACKETS = 200
+#: Path beyond which it is shortened: systems allow some thousand characters, and long ones take long.
+MAX_PATH = 500
 #: Beginnings of messages about a key that is not known, and about a section without keys.
 _ABOUT_A_KEY = re.compile(r"unknown key (?:[\w.]+\.)?(?P<last>\w+)(?=;)|(?:[\w.]+\.)?(?P<empty>\w+) = None(?=;)")
 #: What a key looks like. Messages quote keys; a file that is no configuration, such as one with passwords, has others.
@@ -59,41 +61,39 @@ REPLACED = frozenset(
 _QUOTED = re.compile(r"""(["'])(?:(?P<harmless>.|\\.|<[a-z ]+>)|.*)\1""", re.DOTALL)
 
 
-def load_tree(path: str | os.PathLike[str], above: tuple[Path, ...] = (), label: str = "") -> dict[str, Any]:
+def load_tree(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Read the keys and values of a YAML file and of those it extends.
-
-    Parameters
-    ----------
-    path
-        The file.
-    above
-        Files that extend it.
-    label
-        What to call it if it cannot be read. Default: its path.
 
     Raises
     ------
     vibroplat.errors.ConfigError
         The file or one that it extends cannot be read.
     """
-    file = Path(path)
-    text = _text(file, label or str(file))
-    place = file.resolve()
-    if place in above:
-        raise ConfigError(f"{file}: extends itself through {above[-1].name}")
-    tree = _parse(text, str(file))
-    if tree is None:
-        tree = {}
-    if not isinstance(tree, dict):
-        raise ConfigError(f"{file}: holds a {type(tree).__name__}; allowed: keys and values")
-    base = tree.pop("extends", None)
-    if base is None:
-        return tree
-    if not isinstance(base, str) or not base:
-        raise ConfigError(f"{file}: extends is not text; allowed: a file name")
-    below = load_tree(file.parent / base, (*above, place), f"{file}: extends = {short(base)}")
-    below.pop("name", None)  # a file that extends another describes another scene
-    return merge(below, tree)
+    file, label = Path(path), str(path)
+    trees: dict[Path, dict[str, Any]] = {}  # by place, the uppermost first
+    while True:
+        text = _text(file, label)
+        place = file.resolve()
+        if place in trees:
+            raise ConfigError(f"{file}: extends itself through {list(trees)[-1].name}")
+        tree = _parse(text, str(file))
+        if not isinstance(tree, dict | None):
+            raise ConfigError(f"{file}: holds a {type(tree).__name__}; allowed: keys and values")
+        trees[place] = tree or {}
+        base = trees[place].pop("extends", None)
+        if base is None:
+            break
+        if not isinstance(base, str) or not base:
+            raise ConfigError(f"{file}: extends is not text; allowed: a file name")
+        label, file = f"{file}: extends = {short(base)}", file.parent / base
+        if len(str(file)) > MAX_PATH:  # as ../ makes them grow from file to file
+            file = file.parent.resolve() / file.name
+    upwards = reversed(trees.values())
+    found = next(upwards)
+    for upper in upwards:
+        found.pop("name", None)  # a file that extends another describes another scene
+        found = merge(found, upper)
+    return found
 
 
 def load_list(path: str | os.PathLike[str]) -> list[Any]:

@@ -14,6 +14,7 @@ from vibroplat.config.schema import LARGEST_ANGLE
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.hybrid.state import initial_state, perturbed, state_scales
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.systems import GAP
 from vibroplat.observe.tables import state_places
 from vibroplat.results.files import Result
 
@@ -21,6 +22,8 @@ from vibroplat.results.files import Result
 #: exciters' angles grow for ever and have a limit of their own. Round-off of its time may turn an exciter in step by at
 #: most the angle EXACT (rad).
 FARTHEST, EXACT = 1e4, 1e-6
+#: How far below 0 the gap may be there, in its scale: the largest tolerance.
+DEEPEST = 1e-2
 
 
 class Start(NamedTuple):
@@ -114,4 +117,6 @@ def _state_of(row: dict[str, Any], scene: Scene, key: str) -> FloatArray:
     for name, limit in limits.items():
         if abs(row.get(name, 0.0)) > limit:
             raise ConfigError(f"{key} ends with {name} = {row[name]:g}; allowed for this scene: up to {limit:.3g}")
+    if row.get("gap_m", 0.0) < (least := -DEEPEST * float(state_scales(scene)[GAP])):
+        raise ConfigError(f"{key} ends with gap_m = {row['gap_m']:g}; allowed for this scene: at least {least:.3g}")
     return state

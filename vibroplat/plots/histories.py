@@ -23,8 +23,8 @@ _LOG = logging.getLogger("vibroplat")
 POINTS = 20_000
 #: Most bins of an envelope; none is shorter than a turn, over which it would not be one.
 BINS = 400
-#: Turns of the exciters that are shown in detail if no interval is given.
-SHOWN_TURNS = 10
+#: Turns of the exciters that are shown in detail if no interval is given; more of them for so many samples.
+SHOWN_TURNS, FEWEST = 10, 10
 
 _ANGLES = ("phi1_rad", "phi2_rad", "phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
 _RATES = ("x_rate_m_per_s", "y_rate_m_per_s")
@@ -144,7 +144,8 @@ def run_of(
     begin, end = _interval(first, last, start, stop, length, option)
     frequency = summary["excitation_frequency_hz"]
     chosen = start is not None or stop is not None
-    detail = max(begin, end - SHOWN_TURNS / frequency) if frequency and not chosen else begin
+    sparse = 0.0 if scene is None else FEWEST / scene.output.sample_rate_hz
+    detail = max(begin, end - max(SHOWN_TURNS / frequency, sparse)) if frequency and not chosen else begin
     turns = int((end - begin) * (frequency or 0.0))
     bins = min(turns, BINS) if turns else BINS
     sag = summary.get("static_sag_m") if scene is None else -rest_of(scene)

@@ -29,6 +29,7 @@ from vibroplat.plots.style import (
     REFERENCE,
     begin_at_zero,
     entry,
+    few,
     head,
     legend_below,
     new_figure,
@@ -211,7 +212,7 @@ def draw_sweep(axis: Axes, table: pd.DataFrame, column: str, x: str, *, color: A
 def _legend(found: Study, x: str) -> list[Line2D]:
     """Name colours, lines and markers, and say what happens at special points."""
     numbers = {label: number for label, number, _ in found.curves if label}
-    handles = [entry(label, color=CURVES[number % len(CURVES)], lw=2.0) for label, number in numbers.items()]
+    handles = few([entry(label, color=CURVES[number % len(CURVES)], lw=2.0) for label, number in numbers.items()])
     for stable, label, line, width in ((True, "stable", "-", 1.5), (False, "unstable", "--", 0.9)):
         if (found.points["stable"] == stable).any():
             handles.append(entry(label, color=REFERENCE, ls=line, lw=width))

@@ -25,6 +25,7 @@ from vibroplat.plots.style import (
     REFERENCE,
     begin_at_zero,
     entry,
+    few,
     head,
     in_decades,
     legend_below,
@@ -222,7 +223,7 @@ def response_figure(response: Study) -> Figure:
         bar = figure.colorbar(scale, ax=figure.axes, aspect=50, pad=0.01)
         bar.set_label(key_label(response.varied[0]))
     elif len(labels) > 1 or response.varied:
-        handles += [entry(label, color=colours[i], lw=2.0) for i, label in enumerate(labels)]
+        handles += few([entry(label, color=colours[i], lw=2.0) for i, label in enumerate(labels)])
     handles += marker_legend(response.points)
     handles += [line for axis in figure.axes for line in axis.get_legend_handles_labels()[0]][:1]  # measured data
     legend_below(figure, handles)

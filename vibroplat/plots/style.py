@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -37,6 +38,8 @@ SYMBOLS = dict(
         strict=True,
     )
 )
+#: Most curves that a legend names; hundreds would cover the figure, and setting them takes longer than drawing it.
+MOST_ENTRIES = 24
 #: Share of an axis beyond what is on it, so that markers are whole.
 MARGIN = 0.05
 #: Least range of an axis over its largest number.
@@ -167,6 +170,14 @@ def head(figure: Figure, name: str, parameters: str = "") -> None:
 def entry(label: str, **look: Any) -> Line2D:
     """Return an entry of a legend with the look of a line or of its markers."""
     return Line2D([], [], label=label, **look)
+
+
+def few(entries: Sequence[Line2D]) -> list[Line2D]:
+    """Return entries of a legend, no more than fit below a figure and are told apart; the last says how many more."""
+    if len(entries) <= MOST_ENTRIES:
+        return list(entries)
+    places = np.linspace(0, len(entries) - 1, MOST_ENTRIES).round().astype(int)
+    return [entries[i] for i in places] + [entry(f"and {len(entries) - MOST_ENTRIES} more between them", ls="")]
 
 
 def legend_below(figure: Figure, handles: Iterable[Any]) -> None:

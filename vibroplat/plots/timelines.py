@@ -20,6 +20,7 @@ from matplotlib.collections import LineCollection
 from vibroplat.columns import COORDINATES, FORCES, PHASE, PHASE_COLUMN, quantity_of, with_shaking
 from vibroplat.config.plausibility import rounded
 from vibroplat.config.scene import Scene
+from vibroplat.config.schema import LARGEST
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import is_number, phase_label
 from vibroplat.plots.style import BLACK, CONTACT, CURVES, PLATFORM, REFERENCE, plain
@@ -288,9 +289,11 @@ def read_measured(path: Path, x: str, columns: Collection[str], others: Collecti
             raise TableError(f"--data {path}: no column {what} in {held}; allowed: {allowed}")
     known = {x, *columns}
     for column in known & {*table.columns}:
-        if not is_number(table[column]):
-            text = table[column][pd.to_numeric(table[column], errors="coerce").isna()].dropna().tolist()[0]
-            raise TableError(f"--data {path}: column {column} holds {text!r}; allowed: numbers such as 0.5, or nothing")
+        found = pd.to_numeric(table[column], errors="coerce").astype(float)  # what is as long as 1e19 is an object
+        if wrong := table[column][~(found.abs() <= LARGEST)].dropna().tolist():
+            allowed = f"numbers such as 0.5 up to {LARGEST:g}, or nothing"
+            raise TableError(f"--data {path}: column {column} holds {wrong[0]!r}; allowed: {allowed}")
+        table[column] = found
     if left := [str(column) for column in table.columns if column not in known | {*others}]:
         _LOG.warning("--data %s: not drawn: %s", path, ", ".join(left))
     return Measured(path.name, table)

@@ -26,7 +26,7 @@ from vibroplat.study.bands import bands
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, column_of, place_words, study_table
 from vibroplat.study.confirming import CONFIRMED
 from vibroplat.study.fingerprint import package
-from vibroplat.study.point import ERRORS, MEASURED, POINT, lost, measure_point
+from vibroplat.study.point import ERRORS, MEASURED, POINT, Point, lost, measure_point
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, pool, run_stored
 from vibroplat.study.store import Record, SpoiledError, Store
 
@@ -160,13 +160,24 @@ def branch_points(branch: Branch, take: Callable[[Record], object]) -> Tasks[Non
 
     ``take`` is called with the record of each point.
     """
-    measure = provided("confirmed_point") if branch.plan.confirm else measure_point
     state: list[float] | None = None
     for place, value in enumerate(branch.along):
         state = branch.begin(state, place)
-        record = yield Task(measure, (branch.at(place), branch.plan, state, branch.key(value)), lost)
+        record = yield Task(point_along, (branch.scene, value, state, branch.key(value)), lost)
         state = record["state"] or state
         take(record)
+
+
+def point_along(first: Scene, value: float, state: list[float] | None, key: tuple[int, ...]) -> Point:
+    """Measure a point of a branch, from the scene of its first one and the value of the swept key.
+
+    Tasks do not hold the scenes of points: making these takes ten times as long as finding a stored record.
+    """
+    plan = first.sweep
+    assert plan is not None
+    measure = provided("confirmed_point") if plan.confirm else measure_point
+    found: Point = measure(first.replace({plan.swept.key: value}), plan, state, key)
+    return found
 
 
 def branch_records(branch: Branch, store: Store) -> Iterator[Record]:

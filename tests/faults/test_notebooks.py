@@ -1,0 +1,81 @@
+"""A sweep in a cell of a notebook is interrupted, and its kernel is killed."""
+
+import os
+import time
+from contextlib import contextmanager
+
+import psutil
+import pytest
+from common.commands import loky_workers
+from common.places import SWEPT
+
+from .test_store import HASTY
+
+pytestmark = [pytest.mark.faults, pytest.mark.filterwarnings("ignore")]  # of the server of notebooks
+
+#: Longest wait (s) for an answer, on a busy machine too.
+LONG = 90.0
+SWEEP = """
+from vibroplat import load_config, sweep
+scene = load_config("c.yaml")
+def told(branches, points, events):
+    if points == 3:
+        open("running", "w").close()
+table = sweep(scene, jobs=2, progress=told)
+"""
+BITS = "print(table.drop(columns='wall_s').to_csv())"
+
+
+@contextmanager
+def kernel(place):
+    """A kernel and its client."""
+    manager = pytest.importorskip("jupyter_client", reason="pip install '.[test]'").KernelManager()
+    manager.start_kernel(cwd=str(place), env=os.environ | {"PYTHONPATH": str(place)})
+    client = manager.client()
+    client.start_channels()
+    try:
+        client.wait_for_ready(timeout=LONG)
+        yield manager, client
+    finally:
+        client.stop_channels()
+        manager.shutdown_kernel(now=True)
+
+
+def until(true):
+    end = time.monotonic() + LONG
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_sweep_in_a_cell_is_interrupted_and_repeated_and_no_worker_outlives_a_killed_kernel(here, kernels):
+    (here / "c.yaml").write_text(SWEPT)
+    (here / "sitecustomize.py").write_text(HASTY + "import vibroplat.study.pool\nvibroplat.study.pool.IDLE = 1\n")
+    with kernel(here) as (manager, client):
+        printed = []
+
+        def cell(code):
+            def take(message):
+                printed.append(message["content"].get("text", ""))
+
+            reply = client.execute_interactive(code, timeout=LONG, output_hook=take)["content"]
+            return reply.get("ename", reply["status"])
+
+        asked = client.execute(SWEEP)
+        until((here / "running").exists)
+        manager.interrupt_kernel()
+        reply = client.get_shell_msg(timeout=LONG)
+        assert reply["parent_header"]["msg_id"] == asked
+        assert reply["content"]["ename"] == "KeyboardInterrupt"
+        assert (cell(SWEEP), cell(BITS)) == ("ok", "ok")
+        assert (cell("table = sweep(scene)"), cell(BITS)) == ("ok", "ok")
+        tables = [text for text in printed if text.startswith(",supply")]
+        assert tables[0] == tables[1]
+        (here / "running").unlink()
+        client.execute(SWEEP)
+        until((here / "running").exists)
+        workers = loky_workers(manager.provisioner.pid)
+        assert workers
+        psutil.Process(manager.provisioner.pid).kill()
+        _, alive = psutil.wait_procs(workers, timeout=LONG)
+        assert alive == []
