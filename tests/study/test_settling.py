@@ -219,8 +219,10 @@ def test_motion_that_goes_round_an_orbit_is_not_taken_to_come_to_it():
 def test_another_chaotic_motion_is_told():
     """With R = 0.5 at 59.5 Hz RMS y is 1.164 mm or 1.78 mm: each row names the other one, or that in phase."""
     changes = {"solver.engine": "taylor", **MATERIAL, "contact.restitution": 0.5}
-    row = swept(CALIBRATED, 59.5, changes=changes, settle="orbits").iloc[0]
+    row, alone = (swept(CALIBRATED, 59.5, changes=changes, settle="orbits", coexists=c).iloc[0] for c in (True, False))
     assert row["motion"] == "chaotic"
+    assert alone["coexists"] == ""
+    pd.testing.assert_series_equal(*(r.drop(["coexists", "steps", "wall_s"]) for r in (row, alone)))
     heights = [float(text.split("RMS y ")[1].split()[0]) for text in row["coexists"].split("; ") if "none" in text]
     assert any(abs(height - row["rms_y_m"]) > 0.2e-3 for height in heights)
 

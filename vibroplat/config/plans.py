@@ -188,6 +188,7 @@ class SweepPlan(Section, title="Sweep"):
     lyapunov: bool = described(
         True, "", "use the largest Lyapunov exponent to tell chaotic from quasi-periodic motion; false: non-periodic"
     )
+    coexists: bool = described(True, "", "look for other motions beside each chaotic one, a quarter of its time")
 
     max_points: Annotated[int, Field(ge=1, le=10**9)] = Field(200_000, description="most points of all branches")
     confirm: Literal["orbits"] | None = Field(
@@ -205,23 +206,24 @@ class SweepPlan(Section, title="Sweep"):
             raise ValueError(f"grid gives {found} combinations; allowed: at most {MAX_BRANCHES}")
         if self.supply_frequency_hz is None and self.over is None:
             raise ValueError("supply_frequency_hz and over are not given; allowed: one of the two")
-        each, ways = self.swept.number, len(self.swept.direction)
+        swept = self.swept
+        each, ways = swept.number, len(swept.direction)
         if each * ways * found > self.max_points:
             times = f"{found} × {ways} branches of {each} points"
             raise ValueError(f"{times} are {each * ways * found}; allowed: at most max_points = {self.max_points}")
         for key, values in self.grid.items():
             if not key.isascii():
                 raise ValueError(f"grid.{key!a} is not a key of a scene; allowed: keys of machine, material, …")
-            if not may_vary(key) or key == FREQUENCY == self.swept.key:
+            if not may_vary(key) or key == FREQUENCY == swept.key:
                 raise ValueError(f"grid.{key} cannot be swept by the grid; allowed: keys of machine, material, …")
-            if key == self.swept.key:
+            if key == swept.key:
                 raise ValueError(f"grid.{key} is the key of over; allowed: another key")
             if any(isinstance(value, int | float) and not abs(value) <= LARGEST for value in values):
                 raise ValueError(f"grid.{key} = {short(values)}; allowed: numbers up to {LARGEST:g}")
             if len(set(values)) < len(values):  # 0 and 0.0 are equal
                 raise ValueError(f"grid.{key} = {short(values)}; allowed: each value once")
-        if not may_vary(self.swept.key):
-            raise ValueError(f"over.key = {self.swept.key!a} cannot be swept; allowed: keys of machine, material, …")
+        if not may_vary(swept.key):
+            raise ValueError(f"over.key = {swept.key!a} cannot be swept; allowed: keys of machine, material, …")
         several = [values for values in self.grid.values() if len(values) > 1]
         if self.kind == "map" and (len(several) != 1 or any(isinstance(v, str | bool) for v in several[0])):
             raise ValueError("kind = map needs exactly one grid key with several numbers")

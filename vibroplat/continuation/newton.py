@@ -327,6 +327,7 @@ def correct(
     most: int = 12,
     slack: FloatArray | None = None,
     halvings: int = 0,
+    by: int = 0,
 ) -> NewtonResult:
     """Find an orbit near a vector of unknowns, in the directions that a border leaves free.
 
@@ -342,6 +343,8 @@ def correct(
         A vector, of which the residual may have as much as it needs; then the border has a row more.
     halvings
         How often a step is halved, at most, after which an event has passed the section.
+    by
+        Number of the residual that must not be larger than the first.
 
     Raises
     ------
@@ -357,6 +360,8 @@ def correct(
             missing = residual if slack is None else residual + much * slack
             size = largest(missing)
             residuals.append(size)
+            if len(residuals) == by and size > residuals[0]:
+                raise MissedError("the residual does not fall")
             slow = len(residuals) > 1 and size > residuals[-2] / SLOW
             if full:
                 jacobian = problem.jacobian(chart, shot)
@@ -383,7 +388,7 @@ def correct(
     raise MissedError(f"no convergence in {most} iterations", residuals)
 
 
-def correct_anywhere(problem: Problem, chart: Chart, u: FloatArray, most: int) -> NewtonResult:
+def correct_anywhere(problem: Problem, chart: Chart, u: FloatArray, most: int, by: int = 0) -> NewtonResult:
     """Find an orbit near a vector of unknowns with its keys held; if an event passes the section, on another section.
 
     That is what happens to guesses from chaotic motion. The other one lies in the middle of a piece between events.
@@ -394,7 +399,7 @@ def correct_anywhere(problem: Problem, chart: Chart, u: FloatArray, most: int) -
         There is none.
     """
     try:
-        return correct(problem, chart, u, held(chart), most=most)
+        return correct(problem, chart, u, held(chart), most=most, by=by)
     except MissedError as error:
         if not error.section:
             raise

@@ -38,8 +38,9 @@ SLOW, BEYOND = 0.9, 1.25
 #: Most tries from returns of a section that does not repeat, their largest distance in the scales of the scene, and how
 #: far apart they begin, over their own distances.
 TRIES, RETURN, ELSEWHERE = 12, 2.0, 2.0
-#: Iterations of Newton's method.
-ITERATIONS = 8
+#: Iterations of Newton's method, and the number of the residual that must not be larger than the first. From chaotic
+#: motion it never was in 210 tries that found an orbit, and in 216 of 354 others.
+ITERATIONS, FALLS = 8, 4
 
 
 class OrbitSeeker:
@@ -173,7 +174,7 @@ class OrbitSeeker:
         problem = Problem(self._shooter, both, (), TOLERANCE)
         chart = problem.chart(here, system)
         u = chart.pack(here, motion.now)
-        found = correct_anywhere(problem, chart, u, ITERATIONS)
+        found = correct_anywhere(problem, chart, u, ITERATIONS, FALLS)
         if found.chart is not chart:  # back to the section
             motion.reset(found.chart.unpack(found.u)[0])
             motion.to_section(1, self._longest(1))

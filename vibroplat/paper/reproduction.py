@@ -33,8 +33,9 @@ from vibroplat.study.sweep import Progress, branch_records, conditions, run_swee
 
 #: Sweeps of the impact model from which figures are drawn or claims judged, and that of the impact laws.
 SWEEPS, LAWS = ("fig2", *IMPACT), "laws"
-#: Settings of the sweeps with further seeds: upward only, as claims are judged by these branches.
-REPEATED: dict[str, Any] = {"sweep.supply_frequency_hz.direction": ["up"]}
+#: Settings of the sweeps with further seeds: upward only, as claims are judged by these branches, and without other
+#: motions beside them, as no table shows these.
+REPEATED: dict[str, Any] = {"sweep.supply_frequency_hz.direction": ["up"], "sweep.coexists": False}
 
 
 @dataclass(frozen=True)

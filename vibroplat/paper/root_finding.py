@@ -56,7 +56,9 @@ def _bisected(evidence: Evidence, step: Step) -> Tasks[Boundary]:
     """
     branch, rows = evidence.courses[step.key]
     before, after = (next(row for row in rows if row[SUPPLY] == supply) for supply in (step.before, step.after))
-    plan = branch.plan.model_copy(update={"lyapunov": branch.plan.lyapunov and step.regime in MOTIONS})
+    plan = branch.plan.model_copy(
+        update={"lyapunov": branch.plan.lyapunov and step.regime in MOTIONS, "coexists": False}
+    )
     width = JUMP_WIDTH if step.regime in ("antiphase", "in-phase") else WIDTH
     while abs(after[SUPPLY] - before[SUPPLY]) > width:
         middle = float(0.5 * (before[SUPPLY] + after[SUPPLY]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -75,7 +76,7 @@ class Branch:
         assert self.scene.sweep is not None
         return self.scene.sweep
 
-    @property
+    @cached_property
     def swept(self) -> str:
         """The key that varies along it."""
         return self.plan.swept.key

@@ -260,7 +260,7 @@ def _followed(
         errors = {ERRORS[name]: error for name, error in block_errors(part.blocks, tuple(ERRORS)).items()}
         row |= row_of(found, scene, errors, settling.slip) | columns_of(kind)
         row["notes"] = "; ".join(note for note in (row["notes"], stiff) if note)
-        if kind.motion in ("chaotic", "undecided") and kind.period == 0 and seeker is not None:
+        if plan.coexists and kind.motion in ("chaotic", "undecided") and kind.period == 0 and seeker is not None:
             row["coexists"] = _coexisting(scene, plan, row, settling.hunt, seeker)
         if impacts is not None:
             points = section_points(part.measures, scene)
@@ -338,7 +338,8 @@ def _settled_and_measured(
         if motion.outcome != "ok":
             return settling, part, None
         points = section_points(part.measures, motion.scene)
-        if restless and part.blocks and seeker is not None and plan.lyapunov and hunt is None:
+        asked = plan.lyapunov and (early or plan.coexists)
+        if asked and restless and part.blocks and seeker is not None and hunt is None:
             hunt = seeker.hunt(points, section_rows(part.measures)["state"])
         if early and restless and (hunt is None or hunt.stable or not CLEARLY < hunt.least < math.inf):
             early = False  # it may come to an orbit yet
