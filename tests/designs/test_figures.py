@@ -68,7 +68,7 @@ def test_many_tolerances_leave_all_panels_their_width():
 
 def test_a_front_without_lost_bounds_leaves_no_gap_below():
     plan = DesignPlan(keys={MASS: [1.0, 2.0]}, minimize="motor_power_w", subject={"rms_y_m": ">= 1e-3"})
-    rows = pd.DataFrame({"rms_y_m": [1e-3, 2e-3], "motor_power_w": [1.0, 2.0], "feasible": True})
+    rows = pd.DataFrame({"rms_y_m": [1e-3, 2e-3], "motor_power_w": [1.0, 2.0], "feasible": True, "best": [True, False]})
     tables = {"evaluations": rows.assign(start=0), "pareto": rows.assign(bound=rows["rms_y_m"])}
     figure = design_figure("d", None, plan, tables, "evaluations")
     assert all(len(line.get_xdata()) for line in figure.axes[0].lines)

@@ -272,9 +272,7 @@ def accurate(scene: Scene, tolerance: float) -> Scene:
         It has a drive program.
     """
     if scene.drive.program is not None:
-        raise ConfigError(
-            "drive.program is given; orbits and basins need a constant supply; allowed: supply_frequency_hz"
-        )
+        raise ConfigError("drive.program is given; orbits and basins need a constant supply; allowed: one frequency")
     finest = min(scene.solver.tolerance, INTEGRATOR * tolerance)
     return cast("Scene", with_value(scene, ["solver", "tolerance"], finest))  # in its range as both are
 

@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 
 from vibroplat.columns import PHASE_COLUMN, unit_of
 from vibroplat.config.scene import Scene
-from vibroplat.plots.labels import key_label, key_name, sweep_parameters
+from vibroplat.plots.labels import in_ratios, key_label, key_name, sweep_parameters
 from vibroplat.plots.reading import Saved
-from vibroplat.plots.style import entry, head, legend_below, new_figure
+from vibroplat.plots.style import entry, head, in_decades, legend_below, new_figure
 from vibroplat.plots.sweep import attractor_colours
 from vibroplat.study.branches import column_of
 
@@ -44,7 +44,9 @@ def basins_figure(
     ranges, key = plan["starts"], column_of(plan["over"]["key"]) if plan.get("over") else ""
     figure = _shares(attractors, key) if key else _places(attractors, starts, ranges)
     box = ", ".join(_range(start, ranges[start]) for start in (ranges if key else list(ranges)[2:]))
-    told = (sweep_parameters(scene, [key]), box and f"starts: {box}")
+    crowded = not key and starts.duplicated(list(ranges)[:2]).any()
+    hidden = "where several starts have one place, the last is seen" if crowded else ""
+    told = (sweep_parameters(scene, [key]), box and f"starts: {box}", hidden)
     head(figure, name, "\n".join(filter(None, told)))
     return figure
 
@@ -146,6 +148,8 @@ def _shares(attractors: pd.DataFrame, key: str) -> Figure:
     axis.set(xlabel=key_label(key), ylabel="share of the starts", ylim=(0.0, 1.0))
     if len(values) > 1:
         axis.set_xlim(values.min(), values.max())
+    if in_ratios(values):
+        in_decades(axis, "x")
     legend_below(figure, [entry(names[name], color=colours[name], marker="s", linestyle="") for name in colours])
     return figure
 
