@@ -327,7 +327,7 @@ def correct(
     most: int = 12,
     slack: FloatArray | None = None,
     halvings: int = 0,
-    by: int = 0,
+    fall_by: int = 0,
 ) -> NewtonResult:
     """Find an orbit near a vector of unknowns, in the directions that a border leaves free.
 
@@ -343,8 +343,8 @@ def correct(
         A vector, of which the residual may have as much as it needs; then the border has a row more.
     halvings
         How often a step is halved, at most, after which an event has passed the section.
-    by
-        Number of the residual that must not be larger than the first.
+    fall_by
+        Number of the residual that must not be larger than the first, 0 for none.
 
     Raises
     ------
@@ -358,16 +358,14 @@ def correct(
         try:
             residual, shot = problem.shoot(chart, u, full=full)
             missing = residual if slack is None else residual + much * slack
-            size = largest(missing)
-            residuals.append(size)
-            if len(residuals) == by and size > residuals[0]:
+            residuals.append(size := largest(missing))
+            if len(residuals) == fall_by and size > residuals[0]:
                 raise MissedError("the residual does not fall")
-            slow = len(residuals) > 1 and size > residuals[-2] / SLOW
             if full:
                 jacobian = problem.jacobian(chart, shot)
                 if size < problem.tolerance:
                     return NewtonResult(chart, u, shot, jacobian, missing, residuals, much)
-            elif size < problem.tolerance or slow:
+            elif size < problem.tolerance or (len(residuals) > 1 and size > residuals[-2] / SLOW):
                 full = True
                 continue
             assert jacobian is not None
@@ -376,11 +374,11 @@ def correct(
                 improve(jacobian, step, residual - left)
             found = solved(bordered(jacobian, border, slack), -np.append(missing, border @ (u - begun)), LONGEST)
         except MissedError as error:
-            if error.section and step.any() and halved < halvings:
-                halved, step, full = halved + 1, 0.5 * step, True
-                u = u - step
-                continue
-            raise MissedError(error.why, residuals, section=error.section) from None
+            if not (error.section and step.any() and halved < halvings):
+                raise MissedError(error.why, residuals, section=error.section) from None
+            halved, step, full = halved + 1, 0.5 * step, True
+            u = u - step
+            continue
         halved = 0
         step, more = found[: u.size], float(found[u.size :].sum())
         u, left, much = u + step, residual, much + more
@@ -388,7 +386,7 @@ def correct(
     raise MissedError(f"no convergence in {most} iterations", residuals)
 
 
-def correct_anywhere(problem: Problem, chart: Chart, u: FloatArray, most: int, by: int = 0) -> NewtonResult:
+def correct_anywhere(problem: Problem, chart: Chart, u: FloatArray, most: int, fall_by: int = 0) -> NewtonResult:
     """Find an orbit near a vector of unknowns with its keys held; if an event passes the section, on another section.
 
     That is what happens to guesses from chaotic motion. The other one lies in the middle of a piece between events.
@@ -399,7 +397,7 @@ def correct_anywhere(problem: Problem, chart: Chart, u: FloatArray, most: int, b
         There is none.
     """
     try:
-        return correct(problem, chart, u, held(chart), most=most, by=by)
+        return correct(problem, chart, u, held(chart), most=most, fall_by=fall_by)
     except MissedError as error:
         if not error.section:
             raise

@@ -241,7 +241,9 @@ def question(scene: Scene) -> Find:
     if number_of(plan.key) is not float:
         raise ConfigError(f"find.key = {plan.key} has no numbers that vary continuously; allowed: one that has")
     if plan.key == FREQUENCY and scene.drive.program is not None:
-        raise ConfigError(f"find.key = {FREQUENCY}, but drive.program is given; allowed: a key that it has not")
+        raise ConfigError(
+            f"find.key = {FREQUENCY}, but drive.program is given; allowed: a constant supply, or another key"
+        )
     if scene.run.initial.from_ is not None:
         raise ConfigError("run.initial.from is given, but find does not begin with a run; allowed: state, or phases")
     last = scene.drive.intervals[-1]
