@@ -175,7 +175,8 @@ class DesignPlan(Section, title="Design"):
         200, description="scenes within the spread that are measured, spread evenly; 0: none"
     )
     indices: Annotated[int, Field(ge=0, le=1 << 16)] = Field(
-        0, description="samples for Sobol indices, a power of 2, for each key of spread and twice besides; 0: none"
+        0,
+        description="N for Sobol indices, a power of 2: they take N (keys of spread + 2) scenes; 0: no such indices",
     )
     starts: Annotated[int, Field(ge=1, le=1000)] = Field(
         5, description="starts of the search, first the scene's values"

@@ -91,7 +91,7 @@ class Model:
         return np.clip(np.where(self.log, found, (values - self.low) / (self.high - self.low)), 0.0, 1.0)
 
     def at(self, place: FloatArray) -> list[Local] | None:
-        """Orbits at a place, one for each scene of the spread; None if one is lost, or has nothing to be measured."""
+        """Orbits at a place, one for each scene of the spread; None if one is lost or lacks a measure."""
         name = place.tobytes()
         if name not in self._found:
             values, found = np.append(self.values(place), self.local.values[self.size :]), list[Local]()

@@ -112,7 +112,9 @@ class Design:
         found = run.one("sensitivities", of_keys.differentiated, self.scene, self.keys, self.names, known)
         for name in self.aims:
             if found["measures"][name] is None:
-                raise ConfigError(f"design: {name} has no value on the motion of this scene; allowed: one that it has")
+                raise ConfigError(
+                    f"design: {name} has no value on the motion of this scene; allowed: a measure that it has"
+                )
         tables = {"sensitivities": of_keys.table(found["rows"])}
         home = of_samples.regime(known["sync"], "periodic", known["period"])
         margin = found["measures"]["margin"]
@@ -130,7 +132,7 @@ class Design:
         lines = {"from rest": ", ".join([row["regime"], *told])}
         notes = [] if row["same"] else [f"from rest the best design comes to {row['regime']}, not to its orbit"]
         if notes and self.plan.spread and self.plan.samples:
-            notes = [f"{notes[0]}; so its tolerances were not sampled"]
+            notes = [f"{notes[0]}, so its tolerances were not sampled"]
         answer = answer._replace(lines={**answer.lines, **lines}, notes=notes, configurations={"best": _written(scene)})
         if not (row["same"] and self.plan.spread):
             return answer
@@ -217,7 +219,7 @@ class Design:
         return {"bounds kept": f"{100.0 * kept.mean():.1f} %"}
 
     def _samples(self, run: _Runner, scene: Scene, known: Record, places: FloatArray, name: str) -> pd.DataFrame:
-        """Measure samples at places, in parts that do not depend on who measures them."""
+        """Measure samples at places, in parts that are the same for any number of workers."""
         parts = {
             f"{name} {first}": (of_samples.sampled, scene, self.names, known, first, part.tolist())
             for first in range(0, len(places), of_samples.CHUNK)

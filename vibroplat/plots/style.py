@@ -173,7 +173,7 @@ def entry(label: str, **look: Any) -> Line2D:
 
 
 def few(entries: Sequence[Line2D]) -> list[Line2D]:
-    """Return entries of a legend, no more than fit below a figure and are told apart; the last says how many more."""
+    """Return at most as many entries of a legend as fit below a figure; the last says how many were left out."""
     if len(entries) <= MOST_ENTRIES:
         return list(entries)
     places = np.linspace(0, len(entries) - 1, MOST_ENTRIES).round().astype(int)
