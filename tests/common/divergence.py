@@ -12,9 +12,9 @@ def divergence(system, t, y, p):
     """Divergence of the flow of a system's unknowns (1/s)."""
     n, yp = system.differential // 2, np.empty(system.size)
     assert accelerations(system.index, t, y, yp, p)
-    slopes = np.empty((2 * n, system.size))
-    linearize(system.index, t, y, yp, slopes, p)
-    return sum(slopes[n + i, n + i] for i in range(n))
+    jac, mass = np.empty((system.size, system.size)), np.empty((n, n))
+    linearize(system.index, t, y, yp, jac, mass, p)
+    return -np.trace(np.linalg.solve(mass, jac[n : 2 * n, n : 2 * n]))
 
 
 def integral_of_divergence(run):

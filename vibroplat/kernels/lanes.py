@@ -36,7 +36,7 @@ def in_lines(shape: tuple[int, ...]) -> FloatArray:
     return whole[first : first + size].reshape(shape)
 
 
-class _Rows:
+class Rows:
     """Loads and stores rows of an array as vectors of so many numbers; what a row has beyond them is left alone."""
 
     def __init__(self, context: Any, builder: Any, kind: Any, value: Any, numbers: int) -> None:
@@ -57,6 +57,7 @@ class _Rows:
         return b.inttoptr(address, kind.as_pointer())
 
     def load(self, row: Any, column: Any = None) -> Any:
+        """Load the numbers of a row, from a column on."""
         return self._builder.load(self._place(row, column, self.vector), align=_BYTES)
 
     def load_one(self, row: Any, column: Any) -> Any:
@@ -64,10 +65,11 @@ class _Rows:
         return self._builder.load(self._place(row, column, ir.DoubleType()), align=_BYTES)
 
     def store(self, row: Any, numbers: Any, column: Any = None) -> None:
+        """Store numbers into a row, from a column on."""
         self._builder.store(numbers, self._place(row, column, numbers.type), align=_BYTES)
 
 
-def _repeated(builder: Any, number: Any, vector: Any) -> Any:
+def repeated(builder: Any, number: Any, vector: Any) -> Any:
     """Make a vector of one number."""
     single = builder.insert_element(ir.Constant(vector, ir.Undefined), number, ir.Constant(PLACE, 0))
     first = ir.Constant(ir.VectorType(PLACE, vector.count), [0] * vector.count)
@@ -80,7 +82,7 @@ def elementwise(builder: Any, name: str, vector: Any) -> Any:
     return cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{vector.count}f64")
 
 
-def _loop(builder: Any, first: Any, last: Any, step: int, begun: list[Any], body: Any) -> list[Any]:
+def loop(builder: Any, first: Any, last: Any, step: int, begun: list[Any], body: Any) -> list[Any]:
     """Compile a loop over k from ``first`` to ``last``; ``body(k, totals)`` gives the totals after it.
 
     Returns k and the totals behind the loop, which are ``begun`` where it is not run.
@@ -115,7 +117,7 @@ def _cauchy(numbers: int) -> Any:
     @intrinsic
     def products(typing_context: Any, a: Any, b: Any, n: Any, last: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            first_rows, second_rows = (_Rows(context, builder, signature.args[i], values[i], numbers) for i in (0, 1))
+            first_rows, second_rows = (Rows(context, builder, signature.args[i], values[i], numbers) for i in (0, 1))
             n, last = values[2], values[3]
             one, two = ir.Constant(INDEX, 1), ir.Constant(INDEX, 2)
             zero = ir.Constant(first_rows.vector, [0.0] * numbers)
@@ -124,7 +126,7 @@ def _cauchy(numbers: int) -> Any:
                 return multiplied(builder, first_rows.load(j), second_rows.load(builder.sub(n, j)), total)
 
             # two sums side by side: an addition need not wait for the one before
-            j, even, odd = _loop(
+            j, even, odd = loop(
                 *(builder, two, builder.sub(last, one), 2, [zero, zero]),
                 lambda j, sums: (added(sums[0], j), added(sums[1], builder.add(j, one))),
             )
@@ -150,7 +152,7 @@ def _put_row(typing_context: Any, a: Any, row: Any, numbers: Any) -> Any:
         for kind, part in zip(signature.args[2], cgutils.unpack_tuple(builder, values[2]), strict=True):
             places = range(2) if kind == PAIR else ()
             single += [builder.extract_element(part, ir.Constant(PLACE, i)) for i in places] or [part]
-        rows = _Rows(context, builder, signature.args[0], values[0], len(single))
+        rows = Rows(context, builder, signature.args[0], values[0], len(single))
         vector = ir.Constant(rows.vector, ir.Undefined)
         for i, number in enumerate(single):
             vector = builder.insert_element(vector, number, ir.Constant(PLACE, i))
@@ -160,9 +162,9 @@ def _put_row(typing_context: Any, a: Any, row: Any, numbers: Any) -> Any:
     return types.void(a, types.int64, numbers), generate
 
 
-def _horner(builder: Any, rows: _Rows, degree: Any, places: list[Any], derivatives: int = 0) -> list[Any]:
+def _horner(builder: Any, rows: Rows, degree: Any, places: list[Any], derivatives: int = 0) -> list[Any]:
     """Evaluate the polynomials at each place; what follows are their derivatives there, each over its factorial."""
-    shares = [_repeated(builder, place, rows.vector) for place in places]
+    shares = [repeated(builder, place, rows.vector) for place in places]
     begun = [rows.load(degree), *[ir.Constant(rows.vector, [0.0] * rows.vector.count)] * derivatives]
     one, zero = ir.Constant(INDEX, 1), ir.Constant(INDEX, 0)
 
@@ -173,7 +175,7 @@ def _horner(builder: Any, rows: _Rows, degree: Any, places: list[Any], derivativ
             after += [multiplied(builder, t, share, added) for t, added in zip(mine, [row, *mine], strict=False)]
         return after
 
-    return _loop(builder, builder.sub(degree, one), zero, -1, begun * len(shares), body)[1:]
+    return loop(builder, builder.sub(degree, one), zero, -1, begun * len(shares), body)[1:]
 
 
 def _horner_at_one(numbers: int, derivatives: int) -> Any:
@@ -182,7 +184,7 @@ def _horner_at_one(numbers: int, derivatives: int) -> Any:
     @intrinsic
     def evaluate(typing_context: Any, c: Any, degree: Any, s: Any, out: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], numbers) for i in (0, 3))
+            rows, out_rows = (Rows(context, builder, signature.args[i], values[i], numbers) for i in (0, 3))
             for i, found in enumerate(_horner(builder, rows, values[1], [values[2]], derivatives)):
                 times = ir.Constant(rows.vector, [float(math.factorial(i))] * numbers)
                 out_rows.store(ir.Constant(INDEX, i), builder.fmul(found, times))
@@ -196,7 +198,7 @@ def _horner_at_one(numbers: int, derivatives: int) -> Any:
 @intrinsic
 def _horner_pair(typing_context: Any, c: Any, degree: Any, s: Any, following: Any, out: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 4))
+        rows, out_rows = (Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 4))
         for i, found in enumerate(_horner(builder, rows, values[1], [values[2], values[3]])):
             out_rows.store(ir.Constant(INDEX, i), found)
         return context.get_dummy_value()
@@ -252,33 +254,33 @@ def _reaching(
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         nodes, n, kinds = values[2], values[4], signature.args
         one, zero = ir.Constant(INDEX, 1), ir.Constant(INDEX, 0)
-        rows, quarters = ([_Rows(context, builder, kinds[i], values[i], m) for i in (0, 1, 3)] for m in (16, 4))
+        rows, quarters = ([Rows(context, builder, kinds[i], values[i], m) for i in (0, 1, 3)] for m in (16, 4))
         four = quarters[0].vector
-        springs = [_Rows(context, builder, kinds[5], values[5], 4).load(row) for row in (zero, one)]
-        shares = _Rows(context, builder, kinds[6], values[6], 1)
-        inverse = _repeated(builder, values[7], four)
+        springs = [Rows(context, builder, kinds[5], values[5], 4).load(row) for row in (zero, one)]
+        shares = Rows(context, builder, kinds[6], values[6], 1)
+        inverse = repeated(builder, values[7], four)
 
         def taken(which: int, row: Any, k: Any, known: list[Any]) -> list[Any]:
-            rates, share = quarters[which].load(row, n), _repeated(builder, shares.load_one(zero, k), four)
+            rates, share = quarters[which].load(row, n), repeated(builder, shares.load_one(zero, k), four)
             acceleration = builder.fmul(builder.fsub(rates, known[8]), builder.fmul(share, inverse))
             after = _loads(builder, springs, quarters[which].load(row), rates, acceleration)
             return [*_turned(builder, known[:4], rows[which].load(row)), *_turned(builder, known[4:8], after), rates]
 
         rates = quarters[0].load(zero, n)
         gap = builder.fdiv(ir.Constant(ir.DoubleType(), 1.0), shares.load_one(zero, zero))
-        slope = builder.fmul(rows[0].load(one), _repeated(builder, gap, rows[0].vector))
+        slope = builder.fmul(rows[0].load(one), repeated(builder, gap, rows[0].vector))
         acceleration = builder.fmul(quarters[0].load(one, n), inverse)
         starting = _loads(builder, springs, quarters[0].load(zero), rates, acceleration)
         known: list[Any] = []
         for sample, way in ((rows[0].load(zero), slope), (starting, ir.Constant(starting.type, [0.0] * 8))):
             known += [sample, way, sample, sample]
         last = builder.sub(nodes, one)
-        found = _loop(builder, zero, last, 1, [*known, rates], lambda k, known: taken(1, k, k, known))[1:]
+        found = loop(builder, zero, last, 1, [*known, rates], lambda k, known: taken(1, k, k, known))[1:]
         found = taken(2, zero, nodes, found)
         flags = ir.Constant(INDEX, 0)
         for first, count, column in ((0, 16, zero), (4, 8, ir.Constant(INDEX, 16))):
             _, _, top, low = _turned(builder, found[first : first + 4], found[first])
-            bounds = _Rows(context, builder, kinds[8], values[8], count)
+            bounds = Rows(context, builder, kinds[8], values[8], count)
             beyond = builder.fcmp_ordered(">", top, bounds.load(one, column))
             beyond = builder.or_(beyond, builder.fcmp_ordered("<", low, bounds.load(zero, column)))
             bits = builder.zext(builder.bitcast(beyond, ir.IntType(count)), INDEX)
@@ -291,9 +293,9 @@ def _reaching(
 @intrinsic
 def _sizes(typing_context: Any, c: Any, first: Any, degree: Any, out: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 3))
+        rows, out_rows = (Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 3))
         size = elementwise(builder, "fabs", rows.vector)
-        _, total = _loop(
+        _, total = loop(
             *(builder, values[1], values[2], 1, [ir.Constant(rows.vector, [0.0] * 16)]),
             lambda k, totals: [builder.fadd(totals[0], builder.call(size, [rows.load(k)]))],
         )
@@ -306,22 +308,22 @@ def _sizes(typing_context: Any, c: Any, first: Any, degree: Any, out: Any) -> An
 @intrinsic
 def _means(typing_context: Any, samples: Any, weights: Any, nodes: Any, n: Any, out: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 4))
-        quarters, out_quarters = (_Rows(context, builder, signature.args[i], values[i], 4) for i in (0, 4))
-        shares = _Rows(context, builder, signature.args[1], values[1], 1)
+        rows, out_rows = (Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 4))
+        quarters, out_quarters = (Rows(context, builder, signature.args[i], values[i], 4) for i in (0, 4))
+        shares = Rows(context, builder, signature.args[1], values[1], 1)
         size, zero = elementwise(builder, "fabs", rows.vector), ir.Constant(INDEX, 0)
 
         def body(i: Any, totals: list[Any]) -> list[Any]:
             row, single = rows.load(i), shares.load_one(zero, i)
-            weight = _repeated(builder, single, rows.vector)
+            weight = repeated(builder, single, rows.vector)
             weighed = builder.fmul(row, weight)
-            rates = builder.fmul(quarters.load(i, values[3]), _repeated(builder, single, quarters.vector))
+            rates = builder.fmul(quarters.load(i, values[3]), repeated(builder, single, quarters.vector))
             parts = (row, weight), (row, weighed), (builder.call(size, [row]), weight), (quarters.load(i), rates)
             return [multiplied(builder, *part, total) for part, total in zip(parts, totals, strict=True)]
 
         last = builder.sub(values[2], ir.Constant(INDEX, 1))
         begun = [ir.Constant(rows.vector, [0.0] * 16)] * 3 + [ir.Constant(quarters.vector, [0.0] * 4)]
-        found = _loop(builder, zero, last, 1, begun, body)[1:]
+        found = loop(builder, zero, last, 1, begun, body)[1:]
         for i, total in enumerate(found):
             (out_rows if i < len(found) - 1 else out_quarters).store(ir.Constant(INDEX, i), total)
         return context.get_dummy_value()
@@ -330,35 +332,23 @@ def _means(typing_context: Any, samples: Any, weights: Any, nodes: Any, n: Any, 
 
 
 @intrinsic
-def _reduce(typing_context: Any, a: Any, row: Any, other: Any, column: Any, factor: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows = _Rows(context, builder, signature.args[0], values[0], 16)
-        _, row, other, column, factor = values
-        product = builder.fmul(_repeated(builder, factor, rows.vector), rows.load(other, column), flags=_FUSED)
-        rows.store(row, builder.fsub(rows.load(row, column), product, flags=_FUSED), column)
-        return context.get_dummy_value()
-
-    return types.void(a, types.int64, types.int64, types.int64, types.float64), generate
-
-
-@intrinsic
 def _put_step(typing_context: Any, q: Any, degree: Any, length: Any, n: Any, c: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 8) for i in (0, 4))
+        rows, out_rows = (Rows(context, builder, signature.args[i], values[i], 8) for i in (0, 4))
         _, degree, length, n, _ = values
         one, zero = ir.Constant(INDEX, 1), ir.Constant(INDEX, 0)
         last = builder.add(n, n)
 
         def body(k: Any, powers: list[Any]) -> list[Any]:
-            following, scale = builder.add(k, one), _repeated(builder, powers[0], rows.vector)
-            order = _repeated(builder, builder.fmul(powers[0], builder.sitofp(following, ir.DoubleType())), rows.vector)
+            following, scale = builder.add(k, one), repeated(builder, powers[0], rows.vector)
+            order = repeated(builder, builder.fmul(powers[0], builder.sitofp(following, ir.DoubleType())), rows.vector)
             coordinates, rates = builder.fmul(rows.load(k), scale), builder.fmul(rows.load(following), order)
             out_rows.store(k, coordinates, zero)
             out_rows.store(k, rates, n)
             out_rows.store(k, builder.extract_element(coordinates, ir.Constant(PLACE, 7)), last)
             return [builder.fmul(powers[0], length)]
 
-        _loop(builder, zero, degree, 1, [ir.Constant(ir.DoubleType(), 1.0)], body)
+        loop(builder, zero, degree, 1, [ir.Constant(ir.DoubleType(), 1.0)], body)
         return context.get_dummy_value()
 
     return types.void(q, types.int64, types.float64, types.int64, c), generate
@@ -423,9 +413,6 @@ if TYPE_CHECKING:
         In the last row are those of the products of the first four columns with those from n on.
         """
 
-    def reduce_16(a: FloatArray, row: int, other: int, column: int, factor: float) -> None:
-        """Subtract a multiple of another row from a row, in 16 columns from one on."""
-
     def horner_8(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
         """Evaluate polynomials of 8 columns at s, with first and second derivatives: ``out`` has shape (3, 8)."""
 
@@ -446,5 +433,5 @@ if TYPE_CHECKING:
 else:
     products_2, products_16 = _cauchy(2), _cauchy(16)
     put_row, put_step, horner_pair_16, sizes_16 = _put_row, _put_step, _horner_pair, _sizes
-    reaching, reduce_16, means_16 = _reaching, _reduce, _means
+    reaching, means_16 = _reaching, _means
     horner_16, horner_8 = _horner_at_one(16, derivatives=1), _horner_at_one(8, derivatives=2)

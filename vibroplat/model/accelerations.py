@@ -1,7 +1,7 @@
 """Accelerations and contact force by a direct solve, their derivatives along the motion and by the state.
 
 The dynamic rows of F are linear in z, the n accelerations and, attached, F_c. What multiplies z is constant in a state,
-so that everything here is a solve with :func:`solve_rows`, whose right-hand sides come from the rows of
+so that most here is a solve with :func:`solve_rows`, whose right-hand sides come from the rows of
 :mod:`vibroplat.model.equations` and their Jacobian.
 """
 
@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
-from vibroplat.model.equations import finite, jacobian, rows
+from vibroplat.model.equations import Coupled, coupled_rows, dynamic_jacobian, finite, jacobian, mass_matrix
 from vibroplat.model.motor import torque_rate
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import Compliance, Five, Three, compliance, holds, solve_platform, unbalance
+from vibroplat.model.platform import Compliance, Five, Three, compliance, holds, solve_platform, unbalances
 from vibroplat.model.systems import ALGEBRAIC, LAYERS
 
 
@@ -25,13 +25,14 @@ def solve(system: int, y: FloatArray, z: FloatArray, p: Parameters) -> None:
     mass there is M + m_w1. Of the unknowns ``y`` coordinates are read. From place n on ``z``, shape (size,), holds the
     right-hand sides of the dynamic rows, in the order of the rows, and is left with accelerations and F_c.
     """
-    inverse = compliance(unbalance(0, y, p), unbalance(1, y, p), mobility(ALGEBRAIC[system], p), p)
-    solve_with(inverse, system, z, p)
+    solve_coupled(system, z, unbalances(y, p), p)
 
 
 @inlined
-def solve_with(inverse: Compliance, system: int, z: FloatArray, p: Parameters) -> None:
-    """Solve as :func:`solve` does, with the inverse of the mass matrix of platform and exciters."""
+def solve_coupled(system: int, z: FloatArray, coupled: Coupled, p: Parameters) -> None:
+    """Do as :func:`solve`, with the couplings of both exciters in this state."""
+    first, second = coupled
+    inverse = compliance(first, second, mobility(ALGEBRAIC[system], p), p)
     n = z.size // 2
     layers, attached = LAYERS[system], ALGEBRAIC[system]
     lower = upper = 0.0 * z[n]
@@ -89,20 +90,28 @@ def accelerations(system: int, t: float, y: FloatArray, yp: FloatArray, p: Param
     The differential unknowns in ``y`` are read; y′ and, attached, F_c in ``y`` are filled, and F_c′ in ``yp`` is set
     to 0. Returns False if anything is not finite, or the mass matrix is not positive definite.
     """
+    accelerate(system, t, y, yp, unbalances(y, p), p)
+    return finite(yp) and finite(y) and holds(y, p)
+
+
+@inlined
+def accelerate(system: int, t: float, y: FloatArray, yp: FloatArray, coupled: Coupled, p: Parameters) -> None:
+    """Do as :func:`accelerations`, with the couplings of both exciters in this state, and do not look at the result."""
     n = y.size // 2
     if ALGEBRAIC[system]:
         y[2 * n] = 0.0
     for i in range(n, y.size):
         yp[i] = 0.0
-    rows(system, t, y, yp, yp, p)  # without accelerations and F_c, they are the forces with their signs changed
+    coupled_rows(
+        system, t, y, yp, yp, coupled, p
+    )  # without accelerations and F_c, they are the forces with their signs changed
     for i in range(n):
         yp[i], yp[n + i] = y[n + i], -yp[n + i]
     if ALGEBRAIC[system]:
         yp[2 * n] = -yp[2 * n]
-    solve(system, y, yp, p)
+    solve_coupled(system, yp, coupled, p)
     if ALGEBRAIC[system]:
         y[2 * n], yp[2 * n] = yp[2 * n], 0.0
-    return finite(yp) and finite(y) and holds(y, p)
 
 
 @compiled
@@ -131,20 +140,30 @@ def second_derivatives(system: int, t: float, y: FloatArray, yp: FloatArray, ypp
 
 
 @compiled
-def linearize(system: int, t: float, y: FloatArray, yp: FloatArray, slopes: FloatArray, p: Parameters) -> None:
-    """Differentiate accelerations and F_c by the state, for variational equations, at consistent y and y′.
+def linearize(
+    system: int, t: float, y: FloatArray, yp: FloatArray, jac: FloatArray, mass: FloatArray, p: Parameters
+) -> None:
+    """Make (y, y′) consistent and linearize the equations of motion there, without F_c: A δq″ + (∂F/∂y) δy = 0.
 
-    Row j of ``slopes``, shape (2n, size), is filled with ∂y′/∂y_j and, attached, ∂F_c/∂y_j behind it.
+    Attached, the lower layer's row is added to the platform's row of y, in which F_c then does not stand any more.
+
+    Parameters
+    ----------
+    jac
+        ∂F/∂y is filled into rows n to 2n − 1 and the first 2n columns, shape (size, size) or more.
+    mass
+        Filled with the mass matrix A of the n coordinates, shape (n, n) or more.
     """
     size = y.size
     n = size // 2
-    jac = np.empty((size, size))
-    jacobian(system, t, y, yp, 0.0, jac, p)
-    inverse = compliance(unbalance(0, y, p), unbalance(1, y, p), mobility(ALGEBRAIC[system], p), p)
-    for j in range(2 * n):
-        for i in range(size):
-            slopes[j, i] = -jac[i, j]  # of the first n rows as well: −(−1) for ∂q′/∂v
-        solve_with(inverse, system, slopes[j], p)
+    coupled = unbalances(y, p)
+    accelerate(system, t, y, yp, coupled, p)
+    dynamic_jacobian(system, t, y, yp, 0.0, jac, coupled, p)
+    mass_matrix(system, n, mass, coupled, p)
+    if ALGEBRAIC[system]:
+        for j in range(2 * n):
+            jac[n + 1, j] += jac[2 * n, j]
+        mass[1, 1] += p.lower_mass
 
 
 @compiled

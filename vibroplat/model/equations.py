@@ -18,11 +18,14 @@ its equation (paper (5), (6); there the damper of (6b) has the wrong sign).
 
 from __future__ import annotations
 
-from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline
+from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
 from vibroplat.model.motor import net_slope
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import forces, holds, inertial, unbalance
+from vibroplat.model.platform import Unbalance, forces, holds, inertial, unbalances
 from vibroplat.model.systems import ALGEBRAIC, LAYERS
+
+#: The couplings of both exciters.
+Coupled = tuple[Unbalance, Unbalance]
 
 
 @compiled
@@ -54,6 +57,14 @@ def rows(system: int, t: float, y: FloatArray, yp: FloatArray, res: FloatArray, 
 
         m_w1 (ÿ + ÿ_w1 + g) − S − F_c = 0,    ÿ + ÿ_w1 + ÿ_w2 + g + S/m_w2 = 0.
     """
+    coupled_rows(system, t, y, yp, res, unbalances(y, p), p)
+
+
+@inlined
+def coupled_rows(
+    system: int, t: float, y: FloatArray, yp: FloatArray, res: FloatArray, coupled: Coupled, p: Parameters
+) -> None:
+    """Do as :func:`rows`, with the couplings of both exciters in this state."""
     n = y.size // 2
     layers, attached = LAYERS[system], ALGEBRAIC[system]
     force = y[2 * n] if attached else 0.0
@@ -61,7 +72,7 @@ def rows(system: int, t: float, y: FloatArray, yp: FloatArray, res: FloatArray, 
     if not attached and layers > 0:
         lower += yp[n + 5]
     upper = lower + yp[2 * n - 1]
-    first, second = unbalance(0, y, p), unbalance(1, y, p)
+    first, second = coupled
     inertias = inertial(yp, n, first, second, p)
     acting = forces(t, y, n, first, second, force, p)
     for i in range(n):
@@ -86,28 +97,38 @@ def layer_spring(y: float, rate: float, p: Parameters) -> float:
 def jacobian(system: int, t: float, y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: Parameters) -> None:
     """Fill ∂F/∂y + c_j ∂F/∂y′ of the system with this number, shape (size, size)."""
     n = y.size // 2
-    for i in range(jac.shape[0]):
-        for j in range(jac.shape[1]):
-            jac[i, j] = 0.0
     for i in range(n):
+        for j in range(y.size):
+            jac[i, j] = 0.0
         jac[i, i] = cj
         jac[i, n + i] = -1.0
+    dynamic_jacobian(system, t, y, yp, cj, jac, unbalances(y, p), p)
+
+
+@inlined
+def dynamic_jacobian(
+    system: int, t: float, y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, coupled: Coupled, p: Parameters
+) -> None:
+    """Fill those of its rows that are dynamic, with the couplings of both exciters in this state."""
+    n = y.size // 2
+    for i in range(n, y.size):
+        for j in range(y.size):
+            jac[i, j] = 0.0
     jac[n, 0], jac[n, n] = p.stiffness_x, p.damping_x + cj * p.mass
     jac[n + 1, 1], jac[n + 1, n + 1] = p.stiffness_y, p.damping_y + cj * p.mass
     jac[n + 2, 2], jac[n + 2, n + 2] = p.stiffness_phi, p.damping_phi + cj * p.inertia
     for i in range(2):
-        exciter_jacobian(i, n, t, y, yp, cj, jac, p)
+        exciter_jacobian(i, n, t, y, yp, cj, jac, coupled[i], p)
     if LAYERS[system] > 0:
         layer_jacobian(system, n, cj, jac, p)
 
 
 @compiled
 def exciter_jacobian(
-    i: int, n: int, t: float, y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: Parameters
+    i: int, n: int, t: float, y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, u: Unbalance, p: Parameters
 ) -> None:
     """Fill the columns of φᵢ and φ̇ᵢ in the platform's rows, and exciter i's row."""
     angle, row = 3 + i, n + 3 + i
-    u = unbalance(i, y, p)
     w, a = y[row], yp[row]
     q, vphi = w * w, y[n + 2]
     ax, ay, aphi = yp[n], yp[n + 1] + p.gravity, yp[n + 2]
@@ -121,6 +142,26 @@ def exciter_jacobian(
     jac[row, angle] = u.x * ay - u.y * ax - u.lever * aphi + u.phi * vphi * vphi
     jac[row, n], jac[row, n + 1], jac[row, n + 2] = cj * u.x, cj * u.y, cj * u.phi + 2.0 * u.lever * vphi
     jac[row, row] = cj * p.exciter_inertia[i] - net_slope(i, t, w, p)
+
+
+@compiled
+def mass_matrix(system: int, n: int, mass: FloatArray, coupled: Coupled, p: Parameters) -> None:
+    """Fill what multiplies the n accelerations in the dynamic rows without that of F_c, shape (n, n) or more."""
+    for i in range(n):
+        for j in range(n):
+            mass[i, j] = 0.0
+    mass[0, 0], mass[1, 1], mass[2, 2] = p.mass, p.mass, p.inertia
+    for i in range(2):
+        u, k = coupled[i], 3 + i
+        mass[0, k], mass[1, k], mass[2, k] = u.x, u.y, u.phi
+        mass[k, 0], mass[k, 1], mass[k, 2], mass[k, k] = u.x, u.y, u.phi, p.exciter_inertia[i]
+    free = LAYERS[system] > 0 and not ALGEBRAIC[system]
+    if free:
+        mass[5, 1] = mass[5, 5] = p.lower_mass
+    if LAYERS[system] == 2:
+        mass[n - 1, 1] = mass[n - 1, n - 1] = 1.0
+        if free:
+            mass[n - 1, 5] = 1.0
 
 
 @compiled

@@ -46,6 +46,12 @@ def unbalance(i: int, y: FloatArray, p: Parameters) -> Unbalance:
     return couplings(i, y[2], np.sin(y[3 + i]), np.cos(y[3 + i]), p)
 
 
+@compiled
+def unbalances(y: FloatArray, p: Parameters) -> tuple[Unbalance, Unbalance]:
+    """Evaluate the couplings of both exciters."""
+    return unbalance(0, y, p), unbalance(1, y, p)
+
+
 @inlined
 def couplings(i: int, phi: float, sine: float, cosine: float, p: Parameters) -> Unbalance:
     """Evaluate the couplings of exciter i from sine and cosine of its angle."""
@@ -162,6 +168,7 @@ def holds(y: FloatArray, p: Parameters) -> bool:
     if abs(y[2]) <= p.safe_rotation:
         return True
     mobility = (1.0 / p.mass, 1.0 / p.mass, 1.0 / p.inertia)
-    m11, m12, m22 = exciter_masses(unbalance(0, y, p), unbalance(1, y, p), mobility, p)
+    first, second = unbalances(y, p)
+    m11, m12, m22 = exciter_masses(first, second, mobility, p)
     least_1, least_2 = DEFINITE * p.exciter_inertia[0], DEFINITE * p.exciter_inertia[1]
     return bool(m11 > least_1 and m22 > least_2 and m11 * m22 - m12 * m12 > least_1 * least_2)

@@ -11,14 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, fused, fused_inline, inlined
-from vibroplat.kernels.lanes import reduce_16
-from vibroplat.kernels.linear import pivot_row
+from vibroplat.kernels.elimination import LANE, blend_8, combine_16, eliminate, lanes
+from vibroplat.kernels.lanes import in_lines
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import FULL_SIZE
-
-#: Columns that are reduced at once. Right-hand sides are in whole lanes: first those of the start, then those of the
-#: parameters by which the state is differentiated.
-LANE = 16
 
 #: Longest step of the collocation, as a part of a turn of the synchronous speed and times the quickest natural
 #: frequency (rad/s), and its points. Beside differences, derivatives over a turn are good to 1e-9 with 16 steps in a
@@ -65,6 +61,8 @@ def radau(points: int) -> Radau:
 METHODS = tuple(radau(points) for _, points in POINTS)
 #: The same with 3 points in the longest steps too, at a third of the cost.
 ROUGH_METHODS = (*METHODS[:2], METHODS[1])
+#: One point: with a step of 0 it gives the derivatives of the accelerations themselves.
+POINT = radau(1)
 
 
 @compiled
@@ -99,28 +97,68 @@ def step_of(step: float, left: float, longest: float) -> float:
     return min(step, left)
 
 
+class Linear(NamedTuple):
+    """The linear system of a step of the collocation, and the derivatives that it is made of.
+
+    The unknowns are the derivatives of the accelerations at the points.
+
+    Attributes
+    ----------
+    mass
+        Mass matrices at the points, shape (points, 7, 7).
+    jac
+        ∂F/∂y at the points: of n rows from n on, first by the coordinates, then by the rates, shape (points, 14, 16).
+    forced
+        −∂F/∂p of these rows by the parameters, shape (points, 7, keys).
+    matrix
+        Shape (points · 7, whole lanes for points · 7, then columns).
+    factors, weights
+        Room, shapes (2, points · 7) and (1, 16).
+    """
+
+    mass: FloatArray
+    jac: FloatArray
+    forced: FloatArray
+    matrix: FloatArray
+    factors: FloatArray
+    weights: FloatArray
+
+
+def linear(columns: int, keys: int) -> Linear:
+    """Make room for the linear system with these whole lanes of right-hand sides."""
+    n = FULL_SIZE // 2
+    equations = MOST_POINTS * n
+    return Linear(
+        mass=np.zeros((MOST_POINTS, n, n)),
+        jac=in_lines((MOST_POINTS, FULL_SIZE, LANE)),
+        forced=np.zeros((MOST_POINTS, n, keys)),
+        matrix=in_lines((equations, lanes(equations) + columns)),
+        factors=np.zeros((2, equations)),
+        weights=np.zeros((1, LANE)),
+    )
+
+
 @fused
-def collocate(n: int, h: float, method: Radau, a: FloatArray, b: FloatArray, matrix: FloatArray, s: FloatArray) -> None:
+def collocate(n: int, h: float, method: Radau, e: Linear, s: FloatArray) -> None:
     """Carry the derivatives of n coordinates and their rates, ``s``, over a step.
 
-    The unknowns of the linear system are the derivatives of the accelerations at the points. The columns are taken a
-    lane at a time, so that each comes out the same to the last bit, however many others there are.
+    The columns are taken a lane at a time, so that each comes out the same to the last bit, however many others there
+    are. What the accelerations are differentiated to at the points is left in the right-hand sides of ``e.matrix``.
     """
     points = method.nodes.size
     m = points * n
-    right = behind(m)
+    right = lanes(m)
     end = right + s.shape[1]
     for i in range(points):
-        lead = h * method.nodes[i]
         for r in range(n):
-            row = matrix[i * n + r]
+            row = i * n + r
             for j in range(points):
-                twice, once = h * h * method.twice[i, j], h * method.once[i, j]
-                for c in range(n):
-                    row[j * n + c] = -twice * a[i, r, c] - once * a[i, r, n + c]
-            row[i * n + r] += 1.0
-            right_hand_sides(n, lead, a[i, r], b[i, r], row[right:end], s)
-    eliminate(matrix, m, right, end)
+                # its 8 numbers reach into the next block, which is filled after it
+                blend_8(e.matrix, row, j * n, h * h * method.twice[i, j], h * method.once[i, j], e.jac[i], n + r, n)
+            for c in range(n):
+                e.matrix[row, i * n + c] += e.mass[i, r, c]
+            right_hand_sides(n, h * method.nodes[i], i, r, right, e, s)
+    eliminate(e.matrix, m, right, end, e.factors)
     last = points - 1
     for j in range(0, s.shape[1], LANE):
         for c in range(n):
@@ -129,53 +167,18 @@ def collocate(n: int, h: float, method: Radau, a: FloatArray, b: FloatArray, mat
             for i in range(points):
                 twice, once = h * h * method.twice[last, i], h * method.once[last, i]
                 for k in range(j, j + LANE):
-                    found = matrix[i * n + c, right + k]
+                    found = e.matrix[i * n + c, right + k]
                     s[c, k] += twice * found
                     s[n + c, k] += once * found
 
 
 @fused_inline
-def right_hand_sides(n: int, lead: float, a: FloatArray, b: FloatArray, row: FloatArray, s: FloatArray) -> None:
+def right_hand_sides(n: int, lead: float, i: int, r: int, right: int, e: Linear, s: FloatArray) -> None:
     """Fill those of an acceleration at a point: what the state at the start of the step and the parameters cause."""
-    for j in range(0, row.size, LANE):
-        for k in range(j, j + LANE):
-            row[k] = 0.0
-        for c in range(n):
-            stiffness, damping = a[c], a[n + c] + lead * a[c]
-            for k in range(j, j + LANE):
-                row[k] += stiffness * s[c, k] + damping * s[n + c, k]
-    for k in range(b.size):
-        row[FULL_SIZE + k] += b[k]
-
-
-@inlined
-def behind(m: int) -> int:
-    """Column at which the right-hand sides of m equations begin."""
-    return -(-m // LANE) * LANE
-
-
-@fused
-def eliminate(matrix: FloatArray, m: int, right: int, end: int) -> None:
-    """Solve m linear equations for the right-hand sides in these columns, which become the solutions.
-
-    Rows are reduced in whole lanes: what that leaves before the diagonal is never read.
-    """
-    for k in range(m):
-        first = k // LANE * LANE
-        best = pivot_row(matrix[:m], k)
-        if best != k:
-            for j in range(first, end):
-                matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
-        inverse = 1.0 / matrix[k, k]
-        for i in range(k + 1, m):
-            factor = matrix[i, k] * inverse
-            for j in range(first, end, LANE):
-                reduce_16(matrix, i, k, j, factor)
-    for k in range(m - 1, -1, -1):
-        inverse = 1.0 / matrix[k, k]
-        for j in range(right, end):
-            matrix[k, j] *= inverse
-        for i in range(k):
-            factor = matrix[i, k]
-            for j in range(right, end, LANE):
-                reduce_16(matrix, i, k, j, factor)
+    row = i * n + r
+    blend_8(e.weights, 0, 0, -1.0, 0.0, e.jac[i], n + r, n)
+    blend_8(e.weights, 0, n, -lead, -1.0, e.jac[i], n + r, n)
+    for j in range(0, s.shape[1], LANE):
+        combine_16(e.matrix, row, right + j, e.weights, s, 2 * n - 1, j)
+    for k in range(e.forced.shape[2]):
+        e.matrix[row, right + FULL_SIZE + k] += e.forced[i, r, k]

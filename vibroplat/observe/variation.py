@@ -17,23 +17,24 @@ import numpy as np
 from vibroplat.hybrid.modes import ATTACHED, IMPACT, LATCH
 from vibroplat.hybrid.state import Automaton, Steps
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, same_types
-from vibroplat.kernels.lanes import in_lines
+from vibroplat.kernels.elimination import lanes
 from vibroplat.kernels.polynomial import values
-from vibroplat.model.accelerations import accelerations, linearize, solve
+from vibroplat.model.accelerations import accelerations, linearize
 from vibroplat.model.equations import rows
 from vibroplat.model.impact import impact, latch
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.sensitivity import CHOICES, COMPLEX, IMAGINARY, flat
-from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, GAP_RATE, PLACES, SIZES, gather, scatter
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, FULL_SIZE, GAP, GAP_RATE, PLACES, SIZES, gather, scatter
 from vibroplat.observe.collocation import (
     GROWTH,
     METHODS,
-    MOST_POINTS,
+    POINT,
     POINTS,
     ROUGH_METHODS,
+    Linear,
     Radau,
-    behind,
     collocate,
+    linear,
     step_of,
     steps_of,
 )
@@ -61,12 +62,12 @@ class Carried(NamedTuple):
         Parameters p + ih dp, shape (2, 1 + keys): the first column is without dp, the second row without restitution.
     methods
         One for each entry of POINTS.
-    y, yp, slopes
-        Unknowns of a system, their rates and the Jacobian.
-    a, b
-        Derivatives of the accelerations by the unknowns (points, 7, 14) and by the parameters (points, 7, keys).
-    matrix
-        Linear system, shape (points · 7, whole lanes for points · 7, then columns).
+    y, yp
+        Unknowns of a system and their rates.
+    residual
+        What the parameters' derivatives leave of the equations, complex, shape (14,).
+    equations
+        The linear system of a step.
     part
         Rows of ``s`` that the system has, shape (14, columns).
     """
@@ -80,10 +81,8 @@ class Carried(NamedTuple):
     methods: tuple[Radau, ...]
     y: FloatArray
     yp: FloatArray
-    slopes: FloatArray
-    a: FloatArray
-    b: FloatArray
-    matrix: FloatArray
+    residual: Any
+    equations: Linear
     part: FloatArray
 
 
@@ -106,8 +105,7 @@ class Variation:
         self._numbers = flat(turned)
         self._directions: FloatArray = np.zeros(self._numbers.shape[1:])
         self._columns = FULL_SIZE + len(directions)
-        columns = behind(self._columns)  # in whole lanes
-        equations = MOST_POINTS * FULL_SIZE // 2
+        columns = lanes(self._columns)
         self._carried = Carried(
             s=np.zeros((FULL_SIZE, columns)),
             late=np.zeros(columns),
@@ -118,10 +116,8 @@ class Variation:
             methods=ROUGH_METHODS if rough else METHODS,
             y=np.zeros(FULL_SIZE),
             yp=np.zeros(FULL_SIZE),
-            slopes=np.zeros((FULL_SIZE, FULL_SIZE)),
-            a=np.zeros((MOST_POINTS, FULL_SIZE // 2, FULL_SIZE)),
-            b=np.zeros((MOST_POINTS, FULL_SIZE // 2, len(directions))),
-            matrix=in_lines((equations, behind(equations) + columns)),
+            residual=np.zeros(FULL_SIZE, np.complex128),
+            equations=linear(columns, len(directions)),
             part=np.zeros((FULL_SIZE, columns)),
         )
         self.begin(np.eye(FULL_SIZE), [flat(direction) for direction in directions])
@@ -258,7 +254,7 @@ def along(steps: Steps, piece: Any, p: Parameters, v: Carried) -> None:
             share = min((at - steps.start[row]) / steps.length[row], 1.0)
             values(steps.c[row], steps.c.shape[1] - 1, share, v.y[: 2 * n])
             differentiate(system, piece.origin + at, i, p, v)
-        collocate(n, length, method, v.a, v.b, v.matrix, v.part)
+        collocate(n, length, method, v.equations, v.part)
         done += length
         step *= GROWTH
     for i in range(FULL_SIZE):
@@ -270,26 +266,19 @@ def along(steps: Steps, piece: Any, p: Parameters, v: Carried) -> None:
 
 @compiled
 def differentiate(system: int, t: float, point: int, p: Parameters, v: Carried) -> None:
-    """Differentiate the accelerations at the unknowns in ``v.y`` by these and, at a fixed state, by the parameters."""
+    """Linearize the equations of motion at the unknowns in ``v.y``, and differentiate them by the parameters."""
     size = SIZES[system]
     n = size // 2
-    y, yp = v.y[:size], v.yp[:size]
-    accelerations(system, t, y, yp, p)
-    linearize(system, t, y, yp, v.slopes[: 2 * n, :size], p)
-    for i in range(n):
-        for j in range(2 * n):
-            v.a[point, i, j] = v.slopes[j, n + i]
+    y, yp, e = v.y[:size], v.yp[:size], v.equations
+    linearize(system, t, y, yp, e.jac[point], e.mass[point], p)
     if v.turned.shape[1] == 1:
         return
-    residual: Any = np.empty(size, np.complex128)
-    z = np.empty(size)
-    for k in range(v.turned.shape[1] - 1):  # A ∂z/∂p = −∂F/∂p
-        rows(system, t, y, yp, residual, v.turned[0, k + 1])
-        for i in range(size):
-            z[i] = -residual[i].imag / IMAGINARY if i >= n else 0.0
-        solve(system, y, z, p)
-        for i in range(n):
-            v.b[point, i, k] = z[n + i]
+    for k in range(v.turned.shape[1] - 1):
+        rows(system, t, y, yp, v.residual, v.turned[0, k + 1])
+        for r in range(n):
+            e.forced[point, r, k] = -v.residual[n + r].imag / IMAGINARY
+        if ALGEBRAIC[system]:
+            e.forced[point, 1, k] -= v.residual[2 * n].imag / IMAGINARY
 
 
 @compiled
@@ -353,16 +342,16 @@ def by_latch(system: int, t: float, state: FloatArray, first: int, p: Parameters
     gather(system, state, start)
     rates_of(system, t, start, rates, p, v)
     differentiate(system, t, 0, p, v)
+    for i in range(2 * n):
+        copy(v.s[PLACES[system, i]], v.part[i])
+    collocate(n, 0.0, POINT, v.equations, v.part)
     moved: Any = np.empty(FULL_SIZE, np.complex128)
     after: Any = np.empty(FULL_SIZE, np.complex128)
     turned: Any = np.empty(FULL_SIZE // 2, np.complex128)
     change = np.zeros(FULL_SIZE)
     for j in range(first, FULL_SIZE + v.turned.shape[1] - 1):
         for i in range(n):
-            place = PLACES[system, n + i]
-            change[place] = v.b[0, i, j - FULL_SIZE] if j >= FULL_SIZE else 0.0
-            for k in range(2 * n):
-                change[place] += v.a[0, i, k] * v.s[PLACES[system, k], j]
+            change[PLACES[system, n + i]] = v.equations.matrix[i, lanes(n) + j]
         for i in range(FULL_SIZE):
             moved[i] = state[i] + 1j * IMAGINARY * v.s[i, j]
         for i in range(FULL_SIZE // 2):
