@@ -78,9 +78,12 @@ class Chart:
 
     def pack(self, state: FloatArray, period: float, values: Sequence[float] = ()) -> FloatArray:
         """Write a state on the section, the period (s) and the values of the keys as a vector of unknowns."""
-        u = state[self.places] / self.scales
+        m = self.places.size
+        u = np.empty(m + len(self.units))
+        u[:m] = state[self.places] / self.scales
         u[self.phase] = period * self.speed
-        return np.append(u, [value / unit for value, unit in zip(values, self.units, strict=True)])
+        u[m:] = [value / unit for value, unit in zip(values, self.units, strict=True)]
+        return u
 
     def unpack(self, u: FloatArray) -> tuple[FloatArray, float, list[float]]:
         """Read state, period (s) and values from a vector of unknowns."""

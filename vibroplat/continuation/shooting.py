@@ -265,7 +265,8 @@ class Shooter:
             near.begin()
         if full or measured:
             observers.append(self._statistics)
-            empty: Any = [part.copy() for part in self._nothing]
+            *sums, closed, seen, section = self._nothing
+            empty: Any = (*(part.copy() for part in sums), closed, seen, section)  # the last three are not read
             self._statistics.measures = Measures(*empty)
             before = Energies.of(h.run["state"], h.p)
         motion.to_time(duration, observers)

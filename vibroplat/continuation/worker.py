@@ -72,14 +72,15 @@ class Known(NamedTuple):
     def met_again(self, row: Record, rows: Sequence[Record], values: Sequence[FloatArray]) -> str:
         """Say in which way a branch has passed a new point before, of which ``rows`` precede it; empty if it has not.
 
-        ``values`` are those of the key at the points of each other branch.
+        ``values`` are those of the key at the points of each other branch, then at own points.
         """
-        for (number, former), at in zip(self.others, values, strict=True):
+        *of_others, of_own = values
+        for (number, former), at in zip(self.others, of_others, strict=True):
             mirrored = _passed(row, former, at)
             if mirrored is not None:
                 return f"{'mirror image of' if mirrored else 'joins'} branch {number}"
         own = [*self.own, *rows][:-2]
-        mirrored = _passed(row, own, _values(own))
+        mirrored = _passed(row, own, np.concatenate([of_own, _values(rows)])[:-2])
         if mirrored is None:
             return ""
         last = own[-RETURN:]
@@ -89,7 +90,7 @@ class Known(NamedTuple):
 
 def _values(rows: Sequence[Record]) -> FloatArray:
     """Values of the key at some points."""
-    return np.array([row["value"] for row in rows])
+    return np.array([row["value"] for row in rows], dtype=float)
 
 
 def _passed(row: Record, former: Sequence[Record], values: FloatArray) -> bool | None:
@@ -135,7 +136,7 @@ def part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) -> 
         except (MissedError, OrbitError) as error:
             return record | {"ended": str(error), "failed": True}
         rows, ends, step = record["rows"], list[Special](), list[Point]()
-        values = [_values(former) for _, former in known.others]
+        values = [*(_values(former) for _, former in known.others), _values(known.own)]
 
         def look(before: Point, after: Point, strictly: bool) -> None:
             step[:] = before, after

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.config.coordinates import MOST_POINTS
-from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, inlined, same_types
 from vibroplat.kernels.polynomial import bend, extremes, slope, turning_point, value
 
 #: Degree of polynomials up to which there are too few samples of them to find extremes by.
@@ -56,11 +56,26 @@ def no_peaks(count: int) -> npt.NDArray[np.void]:
 
 def joined(peaks: npt.NDArray[np.void]) -> Any:
     """Return the extremes over all of some records, with when they are and at which pace: one record."""
-    found, every = peaks[0].copy(), np.arange(_SIZE)
-    for end, which in (("least", peaks["least"].argmin(axis=0)), ("largest", peaks["largest"].argmax(axis=0))):
-        for name in (end, f"at_{end}", f"pace_{end}"):
-            found[name] = peaks[name][which, every]
+    found = peaks[0].copy()
+    _join(peaks, found)
     return found
+
+
+@compiled
+def join(peaks: Any, found: Any) -> None:
+    """Let a record have the extremes of some records where these go beyond its own."""
+    for row in range(peaks.size):
+        other = peaks[row]
+        for k in range(_SIZE):
+            if other.least[k] < found.least[k]:
+                found.least[k], found.at_least[k] = other.least[k], other.at_least[k]
+                found.pace_least[k] = other.pace_least[k]
+            if other.largest[k] > found.largest[k]:
+                found.largest[k], found.at_largest[k] = other.largest[k], other.at_largest[k]
+                found.pace_largest[k] = other.pace_largest[k]
+
+
+_join = same_types(join)
 
 
 class Span(NamedTuple):

@@ -7,8 +7,8 @@ for runs alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -188,45 +188,61 @@ def data_sheet(ms: Measures, peaks: Any, scene: Scene) -> dict[str, float | None
             found[f"slip_{n}"] = 1.0 - exciter.direction * mean[f"speed_{n}"] / speeds[i]
         ripple = peaks["largest"][SPEED_1 + i] - peaks["least"][SPEED_1 + i]
         found[f"speed_ripple_{n}_hz"] = float(ripple) / _TURN
-    return found | {name: value for name, (value, _, _) in _peaks(peaks, scene).items()}
+    return found | _largest(peaks, peaked(scene))
 
 
-def _peaks(peaks: Any, scene: Scene) -> dict[str, tuple[float | None, float, float]]:
-    """Return largest values with their times (s) and paces (rad/s) by their columns."""
-    gravity, (k_1, k_2) = scene.machine.gravity_m_per_s2, scene.unbalances
-    count = POINTS + 3 * len(scene.output.points)
-    lows, highs = (
-        np.array([peaks[end][:count], peaks[f"at_{end}"][:count], peaks[f"pace_{end}"][:count]]).T.tolist()
-        for end in ("least", "largest")
-    )
+class Peaked(NamedTuple):
+    """How a column follows from extremes: of which quantity, times what, and whether it is their difference.
 
-    def largest(k: int, factor: float = 1.0) -> tuple[float | None, float, float]:
-        """Return the larger size of both extremes."""
-        value, at, pace = lows[k] if -lows[k][0] > highs[k][0] else highs[k]
-        value = factor * abs(value)
-        return value if math.isfinite(value) else None, at, pace
+    If not, it is the larger size of both, or if ``squared`` the square of it.
+    """
 
-    def stroke(k: int) -> tuple[float | None, float, float]:
-        """Return the difference of both extremes, and when it was complete."""
-        value = highs[k][0] - lows[k][0]
-        _, at, pace = max(highs[k], lows[k], key=lambda end: end[1])
-        return value if math.isfinite(value) else None, at, pace
+    quantity: int
+    factor: float = 1.0
+    difference: bool = False
+    squared: bool = False
 
-    found = {f"foundation_{name}_max_{unit}": largest(k) for name, k, _, unit in _AXES}
-    found |= {"stroke_x_m": stroke(SIDEWAYS), "stroke_y_m": stroke(HEIGHT)}
-    found["acceleration_max_m_per_s2"] = largest(ACCELERATION)
-    found["gamma"] = largest(LIFT, 1.0 / gravity if gravity > 0.0 else math.inf)
-    for i, k in enumerate((k_1, k_2)):
-        found[f"motor_power_{i + 1}_max_w"] = largest(POWER_1 + i)
-        found[f"motor_torque_{i + 1}_max_n_m"] = largest(TORQUE_1 + i)
+
+def peaked(scene: Scene) -> dict[str, Peaked]:
+    """Return the columns of a scene's data sheet that follow from extremes."""
+    gravity = scene.machine.gravity_m_per_s2
+    found = {f"foundation_{name}_max_{unit}": Peaked(k) for name, k, _, unit in _AXES} | {
+        "stroke_x_m": Peaked(SIDEWAYS, difference=True),
+        "stroke_y_m": Peaked(HEIGHT, difference=True),
+        "acceleration_max_m_per_s2": Peaked(ACCELERATION),
+        "gamma": Peaked(LIFT, 1.0 / gravity if gravity > 0.0 else math.inf),
+    }
+    for i, k in enumerate(scene.unbalances):
+        found[f"motor_power_{i + 1}_max_w"] = Peaked(POWER_1 + i)
+        found[f"motor_torque_{i + 1}_max_n_m"] = Peaked(TORQUE_1 + i)
         critical = scene.exciter_pair[i].critical_torque_n_m
-        found[f"torque_share_{i + 1}_max"] = largest(TORQUE_1 + i, 1.0 / critical if critical > 0.0 else math.nan)
-        speed, at, pace = largest(SPEED_1 + i)
-        found[f"bearing_force_{i + 1}_max_n"] = None if speed is None else k * speed**2, at, pace
+        found[f"torque_share_{i + 1}_max"] = Peaked(TORQUE_1 + i, 1.0 / critical if critical > 0.0 else math.nan)
+        found[f"bearing_force_{i + 1}_max_n"] = Peaked(SPEED_1 + i, k, squared=True)
     for i, name in enumerate(scene.output.points):
-        found |= {f"stroke_{axis}_{name}_m": stroke(POINTS + 3 * i + j) for j, axis in enumerate(("x", "y"))}
-        found[f"acceleration_max_{name}_m_per_s2"] = largest(POINTS + 3 * i + 2)
+        first = POINTS + 3 * i
+        found |= {f"stroke_{axis}_{name}_m": Peaked(first + j, difference=True) for j, axis in enumerate(("x", "y"))}
+        found[f"acceleration_max_{name}_m_per_s2"] = Peaked(first + 2)
     return found
+
+
+def _largest(peaks: Any, columns: Mapping[str, Peaked]) -> dict[str, float | None]:
+    """Return the values of columns that follow from extremes; None for what is not finite."""
+    least, largest = peaks["least"].tolist(), peaks["largest"].tolist()
+    found: dict[str, float | None] = {}
+    for name, (k, factor, difference, squared) in columns.items():
+        size = largest[k] - least[k] if difference else abs(max(largest[k], -least[k]))
+        value = factor * (size * size if squared else size)
+        found[name] = value if math.isfinite(value) else None
+    return found
+
+
+def _when(peaks: Any, column: Peaked) -> tuple[float, float]:
+    """Return when the value of a column was complete (s), and the pace then (rad/s)."""
+    k = column.quantity
+    ends = [(float(peaks[f"at_{end}"][k]), float(peaks[f"pace_{end}"][k])) for end in ("least", "largest")]
+    if column.difference:
+        return max(ends[::-1], key=lambda end: end[0])
+    return ends[0] if -peaks["least"][k] > peaks["largest"][k] else ends[1]
 
 
 def whole_run(ms: Measures, scene: Scene, begun: float, captured: bool) -> dict[str, Any]:
@@ -240,9 +256,11 @@ def whole_run(ms: Measures, scene: Scene, begun: float, captured: bool) -> dict[
         Whether a motor slips as one does that is captured; see :data:`vibroplat.observe.notes.CAPTURED`.
     """
     found: dict[str, Any] = {}
-    for name, (value, at, pace) in _peaks(joined(ms.peaks), scene).items():
-        base, there = split(name)[0], value is not None
+    peaks, columns = joined(ms.peaks), peaked(scene)
+    for name, value in _largest(peaks, columns).items():
+        base, (at, pace) = split(name)[0], _when(peaks, columns[name])
         found[f"whole_{name}"] = value
+        there = value is not None
         found[f"whole_{base}_at_s"], found[f"whole_{base}_at_hz"] = (at, pace / _TURN) if there else (None, None)
     found["synchronized_at_s"], found["start_energy_j"] = synchronized(ms, scene, begun)
     return found | {"captured_by": _captor(ms, scene) if captured else ""}
