@@ -7,25 +7,25 @@ from vibroplat.config.reader import nest
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
 
-#: Duration of each scene in turns at the larger synchronous speed.
+#: Duration of each scene in turns at the larger synchronous speed, unless told.
 TURNS = 20.0
 #: Events within a turn that end a scene: enough for an accumulation, few enough if nothing accumulates.
 STORM = 500
 
 
-def random_scene(number, seed=0, *, as_bought=False):
-    """Draw a scene; number and seed determine it."""
-    return drawn(Draw(np.random.default_rng((seed, number))), f"random-{number}", as_bought=as_bought)
+def random_scene(number, seed=0, *, as_bought=False, turns=TURNS):
+    """Draw a scene; number and seed determine it, but for its duration."""
+    return drawn(Draw(np.random.default_rng((seed, number))), f"random-{number}", as_bought=as_bought, turns=turns)
 
 
-def drawn(draw, name, *, as_bought=False):
+def drawn(draw, name, *, as_bought=False, turns=TURNS):
     """Build a scene from random values; ``as_bought``: some with exciters of their own, programs, starts from rest."""
     machine, others = draw.machine(), draw.material() | draw.contact() | draw.solver()
     motors = draw.motors()
     if as_bought and draw.chance(0.4):
         motors = draw.exciters(machine)
     scene = Scene.from_tree(nest(machine | others) | {"name": name} | motors)
-    duration = TURNS * 2.0 * np.pi / scene.speed_scale
+    duration = turns * 2.0 * np.pi / scene.speed_scale
     scene = scene.replace({"run": {"duration_s": duration, "initial": draw.initial(scene)}})
     if as_bought and draw.chance(0.2):
         scene = scene.replace({"run.initial": {"speed_ratio": 0.0}})

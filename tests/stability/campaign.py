@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from common.random_scenes import STORM, TURNS, random_scene
+from common.random_scenes import STORM, random_scene
 
 from stability.checks import NAMED, row, sound, with_engine
 from vibroplat import orbit, simulate
-from vibroplat.check import by_other_engine
+from vibroplat.check import FLOOR, by_other_engine
 from vibroplat.check.events import Errors, paired
-from vibroplat.check.runs import Course, check_run
+from vibroplat.check.runs import check_run
 from vibroplat.continuation.orbit import OrbitError, run_from
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate.native import MAX_STEPS
@@ -31,9 +31,14 @@ from vibroplat.observe.summary import INACCURATE
 ENGINES = ("native", "taylor")
 #: Scenes of a table.
 PART = 100
-#: Every THOROUGH-th scene is also compared with its accurate motion and with an orbit near its end. Where the error,
-#: over the tolerance and what the motion makes of a disturbance, is above SUSPECT, the engines are compared in time, as
-#: they are where they differ: that takes as long as three scenes. One of 100 runs of ``native`` is beyond 3e4.
+#: Turns of a scene, and of a thorough one. Many short motions find more than few long ones: most of what is difficult
+#: lies in the parameters and shows at once. Stiff scenes are as short as MANY steps allow, but no shorter than LEAST,
+#: which is tried first; otherwise a tenth of all scenes would take most of the time.
+SHORT, LONG, LEAST, MANY = 4.0, 10.0, 0.1, 10_000
+#: Every THOROUGH-th scene is longer, and also compared with its accurate motion and with an orbit near its end. Where
+#: the error, over the tolerance and what the motion makes of a disturbance, is above SUSPECT, the engines are compared
+#: in time, as they are where they differ: that takes as long as three scenes. One of 100 runs of ``native`` is beyond
+#: 3e4.
 THOROUGH, SUSPECT = 10, 1e4
 #: Tolerances with which an engine is compared again where it disagrees, over that of the scene, and the least of them.
 FINER, FINEST = (1e-2, 1e-4, 1e-6), 1e-12
@@ -51,35 +56,60 @@ def campaign(count, engine):
 
 def judged(number, engine=ENGINES[0]):
     """Run a random scene with both engines; return its row."""
-    scene = with_engine(random_scene(number, seed=1, as_bought=True), engine)
-    one, two = Course(scene), Course(by_other_engine(scene))
+    thorough = number % THOROUGH == 0
+    scene, turns = _scene(number, LONG if thorough else SHORT, engine)
+    runs = [simulate(s, keep="events") for s in (scene, by_other_engine(scene))]
     values, limits = {"number": number, "tolerance": scene.solver.tolerance, "failure": ""}, {}
-    for course in (one, two):
-        summary, name = course.result.summary, course.engine
-        values |= {f"outcome_{name}": summary["outcome"], f"steps_{name}": summary["steps"]}
-        limits |= {f"{name}_{key}": limit for key, limit in _sound(course.scene, course.result).items()}
-        if summary["outcome"] == "solver-failure":
+    for run in runs:
+        summary, name = run.summary, run.summary["engine"]
+        values |= {f"outcome_{name}": run.outcome, f"steps_{name}": summary["steps"]}
+        limits |= {f"{name}_{key}": limit for key, limit in _sound(run, turns).items()}
+        if run.outcome == "solver-failure":
             values["failure"] = summary["detail"]
-    pairs = paired(one.events, two.events, Errors(np.zeros(1), np.zeros(1)), scene, min(one.end, two.end))
+    ends = {_end(run) for run in runs}
+    pairs = _paired(*runs)
     values["events"] = len(pairs.rows)
-    differ = one.outcome != two.outcome or np.isfinite(pairs.differ_s)
-    if number % THOROUGH == 0 and one.outcome == two.outcome == "ok":
-        errors = _errors(scene, one, two)
-        values |= errors | _multipliers(scene, one.result.final_state)
+    differ = len(ends) > 1 or np.isfinite(pairs.differ_s)
+    if thorough and ends == {"ok"}:
+        errors = _errors(scene, *runs)
+        values |= errors | _multipliers(scene, runs[0].final_state)
         limits["multipliers"] = (values["multipliers_off"], NEAR)
-        differ |= max(errors.get(f"error_{course.engine}", 0.0) for course in (one, two)) > SUSPECT
+        differ |= max(errors.get(f"error_{name}", 0.0) for name in ENGINES) > SUSPECT
     if differ:
         found = _explained(scene)
         values["events"], limits["disagreements"] = found.events, (float(not found.agrees), 0.0)
-    return row(scene.name, one.result.outcome, limits, allowed=NAMED) | values
+    return row(scene.name, runs[0].outcome, limits, allowed=NAMED) | values
 
 
-def _sound(scene, run):
+def _scene(number, turns, engine):
+    """Return a random scene and its turns, fewer than these if it is stiff."""
+
+    def scene(turns):
+        return with_engine(random_scene(number, seed=1, as_bought=True, turns=turns), engine)
+
+    tried = (simulate(with_engine(scene(LEAST), name), keep="summary").summary["steps"] for name in ENGINES)
+    turns = min(turns, max(LEAST, LEAST * MANY / max(*tried, 1)))
+    return scene(turns), turns
+
+
+def _end(run):
+    """How a run ended; energy that was lost is not what is compared."""
+    return "ok" if run.outcome == INACCURATE else run.outcome
+
+
+def _paired(*runs):
+    """Pair liftoffs and impacts of two runs, but for those that an error of the tolerance may add or remove."""
+    scene, until = runs[0].scene, min(run.summary["simulated_s"] for run in runs)
+    tables = [run.events[run.events["kind"].isin(["liftoff", "impact"])].reset_index(drop=True) for run in runs]
+    return paired(*tables, Errors(np.zeros(1), np.array([FLOOR * scene.solver.tolerance])), scene, until)
+
+
+def _sound(run, turns):
     """Limits of a run by name: those of every run, its steps and restarts, and that nothing is missing."""
-    summary = run.summary
+    scene, summary = run.scene, run.summary
     limits = {
-        "restarts": (summary["restarts"], STORM * (TURNS + 1.0)),
-        "steps": (summary["steps"], MAX_STEPS * (TURNS + 1.0)),
+        "restarts": (summary["restarts"], STORM * (turns + 1.0)),
+        "steps": (summary["steps"], MAX_STEPS * (turns + 1.0)),
         "not_a_number": (_missing(*run.measures, run.final_state), 0.0),
         **sound(scene, summary),
     }
@@ -123,7 +153,7 @@ def _checked(scene, tolerance=None):
     return replace(check_run(sooner, other=other), outcomes=found.outcomes)
 
 
-def _errors(scene, *courses):
+def _errors(scene, *runs):
     """Errors of the end of runs, over the tolerance and what the motion makes of a disturbance, by engine."""
     exact = scene.replace({"solver.engine": "taylor", "solver.tolerance": 0.1 * FINEST})
     share = scene.run.start_perturbation
@@ -137,7 +167,8 @@ def _errors(scene, *courses):
         return float(np.abs((state - reference.final_state) / scales).max())
 
     growth = max(1.0, off(other.final_state) / SLIGHT)
-    errors = {f"error_{c.engine}": off(c.result.final_state) / (scene.solver.tolerance * growth) for c in courses}
+    amount = scene.solver.tolerance * growth
+    errors = {f"error_{run.summary['engine']}": off(run.final_state) / amount for run in runs}
     return errors | {"amplification": growth}
 
 
