@@ -43,6 +43,17 @@ def test_replace_takes_dotted_keys_and_sections():
     assert (original.replace(), original.to_tree()) == (original, before)
 
 
+def test_replace_keeps_what_it_does_not_change():
+    """Plans of thousands of scenes share their sections, and what was found of their exciters."""
+    changed = SCENE.replace({"contact.restitution": 0.1})
+    assert all(getattr(changed, name) is getattr(SCENE, name) for name in ("machine", "material", "drive"))
+    assert changed.exciter_pair is SCENE.exciter_pair
+    assert (SCENE.body, SCENE.replace({"contact.restitution": 0.1}).body is SCENE.body) == (changed.body, True)
+    stronger = SCENE.replace({"motor.critical_torque_n_m": 9.0})
+    assert [exciter.critical_torque_n_m for exciter in stronger.exciter_pair] == [9.0, 9.0]
+    assert stronger.replace(exciters=[Exciter(), Exciter()]).motor is None
+
+
 def test_replace_takes_a_row_of_a_trajectory():
     """What else the row tells is accepted and not used."""
     row = {"t_s": 1.0, "mode": "attached", "phi1_rad": 2.0, "phi1_rate_rad_per_s": 150.0, "contact_force_n": 1.0}

@@ -201,6 +201,8 @@ class SweepPlan(Section, title="Sweep"):
 
     @model_validator(mode="after")
     def _scene_keys(self) -> Self:
+        if "swept" in self.__dict__:  # checked with another scene, of which this one is a change
+            return self
         found = math.prod(map(len, self.grid.values()))
         if found > MAX_BRANCHES:
             raise ValueError(f"grid gives {found} combinations; allowed: at most {MAX_BRANCHES}")

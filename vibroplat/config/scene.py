@@ -14,7 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, ValidationInfo, model_validator
 
 from vibroplat.config.body import RigidBody, rigid_body
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
@@ -45,8 +45,9 @@ MAX_TURNS = 1e9
 #: The same with engine ``sundae``, which is ten to twenty times slower.
 MAX_TURNS_SUNDAE = 5e7
 
-#: Sections from which the numbers of exciters and rigid body come.
+#: Sections from which the numbers of exciters and rigid body come, and the names of both.
 EXCITERS_FROM = frozenset(("machine", "motor", "motors", "exciters"))
+_FOUND = frozenset(("exciter_pair", "body"))
 
 
 def _plain(value: Any) -> Any:
@@ -103,7 +104,8 @@ class Scene(Section):
         return given
 
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _consistent(self, info: ValidationInfo) -> Self:
+        self.__dict__.update(info.context or {})
         for name in OF_EXCITERS if self.exciters is not None else ():
             if name in self.machine.model_fields_set:
                 raise ValueError(f"exciters and machine.{name} are both given; allowed: one of the two")
@@ -189,7 +191,7 @@ class Scene(Section):
         """Copy the scene, with some sections changed; what these give of exciters and body is found anew."""
         copied = super().model_copy(update=update, deep=deep)
         if update and not EXCITERS_FROM.isdisjoint(update):
-            for name in ("exciter_pair", "body"):
+            for name in _FOUND:
                 copied.__dict__.pop(name, None)
         return copied
 
@@ -359,9 +361,15 @@ class Scene(Section):
         vibroplat.errors.ConfigError
             A key is unknown or a value is not allowed.
         """
-        tree = self.model_dump(exclude_unset=True, by_alias=True)
         given = {key: _plain(value) for key, value in sections.items()}
-        return Scene.from_tree(merge(merge(tree, given), nest(changes or {})))
+        nested = nest(changes or {})
+        # other sections stay the objects that they are: it saves time and, with many scenes, memory
+        changed, known = {*given, *nested}, self.__dict__
+        if not EXCITERS_FROM.isdisjoint(changed):  # these replace one another
+            changed, known = changed | EXCITERS_FROM, {}
+        present = ((name, getattr(self, name)) for name in self.model_fields_set)
+        tree = {name: _plain(section) if name in changed else section for name, section in present}
+        return Scene._checked(merge(merge(tree, given), nested), {name: known[name] for name in _FOUND & known.keys()})
 
     def to_tree(self) -> dict[str, Any]:
         """Return all keys as nested plain values, including defaults; the inverse of :meth:`from_tree`."""
@@ -381,8 +389,13 @@ class Scene(Section):
         vibroplat.errors.ConfigError
             One line with the key, the value and what is allowed.
         """
+        return cls._checked(tree)
+
+    @classmethod
+    def _checked(cls, tree: Mapping[str, Any], known: Mapping[str, Any] | None = None) -> Scene:
+        """Build a scene from nested values, with what is known already of its exciters and its body."""
         try:
-            return cls.model_validate(tree)
+            return cls.model_validate(tree, context=known)
         except ValidationError as error:
             raise ConfigError(explain(error, cls)) from None
 

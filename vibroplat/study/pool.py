@@ -63,8 +63,19 @@ class Task(NamedTuple):
     def digest(self) -> str:
         """What identifies the task: a digest of the function's name and of all arguments."""
         name = f"{self.function.__module__}.{getattr(self.function, '__qualname__', type(self.function).__name__)}"
-        plain = [a.model_dump_json() if isinstance(a, BaseModel) else a for a in self.arguments]
+        plain = [_json(a) if isinstance(a, BaseModel) else a for a in self.arguments]
         return digest(name, *plain)
+
+
+#: The last model that was turned into text, and that text: tasks that follow one another have the same scene.
+_last: tuple[BaseModel | None, str] = None, ""
+
+
+def _json(model: BaseModel) -> str:
+    global _last  # noqa: PLW0603
+    if _last[0] is not model:
+        _last = model, model.model_dump_json()
+    return _last[1]
 
 
 #: A generator of tasks that is sent their records.

@@ -312,6 +312,7 @@ def notes_on_branches(planned: Sequence[Branch]) -> list[str]:
     return notes_on_inputs(
         branch.scene.replace({branch.swept: end(branch.along)})
         for branch in planned
+        if branch.direction == planned[0].direction  # those of the other direction have the same ends
         for end in ((max,) if branch.swept == FREQUENCY else (min, max))
     )
 
