@@ -290,7 +290,8 @@ def test_resume_is_promised_where_there_is_one(name, kept, command, monkeypatch)
     monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", fail)
     arguments = [] if name == "bench" else [QUICKSTART]
     assert command(name, *arguments) == (1, "", f"vibroplat: not enough memory; {kept}\n")
-    assert ("--resume" in command(name, "--help").out) == (kept == RESUMABLE)
+    told = command(name, "--help").out
+    assert ("--resume" in told, "--mix" in told) == (kept == RESUMABLE, kept == RESUMABLE)
 
 
 # -- vibroplat new --------------------------------------------------------------------------------------

@@ -410,14 +410,39 @@ def test_condition_that_is_known_later_is_compared_too(tmp_path):
         ("arithmetic", "vibroplat.study.fingerprint.arithmetic", lambda _engine: "others"),
     ],
 )
-def test_sweep_of_other_sources_or_arithmetic_is_not_resumed(what, where, found, result, monkeypatch):
+def test_sweep_of_other_sources_or_arithmetic_is_not_resumed(what, where, found, result, monkeypatch, caplog):
     """Points of both look alike and differ."""
-    result()
+    directory = result()
     monkeypatch.setattr(where, found)
     done = command("sweep", "c.yaml", "--resume")
     assert (done.code, done.out) == (2, "")
     assert f"cannot resume: {what} = others; allowed: " in done.err
-    assert done.err.endswith(", or --overwrite instead, to begin anew\n")
+    assert done.err.endswith(", --mix to keep them all the same, or --overwrite instead, to begin anew\n")
+    assert command("sweep", "c.yaml", "--mix").code == 0
+    assert f" are kept that other code or arithmetic made ({what})" in caplog.text
+    (mixed,) = json.loads((directory / "provenance.json").read_text())["mixed"]
+    assert sorted(mixed) == sorted([what, "points"])
+
+
+def test_kept_records_say_what_had_made_them(tmp_path):
+    begun = {"source files": "a", "numpy": "1", "configuration": {"x": 1}}
+    with Store(tmp_path, begun) as store:
+        store.require("arithmetic", "here")
+        store.write(0, 0, {})
+        assert store.origin == {}
+    changed_ = begun | {"source files": "b", "numpy": "2"}
+    with pytest.raises(ConfigError, match=r"^cannot resume: configuration\.x = 2; allowed: 1, as in [^-]*, or --over"):
+        Store(tmp_path, begun | {"configuration": {"x": 2}}, resume=True, mix=True)
+    with Store(tmp_path, changed_, resume=True, mix=True) as store:
+        store.require("arithmetic", "there")
+        store.write(0, 1, {})
+    first = {"points": 1, "source files": "a", "numpy": "1", "arithmetic": "here"}
+    with Store(tmp_path, changed_, resume=True) as store:
+        assert (len(store), store.origin) == (2, {"mixed": [first]})
+    with Store(tmp_path, begun | {"numpy": "2"}, resume=True, mix=True) as store:
+        assert store.origin == {"mixed": [first, {"points": 2, "source files": "b"}]}
+    with Store(tmp_path, begun, overwrite=True) as store:
+        assert (len(store), store.origin) == (0, {})
 
 
 def test_store_in_memory_writes_no_file(here):

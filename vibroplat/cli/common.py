@@ -46,6 +46,10 @@ Out = Annotated[Path, typer.Option(help="Directory for the results.")]
 Format = Annotated[Literal["parquet", "csv"], typer.Option("--format", help="File format of the tables.")]
 Jobs = Annotated[int, typer.Option(min=1, help="Number of worker processes.")]
 Resume = Annotated[bool, typer.Option("--resume", callback=_offer, help="Resume an interrupted command.")]
+Mix = Annotated[
+    bool,
+    typer.Option("--mix", help="Resume even where code or arithmetic have changed since; provenance.json tells of it."),
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Discard an unfinished command's points and start over.")]
 Scheduler = Annotated[
     str | None, typer.Option(help="Run on a dask cluster: address of its scheduler, e.g. tcp://host:8786.")

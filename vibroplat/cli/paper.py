@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -22,6 +22,7 @@ def paper(
     out: common.Out = Path("results"),
     jobs: Annotated[int | None, typer.Option(min=1, help="Number of worker processes. Default: all cores.")] = None,
     resume: common.Resume = False,
+    mix: common.Mix = False,
     overwrite: common.Overwrite = False,
     scheduler: common.Scheduler = None,
     wait: common.Wait = WAIT,
@@ -52,7 +53,7 @@ def paper(
             directory = result_directory(out / "paper", name)
             began = time.perf_counter()
             with sweep_progress(name, *planned[name]) as progress:
-                kept = {"resume": resume, "overwrite": overwrite}
+                kept = {"resume": resume or mix, "overwrite": overwrite, "mix": mix}
                 points = directory / "points"
                 found = reproduction.reproduce(numbers, points, workers, seeds=tried, progress=progress, **kept)
             found.write(numbers, directory)
@@ -70,6 +71,7 @@ def calibrate(
     jobs: common.Jobs = 1,
     generations: Annotated[int | None, typer.Option(min=0, help="Number of generations of the search.")] = None,
     resume: common.Resume = False,
+    mix: common.Mix = False,
     overwrite: common.Overwrite = False,
     scheduler: common.Scheduler = None,
     wait: common.Wait = WAIT,
@@ -94,7 +96,8 @@ def calibrate(
     directory = result_directory(out, "calibration")
     total = plan.evaluations + plan.sweeps + plan.confirmations
     chains = max(plan.population, plan.sweeps, plan.confirmations)
-    with Store(directory, calibration.conditions(fixed), resume=resume, overwrite=overwrite) as store:
+    kept: dict[str, Any] = {"resume": resume or mix, "overwrite": overwrite, "mix": mix}
+    with Store(directory, calibration.conditions(fixed), **kept) as store:
         common.begin(store, fixed.get(ENGINE, "auto"))
         opened = pool(jobs, scheduler, wait=wait, chains=chains)
         with opened as workers, calibration_progress(total) as progress:

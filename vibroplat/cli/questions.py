@@ -32,6 +32,7 @@ def _command(name: str, module: str, ask: str, about: str) -> Callable[..., None
         out: common.Out = Path("results"),
         jobs: common.Jobs = 1,
         resume: common.Resume = False,
+        mix: common.Mix = False,
         overwrite: common.Overwrite = False,
         scheduler: common.Scheduler = None,
         wait: common.Wait = WAIT,
@@ -42,7 +43,8 @@ def _command(name: str, module: str, ask: str, about: str) -> Callable[..., None
         with common.about(config):
             question = getattr(import_module(module), ask)(scene)
         common.require_scheduler(scheduler)
-        _answer(question, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite, check=check)
+        kept = {"resume": resume or mix, "overwrite": overwrite, "mix": mix}
+        _answer(question, out, jobs, scheduler, wait, format_, kept, check=check)
 
     command.__name__, command.__doc__ = name, about
     return command
@@ -85,9 +87,8 @@ def _answer(
     scheduler: str | None,
     wait: float,
     form: Any,
+    kept: dict[str, bool],
     *,
-    resume: bool,
-    overwrite: bool,
     check: bool,
 ) -> None:
     """Answer the question that a section of a scene asks: write its tables and print what was found.
@@ -105,10 +106,10 @@ def _answer(
     from vibroplat.study.sweep import conditions
 
     scene, command = question.scene, question.command
-    directory = common.study_directory(out, scene.name, command, resume=resume)
-    kept: dict[str, Any] = {"file": f"{command}.sqlite", "what": "tasks"}  # a sweep may have its points there
+    directory = common.study_directory(out, scene.name, command, resume=kept["resume"])
+    file = f"{command}.sqlite"  # a sweep may have its points there
     common.print_notes(notes_on_inputs(question.scenes()))
-    with Store(directory, conditions(scene), resume=resume, overwrite=overwrite, **kept) as store:
+    with Store(directory, conditions(scene), file=file, what="tasks", **kept) as store:
         common.begin(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if check else []))
         began = time.perf_counter()
         with (
@@ -119,7 +120,7 @@ def _answer(
             checked = check_answer(question, found, store, workers) if check else None
         seconds, known = time.perf_counter() - began, store.reused
         store.finish()
-        origin = provenance(scene, engine_name(scene)) | {"answer": found.told}
+        origin = provenance(scene, engine_name(scene)) | store.origin | {"answer": found.told}
         origin |= {} if checked is None else {"check": checked.to_tree()}
         absent = question.absent - found.tables.keys()
         write_result(

@@ -123,6 +123,7 @@ def sweep(
     out: common.Out = Path("results"),
     jobs: common.Jobs = 1,
     resume: common.Resume = False,
+    mix: common.Mix = False,
     overwrite: common.Overwrite = False,
     scheduler: common.Scheduler = None,
     wait: common.Wait = WAIT,
@@ -141,7 +142,7 @@ def sweep(
         planned = branches(scene)
     places = [] if check is None else chosen(planned, check)
     common.require_scheduler(scheduler)
-    directory = common.study_directory(out, scene.name, "sweep", resume=resume)
+    directory = common.study_directory(out, scene.name, "sweep", resume=resume or mix)
     common.tell_of_compilation(scene.solver.engine)
     from vibroplat.check.sweeps import check_points
     from vibroplat.integrate import other_engine
@@ -151,7 +152,8 @@ def sweep(
 
     found = None
     common.print_notes(sweeps.notes_on_branches(planned))
-    with Store(directory, sweeps.conditions(scene), resume=resume, overwrite=overwrite) as store:
+    kept: dict[str, Any] = {"resume": resume or mix, "overwrite": overwrite, "mix": mix}
+    with Store(directory, sweeps.conditions(scene), **kept) as store:
         common.begin(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if places else []))
         began, points = time.perf_counter(), sum(len(branch.along) for branch in planned)
         chains = max(sweeps.unfinished(planned, store), len(places))
@@ -204,6 +206,7 @@ def orbits(
     out: common.Out = Path("results"),
     jobs: common.Jobs = 1,
     resume: common.Resume = False,
+    mix: common.Mix = False,
     overwrite: common.Overwrite = False,
     scheduler: common.Scheduler = None,
     wait: common.Wait = WAIT,
@@ -224,10 +227,10 @@ def orbits(
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
 
-    directory = common.study_directory(out, scene.name, "orbits", resume=resume)
-    kept: dict[str, Any] = {"file": FILE, "what": "parts of branches"}
+    directory = common.study_directory(out, scene.name, "orbits", resume=resume or mix)
+    kept: dict[str, Any] = {"resume": resume or mix, "overwrite": overwrite, "mix": mix}
     common.print_notes(notes_on_inputs(family.scene for family in plan.families))
-    with Store(directory, conditions(scene), resume=resume, overwrite=overwrite, **kept) as store:
+    with Store(directory, conditions(scene), file=FILE, what="parts of branches", **kept) as store:
         common.begin(store, scene.solver.engine)
         began, families = time.perf_counter(), len(plan.families)
         with (
@@ -237,7 +240,7 @@ def orbits(
             made, summary = follow(plan, store, workers, progress)
         seconds, known = time.perf_counter() - began, store.reused
         store.finish()
-        write_orbits(scene, made, summary, directory, format_)
+        write_orbits(scene, made, summary, directory, format_, store.origin)
     took = f"{known} parts of branches from before" if known else f"{summary['points'] / seconds:.3g} points per s"
     rotation = "" if any("rotation" in key for key in plan.plan.grid) else scene.rotation
     common.print_lines(_overview(made.branches.assign(rotation=rotation), summary))

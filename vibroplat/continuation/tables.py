@@ -391,11 +391,18 @@ def summary(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundar
     }
 
 
-def write_orbits(scene: Scene, tables: OrbitTables, summary: Mapping[str, Any], directory: Path, form: Format) -> None:
-    """Write the tables, the summary ``orbits.json`` and the provenance into a directory."""
+def write_orbits(
+    scene: Scene,
+    tables: OrbitTables,
+    summary: Mapping[str, Any],
+    directory: Path,
+    form: Format,
+    more: dict[str, Any] | None = None,
+) -> None:
+    """Write the tables, the summary ``orbits.json`` and the provenance, with ``more`` in it, into a directory."""
     found: dict[str, Table] = {"special": tables.special, "branches": tables.branches}
     absent = {"boundaries"}
     if scene.orbits is not None and scene.orbits.boundaries is not None:
         found, absent = {"boundaries": tables.boundaries, **found}, set()
-    origin = provenance(scene, engine_name(scene))
+    origin = provenance(scene, engine_name(scene)) | (more or {})
     write_result(directory, "orbits", origin, found, {"orbits": summary}, form=form, absent=absent)

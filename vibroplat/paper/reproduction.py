@@ -51,12 +51,15 @@ class Reproduction:
         there is none.
     points
         The points of all sweeps.
+    origin
+        What provenance tells of points that were mixed, by trial.
     """
 
     tables: dict[str, pd.DataFrame]
     beta: float | None
     matched_hz: float | None
     points: pd.DataFrame
+    origin: dict[str, Any]
 
     def write(self, numbers: Mapping[str, Any], directory: Path) -> None:
         """Write the tables, and their provenance with the machine's numbers.
@@ -66,7 +69,8 @@ class Reproduction:
         scene = paper_scene(SWEEPS[0], numbers)
         beta = {"beta_per_s": self.beta, "beta_matched_hz": self.matched_hz}
         written = {name: table.drop(columns="wall_s", errors="ignore") for name, table in self.tables.items()}
-        write_result(directory, "paper", provenance(scene, engine_name(scene)) | beta, written, form="csv")
+        origin = provenance(scene, engine_name(scene)) | self.origin | beta
+        write_result(directory, "paper", origin, written, form="csv")
 
     def overview(self, machine: str, seconds: float) -> Iterator[str]:
         """Yield the lines that summarize claims, machine and work; ``seconds`` is the wall time."""
@@ -154,6 +158,7 @@ def reproduce(
     seeds: Sequence[int] = (0,),
     resume: bool = False,
     overwrite: bool = False,
+    mix: bool = False,
     progress: Progress | None = None,
 ) -> Reproduction:
     """Reproduce the paper with a machine.
@@ -168,8 +173,8 @@ def reproduce(
         Where points are simulated.
     seeds
         Seeds of the perturbations; figures are drawn with the first, claims are judged with each.
-    resume, overwrite
-        Whether to continue an unfinished reproduction, or to discard its points.
+    resume, overwrite, mix
+        Whether to continue an unfinished reproduction, to discard its points, or to keep those of other code.
     progress
         Called after each point of the first stage with the numbers of finished branches, points and events.
 
@@ -182,12 +187,13 @@ def reproduce(
     """
     trials = machine, others, laws = trials_of(numbers, seeds)
     main, judged = machine[0], [*machine, *others]
+    kept: dict[str, Any] = {"resume": resume, "overwrite": overwrite, "mix": mix}
     with ExitStack() as stack:
         for trial in (*judged, laws):
             place = directory / trial.name
             place.mkdir(parents=True, exist_ok=True)
             wanted = {name: conditions(trial.scene(name)) for name in (*trial.names, NON_IMPACT)}
-            trial.store = stack.enter_context(Store(place, wanted, resume=resume, overwrite=overwrite))
+            trial.store = stack.enter_context(Store(place, wanted, **kept))
             trial.store.require("arithmetic", arithmetic(engine_name(trial.scene(NON_IMPACT))))
         _sweep([(trial, name) for trial in (*judged, laws) for name in trial.names], workers, progress)
         _narrow(trials, workers)
@@ -235,4 +241,6 @@ def _results(trials: Trials, shown: Mapping[str, pd.DataFrame]) -> Reproduction:
     seeds = {int(trial.settings[SEED]): trial.evidence for trial in machine}
     results["claims"] = scoreboard(seeds, [(trial.changes, trial.evidence) for trial in others])
     beta, matched = main.evidence.beta, matched_frequency(main.evidence)
-    return Reproduction({**results, **shown}, beta, matched, pd.concat(points, ignore_index=True))
+    mixed = {trial.name: trial.store.mixed for trial in (*machine, *others, laws) if trial.store.mixed}
+    origin = {"mixed": mixed} if mixed else {}
+    return Reproduction({**results, **shown}, beta, matched, pd.concat(points, ignore_index=True), origin)

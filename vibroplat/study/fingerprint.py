@@ -40,6 +40,8 @@ Fingerprint = Mapping[str, str]
 
 #: Libraries that compute.
 LIBRARIES: Final = ("scikit-sundae", "numpy", "numba", "llvmlite")
+#: What records of a study were made with: code and arithmetic.
+NAMES: Final = ("vibroplat", "source files", "Python", "platform", *LIBRARIES, "arithmetic")
 #: A motion with impacts, which multiply a change of the last bit, and how long it is followed (s).
 REFERENCE: Final = {
     "material": {"mass_ratio": 0.2, "layers": 1},

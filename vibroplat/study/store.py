@@ -23,6 +23,7 @@ from pydantic_core import from_json
 from vibroplat.config.reader import flat
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.results.locks import Lock
+from vibroplat.study.fingerprint import NAMES
 
 #: Name of the file, next to the tables made from it.
 FILE = "points.sqlite"
@@ -56,6 +57,8 @@ class Store:
         Whether to keep the records that are found.
     overwrite
         Whether records of unfinished work may be deleted.
+    mix
+        Whether records are kept that other code or another arithmetic has made.
     file, what
         Name of the file, and what its records are called in messages.
 
@@ -63,6 +66,8 @@ class Store:
     ----------
     reused
         How many records have been found for tasks, which were therefore not done again.
+    mixed
+        For each time that code or arithmetic had changed, how many records were kept, and what had made them.
 
     Raises
     ------
@@ -81,6 +86,7 @@ class Store:
         *,
         resume: bool = False,
         overwrite: bool = False,
+        mix: bool = False,
         file: str = FILE,
         what: str = "points",
     ) -> None:
@@ -88,6 +94,8 @@ class Store:
         self._what = what
         self._prefix = ""
         self._departed = False
+        self._mix = mix
+        self.mixed: list[dict[str, Any]] = []
         self._stack = ExitStack()
         self.reused = 0
         with self._stack:
@@ -114,10 +122,11 @@ class Store:
                 self._require_sound()
             else:
                 self._create()
-            found, finished = self._about("conditions"), self._about("finished")
+            found, finished, mixed = map(self._about, ("conditions", "finished", "mixed"))
+        self.mixed, self._before = (mixed or [], len(mixed or [])) if resume else ([], 0)
         if found is not None:
             if resume:
-                _require_same(flat(found), flat(wanted), self._what)
+                self._require_same(found, wanted)
             elif not (finished or overwrite) and len(self):
                 raise ConfigError(
                     f"{Path(self._path).parent} holds {len(self)} {self._what} of unfinished work; "
@@ -131,6 +140,7 @@ class Store:
                 self._base.execute("DELETE FROM about")
             self._tell("conditions", wanted)
             self._tell("finished", finished if resume else 0)
+            self._tell("mixed", self.mixed)
 
     def _create(self) -> None:
         """Create the tables; they are there together with the conditions, or not at all."""
@@ -192,16 +202,13 @@ class Store:
             self._base.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?, ?, ?)", row)
 
     def find(self, chain: int | str, place: int, task: str) -> Record | None:
-        """Return the record at a place of a chain; None if there is none, or if it is the record of another task.
-
-        Damaged ones have been deleted when the store was opened.
-        """
+        """Return the record at a place of a chain; None if there is none, or if it is the record of another task."""
         chain = self._named(chain)
         with self._complaints():
             row = self._base.execute(
-                "SELECT task, record FROM records WHERE first = ? AND second = ?", (chain, place)
+                "SELECT task, record, digest FROM records WHERE first = ? AND second = ?", (chain, place)
             ).fetchone()
-        if row is None:
+        if row is None or not _sound(chain, place, *row):
             return None
         if _text(row[0]) != task:
             if not self._departed:
@@ -243,8 +250,35 @@ class Store:
         with self._complaints(), self._base:
             found = self._about(condition)
             if found is not None:
-                _require_same({condition: found}, {condition: value}, self._what)
+                self._require_same({condition: found}, {condition: value})
             self._tell(condition, value)
+            self._tell("mixed", self.mixed)
+
+    def _require_same(self, found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+        """Refuse to resume under other conditions, and name the first that differs; note those that may be mixed."""
+        old, new = flat(found), flat(wanted)
+        differing = [key for key in {**old, **new} if old.get(key) != new.get(key)]
+        if not differing:
+            return
+        mixable = all(key.rpartition(".")[2] in NAMES for key in differing)
+        if not (mixable and self._mix):
+            key = differing[0]
+            more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
+            or_mix = "--mix to keep them all the same, " if mixable else ""
+            raise ConfigError(
+                f"cannot resume: {key} = {new.get(key)}; allowed: {old.get(key)}, as in the finished {self._what}"
+                f"{more}, {or_mix}or --overwrite instead, to begin anew"
+            )
+        if len(self.mixed) == self._before:
+            self.mixed.append({self._what: len(self)})
+            told = self._path, len(self), self._what, ", ".join(differing)
+            _log.warning("%s: %d %s are kept that other code or arithmetic made (%s)", *told)
+        self.mixed[-1] |= {key: old.get(key) for key in differing}
+
+    @property
+    def origin(self) -> dict[str, Any]:
+        """What provenance tells of records that were mixed."""
+        return {"mixed": self.mixed} if self.mixed else {}
 
     def finish(self) -> None:
         """Mark the work as finished: nothing is missing."""
@@ -314,15 +348,3 @@ def _record(text: bytes) -> Record:
 
 def _text(value: Any) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
-
-
-def _require_same(found: Mapping[str, Any], wanted: Mapping[str, Any], what: str) -> None:
-    """Refuse to resume under other conditions, and name the first key that differs."""
-    differing = [key for key in {**found, **wanted} if found.get(key) != wanted.get(key)]
-    if differing:
-        key = differing[0]
-        more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
-        raise ConfigError(
-            f"cannot resume: {key} = {wanted.get(key)}; allowed: {found.get(key)}, as in the finished {what}{more}, "
-            "or --overwrite instead, to begin anew"
-        )
