@@ -1,6 +1,7 @@
 """Kernels compiled by two processes: each once, and neither waits for one that has died, nor outlives a command."""
 
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -18,10 +19,10 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def script(code, *arguments, **environment):
+def script(code, *arguments, stdin=None, **environment):
     """Start a process of its own group."""
     line = [sys.executable, "-c", code, *map(str, arguments)]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    pipes = {"stdin": stdin, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     return subprocess.Popen(line, env=os.environ | environment, start_new_session=True, **pipes)
 
 
@@ -67,6 +68,31 @@ print(round(found, 9), sum(crossing.stats.cache_hits.values()), is_second())
 """
 
 
+#: Compiles a kernel as soon as it may begin; prints whether it was loaded.
+AT_ONCE = """
+import sys
+from vibroplat.kernels.compiled import compile_for
+from vibroplat.kernels.polynomial import crossing
+import numpy as np
+
+print("ready", flush=True)
+sys.stdin.readline()
+compile_for(crossing, np.zeros((4, 1)), 3, 0, 1.2)
+print(sum(crossing.stats.cache_hits.values()))
+"""
+
+
+@pytest.mark.long
+def test_kernel_is_compiled_once_by_two_commands_at_once(tmp_path):
+    """Otherwise each would compute with its own, which may differ in the last bits."""
+    several = [script(AT_ONCE, stdin=subprocess.PIPE, NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(3)]
+    assert [process.stdout.readline() for process in several] == ["ready\n"] * 3
+    for process in several:
+        process.stdin.write("\n")
+        process.stdin.flush()
+    assert sorted(process.communicate(timeout=120) for process in several) == [("0\n", ""), ("1\n", ""), ("1\n", "")]
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(("how", "loaded"), [("wait", "1"), ("fail", "0"), ("both", "[01]")])
 def test_kernel_is_compiled_once_by_one_of_them(how, loaded, tmp_path):
@@ -82,10 +108,13 @@ def test_kernel_is_compiled_once_by_one_of_them(how, loaded, tmp_path):
 #: The second process tells its number and keeps a lock, and dies if it is told so; the first one asks for the lock.
 KEEP = """
 import os, sys, time
+from pathlib import Path
 from vibroplat.system.two_processes import helped_by, locked
 
+here = Path.cwd()
+
 def work():
-    with locked(7), open("second", "w") as file:
+    with locked(here, 7), open("second", "w") as file:
         file.write(str(os.getpid()))
         file.close()
         if "die" in sys.argv:
@@ -96,9 +125,9 @@ def work():
 with helped_by(work):
     while not (os.path.exists("second") and os.path.getsize("second")):
         time.sleep(0.01)
-    with locked(8), locked(9):
+    with locked(here, 8), locked(here, 9):
         print("free", flush=True)
-    with locked(7):
+    with locked(here, 7):
         print("free", flush=True)
 """
 
@@ -146,7 +175,48 @@ def test_there_is_no_second_process_where_it_would_be_of_no_use(why, monkeypatch
         monkeypatch.setattr(two_processes, "available", lambda: 1e9)
     monkeypatch.setattr(os, "fork", lambda: pytest.fail("it was copied"))
     with helped_by(lambda: None):
-        assert two_processes._Shared.locks is None
+        assert not two_processes.is_second()
+
+
+#: Takes a lock, tells so, and keeps it.
+TAKE = """
+import sys
+from pathlib import Path
+from vibroplat.system.two_processes import locked
+
+with locked(Path.cwd(), 7):
+    print("taken", flush=True)
+    sys.stdin.readline()
+"""
+
+
+def test_others_wait_for_a_kernel_until_its_process_ends(here):
+    first, second = (script(TAKE, stdin=subprocess.PIPE) for _ in range(2))
+    ready = select.select([first.stdout, second.stdout], [], [], 60.0)[0]
+    if ready == [second.stdout]:
+        first, second = second, first
+    assert select.select([second.stdout], [], [], 0.5)[0] == []
+    first.kill()
+    first.communicate(timeout=60)
+    assert second.communicate("\n", timeout=60) == ("taken\n", "")
+
+
+def test_a_process_that_was_stopped_is_not_waited_for_in_vain(here, monkeypatch):
+    monkeypatch.setattr(two_processes, "LONGEST", 0.1)
+    with script(TAKE, stdin=subprocess.PIPE) as process:
+        assert process.stdout.readline() == "taken\n"
+        process.send_signal(signal.SIGSTOP)
+        began = time.monotonic()
+        with two_processes.locked(here, 7):
+            assert 0.05 < time.monotonic() - began < 30.0
+        process.kill()
+
+
+def test_without_a_folder_or_a_file_nobody_waits(here):
+    (here / two_processes.LOCKS).mkdir()  # that cannot be opened, for root as well
+    for folder in (None, here):
+        with two_processes.locked(folder, 7), two_processes.locked(folder, 8):
+            pass
 
 
 def test_kernels_and_their_signatures_have_numbers_of_their_own():

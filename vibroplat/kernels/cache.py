@@ -188,9 +188,9 @@ def is_compiled(engine: str = "auto") -> bool:
 
 
 def count() -> int:
-    """Count what is kept in the folder."""
+    """Count the kernels that are kept in the folder."""
     kept = folder()
-    return 0 if kept is None else len(os.listdir(kept))
+    return 0 if kept is None else sum(name.endswith(".bin") for name in os.listdir(kept))
 
 
 def notice() -> str:

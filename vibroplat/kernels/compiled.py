@@ -34,7 +34,7 @@ from numba.core.types import unliteral
 from numba.extending import intrinsic
 
 from vibroplat.errors import VibroplatError
-from vibroplat.kernels.cache import KernelCache, cache_of
+from vibroplat.kernels.cache import KernelCache, cache_of, folder
 from vibroplat.kernels.target import TARGET
 from vibroplat.system.two_processes import is_second, locked
 
@@ -77,8 +77,8 @@ OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wr
 
 
 def _locked(cache: Any, sig: Any) -> AbstractContextManager[None]:
-    """Wait while a second process compiles a kernel for a signature, and keep it from doing so."""
-    return locked(cache.number(sig)) if isinstance(cache, KernelCache) else nullcontext()
+    """Wait while another process compiles a kernel for a signature, and keep others from doing so."""
+    return locked(folder(), cache.number(sig)) if isinstance(cache, KernelCache) else nullcontext()
 
 
 class _Dispatcher(CPUDispatcher):

@@ -1,37 +1,48 @@
-"""A second process for the time that a command compiles, each of the two compiling some kernels.
+"""Processes that compile: one at a time each kernel, and a second one for the time that a command compiles.
 
-Compiling is Python's work for the most part, so threads would not help. Both processes keep what they compile in the
-same folder, and a kernel is locked while one of them compiles it: the other one waits, and then loads it. Locks are the
-system's own and end with their process, so nobody waits for a process that has died. Nor do both wait for each other:
-each waits only for what its own kernel calls, and no kernel calls itself.
+Processes keep what they compile in the same folder, and a kernel is locked while one of them compiles it: the others
+wait, and then load it. If two compiled it, their machine code could differ in the last bits of what it computes. Locks
+are the system's own and end with their process, so nobody waits for a process that has died. Nor do two wait for each
+other: each waits only for what its own kernel calls, and no kernel calls itself.
+
+Compiling is Python's work for the most part, so threads would not help a command that compiles all; a second process
+does, each of the two compiling some kernels.
 """
 
 from __future__ import annotations
 
 import ctypes
+import errno
 import os
 import signal
 import sys
-import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from typing import Any
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+try:
+    import fcntl as _fcntl
+except ImportError:  # on Windows
+    _fcntl = None  # type: ignore[assignment]
 
 from vibroplat.system.memory import COMPILING, available
 
 #: Signals that end a command, and with it its second process.
 _SIGNALS = {signal.SIGINT, signal.SIGTERM}
+#: Name of the file in the folder whose bytes are locked, one for each kernel.
+LOCKS = ".locks"
+#: Longest time (s) to wait for a kernel, which takes seconds: its process may have been stopped. And how often to try.
+LONGEST, PAUSE = 120.0, 0.002
 #: PR_SET_PDEATHSIG: which signal a process gets when its parent dies.
 _WHEN_PARENT_DIES = 1
 
 
 class _Shared:
-    """What two processes share."""
+    """What is known of this process."""
 
-    #: A file whose bytes are locked, one for each number; None in a process that is alone.
-    locks: Any = None
-    #: Whether this process is the second one.
     is_second = False
 
 
@@ -41,22 +52,44 @@ def is_second() -> bool:
 
 
 @contextmanager
-def locked(place: int) -> Iterator[None]:
-    """Keep the other process, if there is one, from the block with the same number, below 2⁶³; wait while it is there.
+def locked(folder: Path | None, place: int) -> Iterator[None]:
+    """Keep other processes from the block with the same folder and number, below 2⁶³; wait while one is there.
 
-    Blocks may be nested.
+    Blocks may be nested. Without a folder, or where it has no locks, each process does the same.
     """
-    if _Shared.locks is None:
+    file = None if folder is None else _file(folder)
+    if file is None or not _take(file, place):
         yield
         return
-    import fcntl  # noqa: PLC0415  (not on Windows)
-
-    with suppress(OSError):  # without a lock both do the same
-        fcntl.lockf(_Shared.locks, fcntl.LOCK_EX, 1, place)
     try:
         yield
     finally:
-        fcntl.lockf(_Shared.locks, fcntl.LOCK_UN, 1, place)
+        _fcntl.lockf(file, _fcntl.LOCK_UN, 1, place)
+
+
+@cache
+def _file(folder: Path) -> int | None:
+    """Open the file that is locked, once: all locks of a process go when it closes the file."""
+    if _fcntl is None:
+        return None
+    try:
+        return os.open(folder / LOCKS, os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError:
+        return None
+
+
+def _take(file: int, place: int) -> bool:
+    """Lock a byte of a file; False where that is not possible."""
+    latest = time.monotonic() + LONGEST
+    while True:
+        try:
+            _fcntl.lockf(file, _fcntl.LOCK_EX | _fcntl.LOCK_NB, 1, place)
+        except OSError as error:
+            if error.errno not in (errno.EAGAIN, errno.EACCES) or time.monotonic() > latest:
+                return False
+        else:
+            return True
+        time.sleep(PAUSE)
 
 
 @contextmanager
@@ -69,19 +102,16 @@ def helped_by(work: Callable[[], object]) -> Iterator[None]:
     if not _is_of_use():
         yield
         return
-    with tempfile.TemporaryFile() as locks:
-        _Shared.locks = locks
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # in the second process for good
-        parent, child = os.getpid(), os.fork()
-        if child == 0:
-            _do(work, parent)
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        try:
-            yield
-        finally:
-            os.kill(child, signal.SIGKILL)
-            os.waitpid(child, 0)
-            _Shared.locks = None
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # in the second process for good
+    parent, child = os.getpid(), os.fork()
+    if child == 0:
+        _do(work, parent)
+    signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    try:
+        yield
+    finally:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
 
 
 def _is_of_use() -> bool:
