@@ -201,10 +201,18 @@ def _multipliers(scene, state):
 
 def write_part(folder, part):
     """Write the table of a part of all scenes, all of it or nothing."""
-    table = pd.DataFrame([judged(number) for number in range(part * PART, (part + 1) * PART)])
+    table = pd.DataFrame([_row(number) for number in range(part * PART, (part + 1) * PART)])
     unfinished = folder / f".{part:06}.parquet"
     table.to_parquet(unfinished, index=False)
     unfinished.rename(folder / f"{part:06}.parquet")
+
+
+def _row(number):
+    """Return the row of a scene; what is raised is a failure like others."""
+    try:
+        return judged(number)
+    except Exception as error:
+        return {"number": number, "failed": f"{type(error).__name__}: {error}"}
 
 
 def report(folder):
