@@ -11,7 +11,7 @@ import pytest
 from common.random_scenes import random_scene
 
 from stability.accumulation import accumulation, elastic
-from stability.campaign import campaign
+from stability.campaign import campaign, judged
 from stability.checks import row, sound, with_engine
 from stability.endurance import endurance
 from stability.grazing import grazing
@@ -87,6 +87,11 @@ def test_a_platform_turned_too_far_ends_beyond_the_model(number):
         assert run.outcome == "beyond-model"
         assert "has turned by" in run.summary["detail"]
         assert run.summary["steps"] < 100_000
+
+
+def test_a_derivative_that_grows_beyond_sense_is_none():
+    """That of scene 6720 by its start grows by 1e34 within a turn, in dozens of impacts of a tiny stiff layer."""
+    assert judged(6720)["failed"] == ""
 
 
 # -- the checks themselves ------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ import numpy as np
 
 from vibroplat.hybrid.modes import ATTACHED, IMPACT, LATCH
 from vibroplat.hybrid.state import Automaton, Steps
-from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, same_types
+from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, same_types
 from vibroplat.kernels.elimination import lanes
 from vibroplat.kernels.polynomial import values
 from vibroplat.model.accelerations import accelerations, linearize
@@ -39,6 +39,8 @@ from vibroplat.observe.collocation import (
     steps_of,
 )
 
+#: Size of a derivative beyond which it says nothing.
+SENSELESS = 1e24
 #: Part of a piece that round-off may leave.
 _LEFT = 1e-12
 
@@ -182,10 +184,25 @@ def follow(owned_h: Automaton, owned_v: Carried) -> None:
         else:
             settle(piece.system, piece.origin + steps.start[piece.first], steps.c[piece.first, 0], h.p, v)
             along(steps, piece, h.p, v)
+        give_up(v)
         while event < after:
             if h.events[event].kind == IMPACT:
                 through_impact(steps, piece, h.events[event], h.run.slowest, h.p, v)
             event += 1
+
+
+@inlined
+def give_up(v: Carried) -> None:
+    """Leave no number in columns that have grown beyond sense: imaginary parts would no longer be small at an impact.
+
+    A change of 1e-16 has long become larger than the platform by then.
+    """
+    for j in range(v.late.size):
+        largest = 0.0
+        for i in range(FULL_SIZE):
+            largest = max(largest, abs(v.s[i, j]))
+        for i in range(FULL_SIZE if largest > SENSELESS else 0):
+            v.s[i, j] = np.nan
 
 
 @compiled
