@@ -445,6 +445,13 @@ def test_kept_records_say_what_had_made_them(tmp_path):
         assert (len(store), store.origin) == (0, {})
 
 
+def test_names_of_chains_tell_capitals_apart(tmp_path):
+    with Store(tmp_path, {}) as store:
+        for name in ("r", "R"):
+            store.write(name, 0, {"of": name})
+        assert [list(store.read(name)) for name in ("r", "R")] == [[(0, {"of": "r"})], [(0, {"of": "R"})]]
+
+
 def test_store_in_memory_writes_no_file(here):
     with Store(None, {}) as store:
         store.write(0, 0, {})

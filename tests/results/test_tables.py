@@ -172,6 +172,20 @@ def test_file_in_place_of_the_directory_is_told_in_a_line(out, name, reason, tmp
     assert str(caught.value) == f"output {tmp_path / out / name} is not writable: {reason}"
 
 
+def test_result_is_not_written_over_one_whose_name_differs_in_capitals(tmp_path):
+    """As it would be on a file system that does not tell them apart: here both names are links to one directory."""
+    (result_directory(tmp_path, "rig") / "provenance.json").write_text("{}")
+    assert result_directory(tmp_path, "rig") == tmp_path / "rig"
+    assert result_directory(tmp_path, "RIG") != result_directory(tmp_path, "Rig")
+    (tmp_path / "RIg").symlink_to("rig")
+    with pytest.raises(TableError) as caught:
+        result_directory(tmp_path, "RIg")
+    line = f"output {tmp_path / 'RIg'} is {tmp_path / 'rig'} on this file system; allowed: another name"
+    assert str(caught.value) == line
+    (tmp_path / "rig/provenance.json").unlink()  # figures may go anywhere
+    assert result_directory(tmp_path, "RIg") == tmp_path / "RIg"
+
+
 @pytest.mark.parametrize("form", FORMATS)
 def test_directory_in_place_of_a_table_is_told_in_a_line(form, tmp_path):
     (tmp_path / f"table.{form}").mkdir()

@@ -42,7 +42,8 @@ def result_directory(out: Path, name: str) -> Path:
     Raises
     ------
     TableError
-        It cannot be created or is not writable, or the encoding of the system has not understood its name.
+        It cannot be created or is not writable, or the encoding of the system has not understood its name; or it is
+        that of a result whose name differs in capitals alone, on a file system that does not tell them apart.
     """
     directory = out / name
     try:
@@ -53,6 +54,10 @@ def result_directory(out: Path, name: str) -> Path:
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=directory):
             pass
+        alike = [out / found for found in os.listdir(out) if found != name and found.casefold() == name.casefold()]
+        same = [other for other in alike if os.path.samefile(directory, other)]
+        if same and (directory / "provenance.json").exists():
+            raise TableError(f"output {directory} is {same[0]} on this file system; allowed: another name")
     except OSError as error:
         raise TableError(f"output {directory} is not writable: {error.strerror or error}") from None
     return directory
