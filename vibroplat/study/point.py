@@ -38,7 +38,7 @@ from vibroplat.observe.summary import (
 )
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.pool import Task
-from vibroplat.study.settling import Hunt, KnownOrbit, Seeker, Settling, settle
+from vibroplat.study.settling import KnownOrbit, Seeker, Settling, settle
 from vibroplat.study.store import Record
 from vibroplat.system.memory import NO_MORE
 
@@ -52,9 +52,8 @@ BLOCKS = 24
 PERIODS = 4
 #: A motion whose neighbours draw together will repeat: it may settle this many times ``max_settle_s``.
 PATIENCE = 4.0
-#: Time (s) after which a motion that is near no orbit is measured, and chaotic if its neighbours part, where orbits to
-#: which it returns are found and have largest multipliers above the other number.
-EARLY, CLEARLY = 100.0, 1.5
+#: Multiplier below which motion leaves an orbit slowly.
+SLOWLY = 1.5
 #: Differences of measures from which on two motions are not the same: over their standard error, and over themselves.
 DISTINCT, BY_SHARE = 5.0, 0.02
 #: Longest settling of motion from other starts (s), and its measured time over that of the plan.
@@ -261,14 +260,14 @@ def _followed(
         row |= row_of(found, scene, errors, settling.slip) | columns_of(kind)
         row["notes"] = "; ".join(note for note in (row["notes"], stiff) if note)
         if plan.coexists and kind.motion in ("chaotic", "undecided") and kind.period == 0 and seeker is not None:
-            row["coexists"] = _coexisting(scene, plan, row, settling.hunt, seeker)
+            row["coexists"] = _coexisting(scene, plan, row, part, seeker)
         if impacts is not None:
             points = section_points(part.measures, scene)
             heights = (points[-SHOWN:, 1] * state_scales(scene)[1]).tolist()
     return Point(row, final, heights, list(impacts.speeds) if final and impacts else [])
 
 
-def _coexisting(scene: Scene, plan: SweepPlan, row: Mapping[str, Any], hunt: Hunt | None, seeker: Seeker) -> str:
+def _coexisting(scene: Scene, plan: SweepPlan, row: Mapping[str, Any], part: Part, seeker: Seeker) -> str:
     """Describe other motions than that of a chaotic row: stable orbits near it, and what other starts lead to.
 
     These are ``run.initial``, the same with exciter 2 half a turn ahead, and an orbit that motion leaves slowly.
@@ -278,9 +277,10 @@ def _coexisting(scene: Scene, plan: SweepPlan, row: Mapping[str, Any], hunt: Hun
     turned = initial_state(scene)
     turned[4] += math.pi
     starts = [initial_state(scene), turned]
-    if hunt is not None and hunt.mildest is not None and hunt.least < CLEARLY:
+    hunt = seeker.hunt(section_points(part.measures, scene), section_rows(part.measures)["state"])
+    if hunt.mildest is not None and hunt.least < SLOWLY:
         starts.append(hunt.mildest)
-    others = [on_orbit(scene, orbit, 0.0, seeker.work).row for orbit in (hunt.stable if hunt is not None else ())]
+    others = [on_orbit(scene, orbit, 0.0, seeker.work).row for orbit in hunt.stable]
     for number, start in enumerate(starts):
         begun = perturbed(start, scene, plan.perturbation, (plan.seed, number))
         others.append(_sought(scene, brief, begun, seeker).row)
@@ -324,34 +324,20 @@ def _settled_and_measured(
     ended early has no kind.
     """
     longest = plan.max_settle_s
-    early = seeker is not None and plan.lyapunov and longest > EARLY
-    hunt: Hunt | None = None
     while True:
-        settling = settle(motion, plan, EARLY if early else longest, seeker)
+        settling = settle(motion, plan, longest, seeker)
         if settling.orbit is not None:  # it is measured already
             return settling, motion.advance(0.0), None
-        restless = settling.how == "maximum"
-        if early and restless and seeker is not None and seeker.near:
-            early = False
-            continue
         part = _measured_part(motion, plan, settling, observers)
         if motion.outcome != "ok":
             return settling, part, None
         points = section_points(part.measures, motion.scene)
-        asked = plan.lyapunov and (early or plan.coexists)
-        if asked and restless and part.blocks and seeker is not None and hunt is None:
-            hunt = seeker.hunt(points, section_rows(part.measures)["state"])
-        if early and restless and (hunt is None or hunt.stable or not CLEARLY < hunt.least < math.inf):
-            early = False  # it may come to an orbit yet
-            continue
         last = settling.how == "fixed" or longest > plan.max_settle_s
         kind = classify(motion.scene, plan, settling, points, motion.state, last=last)
-        if kind is not None and not (early and restless and kind.motion != "chaotic"):
+        if kind is not None:
             break
-        if restless and not early:
+        if settling.how == "maximum":
             longest = PATIENCE * plan.max_settle_s
-        early = early and not restless
-    settling = settling._replace(hunt=hunt)
     orbit = seeker.seek(motion, points, kind.period) if kind.period and seeker is not None else None
     if orbit is not None:
         return settling._replace(seconds=motion.now, orbit=orbit), part, kind

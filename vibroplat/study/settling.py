@@ -131,8 +131,6 @@ class Settling(NamedTuple):
         Change of the phase difference over the last WANDERING turns (rad) if the motion is not periodic.
     orbit
         The orbit that it comes to, if that is known.
-    hunt
-        What was found near it if it does not repeat and orbits were looked for.
     """
 
     how: str
@@ -141,7 +139,6 @@ class Settling(NamedTuple):
     turn: float = 0.0
     slip: float = 0.0
     orbit: KnownOrbit | None = None
-    hunt: Hunt | None = None
 
     @property
     def late(self) -> bool:
