@@ -64,3 +64,11 @@ def test_returns_of_a_section_are_tried_once_near_each_orbit():
     pair = 10.0 + 2.5 * np.tile([1.0, -1.0], 6) + away
     points = np.concatenate([3.0 + away, np.arange(50.0, 500.0, 30.0), pair])
     assert list(_returns(points[:, np.newaxis])) == [(1, 0), (2, 27)]
+
+
+def test_few_of_the_returns_after_many_turns_are_tried():
+    """Chaos that comes to an orbit of 19 turns passes near it; beyond 24 turns there are too many returns."""
+    heights = np.random.default_rng(0).uniform(0.0, 1e6, 400)
+    for turns, place in ((19, 100), (23, 200), (22, 300), (30, 150), (5, 250)):
+        heights[place + turns] = heights[place] + 0.01 * turns
+    assert list(_returns(heights[:, np.newaxis])) == [(5, 250), (19, 100), (22, 300)]

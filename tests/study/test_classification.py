@@ -141,6 +141,7 @@ KINDS = {
     "long period": [
         (repeating(17, 400), MAXIMUM, NEGATIVE, {}, periodic(17, NEGATIVE)),
         (repeating(64, 400), MAXIMUM, NEGATIVE, LAST, periodic(64, NEGATIVE)),
+        (repeating(19, 400), MAXIMUM, OPEN, {}, periodic(19, OPEN)),
     ],
     "fewer than two turns": [
         (repeating(1, turns), how, None, {}, TOO_FEW) for turns, how in ((0, MAXIMUM), (1, FIXED), (1, settled(1)))

@@ -122,13 +122,12 @@ def _by_exponent(exponent: Exponent, points: FloatArray, tolerance: float) -> Ki
     """Classify a motion that has no period up to MAX_PERIOD by the sign of its exponent."""
     if exponent.sign > 0:
         return Kind("chaotic", 0, exponent)
-    if exponent.sign < 0:
+    if exponent.sign < 0 or not (abs(exponent.value) + 2.0 * exponent.error) * exponent.turn <= ZERO:
         n = period(points, tolerance, first=MAX_PERIOD + 1, last=LONGEST_PERIOD)
-        return (
-            Kind("periodic", n, exponent) if n > 0 else _undecided(exponent, f"no period found up to {LONGEST_PERIOD}")
-        )
-    if not (abs(exponent.value) + 2.0 * exponent.error) * exponent.turn <= ZERO:
-        return _undecided(exponent, "sign unclear")
+        if n > 0:
+            return Kind("periodic", n, exponent)
+        why = f"no period found up to {LONGEST_PERIOD}" if exponent.sign < 0 else "sign unclear"
+        return _undecided(exponent, why)
     if not _steady(points, tolerance):
         return _undecided(exponent, "the section still drifts")
     return Kind("quasi-periodic", 0, exponent)
