@@ -54,10 +54,11 @@ def no_peaks(count: int) -> npt.NDArray[np.void]:
     return peaks
 
 
-def joined(peaks: npt.NDArray[np.void]) -> Any:
+def joined(*groups: npt.NDArray[np.void]) -> Any:
     """Return the extremes over all of some records, with when they are and at which pace: one record."""
-    found = peaks[0].copy()
-    _join(peaks, found)
+    found = next(peaks[0] for peaks in groups if peaks.size).copy()
+    for peaks in groups:
+        _join(peaks, found)
     return found
 
 

@@ -125,19 +125,23 @@ def between(earlier: Measures, later: Measures) -> Measures:
 
     Extremes are those of the block's row, which begins at the first whole turn after the block has begun.
     """
-    marks, peaks = later.marks.copy(), later.peaks.copy()
-    last = int(marks["turns"] - 1) % later.closed.size
+    marks, whole = later.marks.copy(), later.whole - earlier.whole
     marks["turns"] += 1 - earlier.marks["turns"]  # the last turn before is the first mark
     marks["first"] = earlier.marks["last"]
-    peaks[WHOLE : marks["row"]] = no_peaks(1)
+    peaks = later.peaks[sorted({*range(WHOLE), int(marks["row"])})]
+    marks["row"] = len(peaks) - 1
     plain, open_turn = np.zeros((2, len(SUMS)))
-    whole, closed = later.whole - earlier.whole, later.closed[last : last + 1]
-    return later._replace(plain=plain, open_turn=open_turn, whole=whole, marks=marks, peaks=peaks, closed=closed)
+    return later._replace(plain=plain, open_turn=open_turn, whole=whole, marks=marks, peaks=peaks)
 
 
 def measured_peaks(ms: Measures) -> Any:
     """Return the extremes of the whole turns of exciter 1, or without any those of the whole measured part."""
     if ms.whole[TIME] <= 0.0:
         return joined(ms.peaks[AHEAD:])
+    return joined(ms.peaks[WHOLE : ms.marks["row"]], last_closed(ms))
+
+
+def last_closed(ms: Measures) -> npt.NDArray[np.void]:
+    """Return what the last row of extremes was at the last whole turn: one record."""
     last = int(ms.marks["turns"] - 1) % ms.closed.size
-    return joined(np.concatenate([ms.peaks[WHOLE : ms.marks["row"]], ms.closed[last : last + 1]]))
+    return ms.closed[last : last + 1]

@@ -44,6 +44,7 @@ from vibroplat.observe.measures import (
     XX,
     Measures,
     X,
+    last_closed,
     no_measures,
 )
 
@@ -117,7 +118,7 @@ class Statistics:
     def end_block(self) -> Measures:
         """Copy what was measured until now; from the next whole turn on, extremes are those of the next block."""
         ms = self.measures
-        found = ms._replace(whole=ms.whole.copy(), marks=ms.marks.copy(), closed=ms.closed.copy())
+        found = ms._replace(whole=ms.whole.copy(), marks=ms.marks.copy(), closed=last_closed(ms).copy())
         ms.marks["due"] = min(ms.marks["row"] + 1, len(ms.peaks) - 1)
         return found
 
