@@ -298,6 +298,15 @@ def differentiate(system: int, t: float, point: int, p: Parameters, v: Carried) 
             e.forced[point, 1, k] -= v.residual[2 * n].imag / IMAGINARY
 
 
+@inlined
+def is_zero(s: FloatArray, j: int) -> bool:
+    """Whether nothing is carried in a column, as where few directions are followed: so it stays."""
+    for i in range(FULL_SIZE):
+        if s[i, j] != 0.0:
+            return False
+    return True
+
+
 @compiled
 def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Parameters, v: Carried) -> None:
     """Carry the derivative through an impact, to the event.
@@ -322,6 +331,9 @@ def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Para
     law = 1 if -event.rate_before < p.sticking_speed or (event.rate_after == 0.0 and p.restitution > 0.0) else 0
     v.at_event[0] = 1
     for j in range(FULL_SIZE + v.turned.shape[1] - 1):
+        if j < FULL_SIZE and is_zero(v.s, j):
+            v.late[j] = 0.0
+            continue
         late = -v.s[GAP, j] / event.rate_before
         v.late[j] = late
         for i in range(FULL_SIZE):
@@ -367,6 +379,8 @@ def by_latch(system: int, t: float, state: FloatArray, first: int, p: Parameters
     turned: Any = np.empty(FULL_SIZE // 2, np.complex128)
     change = np.zeros(FULL_SIZE)
     for j in range(first, FULL_SIZE + v.turned.shape[1] - 1):
+        if j < FULL_SIZE and is_zero(v.s, j):
+            continue
         for i in range(n):
             change[PLACES[system, n + i]] = v.equations.matrix[i, lanes(n) + j]
         for i in range(FULL_SIZE):
