@@ -301,10 +301,10 @@ def differentiate(system: int, t: float, point: int, p: Parameters, v: Carried) 
 @inlined
 def is_zero(s: FloatArray, j: int) -> bool:
     """Whether nothing is carried in a column, as where few directions are followed: so it stays."""
-    for i in range(FULL_SIZE):
-        if s[i, j] != 0.0:
-            return False
-    return True
+    i = 0
+    while i < FULL_SIZE and s[i, j] == 0.0:
+        i += 1
+    return i == FULL_SIZE
 
 
 @compiled
