@@ -5,7 +5,7 @@ import pytest
 
 from vibroplat.config.scene import Scene
 from vibroplat.paper import judges
-from vibroplat.paper.claims import FORMER, expected, judge, scoreboard
+from vibroplat.paper.claims import FORMER, cut, expected, judge, scoreboard
 from vibroplat.paper.evidence import EDGE, Course, Evidence, F, Key
 from vibroplat.paper.judges import runs
 from vibroplat.paper.root_finding import JUMP_WIDTH, WIDTH
@@ -84,8 +84,9 @@ def evidence_of(rows_of):
     evidence = Evidence()
     keys = [Key(0.0), Key(0.1), *(Key(0.2, r) for r in NON_PERIODIC), Key(0.2, model="non-impact")]
     for key in keys:
-        scene = Scene().replace({"material.mass_ratio": key.mass_ratio, **LAYERS})
-        evidence.courses[key] = Course(Branch(0, "up", {}, scene, ()), rows_of(key))
+        place = {"material.mass_ratio": key.mass_ratio, "contact.restitution": key.restitution}
+        branch = Branch(0, "up", {}, Scene().replace({**place, **LAYERS}), tuple(2.0 * STEPS))
+        evidence.courses[key] = Course(branch, rows_of(key))
     return evidence
 
 
@@ -163,6 +164,28 @@ def test_claim_fails_where_its_words_are_broken(wording):
     assert [name for name, finding in findings.items() if finding.holds] == []
     if wording is CLAIMS:
         assert [name for name, finding in findings.items() if finding.score == 1.0] == []
+
+
+@pytest.mark.parametrize("name", CLAIMS)
+def test_claim_is_judged_as_well_without_what_it_does_not_look_at(name):
+    """Of branches as in the paper, and of others with which it fails."""
+    for own in (evidence_of(as_in_the_paper), changed(lambda key, r: {"rms_y_m": r["rms_y_m"] ** (1.0 + key[1])})):
+        part = Evidence()
+        for key, (branch, rows) in own.courses.items():
+            left = cut(branch, [CLAIMS[name]]).along
+            assert left == branch.along[: len(left)]
+            if left:
+                part.courses[key] = Course(branch, rows[: len(left)])
+        assert judge(CLAIMS[name], part) == judge(CLAIMS[name], own)
+
+
+def test_branches_end_where_no_claim_looks_any_more(evidence):
+    """Those with R above 0.5 are asked for by R-none alone, up to 26 Hz."""
+    branch, _ = evidence.courses[Key(0.2, 1.0)]
+    wanted = [CLAIMS[name] for name in ("R-none", "R-amp-over", "jump-left", "NI-over")]
+    assert cut(branch, wanted).along[-1] == 54.0
+    assert cut(branch, wanted[1:]).along == cut(branch, []).along == ()
+    assert cut(evidence.courses[Key(0.2)][0], wanted).along == branch.along
 
 
 def test_no_claim_holds_without_its_branches():

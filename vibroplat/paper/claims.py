@@ -16,7 +16,7 @@ from vibroplat.paper.evidence import EDGE, IMPACT_KEY, NON_IMPACT_KEY, Evidence,
 from vibroplat.paper.judges import Claim, Finding, listed, ordered, ratio_to_inelastic
 from vibroplat.paper.root_finding import WIDTH
 from vibroplat.paper.scenes import claims
-from vibroplat.study.branches import SUPPLY
+from vibroplat.study.branches import SUPPLY, Branch
 
 _FALLS = partial(ordered, "falls", ((Key(0.2), Key(0.1)), (Key(0.1), Key(0.0))))
 
@@ -115,6 +115,25 @@ def _failed(claim: Claim, evidence: Evidence) -> dict[Key, int]:
             failed = [row for row in rows if row["outcome"] != "ok" and low <= row[SUPPLY] / pairs <= high]
             found[key] = len(failed)
     return {key: count for key, count in found.items() if count}
+
+
+def cut(branch: Branch, asked: Sequence[Claim]) -> Branch:
+    """Cut an upward branch where none of some claims looks any more; without points if none looks at it at all."""
+    mu, r = branch.scene.material.mass_ratio, branch.scene.contact.restitution
+    highest = 0.0
+    for claim in asked:
+        restitutions, f = listed(claim.get("R", 0.0)), claim.get("f")
+        among = "mu" not in claim or mu in (0.0, *listed(claim["mu"]))
+        if among and min(restitutions) <= r <= max(restitutions):
+            near = isinstance(f, list) and not is_of_models(claim)  # models are matched at the jump
+            highest = max(highest, listed(f)[-1] + LAG if near else math.inf)
+    pairs = branch.scene.exciter_pair[0].pole_pairs
+    return replace(branch, along=tuple(supply for supply in branch.along if supply / pairs <= highest))
+
+
+def is_of_models(claim: Claim) -> bool:
+    """Whether a claim compares the contact models."""
+    return str(claim["id"]).startswith("NI-")
 
 
 def scoreboard(seeds: Mapping[int, Evidence], others: Others) -> pd.DataFrame:

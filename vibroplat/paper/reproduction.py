@@ -1,8 +1,9 @@
 """Reproduce the paper by Panovko and Shokhin with one machine: its curves, its time histories, its claims judged.
 
 The simulations are run in stages, each with its chains side by side: sweeps of the impact model, narrowing of
-boundaries, β of the non-impact model, its sweeps, narrowing of further boundaries, time histories. All are stored. What
-is judged and tabulated after them is read from these results alone.
+boundaries, β of the non-impact model, its sweeps, narrowing of further boundaries; for claims that fail, the same with
+unprinted numbers changed; time histories. All are stored. What is judged and tabulated after them is read from these
+results alone.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ import pandas as pd
 from vibroplat.config.reader import configurations, load_list
 from vibroplat.config.scene import Scene
 from vibroplat.integrate import engine_name
-from vibroplat.paper.claims import judge, scoreboard
+from vibroplat.paper.claims import cut, is_of_models, judge, scoreboard
 from vibroplat.paper.evidence import Evidence
+from vibroplat.paper.judges import Claim
 from vibroplat.paper.root_finding import match_beta, matched_frequency, narrow
 from vibroplat.paper.scenes import BETA, IMPACT, NON_IMPACT, QUICK, SEED, SHARED, claims, paper_scene
 from vibroplat.paper.tables import contradictions, histories, impact_laws, sync_bands
@@ -145,8 +147,8 @@ def trials_of(numbers: Mapping[str, Any], seeds: Sequence[int]) -> Trials:
 
 def planned(numbers: Mapping[str, Any], seeds: Sequence[int] = (0,)) -> tuple[int, int]:
     """Return the numbers of branches and points of the first stage."""
-    machine, others, laws = trials_of(numbers, seeds)
-    found = [b for t in (*machine, *others, laws) for name in t.names for b in branches(t.scene(name))]
+    machine, _, laws = trials_of(numbers, seeds)
+    found = [b for t in (*machine, laws) for name in t.names for b in branches(t.scene(name))]
     return len(found), sum(len(branch.along) for branch in found)
 
 
@@ -186,36 +188,55 @@ def reproduce(
         Points cannot be stored.
     """
     trials = machine, others, laws = trials_of(numbers, seeds)
-    main, judged = machine[0], [*machine, *others]
+    main, every = machine[0], [*machine, *others, laws]
     kept: dict[str, Any] = {"resume": resume, "overwrite": overwrite, "mix": mix}
     with ExitStack() as stack:
-        for trial in (*judged, laws):
+        for trial in every:
             place = directory / trial.name
             place.mkdir(parents=True, exist_ok=True)
             wanted = {name: conditions(trial.scene(name)) for name in (*trial.names, NON_IMPACT)}
             trial.store = stack.enter_context(Store(place, wanted, **kept))
             trial.store.require("arithmetic", arithmetic(engine_name(trial.scene(NON_IMPACT))))
-        _sweep([(trial, name) for trial in (*judged, laws) for name in trial.names], workers, progress)
+        _sweep([(trial, name) for trial in (*machine, laws) for name in trial.names], workers, progress=progress)
         _narrow(trials, workers)
-        chains = [StoredChain(match_beta(trial.evidence), trial.store.part("beta"), 0) for trial in judged]
-        for trial, beta in zip(judged, run_stored(chains, workers), strict=True):
-            trial.evidence.beta = beta
-        _sweep([(trial, NON_IMPACT) for trial in judged if trial.evidence.beta is not None], workers)
+        _add_non_impact(machine, workers)
         _narrow(trials, workers)
+        failing = [claim for claim in claims() if not any(judge(claim, trial.evidence).holds for trial in machine)]
+        _sweep([(trial, name) for trial in others for name in trial.names], workers, failing)
+        if any(map(is_of_models, failing)):
+            _add_non_impact(others, workers)
         shown = histories(numbers, main.evidence.beta, main.store.part("histories"), workers)
-        for trial in (*judged, laws):
+        for trial in every:
             trial.store.finish()
         return _results(trials, shown)
 
 
-def _sweep(wanted: Sequence[tuple[Trial, str]], workers: Pool, progress: Progress | None = None) -> None:
-    """Run sweeps of trials side by side and add their branches to the evidence."""
-    sweeps = [(branches(trial.scene(name)), trial.store.part(name)) for trial, name in wanted]
+def _sweep(
+    wanted: Sequence[tuple[Trial, str]],
+    workers: Pool,
+    asked: Sequence[Claim] | None = None,
+    progress: Progress | None = None,
+) -> None:
+    """Run sweeps of trials side by side, as far as claims ask for them, and add their branches to the evidence."""
+    sweeps = []
+    for trial, name in wanted:
+        found = branches(trial.scene(name))
+        found = found if asked is None else [branch for branch in (cut(b, asked) for b in found) if branch.along]
+        sweeps.append((found, trial.store.part(name)))
     run_sweeps(sweeps, workers, progress)
     for (trial, name), (planned_branches, store) in zip(wanted, sweeps, strict=True):
-        trial.tables[name] = pd.concat(tables(planned_branches, store), ignore_index=True)
+        if planned_branches:
+            trial.tables[name] = pd.concat(tables(planned_branches, store), ignore_index=True)
         for branch in planned_branches:
             trial.evidence.add(branch, branch_records(branch, store))
+
+
+def _add_non_impact(trials: Sequence[Trial], workers: Pool) -> None:
+    """Find β of the non-impact model for some trials, and run its sweeps where there is one."""
+    chains = [StoredChain(match_beta(trial.evidence), trial.store.part("beta"), 0) for trial in trials]
+    for trial, beta in zip(trials, run_stored(chains, workers), strict=True):
+        trial.evidence.beta = beta
+    _sweep([(trial, NON_IMPACT) for trial in trials if trial.evidence.beta is not None], workers)
 
 
 def _narrow(trials: Trials, workers: Pool) -> None:
