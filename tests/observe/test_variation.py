@@ -182,6 +182,22 @@ def test_in_each_system(layers, flies, setup, engine):
     assert kinds == []
 
 
+@pytest.mark.parametrize(
+    ("engine", "changes", "speeds"),
+    [
+        ("taylor", {"motor.critical_slip": 0.02, "motor.critical_torque_n_m": 30.0}, (0.2, -0.6)),
+        ("native", {}, (8.0, -9.0)),
+    ],
+    ids=["stiff motors pass their critical slip", "exciters much faster than synchronous"],
+)
+def test_where_the_motion_changes_quickly(engine, changes, speeds):
+    """Ten steps in a turn of the synchronous speed left errors of 0.35 and 2e-3."""
+    scene = scene_of(0, engine=engine, frequency=50.0).replace(changes)
+    start = np.zeros(14)
+    start[10:12] = np.array(speeds) * scene.speed_scale * [e.direction for e in scene.exciter_pair]
+    assert agrees(scene, start, 0.05, relative=1e-5) == []
+
+
 @pytest.mark.parametrize(("setup", "layers", "engine"), [("unequal", 1, "native"), ("co-rotating", 2, "taylor")])
 def test_through_liftoff_and_inelastic_closing(setup, layers, engine):
     scene = scene_of(layers, setup, engine)

@@ -104,7 +104,7 @@ else:
 
 
 @inlined
-def lanes(numbers: int) -> int:
+def whole_lanes(numbers: int) -> int:
     """Numbers of a row rounded up to whole lanes."""
     return -(-numbers // LANE) * LANE
 
@@ -118,10 +118,11 @@ def exchange(matrix: FloatArray, one: int, other: int, first: int, end: int) -> 
 
 
 @fused
-def eliminate(matrix: FloatArray, m: int, right: int, end: int, factors: FloatArray) -> None:
+def eliminate_lanes(matrix: FloatArray, m: int, right: int, end: int, factors: FloatArray) -> None:
     """Solve m linear equations for the right-hand sides in these columns, which become the solutions.
 
-    Partial pivoting. Rows are reduced in whole lanes: what that leaves before the diagonal is never read.
+    Partial pivoting. Rows are reduced in whole lanes: what that leaves before the diagonal is never read. A singular
+    matrix leaves solutions that are not finite.
 
     Parameters
     ----------

@@ -102,9 +102,8 @@ def accelerate(system: int, t: float, y: FloatArray, yp: FloatArray, coupled: Co
         y[2 * n] = 0.0
     for i in range(n, y.size):
         yp[i] = 0.0
-    coupled_rows(
-        system, t, y, yp, yp, coupled, p
-    )  # without accelerations and F_c, they are the forces with their signs changed
+    # without accelerations and F_c, they are the forces with their signs changed
+    coupled_rows(system, t, y, yp, yp, coupled, p)
     for i in range(n):
         yp[i], yp[n + i] = y[n + i], -yp[n + i]
     if ALGEBRAIC[system]:
@@ -145,7 +144,7 @@ def linearize(
 ) -> None:
     """Make (y, y′) consistent and linearize the equations of motion there, without F_c: A δq″ + (∂F/∂y) δy = 0.
 
-    Attached, the lower layer's row is added to the platform's row of y, in which F_c then does not stand any more.
+    Attached, the lower layer's row is added to the platform's row of y, which then no longer contains F_c.
 
     Parameters
     ----------

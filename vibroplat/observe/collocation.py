@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, fused, fused_inline, inlined
-from vibroplat.kernels.elimination import LANE, blend_8, combine_16, eliminate, lanes
+from vibroplat.kernels.elimination import LANE, blend_8, combine_16, eliminate_lanes, whole_lanes
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import FULL_SIZE
@@ -132,7 +132,7 @@ def linear(columns: int, keys: int) -> Linear:
         mass=np.zeros((MOST_POINTS, n, n)),
         jac=in_lines((MOST_POINTS, FULL_SIZE, LANE)),
         forced=np.zeros((MOST_POINTS, n, keys)),
-        matrix=in_lines((equations, lanes(equations) + columns)),
+        matrix=in_lines((equations, whole_lanes(equations) + columns)),
         factors=np.zeros((2, equations)),
         weights=np.zeros((1, LANE)),
     )
@@ -147,7 +147,7 @@ def collocate(n: int, h: float, method: Radau, e: Linear, s: FloatArray) -> None
     """
     points = method.nodes.size
     m = points * n
-    right = lanes(m)
+    right = whole_lanes(m)
     end = right + s.shape[1]
     for i in range(points):
         for r in range(n):
@@ -158,7 +158,7 @@ def collocate(n: int, h: float, method: Radau, e: Linear, s: FloatArray) -> None
             for c in range(n):
                 e.matrix[row, i * n + c] += e.mass[i, r, c]
             right_hand_sides(n, h * method.nodes[i], i, r, right, e, s)
-    eliminate(e.matrix, m, right, end, e.factors)
+    eliminate_lanes(e.matrix, m, right, end, e.factors)
     last = points - 1
     for j in range(0, s.shape[1], LANE):
         for c in range(n):

@@ -64,7 +64,7 @@ def joined(*groups: npt.NDArray[np.void]) -> Any:
 
 @compiled
 def join(peaks: Any, found: Any) -> None:
-    """Let a record have the extremes of some records where these go beyond its own."""
+    """Let a record have the extremes of some records where these go beyond its own; nan is no extreme."""
     for row in range(peaks.size):
         other = peaks[row]
         for k in range(_SIZE):

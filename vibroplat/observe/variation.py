@@ -17,7 +17,7 @@ import numpy as np
 from vibroplat.hybrid.modes import ATTACHED, IMPACT, LATCH
 from vibroplat.hybrid.state import Automaton, Steps
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, same_types
-from vibroplat.kernels.elimination import lanes
+from vibroplat.kernels.elimination import whole_lanes
 from vibroplat.kernels.polynomial import values
 from vibroplat.model.accelerations import accelerations, linearize
 from vibroplat.model.equations import rows
@@ -38,9 +38,12 @@ from vibroplat.observe.collocation import (
     step_of,
     steps_of,
 )
+from vibroplat.observe.extremes import FEW_SAMPLES
 
 #: Size of a derivative beyond which it says nothing.
 SENSELESS = 1e24
+#: Longest step of the collocation, over a step of the engine that lies in it: of high order, and of a low one.
+REACH, FAR_REACH = 1.0, 8.0
 #: Part of a piece that round-off may leave.
 _LEFT = 1e-12
 
@@ -107,7 +110,7 @@ class Variation:
         self._numbers = flat(turned)
         self._directions: FloatArray = np.zeros(self._numbers.shape[1:])
         self._columns = FULL_SIZE + len(directions)
-        columns = lanes(self._columns)
+        columns = whole_lanes(self._columns)
         self._carried = Carried(
             s=np.zeros((FULL_SIZE, columns)),
             late=np.zeros(columns),
@@ -263,7 +266,7 @@ def along(steps: Steps, piece: Any, p: Parameters, v: Carried) -> None:
         copy(v.s[PLACES[system, i]], v.part[i])
     done, step = 0.0, v.step[0]
     while duration - done > _LEFT * duration:
-        length = step_of(step, duration - done, v.step[1])
+        length = within_reach(steps, row, last, begin + done, step_of(step, duration - done, v.step[1]))
         for i in range(method.nodes.size):
             at = begin + done + method.nodes[i] * length
             while row < last and at > steps.start[row] + steps.length[row]:
@@ -279,6 +282,21 @@ def along(steps: Steps, piece: Any, p: Parameters, v: Carried) -> None:
             v.s[i, j] = 0.0
     for i in range(2 * n):
         copy(v.part[i], v.s[PLACES[system, i]])
+
+
+@inlined
+def within_reach(steps: Steps, row: int, last: int, now: float, length: float) -> float:
+    """Shorten a step of the collocation to what the engine's own steps allow, the first of which is ``row`` or later.
+
+    These are short where a motion changes quickly, as where a stiff motor passes its critical slip or an exciter turns
+    faster than its supply. The last one was cut, and says nothing.
+    """
+    reach = REACH if steps.c.shape[1] - 1 > FEW_SAMPLES else FAR_REACH
+    while row < last and steps.start[row] < now + length:
+        if steps.start[row] + steps.length[row] > now:
+            length = min(length, max(steps.start[row] - now, 0.0) + reach * steps.length[row])
+        row += 1
+    return length
 
 
 @compiled
@@ -382,7 +400,7 @@ def by_latch(system: int, t: float, state: FloatArray, first: int, p: Parameters
         if j < FULL_SIZE and is_zero(v.s, j):
             continue
         for i in range(n):
-            change[PLACES[system, n + i]] = v.equations.matrix[i, lanes(n) + j]
+            change[PLACES[system, n + i]] = v.equations.matrix[i, whole_lanes(n) + j]
         for i in range(FULL_SIZE):
             moved[i] = state[i] + 1j * IMAGINARY * v.s[i, j]
         for i in range(FULL_SIZE // 2):
