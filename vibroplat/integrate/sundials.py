@@ -46,7 +46,7 @@ _FUNCTIONS = {
     "IDARootInit": "ipip",
     "IDAWFtolerances": "ipp",
     "IDASetDeltaCjLSetup": "ipr",
-    "IDASetEtaFixedStepBounds": "iprr",
+    "IDASetEtaLow": "ipr",
     "IDASetEtaMax": "ipr",
     "IDASetId": "ipp",
     "IDASetInitStep": "ipr",
