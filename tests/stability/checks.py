@@ -37,7 +37,11 @@ def sound(scene, summary):
         most = max(1.0, 0.5 * spinning * residual / left) if left > 0.0 else 1.0
         limits["energy_residual"] = (residual, most * RESIDUAL * tolerance * steps)
         if scene.contact.impact_law != "printed":  # which does not keep the upper layer's momentum
-            limits["momentum_residual"] = (summary["momentum_residual"], RESIDUAL * tolerance * steps)
+            # one that hardly moves has less momentum than the tolerance is meant for, that of the scene's scales
+            usual = scene.body.mass * scene.length_scale * scene.speed_scale
+            residual, left = summary["momentum_residual"], abs(summary["momentum_residual_n_s"])
+            most = max(1.0, usual * residual / left) if left > 0.0 else 1.0
+            limits["momentum_residual"] = (residual, most * RESIDUAL * tolerance * steps)
     if scene.has_contact:
         below = abs(min(summary["gap_min_m"], 0.0)) / state_scales(scene)[GAP]
         limits["gap_below"] = (below, GAP_BELOW * tolerance)
