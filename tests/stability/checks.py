@@ -14,8 +14,9 @@ from vibroplat.observe.summary import INACCURATE, measured
 
 #: Largest residuals of energy and vertical momentum over tolerance and steps: each step may be off by about the
 #: tolerance, and the errors may add up. In a campaign of 10 000 random scenes the largest of energy is 2.8, the median
-#: 6e-4. The scale of momentum is the impulse of the springs, which the error of every step changes.
-RESIDUAL = 5.0
+#: 6e-4; in one of 7300 shorter ones the largest is 5.04. The scale of momentum is the impulse of the springs, which the
+#: error of every step changes.
+RESIDUAL = 10.0
 #: Largest gap and contact force below zero, in units of their scales, over the tolerance.
 GAP_BELOW, PULL = 1.0, 10.0
 #: Named outcomes.

@@ -46,7 +46,7 @@ _FUNCTIONS = {
     "IDARootInit": "ipip",
     "IDAWFtolerances": "ipp",
     "IDASetDeltaCjLSetup": "ipr",
-    "IDASetEtaLow": "ipr",
+    "IDASetEtaFixedStepBounds": "iprr",
     "IDASetEtaMax": "ipr",
     "IDASetId": "ipp",
     "IDASetInitStep": "ipr",
