@@ -40,7 +40,7 @@ def _completed() -> list[str]:
 
 def bench(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME]...", help=f"{_NAMES}.", autocompletion=_completed)
+        list[str] | None, typer.Argument(metavar="NAME", help=f"{_NAMES}.", autocompletion=_completed)
     ] = None,
     out: Out = Path("results"),
     long: Annotated[bool, typer.Option("--long", help="Run all benchmarks.")] = False,

@@ -34,7 +34,9 @@ ROWS = 2048
 MAX_STEPS, STEPS_PER_EVENT = 300_000, 60
 
 # How IDA chooses its steps. Means over nine tolerances around 1e-6, in contact and with 50 impacts a second:
-#: Factors between which the step is kept rather than changed. IDA's own (1, 2) takes a sixth more steps.
+#: Factors between which the step is kept rather than changed. IDA's own (1, 2) takes a sixth more steps. With these,
+#: and steps that shrink by 0.8 at once instead of 0.9, errors over 600 random scenes are 0.44 times as large in 7 %
+#: more time, but a sweep takes a fifth more.
 ETA_FIXED = (0.9, 1.3)
 #: Largest growth of a step, also while the order rises after a restart. With 3 instead of IDA's own 2 a
 #: restart takes a sixth fewer steps; 8 fails more tests of the error than it saves.
