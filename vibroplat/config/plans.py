@@ -188,7 +188,7 @@ class SweepPlan(Section, title="Sweep"):
     lyapunov: bool = described(
         True, "", "use the largest Lyapunov exponent to tell chaotic from quasi-periodic motion; false: non-periodic"
     )
-    coexists: bool = described(True, "", "look for other motions beside each chaotic one, a quarter of its time")
+    coexists: bool = described(True, "", "look for other motions beside each chaotic one, half of its time")
 
     max_points: Annotated[int, Field(ge=1, le=10**9)] = Field(200_000, description="most points of all branches")
     confirm: Literal["orbits"] | None = Field(
