@@ -134,24 +134,22 @@ def test_an_attractor_is_carried_from_a_platform_without_material(over):
 
 
 @pytest.mark.parametrize(("kind", "at"), [("found", 100), ("over", 6)])
-def test_killed_and_resumed_the_answer_is_the_same(kind, at, request, tmp_path):
-    """Beside workers; processes that compile the same kernel at a time may round otherwise until they end."""
-    scene, _ = request.getfixturevalue(kind)
-    whole = basins(scene, jobs=2)
+def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(kind, at, request, tmp_path):
+    scene, whole = request.getfixturevalue(kind)
     asked = Basins(scene)
 
     def killed(done, known):
         if done == at:
             raise KeyboardInterrupt
 
-    def answered(progress, *, resume=False):
-        with Store(tmp_path, {}, resume=resume) as store, pool(2, chains=asked.chains) as workers:
+    def answered(jobs, progress, *, resume=False):
+        with Store(tmp_path, {}, resume=resume) as store, pool(jobs, chains=asked.chains) as workers:
             tables = asked.answer(store, workers, progress).tables
             return tables, store.reused
 
     with pytest.raises(KeyboardInterrupt):
-        answered(killed)
-    tables, reused = answered(lambda done, known: None, resume=True)
+        answered(1, killed)
+    tables, reused = answered(2, lambda done, known: None, resume=True)
     assert reused > 0
     for name, table in tables.items():
         pd.testing.assert_frame_equal(table, getattr(whole, name), check_exact=True)

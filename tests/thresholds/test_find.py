@@ -81,22 +81,21 @@ def test_a_border_is_fractal_if_near_pairs_differ_as_often_as_far_ones():
     assert not fractal(())
 
 
-def test_killed_and_resumed_the_answer_is_the_same(tmp_path):
-    """Beside workers; processes that compile the same kernel at a time may round otherwise until they end."""
+def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(tmp_path):
     asked = question(start())
 
     def killed(done, known):
         if done == 5:
             raise KeyboardInterrupt
 
-    def answered(progress, *, resume=False):
-        with Store(tmp_path, {}, resume=resume) as store, pool(2, chains=asked.chains) as workers:
+    def answered(jobs, progress, *, resume=False):
+        with Store(tmp_path, {}, resume=resume) as store, pool(jobs, chains=asked.chains) as workers:
             return asked.answer(store, workers, progress).tables
 
     with pytest.raises(KeyboardInterrupt):
-        answered(killed)
-    tables = answered(lambda done, known: None, resume=True)
-    whole = find(start(), jobs=2)
+        answered(1, killed)
+    tables = answered(2, lambda done, known: None, resume=True)
+    whole = find(start())
     for name, expected in (("thresholds", whole.thresholds), ("scan", whole.scan)):
         times = [column for column in expected if column == "wall_s"]
         assert tables[name].drop(columns=times).equals(expected.drop(columns=times))
