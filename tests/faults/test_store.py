@@ -192,7 +192,7 @@ def test_file_that_is_no_database_of_ours_is_told_in_a_line_and_left_alone(here)
         "CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT)",
         "CREATE TABLE records (first, second INTEGER, record TEXT, PRIMARY KEY (first, second))",
     )
-    told = "its format is 0, this version reads 2; remove it to start again\n"
+    told = "its format is 0, this version reads 3; remove it to start again\n"
     assert command("sweep", "c.yaml") == (2, "", f"vibroplat: {STORED} cannot be used: {told}")
 
 
