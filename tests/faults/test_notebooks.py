@@ -65,7 +65,8 @@ def test_sweep_in_a_cell_is_interrupted_and_repeated_and_no_worker_outlives_a_ki
         until((here / "running").exists)
         manager.interrupt_kernel()
         reply = client.get_shell_msg(timeout=LONG)
-        assert reply["parent_header"]["msg_id"] == asked
+        while reply["parent_header"]["msg_id"] != asked:  # one asked twice whether it is ready says so twice
+            reply = client.get_shell_msg(timeout=LONG)
         assert reply["content"]["ename"] == "KeyboardInterrupt"
         assert (cell(SWEEP), cell(BITS)) == ("ok", "ok")
         assert (cell("table = sweep(scene)"), cell(BITS)) == ("ok", "ok")
