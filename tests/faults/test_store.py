@@ -432,7 +432,7 @@ def test_kept_records_say_what_had_made_them(tmp_path):
         assert store.origin == {}
     changed_ = begun | {"source files": "b", "numpy": "2"}
     with pytest.raises(ConfigError, match=r"^cannot resume: configuration\.x = 2; allowed: 1, as in [^-]*, or --over"):
-        Store(tmp_path, begun | {"configuration": {"x": 2}}, resume=True, mix=True)
+        Store(tmp_path, changed_ | {"configuration": {"x": 2}}, resume=True, mix=True)
     with Store(tmp_path, changed_, resume=True, mix=True) as store:
         store.require("arithmetic", "there")
         store.write(0, 1, {})
@@ -443,6 +443,8 @@ def test_kept_records_say_what_had_made_them(tmp_path):
         assert store.origin == {"mixed": [first, {"points": 2, "source files": "b"}]}
     with Store(tmp_path, begun, overwrite=True) as store:
         assert (len(store), store.origin) == (0, {})
+    with Store(tmp_path, changed_, resume=True) as store:  # which nothing was made for
+        assert store.origin == {}
 
 
 def test_names_of_chains_tell_capitals_apart(tmp_path):

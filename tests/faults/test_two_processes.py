@@ -203,12 +203,16 @@ def test_others_wait_for_a_kernel_until_its_process_ends(here):
 
 def test_a_process_that_was_stopped_is_not_waited_for_in_vain(here, monkeypatch):
     monkeypatch.setattr(two_processes, "LONGEST", 0.1)
+    monkeypatch.setattr(two_processes._Shared, "waits", True)
     with script(TAKE, stdin=subprocess.PIPE) as process:
         assert process.stdout.readline() == "taken\n"
         process.send_signal(signal.SIGSTOP)
         began = time.monotonic()
         with two_processes.locked(here, 7):
             assert 0.05 < time.monotonic() - began < 30.0
+        monkeypatch.setattr(two_processes, "LONGEST", 1e3)  # it may hold several, and is waited for once
+        with two_processes.locked(here, 7):
+            assert time.monotonic() - began < 60.0
         process.kill()
 
 

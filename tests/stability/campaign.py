@@ -38,7 +38,7 @@ SHORT, LONG, LEAST, MANY = 4.0, 10.0, 0.1, 10_000
 #: Every THOROUGH-th scene is longer, and also compared with its accurate motion and with an orbit near its end. Where
 #: the error, over the tolerance and what the motion makes of a disturbance, is above SUSPECT, the engines are compared
 #: in time, as they are where they differ: that takes as long as three scenes. One of 100 runs of ``native`` is beyond
-#: 3e4.
+#: 4e3.
 THOROUGH, SUSPECT = 10, 1e4
 #: Tolerances with which an engine is compared again where it disagrees, over that of the scene, and the least of them.
 FINER, FINEST = (1e-2, 1e-4, 1e-6), 1e-12

@@ -260,7 +260,10 @@ class Store:
         differing = [key for key in {**old, **new} if old.get(key) != new.get(key)]
         if not differing:
             return
-        mixable = all(key.rpartition(".")[2] in NAMES for key in differing)
+        differing.sort(key=_is_mixable)
+        mixable = _is_mixable(differing[0])
+        if mixable and not len(self):
+            return  # nothing was made by them
         if not (mixable and self._mix):
             key = differing[0]
             more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
@@ -324,6 +327,11 @@ class Store:
             raise TableError(f"{self._path} cannot be used: {error}") from None
         except UnicodeDecodeError:  # a message of SQLite that quotes damaged names
             raise self._spoiled("its names are no text") from None
+
+
+def _is_mixable(key: str) -> bool:
+    """Whether records are of use that were made under another value of a condition."""
+    return key.rpartition(".")[2] in NAMES
 
 
 def digest(*values: Any) -> str:

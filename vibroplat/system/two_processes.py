@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import logging
 import os
 import signal
 import sys
@@ -30,6 +31,8 @@ except ImportError:  # on Windows
 
 from vibroplat.system.memory import COMPILING, available
 
+_log = logging.getLogger(__name__)
+
 #: Signals that end a command, and with it its second process.
 _SIGNALS = {signal.SIGINT, signal.SIGTERM}
 #: Name of the file in the folder whose bytes are locked, one for each kernel.
@@ -44,6 +47,8 @@ class _Shared:
     """What is known of this process."""
 
     is_second = False
+    #: Whether it still waits for others: not again after one that was waited for too long, and may hold more.
+    waits = True
 
 
 def is_second() -> bool:
@@ -58,7 +63,7 @@ def locked(folder: Path | None, place: int) -> Iterator[None]:
     Blocks may be nested. Without a folder, or where it has no locks, each process does the same.
     """
     file = None if folder is None else _file(folder)
-    if file is None or not _take(file, place):
+    if file is None or not (_Shared.waits and _take(file, place)):
         yield
         return
     try:
@@ -85,7 +90,11 @@ def _take(file: int, place: int) -> bool:
         try:
             _fcntl.lockf(file, _fcntl.LOCK_EX | _fcntl.LOCK_NB, 1, place)
         except OSError as error:
-            if error.errno not in (errno.EAGAIN, errno.EACCES) or time.monotonic() > latest:
+            if error.errno not in (errno.EAGAIN, errno.EACCES):
+                return False
+            if time.monotonic() > latest:
+                _Shared.waits = False
+                _log.warning("a process that compiles was waited for %g s; has it been stopped?", LONGEST)
                 return False
         else:
             return True
