@@ -123,7 +123,8 @@ class Draw:
         """Draw a supply that changes, jumps and goes off and on."""
         length, frequency = scene.run.duration_s, scene.drive.supply_frequency_hz
         times = sorted(float(share) * length for share in self._rng.random(3))
-        ramp = [{"t_s": t, "supply_frequency_hz": frequency * self._rng.uniform(0.0, 1.3)} for t in times[:2]]
+        changed = [max(frequency * self._rng.uniform(0.0, 1.3), 1e-3) for _ in range(2)]
+        ramp = [{"t_s": t, "supply_frequency_hz": f} for t, f in zip(times[:2], changed, strict=True)]
         switch = {"t_s": times[2], self.one_of("exciter_1", "exciter_2"): "off"}
         return [{"t_s": 0.0, "supply_frequency_hz": frequency}, *ramp, switch]
 
