@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -48,7 +48,7 @@ Jobs = Annotated[int, typer.Option(min=1, help="Number of worker processes.")]
 Resume = Annotated[bool, typer.Option("--resume", callback=_offer, help="Resume an interrupted command.")]
 Mix = Annotated[
     bool,
-    typer.Option("--mix", help="Resume even where code or arithmetic have changed since; provenance.json tells of it."),
+    typer.Option("--mix", help="Resume even if code or arithmetic have changed since; provenance.json tells of it."),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Discard an unfinished command's points and start over.")]
 Scheduler = Annotated[
@@ -105,6 +105,11 @@ def begin(store: Store, engine: str, *others: str) -> None:
     from vibroplat.study.fingerprint import arithmetic
 
     store.require("arithmetic", arithmetic(engine))
+
+
+def kept(resume: bool, mix: bool, overwrite: bool) -> dict[str, Any]:
+    """Return what becomes of the records in a store, in its own words; to mix them is to resume too."""
+    return {"resume": resume or mix, "mix": mix, "overwrite": overwrite}
 
 
 def study_directory(out: Path, name: str, command: Command, *, resume: bool) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -53,7 +53,7 @@ def paper(
             directory = result_directory(out / "paper", name)
             began = time.perf_counter()
             with sweep_progress(name, *planned[name]) as progress:
-                kept = {"resume": resume or mix, "overwrite": overwrite, "mix": mix}
+                kept = common.kept(resume, mix, overwrite)
                 points = directory / "points"
                 found = reproduction.reproduce(numbers, points, workers, seeds=tried, progress=progress, **kept)
             found.write(numbers, directory)
@@ -96,8 +96,7 @@ def calibrate(
     directory = result_directory(out, "calibration")
     total = plan.evaluations + plan.sweeps + plan.confirmations
     chains = max(plan.population, plan.sweeps, plan.confirmations)
-    kept: dict[str, Any] = {"resume": resume or mix, "overwrite": overwrite, "mix": mix}
-    with Store(directory, calibration.conditions(fixed), **kept) as store:
+    with Store(directory, calibration.conditions(fixed), **common.kept(resume, mix, overwrite)) as store:
         common.begin(store, fixed.get(ENGINE, "auto"))
         opened = pool(jobs, scheduler, wait=wait, chains=chains)
         with opened as workers, calibration_progress(total) as progress:

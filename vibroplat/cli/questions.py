@@ -43,7 +43,7 @@ def _command(name: str, module: str, ask: str, about: str) -> Callable[..., None
         with common.about(config):
             question = getattr(import_module(module), ask)(scene)
         common.require_scheduler(scheduler)
-        kept = {"resume": resume or mix, "overwrite": overwrite, "mix": mix}
+        kept = common.kept(resume, mix, overwrite)
         _answer(question, out, jobs, scheduler, wait, format_, kept, check=check)
 
     command.__name__, command.__doc__ = name, about

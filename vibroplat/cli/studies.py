@@ -152,8 +152,7 @@ def sweep(
 
     found = None
     common.print_notes(sweeps.notes_on_branches(planned))
-    kept: dict[str, Any] = {"resume": resume or mix, "overwrite": overwrite, "mix": mix}
-    with Store(directory, sweeps.conditions(scene), **kept) as store:
+    with Store(directory, sweeps.conditions(scene), **common.kept(resume, mix, overwrite)) as store:
         common.begin(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if places else []))
         began, points = time.perf_counter(), sum(len(branch.along) for branch in planned)
         chains = max(sweeps.unfinished(planned, store), len(places))
@@ -228,8 +227,8 @@ def orbits(
     from vibroplat.study.store import Store
 
     directory = common.study_directory(out, scene.name, "orbits", resume=resume or mix)
-    kept: dict[str, Any] = {"resume": resume or mix, "overwrite": overwrite, "mix": mix}
     common.print_notes(notes_on_inputs(family.scene for family in plan.families))
+    kept = common.kept(resume, mix, overwrite)
     with Store(directory, conditions(scene), file=FILE, what="parts of branches", **kept) as store:
         common.begin(store, scene.solver.engine)
         began, families = time.perf_counter(), len(plan.families)

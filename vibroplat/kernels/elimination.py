@@ -1,6 +1,6 @@
 """Gaussian elimination of small systems whose rows lie in whole lanes, as vectors of the processor.
 
-Two rows are subtracted from all others at a time: a row is loaded and stored once where there would be two turns.
+Two rows are subtracted from all others at a time, so each row is loaded and stored half as often.
 """
 
 from __future__ import annotations

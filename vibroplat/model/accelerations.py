@@ -1,7 +1,7 @@
 """Accelerations and contact force by a direct solve, their derivatives along the motion and by the state.
 
 The dynamic rows of F are linear in z, the n accelerations and, attached, F_c. What multiplies z is constant in a state,
-so that most here is a solve with :func:`solve_rows`, whose right-hand sides come from the rows of
+so that most of this is a solve with :func:`solve_rows`, whose right-hand sides come from the rows of
 :mod:`vibroplat.model.equations` and their Jacobian.
 """
 
@@ -96,7 +96,7 @@ def accelerations(system: int, t: float, y: FloatArray, yp: FloatArray, p: Param
 
 @inlined
 def accelerate(system: int, t: float, y: FloatArray, yp: FloatArray, coupled: Coupled, p: Parameters) -> None:
-    """Do as :func:`accelerations`, with the couplings of both exciters in this state, and do not look at the result."""
+    """Do as :func:`accelerations`, with the couplings of both exciters in this state, without a look at the result."""
     n = y.size // 2
     if ALGEBRAIC[system]:
         y[2 * n] = 0.0

@@ -188,7 +188,7 @@ def data_sheet(ms: Measures, peaks: Any, scene: Scene) -> dict[str, float | None
             found[f"slip_{n}"] = 1.0 - exciter.direction * mean[f"speed_{n}"] / speeds[i]
         ripple = peaks["largest"][SPEED_1 + i] - peaks["least"][SPEED_1 + i]
         found[f"speed_ripple_{n}_hz"] = float(ripple) / _TURN
-    return found | _largest(peaks, peaked(scene))
+    return found | _largest(peaks, _from_extremes(scene))
 
 
 class Peaked(NamedTuple):
@@ -203,7 +203,7 @@ class Peaked(NamedTuple):
     squared: bool = False
 
 
-def peaked(scene: Scene) -> dict[str, Peaked]:
+def _from_extremes(scene: Scene) -> dict[str, Peaked]:
     """Return the columns of a scene's data sheet that follow from extremes."""
     gravity = scene.machine.gravity_m_per_s2
     found = {f"foundation_{name}_max_{unit}": Peaked(k) for name, k, _, unit in _AXES} | {
@@ -256,7 +256,7 @@ def whole_run(ms: Measures, scene: Scene, begun: float, captured: bool) -> dict[
         Whether a motor slips as one does that is captured; see :data:`vibroplat.observe.notes.CAPTURED`.
     """
     found: dict[str, Any] = {}
-    peaks, columns = joined(ms.peaks), peaked(scene)
+    peaks, columns = joined(ms.peaks), _from_extremes(scene)
     for name, value in _largest(peaks, columns).items():
         base, (at, pace) = split(name)[0], _when(peaks, columns[name])
         found[f"whole_{name}"] = value

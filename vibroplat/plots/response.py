@@ -131,7 +131,7 @@ def _numbers(column: pd.Series) -> FloatArray:
 def _draw(
     axis: Axes, course: _Course, found: FloatArray, column: str, color: Any, label: str | None, size: float
 ) -> None:
-    """Draw a quantity along a branch; limits of the axis are left to who has drawn all branches.
+    """Draw a quantity along a branch; its axis is scaled once, after the last branch.
 
     Lines are added as such, which takes half as long as ``plot``: there may be thousands.
     """

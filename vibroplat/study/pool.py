@@ -72,6 +72,7 @@ _last: tuple[BaseModel | None, str] = None, ""
 
 
 def _json(model: BaseModel) -> str:
+    """Return a model as text, without writing it again for each task."""
     global _last  # noqa: PLW0603
     if _last[0] is not model:
         _last = model, model.model_dump_json()
