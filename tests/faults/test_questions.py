@@ -8,6 +8,8 @@ from common.commands import ended, process, sending
 from common.places import ROOT
 from common.results import bits, read
 
+from vibroplat.motion.run import load_kernels
+
 pytestmark = [pytest.mark.usefixtures("kernels"), pytest.mark.faults]
 
 HEAD = f"extends: {ROOT}/configs/machines/calibrated.yaml\nname: c\nsolver: {{engine: taylor}}\n"
@@ -38,6 +40,7 @@ def tables(directory):
 
 @pytest.mark.parametrize("name", QUESTIONS)
 def test_killed_and_resumed_with_one_job_and_two_the_answer_is_the_same(name, here):
+    load_kernels("taylor")  # a command that compiles them says so
     (here / "c.yaml").write_text(HEAD + QUESTIONS[name])
     done = process(name, "c.yaml", "--out", "alone")  # here numpy may have several threads, which round otherwise
     assert (done.code, done.err) == (0, "")

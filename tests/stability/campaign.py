@@ -7,6 +7,7 @@ where it was ended. Then it prints what all tables in the folder say; with ``--s
 """
 
 import argparse
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from multiprocessing import Pool
@@ -19,12 +20,15 @@ from common.random_scenes import STORM, random_scene
 from stability.checks import NAMED, row, sound, with_engine
 from vibroplat import orbit, simulate
 from vibroplat.check import FLOOR, by_other_engine
-from vibroplat.check.events import Errors, paired
+from vibroplat.check.events import Errors, Pairs, paired
 from vibroplat.check.runs import check_run
 from vibroplat.continuation.orbit import OrbitError, run_from
 from vibroplat.hybrid.state import state_scales
+from vibroplat.integrate import make_engine
 from vibroplat.integrate.native import MAX_STEPS
+from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP
+from vibroplat.motion.motion import Motion
 from vibroplat.observe.summary import INACCURATE
 
 #: Engines that run each scene.
@@ -83,13 +87,21 @@ def judged(number, engine=ENGINES[0]):
 
 def _scene(number, turns, engine):
     """Return a random scene and its turns, fewer than these if it is stiff."""
+    scene = with_engine(random_scene(number, seed=1, as_bought=True, turns=turns), engine)
+    least = LEAST / turns * scene.run.duration_s
+    steps = max(_steps(with_engine(scene, name), least) for name in ENGINES)
+    if steps * turns <= LEAST * MANY:
+        return scene, turns
+    turns = max(LEAST, LEAST * MANY / steps)
+    return with_engine(random_scene(number, seed=1, as_bought=True, turns=turns), engine), turns
 
-    def scene(turns):
-        return with_engine(random_scene(number, seed=1, as_bought=True, turns=turns), engine)
 
-    tried = (simulate(with_engine(scene(LEAST), name), keep="summary").summary["steps"] for name in ENGINES)
-    turns = min(turns, max(LEAST, LEAST * MANY / max(*tried, 1)))
-    return scene(turns), turns
+def _steps(scene, seconds):
+    """How many steps a motion takes for a time."""
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as engine:
+        Motion(scene, p, engine).to_time(seconds)
+        return engine.work["steps"]
 
 
 def _end(run):
@@ -99,8 +111,10 @@ def _end(run):
 
 def _paired(*runs):
     """Pair liftoffs and impacts of two runs, but for those that an error of the tolerance may add or remove."""
+    if not any(run.event_rows.size for run in runs):
+        return Pairs(np.zeros((0, 2), np.int64))
     scene, until = runs[0].scene, min(run.summary["simulated_s"] for run in runs)
-    tables = [run.events[run.events["kind"].isin(["liftoff", "impact"])].reset_index(drop=True) for run in runs]
+    tables = [run.events[run.events["kind"].isin(["liftoff", "impact"])] for run in runs]
     return paired(*tables, Errors(np.zeros(1), np.array([FLOOR * scene.solver.tolerance])), scene, until)
 
 
