@@ -1,7 +1,8 @@
 """Many random scenes by two engines that share no numerics: each ends soundly, and both find the same events.
 
 As a program it writes a table for each hundred of them into a folder, with as many processes as it is told, and goes on
-where it was ended. Then it prints what all tables in the folder say; with ``--scenes 0`` it does only that::
+where it was ended. Then it prints what all tables in the folder say; with ``--scenes 0`` it does only that, and with
+``--again`` it first runs scenes anew that failed::
 
     PYTHONPATH=tests python -m stability.campaign FOLDER --scenes 1000000 --jobs 2
 """
@@ -30,6 +31,7 @@ from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP
 from vibroplat.motion.motion import Motion
 from vibroplat.observe.summary import INACCURATE
+from vibroplat.study.fingerprint import package
 
 #: Engines that run each scene.
 ENGINES = ("native", "taylor")
@@ -38,11 +40,11 @@ PART = 100
 #: Turns of a scene, and of a thorough one. Many short motions find more than few long ones: most of what is difficult
 #: lies in the parameters and shows at once. Stiff scenes are as short as MANY steps allow, but no shorter than LEAST,
 #: which is tried first; otherwise a tenth of all scenes would take most of the time.
-SHORT, LONG, LEAST, MANY = 4.0, 10.0, 0.1, 10_000
-#: Every THOROUGH-th scene is longer, and also compared with its accurate motion and with an orbit near its end. Where
-#: the error, over the tolerance and what the motion makes of a disturbance, is above SUSPECT, the engines are compared
-#: in time, as they are where they differ: that takes as long as three scenes. One of 100 runs of ``native`` is beyond
-#: 4e3.
+SHORT, LONG, LEAST, MANY = 4.0, 6.0, 0.1, 3000
+#: Every THOROUGH-th scene is longer, and unless it is stiff also compared with its accurate motion and with an orbit
+#: near its end. Where the error, over the tolerance and what the motion makes of a disturbance, is above SUSPECT, the
+#: engines are compared in time, as they are where they differ: that takes as long as three scenes. One of 100 runs of
+#: ``native`` is beyond 4e3.
 THOROUGH, SUSPECT = 10, 1e4
 #: Tolerances with which an engine is compared again where it disagrees, over that of the scene, and the least of them.
 FINER, FINEST = (1e-2, 1e-4, 1e-6), 1e-12
@@ -60,8 +62,7 @@ def campaign(count, engine):
 
 def judged(number, engine=ENGINES[0]):
     """Run a random scene with both engines; return its row."""
-    thorough = number % THOROUGH == 0
-    scene, turns = _scene(number, LONG if thorough else SHORT, engine)
+    scene, turns = _scene(number, SHORT if number % THOROUGH else LONG, engine)
     runs = [simulate(s, keep="events") for s in (scene, by_other_engine(scene))]
     values, limits = {"number": number, "tolerance": scene.solver.tolerance, "failure": ""}, {}
     for run in runs:
@@ -74,7 +75,7 @@ def judged(number, engine=ENGINES[0]):
     pairs = _paired(*runs)
     values["events"] = len(pairs.rows)
     differ = len(ends) > 1 or np.isfinite(pairs.differ_s)
-    if thorough and ends == {"ok"}:
+    if turns == LONG and ends == {"ok"}:
         errors = _errors(scene, *runs)
         values |= errors | _multipliers(scene, runs[0].final_state)
         limits["multipliers"] = (values["multipliers_off"], NEAR)
@@ -215,24 +216,27 @@ def _multipliers(scene, state):
 
 def write_part(folder, part):
     """Write the table of a part of all scenes, all of it or nothing."""
-    table = pd.DataFrame([_row(number) for number in range(part * PART, (part + 1) * PART)])
+    path = folder / f"{part:06}.parquet"
+    known = pd.read_parquet(path).to_dict("records") if path.exists() else []
+    rows = known or [{"number": number, "failed": "not run"} for number in range(part * PART, (part + 1) * PART)]
     unfinished = folder / f".{part:06}.parquet"
-    table.to_parquet(unfinished, index=False)
-    unfinished.rename(folder / f"{part:06}.parquet")
+    pd.DataFrame([_row(row["number"]) if row["failed"] else row for row in rows]).to_parquet(unfinished, index=False)
+    unfinished.rename(path)
 
 
 def _row(number):
-    """Return the row of a scene; what is raised is a failure like others."""
+    """Return the row of a scene, and the code that ran it; what is raised is a failure like others."""
     try:
-        return judged(number)
+        found = judged(number)
     except Exception as error:
-        return {"number": number, "failed": f"{type(error).__name__}: {error}"}
+        found = {"number": number, "failed": f"{type(error).__name__}: {error}"}
+    return found | {"code": package()["source files"]}
 
 
 def report(folder):
     """Print what the tables in a folder say: outcomes, errors, orbits, and each scene that failed."""
     table = pd.concat([pd.read_parquet(path) for path in sorted(folder.glob("[0-9]*.parquet"))], ignore_index=True)
-    print(f"{len(table)} random scenes")
+    print(f"{len(table)} random scenes, by code {', '.join(table['code'].unique())}")
     print(pd.DataFrame({e: table[f"outcome_{e}"].value_counts() for e in ENGINES}).fillna(0).astype(int).to_string())
     errors = table[[f"error_{e}" for e in ENGINES]].describe(percentiles=[0.5, 0.9, 0.99, 0.999])
     print("error over tolerance and amplification\n" + errors.to_string(float_format="{:.2g}".format))
@@ -247,10 +251,14 @@ def main():
     parser.add_argument("folder", type=Path)
     parser.add_argument("--scenes", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--again", action="store_true")
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
     parts = range(given.scenes // PART)
     missing = [part for part in parts if not (given.folder / f"{part:06}.parquet").exists()]
+    if given.again:
+        tables = sorted(given.folder.glob("[0-9]*.parquet"))
+        missing += [int(path.stem) for path in tables if pd.read_parquet(path, columns=["failed"])["failed"].any()]
     with Pool(given.jobs) as workers:
         for done, _ in enumerate(workers.imap_unordered(partial(write_part, given.folder), missing), start=1):
             print(f"{done} of {len(missing)} parts", end="\r", flush=True)
