@@ -345,10 +345,10 @@ class _Comparison:
         ):
             one, two = (f"{why} ({c.engine})" for why, c in zip(pairs.why, (first, other), strict=True))
             yield pairs.differ_s, f"at {pairs.differ_s:.9g} s: sequence of events, {one} and {two}; allowed: the same"
-        # another end, unless a repetition has it too or nothing was compared so late
+        # another end, unless a repetition of either ends as the other or nothing was compared so late
         ended = min(first.end, other.end)
         outcomes = {first.outcome, *(course.outcome for course in self._changed)}
-        if other.outcome not in outcomes and self._lost > ended:
+        if other.outcome not in outcomes and self._again.outcome != first.outcome and self._lost > ended:
             ends = f"outcome {first.outcome} ({first.engine}) and {other.outcome} ({other.engine})"
             yield ended, f"at {ended:.9g} s: {ends}; allowed: the same"
 
