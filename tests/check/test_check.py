@@ -165,6 +165,15 @@ def test_a_flight_that_only_one_run_has_is_found_unless_it_is_slight(swapped):
     assert (len(found.rows), found.differ_s) == (4, np.inf)
 
 
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_slight_flight_takes_no_partner_from_a_clear_one(swapped):
+    before = ((0.0098, "liftoff", 0.0), (0.0098 + 1e-6, "impact", -1e-9))
+    both = [FLIGHTS, (*before, *FLIGHTS)]
+    found = pairs(*both[:: -1 if swapped else 1])
+    assert sorted(found.rows.ravel().tolist()) == [0, 1, 2, 2, 3, 3, 4, 5]
+    assert found.differ_s == np.inf
+
+
 def test_an_accumulation_may_be_closed_sooner_in_one_run():
     def accumulation(count, first):
         falls = first * 0.4 ** np.arange(count)

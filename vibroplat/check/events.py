@@ -77,6 +77,12 @@ def paired(one: pd.DataFrame, two: pd.DataFrame, errors: Errors, scene: Scene, u
     while any(left := [at[k] < len(times[k]) and times[k][at[k]] < until for k in (0, 1)]):
         i, j = at
         if all(left) and kinds[0][i] == kinds[1][j] and abs(times[0][i] - times[1][j]) <= apart:
+            if may_lack[0][i] != may_lack[1][j]:  # a slight event leaves a clear one to a later clear one
+                k = 0 if may_lack[0][i] else 1
+                near = (kinds[k] == kinds[0][i]) & (times[k] <= times[1 - k][at[1 - k]] + apart)
+                if (near & ~may_lack[k])[at[k] :].any():
+                    at[k] += 1
+                    continue
             rows.append((i, j))
             at = [i + 1, j + 1]
         elif skipped := [k for k in (0, 1) if left[k] and may_lack[k][at[k]]]:
