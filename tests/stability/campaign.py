@@ -70,7 +70,7 @@ def judged(number, engine=ENGINES[0]):
     for run in runs:
         summary, name = run.summary, run.summary["engine"]
         values |= {f"outcome_{name}": run.outcome, f"steps_{name}": summary["steps"]}
-        found, values[f"beyond_{name}"] = _judged_finer(run, _sound(run, turns))
+        found, values[f"beyond_{name}"] = judged_finer(run, _sound(run, turns))
         limits |= {f"{name}_{key}": limit for key, limit in found.items()}
         if run.outcome == "solver-failure":
             values["failure"] = summary["detail"]
@@ -136,7 +136,7 @@ def _sound(run, turns):
     return limits
 
 
-def _judged_finer(run, limits):
+def judged_finer(run, limits):
     """Leave out limits that a run keeps with a finer tolerance; also say how far it was beyond them, 0 if it was not.
 
     What the errors of steps add up to is not known: where a stiff motor passes its critical slip, or a hardly damped

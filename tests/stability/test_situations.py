@@ -11,7 +11,7 @@ import pytest
 from common.random_scenes import random_scene
 
 from stability.accumulation import accumulation, elastic
-from stability.campaign import campaign, judged
+from stability.campaign import campaign, judged, judged_finer
 from stability.checks import row, sound, with_engine
 from stability.endurance import endurance
 from stability.grazing import grazing
@@ -95,12 +95,23 @@ FAILED = {
     5333: "the same without contact",
     5426: "energy left just beyond the limit",
     6720: "the derivative by its start grows by 1e34 within a turn, in dozens of impacts of a tiny stiff layer",
+    10245: "a layer of 6 kHz chatters as fast as the tolerance can tell: a storm with one engine, not with the other",
+    10247: "native lets a stiff motor pass its critical slip, says so, and pulls",
+    12669: "a slight flight of one engine stands where both have a clear one",
 }
 
 
 @pytest.mark.parametrize("number", FAILED, ids=FAILED.get)
 def test_scenes_of_the_campaign_that_failed_once(number):
     assert judged(number)["failed"] == ""
+
+
+@pytest.mark.parametrize(("again", "left"), [(0.5, {"energy_residual"}), (0.005, set())])
+def test_a_residual_that_a_finer_run_keeps_is_no_error_of_steps(again, left, monkeypatch):
+    run = simulate(random_scene(6), keep="summary")
+    monkeypatch.setattr("stability.campaign.sound", lambda *_: {"energy_residual": (again, 1e-6)})
+    found, beyond = judged_finer(run, {"energy_residual": (0.8, 0.1)})
+    assert (found.keys(), beyond) == (left, 0.0 if left else 8.0)
 
 
 # -- the checks themselves ------------------------------------------------------------------------------
