@@ -422,6 +422,20 @@ def test_sweep_of_other_sources_or_arithmetic_is_not_resumed(what, where, found,
     assert f" are kept that other code or arithmetic made ({what})" in caplog.text
     (mixed,) = json.loads((directory / "provenance.json").read_text())["mixed"]
     assert sorted(mixed) == sorted([what, "points"])
+    assert command("report", directory).code == 0
+    page = (directory / "report.html").read_text(encoding="utf-8")
+    assert f"6 points are of other code or arithmetic ({what})" in page
+    assert not_a_line(command("sweep", "c.yaml", "--mix", "--overwrite")) == ""
+
+
+def test_store_that_does_not_say_what_its_records_depend_on_is_refused(tmp_path):
+    with Store(tmp_path, {"a": 1}) as store:
+        store.write(0, 0, {})
+        store._base.execute("DELETE FROM about")
+        store._base.commit()
+    for how in ({"resume": True}, {}):
+        with pytest.raises(SpoiledError, match="it does not say what its records depend on"):
+            Store(tmp_path, {"a": 1}, **how)
 
 
 def test_kept_records_say_what_had_made_them(tmp_path):

@@ -109,6 +109,8 @@ def begin(store: Store, engine: str, *others: str) -> None:
 
 def kept(resume: bool, mix: bool, overwrite: bool) -> dict[str, Any]:
     """Return what becomes of the records in a store, in its own words; to mix them is to resume too."""
+    if overwrite and (resume or mix):
+        raise ConfigError(f"--overwrite beside --{'resume' if resume else 'mix'}; allowed: one of them")
     return {"resume": resume or mix, "mix": mix, "overwrite": overwrite}
 
 

@@ -135,8 +135,11 @@ def summary_rows(summaries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]
     return rows
 
 
-def remarks(label: str, told: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return what is to be noted of the summary of a run or of an answer: what failed, a few of many, and notes."""
+def remarks(label: str, told: Mapping[str, Any], mixed: Any) -> list[dict[str, Any]]:
+    """Return what is to be noted of the summary of a run or of an answer: what failed, a few of many, and notes.
+
+    ``mixed`` is what provenance says of records that other code or arithmetic made.
+    """
     outcome, check = told.get("outcome"), told.get("check")
     failed = [] if outcome in ("ok", None) else [f"{outcome}: {told.get('detail')}"]
     if isinstance(check, Mapping):
@@ -146,9 +149,18 @@ def remarks(label: str, told: Mapping[str, Any]) -> list[dict[str, Any]]:
     failed = failed[:MOST_FAILURES] + ([f"{more} more"] if more > 0 else [])
     return [
         {"result": label, "text": text, "failed": is_failure}
-        for texts, is_failure in ((failed, True), (_texts(told.get("notes")), False))
+        for texts, is_failure in ((failed, True), (_texts(told.get("notes")) + _kept(mixed), False))
         for text in texts
     ]
+
+
+def _kept(mixed: Any) -> list[str]:
+    """Say how many records other code or arithmetic made, and what differed."""
+    found = []
+    for one in mixed if isinstance(mixed, list) else []:
+        (what, count), *differing = one.items()
+        found.append(f"{count} {what} are of other code or arithmetic ({', '.join(name for name, _ in differing)})")
+    return found
 
 
 def _texts(found: Any) -> list[str]:

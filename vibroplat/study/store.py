@@ -124,6 +124,8 @@ class Store:
                 self._create()
             found, finished, mixed = map(self._about, ("conditions", "finished", "mixed"))
         self.mixed, self._before = (mixed or [], len(mixed or [])) if resume else ([], 0)
+        if found is None and len(self):
+            raise self._spoiled("it does not say what its records depend on")
         if found is not None:
             if resume:
                 self._require_same(found, wanted)
