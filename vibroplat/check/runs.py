@@ -290,8 +290,8 @@ class _Comparison:
         self._scene = first.scene
         self._tolerance = first.scene.solver.tolerance
         times = first.samples.index
-        pairs = [*((first, course) for course in changed), (other, again)]
-        change = np.fmax.reduce([_so_far(differences(*pair, times)) for pair in pairs])
+        self._repeated = [*((first, course) for course in changed), (other, again)]
+        change = np.fmax.reduce([_so_far(differences(*pair, times)) for pair in self._repeated])
         allowed = FLOOR * self._tolerance + MULTIPLE * change
         if _FORCE in first.names:  # which differs as much as the state, also where repetitions were rarely in contact
             allowed[:, first.names.index(_FORCE)] = allowed.max(axis=1)
@@ -341,7 +341,7 @@ class _Comparison:
         # another sequence of events, unless that of a repetition differs by then
         turn = 2.0 * math.pi / self._scene.speed_scale
         if math.isfinite(pairs.differ_s) and not any(
-            self._paired(first, course).differ_s <= pairs.differ_s + turn for course in self._changed
+            self._paired(*pair).differ_s <= pairs.differ_s + turn for pair in self._repeated
         ):
             one, two = (f"{why} ({c.engine})" for why, c in zip(pairs.why, (first, other), strict=True))
             yield pairs.differ_s, f"at {pairs.differ_s:.9g} s: sequence of events, {one} and {two}; allowed: the same"
