@@ -41,8 +41,7 @@ SLOW, BEYOND = 0.9, 1.25
 RETURN, TRIES = 2.0, {2.0: 12, 0.25: 6}
 #: Longest period of a few more tries, and how many: chaos that comes to an orbit of many turns passes near it before.
 FAR, FEW = 24, 2
-#: Iterations of Newton's method, and the number of the residual that must not be larger than the first. From chaotic
-#: motion it never was in 210 tries that found an orbit, and in 216 of 354 others.
+#: Iterations of Newton's method, and the number of the residual from which on it must have fallen.
 ITERATIONS, FALLS = 12, 4
 
 
