@@ -58,6 +58,13 @@ def test_an_orbit_does_not_attract_from_anywhere(flying):
     assert around.distance(around.state, around.system + 1) == np.inf
 
 
+def test_a_distance_that_is_no_number_is_not_nearer(flying, monkeypatch):
+    around, shooter = flying
+    monkeypatch.setattr(around, "distance", lambda state, system: np.nan)
+    assert not around.attracts(shooter, 1e-3)
+    assert not around.draws(shooter, moved(around, 1e-3))
+
+
 def test_returns_of_a_section_are_tried_once_near_each_orbit():
     """It leaves a point, and after far ways a pair of points."""
     away = 1e-3 * 2.0 ** np.arange(12)
