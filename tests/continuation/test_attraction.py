@@ -58,12 +58,21 @@ def test_an_orbit_does_not_attract_from_anywhere(flying):
     assert around.distance(around.state, around.system + 1) == np.inf
 
 
+def test_a_distance_that_is_no_number_is_not_nearer(flying, monkeypatch):
+    around, shooter = flying
+    monkeypatch.setattr(around, "distance", lambda state, system: np.nan)
+    assert not around.attracts(shooter, 1e-3)
+    assert not around.draws(shooter, moved(around, 1e-3))
+
+
 def test_returns_of_a_section_are_tried_once_near_each_orbit():
     """It leaves a point, and after far ways a pair of points."""
     away = 1e-3 * 2.0 ** np.arange(12)
     pair = 10.0 + 2.5 * np.tile([1.0, -1.0], 6) + away
     points = np.concatenate([3.0 + away, np.arange(50.0, 500.0, 30.0), pair])
-    assert list(_returns(points[:, np.newaxis])) == [(1, 0), (2, 27)]
+    tried = list(_returns(points[:, np.newaxis]))
+    assert tried[:2] == [(1, 0), (2, 27)]
+    assert len(tried) == len(set(tried)) == 2 + 6  # then closer together
 
 
 def test_few_of_the_returns_after_many_turns_are_tried():

@@ -195,16 +195,35 @@ def test_jump_is_narrowed_and_resumed(bare, tmp_path):
     assert inner.before["sync"] == "antiphase" != inner.after["sync"]
 
 
-def test_figures_share_the_curve_without_restitution():
-    """Figs. 3 and 6 have it at different places; a point depends on neither."""
+@pytest.mark.parametrize(
+    ("one", "other", "changes"),
+    [
+        (("fig3", {"material.mass_ratio": 0.2}), ("fig6", {"contact.restitution": 0.0}), {}),
+        (("fig3", {"material.mass_ratio": 0.0}), ("fig2", {}), {}),
+        (("fig2", {}), ("fig2", {}), {"material.damping_ratio": 0.3, "contact.sticking_speed_m_per_s": 0.1}),
+    ],
+)
+def test_curves_that_figures_share_are_computed_once(one, other, changes):
+    """Their points do not depend on the figure, nor those of a bare platform on the material."""
     numbers = machine_numbers("calibrated") | {"sweep.measure_s": 0.5, "sweep.max_settle_s": 1.0}
-    rows = []
-    for name, place in (("fig3", {"material.mass_ratio": 0.2}), ("fig6", {"contact.restitution": 0.0})):
-        scene = paper_scene(name, numbers)
+    rows, curves = [], set()
+    for (name, place), changed in ((one, {}), (other, changes)):
+        scene = paper_scene(name, numbers | changed)
         branch = next(b for b in branches(scene) if b.grid == place and b.direction == "up")
+        curves.add(reproduction.curve_of(branch))
         point = measure_point(branch.at(20), scene.sweep, None, branch.key(branch.along[20]))
         rows.append({key: value for key, value in point.row.items() if key != "wall_s"})
     assert rows[0] == rows[1]
+    assert len(curves) == 1
+
+
+def test_curves_that_differ_are_computed_each():
+    """Of 19 branches of Figs. 2, 3, 6 and the impact laws, which have another seed, three are there twice."""
+    numbers = machine_numbers("calibrated")
+    machine, _, laws = reproduction.trials_of(numbers, (0,))
+    found = [b for t in (*machine, laws) for name in t.names for b in branches(t.scene(name))]
+    assert len(found) == len(set(map(reproduction.curve_of, found))) + 3
+    assert reproduction.planned(numbers) == (len(found) - 3, 79 * (len(found) - 3))
 
 
 def test_perturbation_follows_from_direction_and_frequency():

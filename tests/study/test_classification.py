@@ -11,7 +11,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.observe import measures as m
-from vibroplat.observe.summary import block_errors, extremes, half_open
+from vibroplat.observe.summary import block_errors, error_of_mean, extremes, half_open
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.lyapunov import Exponent
 from vibroplat.study.point import BLOCKS, ERRORS, columns_of
@@ -291,6 +291,19 @@ def test_blocks_add_up_to_the_whole():
         assert min(found) < max(found) <= largest
     errors = block_errors(part.blocks, ["gap_max_m"])
     assert errors["gap_max_m"] == pytest.approx(np.std([found["gap_max_m"] for found in of_blocks], ddof=1))
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.3, 0.6])
+def test_error_of_a_mean_counts_what_goes_on_from_block_to_block(kept):
+    """The scatter of 24 blocks alone would give a variance of the mean that is up to four times too small."""
+    random, means, errors = np.random.default_rng(1), [], []
+    for _ in range(400):
+        bursts = np.zeros(64)
+        for k in range(1, bursts.size):
+            bursts[k] = kept * bursts[k - 1] + random.exponential()
+        means.append(bursts[-24:].mean())
+        errors.append(error_of_mean(bursts[-24:]))
+    assert 0.85 < np.mean(np.square(errors)) / np.var(means) < 1.25
 
 
 @pytest.mark.parametrize(("decay", "share"), [(0.0, 0.0), (5.0, 1.0)])

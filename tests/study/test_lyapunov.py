@@ -155,7 +155,7 @@ class Growing:
         self.growth, self.forgotten = growth, forgotten
         self.calls = 0
 
-    def __call__(self, motion, variation, basis, turns):
+    def __call__(self, motion, variation, basis, scales, turns):
         self.calls += 1
         return 0.04 * turns, basis, np.array([self.growth(self.calls)]).ravel(), self.forgotten(self.calls)
 

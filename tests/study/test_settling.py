@@ -221,6 +221,21 @@ def test_chaos_settles_as_long_as_the_plan_allows():
     assert (row["motion"], row["settle_s"]) == ("chaotic", pytest.approx(150.0, abs=1e-9))
 
 
+def test_stable_orbit_beside_chaos_of_minutes_is_named():
+    """With R = 1 at 81 Hz motion is chaotic for minutes before it comes to period 7: Newton's method is quicker."""
+    changes = {"solver.engine": "taylor", **MATERIAL, "contact.restitution": 1.0}
+    row = swept(CALIBRATED, 81.0, changes=changes, settle="orbits", seed=1).iloc[0]
+    assert row["period"] == 7 or "period 7" in row["coexists"]
+
+
+def test_a_remainder_that_comes_in_bursts_makes_no_other_motion():
+    """At 62.5 Hz what motion from the start leaves of x is 1e-7 m or 1e-10 m, but y is that of the row."""
+    changes = {"solver.engine": "taylor", **MATERIAL, "contact.restitution": 0.5}
+    row = swept(CALIBRATED, 62.5, changes=changes, settle="orbits").iloc[0]
+    assert row["motion"] == "chaotic"
+    assert "none" not in row["coexists"]
+
+
 @pytest.mark.long
 def test_another_chaotic_motion_is_told():
     """With R = 0.5 at 59.5 Hz RMS y is 1.164 mm or 1.78 mm: each row names the other one, or that in phase."""

@@ -139,7 +139,7 @@ class Attraction:
             if not motion.to_section(turns, 2.0 * (turns + 1) * self._turn):
                 return False
             near = self.distance(motion.state, motion.system.index)
-            if near > bound * far:
+            if not near <= bound * far:  # nor where it is no number
                 return False
             far = near
             if far < NOISE * shooter.scene.solver.tolerance:

@@ -26,6 +26,10 @@ FAR = 1e3
 SLOW = 10.0
 #: What an iteration is expected to divide the residual by: the shot after it is measured at once.
 QUICK = 300.0
+#: Where hopeless guesses are given up early: residuals over the first one, before and from a given number on. Of 194
+#: orbits found from chaotic motion, the second was at most 3.7 and the fourth 0.18; of 233 other tries 117 rose beyond
+#: 5, and 150 had not fallen to 0.5.
+RISE, FALL = 5.0, 0.5
 #: Steps longer than this, in units of the unknowns, are checked for directions that the equations do not determine:
 #: those with singular values below the other number.
 LONGEST, UNDETERMINED = 1.0, 1e-8
@@ -347,7 +351,8 @@ def correct(
     halvings
         How often a step is halved, at most, after which an event has passed the section.
     fall_by
-        Number of the residual that must not be larger than the first, 0 for none.
+        Number of the residual from which on residuals are below FALL times the first, as they stay below RISE times
+        before; 0 for no such limits.
 
     Raises
     ------
@@ -362,7 +367,7 @@ def correct(
             residual, shot = problem.shoot(chart, u, full=full)
             missing = residual if slack is None else residual + much * slack
             residuals.append(size := largest(missing))
-            if len(residuals) == fall_by and size > residuals[0]:
+            if fall_by and size > residuals[0] * (RISE if len(residuals) < fall_by else FALL):
                 raise MissedError("the residual does not fall")
             if full:
                 jacobian = problem.jacobian(chart, shot)

@@ -168,6 +168,8 @@ def statistics(ms: Measures, peaks: Any) -> dict[str, float | None]:
     return {k: None if v is None else float(v) for k, v in result.items()}
 
 
+#: Largest correlation of neighbouring blocks that so few of them tell.
+STRONGEST = 0.9
 #: Measures that are the largest of their values in blocks.
 MAXIMA = ("amplitude_y_m", "contact_force_max_n", "gap_max_m", "impulse_max_n_s")
 
@@ -175,10 +177,9 @@ MAXIMA = ("amplitude_y_m", "contact_force_max_n", "gap_max_m", "impulse_max_n_s"
 def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, float | None]:
     """Estimate standard errors of measures from their scatter over blocks; None where a block has none.
 
-    Means of blocks that are long against the memory of the motion are independent, so that the error of their mean is
-    their standard deviation over the root of their number (method of batch means). That of an RMS follows from its
-    squares, and reaches down to 0 where one block outweighs the others: a remainder that still decays. The largest of
-    several maxima scatters as each of them does (Gumbel's law).
+    Means of blocks scatter as :func:`error_of_mean` says. The error of an RMS follows from that of its squares, and
+    reaches down to 0 where one block outweighs the others: a remainder that still decays. The largest of several maxima
+    scatters as each of them does (Gumbel's law).
     """
     parts = [*blocks[:1], *(between(a, b) for a, b in pairwise(blocks))]
     found = [statistics(part, peaks) | extremes(peaks) for part in parts for peaks in [measured_peaks(part)]]
@@ -190,13 +191,30 @@ def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, 
             values = np.angle(np.exp(1j * (values - values[0])))
         if is_rms := name.startswith("rms_"):
             values = values**2
-        count = 1 if name in MAXIMA else len(values)
-        error = float(values.std(ddof=1)) / math.sqrt(count) if len(values) > 1 else math.nan
+        error = math.nan
+        if len(values) > 1:
+            error = float(values.std(ddof=1)) if name in MAXIMA else error_of_mean(values)
         if is_rms and len(values):
             mean = float(values.mean())
             error = math.sqrt(mean) - math.sqrt(max(mean - error, 0.0))
         errors[name] = error if math.isfinite(error) else None
     return errors
+
+
+def error_of_mean(values: FloatArray) -> float:
+    """Estimate the standard error of the mean of successive blocks' means (method of batch means).
+
+    Blocks need not be long against the memory of the motion: what comes in bursts goes on from block to block. With a
+    correlation r of neighbours, and rᵏ of blocks k apart, the variance of the mean is (1 + r)/(1 − r) times that of
+    independent blocks. So few of them make r too small, by (1 + 3r)/n on average (Marriott and Pope 1954).
+    """
+    away, count = values - values.mean(), len(values)
+    total = float(away @ away)
+    if not total > 0.0:
+        return total
+    r = float(away[1:] @ away[:-1]) / total
+    r = min(max(r + (1.0 + 3.0 * r) / count, 0.0), STRONGEST)
+    return math.sqrt(total / (count - 1) / count * (1.0 + r) / (1.0 - r))
 
 
 def extremes(peaks: Any) -> dict[str, float | None]:

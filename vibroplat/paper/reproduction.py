@@ -8,6 +8,7 @@ results alone.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -23,18 +24,20 @@ from vibroplat.paper.claims import cut, is_of_models, judge, scoreboard
 from vibroplat.paper.evidence import Evidence
 from vibroplat.paper.judges import Claim
 from vibroplat.paper.root_finding import match_beta, matched_frequency, narrow
-from vibroplat.paper.scenes import BETA, IMPACT, NON_IMPACT, QUICK, SEED, SHARED, claims, paper_scene
+from vibroplat.paper.scenes import BETA, IMPACT, NON_IMPACT, QUICK, SEED, claims, paper_scene
 from vibroplat.paper.tables import contradictions, histories, impact_laws, sync_bands
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
-from vibroplat.study.branches import branches
+from vibroplat.study.branches import Branch, branches
 from vibroplat.study.fingerprint import arithmetic
 from vibroplat.study.pool import Pool, StoredChain, run_stored
-from vibroplat.study.store import Store
+from vibroplat.study.store import Record, Store
 from vibroplat.study.sweep import Progress, branch_records, conditions, run_sweeps, tables
 
 #: Sweeps of the impact model from which figures are drawn or claims judged, and that of the impact laws.
 SWEEPS, LAWS = ("fig2", *IMPACT), "laws"
+#: Columns of points from which their number and work are told.
+TOLD = ["outcome", "simulated_s", "events"]
 #: Settings of the sweeps with further seeds: upward only, as claims are judged by these branches, and without other
 #: motions beside them, as no table shows these.
 REPEATED: dict[str, Any] = {"sweep.supply_frequency_hz.direction": ["up"], "sweep.coexists": False}
@@ -52,7 +55,7 @@ class Reproduction:
         β of the non-impact model (1/s) and the frequency (Hz) at which it makes RMS y of both models equal; None if
         there is none.
     points
-        The points of all sweeps.
+        Outcome, simulated time (s) and events of all points of sweeps.
     origin
         What provenance tells of points that were mixed, by trial.
     """
@@ -89,6 +92,32 @@ class Reproduction:
         yield f"{'wall time':<24}{seconds:.3g} s, {count / seconds:.3g} points per s"
 
 
+class Homes:
+    """Where the points of branches are: those that are the same curve share them."""
+
+    def __init__(self, homes: Mapping[int, tuple[Branch, Store]]) -> None:
+        self._homes = homes
+
+    def read(self, number: int, /) -> Iterator[tuple[int, Record]]:
+        """Yield places and records of a branch; see :meth:`vibroplat.study.store.Store.read`."""
+        branch, store = self._homes[number]
+        return store.read(branch.number)
+
+
+def curve_of(branch: Branch) -> str:
+    """Return what determines the points of a branch, as text: branches of several figures may be the same curve.
+
+    A bare platform knows nothing of material, and where impacts are inelastic no limit of events counts.
+    """
+    tree = branch.scene.to_tree()
+    for unread in ("name", *(("material", "contact") if branch.scene.material.mass_ratio == 0.0 else ())):
+        tree.pop(unread, None)
+    tree["sweep"] = {k: v for k, v in tree["sweep"].items() if k not in ("grid", "supply_frequency_hz")}
+    if branch.scene.contact.restitution == 0.0 or "contact" not in tree:
+        tree["solver"] = {k: v for k, v in tree["solver"].items() if k != "max_events_per_period"}
+    return json.dumps([tree, branch.direction, branch.along], sort_keys=True)
+
+
 @dataclass(eq=False)
 class Trial:
     """Sweeps of the paper with one set of numbers and one seed.
@@ -103,8 +132,10 @@ class Trial:
         Its sweeps of the impact model.
     evidence
         What has been found so far.
-    tables
-        Those of its finished sweeps, by name.
+    swept
+        Its finished sweeps, by name: branches, and where their points are.
+    points
+        What is counted of the points that were computed for it, :data:`TOLD`.
     store
         Where its points are.
     """
@@ -115,14 +146,13 @@ class Trial:
     names: tuple[str, ...] = IMPACT
     changes: Mapping[str, Any] = field(default_factory=dict)
     evidence: Evidence = field(default_factory=Evidence)
-    tables: dict[str, pd.DataFrame] = field(default_factory=dict)
+    swept: dict[str, tuple[list[Branch], Homes]] = field(default_factory=dict)
+    points: list[dict[str, Any]] = field(default_factory=list)
     store: Store = field(init=False)
 
     def scene(self, name: str) -> Scene:
         """Return the scene of one of its sweeps; that of the non-impact model has the β that was found."""
         changes = {BETA: self.evidence.beta} if name == NON_IMPACT and self.evidence.beta is not None else {}
-        if self.names == IMPACT:  # no figure is drawn of it
-            changes |= SHARED.get(name, {})
         return paper_scene(name, {**self.numbers, **self.changes}, {**self.settings, **changes})
 
 
@@ -149,7 +179,8 @@ def planned(numbers: Mapping[str, Any], seeds: Sequence[int] = (0,)) -> tuple[in
     """Return the numbers of branches and points of the first stage."""
     machine, _, laws = trials_of(numbers, seeds)
     found = [b for t in (*machine, laws) for name in t.names for b in branches(t.scene(name))]
-    return len(found), sum(len(branch.along) for branch in found)
+    distinct = {curve_of(branch): len(branch.along) for branch in found}
+    return len(distinct), sum(distinct.values())
 
 
 def reproduce(
@@ -218,17 +249,23 @@ def _sweep(
     progress: Progress | None = None,
 ) -> None:
     """Run sweeps of trials side by side, as far as claims ask for them, and add their branches to the evidence."""
-    sweeps = []
+    homes, sweeps, own = dict[str, tuple[Branch, Store]](), [], {}
     for trial, name in wanted:
         found = branches(trial.scene(name))
         found = found if asked is None else [branch for branch in (cut(b, asked) for b in found) if branch.along]
-        sweeps.append((found, trial.store.part(name)))
+        store = trial.store.part(name)
+        of = {branch.number: homes.setdefault(curve_of(branch), (branch, store)) for branch in found}
+        trial.swept[name] = found, Homes(of)
+        own[trial.name, name] = [branch for branch in found if of[branch.number][0] is branch]
+        sweeps.append((own[trial.name, name], store))
     run_sweeps(sweeps, workers, progress)
-    for (trial, name), (planned_branches, store) in zip(wanted, sweeps, strict=True):
-        if planned_branches:
-            trial.tables[name] = pd.concat(tables(planned_branches, store), ignore_index=True)
-        for branch in planned_branches:
-            trial.evidence.add(branch, branch_records(branch, store))
+    for trial, name in wanted:
+        found, places = trial.swept[name]
+        for branch in found:
+            records = list(branch_records(branch, places))
+            trial.evidence.add(branch, records)
+            if branch in own[trial.name, name]:
+                trial.points += [{column: record["row"].get(column) for column in TOLD} for record in records]
 
 
 def _add_non_impact(trials: Sequence[Trial], workers: Pool) -> None:
@@ -254,8 +291,9 @@ def _results(trials: Trials, shown: Mapping[str, pd.DataFrame]) -> Reproduction:
     """Judge the claims and return all tables, and how much was simulated for them."""
     machine, others, laws = trials
     main = machine[0]
-    points = [table for trial in (*machine, *others, laws) for table in trial.tables.values()]
-    results = {**main.tables, **laws.tables}
+    points = pd.DataFrame([point for trial in (*machine, *others, laws) for point in trial.points], columns=TOLD)
+    swept = {**main.swept, **laws.swept}
+    results = {name: pd.concat(tables(*found), ignore_index=True) for name, found in swept.items()}
     results["sync-bands"] = sync_bands(main.evidence)
     results["impact-laws"] = impact_laws(main.evidence, laws.evidence)
     results["contradictions"] = contradictions(main.numbers)
@@ -264,4 +302,4 @@ def _results(trials: Trials, shown: Mapping[str, pd.DataFrame]) -> Reproduction:
     beta, matched = main.evidence.beta, matched_frequency(main.evidence)
     mixed = {trial.name: trial.store.mixed for trial in (*machine, *others, laws) if trial.store.mixed}
     origin = {"mixed": mixed} if mixed else {}
-    return Reproduction({**results, **shown}, beta, matched, pd.concat(points, ignore_index=True), origin)
+    return Reproduction({**results, **shown}, beta, matched, points, origin)

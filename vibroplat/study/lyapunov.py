@@ -14,7 +14,6 @@ round-off leaves something that could be taken for growth.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from contextlib import closing
 from typing import NamedTuple
 
@@ -203,13 +202,13 @@ def exponents(motion: Motion, directions: FloatArray, effort: Effort, *, largest
     nothing = [Exponent(math.nan, math.nan, math.nan)] * directions.shape[1]
     if not motion.to_section(1, _longest(motion, 1)):
         return nothing
-    variation = Variation(rough=largest)
+    variation, scales = Variation(rough=largest), state_scales(motion.scene)[:, np.newaxis]
     basis, _ = np.linalg.qr(_on_section(directions))
     growth, seconds, forgotten = list[FloatArray](), list[float](), list[int]()
     spare = len(state_places(motion.scene)) - 1 - directions.shape[1]  # directions of the section that are not followed
     while True:
         for _ in range(effort.least + effort.skipped if not growth else MORE):
-            grown = _grow(motion, variation, basis, effort.turns)
+            grown = _grow(motion, variation, basis, scales, effort.turns)
             if grown is None:
                 return nothing
             passed, basis, logarithms, count = grown
@@ -240,9 +239,9 @@ def _on_section(directions: FloatArray) -> FloatArray:
 
 
 def _grow(
-    motion: Motion, variation: Variation, basis: FloatArray, turns: int
+    motion: Motion, variation: Variation, basis: FloatArray, scales: FloatArray, turns: int
 ) -> tuple[float, FloatArray, FloatArray, int] | None:
-    """Carry orthogonal directions on the section along with the motion for some turns of exciter 1.
+    """Carry orthogonal directions on the section, in scales, along with the motion for some turns of exciter 1.
 
     Returns
     -------
@@ -250,13 +249,12 @@ def _grow(
         The time passed (s), the directions made orthogonal again, the logarithms of their growth, −inf where it is
         lost, and how many directions were forgotten; None if the motion does not get there.
     """
-    forgetting, scales = _Forgetting(), state_scales(motion.scene)[:, np.newaxis]
-    begun = motion.now
+    forgetting, begun = _Forgetting(), motion.now
     variation.begin(basis * scales)
     if not motion.to_section(turns, _longest(motion, turns), (variation, forgetting)):
         return None
     moved = variation.derivative(motion.automaton)[:, : basis.shape[1]] / scales
-    along = motion.rates / scales[:, 0]
+    along = variation.rates / scales[:, 0]
     basis, r = np.linalg.qr(_on_section(moved - np.outer(along, moved[_ANGLE]) / along[_ANGLE]))
     size = np.abs(np.diag(r))
     size[size <= LOST * max(1.0, size.max())] = 0.0
@@ -286,22 +284,30 @@ def _estimate(growth: FloatArray, seconds: FloatArray, turns: int) -> Exponent:
     if 2 * lost.sum() > len(growth):
         return Exponent(-math.inf, 0.0, turn)
     growth = np.where(lost, math.log(LOST), growth)
-    errors = [_scatter(growth, seconds, count, np.ones_like) for count in BLOCKS]
-    smooth = _scatter(growth, seconds, BLOCKS[0], _bump)
-    if len(growth) >= SMOOTHEST * BLOCKS[0] and smooth < REGULAR * errors[0]:
-        weights = _bump(growth)
-        return Exponent(float(weights @ growth / (weights @ seconds)), smooth, turn)
+    errors = [_scatter(growth, seconds, count) for count in BLOCKS]
+    if len(growth) >= SMOOTHEST * BLOCKS[0]:
+        lengths = np.diff([*_places(len(growth), BLOCKS[0]), len(growth)])
+        weights = np.concatenate([_bump(count) for count in lengths])
+        smooth = _scatter(weights * growth, weights * seconds, BLOCKS[0])
+        if smooth < REGULAR * errors[0]:
+            weights = _bump(len(growth))
+            return Exponent(float(weights @ growth / (weights @ seconds)), smooth, turn)
     return Exponent(float(growth.sum() / seconds.sum()), max(errors), turn)
 
 
-def _scatter(growth: FloatArray, seconds: FloatArray, count: int, weights: Callable[[FloatArray], FloatArray]) -> float:
-    """Return the standard error of the mean growth per second from the weighted means of so many blocks."""
-    blocks = zip(np.array_split(growth, count), np.array_split(seconds, count), strict=True)
-    means = np.array([weights(g) @ g / (weights(g) @ s) for g, s in blocks])
+def _scatter(growth: FloatArray, seconds: FloatArray, count: int) -> float:
+    """Return the standard error of the mean growth per second from the means of so many blocks."""
+    places = _places(len(growth), count)
+    means = np.add.reduceat(growth, places) / np.add.reduceat(seconds, places)
     return float(means.std(ddof=1)) / math.sqrt(count)
 
 
-def _bump(values: FloatArray) -> FloatArray:
+def _places(total: int, count: int) -> list[int]:
+    """Return where so many blocks of a number of values begin."""
+    return [total * block // count for block in range(count)]
+
+
+def _bump(count: int) -> FloatArray:
     """Return weights for so many values, which begin and end with all derivatives 0."""
-    place = (np.arange(len(values)) + 0.5) / len(values)
+    place = (np.arange(count) + 0.5) / count
     return np.asarray(np.exp(-1.0 / (place * (1.0 - place))))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import pandas as pd
 
@@ -112,6 +112,13 @@ def sweep(
         return pd.concat(tables(planned, store), ignore_index=True)
 
 
+class Records(Protocol):
+    """Where the records of points are, as in a :class:`vibroplat.study.store.Store`."""
+
+    def read(self, chain: int, /) -> Iterator[tuple[int, Record]]:
+        """Yield places and records of a branch by its number, in their order."""
+
+
 def unfinished(planned: Sequence[Branch], store: Store) -> int:
     """Return the number of branches whose points are not all stored."""
     stored = store.lengths()
@@ -180,7 +187,7 @@ def point_along(first: Scene, value: float, state: list[float] | None, key: tupl
     return found
 
 
-def branch_records(branch: Branch, store: Store) -> Iterator[Record]:
+def branch_records(branch: Branch, store: Records) -> Iterator[Record]:
     """Yield the records of all points of a branch; raises :class:`SpoiledError` if one is missing or damaged."""
     found = 0
     for place, record in store.read(branch.number):
@@ -195,7 +202,7 @@ def branch_records(branch: Branch, store: Store) -> Iterator[Record]:
 # -- tables -----------------------------------------------------------------------------------------------
 
 
-def tables(planned: Sequence[Branch], store: Store) -> Iterator[pd.DataFrame]:
+def tables(planned: Sequence[Branch], store: Records) -> Iterator[pd.DataFrame]:
     """Yield the sweep table in parts, in the order of branches and points."""
     confirmed = CONFIRMED if planned[0].plan.confirm else ()
     columns = (*COLUMNS, *confirmed, *SHEET, *of_points(planned[0].scene.output.points))
@@ -218,7 +225,7 @@ def diagram_tables(planned: Sequence[Branch], store: Store) -> dict[str, Iterato
 
 
 def _parts(
-    planned: Sequence[Branch], store: Store, columns: Sequence[str], rows_of: Callable[[Record], list[Record]]
+    planned: Sequence[Branch], store: Records, columns: Sequence[str], rows_of: Callable[[Record], list[Record]]
 ) -> Iterator[pd.DataFrame]:
     """Yield the rows of all records in parts, at least one, as tables with the swept keys and these columns."""
     key, grid = column_of(planned[0].swept), planned[0].plan.grid
