@@ -26,10 +26,6 @@ FAR = 1e3
 SLOW = 10.0
 #: What an iteration is expected to divide the residual by: the shot after it is measured at once.
 QUICK = 300.0
-#: Where hopeless guesses are given up early: residuals over the first one, before and from a given number on. Of 194
-#: orbits found from chaotic motion, the second was at most 3.7 and the fourth 0.18; of 233 other tries 117 rose beyond
-#: 5, and 150 had not fallen to 0.5.
-RISE, FALL = 5.0, 0.5
 #: Steps longer than this, in units of the unknowns, are checked for directions that the equations do not determine:
 #: those with singular values below the other number.
 LONGEST, UNDETERMINED = 1.0, 1e-8
@@ -334,7 +330,7 @@ def correct(
     most: int = 12,
     slack: FloatArray | None = None,
     halvings: int = 0,
-    fall_by: int = 0,
+    fall: Sequence[float] = (),
 ) -> NewtonResult:
     """Find an orbit near a vector of unknowns, in the directions that a border leaves free.
 
@@ -350,9 +346,9 @@ def correct(
         A vector, of which the residual may have as much as it needs; then the border has a row more.
     halvings
         How often a step is halved, at most, after which an event has passed the section.
-    fall_by
-        Number of the residual from which on residuals are below FALL times the first, as they stay below RISE times
-        before; 0 for no such limits.
+    fall
+        Largest residuals after the first one, over that: of the second, the third and so on, the last of all that
+        follow. Beyond them it is given up early. Without any it is not.
 
     Raises
     ------
@@ -367,7 +363,7 @@ def correct(
             residual, shot = problem.shoot(chart, u, full=full)
             missing = residual if slack is None else residual + much * slack
             residuals.append(size := largest(missing))
-            if fall_by and size > residuals[0] * (RISE if len(residuals) < fall_by else FALL):
+            if fall and len(residuals) > 1 and size > residuals[0] * fall[min(len(residuals) - 2, len(fall) - 1)]:
                 raise MissedError("the residual does not fall")
             if full:
                 jacobian = problem.jacobian(chart, shot)
@@ -394,7 +390,9 @@ def correct(
     raise MissedError(f"no convergence in {most} iterations", residuals)
 
 
-def correct_anywhere(problem: Problem, chart: Chart, u: FloatArray, most: int, fall_by: int = 0) -> NewtonResult:
+def correct_anywhere(
+    problem: Problem, chart: Chart, u: FloatArray, most: int, fall: Sequence[float] = ()
+) -> NewtonResult:
     """Find an orbit near a vector of unknowns with its keys held; if an event passes the section, on another section.
 
     That is what happens to guesses from chaotic motion. The other one lies in the middle of a piece between events.
@@ -405,7 +403,7 @@ def correct_anywhere(problem: Problem, chart: Chart, u: FloatArray, most: int, f
         There is none.
     """
     try:
-        return correct(problem, chart, u, held(chart), most=most, fall_by=fall_by)
+        return correct(problem, chart, u, held(chart), most=most, fall=fall)
     except MissedError as error:
         if not error.section:
             raise

@@ -345,7 +345,7 @@ def digest(*values: Any) -> str:
     It takes some microseconds for a record that took milliseconds to compute, and unlike a cyclic checksum it also
     tells tasks apart that differ anywhere.
     """
-    parts = []
+    parts: list[bytes] = []
     for value in values:
         if isinstance(value, bytes):
             kind, part = b"text", value
