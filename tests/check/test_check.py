@@ -1,5 +1,7 @@
 """Two engines check each other: what must be found, and what must not be held against them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,11 +12,13 @@ import vibroplat
 from vibroplat import check_run, check_sweep, load_config
 from vibroplat.check import by_other_engine, sweeps, with_other_tolerance
 from vibroplat.check.events import Errors, paired
-from vibroplat.check.runs import EVENT_TIME, Course, repetitions
+from vibroplat.check.runs import EVENT_TIME, Course, _Comparison, repetitions
 from vibroplat.check.sweeps import check_points
 from vibroplat.config.reader import configurations
 from vibroplat.errors import ConfigError
+from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import other_engine
+from vibroplat.model.systems import GAP_RATE
 from vibroplat.study.branches import branches, chosen
 from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
@@ -172,6 +176,32 @@ def test_a_slight_flight_takes_no_partner_from_a_clear_one(swapped):
     found = pairs(*both[:: -1 if swapped else 1])
     assert sorted(found.rows.ravel().tolist()) == [0, 1, 2, 2, 3, 3, 4, 5]
     assert found.differ_s == np.inf
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize("slower", [1.0, 0.999])
+def test_events_that_only_one_run_takes_for_slight_are_paired(slower, swapped):
+    """An impact about as fast as an error may make one, and another soon after it."""
+    speed = state_scales(run_scene())[GAP_RATE] * np.sqrt(2e-6)
+    flights = [
+        ((0.010, "liftoff", 0.0), (0.011, "impact", -s * speed), (0.0111, "liftoff", 0.0), (0.0125, "impact", -0.1))
+        for s in (1.001, slower)
+    ]
+    found = pairs(*flights[:: -1 if swapped else 1])
+    assert (found.rows.tolist(), found.differ_s) == ([[k, k] for k in range(4)], np.inf)
+
+
+@pytest.mark.parametrize("end", [0.1, 0.03])
+def test_a_repetition_that_ends_early_excuses_no_other_sequence(end):
+    def course(engine, events, end=0.1):
+        times = np.linspace(0.0, end, 11)
+        samples = pd.DataFrame({"y_m": 0.0, "mode": "attached"}, index=times)
+        told = {"samples": samples, "events": table(*events), "names": ["y_m"], "scales": {"y_m": 1.0}}
+        return SimpleNamespace(scene=run_scene(), engine=engine, outcome="ok", end=end, **told)
+
+    first, other, again = course("a", FLIGHTS), course("b", FLIGHTS[:2]), course("b", FLIGHTS[:2], end)
+    found = _Comparison(first, other, again, [first]).result()
+    assert found.disagreement.startswith("at 0.05 s: sequence of events")
 
 
 def test_an_accumulation_may_be_closed_sooner_in_one_run():

@@ -423,7 +423,7 @@ def test_sweep_of_other_sources_or_arithmetic_is_not_resumed(what, where, found,
     assert sorted(mixed) == sorted([what, "points"])
     assert command("report", directory).code == 0
     page = (directory / "report.html").read_text(encoding="utf-8")
-    assert f"6 points are of other code or arithmetic ({what})" in page
+    assert f"6 points were made by other code or arithmetic ({what})" in page
     assert not_a_line(command("sweep", "c.yaml", "--mix", "--overwrite")) == ""
 
 
@@ -435,6 +435,8 @@ def test_store_that_does_not_say_what_its_records_depend_on_is_refused(tmp_path)
     for how in ({"resume": True}, {}):
         with pytest.raises(SpoiledError, match="it does not say what its records depend on"):
             Store(tmp_path, {"a": 1}, **how)
+    with Store(tmp_path, {"a": 1}, overwrite=True) as store:
+        assert len(store) == 0
 
 
 def test_kept_records_say_what_had_made_them(tmp_path):

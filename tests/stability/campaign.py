@@ -48,8 +48,8 @@ SHORT, LONG, LEAST, MANY = 4.0, 6.0, 0.1, 3000
 THOROUGH, SUSPECT = 10, 1e4
 #: Tolerances with which an engine is compared again where it disagrees, over that of the scene, and the least of them.
 FINER, FINEST = (1e-2, 1e-4, 1e-6), 1e-12
-#: Limits that errors of steps may exceed, and the share of such a value that the first of these tolerances may leave.
-BALANCES, LESS = {"energy_residual", "momentum_residual", "gap_below", "pull_n"}, 0.1
+#: Limits that errors of steps may exceed.
+BALANCES = {"energy_residual", "momentum_residual", "gap_below", "pull_n"}
 #: Share of a run that is compared where an integrator has failed in it.
 BEFORE = 0.99
 #: Disturbance that shows what errors grow to, and that of the differences that multipliers are compared with, both in
@@ -137,19 +137,22 @@ def _sound(run, turns):
 
 
 def judged_finer(run, limits):
-    """Leave out limits that a run keeps with a finer tolerance; also say how far it was beyond them, 0 if it was not.
+    """Leave out limits that a run keeps with a finer tolerance, and say how far it was beyond them, 0 if it was not.
 
     What the errors of steps add up to is not known: where a stiff motor passes its critical slip, or a hardly damped
     layer rings for hundreds of periods, it is more than the limits say. What is no error of steps stays as it is.
     """
     scene, beyond = run.scene, {key: limits[key][0] / limits[key][1] for key in limits.keys() & BALANCES}
     beyond = {key: share for key, share in beyond.items() if share > 1.0}
-    if not beyond or scene.solver.tolerance <= FINEST:
-        return limits, 0.0
-    finer = scene.replace({"solver.tolerance": max(FINER[0] * scene.solver.tolerance, FINEST)})
-    again = sound(finer, simulate(finer, keep="summary").summary)
-    gone = {key for key in beyond if key in again and again[key][0] <= max(again[key][1], LESS * limits[key][0])}
-    return {key: limits[key] for key in limits.keys() - gone}, max((beyond[key] for key in gone), default=0.0)
+    left = set(beyond)
+    for tolerance in sorted({max(share * scene.solver.tolerance, FINEST) for share in FINER}, reverse=True):
+        if not left or tolerance >= scene.solver.tolerance:
+            break
+        finer = scene.replace({"solver.tolerance": tolerance})
+        again = sound(finer, simulate(finer, keep="summary").summary)
+        left -= {key for key in left & again.keys() if again[key][0] <= again[key][1]}
+    kept = beyond.keys() - left
+    return {key: limits[key] for key in limits.keys() - kept}, max((beyond[key] for key in kept), default=0.0)
 
 
 def _missing(*arrays):

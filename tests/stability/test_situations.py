@@ -106,7 +106,7 @@ def test_scenes_of_the_campaign_that_failed_once(number):
     assert judged(number)["failed"] == ""
 
 
-@pytest.mark.parametrize(("again", "left"), [(0.5, {"energy_residual"}), (0.005, set())])
+@pytest.mark.parametrize(("again", "left"), [(0.5, {"energy_residual"}), (1e-7, set())])
 def test_a_residual_that_a_finer_run_keeps_is_no_error_of_steps(again, left, monkeypatch):
     run = simulate(random_scene(6), keep="summary")
     monkeypatch.setattr("stability.campaign.sound", lambda *_: {"energy_residual": (again, 1e-6)})

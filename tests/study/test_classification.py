@@ -303,7 +303,7 @@ def test_error_of_a_mean_counts_what_goes_on_from_block_to_block(kept):
             bursts[k] = kept * bursts[k - 1] + random.exponential()
         means.append(bursts[-24:].mean())
         errors.append(error_of_mean(bursts[-24:]))
-    assert 0.85 < np.mean(np.square(errors)) / np.var(means) < 1.25
+    assert 0.8 < np.mean(np.square(errors)) / np.var(means) < 1.45
 
 
 @pytest.mark.parametrize(("decay", "share"), [(0.0, 0.0), (5.0, 1.0)])

@@ -77,10 +77,11 @@ def paired(one: pd.DataFrame, two: pd.DataFrame, errors: Errors, scene: Scene, u
     while any(left := [at[k] < len(times[k]) and times[k][at[k]] < until for k in (0, 1)]):
         i, j = at
         if all(left) and kinds[0][i] == kinds[1][j] and abs(times[0][i] - times[1][j]) <= apart:
-            if may_lack[0][i] != may_lack[1][j]:  # a slight event leaves a clear one to a later clear one
+            if may_lack[0][i] != may_lack[1][j]:  # a slight event leaves a clear one to a clear one that is nearer
                 k = 0 if may_lack[0][i] else 1
-                near = (kinds[k] == kinds[0][i]) & (times[k] <= times[1 - k][at[1 - k]] + apart)
-                if (near & ~may_lack[k])[at[k] :].any():
+                away = np.abs(times[k] - times[1 - k][at[1 - k]])
+                nearer = (kinds[k] == kinds[0][i]) & (away < away[at[k]])
+                if (nearer & ~may_lack[k])[at[k] :].any():
                     at[k] += 1
                     continue
             rows.append((i, j))

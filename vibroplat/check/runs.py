@@ -398,7 +398,7 @@ class _Comparison:
         return np.where(relative > 0.0, 1.0 / np.clip(relative, 1e-12, 1.0), force)
 
     def _paired(self, one: Course, two: Course) -> Pairs:
-        return paired(one.events, two.events, self._errors, self._scene, self._until)
+        return paired(one.events, two.events, self._errors, self._scene, min(self._until, two.end))
 
 
 def _so_far(changes: FloatArray) -> FloatArray:

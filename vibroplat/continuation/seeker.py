@@ -44,7 +44,7 @@ FAR, FEW = 24, 2
 #: Most iterations of Newton's method, and the largest residuals over the first one: where a motion is expected to go,
 #: and from a return of chaotic motion. Of 194 orbits that were found from returns, the second residual was at most 3.7
 #: and the fourth 0.18; of 233 other tries 117 rose beyond 5, and 150 had not fallen to 0.5.
-LOOK, HUNT = (8, (math.inf, math.inf, 1.0)), (12, (5.0, 5.0, 0.5))
+LOOK, HUNT = (8, (math.inf, math.inf, 1.0, math.inf)), (12, (5.0, 5.0, 0.5))
 
 
 class OrbitSeeker:
@@ -214,14 +214,18 @@ class OrbitSeeker:
 
 
 def _returns(points: FloatArray) -> Iterator[tuple[int, int]]:
-    """Yield turns and places after which a section comes near to itself, the nearest first."""
+    """Yield turns and places after which a section comes near to itself, the nearest first.
+
+    At first each is elsewhere; then they may be closer together, as the orbit may be near one that has failed.
+    """
     found: list[tuple[float, int, int]] = []
     for turns in range(1, min(FAR, len(points) - 1) + 1):
         away = np.abs(points[turns:] - points[:-turns]).max(axis=1)
         found += [(float(away[place]), turns, int(place)) for place in np.argsort(away)[: 4 * sum(TRIES.values())]]
     tried: list[tuple[int, int]] = []
     left = {True: FEW}
-    for elsewhere, left[False] in TRIES.items():
+    for elsewhere, most in TRIES.items():
+        left[False] = most
         for away, turns, place in sorted(found):
             if away > RETURN or not any(left.values()):
                 break

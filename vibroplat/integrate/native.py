@@ -33,10 +33,10 @@ ROWS = 2048
 #: event that a scene allows within a turn, where that is more.
 MAX_STEPS, STEPS_PER_EVENT = 300_000, 60
 
-# How IDA chooses its steps. Means over nine tolerances around 1e-6, in contact and with 50 impacts a second. Left as
-# they are: a smaller first step (errors over 300 random scenes 1.06 and 0.98 times as large with a half and a quarter),
-# and the error that Newton's iteration may leave (0.1 instead of 0.33 of that of a step makes a quarter fewer random
-# scenes inaccurate, loose ones whose stiff motors pass their critical slip, but takes 30 % more residuals at 1e-8):
+# How IDA chooses its steps. Means over nine tolerances around 1e-6, in contact and with 50 impacts a second.
+# What does not pay: a first step half or a quarter as long makes errors 1.06 and 0.98 times as large, over 300 random
+# scenes. If Newton's iteration may leave a tenth of a step's error instead of a third, a quarter fewer scenes are
+# inaccurate at loose tolerances, where motors are stiff, but at 1e-8 it takes 30 % more residuals.
 #: Factors between which the step is kept rather than changed. IDA's own (1, 2) takes a sixth more steps. With these,
 #: and steps that shrink by 0.8 at once instead of 0.9, errors over 600 random scenes are 0.44 times as large in 7 %
 #: more time, but a sweep takes a fifth more.

@@ -149,17 +149,17 @@ def remarks(label: str, told: Mapping[str, Any], mixed: Any) -> list[dict[str, A
     failed = failed[:MOST_FAILURES] + ([f"{more} more"] if more > 0 else [])
     return [
         {"result": label, "text": text, "failed": is_failure}
-        for texts, is_failure in ((failed, True), (_texts(told.get("notes")) + _kept(mixed), False))
+        for texts, is_failure in ((failed, True), (_texts(told.get("notes")) + _made_elsewhere(mixed), False))
         for text in texts
     ]
 
 
-def _kept(mixed: Any) -> list[str]:
-    """Say how many records other code or arithmetic made, and what differed."""
+def _made_elsewhere(mixed: Any) -> list[str]:
+    """Say how many records other code or arithmetic made: their name and number come first, then what differed."""
     found = []
     for one in mixed if isinstance(mixed, list) else []:
-        (what, count), *differing = one.items()
-        found.append(f"{count} {what} are of other code or arithmetic ({', '.join(name for name, _ in differing)})")
+        what, *differing = one
+        found.append(f"{one[what]} {what} were made by other code or arithmetic ({', '.join(differing)})")
     return found
 
 

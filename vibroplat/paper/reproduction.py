@@ -36,8 +36,8 @@ from vibroplat.study.sweep import Progress, branch_records, conditions, run_swee
 
 #: Sweeps of the impact model from which figures are drawn or claims judged, and that of the impact laws.
 SWEEPS, LAWS = ("fig2", *IMPACT), "laws"
-#: Columns of points from which their number and work are told.
-TOLD = ["outcome", "simulated_s", "events"]
+#: Columns of points from which their number and work are counted.
+COUNTED = ["outcome", "simulated_s", "events"]
 #: Settings of the sweeps with further seeds: upward only, as claims are judged by these branches, and without other
 #: motions beside them, as no table shows these.
 REPEATED: dict[str, Any] = {"sweep.supply_frequency_hz.direction": ["up"], "sweep.coexists": False}
@@ -55,7 +55,7 @@ class Reproduction:
         β of the non-impact model (1/s) and the frequency (Hz) at which it makes RMS y of both models equal; None if
         there is none.
     points
-        Outcome, simulated time (s) and events of all points of sweeps.
+        Outcome, simulated time (s) and events of all points of sweeps, of curves that figures share once.
     origin
         What provenance tells of points that were mixed, by trial.
     """
@@ -92,7 +92,7 @@ class Reproduction:
         yield f"{'wall time':<24}{seconds:.3g} s, {count / seconds:.3g} points per s"
 
 
-class Homes:
+class SharedRecords:
     """Where the points of branches are: those that are the same curve share them."""
 
     def __init__(self, homes: Mapping[int, tuple[Branch, Store]]) -> None:
@@ -107,14 +107,14 @@ class Homes:
 def curve_of(branch: Branch) -> str:
     """Return what determines the points of a branch, as text: branches of several figures may be the same curve.
 
-    A bare platform knows nothing of material, and where impacts are inelastic no limit of events counts.
+    A bare platform knows nothing of material, contact and how many events may be.
     """
     tree = branch.scene.to_tree()
-    for unread in ("name", *(("material", "contact") if branch.scene.material.mass_ratio == 0.0 else ())):
-        tree.pop(unread, None)
     tree["sweep"] = {k: v for k, v in tree["sweep"].items() if k not in ("grid", "supply_frequency_hz")}
-    if branch.scene.contact.restitution == 0.0 or "contact" not in tree:
+    if branch.scene.material.mass_ratio == 0.0:
         tree["solver"] = {k: v for k, v in tree["solver"].items() if k != "max_events_per_period"}
+        tree |= {"material": None, "contact": None}
+    tree["name"] = None
     return json.dumps([tree, branch.direction, branch.along], sort_keys=True)
 
 
@@ -135,7 +135,7 @@ class Trial:
     swept
         Its finished sweeps, by name: branches, and where their points are.
     points
-        What is counted of the points that were computed for it, :data:`TOLD`.
+        What is counted of the points that were computed for it, :data:`COUNTED`.
     store
         Where its points are.
     """
@@ -146,7 +146,7 @@ class Trial:
     names: tuple[str, ...] = IMPACT
     changes: Mapping[str, Any] = field(default_factory=dict)
     evidence: Evidence = field(default_factory=Evidence)
-    swept: dict[str, tuple[list[Branch], Homes]] = field(default_factory=dict)
+    swept: dict[str, tuple[list[Branch], SharedRecords]] = field(default_factory=dict)
     points: list[dict[str, Any]] = field(default_factory=list)
     store: Store = field(init=False)
 
@@ -255,7 +255,7 @@ def _sweep(
         found = found if asked is None else [branch for branch in (cut(b, asked) for b in found) if branch.along]
         store = trial.store.part(name)
         of = {branch.number: homes.setdefault(curve_of(branch), (branch, store)) for branch in found}
-        trial.swept[name] = found, Homes(of)
+        trial.swept[name] = found, SharedRecords(of)
         own[trial.name, name] = [branch for branch in found if of[branch.number][0] is branch]
         sweeps.append((own[trial.name, name], store))
     run_sweeps(sweeps, workers, progress)
@@ -265,7 +265,7 @@ def _sweep(
             records = list(branch_records(branch, places))
             trial.evidence.add(branch, records)
             if branch in own[trial.name, name]:
-                trial.points += [{column: record["row"].get(column) for column in TOLD} for record in records]
+                trial.points += [{column: record["row"].get(column) for column in COUNTED} for record in records]
 
 
 def _add_non_impact(trials: Sequence[Trial], workers: Pool) -> None:
@@ -291,7 +291,7 @@ def _results(trials: Trials, shown: Mapping[str, pd.DataFrame]) -> Reproduction:
     """Judge the claims and return all tables, and how much was simulated for them."""
     machine, others, laws = trials
     main = machine[0]
-    points = pd.DataFrame([point for trial in (*machine, *others, laws) for point in trial.points], columns=TOLD)
+    points = pd.DataFrame([point for trial in (*machine, *others, laws) for point in trial.points], columns=COUNTED)
     swept = {**main.swept, **laws.swept}
     results = {name: pd.concat(tables(*found), ignore_index=True) for name, found in swept.items()}
     results["sync-bands"] = sync_bands(main.evidence)

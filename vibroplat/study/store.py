@@ -124,7 +124,7 @@ class Store:
                 self._create()
             found, finished, mixed = map(self._about, ("conditions", "finished", "mixed"))
         self.mixed, self._before = (mixed or [], len(mixed or [])) if resume else ([], 0)
-        if found is None and len(self):
+        if found is None and len(self) and not overwrite:
             raise self._spoiled("it does not say what its records depend on")
         if found is not None:
             if resume:
@@ -206,7 +206,7 @@ class Store:
     def find(self, chain: int | str, place: int, task: str) -> Record | None:
         """Return the record at a place of a chain; None if there is none, or if it is the record of another task.
 
-        Records were found sound when the store was opened, and :meth:`read` looks again.
+        Records were found sound when the store was opened.
         """
         chain = self._named(chain)
         with self._complaints():
@@ -364,7 +364,10 @@ def _sound(chain: Any, place: Any, task: Any, record: Any, found: Any) -> bool:
 
 def _record(text: bytes) -> Record:
     """Read a record as the standard library would, in a third of the time."""
-    return dict(from_json(text, allow_inf_nan=False))
+    try:
+        return dict(from_json(text, allow_inf_nan=False))
+    except ValueError:
+        raise SpoiledError("a record is damaged; --resume computes it again") from None
 
 
 def _text(value: Any) -> str:
