@@ -79,9 +79,10 @@ def paired(one: pd.DataFrame, two: pd.DataFrame, errors: Errors, scene: Scene, u
         if all(left) and kinds[0][i] == kinds[1][j] and abs(times[0][i] - times[1][j]) <= apart:
             if may_lack[0][i] != may_lack[1][j]:  # a slight event leaves a clear one to a clear one that is nearer
                 k = 0 if may_lack[0][i] else 1
-                away = np.abs(times[k] - times[1 - k][at[1 - k]])
-                nearer = (kinds[k] == kinds[0][i]) & (away < away[at[k]])
-                if (nearer & ~may_lack[k])[at[k] :].any():
+                there = times[1 - k][at[1 - k]]
+                later = slice(at[k], np.searchsorted(times[k], there + apart))
+                away = np.abs(times[k][later] - there)
+                if ((kinds[k][later] == kinds[0][i]) & ~may_lack[k][later] & (away < away[0])).any():
                     at[k] += 1
                     continue
             rows.append((i, j))

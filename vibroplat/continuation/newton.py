@@ -347,8 +347,8 @@ def correct(
     halvings
         How often a step is halved, at most, after which an event has passed the section.
     fall
-        Largest residuals after the first one, over that: of the second, the third and so on, the last of all that
-        follow. Beyond them it is given up early. Without any it is not.
+        How large the second, the third, … residual may be, over the first one; the last limit holds for all that
+        follow. An iteration beyond its limit is given up. Empty: there are no limits.
 
     Raises
     ------

@@ -216,7 +216,7 @@ class OrbitSeeker:
 def _returns(points: FloatArray) -> Iterator[tuple[int, int]]:
     """Yield turns and places after which a section comes near to itself, the nearest first.
 
-    At first each is elsewhere; then they may be closer together, as the orbit may be near one that has failed.
+    At first they are far from each other; then they may be closer together, as an orbit may lie beside a failed try.
     """
     found: list[tuple[float, int, int]] = []
     for turns in range(1, min(FAR, len(points) - 1) + 1):

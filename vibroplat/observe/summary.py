@@ -168,7 +168,7 @@ def statistics(ms: Measures, peaks: Any) -> dict[str, float | None]:
     return {k: None if v is None else float(v) for k, v in result.items()}
 
 
-#: Correlation of neighbouring blocks above which so few of them do not suffice; larger estimates count as this.
+#: Largest correlation of neighbouring blocks that is counted; 24 blocks cannot tell a larger one.
 STRONGEST = 0.9
 #: Measures that are the largest of their values in blocks.
 MAXIMA = ("amplitude_y_m", "contact_force_max_n", "gap_max_m", "impulse_max_n_s")
@@ -206,13 +206,13 @@ def error_of_mean(values: FloatArray) -> float:
 
     Blocks need not be long against the memory of the motion: what comes in bursts goes on from block to block. With a
     correlation r of neighbours, and rᵏ of blocks k apart, the variance of the mean is (1 + r)/(1 − r) times that of
-    independent blocks. So few of them make r too small, by (1 + 3r)/n on average (Marriott and Pope 1954). What comes
-    out below 0 counts as 0, and r up to 0.6 is told well.
+    independent blocks. From n blocks r comes out too small by (1 + 3r)/n on average (Marriott and Pope 1954), which is
+    added. An estimate below 0 counts as 0; above 0.6 it is still too small.
     """
     away, count = values - values.mean(), len(values)
     total = float(away @ away)
     if not total > 0.0:
-        return total
+        return total  # 0, or nan
     r = float(away[1:] @ away[:-1]) / total
     r = min(max(r + (1.0 + 3.0 * r) / count, 0.0), STRONGEST)
     return math.sqrt(total / (count - 1) / count * (1.0 + r) / (1.0 - r))

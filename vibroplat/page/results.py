@@ -155,7 +155,7 @@ def remarks(label: str, told: Mapping[str, Any], mixed: Any) -> list[dict[str, A
 
 
 def _made_elsewhere(mixed: Any) -> list[str]:
-    """Say how many records other code or arithmetic made: their name and number come first, then what differed."""
+    """Say how many records other code or arithmetic made; their name and number come first in each entry."""
     found = []
     for one in mixed if isinstance(mixed, list) else []:
         what, *differing = one

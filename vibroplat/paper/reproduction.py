@@ -93,7 +93,7 @@ class Reproduction:
 
 
 class SharedRecords:
-    """Where the points of branches are: those that are the same curve share them."""
+    """The points of a sweep's branches, of which some are those of another sweep's branch: the same curve."""
 
     def __init__(self, homes: Mapping[int, tuple[Branch, Store]]) -> None:
         self._homes = homes
@@ -107,7 +107,7 @@ class SharedRecords:
 def curve_of(branch: Branch) -> str:
     """Return what determines the points of a branch, as text: branches of several figures may be the same curve.
 
-    A bare platform knows nothing of material, contact and how many events may be.
+    Material, contact and the limit of events make no difference to a bare platform.
     """
     tree = branch.scene.to_tree()
     tree["sweep"] = {k: v for k, v in tree["sweep"].items() if k not in ("grid", "supply_frequency_hz")}
@@ -249,22 +249,21 @@ def _sweep(
     progress: Progress | None = None,
 ) -> None:
     """Run sweeps of trials side by side, as far as claims ask for them, and add their branches to the evidence."""
-    homes, sweeps, own = dict[str, tuple[Branch, Store]](), [], {}
+    homes, sweeps = dict[str, tuple[Branch, Store]](), []
     for trial, name in wanted:
         found = branches(trial.scene(name))
         found = found if asked is None else [branch for branch in (cut(b, asked) for b in found) if branch.along]
         store = trial.store.part(name)
-        of = {branch.number: homes.setdefault(curve_of(branch), (branch, store)) for branch in found}
-        trial.swept[name] = found, SharedRecords(of)
-        own[trial.name, name] = [branch for branch in found if of[branch.number][0] is branch]
-        sweeps.append((own[trial.name, name], store))
+        places = {branch.number: homes.setdefault(curve_of(branch), (branch, store)) for branch in found}
+        trial.swept[name] = found, SharedRecords(places)
+        sweeps.append(([branch for branch in found if places[branch.number][0] is branch], store))
     run_sweeps(sweeps, workers, progress)
-    for trial, name in wanted:
-        found, places = trial.swept[name]
+    for (trial, name), (own, _) in zip(wanted, sweeps, strict=True):
+        found, shared = trial.swept[name]
         for branch in found:
-            records = list(branch_records(branch, places))
+            records = list(branch_records(branch, shared))
             trial.evidence.add(branch, records)
-            if branch in own[trial.name, name]:
+            if branch in own:
                 trial.points += [{column: record["row"].get(column) for column in COUNTED} for record in records]
 
 

@@ -26,8 +26,6 @@ QUICK: dict[str, Any] = {
     "solver.tolerance": 1e-4,
     "solver.max_events_per_period": 500,
 }
-#: Settings of sweeps without the curves that other sweeps have: that of R = 0 is in `fig3`.
-SHARED: dict[str, dict[str, Any]] = {"fig6": {"sweep.grid": {"contact.restitution": [0.3, 0.5, 0.7, 1.0]}}}
 
 
 def machine_numbers(name: str) -> dict[str, Any]:
@@ -63,8 +61,9 @@ def paper_scene(name: str, numbers: Mapping[str, Any], changes: Mapping[str, Any
 
 
 def coarse_scene(name: str, numbers: Mapping[str, Any], changes: Mapping[str, Any] | None = None) -> Scene:
-    """Return the scene of a coarse sweep."""
-    return paper_scene(name, numbers, {**QUICK, **SHARED.get(name, {}), **(changes or {})})
+    """Return the scene of a coarse sweep; ``fig6`` is without the curve of R = 0, which is in ``fig3``."""
+    grid = {"sweep.grid": {"contact.restitution": [0.3, 0.5, 0.7, 1.0]}} if name == "fig6" else {}
+    return paper_scene(name, numbers, {**QUICK, **grid, **(changes or {})})
 
 
 def claims(wording: str = "claims") -> list[dict[str, Any]]:

@@ -352,7 +352,8 @@ def digest(*values: Any) -> str:
         elif isinstance(value, str):
             kind, part = b"text", value.encode()
         else:
-            kind, part = b"json", (repr(value) if type(value) is int else json.dumps(value)).encode()
+            text = repr(value) if type(value) is int else json.dumps(value)  # the same for an int, and sooner
+            kind, part = b"json", text.encode()
         parts += (b"%s %d " % (kind, len(part)), part)
     return hashlib.sha256(b"".join(parts)).hexdigest()
 
