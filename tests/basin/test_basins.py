@@ -158,7 +158,7 @@ def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(kind, at, requ
 def test_orbits_are_looked_for_after_chaos_too():
     """At 59 Hz no start comes to an orbit; that takes long, and says nothing of other values."""
     over = {"key": "drive.supply_frequency_hz", "values": [58.0, 59.0], "direction": ["down"]}
-    scene = scene_of({PHASE: [-math.pi, math.pi], SPEED: [0.3, 1.1]}, 0.08, random=30, over=over, longest_turns=300)
+    scene = scene_of({PHASE: [-math.pi, math.pi], SPEED: [0.3, 1.1]}, 0.08, random=30, over=over, longest_turns=600)
     tables = basins(scene)
     last = tables.attractors[tables.attractors["supply_frequency_hz"] == 58.0]
     assert last["radius"].notna().all()

@@ -1,8 +1,9 @@
 """Follows motions from starts until each is surely in the basin of a periodic orbit, and finds the orbits on the way.
 
-Every eight turns of exciter 1, later every sixteen, a motion is looked at: it is assigned to an orbit once it is in one
-of its ellipsoids (:mod:`vibroplat.continuation.attraction`). One that takes several times as long as others may come to
-an orbit that is not known yet: where its section nearly comes back to itself, Newton's method begins there.
+Every eight turns of exciter 1, later every sixteen, a motion is looked at: once it is in an ellipsoid around an orbit
+(:mod:`vibroplat.continuation.attraction`), and comes nearer to the orbit there, it is assigned to this orbit. One that
+takes several times as long as others may converge to an orbit that is not known yet: where its section nearly comes
+back to itself, Newton's method begins there. A motion that has converged to no orbit is measured in its last turns.
 """
 
 from __future__ import annotations
@@ -14,10 +15,12 @@ from typing import Any
 import numpy as np
 
 from vibroplat.basin.starts import states_of
+from vibroplat.basin.windows import TOLD
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.questions import BasinsPlan
 from vibroplat.config.scene import Scene
+from vibroplat.continuation.attraction import promised
 from vibroplat.continuation.newton import MissedError
 from vibroplat.continuation.seeker import LONGEST, OrbitSeeker
 from vibroplat.continuation.shooting import TURN
@@ -26,8 +29,8 @@ from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
-from vibroplat.observe.section import ellipsoid_of, section_points
-from vibroplat.observe.summary import measured
+from vibroplat.observe.section import ellipsoid_of, form_of, section_points
+from vibroplat.observe.summary import Part, measured
 from vibroplat.study.point import measure_point, on_orbit, row_of
 from vibroplat.study.settling import KnownOrbit
 from vibroplat.study.store import Record
@@ -39,12 +42,14 @@ STRIDE, LATE_STRIDE = 8, 16
 FIRST, PATIENT, EXPERIENCED = 96, 4.0, 20
 #: Turns of such a look, and the distance of a return from which Newton's method begins, in the scales of the scene.
 LOOK, NEAR = 16, 0.05
+#: Periods in which a motion in an ellipsoid must come nearer to the orbit, unless it is this near already, over the
+#: radius.
+CONFIRMED, DEEP = 2, 0.1
 #: Distance of the same orbit found twice, in the scales of the scene.
 SAME = 1e-4
-#: Turns over which a motion that does not repeat is measured to tell it from others.
-MEASURED_TURNS = 256
-#: What tells motions apart that do not repeat.
-TOLD = ("rms_x_m", "rms_y_m", "rms_phi_rad")
+#: Windows in which a motion that has converged to no orbit is measured, and whole turns of each, a multiple of many
+#: periods. They are its last ones; of a motion that is followed for few turns, half of these.
+WINDOWS, WINDOW = 4, 240
 
 
 def same_orbit(one: Record, other: Record, scales: FloatArray) -> bool:
@@ -73,7 +78,7 @@ class Follower:
         self._scales, self._turn = state_scales(scene), TURN / scene.speed_scale
         self._seeker, self._engine = OrbitSeeker(scene), make_engine(scene, p)
         self._motion = Motion(scene, p, self._engine)
-        self._inside, self._history = same_types(ellipsoid_of), list(history)
+        self._inside, self._size, self._history = same_types(ellipsoid_of), same_types(form_of), list(history)
         self._pack()
 
     def close(self) -> None:
@@ -82,29 +87,49 @@ class Follower:
         self._engine.close()
 
     def follow(self, start: FloatArray) -> Record:
-        """Follow a motion from a full state: number of its attractor, or None and what there is to tell; turns."""
+        """Map a full state to its attractor: its number, or None and what was measured; and the turns it took."""
         motion = self._motion
         motion.reset(start)
         self._seeker.forget()
-        state, longest = motion.automaton.run["state"], 4.0 * (LATE_STRIDE + 1) * self._turn
+        longest = 4.0 * (LATE_STRIDE + 1) * self._turn
+        window = window_of(self.longest)
+        unmeasured = self.longest - WINDOWS * (window + 1)
         turns, look = 0, FIRST
         if len(self._history) >= EXPERIENCED:
             look = max(FIRST, min(int(PATIENT * np.median(self._history)), self.longest // 2))
-        while turns < self.longest and motion.now < self.longest * self._turn:
+        while turns < unmeasured and motion.now < unmeasured * self._turn:
             stride = STRIDE if turns < FIRST else LATE_STRIDE
             motion.to_section(stride, longest)
             turns += stride
+            found, more = self._entered()
+            turns += more
             if motion.outcome != "ok":
                 return {"attractor": None, "turns": turns, "outcome": motion.outcome, "detail": motion.detail}
-            place = self._inside(state, motion.system.index, *self._packed)
-            found = None if place < 0 else self._owners[place]
             if found is None and turns >= look:
-                found = self._discovered()
+                found = self._discovered(motion.go_round(LOOK, longest))
                 turns, look = turns + LOOK + 1, 2 * look
             if found is not None:
                 self._history.append(turns)
                 return {"attractor": found, "turns": turns}
-        return {"attractor": None, "turns": turns, **self._restless()}
+        return self._measured(turns, window)
+
+    def _entered(self) -> tuple[int | None, int]:
+        """Return the number of the orbit in whose ellipsoid the motion is and comes nearer, and turns that this took.
+
+        An ellipsoid was tested in some directions: beside chaos, it may still hold states of another basin.
+        """
+        motion, state = self._motion, self._motion.automaton.run["state"]
+        centres, forms, systems = self._packed
+        place = self._inside(state, motion.system.index, *self._packed) if motion.outcome == "ok" else -1
+        if place < 0:
+            return None, 0
+        number, before = self._owners[place], self._size(state, centres[place], forms[place])
+        turns = CONFIRMED * self.attractors[number]["row"]["period"]
+        motion.to_section(turns, 4.0 * (turns + 1) * self._turn)
+        bound = promised(self.attractors[number]["row"]["multiplier_max"], CONFIRMED)
+        inside = motion.outcome == "ok" and motion.system.index == systems[place]
+        nearer = self._size(state, centres[place], forms[place]) < max(bound**2 * before, DEEP**2)
+        return number if inside and nearer else None, turns
 
     def adopt_at(self, state: FloatArray, period: int) -> int:
         """Do the same with a stable orbit near a full state; raises :class:`MissedError` where there is none."""
@@ -121,7 +146,8 @@ class Follower:
             around = self._seeker.crossings(orbit.state, orbit.period)
         except MissedError:
             around = []
-        record["radius"] = min((radius for _, radius in around), default=0.0)
+        radii = [radius for _, radius in around if radius > 0.0]
+        record |= {"radius": min(radii, default=0.0), "ellipsoids": len(radii)}
         record["centres"] = [crossing.state.tolist() for crossing, _ in around] or [record["state"]]
         for crossing, radius in around:
             record["forms"].append((crossing.form / max(radius, 1e-150) ** 2).tolist())
@@ -144,29 +170,38 @@ class Follower:
             np.array(systems, dtype=np.int64),
         )
 
-    def _discovered(self) -> int | None:
-        """Return the number of the orbit that the motion surely comes to, known or new; None without one."""
-        part = self._motion.go_round(LOOK, 4.0 * (LOOK + 2) * self._turn)
+    def _discovered(self, part: Part) -> int | None:
+        """Return the number of the orbit that the motion surely comes to after a part of it, known or new, or None."""
         points = section_points(part.measures, self.scene)
-        if self._motion.outcome != "ok" or len(points) <= LOOK:
+        if self._motion.outcome != "ok" or len(points) <= LONGEST:
             return None
         if min(np.abs(points[-1] - points[-1 - n]).max() for n in range(1, LONGEST + 1)) > NEAR:
             return None
         orbit = self._seeker.seek(self._motion, points, 0)
         return None if orbit is None else self.adopt(orbit)
 
-    def _restless(self) -> Record:
-        """Tell what a motion is like that has come to no orbit."""
+    def _measured(self, turns: int, window: int) -> Record:
+        """Measure a motion that has converged to no orbit, in windows; it may still converge to one."""
         motion = self._motion
-        part = motion.go_round(MEASURED_TURNS, 2.0 * (MEASURED_TURNS + 2) * self._turn)
-        found: dict[str, Any] = {"outcome": motion.outcome, "detail": motion.detail}
-        if motion.outcome == "ok":
+        rows = list[dict[str, Any]]()
+        for _ in range(WINDOWS):
+            part = motion.go_round(window, 2.0 * (window + 2) * self._turn)
+            found, more = self._entered()
+            found = self._discovered(part) if found is None else found
+            turns += window + 1 + more
+            if motion.outcome != "ok":
+                return {"attractor": None, "turns": turns, "outcome": motion.outcome, "detail": motion.detail}
+            if found is not None:
+                return {"attractor": found, "turns": turns}
             row = row_of(measured(part, self.scene), self.scene)
-            found |= {
-                "state": motion.state.tolist(),
-                "row": {name: row[name] for name in (*TOLD, "flight_fraction", "sync", PHASE_COLUMN)},
-            }
-        return found
+            rows.append({name: row[name] for name in (*TOLD, "flight_fraction", "sync", PHASE_COLUMN)})
+        state = motion.state.tolist()
+        return {"attractor": None, "turns": turns, "outcome": "ok", "detail": "", "state": state, "windows": rows}
+
+
+def window_of(longest: int) -> int:
+    """Return the whole turns of a window of motions that are followed for so many turns."""
+    return min(WINDOW, longest // (2 * WINDOWS) - 1)
 
 
 def follow_starts(
@@ -185,15 +220,15 @@ def followed_alone(scene: Scene, plan: BasinsPlan, number: int) -> Record:
     """Follow a start without what others have found: the ``row`` of what it comes to."""
     with closing(Follower(scene, plan.longest_turns, [])) as follower:
         found = follower.follow(states_of(scene, plan, [number])[0])
-        own = found if found["attractor"] is None else follower.attractors[found["attractor"]]
-        return {"row": {"motion": None, "period": 0, **own.get("row", {})}}
+        if found["attractor"] is not None:
+            return {"row": follower.attractors[found["attractor"]]["row"]}
+        return {"row": {"motion": None, "period": 0, **found.get("windows", [{"sync": None}])[-1]}}
 
 
 def representative(scene: Scene, state: list[float]) -> Record:
-    """Measure and classify a motion that has come to no orbit in the time given."""
+    """Measure and classify a motion that has converged to no orbit in the time given."""
     frequency = scene.drive.largest_frequency
     plan = {"supply_frequency_hz": {"start": frequency, "stop": frequency}, "perturbation": 0.0}
     point = measure_point(scene, SweepPlan.model_validate(plan), state, (0,))
     del point.row["wall_s"]
-    centres = [] if point.state is None else [point.state]
-    return {"row": point.row, "state": point.state, "centres": centres, "forms": [], "radius": None}
+    return {"row": point.row, "state": point.state}

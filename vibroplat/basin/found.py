@@ -8,11 +8,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from vibroplat.basin.follow import TOLD, Follower, same_orbit
+from vibroplat.basin.follow import Follower, same_orbit, window_of
+from vibroplat.basin.windows import TOLD, alike, classes_of, components
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.local import Local
 from vibroplat.continuation.newton import MissedError
@@ -23,13 +25,27 @@ from vibroplat.study.classification import same_phase
 from vibroplat.study.point import distinct
 from vibroplat.study.store import Record
 
-#: Motions that do not repeat are of one class if their measures are this near, over themselves.
-ALIKE = 0.2
-#: The same of motions that repeat.
-REPEATED = 1e-3
+#: Motions that repeat are the same if their measures are this near, over themselves; and a window of one, whose turns
+#: need not be a multiple of its period.
+REPEATED, IN_WINDOW = 1e-3, 0.02
 #: Parts of a step from value to value; an orbit has been continued if the longest way in a part is at most so many
 #: times the shortest, and the other number, in the scales of the scene.
 PARTS, LONGER, SHORT = 4, 3.0, 0.05
+
+
+@dataclass
+class Group:
+    """Starts whose motions have converged to no orbit, and are alike or change into each other.
+
+    Attributes
+    ----------
+    starts, escaped
+        Records of those that are not assigned yet, and of those that converged to an orbit when they were followed
+        longer.
+    """
+
+    starts: list[Record]
+    escaped: list[Record]
 
 
 class Found:
@@ -58,7 +74,7 @@ class Found:
                     number = numbers[number]
                 elif start["outcome"] != "ok":  # a motion that has ended early is an outcome of its own
                     row = {"outcome": start["outcome"], "detail": start["detail"]} | dict.fromkeys(_CLASS)
-                    number = self._number({"row": row, "state": None, "centres": [], "forms": [], "radius": None})
+                    number = self._number(_record(row))
                 self.starts.append(start | {"attractor": number})
 
     def _add(self, record: Record) -> int:
@@ -78,34 +94,68 @@ class Found:
         counts = Counter(start["attractor"] for start in self.starts)
         return [counts[number] for number in range(len(self.attractors))]
 
-    def groups(self) -> list[list[Record]]:
-        """Group the starts that have come to no orbit by their synchronization and RMS displacements."""
-        found: list[list[Record]] = []
-        scales = state_scales(self.scene)
-        for start in self.starts:
-            if start["attractor"] is None:
-                group = next((group for group in found if _alike(group[0]["row"], start["row"], scales)), None)
-                if group is None:
-                    found.append(group := [])
-                group.append(start)
-        return found
+    def unchanged(self, longest: int) -> int:
+        """Return the turns in which motions without an orbit might have been seen to change into each other."""
+        return sum(len(start["windows"]) - 1 for start in self.starts if "windows" in start) * window_of(longest)
 
-    def take(self, group: Sequence[Record], record: Record) -> None:
-        """Take what the first motion of a group is; it may be that of an attractor that is there already."""
-        number = self._number(record)
-        for start in group:
+    def groups(self) -> list[Group]:
+        """Group the starts that have converged to no orbit by the motions into which their windows change for good.
+
+        Those of a group that has been left are of the one that it was left for, and stand behind its own.
+        """
+        left = [start for start in self.starts if start["attractor"] is None]
+        ends, closed = components(classes_of([start["windows"] for start in left], state_scales(self.scene)))
+        found: dict[int, Group] = {}
+        for start, end in zip(left, ends, strict=True):
+            group = found.setdefault(min(closed[end]) if len(closed[end]) == 1 else end, Group([], []))
+            group.starts.append(start)
+        for name, group in found.items():
+            own = {id(start) for start, end in zip(left, ends, strict=True) if end == name}
+            group.starts.sort(key=lambda start: id(start) not in own)
+        return list(found.values())
+
+    def take(self, group: Group, record: Record) -> None:
+        """Take what the motion of the first start of a group is when it is followed longer.
+
+        Where it repeats, that is true of those starts alone whose windows were already like it. If the first is none of
+        them, it has escaped to an orbit; another one has to tell what the motion of the group is.
+        """
+        scales, row = state_scales(self.scene), record["row"]
+        record = _record(row, record["state"])
+        number, first = self._number(record), group.starts[0]
+        if row.get("period"):
+            mine = [start for start in group.starts if alike(start["windows"][-1], row, scales, IN_WINDOW)]
+            group.escaped += [first] if first not in mine else []
+        else:
+            mine = group.starts + group.escaped
+            self.attractors[number]["escaped"] = len(group.escaped)
+        self._assign(mine, number)
+        group.starts = [start for start in group.starts if start["attractor"] is None and start is not first]
+
+    def give_up(self, group: Group) -> None:
+        """Call the motion of a group undecided, as all that were followed longer have escaped to orbits."""
+        left = group.starts + group.escaped
+        left = [start for start in left if start["attractor"] is None]
+        if not left:
+            return
+        why = f"{len(group.escaped)} such motions were followed longer, and all converged to an orbit"
+        told = {"motion": "undecided", "period": 0, "outcome": "ok", "detail": why}
+        record = _record({**left[0]["windows"][-1], **told}, left[0]["state"])
+        self._assign(left, self._add(record | {"escaped": len(group.escaped)}))
+
+    @staticmethod
+    def _assign(starts: Sequence[Record], number: int) -> None:
+        for start in starts:
             start["attractor"] = number
 
 
 _CLASS = ("motion", "period", "sync")
 
 
-def _alike(one: Mapping[str, Any], other: Mapping[str, Any], scales: FloatArray, share: float = ALIKE) -> bool:
-    """Whether two motions are synchronized alike, with nearly the same RMS displacements and share of flight."""
-    sizes = np.array([[row[name] for name in TOLD] for row in (one, other)]) / scales[: len(TOLD)]
-    near = np.linalg.norm(sizes[1] - sizes[0]) <= share * np.linalg.norm(sizes, axis=1).max()
-    flying = abs((one["flight_fraction"] or 0.0) - (other["flight_fraction"] or 0.0)) <= share
-    return bool(near) and flying and same_phase(one, other)
+def _record(row: Mapping[str, Any], state: Sequence[float] | None = None) -> Record:
+    """Return the record of a motion that is no orbit."""
+    centres = [] if state is None else [state]
+    return {"row": dict(row), "state": state, "centres": centres, "forms": [], "radius": None, "ellipsoids": None}
 
 
 def _same(one: Mapping[str, Any], other: Mapping[str, Any], scales: FloatArray) -> bool:
@@ -116,7 +166,7 @@ def _same(one: Mapping[str, Any], other: Mapping[str, Any], scales: FloatArray) 
         return True
     if not same_phase(one, other):
         return False
-    return _alike(one, other, scales, REPEATED) if other["period"] else not distinct(one, other)
+    return alike(one, other, scales, REPEATED) if other["period"] else not distinct(one, other)
 
 
 # -- over a key -------------------------------------------------------------------------------------------------------

@@ -16,6 +16,7 @@ import pandas as pd
 
 from vibroplat.basin.follow import follow_starts, followed_alone, representative
 from vibroplat.basin.found import Found, carried, names
+from vibroplat.basin.rates import DOUBT, LATE, RESTLESS, Rate, rates_of
 from vibroplat.basin.starts import begun, values_of
 from vibroplat.columns import PHASE_COLUMN, Column, Columns, words_in_place
 from vibroplat.config.coordinates import COORDINATES, RATES
@@ -41,8 +42,8 @@ if TYPE_CHECKING:
 BLOCK = 100
 #: Starts that another engine repeats.
 CHECKED = 20
-#: Error of the bounds of a fraction: they hold it in 95 of 100 samples.
-DOUBT = 0.05
+#: Motions of a group that are followed longer, at most, until one tells what the group is.
+TRIES = 3
 #: Columns of the tables after the key that varies.
 ATTRACTORS: Columns = {
     "attractor": Column("its name", "synchronization, motion and period, and more where these are not enough"),
@@ -50,14 +51,28 @@ ATTRACTORS: Columns = {
     "period": SWEEP["period"],
     "sync": SWEEP["sync"],
     "count": Column("starts that come to it"),
-    "fraction": Column("share of the starts"),
-    "fraction_low": Column("lower bound of the share in the box of starts", "95 %, Clopper and Pearson (1934)"),
+    "fraction": Column("share of the starts that converge to it within within_turns"),
+    "fraction_low": Column("lower bound of this share in the box of starts", "95 %, Clopper and Pearson (1934)"),
     "fraction_high": Column("upper bound", "as the lower one; of an attractor without starts 3 over their number"),
+    "within_turns": Column("turns of exciter 1 for which each start was followed, at most"),
+    "rate_per_turn": Column(
+        "of an orbit, rate at which chaotic motions converge to it; of a chaotic motion, rate at which it is left",
+        "arrivals after a quarter of within_turns, over all turns after it; its inverse is the mean life of a chaotic "
+        "transient; empty where it is not known",
+    ),
+    "rate_low_per_turn": Column("lower bound of rate_per_turn", "95 %, Garwood (1936)"),
+    "rate_high_per_turn": Column("upper bound of rate_per_turn", "as the lower one; without arrivals 3 over the turns"),
+    "rate_constant_p": Column(
+        "probability that arrivals at a constant rate are as uneven as these",
+        "tests of Laplace, and of Kolmogorov and Smirnov; below 0.05 the rate is not constant; empty with fewer than "
+        "five arrivals",
+    ),
     "multiplier_max": SWEEP["multiplier_max"],
     "radius": Column(
-        "size of the ellipsoid in which a start is assigned to it",
-        "distances in left eigenvectors of the return map, in the scales of the scene; 0: each start by itself",
+        "radius of the smallest ellipsoid around it in which a start is assigned to it",
+        "distances in left eigenvectors of the return map, in the scales of the scene; 0: none, each start by itself",
     ),
+    "ellipsoids": Column("crossings of the Poincaré section, in a period, that have such an ellipsoid"),
     **{name: SWEEP[name] for name in MEASURED},
     **{name: SWEEP[name] for name in (*ERRORS.values(), "coexists", "outcome", "detail", "notes")},
     **{name: Column(f"{name} of a state of it on the Poincaré section") for name in (*COORDINATES, *RATES)},
@@ -68,7 +83,8 @@ STARTS_TABLE: Columns = {
     "turns": Column("turns of exciter 1 until the start was assigned"),
 }
 FRACTIONS: Columns = {
-    name: ATTRACTORS[name] for name in ("attractor", "count", "fraction", "fraction_low", "fraction_high")
+    name: ATTRACTORS[name]
+    for name in ("attractor", "count", "fraction", "fraction_low", "fraction_high", "within_turns")
 }
 
 
@@ -155,22 +171,36 @@ class Basins:
                 assigned = [start["turns"] for start in now.starts if "outcome" not in start]
                 history = history if done else assigned
                 done = numbers.stop
-            groups = now.groups()
-            tasks = [Task(representative, (scene, group[0]["state"])) for group in groups]
-            for group, record in zip(groups, _run(f"{place} motion", tasks, store, workers), strict=True):
-                now.take(group, record)
+            self._classified(place, now, store, workers)
         return _told(self, found)
 
+    def _classified(self, place: int, now: Found, store: Store, workers: Pool) -> None:
+        """Follow a motion of each group longer; where it converges to an orbit of its own, another one."""
+        groups = now.groups()
+        for attempt in range(TRIES):
+            open_ = [group for group in groups if group.starts]
+            tasks = [Task(representative, (now.scene, group.starts[0]["state"])) for group in open_]
+            for group, record in zip(open_, _run(f"{place} motion {attempt}", tasks, store, workers), strict=True):
+                now.take(group, record)
+        for group in groups:
+            now.give_up(group)
+
     def repeats(self, answer: Answer, other: Callable[[Scene], Scene]) -> list[Repeat]:
-        """Choose starts, as far from each other as they can be, that must come to the same attractors."""
+        """Choose starts, as far from each other as they can be, that must converge to the same attractors.
+
+        Where chaos is a transient, its end differs from engine to engine: such starts are left out.
+        """
         attractors, starts = answer.tables["attractors"], answer.tables["starts"]
+        names = ["attractor"] if self.key is None else [column_of(self.key), "attractor"]
+        joined = starts[[*names, "turns"]].merge(attractors, on=names, how="left")
+        late = joined["period"].gt(0) & joined["turns"].gt(LATE * self.plan.longest_turns)
+        places = np.flatnonzero(~(late | joined["motion"].isin(RESTLESS) & joined["rate_per_turn"].gt(0.0)))
         count, order, found = self.plan.number, self.order, list[Repeat]()
-        for place in np.unique(np.linspace(0, len(starts) - 1, CHECKED).round().astype(int)).tolist():
+        spread = np.linspace(0, max(places.size - 1, 0), min(CHECKED, places.size)).round().astype(int)
+        for place in places[np.unique(spread)].tolist():
             value, start = divmod(place, count)
-            at = attractors if self.key is None else attractors[attractors[column_of(self.key)] == self.values[value]]
-            row = at[at["attractor"] == starts["attractor"].iloc[place]].iloc[0]
             task = Task(followed_alone, (other(self._scenes[value]), self.plan, int(order[start])))
-            known = {name: row[name] for name in (*COMPARED, PHASE_COLUMN) if name != "motion"}
+            known = {name: joined[name].iloc[place] for name in (*COMPARED, PHASE_COLUMN) if name != "motion"}
             found.append(Repeat(f"from start {place} of the table", task, known))
         return found
 
@@ -248,9 +278,9 @@ def _told(question: Basins, found: Sequence[Found]) -> Answer:
     attractors, starts, places = [], [], values_of(plan, range(plan.number))
     for value, f, labels in zip(question.values, found, names(found), strict=True):
         at = dict.fromkeys(column, value)
-        counts = f.counts
+        counts, rates = f.counts, rates_of(f.attractors, f.starts, plan.longest_turns)
         order = sorted(range(len(counts)), key=lambda k: (-counts[k], k))
-        attractors += [at | _row(f.attractors[k], labels[k], counts[k], plan.number) for k in order]
+        attractors += [at | _row(f.attractors[k], labels[k], counts[k], rates[k], plan) for k in order]
         starts += [
             at
             | dict(zip(plan.starts, places[k].tolist(), strict=True))
@@ -268,17 +298,22 @@ def _told(question: Basins, found: Sequence[Found]) -> Answer:
         tables,
         lines=_lines(plan, tables, len(question.values)),
         text=_text(tables["attractors"], key),
-        notes=_notes(plan, tables["attractors"]),
+        notes=_notes(plan, tables["attractors"], found),
         failures=[line for f in found for line in _failures(f)],
     )
 
 
-def _row(record: Record, label: str, count: int, number: int) -> dict[str, Any]:
-    """Return the row of an attractor to which a count of a number of starts comes."""
-    low, high = bounds(count, number)
-    found = {"attractor": label, "count": count, "fraction": count / number, "fraction_low": low, "fraction_high": high}
+def _row(record: Record, label: str, count: int, rate: Rate | None, plan: BasinsPlan) -> dict[str, Any]:
+    """Return the row of an attractor to which a count of the starts converges, at a rate."""
+    low, high = bounds(count, plan.number)
+    found: dict[str, Any] = {"attractor": label, "count": count, "fraction": count / plan.number}
+    found |= {"fraction_low": low, "fraction_high": high, "within_turns": plan.longest_turns}
+    if rate is not None:
+        names = ("rate_per_turn", "rate_low_per_turn", "rate_high_per_turn", "rate_constant_p")
+        found |= dict(zip(names, rate, strict=True))
     state = zip((*COORDINATES, *RATES), record["state"] or [None] * 14, strict=True)
-    return {**record["row"], **dict(state), **found, "radius": record["radius"]}
+    own = {name: record[name] for name in ("radius", "ellipsoids")}
+    return {**record["row"], **dict(state), **found, **own}
 
 
 def _lines(plan: BasinsPlan, tables: Mapping[str, pd.DataFrame], values: int) -> dict[str, str]:
@@ -301,22 +336,54 @@ def _text(table: pd.DataFrame, key: str | None) -> list[str]:
         if key is not None:
             values = rows[column_of(key)]
             told = f"{share.min():.4f} … {share.max():.4f} at {place_words(column_of(key), values.min(), values.max())}"
-        elif pd.notna(row["rms_y_m"]):
-            told += f"  RMS y {1e3 * row['rms_y_m']:.4g} mm"
-        if key is None and pd.notna(row["multiplier_max"]):
-            told += f", multiplier {row['multiplier_max']:.4f}"
+        else:
+            told += f"  RMS y {1e3 * row['rms_y_m']:.4g} mm" if pd.notna(row["rms_y_m"]) else ""
+            told += f", multiplier {row['multiplier_max']:.4f}" if pd.notna(row["multiplier_max"]) else ""
+            told += _life(row)
         lines.append(f"{name:<{max(map(len, table['attractor']))}}  {told}")
     return lines
 
 
-def _notes(plan: BasinsPlan, table: pd.DataFrame) -> list[str]:
+def _life(row: pd.Series) -> str:
+    """Say how long a motion that does not repeat lasts, with bounds; empty where this is not known."""
+    if row["motion"] not in RESTLESS or pd.isna(row["rate_high_per_turn"]):
+        return ""
+    rate, slowest, fastest = (row[f"rate_{name}per_turn"] for name in ("", "low_", "high_"))
+    if not rate:
+        return f"; mean life above {_turns(1.0 / fastest)} turns"
+    if row["rate_constant_p"] < DOUBT:
+        return "; transient, it ends at a rate that is not constant"
+    return f"; transient, mean life {_turns(1.0 / rate)} ({_turns(1.0 / fastest)} … {_turns(1.0 / slowest)}) turns"
+
+
+def _turns(number: float) -> str:
+    """Write a number of turns with two digits that count, thousands apart."""
+    return f"{float(f'{number:.2g}'):,.0f}".replace(",", " ")
+
+
+def _notes(plan: BasinsPlan, table: pd.DataFrame, found: Sequence[Found]) -> list[str]:
     """Return what deserves a second look."""
     notes = [f"attractors with a share below {bounds(0, plan.number)[1]:.2g} of the box are easily missed"]
-    restless = table[table["radius"].isna() & (table["count"] > 0) & (table["outcome"] == "ok")]
+    restless = table[table["motion"].isin(RESTLESS) & (table["count"] > 0)]
     if len(restless):
         notes.append(
-            f"motions that came to no orbit in {plan.longest_turns} turns are told from each other by their RMS values "
-            "and share of flight alone; one of each kind was classified"
+            f"motions that have converged to no orbit within {plan.longest_turns} turns are told from each other by "
+            "windows of their last turns, and one of each kind was classified"
+        )
+    for f in found:
+        several = [k for k, record in enumerate(f.attractors) if record["row"]["motion"] in RESTLESS and f.counts[k]]
+        turns = f.unchanged(plan.longest_turns)
+        if len(several) > 1:
+            notes.append(
+                f"no change from one of these motions to another was seen in {_turns(turns)} turns: it happens less "
+                f"often than once in {_turns(turns / 3.0)} turns (95 %)"
+            )
+            break
+    escaped = sum(record.get("escaped", 0) for f in found for record in f.attractors)
+    if escaped:
+        notes.append(
+            f"{escaped} such motion{'s' * (escaped > 1)} converged to an orbit when followed longer: more starts do so "
+            "with a larger basins.longest_turns"
         )
     return notes
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
-from vibroplat.kernels.compiled import FloatArray, compiled
+from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.observe.measures import Measures
 
 _TURN = 2.0 * math.pi
@@ -65,25 +65,30 @@ def ellipsoid_of(
     Each is where a form, shape (14, 14), of the distance from its centre, shape (14,), is below 1 in a system's states;
     whole turns of the exciters do not matter.
     """
-    n = centres.shape[1]
     for k in range(systems.size):
-        if systems[k] != system:
-            continue
-        size = 0.0
-        for i in range(n):
-            row = 0.0
-            for j in range(n):
-                away = state[j] - centres[k, j]
-                if 3 <= j < 5:
-                    away -= _TURN * np.round(away / _TURN)
-                row += forms[k, i, j] * away
-            away = state[i] - centres[k, i]
-            if 3 <= i < 5:
-                away -= _TURN * np.round(away / _TURN)
-            size += away * row
-        if size < 1.0:
+        if systems[k] == system and form_of(state, centres[k], forms[k]) < 1.0:
             return k
     return -1
+
+
+@compiled
+def form_of(state: FloatArray, centre: FloatArray, form: FloatArray) -> float:
+    """Evaluate the form of an ellipsoid at a full state: the square of its distance, over the radius."""
+    size = 0.0
+    for i in range(centre.size):
+        row = 0.0
+        for j in range(centre.size):
+            row += form[i, j] * _offset(state, centre, j)
+        size += _offset(state, centre, i) * row
+    return size
+
+
+@inlined
+def _offset(state: FloatArray, centre: FloatArray, place: int) -> float:
+    away = state[place] - centre[place]
+    if 3 <= place < 5:
+        away -= _TURN * np.round(away / _TURN)
+    return away
 
 
 def spreads(points: FloatArray, first: int = 1, last: int = MAX_PERIOD) -> FloatArray:

@@ -41,7 +41,7 @@ TEXTS = {
     "coexists",
 } | {*("sequence", "below", "above", "check", "attractor")}
 COUNTS = {"branch", "parent", "curve", "point", "points", "period", "steps", "residual_calls", "events"} | {
-    *("unstable", "orbit_unstable", "count")
+    *("unstable", "orbit_unstable", "count", "ellipsoids", "within_turns")
 }
 ANSWERS = {"stable"}
 

@@ -1,0 +1,127 @@
+"""The rate at which motions that do not repeat converge to orbits: chaos may be a transient of any length.
+
+A motion on a chaotic saddle leaves it at a constant rate (Grebogi, Ott and Yorke 1983, Physica D 7, 181; Lai and Tél,
+Transient Chaos, 2011). Early arrivals are of motions that never came near the saddle, and would spoil the estimate:
+those after a quarter of the turns count.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.study.store import Record
+
+#: Part of the turns after which an arrival counts as late.
+LATE = 0.25
+#: Error of bounds: they hold the rate in 95 of 100 samples.
+DOUBT = 0.05
+#: Motions that may be transients, and the radius that counts for orbits without an ellipsoid.
+RESTLESS, NEAREST = ("chaotic", "undecided"), 1e-4
+#: Fewest late arrivals of which it can be told whether their rate is constant.
+ENOUGH = 5
+
+
+class Rate(NamedTuple):
+    """A rate in events a turn.
+
+    Attributes
+    ----------
+    value
+        Events over the turns in which they might have happened.
+    low, high
+        Bounds of 95 % (Garwood 1936, Biometrika 28, 437); with no event the upper bound alone has this error.
+    constant
+        Probability that events at a constant rate are this uneven; nan if they are too few to tell.
+    """
+
+    value: float
+    low: float
+    high: float
+    constant: float
+
+
+def rate_of(places: Sequence[float], exposure: float) -> Rate:
+    """Estimate a rate.
+
+    Parameters
+    ----------
+    places
+        Of each event, the turns of all motions at risk until it happened, over all such turns: a constant rate spreads
+        them evenly over 0 … 1.
+    exposure
+        All turns at risk.
+    """
+    from scipy.special import gammaincinv  # noqa: PLC0415  (half a second)
+
+    count = len(places)
+    tail = DOUBT / 2.0 if count else DOUBT
+    low = float(gammaincinv(count, tail)) if count else 0.0
+    high = float(gammaincinv(count + 1, 1.0 - tail))
+    return Rate(count / exposure, low / exposure, high / exposure, _constant(np.sort(places)))
+
+
+def _constant(places: FloatArray) -> float:
+    """Test whether places are spread evenly over 0 … 1, as Laplace (a trend) and Kolmogorov and Smirnov do."""
+    from scipy.special import kolmogorov, ndtr  # noqa: PLC0415
+
+    count = places.size
+    if count < ENOUGH:
+        return math.nan
+    trend = 2.0 * ndtr(-abs(places.mean() - 0.5) * math.sqrt(12.0 * count))
+    steps = np.arange(count + 1) / count
+    away = max((steps[1:] - places).max(), (places - steps[:-1]).max())
+    shape = kolmogorov((math.sqrt(count) + 0.12 + 0.11 / math.sqrt(count)) * away)  # Stephens (1970)
+    return float(min(2.0 * min(trend, shape), 1.0))
+
+
+def rates_of(attractors: Sequence[Record], starts: Sequence[Record], longest: int) -> list[Rate | None]:
+    """Estimate the rate at which motions converge to each orbit, and that at which each other motion is left for one.
+
+    It is None where it cannot be known: nothing was at risk, a motion may take as long on a direct way to the orbit, or
+    several motions that do not repeat were left, and it is not known which of them how often.
+
+    Parameters
+    ----------
+    attractors, starts
+        Records of attractors, and of starts with the number of each start's attractor.
+    longest
+        Turns after which motions were given up.
+    """
+    begin = LATE * longest
+    rows = [record["row"] for record in attractors]
+    orbits = {k for k, row in enumerate(rows) if row["motion"] == "periodic"}
+    quick = {k for k in orbits if _direct_turns(attractors[k]) <= begin}
+    restless = {k for k, row in enumerate(rows) if row["motion"] in RESTLESS}
+    late = [(start["attractor"], start["turns"] - begin) for start in starts if start["turns"] > begin]
+    arrived = [(number, turns) for number, turns in late if number in quick]
+    risk = [turns for number, turns in late if number in quick | restless]
+
+    def rate(events: Sequence[float], exposed: Sequence[float]) -> Rate | None:
+        total = np.sort(np.array(exposed))
+        before, count = np.cumsum(total), np.arange(total.size, 0, -1)
+        passed = [np.searchsorted(total, turns) for turns in events]
+        places = [(before[k] + (count[k] - 1) * turns) / before[-1] for k, turns in zip(passed, events, strict=True)]
+        return rate_of(places, float(before[-1])) if total.size else None
+
+    found: list[Rate | None] = [None] * len(rows)
+    for k in quick:
+        found[k] = rate([turns for number, turns in arrived if number == k], risk)
+    for k in restless:
+        own = [turns for number, turns in late if number == k]
+        if not arrived:
+            found[k] = rate([], own)
+        elif restless == {k}:
+            found[k] = rate([turns for _, turns in arrived], risk)
+    return found
+
+
+def _direct_turns(record: Record) -> float:
+    """Return the turns that a motion may take to an orbit from any distance, as far as the derivative tells."""
+    row = record["row"]
+    decay = -math.log(min(max(row["multiplier_max"] or 0.0, 1e-300), 1.0 - 1e-15))
+    return float(row["period"] * -math.log(record["radius"] or NEAREST) / decay)

@@ -1,0 +1,77 @@
+"""Tell motions that do not repeat from each other by windows of them.
+
+Windows of one motion may differ more than those of two: where it comes in bursts, its RMS displacements scatter by half
+of themselves. So each window has a class, and an arrow goes from the class of each window to that of the next one. A
+set of classes that lead to each other, and to no other ones, is an attractor; others are left sooner or later.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.study.classification import same_phase
+
+#: What tells motions apart that do not repeat.
+TOLD = ("rms_x_m", "rms_y_m", "rms_phi_rad")
+#: Windows are of one class if their measures are this near, over themselves.
+ALIKE = 0.2
+
+#: Measures of a window, by column of a sweep.
+Window = Mapping[str, Any]
+
+
+def alike(one: Window, other: Window, scales: FloatArray, share: float = ALIKE) -> bool:
+    """Whether two motions are synchronized alike, with nearly the same RMS displacements and share of flight."""
+    sizes = np.array([[row[name] for name in TOLD] for row in (one, other)]) / scales[: len(TOLD)]
+    near = np.linalg.norm(sizes[1] - sizes[0]) <= share * np.linalg.norm(sizes, axis=1).max()
+    flying = abs((one["flight_fraction"] or 0.0) - (other["flight_fraction"] or 0.0)) <= share
+    return bool(near) and flying and same_phase(one, other)
+
+
+def classes_of(motions: Sequence[Sequence[Window]], scales: FloatArray) -> list[list[int]]:
+    """Return the classes of the windows of some motions; a class is named after its first window."""
+    first: list[Window] = []
+    found = []
+    for windows in motions:
+        classes = []
+        for window in windows:
+            number = next((k for k, one in enumerate(first) if alike(one, window, scales)), len(first))
+            if number == len(first):
+                first.append(window)
+            classes.append(number)
+        found.append(classes)
+    return found
+
+
+def components(paths: Sequence[Sequence[int]]) -> tuple[list[int], dict[int, set[int]]]:
+    """Return the strong component in which each path ends, and the closed ones to which each component leads.
+
+    Parameters
+    ----------
+    paths
+        Classes of successive windows of each motion.
+
+    Returns
+    -------
+    ends, closed
+        Components have numbers. A closed one leads to itself alone; one that leads to others is left.
+    """
+    from scipy.sparse import csr_array  # noqa: PLC0415  (a tenth of a second)
+    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415
+
+    size = 1 + max((number for path in paths for number in path), default=-1)
+    arrows = np.eye(size, dtype=bool)
+    for path in paths:
+        arrows[path[:-1], path[1:]] = True
+    count, labels = connected_components(csr_array(arrows), directed=True, connection="strong")
+    reached = np.zeros((count, count), dtype=bool)
+    for one, other in np.argwhere(arrows):
+        reached[labels[one], labels[other]] = True
+    for middle in range(count):
+        reached |= np.outer(reached[:, middle], reached[middle])
+    closed = [k for k in range(count) if reached[k].sum() == 1]
+    return [int(labels[path[-1]]) for path in paths], {k: {c for c in closed if reached[k, c]} for k in range(count)}
