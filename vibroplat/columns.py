@@ -21,6 +21,7 @@ UNITS = {
     "n_per_m": "N/m",
     "m_per_s": "m/s",
     "per_s": "1/s",
+    "per_turn": "1/turn",
     "kg_m2": "kg·m²",
     "kg_m": "kg·m",
     "n_s": "N·s",

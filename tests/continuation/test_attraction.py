@@ -58,6 +58,21 @@ def test_an_orbit_does_not_attract_from_anywhere(flying):
     assert around.distance(around.state, around.system + 1) == np.inf
 
 
+def test_directions_are_even_in_the_ellipsoid(flying, monkeypatch):
+    """Its axes differ by two orders of magnitude: directions that are even in the scales of the state miss the long."""
+    around, shooter = flying
+    seen = []
+    monkeypatch.setattr(Attraction, "_comes_nearer", lambda self, shooter, offset, *more: not seen.append(offset))
+    assert around.attracts(shooter, 1.0, 400)
+    root = np.linalg.cholesky(around.form[np.ix_(around._places, around._places)]).T * around._scales
+    shells = np.array(seen).reshape(3, 402, -1)[:, 2:] @ root.T
+    sizes = np.linalg.norm(shells, axis=2)
+    np.testing.assert_allclose(sizes, np.array([[1.0], [0.25], [0.0625]]) * np.ones(400))
+    for ways in shells / sizes[..., np.newaxis]:
+        spread = np.linalg.eigvalsh(ways.T @ ways / 400) * ways.shape[1]
+        assert 0.5 < spread.min() < spread.max() < 1.8
+
+
 def test_a_distance_that_is_no_number_is_not_nearer(flying, monkeypatch):
     around, shooter = flying
     monkeypatch.setattr(around, "distance", lambda state, system: np.nan)

@@ -337,7 +337,8 @@ def _text(table: pd.DataFrame, key: str | None) -> list[str]:
             values = rows[column_of(key)]
             told = f"{share.min():.4f} … {share.max():.4f} at {place_words(column_of(key), values.min(), values.max())}"
         else:
-            told += f"  RMS y {1e3 * row['rms_y_m']:.4g} mm" if pd.notna(row["rms_y_m"]) else ""
+            told += f" within {row['within_turns']} turns"
+            told += f", RMS y {1e3 * row['rms_y_m']:.4g} mm" if pd.notna(row["rms_y_m"]) else ""
             told += f", multiplier {row['multiplier_max']:.4f}" if pd.notna(row["multiplier_max"]) else ""
             told += _life(row)
         lines.append(f"{name:<{max(map(len, table['attractor']))}}  {told}")

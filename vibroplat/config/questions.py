@@ -39,7 +39,7 @@ class BasinsPlan(Section, title="Basins"):
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of starts and of their perturbations")
     over: Over | None = Field(None, description="values of another key, at each of which the same starts are followed")
     longest_turns: Annotated[int, Field(ge=100, le=10_000_000)] = Field(
-        6000, description="turns after which a motion that has come to no periodic orbit is taken not to repeat"
+        6000, description="turns for which each motion is followed at most; fractions are those within them"
     )
 
     @model_validator(mode="after")

@@ -107,7 +107,8 @@ def _basins(number: int, one: Saved, motions: Motions) -> list[Study]:
     told = table_data("attractors", number, attractors)
     study: Study = {
         "title": "Basins",
-        "meaning": "Each dot is a start, in the colour of the attractor that its motion comes to. "
+        "meaning": "Each dot is a start, in the colour of the attractor to which its motion converges "
+        f"within {plan['longest_turns']} turns. "
         "A key drawn over itself shows how many starts come to each attractor.",
         "table": table_data("starts", number, whole, MOST_STARTS),
         "axes": axes(starts, plan["starts"]),
@@ -120,7 +121,8 @@ def _basins(number: int, one: Saved, motions: Motions) -> list[Study]:
         return [study | {"special": told, "motions": moved}]
     shares = {
         "title": "Shares",
-        "meaning": "The share of the starts that comes to each attractor, and below it the motion of each.",
+        "meaning": "The share of the starts that converges to each attractor "
+        f"within {plan['longest_turns']} turns, and below it the motion of each.",
         "table": told,
         "axes": axes(shown, keys),
         "measures": [_measure("fraction"), *measures(shown)],

@@ -42,11 +42,12 @@ def basins_figure(
 ) -> Figure:
     """Draw the basins of a scene, which has this section ``basins``: starts, or over a key shares of them."""
     ranges, key = plan["starts"], column_of(plan["over"]["key"]) if plan.get("over") else ""
-    figure = _shares(attractors, key) if key else _places(attractors, starts, ranges)
+    figure = _shares(attractors, key, plan["longest_turns"]) if key else _places(attractors, starts, ranges)
     box = ", ".join(_range(start, ranges[start]) for start in (ranges if key else list(ranges)[2:]))
     crowded = not key and starts.duplicated(list(ranges)[:2]).any()
     hidden = "where several starts have one place, the last is seen" if crowded else ""
-    told = (sweep_parameters(scene, [key]), box and f"starts: {box}", hidden)
+    within = "" if key else f"starts followed for {plan['longest_turns']} turns"
+    told = (sweep_parameters(scene, [key]), box and f"starts: {box}", within, hidden)
     head(figure, name, "\n".join(filter(None, told)))
     return figure
 
@@ -102,7 +103,9 @@ def _places(attractors: pd.DataFrame, starts: pd.DataFrame, ranges: Mapping[str,
             right.set_xlabel(key_label(first))
             shades = colormaps["viridis"].with_extremes(bad=NEVER)
             image = _fill(right, starts, ranges, np.where(settled, turns, np.nan), gridded=gridded, cmap=shades)
-            figure.colorbar(image, ax=right, label="turns until settled" + ("" if settled.all() else "; grey: never"))
+            figure.colorbar(
+                image, ax=right, label="turns until settled" + ("" if settled.all() else "; grey: not settled")
+            )
         for axis in axes.flat:
             axis.grid(visible=False)
     legend_below(figure, [entry(names[name], color=colours[name], marker="s", linestyle="") for name in colours])
@@ -125,7 +128,7 @@ def _fill(
     return axis.pcolormesh(*places, values[order].reshape(shape[::-1]), shading="nearest", rasterized=True, **look)
 
 
-def _shares(attractors: pd.DataFrame, key: str) -> Figure:
+def _shares(attractors: pd.DataFrame, key: str, turns: int) -> Figure:
     """Stack the shares of attractors over a key; bars say how well each is known from so many starts."""
     names, colours = _legend(attractors, shares=False), attractor_colours(attractors["attractor"])
     figure, axes = new_figure(1, 1, (6.4, 4.2))
@@ -145,7 +148,7 @@ def _shares(attractors: pd.DataFrame, key: str) -> Figure:
             values[known], top[known], bars, color=colour, fmt=".", markersize=3.0, linewidth=0.8, capsize=1.5
         )
         below = top
-    axis.set(xlabel=key_label(key), ylabel="share of the starts", ylim=(0.0, 1.0))
+    axis.set(xlabel=key_label(key), ylabel=f"share of the starts within {turns} turns", ylim=(0.0, 1.0))
     if len(values) > 1:
         axis.set_xlim(values.min(), values.max())
     if in_ratios(values):

@@ -1,0 +1,74 @@
+"""Rates at which chaotic motions converge to orbits, from arrivals at known rates."""
+
+import math
+
+import numpy as np
+import pytest
+
+from vibroplat.basin.rates import rate_of, rates_of
+
+
+def orbit(multiplier=0.9, radius=1e-2, period=6):
+    return {"row": {"motion": "periodic", "period": period, "multiplier_max": multiplier}, "radius": radius}
+
+
+def restless(motion="chaotic"):
+    return {"row": {"motion": motion, "period": 0, "multiplier_max": None}, "radius": None}
+
+
+def starts_of(turns, longest, number=0, other=1):
+    """Starts that arrive at an orbit after some turns, or are still chaotic at the end."""
+    arrived = [{"attractor": number, "turns": int(t)} for t in turns if t < longest]
+    return arrived + [{"attractor": other, "turns": longest, "windows": []} for t in turns if t >= longest]
+
+
+@pytest.mark.parametrize(("count", "low", "high"), [(0, 0.0, 2.9957), (1, 0.0253, 5.5716), (10, 4.7954, 18.3904)])
+def test_bounds_are_those_of_garwood(count, low, high):
+    rate = rate_of(np.linspace(0.1, 0.9, count).tolist(), 1.0)
+    np.testing.assert_allclose((rate.low, rate.high), (low, high), atol=1e-4)
+    assert rate.value == count
+
+
+@pytest.mark.parametrize("longest", [1500, 6000, 24000])
+def test_rate_does_not_depend_on_how_long_motions_are_followed(longest):
+    """A share within the turns does; and early arrivals, which are direct, do not count."""
+    mean, random = 20_000.0, np.random.default_rng(0)
+    held = 0
+    for _ in range(200):
+        direct = random.uniform(0.0, 0.2 * longest, 100)
+        turns = np.concatenate([direct, random.exponential(mean, 300)])
+        to_orbit, of_chaos = rates_of([orbit(), restless()], starts_of(turns, longest), longest)
+        assert to_orbit == of_chaos
+        held += to_orbit.low <= 1.0 / mean <= to_orbit.high
+    assert held >= 180
+
+
+def test_constant_rates_are_told_from_others():
+    random = np.random.default_rng(1)
+    told = []
+    for make in (lambda: random.uniform(size=20), lambda: random.beta(1.0, 3.0, size=20)):
+        told.append(np.mean([rate_of(make().tolist(), 1e5).constant < 0.05 for _ in range(200)]))
+    assert told[0] <= 0.08
+    assert told[1] >= 0.8
+    assert math.isnan(rate_of([0.1, 0.2, 0.3, 0.4], 1e5).constant), "too few"
+
+
+def test_arrivals_at_an_orbit_that_attracts_slowly_tell_nothing_of_chaos():
+    random = np.random.default_rng(2)
+    starts = starts_of(random.exponential(2000.0, 50), 6000)
+    slow, of_chaos = rates_of([orbit(multiplier=0.999), restless()], starts, 6000)
+    assert slow is None
+    assert of_chaos.value == 0.0
+    exposed = sum(one["turns"] - 1500 for one in starts if one["attractor"] == 1)
+    assert of_chaos.high == pytest.approx(2.9957 / exposed, rel=1e-4)
+
+
+def test_of_several_restless_motions_it_is_not_known_which_was_left():
+    starts = [*starts_of([3000.0, 9000.0, 9000.0], 6000), {"attractor": 2, "turns": 6000, "windows": []}]
+    to_orbit, *others = rates_of([orbit(), restless(), restless("undecided")], starts, 6000)
+    assert others == [None, None]
+    assert to_orbit.value == pytest.approx(1.0 / (1500.0 + 3 * 4500.0))
+
+
+def test_where_nothing_is_late_there_is_no_rate():
+    assert rates_of([orbit()], starts_of([100.0, 200.0], 6000), 6000) == [None]
