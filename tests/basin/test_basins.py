@@ -253,12 +253,10 @@ def test_what_is_printed_says_within_how_many_turns(found):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("frequency", "ratio", "restitution", "starts", "longest", "at_least"),
-    [(57.0, 0.15, 0.5, 120, 6000, 1), (55.6, 0.202, 0.4, 200, 3000, 100), (57.9, 0.161, 0.3, 200, 3000, 100)],
-)
-def test_assigned_starts_stay_on_their_orbit(frequency, ratio, restitution, starts, longest, at_least):
-    """Ellipsoids tested in the scales of the state held saddles: 3 of 20, 101 of 395 and 36 of 400 were wrong."""
+@pytest.mark.parametrize(("frequency", "ratio", "restitution"), [(55.6, 0.202, 0.4), (57.9, 0.161, 0.3)])
+def test_assigned_starts_stay_on_their_orbit(frequency, ratio, restitution):
+    """Ellipsoids that were tested in the scales of the state held saddles: 101 of 395 and 36 of 400 were wrong."""
+    starts, longest = 80, 3000
     box = {PHASE: [-math.pi, math.pi], SPEED: [0.0, 1.1]}
     keys = {"drive.supply_frequency_hz": frequency, "contact.restitution": restitution}
     keys |= {"material.layers": 2, "contact.sticking_speed_m_per_s": 0.0}
@@ -273,4 +271,4 @@ def test_assigned_starts_stay_on_their_orbit(frequency, ratio, restitution, star
                 away = np.array(follower.attractors[number]["centres"]) - follower._motion.state
                 away[:, 3:5] -= 2.0 * math.pi * np.round(away[:, 3:5] / (2.0 * math.pi))
                 assert np.abs(away / state_scales(scene)).max(axis=1).min() < 0.02
-    assert assigned >= at_least
+    assert assigned > starts // 2
