@@ -216,7 +216,7 @@ def mixed(growth: FloatArray) -> int:
     gaps = np.diff(np.sort(np.where(np.isneginf(later), math.log(LOST), later).mean(axis=0)))
     most = min(len(growth) // WAITED, len(growth) - BLOCKS[-1])
     waits = -math.log(MIXED) / gaps[gaps > 0.0]
-    return math.ceil(waits[waits <= most].max(initial=0.0))
+    return math.ceil(float(waits[waits <= most].max(initial=0.0)))
 
 
 def exponents(motion: Motion, directions: FloatArray, effort: Effort, *, largest: bool = False) -> list[Exponent]:
