@@ -59,6 +59,7 @@ def branch(count=21, **columns):
             "phase_difference_rad": np.pi,
             "sync": "antiphase",
             "flight_fraction": 0.0,
+            "contact_force_max_n": 60.0,
             "outcome": "ok",
         }
     )

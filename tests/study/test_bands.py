@@ -44,10 +44,73 @@ def test_a_phase_that_crosses_pi_or_drifts_slowly_is_no_jump():
     assert not jumps(branch(phase_difference_rad=drifting, sync=names)).any()
 
 
-def test_next_to_a_failed_point_nothing_is_known():
-    failed = np.arange(21) == 8
-    columns = ["excitation_frequency_hz", "rms_x_m", "rms_y_m", "phase_difference_rad", "sync"]
-    assert not jumps(_without(branch(), failed, columns)).any()
+#: What jumps at point 8 of a branch.
+JUMPS = {
+    "phase": {"phase_difference_rad": after(8, np.pi, 0.0), "sync": after(8, "antiphase", "in-phase")},
+    "lost": {"sync": after(8, "antiphase", "none")},
+    "frequency": {"excitation_frequency_hz": 21.0 + 0.25 * np.arange(21) + after(8, 0.0, 1.5)},
+    "amplitude": {"rms_y_m": after(8, 1e-3, 0.1e-3)},
+}
+
+
+@pytest.mark.parametrize("change", JUMPS.values(), ids=JUMPS)
+def test_a_jump_takes_two_points_on_each_side(change):
+    table = branch(**change)
+    for first, last in ((7, 8), (6, 8), (7, 9), (0, 8), (7, 20)):
+        assert not jumps(table[first : last + 1]).any()
+    assert jumps(table[6:10]).tolist() == [False, True, False]
+
+
+def test_a_key_that_hardly_changes_the_motion_has_no_jump_between_few_points():
+    few = branch(2, rms_y_m=[2.19e-3, 2.18e-3], excitation_frequency_hz=[25.1, 25.0])
+    few = few.rename(columns={"supply_frequency_hz": "machine.mass_kg"})
+    assert not jumps(few).any()
+    assert bands(few)["kind"].tolist() == ["band", "largest"]
+
+
+def test_a_point_on_the_way_shows_that_the_response_is_steep():
+    """As where the symmetry of in-phase motion breaks: finer sweeps show a phase difference that is continuous."""
+    phase = np.select([np.arange(21) < 8, np.arange(21) == 8], [0.0, -2.2], np.pi)
+    assert not jumps(branch(phase_difference_rad=phase, sync=after(8, "in-phase", "antiphase"))).any()
+    one = np.where(np.arange(21) == 8, "none", "antiphase")
+    assert bands(branch(sync=one))["kind"].tolist() == ["band", "band", "band", "largest"]
+
+
+@pytest.mark.parametrize(
+    "lost",
+    [{"outcome": "event-storm", "excitation_frequency_hz": np.nan, "rms_y_m": np.nan}, {"rms_y_error_m": 0.3e-3}],
+    ids=["failed", "jumps-while-measured"],
+)
+def test_a_jump_leads_across_a_point_that_says_nothing(lost):
+    table = branch(rms_y_m=after(8, 1e-3, 0.1e-3), rms_y_error_m=1e-6)
+    table.loc[8, [*lost, "rms_x_m"]] = [*lost.values(), 0.2e-3]
+    assert np.flatnonzero(jumps(table)).tolist() == [7, 8]
+    row = bands(table).query("kind == 'jump'").iloc[0]
+    assert (row["points"], row["from_supply_frequency_hz"], row["to_supply_frequency_hz"]) == (3, 45.5, 46.5)
+    table["rms_y_m"] = table["rms_y_m"].where(table["rms_y_m"].isna(), 1e-3)
+    assert not jumps(table).any()
+
+
+def test_changes_count_by_the_distance_of_points():
+    places = np.array([1.0, 2.0, 3.0, 4.0, 7.0, 8.0, 9.0, 10.0])
+    uneven = branch(8, supply_frequency_hz=places, excitation_frequency_hz=0.5 * places, rms_y_m=1e-3 * places)
+    assert not jumps(uneven).any()
+    uneven["rms_y_m"] += np.where(places > 4.0, 20e-3, 0.0)
+    assert np.flatnonzero(jumps(uneven)).tolist() == [3]
+    uneven["supply_frequency_hz"] += np.where(places > 4.0, 2.0, 0.0)
+    assert not jumps(uneven).any()  # nothing is known of so much between
+    uneven["supply_frequency_hz"] = 5.0
+    assert not jumps(uneven).any()
+
+
+def test_nothing_lifts_off_where_there_was_no_material():
+    flight = {"flight_fraction": after(3, 0.0, 0.4) * after(8, 1.0, 0.0)}
+    bare = branch(**flight, contact_force_max_n=after(3, np.nan, 60.0))
+    assert bands(bare)["kind"].tolist() == ["band", "flight-end", "largest"]
+    failed = np.arange(21) == 3
+    assert "liftoff" in bands(branch(**flight).assign(outcome=np.where(failed, "event-storm", "ok")))["kind"].tolist()
+    none = branch(**flight, contact_force_max_n=after(8, 60.0, np.nan))
+    assert bands(none)["kind"].tolist() == ["band", "liftoff", "largest"]
 
 
 def _without(table, failed, columns):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from common.places import LOADED
 
+from vibroplat.hybrid.modes import IMPACT, LATCH
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
@@ -315,6 +316,20 @@ def test_error_of_a_remainder_that_decays_reaches_down_to_0(decay, share):
         block.marks["turns"], block.marks["last"][0] = place + 2, place + 1.0
     rms = math.sqrt(blocks[-1].whole[m.XX] / BLOCKS)
     assert block_errors(blocks, ["rms_x_m"])["rms_x_m"] == pytest.approx(share * rms, rel=0.01, abs=1e-12)
+
+
+@pytest.mark.parametrize("latched", [False, True])
+def test_impacts_per_period_have_no_error_where_latches_end_them(latched):
+    """The tolerance decides how many impacts come before a latch; a single latch in the measured part is enough."""
+    blocks = [m.no_measures(0.0) for _ in range(BLOCKS)]
+    for place, block in enumerate(blocks, 1):
+        block.whole[m.TIME] = place
+        block.marks["turns"], block.marks["last"][0] = 10 * place + 1, place
+        block.marks["last"][3 + IMPACT] = 5 * place + place % 2
+        block.marks["last"][3 + LATCH] = float(latched and place > 7)
+    errors = block_errors(blocks, ["impacts_per_period", "flight_fraction"])
+    assert (errors["impacts_per_period"] is None) == latched
+    assert errors["flight_fraction"] == 0.0
 
 
 # -- phase difference -------------------------------------------------------------------------------------

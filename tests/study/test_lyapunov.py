@@ -27,10 +27,11 @@ from vibroplat.study.lyapunov import (
     Exponent,
     exponents,
     largest_exponent,
+    mixed,
     whole_section,
 )
 
-from .helpers import CHAOTIC, MACHINE
+from .helpers import CALIBRATED, CHAOTIC, MACHINE
 
 #: Only gap and gap rate are changed: the table's own motion is undamped, its exponent 0.
 OF_THE_BALL = np.zeros((14, 1))
@@ -312,6 +313,38 @@ def test_exponents_are_logarithms_of_multipliers():
     assert (np.abs(values[order] - logarithms[1:]) <= 3.0 * errors[order] + 1e-3 * np.abs(logarithms[1:])).all()
     change = integral_of_divergence(run_from(scene, motion.state, turn))
     assert values.sum() == pytest.approx(change / turn, rel=1e-4)
+
+
+@pytest.mark.parametrize("frequency", [55.0, 70.0])
+def test_directions_of_the_section_keep_to_no_symmetry(frequency):
+    """Otherwise the second one shrank for 150 turns as the fourth one should, and the block of these decided all."""
+    scene, state = settled(CALIBRATED, frequency, {"material.mass_ratio": 0.2, "solver.engine": "taylor"})
+    found, motion = spectrum(scene, state, ALL._replace(most=ALL.least))
+    multipliers = np.linalg.eigvals(variation(scene, motion.state, found[0].turn).derivative.to_numpy())
+    logarithms = np.log(np.sort(np.abs(multipliers))[-8:-1][::-1]) / found[0].turn  # the largest is 1, along the motion
+    values, errors = np.array([(e.value, e.error) for e in found[:7]]).T
+    assert values == pytest.approx(logarithms, abs=0.1)
+    assert (np.abs(values - logarithms) <= 3.0 * errors + 1e-3 * np.abs(values)).all()
+
+
+def test_what_directions_had_of_their_neighbours_is_not_counted(monkeypatch):
+    """It decays by the difference of their growths; of nearly equal ones a third of the measurements is counted."""
+    first, gap = 0.5, 0.1
+
+    def growth(call):
+        rest = first * math.exp(-gap * call)
+        return np.array([-1.0 - rest, -1.0 - gap + rest])
+
+    monkeypatch.setattr("vibroplat.study.lyapunov._grow", Growing(growth))
+    scene = load_config(MACHINE)
+    with closing(make_engine(scene, parameters(scene))) as engine:
+        found = exponents(Motion(scene, parameters(scene), engine), whole_section(scene)[:, :2], ALL)
+    assert [e.value * 0.04 for e in found] == pytest.approx([-1.0, -1.0 - gap], abs=3e-4)
+    turns = np.arange(1, 313)[:, np.newaxis]
+    for near, skipped in ((gap, 47), (0.05, 93), (0.04, 0), (0.0, 0)):
+        assert mixed(np.tile([-1.0 - near, -1.0], (312, 1))) == skipped
+    assert mixed(np.where(turns < 5, -math.inf, [-1.0, -3.0])) == 3
+    assert mixed(np.ones((20, 2)) * [-1.0, -1.0 - 1.0]) == 0  # as many as blocks are left
 
 
 def test_sum_over_a_chaotic_ball_is_that_of_its_impacts():

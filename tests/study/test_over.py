@@ -198,6 +198,13 @@ def test_command_resumes_bit_for_bit_in_processes_and_checks(command, here):
     assert bits(read_table(here / "results/c", "sweep")) == bits(table)
 
 
+def test_two_values_show_no_jump_and_the_first_material_no_liftoff():
+    """Over a key that changes the response a little, and from a bare platform to material in flight."""
+    table = sweep(over(MASS, {"drive.supply_frequency_hz": 55.0}, values=[0.0, 0.05, 0.1], plan=QUICK))
+    assert (table["flight_fraction"] > 0.0).tolist() == [False, True, True]
+    assert set(bands(table)["kind"]) == {"band", "largest"}
+
+
 def renamed(key=MASS, **columns):
     """A branch over another key: at a fixed supply its excitation frequency hardly changes."""
     table = branch(**{"excitation_frequency_hz": 25.0 + 0.01 * np.arange(21), **columns})

@@ -9,21 +9,29 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import SHAKING, Column, Columns, unit_of, words, words_in_place
+from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.branches import EXCITATION, SUPPLY, study_table
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 #: Columns of a table, or of a part of it.
 Rows = Mapping[str, np.ndarray[Any, Any]]
 
-RMS = "rms_y_m"
-#: Change of the excitation frequency between two points that is a jump, over that of the synchronous frequency. Along
-#: a smooth branch it is about 1, less where a resonance holds the motors back.
+RMS, ERROR, FORCE = "rms_y_m", "rms_y_error_m", "contact_force_max_n"
+#: Fewest points that show a jump: two on each side.
+FEWEST = 4
+#: A change between two points is a jump if it is this many times both changes next to it. Up a resonance the amplitude
+#: grows as much, but over several points; where the symmetry of a motion breaks, the phase difference turns first by
+#: 2.4 times what it turns next.
+ALONE = 4.0
+#: Smallest change of the excitation frequency that is a jump, divided by that of the synchronous frequency. Along a
+#: smooth branch it is about 1, less where a resonance holds the motors back.
 LEAP = 2.5
-#: Change of the phase difference between two points that is a jump (rad); where radii differ it may shift gradually.
+#: The same over another key than the supply, relative to the excitation frequency.
+SHIFT = 1e-3
+#: Smallest change of the phase difference that is a jump (rad).
 TURN = np.pi / 4.0
-#: Change of amplitude between two points that is a jump, over the largest amplitude of the branch and over the changes
-#: next to it; up a resonance the amplitude grows as much, but over several points.
-RISE, ALONE = 0.15, 4.0
+#: Smallest change of the amplitude that is a jump, relative to the largest amplitude of the branch.
+RISE = 0.15
 
 #: Columns of the table, after the grid keys, direction and branch; the last ones are of the ends.
 ENDS: Columns = {
@@ -34,8 +42,10 @@ ENDS: Columns = {
 BANDS: Columns = {
     "kind": Column(
         "kind of band",
-        "band: points of one synchronization; jump: of the motion, between two points; liftoff and flight-end: from "
-        "the last point before to the first one after; largest: the largest RMS of y; failed: points that failed",
+        "band: points of one synchronization; jump: synchronization, phase difference, excitation frequency or "
+        "amplitude changes by more than 4 times both changes next to it. A jump takes two points on each side; a finer "
+        "sweep may show a steep change instead. liftoff and flight-end: from the last point before to the first one "
+        "after, both with material that can lift off; largest: the largest RMS of y; failed: points that failed",
     ),
     "name": Column("synchronization", "of a jump, before and after it; of failed points, their outcome instead"),
     "points": Column("points from end to end"),
@@ -46,47 +56,71 @@ BANDS: Columns = {
 def jumps(rows: pd.DataFrame | Rows) -> Flags:
     """Return where the motion jumps along a branch: whether it does between each point and the next.
 
-    It does where synchronization is lost or found, or where the phase difference, the excitation frequency or the
-    amplitude changes far more than it would along a smooth branch. Next to a failed point nothing is known. Over
-    another key than the supply the excitation frequency should change as it does next to it.
-
     Parameters
     ----------
     rows
-        The points of one branch of a sweep table, in their order.
+        The points of one branch of a sweep table, in their order. The first column is the key that was swept.
 
     Returns
     -------
     array
-        One value less than there are points.
+        One value less than there are points. All values between the two points of a jump are true.
     """
-    columns = (EXCITATION, "rms_x_m", RMS, "phase_difference_rad")
-    found, x, y, phase = (np.asarray(rows[column], dtype=float) for column in columns)
-    known = np.isfinite(found)
-    if len(found) < 2 or not known.any():
-        return np.zeros(max(len(found) - 1, 0), dtype=bool)
+    found = np.zeros(max(len(rows["sync"]) - 1, 0), dtype=bool)
+    for before, after in _jumps(rows):
+        found[before:after] = True
+    return found
+
+
+def _jumps(rows: pd.DataFrame | Rows) -> list[tuple[int, int]]:
+    """Return the numbers of the last point before each jump of a branch and of the first point after it.
+
+    A jump is a discontinuity of the response. Its evidence is a change that is ALONE times both changes next to it:
+    of synchronization that is lost or found, of the phase difference, of the excitation frequency or of the amplitude.
+    So it takes two points on each side. Points that failed are passed over, and points that jumped while they were
+    measured: the standard error of their amplitude is as large as a jump.
+    """
+    key, along = (SUPPLY, rows[SUPPLY]) if SUPPLY in rows else next(iter(rows.items()))
+    found, x, y, phase = (
+        np.asarray(rows[column], dtype=float) for column in (EXCITATION, "rms_x_m", RMS, "phase_difference_rad")
+    )
+    places, height = np.asarray(along, dtype=float), np.hypot(x, y)
+    rise = RISE * np.nanmax(height, initial=0.0)
+    steady = np.isfinite(found)
+    if ERROR in rows:
+        steady &= ~(np.asarray(rows[ERROR], dtype=float) > rise)
+    known = np.flatnonzero(steady)
+    if len(known) < FEWEST:
+        return []
     sync = np.asarray(rows["sync"], dtype=object)
-    sync = np.where(pd.isna(sync), "", sync)
-    both = (sync[:-1] != "") & (sync[1:] != "")
-    held = (sync[:-1] != "none") & (sync[1:] != "none")
-    lost = both & ((sync[:-1] == "none") != (sync[1:] == "none"))
-    moved, height = np.abs(np.diff(found)), np.hypot(x, y)
-    if SUPPLY in rows:
-        supply = np.asarray(rows[SUPPLY], dtype=float)
-        most = LEAP * np.abs(np.diff(supply)) * np.median(found[known] / supply[known])
-    else:
-        most = ALONE * _beside(np.nan_to_num(moved))
-    change = np.abs(np.diff(height))
-    with np.errstate(invalid="ignore"):
-        turned = held & (np.abs(np.angle(np.exp(1j * np.diff(phase)))) > TURN)
-        leapt = moved > np.maximum(most, 1e-3 * found[1:])
-        rose = (change > RISE * np.nanmax(height, initial=0.0)) & (change > ALONE * _beside(change))
-    return np.asarray(lost | turned | leapt | rose)
+    held = np.where(pd.isna(sync), np.nan, sync != "none").astype(float)
+    turned = np.angle(np.exp(1j * np.diff(np.where(held == 1.0, phase, np.nan)[known])))
+    steps, shift = np.abs(np.diff(places[known])), SHIFT * found[known][1:]
+    if key == SUPPLY:
+        shift = LEAP * steps * np.median(found[known] / places[known])
+    changes = (
+        (np.diff(held[known]), 0.0),
+        (turned, TURN),
+        (np.diff(found[known]), shift),
+        (np.diff(height[known]), rise),
+    )
+    jump = np.any([(np.abs(change) > least) & _alone(np.abs(change), steps) for change, least in changes], axis=0)
+    return [(int(known[i]), int(known[i + 1])) for i in np.flatnonzero(jump)]
 
 
-def _beside(change: Any) -> Any:
-    """Return the larger of the changes before and after each change along a branch."""
-    return np.maximum(np.append(change[1:], 0.0), np.insert(change[:-1], 0, 0.0))
+def _alone(change: FloatArray, steps: FloatArray) -> Flags:
+    """Return whether each change along a branch is far larger than both next to it, which are known.
+
+    Where points are farther apart than those next to them, these changes count as if they had gone on. Where they are
+    more than ALONE times as far apart, nothing is known.
+    """
+    alone = np.zeros(change.size, dtype=bool)
+    alone[1:-1] = True
+    for beside in (slice(None, -2), slice(2, None)):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            farther = np.maximum(steps[1:-1] / steps[beside], 1.0)
+        alone[1:-1] &= (change[1:-1] > ALONE * farther * change[beside]) & (farther <= ALONE)
+    return alone
 
 
 def bands(table: pd.DataFrame) -> pd.DataFrame:
@@ -95,8 +129,8 @@ def bands(table: pd.DataFrame) -> pd.DataFrame:
     Over another key than the supply, which is the first column of the table, the ends are in its columns.
     """
     key, *place = table.columns[: list(table.columns).index("branch") + 1]
-    needed = {*place, key, EXCITATION, RMS, "rms_x_m", "phase_difference_rad", "flight_fraction", "outcome", "sync"}
-    columns = {name: table[name].to_numpy() for name in needed}
+    needed = (key, *place, EXCITATION, RMS, "rms_x_m", "phase_difference_rad", "flight_fraction", "outcome", "sync")
+    columns = {name: table[name].to_numpy() for name in (*needed, *(name for name in (ERROR, FORCE) if name in table))}
     order = np.argsort(columns["branch"], kind="stable")
     ends = np.flatnonzero(np.diff(columns["branch"][order])) + 1
     found = [
@@ -120,12 +154,16 @@ def _bands_of(rows: Rows, key: str) -> Iterator[dict[str, Any]]:
     begins = np.flatnonzero(np.append(True, names[1:] != names[:-1])).tolist()
     for first, after in zip(begins, [*begins[1:], len(names)], strict=True):
         yield _band(rows, key, first, after - 1, "failed" if failed[first] else "band", str(names[first]))
+    for before, after in _jumps(rows):
+        change = dict.fromkeys(rows["sync"][[before, after]])
+        yield _band(rows, key, before, after, "jump", " → ".join(change))
     good = {name: values[~failed] for name, values in rows.items()}
-    for i in np.flatnonzero(jumps(good)).tolist():
-        change = list(dict.fromkeys(good["sync"][i : i + 2]))
-        yield _band(good, key, i, i + 1, "jump", " → ".join(change))
     flies = good["flight_fraction"] > 0.0
-    for i in np.flatnonzero(flies[1:] != flies[:-1]).tolist():
+    rests = ~flies
+    if FORCE in good:  # without material there is none
+        rests = ~flies & np.isfinite(good[FORCE].astype(float))
+    begins_flight, ends_flight = rests[:-1] & flies[1:], flies[:-1] & rests[1:]
+    for i in np.flatnonzero(begins_flight | ends_flight).tolist():
         yield _band(good, key, i, i + 1, "liftoff" if flies[i + 1] else "flight-end", "")
     if not np.isnan(good[RMS]).all():
         top = int(np.nanargmax(good[RMS]))
