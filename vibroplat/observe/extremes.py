@@ -65,16 +65,20 @@ def joined(*groups: npt.NDArray[np.void]) -> Any:
 
 @compiled
 def join(peaks: Any, found: Any) -> None:
-    """Let a record have the extremes of some records where these go beyond its own; nan is no extreme."""
+    """Let a record have the extremes of some records where these go beyond its own; nan is no extreme.
+
+    One that goes beyond it by round-off was reached before: its time and pace stay those of the first.
+    """
     for row in range(peaks.size):
         other = peaks[row]
         for k in range(_SIZE):
-            if other.least[k] < found.least[k]:
-                found.least[k], found.at_least[k] = other.least[k], other.at_least[k]
-                found.pace_least[k] = other.pace_least[k]
-            if other.largest[k] > found.largest[k]:
-                found.largest[k], found.at_largest[k] = other.largest[k], other.at_largest[k]
-                found.pace_largest[k] = other.pace_largest[k]
+            beyond = margin(found, k)
+            if other.least[k] < found.least[k] - beyond:
+                found.at_least[k], found.pace_least[k] = other.at_least[k], other.pace_least[k]
+            if other.largest[k] > found.largest[k] + beyond:
+                found.at_largest[k], found.pace_largest[k] = other.at_largest[k], other.pace_largest[k]
+            found.least[k] = min(found.least[k], other.least[k])
+            found.largest[k] = max(found.largest[k], other.largest[k])
 
 
 _join = same_types(join)

@@ -133,7 +133,9 @@ def whole_columns(described: Columns) -> Columns:
         base = split(name)[0]
         meaning, told = described[name]
         found[f"whole_{name}"] = Column(f"{meaning} in the whole run", told)
-        found[f"whole_{base}_at_s"] = Column(f"when whole_{base} was first reached")
+        found[f"whole_{base}_at_s"] = Column(
+            f"when whole_{base} was first reached", "what exceeds it later by less than 1e-11 of it is round-off"
+        )
         found[f"whole_{base}_at_hz"] = Column(
             "mean speed of both exciters around then",
             "turns of each over the time of that turn of the faster one; empty if both swing or stand still",
