@@ -61,10 +61,10 @@ def test_engines_that_share_least_check_each_other():
 def test_repetitions_change_nothing_but_tolerance_and_start():
     scene = run_scene()
     for changed in repetitions(scene):
-        same = {"solver.tolerance": scene.solver.tolerance, "run.perturbation": scene.run.start_perturbation}
+        same = {"solver.tolerance": scene.solver.tolerance, "run.perturbation": scene.start_perturbation}
         assert changed != scene
         assert changed.replace(same) == scene.replace(same)
-    starts = {changed.run.start_perturbation for changed in repetitions(scene)}
+    starts = {changed.start_perturbation for changed in repetitions(scene)}
     assert starts == {0.01, 0.01 + 1e-6, 0.01 + 2e-6}
 
 

@@ -167,10 +167,25 @@ def test_exciters_at_rest_hang_unless_an_angle_is_given(rotation):
     assert list(initial_state(again)[3:5]) == [-0.5 * math.pi, -0.5 * math.pi]
 
 
+def test_nothing_disturbs_a_machine_whose_motors_are_off_during_the_run():
+    """A supply that comes later, within the run, is one: the motion it drives may be unstable by symmetry."""
+    off, on = {"t_s": 0, "supply_frequency_hz": 50, "off": True}, {"t_s": 2, "off": False}
+    cases = [
+        ({"motor.critical_torque_n_m": 0.0}, 0.0),
+        ({"drive": {"program": [off]}}, 0.0),
+        ({"drive": {"program": [off, on]}}, 0.01),
+        ({"drive": {"program": [off, on]}, "run.duration_s": 1.0}, 0.0),
+        ({"drive": {"program": [{**off, "off": False}, {"t_s": 1, "off": True}]}}, 0.01),
+        ({"drive": {"program": [{"t_s": 0, "supply_frequency_hz": 0}, {"t_s": 2, "supply_frequency_hz": 50}]}}, 0.01),
+        ({"drive": {"program": [off]}, "run.perturbation": 0.02}, 0.02),
+    ]
+    assert [SCENE.replace(changes).start_perturbation for changes, _ in cases] == [share for _, share in cases]
+
+
 def test_start_is_perturbed_unless_it_is_given_as_a_state_or_a_run():
     state, source = {"state": {"y_m": 0}}, {"from": "results/a"}
     runs = [{}, {"initial": state}, {"initial": source}, {"perturbation": 0}, {"perturbation": 0.2, "initial": source}]
-    assert [Scene(run=run).run.start_perturbation for run in runs] == [0.01, 0.0, 0.0, 0.0, 0.2]
+    assert [Scene(run=run).start_perturbation for run in runs] == [0.01, 0.0, 0.0, 0.0, 0.2]
 
 
 def test_an_open_gap_may_close():

@@ -147,15 +147,24 @@ def test_thousands_of_calls_leave_no_memory_behind(name, quickstart):
 
 
 def test_table_that_does_not_fit_into_memory_is_refused_at_once(quickstart, monkeypatch):
-    monkeypatch.setattr("vibroplat.motion.recorder.available", lambda: 4.0 * 2**30)
+    monkeypatch.setattr("vibroplat.observe.tables.available", lambda: 4.0 * 2**30)
     scene = quickstart.replace({"run.duration_s": 1e4, "output.sample_rate_hz": 5000.0})
     with pytest.raises(ConfigError) as caught:
         simulate(scene, keep="table", engine=None)
     assert str(caught.value) == (
-        "output.sample_rate_hz = 5000 asks for 5e+07 rows of 19 columns in 10000 s: 14.2 GiB of memory with "
-        "keep='table', where 2 GiB may be taken of 4 GiB available; allowed: at most 7.1e+02 Hz, "
-        "or a shorter run.duration_s"
+        "output.sample_rate_hz = 5000 asks for 5e+07 rows of 19 columns in 10000 s: 14.2 GiB of memory, "
+        "where 2 GiB may be taken of 4 GiB available; allowed: at most 7.1e+02 Hz, or a shorter run.duration_s"
     )
+
+
+def test_a_run_that_makes_no_table_takes_any_sample_rate(quickstart):
+    """Its rate is that of no table: a run of 1e5 s is as good. A table that is made afterwards is refused then."""
+    scene = quickstart.replace({"run.duration_s": 0.1, "output.sample_rate_hz": 1e12})
+    assert simulate(scene, keep="summary").outcome == simulate(scene, keep="events").outcome == "ok"
+    run = simulate(scene)
+    assert run([0.05])["t_s"].item() == 0.05
+    with pytest.raises(ConfigError, match=r"^output.sample_rate_hz = 1e\+12 asks for 1e\+11 rows"):
+        _ = run.trajectory
 
 
 def test_table_that_does_not_fit_on_the_disk_is_refused_at_once(command, tmp_path, monkeypatch):

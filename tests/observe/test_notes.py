@@ -121,6 +121,19 @@ def test_a_run_without_a_trajectory_has_the_notes_of_its_summary(quickstart):
     assert run.notes == run.summary["notes"] == []
 
 
+def test_a_part_measured_across_a_change_of_the_supply_says_so(quickstart):
+    """With the duration that the note names the change lies before the measured part."""
+    begin, off = {"t_s": 0.0, "supply_frequency_hz": 51.5}, {"t_s": 0.35, "off": True}
+    same, slower = {"t_s": 0.4, "supply_frequency_hz": 51.5}, {"t_s": 0.6, "supply_frequency_hz": 50.0}
+    for entry, seconds, noted in ((off, 0.5, (0.35, 0.7)), (off, 0.7, ()), (same, 0.5, ()), (slower, 0.5, (0.6, 1.2))):
+        notes = of_motion(quickstart, **{"drive": {"program": [begin, entry]}, "run.duration_s": seconds})
+        found = [note for note in notes if "supply" in note]
+        assert len(found) == bool(noted)
+        for note, (last, longer) in zip(found, [noted] * len(found), strict=True):
+            assert note.startswith(f"the supply changes until {last} s, but the measured part begins at 0.2")
+            assert note.endswith(f"run.duration_s = {longer} or more avoids that")
+
+
 def test_a_run_that_has_not_settled_says_so(quickstart):
     """At 65 Hz antiphase is unstable: the exciters are on their way to in-phase when a short run ends."""
     scene = quickstart.replace({"drive.supply_frequency_hz": 65.0, "run": {"duration_s": 3.0, "perturbation": 0.01}})

@@ -4,9 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from common.places import QUICKSTART, ROOT
 
-from vibroplat import Scene, orbit, simulate, sweep
+from vibroplat import Scene, load_config, orbit, simulate, sweep
 from vibroplat.columns import split
+from vibroplat.observe.extremes import FORCE, joined, no_peaks
 from vibroplat.observe.sheet import SHEET, columns
 from vibroplat.results.card import sheet
 
@@ -139,6 +141,15 @@ def test_accelerations_are_those_of_the_equations(quickstart):
         assert run.summary[f"acceleration_max_{name}_m_per_s2"] == pytest.approx(size, rel=2e-6)
 
 
+def pace(at, time):
+    """Mean speed of both exciters over the turn of the faster one around a time (Hz), from dense output since 0 s."""
+    times, angles, end = at["t_s"].to_numpy(), at[["phi1_rad", "phi2_rad"]].to_numpy(), 0
+    while times[end] < time:
+        begin, turned = end, np.abs(angles - angles[end]) / (2.0 * math.pi)
+        end = begin + np.argmax(turned[begin:].max(axis=1) >= 1.0)
+    return turned[end].mean() / (times[end] - times[begin])
+
+
 def test_a_start_from_rest_and_a_stop(quickstart):
     """The motors pass their critical slip, exciters come into step, and the coast-down is part of the whole run."""
     program = [{"t_s": 0.0, "supply_frequency_hz": 44.0}, {"t_s": 3.4, "off": True}]
@@ -150,9 +161,8 @@ def test_a_start_from_rest_and_a_stop(quickstart):
     for column in ("foundation_force_y_max_n", "motor_power_2_max_w"):
         base = split(column)[0]
         assert summary[f"whole_{column}"] == pytest.approx(expected[column], rel=1e-6)
-        then = run(summary[f"whole_{base}_at_s"])
-        pace = 0.5 * sum(abs(then[f"phi{n}_rate_rad_per_s"].iloc[0]) for n in (1, 2)) / (2.0 * math.pi)
-        assert summary[f"whole_{base}_at_hz"] == pytest.approx(pace, rel=0.01)
+        speed = pace(at, summary[f"whole_{base}_at_s"])
+        assert summary[f"whole_{base}_at_hz"] == pytest.approx(speed, rel=2e-3)
     assert summary["slip_1"] is None  # the supply changes while it is measured
     steady = simulate(run.scene.replace({"drive": {"program": program[:1]}})).summary
     assert steady["synchronized_at_s"] == pytest.approx(summary["synchronized_at_s"], abs=0.1)
@@ -164,6 +174,77 @@ def test_a_start_from_rest_and_a_stop(quickstart):
     assert (speeds / steady["excitation_frequency_hz"] - 1.0).abs().to_numpy().max() < 0.07
     before = at[at["t_s"].between(steady["synchronized_at_s"] - 0.2, steady["synchronized_at_s"] - 0.05)]
     assert len(before) == 0 or steady["synchronized_at_s"] > 0.05
+
+
+#: Scenes, their motors if these differ, and whether the exciters are in step at last. At 65.5 Hz antiphase is unstable.
+PAIRS = {
+    "drifting": ({"drive.supply_frequency_hz": 90.0, "run.duration_s": 4.1}, ((1.2, 1e-5), (0.2, 2e-4)), False),
+    "leaving antiphase": ({"drive.supply_frequency_hz": 65.5, "material.mass_ratio": 0.1}, (), False),
+    "off": ({"motor.critical_torque_n_m": 0.0, "run.duration_s": 1.0}, (), False),
+    "in step": ({"drive.supply_frequency_hz": 60.0, "run.duration_s": 1.0}, (), True),
+}
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_only_exciters_that_are_synchronized_have_come_into_step(name):
+    changes, motors, expected = PAIRS[name]
+    scene = load_config(QUICKSTART, {"material.mass_ratio": 0.0, "solver.engine": "taylor"}).replace(changes)
+    if motors:
+        keys = ("critical_torque_n_m", "friction_radius_m")
+        scene = scene.replace({"motors": [dict(zip(keys, motor, strict=True)) for motor in motors]})
+    summary = simulate(scene, keep="summary").summary
+    found = (summary["synchronized_at_s"] is not None, summary["start_energy_j"] is not None)
+    assert (*found, "in step" in sheet(scene, summary)) == (expected,) * 3
+
+
+def test_exciters_that_come_into_step_late_have_a_time():
+    """Their phase difference changes by 0.2 rad in the measured part, and by 2e-6 rad in the latter half of it."""
+    scene = load_config(ROOT / "configs/examples/start-passed.yaml", {"solver.engine": "taylor"})
+    summary = simulate(scene, keep="summary").summary
+    assert summary["synchronized_at_s"] == pytest.approx(5.5, abs=0.1)
+
+
+def test_a_peak_that_is_reached_again_keeps_its_first_time():
+    """The value is the largest of all, and so is that of the measured part."""
+    peaks = no_peaks(3)
+    for row, value in enumerate((1.0, 1.0 + 1e-13, 0.5)):
+        peaks["largest"][row, FORCE], peaks["at_largest"][row, FORCE] = value, row + 1.0
+        peaks["least"][row, FORCE], peaks["at_least"][row, FORCE] = -2.0 * value, row + 1.0
+    found = joined(peaks)
+    assert (found["largest"][FORCE], found["at_largest"][FORCE]) == (1.0 + 1e-13, 1.0)
+    assert (found["least"][FORCE], found["at_least"][FORCE]) == (-2.0 * (1.0 + 1e-13), 1.0)
+
+
+def test_exciters_that_swing_have_no_speed_at_a_peak():
+    """A coasting feeder is shaken most while both unbalances swing, at momentary speeds of up to 2 Hz."""
+    program = [{"t_s": 0.0, "supply_frequency_hz": 50}, {"t_s": 2.0, "off": True}]
+    changes = {"drive": {"program": program}, "run.duration_s": 16.0, "solver.engine": "taylor"}
+    run = simulate(load_config(ROOT / "configs/templates/feeder.yaml", changes))
+    summary = run.summary
+    assert summary["whole_foundation_force_y_max_at_s"] > 8.0
+    assert summary["whole_foundation_force_y_max_at_hz"] is None
+    assert not sheet(run.scene, summary)["force y into foundation"].endswith("Hz")
+    at, expected = run(np.linspace(0.0, 2.0, 100_001)), summary["whole_acceleration_max_at_s"]
+    assert summary["whole_acceleration_max_at_hz"] == pytest.approx(pace(at, expected), rel=2e-3)
+
+
+def test_the_viscous_force_of_the_material_does_not_reach_the_foundation(quickstart):
+    """What changes the momentum of machine and unbalances: weight, the force on the material, and the suspension."""
+    contact = {"model": "non-impact", "viscous_per_mass_per_s": 300.0, "added_mass_share": 0.5}
+    changes = {"contact": contact, "run.duration_s": 0.4, "solver.engine": "taylor", "solver.tolerance": 1e-11}
+    run = simulate(quickstart.replace(changes))
+    summary, scene = run.summary, run.scene
+    times = np.linspace(*(summary[f"measured_{name}_s"] for name in ("from", "to")), 40_001)
+    at, mass = run(times), scene.platform_mass
+    momentum = mass * at["y_rate_m_per_s"] + sum(
+        k * np.cos(at[f"phi{n}_rad"]) * at[f"phi{n}_rate_rad_per_s"] for n, k in enumerate(scene.unbalances, start=1)
+    )
+    on_material = 300.0 * scene.material_mass * at["y_rate_m_per_s"]
+    force = -np.gradient(momentum, times, edge_order=2) - on_material - mass * scene.machine.gravity_m_per_s2
+    mean = -(scene.body.mass + 0.5 * scene.material_mass) * scene.machine.gravity_m_per_s2
+    assert summary["foundation_force_y_mean_n"] == pytest.approx(mean, rel=1e-3)
+    assert summary["foundation_force_y_max_n"] == pytest.approx(force.abs().max(), rel=1e-6)
+    assert summary["foundation_force_y_rms_n"] == pytest.approx(force.std(), rel=1e-3)
 
 
 def test_power_is_largest_within_a_step_while_the_supply_changes(quickstart):

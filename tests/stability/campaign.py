@@ -196,7 +196,7 @@ def _checked(scene, tolerance=None):
 def _errors(scene, *runs):
     """Errors of the end of runs, over the tolerance and what the motion makes of a disturbance, by engine."""
     exact = scene.replace({"solver.engine": "taylor", "solver.tolerance": 0.1 * FINEST})
-    share = scene.run.start_perturbation
+    share = scene.start_perturbation
     near = exact.replace({"run.perturbation": share + (SLIGHT if share < 0.5 else -SLIGHT)})
     reference, other = (simulate(one, keep="summary") for one in (exact, near))
     if not reference.outcome == other.outcome == "ok":

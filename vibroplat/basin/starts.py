@@ -51,7 +51,7 @@ def _drawn(seed: int, count: int, number: int) -> FloatArray:
 
 def states_of(scene: Scene, plan: BasinsPlan, numbers: Sequence[int]) -> FloatArray:
     """Return the full states of some starts, shape (starts, 14)."""
-    keys, initial, share = list(plan.starts), scene.run.initial, scene.run.start_perturbation
+    keys, initial, share = list(plan.starts), scene.run.initial, scene.start_perturbation
     found = []
     for number, values in zip(numbers, values_of(plan, numbers).tolist(), strict=True):
         given = dict(zip(keys, values, strict=True))

@@ -167,7 +167,7 @@ def compared(first: Course, *, other: Other = by_other_engine, progress: Progres
 
 def repetitions(scene: Scene) -> list[Scene]:
     """List the scenes that show what a motion makes of errors: another tolerance, and starts that are off by it."""
-    share, tolerance = scene.run.start_perturbation, scene.solver.tolerance
+    share, tolerance = scene.start_perturbation, scene.solver.tolerance
     way = 1.0 if share < 0.5 else -1.0
     starts = [scene.replace({"run.perturbation": share + way * n * tolerance}) for n in (1.0, 2.0)]
     return [with_other_tolerance(scene), *starts]

@@ -62,7 +62,7 @@ def run(
             )
     directory = result_directory(out, scene.name)
     common.tell_of_compilation(scene.solver.engine)
-    from vibroplat.motion.recorder import require_room
+    from vibroplat.observe.tables import require_room
 
     require_room(scene, directory, format_)
     from vibroplat.config.plausibility import notes_on_input

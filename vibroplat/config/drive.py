@@ -165,6 +165,19 @@ class Drive(Section):
                 found += _pieces(start, end, frequencies[i], rise / (end - start), (first[i], second[i]), least)
         return tuple(found)
 
+    def last_change(self, time: float) -> float:
+        """When the supply last changes before a time (s); the end of the ramp if it is changing then. -inf: never."""
+        supplies = [supply for supply in self.intervals if supply.start < time]
+        now = supplies[-1] if supplies else self.intervals[0]
+        if now.ramp:
+            return now.end
+        found = now.start
+        for before in reversed(supplies[:-1]):
+            if before.ramp or (before.frequency, before.driven) != (now.frequency, now.driven):
+                return found
+            found = before.start
+        return -math.inf
+
     def at(self, time: float) -> Interval:
         """Interval of a time (s); at a corner the one that begins there."""
         return interval_at(self.intervals, time)

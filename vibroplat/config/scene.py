@@ -22,7 +22,7 @@ from vibroplat.config.drive import Drive
 from vibroplat.config.plans import FREQUENCY, OrbitsPlan, SweepPlan
 from vibroplat.config.questions import BasinsPlan, DesignPlan, FindPlan
 from vibroplat.config.reader import load_tree, merge, nest, with_line
-from vibroplat.config.schema import Section, described, explain
+from vibroplat.config.schema import PERTURBATION, Section, described, explain
 from vibroplat.config.sections import (
     OF_EXCITERS,
     ROTATIONS,
@@ -36,9 +36,6 @@ from vibroplat.config.sections import (
     Solver,
 )
 from vibroplat.errors import ConfigError
-
-#: Most rows of a trajectory table, some 15 GB; whether so many fit is found out before a run begins.
-MAX_ROWS = 100_000_000
 
 #: Most turns at the synchronous speed that a run may take: half a day of computing.
 MAX_TURNS = 1e9
@@ -119,12 +116,6 @@ class Scene(Section):
     @model_validator(mode="after")
     def _bounded(self) -> Self:
         """Refuse durations that no computer would ever finish."""
-        rows = self.run.duration_s * self.output.sample_rate_hz
-        if rows > MAX_ROWS:
-            raise ValueError(
-                f"output.sample_rate_hz = {self.output.sample_rate_hz} asks for {rows:.3g} rows in "
-                f"{self.run.duration_s} s; allowed: at most {MAX_ROWS} rows"
-            )
         durations = [("run.duration_s", self.run.duration_s, self.drive.largest_frequency)]
         if self.sweep is not None:
             stop = max(self.sweep.swept.ends) if self.sweep.swept.key == FREQUENCY else self.drive.largest_frequency
@@ -268,6 +259,33 @@ class Scene(Section):
         """ω_0 of both motors (rad/s) at a supply frequency (Hz)."""
         first, second = (2.0 * math.pi * frequency / exciter.pole_pairs for exciter in self.exciter_pair)
         return first, second
+
+    def driven(self, begin: float, end: float) -> tuple[bool, bool]:
+        """Whether each motor drives its exciter at some time between two (s): it is on, has a torque and a supply."""
+        supplies = [
+            supply.driven
+            for supply in self.drive.intervals
+            if supply.end > begin
+            and (supply.start < end or supply.start <= begin)
+            and (supply.frequency or supply.ramp)
+        ]
+        first, second = (
+            exciter.critical_torque_n_m > 0.0 and any(driven[i] for driven in supplies)
+            for i, exciter in enumerate(self.exciter_pair)
+        )
+        return first, second
+
+    @property
+    def start_perturbation(self) -> float:
+        """Perturbation of the start: a motion that is symmetric would stay so for ever, even where it is unstable.
+
+        By default nothing disturbs a machine whose motors are off.
+        """
+        run, initial = self.run, self.run.initial
+        if run.perturbation is not None:
+            return run.perturbation
+        given = initial.state is not None or initial.from_ is not None
+        return 0.0 if given or not any(self.driven(0.0, run.duration_s)) else PERTURBATION
 
     @property
     def speed_scale(self) -> float:

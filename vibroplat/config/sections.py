@@ -365,16 +365,9 @@ class Run(Section):
         None,
         "",
         "random change of the rates of platform and exciters at the start, in the scales of the scene; "
-        f"not given: {PERTURBATION:g}, and 0 where initial gives a state or a run",
+        f"not given: {PERTURBATION:g}; 0 where initial gives a state or a run, or where no motor is on during the run",
     )
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of the perturbation")
-
-    @property
-    def start_perturbation(self) -> float:
-        """Perturbation of the start: a motion that is symmetric would stay so for ever, even where it is unstable."""
-        if self.perturbation is not None:
-            return self.perturbation
-        return PERTURBATION if self.initial.state is None and self.initial.from_ is None else 0.0
 
 
 class Solver(Section):

@@ -29,7 +29,8 @@ PARAMETERS = np.dtype(
         ("stiffness_y", float),
         ("stiffness_phi", float),  # c_φ (N·m/rad)
         ("damping_x", float),  # b_x (N·s/m)
-        ("damping_y", float),
+        ("damping_y", float),  # b_y, plus β m_w in the non-impact model
+        ("suspension_damping_y", float),  # b_y, what of it is between platform and foundation
         ("damping_phi", float),  # b_φ (N·m·s/rad)
         ("gravity", float),  # g (m/s²)
         ("unbalance", float, (2,)),  # k_i = m_r r (kg·m)
@@ -89,7 +90,7 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     p["stiffness_y"] = machine.stiffness_y_n_per_m
     p["stiffness_phi"] = machine.stiffness_phi_n_m_per_rad
     p["damping_x"] = machine.damping_x_n_s_per_m
-    p["damping_y"] = scene.damping_y
+    p["damping_y"], p["suspension_damping_y"] = scene.damping_y, machine.damping_y_n_s_per_m
     p["damping_phi"] = machine.damping_phi_n_m_s_per_rad
     p["gravity"] = machine.gravity_m_per_s2
     p["unbalance"] = scene.unbalances

@@ -55,7 +55,7 @@ def initial_condition(scene: Scene) -> Start:
     ConfigError
         ``run.initial.from`` names no finished run, or one whose end this scene cannot go on from.
     """
-    source, share = scene.run.initial.from_, scene.run.start_perturbation
+    source, share = scene.run.initial.from_, scene.start_perturbation
     start = Start(initial_state(scene)) if source is None else end_of(Path(source), scene)
     key = (scene.run.seed, 0, round(1e6 * scene.drive.largest_frequency))  # as the first point of a sweep
     start = start._replace(state=perturbed(start.state, scene, share, key))

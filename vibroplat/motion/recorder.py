@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
-import shutil
 from collections.abc import Callable
-from pathlib import Path
 from typing import Literal, TypeAlias
 
 import numpy as np
 
 from vibroplat.config.scene import Scene
-from vibroplat.errors import ConfigError
 from vibroplat.frames import PlainTable, pd
 from vibroplat.hybrid.state import EVENT, Automaton
 from vibroplat.observe.notes import peaks_of
-from vibroplat.observe.tables import ROW, Blocks, Records, Sampler, Segment, TrajectoryRows, closed, event_table
+from vibroplat.observe.tables import COPIES, Blocks, Records, Segment, TrajectoryRows, closed, event_table
 from vibroplat.results.tables import TableFile
-from vibroplat.system.memory import SHARE, Share, amount, available
+from vibroplat.system.memory import Share
 
 #: What a run keeps besides its summary.
 Keep = Literal["segments", "table", "events", "summary"]
@@ -34,10 +31,6 @@ ADVICE: dict[Keep, str] = {
     "events": "shorten run.duration_s, or simulate with keep='summary'",
     "summary": "",
 }
-#: Bytes of a number in memory and in a Parquet file, and about as many in CSV.
-NUMBER, NUMBER_IN_CSV = 8, 20
-#: Times that a table is in memory at most, when its parts are put together.
-COPIES = 2
 
 _NO_EVENTS = np.zeros(0, EVENT)
 
@@ -127,28 +120,3 @@ def _hand(part: PlainTable, taker: Callable[[pd.DataFrame], object] | TableFile)
         taker.append(part)
     else:
         taker(part.frame)
-
-
-def require_room(scene: Scene, directory: Path | None = None, form: str = "parquet") -> None:
-    """Refuse a run whose trajectory table does not fit on the disk, or without a directory into memory.
-
-    Raises
-    ------
-    ConfigError
-        Rows at ``output.sample_rate_hz`` alone, without those at events, need more than there is.
-    """
-    if directory is None:
-        there = available()
-        most, number = SHARE * there, COPIES * NUMBER
-        told = f"of memory with keep='table', where {amount(most)} may be taken of {amount(there)} available"
-    else:
-        most, number = float(shutil.disk_usage(directory).free), NUMBER_IN_CSV if form == "csv" else NUMBER
-        told = f"on disk, where {amount(most)} are free"
-    seconds, rate = scene.run.duration_s, scene.output.sample_rate_hz
-    rows, columns = seconds * rate, len(Sampler(scene).table(np.empty(0, ROW)).columns)
-    needed = rows * columns * number
-    if needed > most:
-        raise ConfigError(
-            f"output.sample_rate_hz = {rate:g} asks for {rows:.3g} rows of {columns} columns in {seconds:g} s: "
-            f"{amount(needed)} {told}; allowed: at most {rate * most / needed:.2g} Hz, or a shorter run.duration_s"
-        )

@@ -20,14 +20,14 @@ from vibroplat.kernels.compiled import compile_for
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Motion, Observer
-from vibroplat.motion.recorder import Files, Keep, Recorder, Sink, require_room
+from vibroplat.motion.recorder import Files, Keep, Recorder, Sink
 from vibroplat.motion.variation import directions, listed
-from vibroplat.observe.notes import captures, drift, notes_on_measures, stiffness
+from vibroplat.observe.notes import captures, change, drift, notes_on_measures, stiffness
 from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, whole_periods
-from vibroplat.observe.sheet import SHEET, WHOLE, columns, whole_run
+from vibroplat.observe.sheet import SHEET, WHOLE, columns, stays, whole_run
 from vibroplat.observe.statistics import Statistics
-from vibroplat.observe.summary import INACCURATE, MEASURES, Part, inaccuracy, measured
-from vibroplat.observe.tables import named_derivative
+from vibroplat.observe.summary import INACCURATE, MEASURES, Part, inaccuracy, measured, synchronization
+from vibroplat.observe.tables import named_derivative, require_room
 from vibroplat.observe.variation import Variation
 from vibroplat.results.run import Trajectory
 
@@ -151,10 +151,12 @@ def _summary(motion: Motion, part: Part, begun: float) -> dict[str, Any]:
     found = measured(part._replace(measures=whole_periods(part.measures, max(repeats, 1))), scene)
     sheet = {name: found.pop(name) for name in columns(scene)}
     doubt = inaccuracy(found, scene) if motion.outcome == "ok" else ""
+    locked = synchronization(found) != "none" and (not drift(found) or stays(part.measures, scene))
     notes = [
         *notes_on_input(scene),
         *notes_on_measures(scene, found),
         drift(found),
+        change(scene, found, begun),
         stiffness(scene, engine.name, engine.work["steps"], motion.restarts, seconds),
     ]
     return {
@@ -163,7 +165,7 @@ def _summary(motion: Motion, part: Part, begun: float) -> dict[str, Any]:
         "detail": doubt or motion.detail,
         "simulated_s": seconds,
         "rotation": scene.rotation,
-        "perturbation": scene.run.start_perturbation,
+        "perturbation": scene.start_perturbation,
         "static_sag_m": 0.0 - float(static_rest(scene)[1]),
         "period": repeats,
         **found,
@@ -175,7 +177,7 @@ def _summary(motion: Motion, part: Part, begun: float) -> dict[str, Any]:
         "wall_s": 0.0,
         "notes": [note for note in notes if note],
         **sheet,
-        **whole_run(part.measures, scene, begun, any(captures(scene, found))),
+        **whole_run(part.measures, scene, begun, any(captures(scene, found)), locked),
     }
 
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from vibroplat.config.coordinates import MOST_POINTS
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined, same_types
-from vibroplat.kernels.polynomial import bend, extremes, slope, turning_point, value
+from vibroplat.kernels.polynomial import bend, extremes, slope, turning_point
 
 #: Degree of polynomials up to which there are too few samples of them to find extremes by.
 FEW_SAMPLES = 8
@@ -36,11 +36,12 @@ _SIZE = QUANTITIES + 3 * MOST_POINTS
 #: Part of an extreme by which another has to go beyond it; less is round-off, as between turns of a periodic motion.
 TIE = 1e-11
 
-#: Extremes, when they were met (s), and how fast the exciters turned then, in the mean (rad/s); of accelerations the
-#: largest squares of their polynomials; from when on the supply has held (s); whether any has changed.
+#: Extremes, when they were first met (s), and the mean speed of both exciters over the turn around that (rad/s), once
+#: that is complete; of accelerations the largest squares of their polynomials; from when on the supply has held (s);
+#: whether any has changed; when the last new one was met (s).
 PEAKS = np.dtype(
     [(f"{what}{end}", float, _SIZE) for what in ("", "at_", "pace_") for end in ("least", "largest")]
-    + [("square", float, _SIZE), ("since", float), ("changed", np.int64)],
+    + [("square", float, _SIZE), ("since", float), ("changed", np.int64), ("latest", float)],
     align=True,
 )
 
@@ -48,7 +49,7 @@ PEAKS = np.dtype(
 def no_peaks(count: int) -> npt.NDArray[np.void]:
     """Make records of PEAKS before their first step; the gap is 0 unless a layer flies, an impulse without impacts."""
     peaks = np.zeros(count, PEAKS)
-    peaks["least"], peaks["largest"], peaks["since"] = np.inf, -np.inf, np.nan
+    peaks["least"], peaks["largest"], peaks["since"], peaks["latest"] = np.inf, -np.inf, np.nan, -np.inf
     for quantity in (OPENING, IMPULSE):
         peaks["least"][:, quantity] = peaks["largest"][:, quantity] = 0.0
     return peaks
@@ -64,16 +65,20 @@ def joined(*groups: npt.NDArray[np.void]) -> Any:
 
 @compiled
 def join(peaks: Any, found: Any) -> None:
-    """Let a record have the extremes of some records where these go beyond its own; nan is no extreme."""
+    """Let a record have the extremes of some records where these go beyond its own; nan is no extreme.
+
+    One that goes beyond it by round-off was reached before: its time and pace stay those of the first.
+    """
     for row in range(peaks.size):
         other = peaks[row]
         for k in range(_SIZE):
-            if other.least[k] < found.least[k]:
-                found.least[k], found.at_least[k] = other.least[k], other.at_least[k]
-                found.pace_least[k] = other.pace_least[k]
-            if other.largest[k] > found.largest[k]:
-                found.largest[k], found.at_largest[k] = other.largest[k], other.at_largest[k]
-                found.pace_largest[k] = other.pace_largest[k]
+            beyond = margin(found, k)
+            if other.least[k] < found.least[k] - beyond:
+                found.at_least[k], found.pace_least[k] = other.at_least[k], other.pace_least[k]
+            if other.largest[k] > found.largest[k] + beyond:
+                found.at_largest[k], found.pace_largest[k] = other.at_largest[k], other.pace_largest[k]
+            found.least[k] = min(found.least[k], other.least[k])
+            found.largest[k] = max(found.largest[k], other.largest[k])
 
 
 _join = same_types(join)
@@ -82,15 +87,14 @@ _join = same_types(join)
 class Span(NamedTuple):
     """A step or a part of it.
 
-    When the step begins, how long it takes (s), its polynomials, and the column of the speed of exciter 1; between
-    which fractions of it the part is, and the unknowns at its beginning and end.
+    When the step begins, how long it takes (s), and its polynomials; between which fractions of it the part is, and the
+    unknowns at its beginning and end.
     """
 
     begin: float
     length: float
     c: FloatArray
     degree: int
-    speed: int
     first: float
     last: float
     begun: FloatArray
@@ -100,18 +104,33 @@ class Span(NamedTuple):
 @inlined
 def remember(peaks: Any, k: int, found: float, s: float, span: Span) -> None:
     """Let extremes k cover a value at a fraction of a step."""
+    at = span.begin + s * span.length
     if found < peaks.least[k]:
-        peaks.least[k], peaks.at_least[k] = found, span.begin + s * span.length
-        peaks.pace_least[k], peaks.changed = pace(s, span), 1
+        peaks.least[k], peaks.at_least[k], peaks.latest, peaks.changed = found, at, at, 1
     if found > peaks.largest[k]:
-        peaks.largest[k], peaks.at_largest[k] = found, span.begin + s * span.length
-        peaks.pace_largest[k], peaks.changed = pace(s, span), 1
+        peaks.largest[k], peaks.at_largest[k], peaks.latest, peaks.changed = found, at, at, 1
 
 
 @compiled
-def pace(s: float, span: Span) -> float:
-    """How fast the exciters turn at a fraction of a step, in the mean (rad/s)."""
-    return 0.5 * (abs(value(span.c, span.degree, span.speed, s)) + abs(value(span.c, span.degree, span.speed + 1, s)))
+def pace(since: FloatArray, until: FloatArray) -> float:
+    """Mean speed of both exciters between two marks, each a time (s) and both angles with all turns (rad/s).
+
+    An exciter that swings comes back to where it was: it has no mean speed.
+    """
+    return 0.5 * (abs(until[1] - since[1]) + abs(until[2] - since[2])) / (until[0] - since[0])
+
+
+@compiled
+def give_pace(peaks: Any, since: FloatArray, until: FloatArray) -> None:
+    """Give the extremes that were met between two marks their pace."""
+    if peaks.latest < since[0]:
+        return
+    found = pace(since, until)
+    for k in range(_SIZE):
+        if since[0] <= peaks.at_least[k] <= until[0]:
+            peaks.pace_least[k] = found
+        if since[0] <= peaks.at_largest[k] <= until[0]:
+            peaks.pace_largest[k] = found
 
 
 @inlined

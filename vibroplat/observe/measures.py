@@ -63,6 +63,9 @@ MARKS = np.dtype(
         ("row", np.int64),  # of the extremes that steps of the measured part widen
         ("due", np.int64),  # the row from the next whole turn on
         ("way", np.float64),  # in which exciter 1 has passed angle 0 the last time
+        # time (s) and both angles with all turns, where the last turn of the faster exciter began, where the present
+        # one began, and now; nan before the first step
+        ("turn", np.float64, (3, 3)),
         ("exchanged", np.float64),  # energy that motors and dampers have exchanged, all of it positive (J)
         ("counts", np.int64, len(KINDS)),  # events of each kind
         ("measured", np.int64, len(KINDS)),  # those in the measured part
@@ -112,7 +115,7 @@ def no_measures(window: float, points: int = SECTION_ROWS, blocks: int = 1) -> M
     """Make empty sums whose measured part begins at a time (s), with room for points of the Poincaré section."""
     marks = np.zeros(1, MARKS)[0]
     marks["window"], marks["until"], marks["passed"] = window, window, math.nan
-    marks["row"], marks["due"] = AHEAD, WHOLE
+    marks["row"], marks["due"], marks["turn"] = AHEAD, WHOLE, math.nan
     plain, open_turn, whole = np.zeros((3, len(SUMS)))
     seen = np.zeros((3, SORTS, 2))
     seen[..., 0] = -math.inf

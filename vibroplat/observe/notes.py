@@ -85,6 +85,17 @@ def drift(found: Mapping[str, Any]) -> str:
     )
 
 
+def change(scene: Scene, found: Mapping[str, Any], begun: float) -> str:
+    """Return the note on a supply that changes while it is measured, or an empty text; the run began at a time (s)."""
+    last = scene.drive.last_change(found["measured_to_s"])
+    if last <= found["measured_from_s"]:
+        return ""
+    return (
+        f"the supply changes until {last:g} s, but the measured part begins at {rounded(found['measured_from_s'])} s: "
+        f"means mix what is before and after, and run.duration_s = {2.0 * (last - begun):g} or more avoids that"
+    )
+
+
 def capture(exciter: int, speed: float, synchronous: float, critical_slip: float) -> str:
     """Return the note on an exciter (1 or 2) that does not come near its synchronous speed, or an empty text.
 
@@ -147,7 +158,8 @@ def captures(scene: Scene, found: Mapping[str, Any]) -> list[str]:
     synchronous = [speed / (2.0 * math.pi) for speed in scene.synchronous_speeds_at(supply.frequency)]
     critical = [exciter.critical_slip_speed(supply.frequency) / (2.0 * math.pi) for exciter in motors]
     slips = [c / s if s > 0.0 else math.inf for c, s in zip(critical, synchronous, strict=True)]
-    driven = [i for i in (0, 1) if supply.driven[i] and motors[i].critical_torque_n_m > 0.0]
+    on = scene.driven(found["measured_from_s"], found["measured_to_s"])
+    driven = [i for i in (0, 1) if on[i]]
     mean, split = found["excitation_frequency_hz"], found["frequency_split_hz"]
     if mean is None:
         return []

@@ -15,6 +15,7 @@ import numpy as np
 from vibroplat.columns import Column, Columns, split
 from vibroplat.config.drive import Interval
 from vibroplat.config.scene import Scene
+from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.extremes import (
     ACCELERATION,
     HEIGHT,
@@ -28,11 +29,16 @@ from vibroplat.observe.extremes import (
     SPEED_1,
     TORQUE_1,
     joined,
+    pace,
 )
 from vibroplat.observe.measures import FASTEST, SORTS, SUMS, TIME, Measures, measured_peaks
+from vibroplat.observe.section import section_rows
 
 #: Part of its mean by which a speed may differ from it while the motion has its measured speed.
 STEADY = 0.05
+#: Change of the phase difference (rad) over the latter half of the measured part up to which the exciters stay in step.
+#: Of 40 pairs that drift in the end, in 4 to 12 s each, the slowest near a synchronization changed by 0.05 rad there.
+STAYING = 0.02
 #: Distance of a speed from a natural frequency, as a part of it, up to which they are near each other.
 NEAR = 0.1
 
@@ -80,7 +86,7 @@ SHEET: Columns = {
             ("moment", "moment", "n_m"),
         )
         for how, meaning, told in (
-            *((("mean", "mean", "the static part: minus the weight of machine and material"),) * (name == "force_y")),
+            *((("mean", "mean", "the static part: minus the weight that the springs carry"),) * (name == "force_y")),
             ("rms", "RMS", "about its mean"),
             ("max", "largest size", _SUSPENSION + ("; with the static part" if name == "force_y" else "")),
         )
@@ -127,8 +133,13 @@ def whole_columns(described: Columns) -> Columns:
         base = split(name)[0]
         meaning, told = described[name]
         found[f"whole_{name}"] = Column(f"{meaning} in the whole run", told)
-        found[f"whole_{base}_at_s"] = Column(f"when whole_{base} was reached")
-        found[f"whole_{base}_at_hz"] = Column("mean speed of both exciters then")
+        found[f"whole_{base}_at_s"] = Column(
+            f"when whole_{base} was first reached", "what exceeds it later by less than 1e-11 of it is round-off"
+        )
+        found[f"whole_{base}_at_hz"] = Column(
+            "mean speed of both exciters around then",
+            "turns of each over the time of that turn of the faster one; empty if both swing or stand still",
+        )
     return found
 
 
@@ -137,7 +148,8 @@ WHOLE: Columns = {
     **whole_columns(SHEET),
     "synchronized_at_s": Column(
         "from when on the exciters turn as in the measured part",
-        "speeds within 5 % of theirs there, phase difference within pi/3 of its mean; empty if they do not synchronize",
+        "speeds within 5 % of theirs there, phase difference within pi/3 of its mean; empty if they are not "
+        "synchronized there, if their phase difference drifts to the end, or if no motor is on",
     ),
     "start_energy_j": Column("work of both motors until then"),
     "captured_by": Column(
@@ -161,8 +173,7 @@ def means(ms: Measures) -> dict[str, float]:
 
 def steady_supply(scene: Scene, begin: float, end: float) -> Interval | None:
     """Return the supply between two times (s), None if it changes in between."""
-    supply = scene.drive.at(begin)
-    return None if supply.ramp != 0.0 or supply.end < end else supply
+    return None if scene.drive.last_change(end) > begin else scene.drive.at(begin)
 
 
 def data_sheet(ms: Measures, peaks: Any, scene: Scene) -> dict[str, float | None]:
@@ -177,14 +188,14 @@ def data_sheet(ms: Measures, peaks: Any, scene: Scene) -> dict[str, float | None
     for name, _, key, unit in _AXES:
         found[f"foundation_{name}_rms_{unit}"] = math.sqrt(max(mean[f"{key}_{key}"] - mean[key] ** 2, 0.0))
     found["foundation_force_y_mean_n"] = mean["force_y"]
-    marks = ms.marks
-    supply = steady_supply(scene, float(marks["window"]), float(marks["until"]))
+    window = float(ms.marks["window"]), float(ms.marks["until"])
+    supply, driven = steady_supply(scene, *window), scene.driven(*window)
     speeds = None if supply is None else scene.synchronous_speeds_at(supply.frequency)
     for i, exciter in enumerate(scene.exciter_pair):
         n, critical = i + 1, exciter.critical_torque_n_m
         found[f"motor_power_{n}_mean_w"], found[f"motor_torque_{n}_mean_n_m"] = mean[f"power_{n}"], mean[f"torque_{n}"]
         found[f"torque_share_{n}"] = mean[f"torque_{n}"] / critical if critical > 0.0 else None
-        if supply is not None and speeds is not None and supply.driven[i] and critical > 0.0 and speeds[i] > 0.0:
+        if speeds is not None and driven[i]:
             found[f"slip_{n}"] = 1.0 - exciter.direction * mean[f"speed_{n}"] / speeds[i]
         ripple = peaks["largest"][SPEED_1 + i] - peaks["least"][SPEED_1 + i]
         found[f"speed_ripple_{n}_hz"] = float(ripple) / _TURN
@@ -236,16 +247,23 @@ def _largest(peaks: Any, columns: Mapping[str, Peaked]) -> dict[str, float | Non
     return found
 
 
-def _when(peaks: Any, column: Peaked) -> tuple[float, float]:
-    """Return when the value of a column was complete (s), and the pace then (rad/s)."""
+def _when(peaks: Any, column: Peaked, turn: FloatArray) -> tuple[float, float | None]:
+    """Return when the value of a column was complete (s), and the pace around then (rad/s).
+
+    The last turn, with its marks as in :data:`vibroplat.observe.measures.MARKS`, is not complete. Its pace is that
+    since the turn before began; none if it takes longer than two of these, as where the unbalances swing.
+    """
     k = column.quantity
     ends = [(float(peaks[f"at_{end}"][k]), float(peaks[f"pace_{end}"][k])) for end in ("least", "largest")]
-    if column.difference:
-        return max(ends[::-1], key=lambda end: end[0])
-    return ends[0] if -peaks["least"][k] > peaks["largest"][k] else ends[1]
+    end = ends[0] if -peaks["least"][k] > peaks["largest"][k] else ends[1]
+    at, found = max(ends[::-1], key=lambda end: end[0]) if column.difference else end
+    if at <= turn[1, 0]:
+        return at, found
+    (before, *_), (begun, *_), (now, *_) = turn
+    return at, float(pace(turn[0], turn[2])) if now - begun <= 2.0 * (begun - before) else None
 
 
-def whole_run(ms: Measures, scene: Scene, begun: float, captured: bool) -> dict[str, Any]:
+def whole_run(ms: Measures, scene: Scene, begun: float, captured: bool, locked: bool) -> dict[str, Any]:
     """Return what of a data sheet is of a whole run.
 
     Parameters
@@ -254,26 +272,36 @@ def whole_run(ms: Measures, scene: Scene, begun: float, captured: bool) -> dict[
         When it began (s).
     captured
         Whether a motor slips as one does that is captured; see :data:`vibroplat.observe.notes.CAPTURED`.
+    locked
+        Whether the exciters are synchronized in the measured part.
     """
     found: dict[str, Any] = {}
     peaks, columns = joined(ms.peaks), _from_extremes(scene)
     for name, value in _largest(peaks, columns).items():
-        base, (at, pace) = split(name)[0], _when(peaks, columns[name])
+        base, (at, speed) = split(name)[0], _when(peaks, columns[name], ms.marks["turn"])
         found[f"whole_{name}"] = value
-        there = value is not None
-        found[f"whole_{base}_at_s"], found[f"whole_{base}_at_hz"] = (at, pace / _TURN) if there else (None, None)
-    found["synchronized_at_s"], found["start_energy_j"] = synchronized(ms, scene, begun)
+        found[f"whole_{base}_at_s"] = None if value is None else at
+        found[f"whole_{base}_at_hz"] = None if value is None or speed is None else speed / _TURN
+    driven = any(scene.driven(float(ms.marks["window"]), float(ms.marks["until"])))
+    found["synchronized_at_s"], found["start_energy_j"] = (
+        synchronized(ms, scene, begun) if locked and driven else (None, None)
+    )
     return found | {"captured_by": _captor(ms, scene) if captured else ""}
+
+
+def stays(ms: Measures, scene: Scene) -> bool:
+    """Whether the phase difference stays as it is in the latter half of the measured part, of what is kept of it."""
+    phases = section_rows(ms)["state"][:, 3:5] @ scene.phase_weights
+    late = phases[-int(ms.marks["turns"]) // 2 :]
+    return bool(abs(late[-1] - late[0]) <= STAYING)
 
 
 def synchronized(ms: Measures, scene: Scene, begun: float) -> tuple[float | None, float | None]:
     """Return from when on the exciters turn as in the measured part (s), and the motors' work until then (J).
 
-    They are None if the phase difference or a speed did not stay there until the end.
+    They are None if the phase difference or a speed left that during the measured part.
     """
-    mean = means(ms)
-    if not mean:
-        return None, None
+    mean, begin = means(ms), ms.marks["first"][0]
     width, fastest = 1.0 / SORTS, FASTEST * scene.speed_scale
     middle = (np.arange(SORTS) + 0.5) * width
     away = np.abs(np.angle(np.exp(1j * (_TURN * middle - math.atan2(mean["sine"], mean["cosine"])))))
@@ -283,7 +311,7 @@ def synchronized(ms: Measures, scene: Scene, begun: float) -> tuple[float | None
         outside.append(np.abs(middle - speed) > STEADY * speed + 0.5 * width)
     met = np.concatenate([seen[there] for seen, there in zip(ms.seen, outside, strict=True)])
     last, work = met[met[:, 0].argmax()]
-    if last >= ms.marks["until"]:
+    if last > begin:
         return None, None
     return (float(last), float(work)) if math.isfinite(last) else (begun, 0.0)
 

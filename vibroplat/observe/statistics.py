@@ -16,14 +16,14 @@ from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.hybrid.state import WIDTH, Automaton, Steps
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, same_types
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16
-from vibroplat.kernels.polynomial import crossing, slope
+from vibroplat.kernels.polynomial import crossing, slope, value
 from vibroplat.kernels.sines import sines
 from vibroplat.model.energy import exciter_powers, powers
 from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.series import HIGHEST
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, LAYERS, PLACES, SIZES
-from vibroplat.observe.extremes import IMPULSE, MOST_NODES, NODES, WEIGHTS, Span
+from vibroplat.observe.extremes import IMPULSE, MOST_NODES, NODES, WEIGHTS, Span, give_pace
 from vibroplat.observe.loads import COLUMNS, Equations, add_forces, widen
 from vibroplat.observe.measures import (
     COSINE,
@@ -151,10 +151,10 @@ def add_pieces(
     """Add all closed pieces and events in the order of time; ``room`` is overwritten."""
     ms, steps, events = borrow(owned_ms), borrow(owned_steps), borrow(owned_events)
     counted, degree, full, room.limited = 0, steps.c.shape[1] - 1, room.full, -1
-    stiffnesses = (p.stiffness_x, p.stiffness_y, p.stiffness_phi), (p.damping_x, p.damping_y, p.damping_phi)
-    for i in range(2):
-        for j in range(3):
-            room.springs[i, j] = stiffnesses[i][j]
+    dampings = (p.damping_x, p.suspension_damping_y, p.damping_phi)
+    stiffnesses = (p.stiffness_x, p.stiffness_y, p.stiffness_phi)
+    for j in range(3):
+        room.springs[0, j], room.springs[1, j] = stiffnesses[j], dampings[j]
     for i in range(steps.used.pieces):
         piece = steps.pieces[i]
         while counted < piece.events:
@@ -223,7 +223,7 @@ def add_step(
             for j in range(WIDTH):
                 begun[1, j] *= cut - first
         if first < cut:
-            span = Span(begin, length, c, degree, DIFFERENTIAL[piece.system] // 2 + 3, first, cut, begun[0], at)
+            span = Span(begin, length, c, degree, first, cut, begun[0], at)
             add_part(ms, span, begun, since >= marks.window, piece.system, nodes, room, equations, p)
         first, turn = cut, turn + way
         if way == 0.0:
@@ -233,6 +233,55 @@ def add_step(
         marks.way = passes
         if same and now >= marks.window:
             close_turn(ms, now, turns, at, piece.system, room)
+    follow_turn(ms, steps, row, piece, degree)
+
+
+@inlined
+def follow_turn(ms: Measures, steps: Steps, row: int, piece: Any, degree: int) -> None:
+    """Note where a step ends, and complete the present turn of the faster exciter if it ends there."""
+    turn, turns, c, end = ms.marks.turn, piece.turns, steps.c[row], steps.ends[row]
+    begin, length = piece.origin + steps.start[row], steps.length[row]
+    if math.isnan(turn[2, 0]):
+        for i in range(2):
+            turn[i, 0], turn[i, 1], turn[i, 2] = begin, c[0, 3] + turns[0], c[0, 4] + turns[1]
+    turn[2, 0], turn[2, 1], turn[2, 2] = begin + length, end[3] + turns[0], end[4] + turns[1]
+    if abs(turn[2, 1] - turn[1, 1]) >= _TURN or abs(turn[2, 2] - turn[1, 2]) >= _TURN:
+        complete_turn(ms, steps, row, piece, degree)
+
+
+@compiled
+def complete_turn(ms: Measures, steps: Steps, row: int, piece: Any, degree: int) -> None:
+    """Complete the present turn of the faster exciter in a step, and give its extremes their pace."""
+    marks, turn, turns, c, cut = ms.marks, ms.marks.turn, piece.turns, steps.c[row], 1.0
+    length, rates = steps.length[row], DIFFERENTIAL[piece.system] // 2 + 3
+    for i in range(2):
+        way = turn[2, 1 + i] - turn[1, 1 + i]
+        if abs(way) >= _TURN:
+            level = turn[1, 1 + i] + math.copysign(_TURN * math.floor(abs(way) / _TURN), way)
+            begun, left = c[0, 3 + i] + turns[i], turn[2, 1 + i]
+            cut = min(cut, place_of_angle(level, begun, left, c[1, 3 + i], length * steps.ends[row][rates + i]))
+    for i in range(3):
+        turn[0, i] = turn[1, i]
+    turn[1, 0] = piece.origin + steps.start[row] + cut * length
+    turn[1, 1], turn[1, 2] = value(c, degree, 3, cut) + turns[0], value(c, degree, 4, cut) + turns[1]
+    for i in (EARLY, max(marks.row - 1, EARLY), marks.row):  # a turn may reach from before the measured part into it
+        give_pace(ms.peaks[i], turn[0], turn[1])
+
+
+@inlined
+def place_of_angle(level: float, begun: float, left: float, first: float, last: float) -> float:
+    """Fraction of a step at which an angle passes a level, from the angle and its rate (rad/step) at both ends.
+
+    By the cubic of the fraction over the angle, with slopes that keep it monotone; it is off by less than 1e-4.
+    """
+    way = left - begun
+    u = (level - begun) / way
+    if not 0.0 < u < 1.0:
+        return 1.0 if u >= 1.0 else 0.0
+    slope_0 = min(way / first, 3.0) if way * first > 0.0 else 3.0
+    slope_1 = min(way / last, 3.0) if way * last > 0.0 else 3.0
+    v = 1.0 - u
+    return u * u * (3.0 - 2.0 * u) + u * v * (v * slope_0 - u * slope_1)
 
 
 @inlined

@@ -6,8 +6,10 @@ Full states are named here as in the columns of the trajectory table.
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from vibroplat.columns import Column, Columns
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import State
+from vibroplat.errors import ConfigError
 from vibroplat.frames import PlainTable, Words, pd
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.state import Automaton
@@ -25,11 +28,16 @@ from vibroplat.kernels.polynomial import values
 from vibroplat.model.motor import motor_powers
 from vibroplat.model.parameters import parameters, supply
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS, System
+from vibroplat.system.memory import SHARE, amount, available
 
 #: Rows that are made and written at a time.
 BLOCK = 2**15
 #: Memory that an array takes besides its numbers (bytes).
 OVERHEAD = 150
+#: Bytes of a number in memory and in a Parquet file, and about as many in CSV.
+NUMBER, NUMBER_IN_CSV = 8, 20
+#: Times that a table is in memory at most, when its parts are put together.
+COPIES = 2
 
 #: Records, and fields of compiled records.
 Records = npt.NDArray[np.void]
@@ -284,3 +292,28 @@ class TrajectoryRows:
         """Hand over the rest; a run without a step has one part without rows."""
         self._blocks.put(self._end)
         self._blocks.finish()
+
+
+def require_room(scene: Scene, directory: Path | None = None, form: str = "parquet") -> None:
+    """Refuse a trajectory table that does not fit on the disk, or without a directory into memory.
+
+    Raises
+    ------
+    ConfigError
+        Rows at ``output.sample_rate_hz`` alone, without those at events, need more than there is.
+    """
+    if directory is None:
+        there = available()
+        most, number = SHARE * there, COPIES * NUMBER
+        told = f"of memory, where {amount(most)} may be taken of {amount(there)} available"
+    else:
+        most, number = float(shutil.disk_usage(directory).free), NUMBER_IN_CSV if form == "csv" else NUMBER
+        told = f"on disk, where {amount(most)} are free"
+    seconds, rate = scene.run.duration_s, scene.output.sample_rate_hz
+    rows, columns = seconds * rate, len(Sampler(scene).table(np.empty(0, ROW)).columns)
+    needed = rows * columns * number
+    if needed > most:
+        raise ConfigError(
+            f"output.sample_rate_hz = {rate:g} asks for {rows:.3g} rows of {columns} columns in {seconds:g} s: "
+            f"{amount(needed)} {told}; allowed: at most {rate * most / needed:.2g} Hz, or a shorter run.duration_s"
+        )

@@ -73,7 +73,7 @@ class Run:
     co_rotating: bool
     chosen: bool
     from_rest: bool
-    peaks: Mapping[str, tuple[float, float, float]]
+    peaks: Mapping[str, tuple[float, float, float | None]]
 
     @property
     def turns(self) -> float:
@@ -167,17 +167,17 @@ def _with_forces(part: pd.DataFrame, scene: Scene | None) -> pd.DataFrame:
         return part
     machine = scene.machine
     along_x = machine.stiffness_x_n_per_m * part["x_m"] + machine.damping_x_n_s_per_m * part["x_rate_m_per_s"]
-    along_y = machine.stiffness_y_n_per_m * part["y_m"] + scene.damping_y * part["y_rate_m_per_s"]
+    along_y = machine.stiffness_y_n_per_m * part["y_m"] + machine.damping_y_n_s_per_m * part["y_rate_m_per_s"]
     return part.assign(force_x_n=along_x, force_y_n=along_y)
 
 
-def _peaks(summary: Mapping[str, Any]) -> dict[str, tuple[float, float, float]]:
+def _peaks(summary: Mapping[str, Any]) -> dict[str, tuple[float, float, float | None]]:
     """Return the peaks of a whole run from its summary; one from before there were data sheets has none."""
     found = {}
     for column, name in _PEAKS.items():
         base = split(name)[0]
         value, at, pace = (summary.get(f"whole_{key}") for key in (name, f"{base}_at_s", f"{base}_at_hz"))
-        if value is not None and at is not None and pace is not None:
+        if value is not None and at is not None:
             found[column] = (value, at, pace)
     return found
 

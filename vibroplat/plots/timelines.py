@@ -85,8 +85,9 @@ def draw_envelope(
     return name_axis(axis, column)
 
 
-def mark_peak(axis: Axes, envelope: pd.DataFrame, column: str, value: float, time: float, pace: float) -> Axes:
+def mark_peak(axis: Axes, envelope: pd.DataFrame, column: str, value: float, time: float, pace: float | None) -> Axes:
     """Mark the largest size of a force, or where a stroke was complete, with its time (s) and the speed then (Hz)."""
+    speed = "" if pace is None else f", {pace:.3g} Hz"
     least, largest = envelope[f"{column}:min"], envelope[f"{column}:max"]
     if column in FORCES:
         place, told = (-value if -least.min() > largest.max() else value), f"{rounded(value, 4)} N"
@@ -95,7 +96,7 @@ def mark_peak(axis: Axes, envelope: pd.DataFrame, column: str, value: float, tim
         place, told = float(in_units(place, column)), f"stroke {rounded(float(in_units(value, column)), 4)} mm"
     axis.plot(time, place, "o", ms=4.5, mfc="white", mec=BLACK, clip_on=False, zorder=5)
     axis.annotate(
-        f"{told} at {time:.4g} s, {pace:.3g} Hz", (time, place), (7.0, 0.0), textcoords="offset points", fontsize=8,
+        f"{told} at {time:.4g} s{speed}", (time, place), (7.0, 0.0), textcoords="offset points", fontsize=8,
         va="center", bbox={"fc": "white", "ec": "none", "alpha": 0.7, "pad": 0.5},
     )  # fmt: skip
     return axis

@@ -111,13 +111,14 @@ def _short(summary: Mapping[str, Any], column: str, factor: float = 1.0) -> str:
 
 
 def _peak(summary: Mapping[str, Any], column: str, unit: str, factor: float = 1.0) -> str:
-    """Write the largest value of the whole run, unless it is that of the measured part, and when and how fast it is."""
+    """Write the largest value of the whole run, unless it is that of the measured part; its time and speed."""
     base, value = split(column)[0], summary[f"whole_{column}"]
     if not value:
         return ""
     at, pace = summary[f"whole_{base}_at_s"], summary[f"whole_{base}_at_hz"]
     same = value == summary[column] and summary["measured_from_s"] <= at <= summary["measured_to_s"]
-    return f"; {'that' if same else f'whole run: {rounded(factor * value)} {unit}'} at {at:.4g} s, {pace:.3g} Hz"
+    speed = "" if pace is None else f", {pace:.3g} Hz"
+    return f"; {'that' if same else f'whole run: {rounded(factor * value)} {unit}'} at {at:.4g} s{speed}"
 
 
 def whole(summary: Mapping[str, Any]) -> dict[str, str]:
@@ -170,7 +171,7 @@ def _window(scene: Scene, summary: Mapping[str, Any]) -> str:
     first, last, turns = (summary[f"measured_{key}"] for key in ("from_s", "to_s", "turns"))
     if last <= first:
         return f"nothing: the run ended before {_number(first)} s"
-    coasting = "" if any(scene.drive.at(last).driven) else ", motors off"
+    coasting = "" if any(scene.driven(last, last)) else ", motors off"
     return f"{_number(first)} … {_number(last)} s, {turns or 'no'} whole turn{'' if turns == 1 else 's'}{coasting}"
 
 

@@ -36,6 +36,7 @@ from vibroplat.observe.tables import (
     Segment,
     TrajectoryRows,
     event_table,
+    require_room,
     state_places,
 )
 from vibroplat.results.card import results
@@ -100,11 +101,19 @@ class Trajectory:
 
     @cached_property
     def trajectory(self) -> pd.DataFrame:
-        """Trajectory table at ``output.sample_rate_hz``, with two rows at each event."""
+        """Trajectory table at ``output.sample_rate_hz``, with two rows at each event.
+
+        Raises
+        ------
+        ConfigError
+            It was not made while the run went on, and does not fit into memory.
+        """
         if self.saved is not None:
             return self.saved.table("trajectory")
         if self.table is not None:
             return self.table
+        if self.segments:
+            require_room(self.scene)
         parts: list[pd.DataFrame] = []
         rows = TrajectoryRows(self.scene, lambda part: parts.append(part.frame))
         for segment in self.segments:

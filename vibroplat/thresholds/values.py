@@ -99,7 +99,7 @@ def evaluate(scene: Scene, plan: FindPlan, state: list[float] | None, times: int
     many times the plan's settling and measuring time it has, ``key`` determines the perturbation. Motion that repeats
     without a known orbit is looked at once more: it may be leaving an unstable one.
     """
-    began, share = time.perf_counter(), scene.run.start_perturbation
+    began, share = time.perf_counter(), scene.start_perturbation
     if state is None:  # as a run of the scene begins
         begun = _followed(scene, perturbed(initial_state(scene), scene, share, key))
         if isinstance(begun, Point):
