@@ -194,7 +194,7 @@ class Basins:
         names = ["attractor"] if self.key is None else [column_of(self.key), "attractor"]
         joined = starts[[*names, "turns"]].merge(attractors, on=names, how="left")
         late = joined["period"].gt(0) & joined["turns"].gt(LATE * self.plan.longest_turns)
-        places = np.flatnonzero(~(late | joined["motion"].isin(RESTLESS) & joined["rate_per_turn"].gt(0.0)))
+        places = np.flatnonzero(~(late | joined["motion"].isin(RESTLESS) & ~joined["rate_per_turn"].eq(0.0)))
         count, order, found = self.plan.number, self.order, list[Repeat]()
         spread = np.linspace(0, max(places.size - 1, 0), min(CHECKED, places.size)).round().astype(int)
         for place in places[np.unique(spread)].tolist():
@@ -350,7 +350,7 @@ def _life(row: pd.Series) -> str:
     if row["motion"] not in RESTLESS or pd.isna(row["rate_high_per_turn"]):
         return ""
     rate, slowest, fastest = (row[f"rate_{name}per_turn"] for name in ("", "low_", "high_"))
-    if not rate:
+    if not rate > 0.0:
         return f"; mean life above {_turns(1.0 / fastest)} turns"
     if row["rate_constant_p"] < DOUBT:
         return "; transient, it ends at a rate that is not constant"

@@ -82,8 +82,9 @@ def _constant(places: FloatArray) -> float:
 def rates_of(attractors: Sequence[Record], starts: Sequence[Record], longest: int) -> list[Rate | None]:
     """Estimate the rate at which motions converge to each orbit, and that at which each other motion is left for one.
 
-    It is None where it cannot be known: nothing was at risk, a motion may take as long on a direct way to the orbit, or
-    several motions that do not repeat were left, and it is not known which of them how often.
+    It is None where nothing was at risk, or where a motion may take as long on a direct way to the orbit. An upper
+    bound alone is known of a motion that may have been left for such an orbit, and of several motions that do not
+    repeat, as it is not known which of them was left how often.
 
     Parameters
     ----------
@@ -111,12 +112,12 @@ def rates_of(attractors: Sequence[Record], starts: Sequence[Record], longest: in
     found: list[Rate | None] = [None] * len(rows)
     for k in quick:
         found[k] = rate([turns for number, turns in arrived if number == k], risk)
+    escaped = [(number, turns) for number, turns in late if number in orbits]
     for k in restless:
         own = [turns for number, turns in late if number == k]
-        if not arrived:
-            found[k] = rate([], own)
-        elif restless == {k}:
-            found[k] = rate([turns for _, turns in arrived], risk)
+        sure = arrived == escaped and (restless == {k} or not escaped)
+        left = rate([turns for _, turns in escaped], own + [turns for _, turns in escaped])
+        found[k] = left if left is None or sure else Rate(math.nan, 0.0, left.high, math.nan)
     return found
 
 
