@@ -9,7 +9,8 @@ from vibroplat.errors import ConfigError
 from vibroplat.plots.thresholds import threshold_figures
 from vibroplat.study.pool import pool
 from vibroplat.study.store import Store
-from vibroplat.thresholds.tables import fractal, question
+from vibroplat.thresholds.evidence import is_fractal
+from vibroplat.thresholds.tables import question
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 MASS = {"key": "material.mass_ratio", "start": 0.02, "stop": 0.6}
@@ -76,9 +77,9 @@ def test_what_never_changes_is_an_answer(expression, told):
 
 
 def test_a_border_is_fractal_if_near_pairs_differ_as_often_as_far_ones():
-    assert fractal((0.5, 0.5, 0.5))
-    assert not fractal((0.5, 0.1, 0.0))
-    assert not fractal(())
+    assert is_fractal((0.5, 0.5, 0.5))
+    assert not is_fractal((0.5, 0.1, 0.0))
+    assert not is_fractal(())
 
 
 def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(tmp_path):
