@@ -9,7 +9,6 @@ from vibroplat.errors import ConfigError
 from vibroplat.plots.thresholds import threshold_figures
 from vibroplat.study.pool import pool
 from vibroplat.study.store import Store
-from vibroplat.thresholds.evidence import is_fractal
 from vibroplat.thresholds.tables import question
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -74,12 +73,6 @@ def test_what_never_changes_is_an_answer(expression, told):
     found = find(loaded(58.0, expression=expression, scan=2, start=0.2, stop=0.3))
     assert found.thresholds.empty
     assert found.text == [f"no threshold: {expression} is {told} at all values from material.mass_ratio = 0.2 to 0.3"]
-
-
-def test_a_border_is_fractal_if_near_pairs_differ_as_often_as_far_ones():
-    assert is_fractal((0.5, 0.5, 0.5))
-    assert not is_fractal((0.5, 0.1, 0.0))
-    assert not is_fractal(())
 
 
 def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(tmp_path):

@@ -98,7 +98,9 @@ class FindPlan(Section, title="Find", populate_by_name=True):
         description="what is to change. attractor: the motion that is reached; regime: its synchronization alone",
     )
     expression: str | None = Field(
-        None, description='instead, a column of a sweep compared with a number, as "rms_y_m > 1e-3"'
+        None,
+        description='instead, a column of a sweep compared with a number, as "rms_y_m > 1e-3": what is to hold, as '
+        "where outcomes are mixed more values are evaluated where it holds",
     )
     from_: Literal["initial", "neighbour"] = Field(
         "initial",
