@@ -50,8 +50,8 @@ def test_without_contradiction_values_are_counted_on_both_sides():
     found = values(0, 0, 1, 1, None, 1)
     (zone,) = zones(found, [between(*found[1:3])], PLAN)
     assert (zone.mixed, zone.ends, zone.shares, zone.fractal) == ([], None, (), False)
-    assert (zone.below.tried, zone.below.last, zone.below.failed) == (2, 0.0, 0)
-    assert (zone.above.tried, zone.above.last, zone.above.failed) == (3, 50.0, 1), "a failed run is no success"
+    assert (zone.below.tried, zone.below.last, zone.below.unknown) == (2, 0.0, 0)
+    assert (zone.above.tried, zone.above.last, zone.above.unknown) == (3, 50.0, 1), "a failed run is no success"
     assert wanted(zone, True, PLAN)
     assert not wanted(zone, False, PLAN)
 
@@ -181,7 +181,7 @@ def test_the_answer_is_the_value_beyond_which_all_hold_then_the_mixed_interval_t
     first, mixed, below, single = found.text
     assert first.startswith(f"{KEY}: above 66.")
     assert f": rms_y_m > 0.5 is true at all {row['tried_above']} values tried up to {row['tried_up_to']:.6g}; " in first
-    assert first.endswith(" more failed")
+    assert first.endswith(" more have no clear outcome")
     assert mixed.startswith("mixed from 3")
     assert below.startswith("below 3")
     assert "rms_y_m > 0.5 is false at all" in below
@@ -229,6 +229,25 @@ def test_what_was_measured_in_a_transient_is_told(known, monkeypatch):
     with Store(None, {}) as store, pool(1) as workers:
         notes = asked.answer(store, workers, lambda done, known: None).notes
     assert "was measured in a transient or has no clear class" in notes[-1]
+
+
+def test_periodic_motion_without_a_known_orbit_is_bisected(known, monkeypatch):
+    def without_multiplier(*arguments):
+        point = known(*arguments)
+        point.row.update({"motion": "periodic", "period": 1} if point.state else {})
+        point.row.pop("multiplier_max", None)
+        return point
+
+    monkeypatch.setattr(search, "evaluate", without_multiplier)
+    assert len(find(Scene().replace({"find": ASKED})).thresholds) == 1
+
+
+def test_undecided_motion_is_no_other_attractor():
+    plan = FindPlan(**{name: ASKED[name] for name in ("key", "start", "stop")})
+    kinds = ["chaotic", "chaotic", "periodic", "undecided", "periodic", "undecided"]
+    found = [value(10.0 * place, 1.0, motion=kind, sync="antiphase", period=0) for place, kind in enumerate(kinds)]
+    (zone,) = zones(found, [between(*found[1:3])], plan)
+    assert (zone.ends, zone.above.tried, zone.above.unknown) == (None, 2, 2)
 
 
 # -- real motions ------------------------------------------------------------------------------------------------------

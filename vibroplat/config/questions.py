@@ -142,6 +142,11 @@ class FindPlan(Section, title="Find", populate_by_name=True):
         return found and (found[1], found[2], float(found[3]))
 
     @property
+    def of_motion(self) -> bool:
+        """Whether it is the motion that is to change, and not its synchronization or a measure alone."""
+        return self.expression is None and self.outcome == "attractor"
+
+    @property
     def narrow(self) -> float:
         """Distance of the values below and above a threshold in the end."""
         return NARROW * (self.stop - self.start) if self.tolerance is None else self.tolerance

@@ -25,10 +25,10 @@ ROUNDS = 10
 #: widths.
 NEAR, REACH = 12, 0.1
 #: Pairs of values in a mixed interval, and the distances of their values relative to the width of the interval.
-PAIRS, DISTANCES = 24, (1e-2, 1e-3, 1e-4)
+PAIRS, DISTANCES = 16, (1e-2, 1e-3, 1e-4)
 #: Minimum number of pairs that differ at the smallest distance where the border is fractal, and their minimum ratio to
 #: the number of those that differ at the largest.
-FRACTAL, LASTING = 3, 0.25
+FRACTAL, LASTING = 2, 0.25
 
 
 class Threshold(NamedTuple):
@@ -64,8 +64,8 @@ class Clear(NamedTuple):
         Number of different values of the key.
     last
         Value of the key that is farthest from the threshold.
-    failed
-        Number of values at which nothing is known of the motion; they are not in ``tried``.
+    unknown
+        Number of values at which the outcome is unknown; they are not in ``tried``.
     limit
         Where the next threshold begins, or the end of the range.
     """
@@ -73,7 +73,7 @@ class Clear(NamedTuple):
     nearest: Value | None
     tried: int
     last: float
-    failed: int
+    unknown: int
     limit: float
 
 
@@ -144,10 +144,11 @@ def zones(values: Sequence[Value], thresholds: Sequence[Threshold], plan: FindPl
 
     A change within the interval to which a threshold was narrowed is this threshold. Every other change contradicts
     the nearest threshold, if possible one that is no special point of an orbit. Two outcomes at one value, one of them
-    after twice the time, contradict it too. Orbits of branches are no evidence, as no motion need converge to them.
+    after twice the time, contradict it too. Orbits of branches are no evidence, as no motion need converge to them;
+    neither are failed runs, and undecided motion where attractors are compared.
     """
     known = sorted((value for value in values if value.stage != "orbit"), key=lambda value: value.at)
-    good = [value for value in known if not value.failed]
+    good = [value for value in known if value.classified(plan)]
     hulls = [_Hull(one) for one in sorted(thresholds, key=lambda one: one.value)]
     owners = [hull for hull in hulls if not hull.thresholds[0].special] or hulls
     for change in pairwise(good):
@@ -161,7 +162,7 @@ def zones(values: Sequence[Value], thresholds: Sequence[Threshold], plan: FindPl
     hulls = _merged(hulls)
     begins = [plan.start, *(hull.edges[1] for hull in hulls)]
     ends = [*(hull.edges[0] for hull in hulls[1:]), plan.stop]
-    return [_zone(hull, known, *limits) for hull, *limits in zip(hulls, begins, ends, strict=False)]
+    return [_zone(hull, known, plan, *limits) for hull, *limits in zip(hulls, begins, ends, strict=False)]
 
 
 def _within(change: tuple[Value, Value], threshold: Threshold) -> bool:
@@ -179,7 +180,7 @@ def _merged(hulls: Sequence[_Hull]) -> list[_Hull]:
     return found
 
 
-def _zone(hull: _Hull, known: Sequence[Value], begin: float, end: float) -> Zone:
+def _zone(hull: _Hull, known: Sequence[Value], plan: FindPlan, begin: float, end: float) -> Zone:
     """Return what is known around a hull, from ``known`` values in ascending order between two limits."""
     first, last = hull.edges
     mixed: list[Value] = []
@@ -192,13 +193,13 @@ def _zone(hull: _Hull, known: Sequence[Value], begin: float, end: float) -> Zone
     else:
         lower = [value for value in known if begin <= value.at <= first]
         upper = [value for value in known if last <= value.at <= end]
-    below, above = _clear(lower[::-1], begin), _clear(upper, end)
+    below, above = _clear(lower[::-1], plan, begin), _clear(upper, plan, end)
     return Zone(sorted(hull.thresholds, key=lambda one: one.value), mixed, below, above)
 
 
-def _clear(values: Sequence[Value], limit: float) -> Clear:
+def _clear(values: Sequence[Value], plan: FindPlan, limit: float) -> Clear:
     """Summarize values with one outcome, the nearest to the threshold first."""
-    good = [value for value in values if not value.failed]
+    good = [value for value in values if value.classified(plan)]
     nearest, last = (good[0], good[-1].at) if good else (None, math.nan)
     return Clear(nearest, len({value.at for value in good}), last, len(values) - len(good), limit)
 
@@ -262,8 +263,8 @@ class Places:
 
 def wanted(zone: Zone, upward: bool, plan: FindPlan) -> bool:
     """Return whether the asker wants the outcome above or below a mixed interval: where an expression holds."""
-    holds = [side.nearest is not None and side.nearest.outcome(plan) is True for side in (zone.below, zone.above)]
-    return holds[upward] or not any(holds)
+    nearest = (zone.above if upward else zone.below).nearest
+    return nearest is not None and nearest.outcome(plan) is True
 
 
 def open_ends(found: Sequence[Zone], tried: Collection[tuple[float, bool]]) -> Iterator[tuple[Zone, bool]]:

@@ -110,19 +110,17 @@ class Search:
         record = yield Task(evaluate, (scene, self.plan, state, times, self._key), lost)
         return Value(at, stage, record["row"], record["state"])
 
-    @property
-    def _of_motion(self) -> bool:
-        """Whether it is the motion that is to change, and not its synchronization or a measure alone."""
-        return self.plan.expression is None and self.plan.outcome == "attractor"
-
     def _alike(self, one: Value, other: Value) -> bool:
         return bool(one.outcome(self.plan) == other.outcome(self.plan))
+
+    def _differ(self, one: Value, other: Value) -> bool:
+        return one.classified(self.plan) and other.classified(self.plan) and not self._alike(one, other)
 
     def _changes(self, scan: Sequence[Value]) -> list[tuple[Value, Value]]:
         """Return the neighbours between which the outcome changes, or measures leap; failed ones are left out."""
         good = [value for value in scan if not value.failed]
         leaps = [False] * (len(good) - 1)
-        if self._of_motion:
+        if self.plan.of_motion:
             leaps = jumps(pd.DataFrame([{column_of(self.plan.key): value.at, **value.row} for value in good])).tolist()
         return [ends for ends, leap in zip(pairwise(good), leaps, strict=False) if leap or not self._alike(*ends)]
 
@@ -237,7 +235,7 @@ class Search:
         It is one if the motion comes to the orbit just before, and has another outcome just beyond.
         """
         period = begin.row["period"]
-        known = period and begin.row["multiplier_max"] and not begin.leaving
+        known = period and begin.row.get("multiplier_max") and not begin.leaving
         if not (known and self._continuous(begin.at) and self._continuous(end)):
             return None
         span = abs(end - begin.at)
@@ -263,7 +261,7 @@ class Search:
         outer = yield from self._value(at + math.copysign(beyond, end - at), "beside", inner)
         seen += [inner, outer]
         lingers = self._alike(inner, outer) or outer.leaving or outer.row["motion"] == "undecided"
-        if inner.failed or outer.failed or not self._alike(begin, inner) or (lingers and not self._of_motion):
+        if inner.failed or outer.failed or not self._alike(begin, inner) or (lingers and not self.plan.of_motion):
             return None
         gradual = apart(inner, outer, self.plan) < GRADUAL * size(inner, outer, self.plan)
         kind = "level crossing" if gradual else "jump"
@@ -310,7 +308,4 @@ class Search:
         begins, *others = self._places.pairs(zone)
         values = self._look("pair", [*begins, *(at for ends in others for at in ends)], number)
         first, *rest = (values[k : k + PAIRS] for k in range(0, len(values), PAIRS))
-        return tuple(
-            sum(not (a.failed or b.failed or self._alike(a, b)) for a, b in zip(first, ends, strict=True)) / PAIRS
-            for ends in rest
-        )
+        return tuple(sum(self._differ(a, b) for a, b in zip(first, ends, strict=True)) / PAIRS for ends in rest)

@@ -218,11 +218,11 @@ class Find:
             (f"above {self._number(high)}", zone.above, "up to"),
             (f"below {self._number(low)}", zone.below, "down to"),
         ]
-        if not wanted(zone, True, self.plan):
+        if wanted(zone, False, self.plan) and not wanted(zone, True, self.plan):
             sides.reverse()
         first, second = (self._clear(*side) for side in sides)
         yield f"{self.plan.key}: {first}"
-        good = [value for value in zone.mixed if not value.failed]
+        good = [value for value in zone.mixed if value.classified(self.plan)]
         outcomes = Counter(self._outcome(value) for value in good).most_common()
         counted = ", ".join(f"{outcome} at {count}" for outcome, count in outcomes)
         yield f"mixed from {self._number(low)} to {self._number(high)}: of {len(good)} values tried, {counted}"
@@ -231,9 +231,9 @@ class Find:
     def _clear(self, where: str, clear: Clear, way: str) -> str:
         if clear.nearest is None:
             return f"nothing is known {where}: the mixed interval reaches the end of the range"
-        failed = f"; {clear.failed} more failed" if clear.failed else ""
+        unknown = f"; {clear.unknown} more have no clear outcome" if clear.unknown else ""
         outcome = f"{self._expressed}{self._outcome(clear.nearest)}"
-        return f"{where}: {outcome} at all {clear.tried} values tried {way} {clear.last:.6g}{failed}"
+        return f"{where}: {outcome} at all {clear.tried} values tried {way} {clear.last:.6g}{unknown}"
 
     def _outcome(self, value: Value) -> str:
         """Return the outcome at a value in words."""
@@ -259,9 +259,8 @@ class Find:
         place = f"from {plan.key} = {plan.start:g} to {plan.stop:g}"
         if not good:
             return f"nothing is known {place}"
-        if plan.expression is not None:
-            return f"no threshold: {self._expressed}{self._outcome(good[0])} at all values {place}"
-        return f"no threshold: {good[0].text} at all values {place}"
+        tried = f"at all {len({value.at for value in good})} values tried {place}"
+        return f"no threshold: {self._expressed}{self._outcome(good[0])} {tried}"
 
     def _notes(self, every: Sequence[Value], zones: Sequence[Zone]) -> Iterator[str]:
         for zone in zones:

@@ -80,6 +80,10 @@ class Value(NamedTuple):
         """
         return self.leaving or (self.row.get("motion") == "undecided" and self.row.get("period") is not None)
 
+    def classified(self, plan: FindPlan) -> bool:
+        """Whether it has an outcome: not if the run failed, or the motion is undecided and attractors are compared."""
+        return not self.failed and not (plan.of_motion and self.row["motion"] == "undecided")
+
     @property
     def text(self) -> str:
         """The motion in words."""
