@@ -62,6 +62,8 @@ class Clear(NamedTuple):
         The value nearest to the threshold; None if there is none.
     tried
         Number of different values of the key.
+    seeds
+        Number of different seeds with which these starts were perturbed.
     last
         Value of the key that is farthest from the threshold.
     unknown
@@ -72,6 +74,7 @@ class Clear(NamedTuple):
 
     nearest: Value | None
     tried: int
+    seeds: int
     last: float
     unknown: int
     limit: float
@@ -201,7 +204,8 @@ def _clear(values: Sequence[Value], plan: FindPlan, limit: float) -> Clear:
     """Summarize values with one outcome, the nearest to the threshold first."""
     good = [value for value in values if value.classified(plan)]
     nearest, last = (good[0], good[-1].at) if good else (None, math.nan)
-    return Clear(nearest, len({value.at for value in good}), last, len(values) - len(good), limit)
+    tried, seeds = ({getattr(value, name) for value in good} for name in ("at", "seed"))
+    return Clear(nearest, len(tried), len(seeds), last, len(values) - len(good), limit)
 
 
 # -- where further values are evaluated ------------------------------------------------------------------------------

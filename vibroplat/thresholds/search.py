@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import pairwise, repeat
 from typing import TypeVar
 
 import numpy as np
@@ -44,9 +44,9 @@ NOTHING: Record = {"rows": [], "special": []}
 T = TypeVar("T")
 
 
-def start_key(scene: Scene) -> tuple[int, ...]:
-    """Return what determines the perturbation of all starts: that of a run of the scene as given."""
-    return scene.run.seed, 0, round(1e6 * scene.drive.largest_frequency)
+def start_key(scene: Scene, seed: int | None = None) -> tuple[int, ...]:
+    """Return what determines the perturbation of a start: that of a run of the scene, as given or with another seed."""
+    return scene.run.seed if seed is None else seed, 0, round(1e6 * scene.drive.largest_frequency)
 
 
 @dataclass
@@ -71,7 +71,6 @@ class Search:
     seen: list[Value] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._key = start_key(self.scene)
         self._places = Places(self.plan)
         self._done = self._known = 0
 
@@ -96,19 +95,20 @@ class Search:
 
     # -- values --------------------------------------------------------------------------------------------------------
 
-    def _single(self, at: float, stage: str) -> Tasks[tuple[Value, list[Value]]]:
-        """Look at one value."""
-        value = yield from self._value(at, stage)
+    def _single(self, at: float, stage: str, other: int = 0) -> Tasks[tuple[Value, list[Value]]]:
+        """Look at one value, with the seed of the scene or the ``other``-th after it."""
+        value = yield from self._value(at, stage, other=other)
         return value, [] if stage == "scan" else [value]
 
-    def _value(self, at: float, stage: str, near: Value | None = None, times: int = 1) -> Tasks[Value]:
+    def _value(self, at: float, stage: str, near: Value | None = None, times: int = 1, other: int = 0) -> Tasks[Value]:
         """Look at a value of the key; with neighbours the motion is carried on from ``near``."""
         scene, state = self.scene.replace({self.plan.key: at}), None
         if near is not None and near.state is not None and self.plan.from_ == "neighbour":
             before = self.scene.replace({self.plan.key: near.at})
             scene, state = constant(scene), carried(near.state, before, scene)
-        record = yield Task(evaluate, (scene, self.plan, state, times, self._key), lost)
-        return Value(at, stage, record["row"], record["state"])
+        seed = self.scene.run.seed + other
+        record = yield Task(evaluate, (scene, self.plan, state, times, start_key(self.scene, seed)), lost)
+        return Value(at, stage, record["row"], record["state"], seed)
 
     def _alike(self, one: Value, other: Value) -> bool:
         return bool(one.outcome(self.plan) == other.outcome(self.plan))
@@ -275,6 +275,7 @@ class Search:
 
         They are looked for near each threshold at which measures jump. Where outcomes are mixed, rounds of values
         follow beyond both ends of the mixed interval, until none in a round contradicts; then pairs of values in it.
+        Half of those rounds begin with other seeds: what holds beyond the interval must not depend on the seed.
         Nothing is looked for with neighbours, where the outcome at a value depends on the way to it, or at special
         points.
         """
@@ -300,8 +301,9 @@ class Search:
         ]
 
     def _look(self, stage: str, places: Sequence[float], number: int = 0) -> list[Value]:
-        """Evaluate values of the key side by side."""
-        return self._run(f"{stage}-{number}", [self._single(at, stage) for at in places])
+        """Evaluate values of the key side by side; beyond a mixed interval every second one with another seed."""
+        others = [(place + 1) // 2 if stage == "beyond" and place % 2 else 0 for place in range(len(places))]
+        return self._run(f"{stage}-{number}", [self._single(*one) for one in zip(places, repeat(stage), others)])
 
     def _shares(self, zone: Zone, number: int) -> tuple[float, ...]:
         """Return the fractions of pairs in a mixed interval that differ, for each distance."""

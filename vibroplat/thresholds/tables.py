@@ -82,6 +82,7 @@ VALUES: Columns = {
         "scan; orbit, of a branch; beside a special point; bisection; twice as long, of an end; near a threshold; "
         "beyond a mixed interval; pair, in a mixed interval",
     ),
+    "seed": Column("seed of the perturbation of the start", "run.seed, or another one beyond a mixed interval"),
     **{name: SWEEP[name] for name in (*_POINT, *SHEET)},
 }
 
@@ -148,15 +149,16 @@ class Find:
             if self.plan.from_ == "neighbour" or (row["kind"] == "depends on how long" and not mixed):
                 continue
             for side in ("below", "above"):
-                at, known = float(row[side]), {name: row[f"{side}_{name}"] for name in COMPARED}
+                at, seed = float(row[side]), self.scene.run.seed
+                known = {name: row[f"{side}_{name}"] for name in COMPARED}
                 if mixed:  # near it the other engine may find another outcome
                     at = float(row["tried_down_to" if side == "below" else "tried_up_to"])
                     rows = values.loc[values[column_of(self.plan.key)] == at]
                     if rows.empty:
                         continue
-                    known = {name: rows[name].iloc[0] for name in COMPARED}
+                    seed, known = int(rows["seed"].iloc[0]), {name: rows[name].iloc[0] for name in COMPARED}
                 scene = other(self.scene.replace({self.plan.key: at}))
-                task = Task(evaluate, (scene, self.plan, None, 1, start_key(self.scene)), lost)
+                task = Task(evaluate, (scene, self.plan, None, 1, start_key(self.scene, seed)), lost)
                 found[at] = Repeat(f"at {self.plan.key} = {at:.12g}", task, known)
         return list(found.values())
 
@@ -184,9 +186,9 @@ class Find:
 
     def _scan(self, values: Sequence[Value]) -> pd.DataFrame:
         key, columns = column_of(self.plan.key), _columns(self.scene)
-        rows = [{key: value.at, "stage": value.stage, **value.row} for value in values]
-        names = [key, "stage", *_POINT, *SHEET, *of_points(self.scene.output.points)]
-        return study_table(rows, names, {"stage": ["k"]}, {**columns, **VALUES, SUPPLY: SWEEP[SUPPLY]})
+        rows = [{key: value.at, "stage": value.stage, "seed": value.seed, **value.row} for value in values]
+        names = [key, "stage", "seed", *_POINT, *SHEET, *of_points(self.scene.output.points)]
+        return study_table(rows, names, {"stage": ["k"], "seed": [0]}, {**columns, **VALUES, SUPPLY: SWEEP[SUPPLY]})
 
     # -- in words ------------------------------------------------------------------------------------------------------
 
@@ -233,7 +235,8 @@ class Find:
             return f"nothing is known {where}: the mixed interval reaches the end of the range"
         unknown = f"; {clear.unknown} more have no clear outcome" if clear.unknown else ""
         outcome = f"{self._expressed}{self._outcome(clear.nearest)}"
-        return f"{where}: {outcome} at all {clear.tried} values tried {way} {clear.last:.6g}{unknown}"
+        seeds = f", with {clear.seeds} seeds" if clear.seeds > 1 else ""
+        return f"{where}: {outcome} at all {clear.tried} values tried {way} {clear.last:.6g}{seeds}{unknown}"
 
     def _outcome(self, value: Value) -> str:
         """Return the outcome at a value in words."""
@@ -321,7 +324,7 @@ def question(scene: Scene) -> Find:
     if last.frequency <= 0.0 or last.driven != (True, True):
         raise ConfigError("drive.program ends without supply; allowed: with both exciters on, for a steady motion")
     if plan.compared is not None:
-        numbers = [name for name in _columns(scene) if name not in (*TEXTS, "stage", "wall_s")]
+        numbers = [name for name in _columns(scene) if name not in (*TEXTS, "stage", "seed", "wall_s")]
         if plan.compared[0] not in numbers:
             hint = meant(plan.compared[0], numbers, 3)
             raise ConfigError(f"find.expression: no column {plan.compared[0]}; {hint}allowed: numbers of a sweep")

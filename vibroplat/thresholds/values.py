@@ -47,12 +47,15 @@ class Value(NamedTuple):
         Why it was looked at.
     row, state
         As of a point of a sweep.
+    seed
+        Seed of the perturbation of its start.
     """
 
     at: float
     stage: str
     row: Record
     state: list[float] | None
+    seed: int = 0
 
     @property
     def failed(self) -> bool:
