@@ -18,7 +18,7 @@ from vibroplat.thresholds.values import Value
 #: the interval's width away: with the screen of the templates, outcomes that contradict are found there in windows of
 #: 0.3 % to 1.5 % of the width, ever sparser outward.
 FARTHER, DENSE, EVENLY = 20, 40, 0.5
-#: Largest number of rounds. Screen and feeder of the templates, with 4 and 6 poles, take at most five.
+#: Largest number of rounds. Screen and feeder of the templates, with 4 and 6 poles, take at most six.
 ROUNDS = 10
 #: Values near a threshold that show whether it is the only change: their number on each side, and the largest distance
 #: relative to the range. Their distances form a geometric series from the tolerance on, as mixed intervals have all
