@@ -98,7 +98,9 @@ class FindPlan(Section, title="Find", populate_by_name=True):
         description="what is to change. attractor: the motion that is reached; regime: its synchronization alone",
     )
     expression: str | None = Field(
-        None, description='instead, a column of a sweep compared with a number, as "rms_y_m > 1e-3"'
+        None,
+        description='instead, a column of a sweep compared with a number, as "rms_y_m > 1e-3": what is to hold, as '
+        "where outcomes are mixed more values are evaluated where it holds",
     )
     from_: Literal["initial", "neighbour"] = Field(
         "initial",
@@ -138,6 +140,11 @@ class FindPlan(Section, title="Find", populate_by_name=True):
         """Column, comparison and number of the expression."""
         found = COMPARISON.fullmatch(self.expression or "")
         return found and (found[1], found[2], float(found[3]))
+
+    @property
+    def of_motion(self) -> bool:
+        """Whether it is the motion that is to change, and not its synchronization or a measure alone."""
+        return self.expression is None and self.outcome == "attractor"
 
     @property
     def narrow(self) -> float:

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 
 #: Measures that are shown if none is asked for, besides that of the expression.
 MEASURES = ("rms_y_m", "rms_x_m", PHASE_COLUMN)
+#: Opacity of mixed intervals.
+SHADE = 0.15
+#: Ends of mixed intervals in the table of thresholds.
+MIXED = ("mixed_low", "mixed_high")
 
 
 def threshold_figures(
@@ -42,7 +46,7 @@ def threshold_figures(
         saved = Saved(directory, "find")
         key = saved.column("find", "key")
         values = saved.columns("scan", ("stage", "sync", "motion"), (key, *MEASURES, *measure))
-        found = saved.columns("thresholds", ("kind",), ("value",))
+        found = saved.columns("thresholds", ("kind",), ("value",), MIXED)
         name, plan = directory.resolve().name, saved.given("find")
         yield directory, "thresholds", threshold_figure(name, saved.known_scene, plan, values, found, measure)
 
@@ -55,12 +59,17 @@ def threshold_figure(
     thresholds: pd.DataFrame,
     measures: Sequence[str] = (),
 ) -> Figure:
-    """Draw measures over the key of a plan, in the colours of their synchronization, with the thresholds as lines."""
+    """Draw measures over the key of a plan, in the colours of their synchronization.
+
+    Thresholds are lines, mixed intervals are shaded.
+    """
     if values.empty:
         raise TableError(f"{name} holds an empty table of values; there is nothing to plot")
     key, expression = column_of(plan["key"]), plan.get("expression") or ""
     level, _, number = expression.replace("=", "").replace("<", ">").partition(">")
     columns = [*measures] or [*([level.strip()] if level else []), *(c for c in MEASURES if c != level.strip())]
+    mixed = thresholds.reindex(columns=MIXED).dropna().drop_duplicates().astype(float).itertuples(index=False)
+    intervals = [(low, high) for low, high in mixed]
     figure, panels = panel_grid(len(columns), 1, (8.0, 1.7 + 1.9 * len(columns)), key_label(key))
     values = finite(values)
     for axis, column in zip(panels, columns, strict=True):
@@ -74,12 +83,16 @@ def threshold_figure(
             limit_size(axis, values)
         for value in thresholds["value"]:
             axis.axvline(value, color=REFERENCE, lw=0.9, ls="--", zorder=1.5)
+        for low, high in intervals:
+            axis.axvspan(low, high, color=REFERENCE, alpha=SHADE, lw=0.0, zorder=0.5)
     scan = values.loc[values["stage"] == "scan", key]
     if in_ratios(scan):
         in_decades(panels[0], "x")
     told = [f"{value_label(plan['key'], float(row['value']))}: {row['kind']}" for _, row in thresholds.iterrows()]
+    told = [f"mixed from {value_label(plan['key'], low)} to {high:.6g}" for low, high in intervals] + told
     head(figure, name, "\n".join(filter(None, (sweep_parameters(scene, [key]), *(told or ["no threshold"])))))
-    legend_below(figure, _entries(values, thresholds))
+    shaded = [entry("mixed", color=REFERENCE, alpha=SHADE, lw=5.0)] if intervals else []
+    legend_below(figure, [*_entries(values, thresholds), *shaded])
     return figure
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
-from typing import NamedTuple, TypeVar
+from itertools import pairwise, repeat
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -29,20 +29,13 @@ from vibroplat.study.point import lost
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.question import Progress
 from vibroplat.study.store import Record, Store
-from vibroplat.thresholds.values import Value, apart, constant, evaluate
+from vibroplat.thresholds.evidence import PAIRS, ROUNDS, Places, Threshold, Zone, open_ends, zones
+from vibroplat.thresholds.values import Value, apart, closed, constant, evaluate, size
 
 #: Where the motion beside the end of an orbit's stability is measured, over the distance to the end of the interval.
 BESIDE = 0.02
-#: Change of the measures across a threshold that is a jump, over that between the scan's values, by how much narrower
-#: it is: more than the root of it, as beside a fold, times this.
-STEEP = 2.0
-#: How many times narrower than the scan an interval is at least, which tells a jump from a level that is crossed.
-NARROWER = 16.0
-#: Pairs of values beside a threshold, over which part of the range they lie, and their distances.
-PAIRS, AROUND, DISTANCES = 12, 0.1, (1e-2, 1e-3, 1e-4)
-#: Fewest pairs that differ at the smallest distance where the border is fractal, and their least part of those that
-#: do at the largest.
-FRACTAL, LASTING = 2, 0.25
+#: Most halvings that tell a jump from a level that is crossed.
+HALVINGS = 20
 #: Special points at which an orbit loses its stability; beyond one, change of the measures that is no jump.
 SMOOTH, GRADUAL = (FOLD, DOUBLING, NEIMARK_SACKER, BRANCH_POINT), 0.1
 #: Record of an orbit that cannot be followed.
@@ -51,31 +44,9 @@ NOTHING: Record = {"rows": [], "special": []}
 T = TypeVar("T")
 
 
-class Threshold(NamedTuple):
-    """A value of the key at which the outcome changes.
-
-    Attributes
-    ----------
-    low, high
-        What was found below and above.
-    value
-        The threshold: the special point, or the middle.
-    kind
-        See the table.
-    special
-        Kind of the special point, or "".
-    """
-
-    low: Value
-    high: Value
-    value: float
-    kind: str
-    special: str
-
-
-def start_key(scene: Scene) -> tuple[int, ...]:
-    """Return what determines the perturbation of all starts: that of a run of the scene as given."""
-    return scene.run.seed, 0, round(1e6 * scene.drive.largest_frequency)
+def start_key(scene: Scene, seed: int | None = None) -> tuple[int, ...]:
+    """Return what determines the perturbation of a start: that of a run of the scene, as given or with another seed."""
+    return scene.run.seed if seed is None else seed, 0, round(1e6 * scene.drive.largest_frequency)
 
 
 @dataclass
@@ -100,7 +71,7 @@ class Search:
     seen: list[Value] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._key = start_key(self.scene)
+        self._places = Places(self.plan)
         self._done = self._known = 0
 
     def thresholds(self) -> tuple[list[Value], list[Threshold]]:
@@ -124,33 +95,32 @@ class Search:
 
     # -- values --------------------------------------------------------------------------------------------------------
 
-    def _single(self, at: float, stage: str) -> Tasks[tuple[Value, list[Value]]]:
-        """Look at one value."""
-        value = yield from self._value(at, stage)
+    def _single(self, at: float, stage: str, other: int = 0) -> Tasks[tuple[Value, list[Value]]]:
+        """Look at one value, with the seed of the scene or the ``other``-th after it."""
+        value = yield from self._value(at, stage, other=other)
         return value, [] if stage == "scan" else [value]
 
-    def _value(self, at: float, stage: str, near: Value | None = None, times: int = 1) -> Tasks[Value]:
+    def _value(self, at: float, stage: str, near: Value | None = None, times: int = 1, other: int = 0) -> Tasks[Value]:
         """Look at a value of the key; with neighbours the motion is carried on from ``near``."""
         scene, state = self.scene.replace({self.plan.key: at}), None
         if near is not None and near.state is not None and self.plan.from_ == "neighbour":
             before = self.scene.replace({self.plan.key: near.at})
             scene, state = constant(scene), carried(near.state, before, scene)
-        record = yield Task(evaluate, (scene, self.plan, state, times, self._key), lost)
-        return Value(at, stage, record["row"], record["state"])
-
-    @property
-    def _of_motion(self) -> bool:
-        """Whether it is the motion that is to change, and not its synchronization or a measure alone."""
-        return self.plan.expression is None and self.plan.outcome == "attractor"
+        seed = self.scene.run.seed + other
+        record = yield Task(evaluate, (scene, self.plan, state, times, start_key(self.scene, seed)), lost)
+        return Value(at, stage, record["row"], record["state"], seed)
 
     def _alike(self, one: Value, other: Value) -> bool:
         return bool(one.outcome(self.plan) == other.outcome(self.plan))
+
+    def _differ(self, one: Value, other: Value) -> bool:
+        return one.classified(self.plan) and other.classified(self.plan) and not self._alike(one, other)
 
     def _changes(self, scan: Sequence[Value]) -> list[tuple[Value, Value]]:
         """Return the neighbours between which the outcome changes, or measures leap; failed ones are left out."""
         good = [value for value in scan if not value.failed]
         leaps = [False] * (len(good) - 1)
-        if self._of_motion:
+        if self.plan.of_motion:
             leaps = jumps(pd.DataFrame([{column_of(self.plan.key): value.at, **value.row} for value in good])).tolist()
         return [ends for ends, leap in zip(pairwise(good), leaps, strict=False) if leap or not self._alike(*ends)]
 
@@ -201,26 +171,19 @@ class Search:
         There is none where measures that leap between values of the scan meet as they draw nearer.
         """
         seen: list[Value] = []
-        wide = apart(one, other, self.plan), abs(other.at - one.at)
         for begin, end in ((one, other), (other, one)):
-            point = yield from self._orbit_boundary(begin, end.at, wide[1], seen)
+            point = yield from self._orbit_boundary(begin, end.at, abs(other.at - one.at), seen)
             if point is not None:
                 return point, seen
             if self.plan.from_ == "neighbour":
                 break
-        first, narrow = one, min(self.plan.narrow, wide[1] / NARROWER)
-        while abs(other.at - one.at) > narrow:
-            middle = yield from self._value(0.5 * (one.at + other.at), "bisection", one)
-            seen.append(middle)
-            if middle.failed or middle.at in (one.at, other.at):
+        first = one
+        while abs(other.at - one.at) > self.plan.narrow:
+            nearer = yield from self._halved(one, other, seen)
+            if nearer is None:
                 break
-            if self._alike(one, other):
-                near = apart(one, middle, self.plan) < apart(middle, other, self.plan)
-            else:
-                near = self._alike(one, middle)
-            one, other = (middle, other) if near else (one, middle)
-        steep = STEEP * math.sqrt(abs(other.at - one.at) / wide[1]) * wide[0]
-        meet = apart(one, other, self.plan) <= steep
+            one, other = nearer
+        meet = yield from self._meet(one, other, seen)
         if meet and self._alike(one, other):
             return None, seen
         kind = "level crossing" if meet else "jump"
@@ -233,6 +196,30 @@ class Search:
                 kind = "depends on how long"
         low, high = sorted((one, other), key=lambda value: value.at)
         return Threshold(low, high, 0.5 * (low.at + high.at), kind, ""), seen
+
+    def _halved(self, one: Value, other: Value, seen: list[Value]) -> Tasks[tuple[Value, Value] | None]:
+        """Return the half of an interval in which the change is, or the larger change; None if that is unknown."""
+        middle = yield from self._value(0.5 * (one.at + other.at), "bisection", one)
+        seen.append(middle)
+        if middle.failed or middle.at in (one.at, other.at):
+            return None
+        if self._alike(one, other):
+            near = apart(one, middle, self.plan) < apart(middle, other, self.plan)
+        else:
+            near = self._alike(one, middle)
+        return (middle, other) if near else (one, middle)
+
+    def _meet(self, one: Value, other: Value, seen: list[Value]) -> Tasks[bool]:
+        """Halve an interval further until it is known whether the measures at its ends meet."""
+        brackets = [(one, other)]
+        meet = closed(brackets, self.plan)
+        while meet is None and len(brackets) <= HALVINGS:
+            nearer = yield from self._halved(*brackets[-1], seen)
+            if nearer is None:
+                break
+            brackets.append(nearer)
+            meet = closed(brackets, self.plan)
+        return bool(meet)
 
     def _continuous(self, at: float) -> bool:
         """Whether orbits can be followed over the key at a value of it; not where it takes the layers away."""
@@ -248,7 +235,7 @@ class Search:
         It is one if the motion comes to the orbit just before, and has another outcome just beyond.
         """
         period = begin.row["period"]
-        known = period and begin.row["multiplier_max"] and not begin.leaving
+        known = period and begin.row.get("multiplier_max") and not begin.leaving
         if not (known and self._continuous(begin.at) and self._continuous(end)):
             return None
         span = abs(end - begin.at)
@@ -274,57 +261,53 @@ class Search:
         outer = yield from self._value(at + math.copysign(beyond, end - at), "beside", inner)
         seen += [inner, outer]
         lingers = self._alike(inner, outer) or outer.leaving or outer.row["motion"] == "undecided"
-        if inner.failed or outer.failed or not self._alike(begin, inner) or (lingers and not self._of_motion):
+        if inner.failed or outer.failed or not self._alike(begin, inner) or (lingers and not self.plan.of_motion):
             return None
-        kind = "level crossing" if apart(inner, outer, self.plan) < GRADUAL else "jump"
+        gradual = apart(inner, outer, self.plan) < GRADUAL * size(inner, outer, self.plan)
+        kind = "level crossing" if gradual else "jump"
         low, high = sorted((inner, outer), key=lambda value: value.at)
         return Threshold(low, high, at, "depends on how long" if lingers else kind, special[0]["kind"])
 
-    # -- fractal borders -----------------------------------------------------------------------------------------------
+    # -- mixed intervals -----------------------------------------------------------------------------------------------
 
-    def shares(self, thresholds: Sequence[Threshold]) -> list[tuple[float, ...]]:
-        """Return which shares of pairs beside each threshold differ at the distances, the largest first.
+    def evidence(self, scan: Sequence[Value], thresholds: Sequence[Threshold]) -> list[Zone]:
+        """Return what all values say about the thresholds, and look for values that contradict them.
 
-        Pairs on both sides of a threshold do not count. The smaller distances are looked at only if pairs differ at the
-        largest, as a border that is finer there would show at this one too. Nothing is looked at with neighbours, at
-        special points, and where measures meet: none of these is a border between starts.
+        They are looked for near each threshold at which measures jump. Where outcomes are mixed, rounds of values
+        follow beyond both ends of the mixed interval, until none in a round contradicts; then pairs of values in it.
+        Half of those rounds begin with other seeds: what holds beyond the interval must not depend on the seed.
+        Nothing is looked for with neighbours, where the outcome at a value depends on the way to it, or at special
+        points.
         """
-        known = [threshold.value for threshold in thresholds]
-        found = []
-        for number, (at, threshold) in enumerate(zip(known, thresholds, strict=True)):
-            shares: tuple[float, ...] = ()
-            if self.plan.from_ == "neighbour" or threshold.special or threshold.kind == "level crossing":
-                found.append(shares)
-                continue
-            begins = self._run(f"pair-{number}", [self._single(self._moved(p), "pair") for p in self._places(at)])
-            for distance in DISTANCES:
-                places = [place + distance for place in self._places(at)]
-                chains = [self._single(self._moved(place), "pair") for place in places]
-                ends = self._run(f"pair-{number}-{distance:g}", chains)
-                different = [
-                    not (one.failed or other.failed or self._alike(one, other))
-                    and not any(one.at <= value <= other.at for value in known)
-                    for one, other in zip(begins, ends, strict=True)
-                ]
-                shares = (*shares, sum(different) / PAIRS)
-                if not shares[0]:
-                    break
-            found.append(shares)
-        return found
+        if self.plan.from_ == "neighbour":
+            return zones([*scan, *self.seen], thresholds, self.plan)
+        places = self._places
+        jumps = [one for one in thresholds if not one.special and one.kind != "level crossing"]
+        self._look("near", [at for one in jumps for at in places.near(one)])
+        tried: set[tuple[float, bool]] = set()
+        found = zones([*scan, *self.seen], thresholds, self.plan)
+        for number in range(ROUNDS):
+            ends = list(open_ends(found, tried))
+            if not ends:
+                break
+            tried |= {(zone.ends[upward], upward) for zone, upward in ends if zone.ends}
+            self._look("beyond", [at for end in ends for at in places.beyond(*end)], number)
+            found = zones([*scan, *self.seen], thresholds, self.plan)
+        growing = [zone for zone, _ in open_ends(found, tried)]
+        found = [zone._replace(open_ended=any(zone is one for one in growing)) for zone in found]
+        return [
+            zone._replace(shares=self._shares(zone, number)) if zone.mixed else zone
+            for number, zone in enumerate(found)
+        ]
 
-    def _places(self, value: float) -> list[float]:
-        """Return places beside a threshold, from 0 at the start of the range to 1 at its stop."""
-        plan = self.plan
-        log = plan.scale == "log"
-        place = (
-            math.log(value / plan.start, plan.stop / plan.start)
-            if log
-            else (value - plan.start) / (plan.stop - plan.start)
-        )
-        first = min(max(place - 0.5 * AROUND, 0.0), 1.0 - AROUND - DISTANCES[0])
-        return [first + (i + 0.5) / PAIRS * AROUND for i in range(PAIRS)]
+    def _look(self, stage: str, places: Sequence[float], number: int = 0) -> list[Value]:
+        """Evaluate values of the key side by side; beyond a mixed interval every second one with another seed."""
+        others = [(place + 1) // 2 if stage == "beyond" and place % 2 else 0 for place in range(len(places))]
+        return self._run(f"{stage}-{number}", [self._single(*one) for one in zip(places, repeat(stage), others)])
 
-    def _moved(self, place: float) -> float:
-        """Return the value of the key at a place of the range."""
-        start, stop = self.plan.start, self.plan.stop
-        return float(start * (stop / start) ** place if self.plan.scale == "log" else start + place * (stop - start))
+    def _shares(self, zone: Zone, number: int) -> tuple[float, ...]:
+        """Return the fractions of pairs in a mixed interval that differ, for each distance."""
+        begins, *others = self._places.pairs(zone)
+        values = self._look("pair", [*begins, *(at for ends in others for at in ends)], number)
+        first, *rest = (values[k : k + PAIRS] for k in range(0, len(values), PAIRS))
+        return tuple(sum(self._differ(a, b) for a, b in zip(first, ends, strict=True)) / PAIRS for ends in rest)

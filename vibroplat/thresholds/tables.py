@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -27,7 +28,8 @@ from vibroplat.study.pool import Pool, Task
 from vibroplat.study.question import COMPARED, Answer, Progress, Repeat, ask
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import COLUMNS, SWEEP
-from vibroplat.thresholds.search import DISTANCES, FRACTAL, LASTING, PAIRS, Search, Threshold, start_key
+from vibroplat.thresholds.evidence import DISTANCES, PAIRS, Clear, Zone, facts, wanted
+from vibroplat.thresholds.search import Search, start_key
 from vibroplat.thresholds.values import Value, evaluate
 
 if TYPE_CHECKING:
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
 
 #: How kinds are told where their names alone say too little.
 TOLD = {"depends on how long": "what the motion does depends on how long it is followed"}
+#: Outcomes of an expression in words.
+HELD = {True: "true", False: "false", None: "empty"}
 #: Columns of what stands on both sides of a threshold.
 SIDES = (
     *("sync", "motion", "period", "multiplier_max", "excitation_frequency_hz", "rms_x_m", "rms_y_m"),
@@ -42,8 +46,8 @@ SIDES = (
 )
 #: Kinds of thresholds.
 KINDS_OF_CHANGE = {
-    "jump": "both sides stay what they were with twice the time, and differ",
-    "level crossing": "the measures on both sides meet",
+    "jump": "both sides stay what they were with twice the time, and their measures differ however near they are",
+    "level crossing": "the measures on both sides meet as the interval between them is halved",
     "depends on how long": "one side is another with twice the time, or still leaves an unstable orbit",
 }
 #: What the columns mean.
@@ -54,15 +58,31 @@ THRESHOLDS: Columns = {
     "value": Column("the threshold", "where an orbit loses its stability, the special point; else the middle"),
     "kind": Column("kind of change", "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS_OF_CHANGE.items())),
     "special_point": Column("special point of the orbit", f"{', '.join(KINDS)}; empty if it is none"),
-    "fractal": Column("whether the border is fractal", "pairs of values beside it differ, however near they are"),
+    "fractal": Column(
+        "whether the border is fractal", "pairs of values in the mixed interval differ, however near they are"
+    ),
+    "mixed_low": Column(
+        "smallest value of the mixed interval",
+        "outcomes alternate between mixed_low and mixed_high, or one value changes with twice the time; empty if no "
+        "evaluated value contradicts the threshold",
+    ),
+    "mixed_high": Column("largest value of the mixed interval"),
+    "tried_below": Column(
+        "number of values evaluated below the threshold or mixed interval", "all of them with the same outcome"
+    ),
+    "tried_down_to": Column("smallest of these values", "the next threshold or the end of the range is below it"),
+    "tried_above": Column("number of values evaluated above", "as tried_below"),
+    "tried_up_to": Column("largest of these values"),
     **{f"{side}_{name}": SWEEP[name] for side in ("below", "above") for name in SIDES},
 }
 _POINT = tuple(name for name in COLUMNS if name not in ("direction", "branch"))
 VALUES: Columns = {
     "stage": Column(
         "why the value was looked at",
-        "scan; orbit, of a branch; beside a special point; bisection; twice as long, of an end; pair, beside a border",
+        "scan; orbit, of a branch; beside a special point; bisection; twice as long, of an end; near a threshold; "
+        "beyond a mixed interval; pair, in a mixed interval",
     ),
+    "seed": Column("seed of the perturbation of the start", "run.seed, or another one beyond a mixed interval"),
     **{name: SWEEP[name] for name in (*_POINT, *SHEET)},
 }
 
@@ -111,54 +131,65 @@ class Find:
         """Scan the key, narrow each change, and make the tables."""
         search = Search(self.scene, self.plan, store, workers, progress)
         scan, found = search.thresholds()
-        found.sort(key=lambda threshold: threshold.value)
-        shares = search.shares(found)
+        zones = search.evidence(scan, found)
         every = sorted([*scan, *search.seen], key=lambda value: value.at)
-        tables = {"scan": self._scan(every), "thresholds": self._thresholds(found, shares)}
+        tables = {"scan": self._scan(every), "thresholds": self._thresholds(zones)}
         lines = {"values": f"{len(scan)} of the scan, {len(search.seen)} more", "thresholds": str(len(found))}
         failed = [f"{v.row['outcome']} at {self.plan.key} = {v.at:g}: {v.row['detail']}" for v in every if v.failed]
-        text = self._text(found) if found else [self._unchanged(scan)]
-        return Answer(tables, lines, text, list(self._notes(every, found, shares)), failed)
+        text = list(self._text(zones)) if found else [self._unchanged(scan)]
+        return Answer(tables, lines, text, list(self._notes(every, zones)), failed)
 
     def repeats(self, answer: Answer, other: Callable[[Scene], Scene]) -> list[Repeat]:
-        """Choose the values beside each threshold, where the same start surely gives the same motion."""
+        """Choose the values beside each threshold, and those farthest from a mixed interval, where engines differ."""
         found: dict[float, Repeat] = {}
+        values = answer.tables["scan"]
+        values = values[values["outcome"] == "ok"]
         for _, row in answer.tables["thresholds"].iterrows():
-            if self.plan.from_ == "neighbour" or row["fractal"] or row["kind"] == "depends on how long":
+            mixed = pd.notna(row["mixed_low"])
+            if self.plan.from_ == "neighbour" or (row["kind"] == "depends on how long" and not mixed):
                 continue
             for side in ("below", "above"):
-                at = float(row[side])
-                scene = other(self.scene.replace({self.plan.key: at}))
-                task = Task(evaluate, (scene, self.plan, None, 1, start_key(self.scene)), lost)
+                at, seed = float(row[side]), self.scene.run.seed
                 known = {name: row[f"{side}_{name}"] for name in COMPARED}
+                if mixed:  # near it the other engine may find another outcome
+                    at = float(row["tried_down_to" if side == "below" else "tried_up_to"])
+                    rows = values.loc[values[column_of(self.plan.key)] == at]
+                    if rows.empty:
+                        continue
+                    seed, known = int(rows["seed"].iloc[0]), {name: rows[name].iloc[0] for name in COMPARED}
+                known = {name: None if pd.isna(number) else number for name, number in known.items()}
+                scene = other(self.scene.replace({self.plan.key: at}))
+                task = Task(evaluate, (scene, self.plan, None, 1, start_key(self.scene, seed)), lost)
                 found[at] = Repeat(f"at {self.plan.key} = {at:.12g}", task, known)
         return list(found.values())
 
     # -- tables --------------------------------------------------------------------------------------------------------
 
-    def _thresholds(self, found: Sequence[Threshold], shares: Sequence[tuple[float, ...]]) -> pd.DataFrame:
+    def _thresholds(self, zones: Sequence[Zone]) -> pd.DataFrame:
         column = () if self.plan.compared is None else (self.plan.compared[0],)
         shown = list(dict.fromkeys((*SIDES, *column)))
         beside = {f"{side}_{name}": _columns(self.scene)[name] for side in ("below", "above") for name in shown}
+        own = [name for name in THRESHOLDS if not name.startswith(("below_", "above_"))]
         rows = [
             {"key": self.plan.key, "below": one.low.at, "above": one.high.at, "value": one.value, "kind": one.kind}
-            | {"special_point": one.special, "fractal": fractal(share)}
+            | {"special_point": one.special, **facts(zone)}
             | {f"below_{name}": one.low.row.get(name) for name in shown}
             | {f"above_{name}": one.high.row.get(name) for name in shown}
-            for one, share in zip(found, shares, strict=True)
+            for zone in zones
+            for one in zone.thresholds
         ]
-        types: dict[str, Any] = {"below": [0.0], "above": [0.0], "value": [0.0]}
-        types |= {"key": ["k"], "special_point": ["k"], "fractal": [True]}
+        types: dict[str, Any] = {name: [0.0] for name in own} | {"tried_below": [0], "tried_above": [0]}
+        types |= {"key": ["k"], "kind": ["k"], "special_point": ["k"], "fractal": [True]}
         for name in beside:
             last = name.partition("_")[2]
             types[name] = ["k"] if last in TEXTS else pd.array([0], "Int64") if last in COUNTS else [0.0]
-        return study_table(rows, [*list(THRESHOLDS)[:7], *beside], types, {**THRESHOLDS, **beside})
+        return study_table(rows, [*own, *beside], types, {**THRESHOLDS, **beside})
 
     def _scan(self, values: Sequence[Value]) -> pd.DataFrame:
         key, columns = column_of(self.plan.key), _columns(self.scene)
-        rows = [{key: value.at, "stage": value.stage, **value.row} for value in values]
-        names = [key, "stage", *_POINT, *SHEET, *of_points(self.scene.output.points)]
-        return study_table(rows, names, {"stage": ["k"]}, {**columns, **VALUES, SUPPLY: SWEEP[SUPPLY]})
+        rows = [{key: value.at, "stage": value.stage, "seed": value.seed, **value.row} for value in values]
+        names = [key, "stage", "seed", *_POINT, *SHEET, *of_points(self.scene.output.points)]
+        return study_table(rows, names, {"stage": ["k"], "seed": [0]}, {**columns, **VALUES, SUPPLY: SWEEP[SUPPLY]})
 
     # -- in words ------------------------------------------------------------------------------------------------------
 
@@ -169,52 +200,96 @@ class Find:
         number = value.row.get(column)
         return f"{column} = {number:.5g}" if number is not None else f"no {column}"
 
-    def _text(self, found: Sequence[Threshold]) -> list[str]:
-        digits = max(math.ceil(-math.log10(self.plan.narrow)), 0)
-        return [
-            " ".join(f"{self.plan.key} = {one.value:.{digits + 1}f} {unit_of(self.plan.key)}".split())
-            + f"{f', {one.special} of the orbit' if one.special else ''}: {TOLD.get(one.kind, one.kind)}; "
-            f"below {self._side(one.low)}; above {self._side(one.high)}"
-            for one in found
+    def _text(self, zones: Sequence[Zone]) -> Iterator[str]:
+        """Yield what holds on both sides of each mixed interval, what is in it, and then the single changes."""
+        for zone in zones:
+            if zone.mixed:
+                yield from self._mixed(zone)
+            for one in zone.thresholds:
+                yield (
+                    f"{'one of the changes: ' if zone.mixed else ''}{self.plan.key} = {self._number(one.value)}"
+                    f"{f', {one.special} of the orbit' if one.special else ''}: {TOLD.get(one.kind, one.kind)}; "
+                    f"below {self._side(one.low)}; above {self._side(one.high)}"
+                )
+
+    def _mixed(self, zone: Zone) -> Iterator[str]:
+        """Yield the lines of a mixed interval: where the expression holds first, otherwise what is above first."""
+        assert zone.ends is not None
+        digits = 10.0 ** (self._digits + 1)
+        low, high = math.floor(zone.ends[0] * digits) / digits, math.ceil(zone.ends[1] * digits) / digits
+        sides = [
+            (f"above {self._number(high)}", zone.above, "up to"),
+            (f"below {self._number(low)}", zone.below, "down to"),
         ]
+        if wanted(zone, False, self.plan) and not wanted(zone, True, self.plan):
+            sides.reverse()
+        first, second = (self._clear(*side) for side in sides)
+        yield f"{self.plan.key}: {first}"
+        good = [value for value in zone.mixed if value.classified(self.plan)]
+        outcomes = Counter(self._outcome(value) for value in good).most_common()
+        counted = ", ".join(f"{outcome} at {count}" for outcome, count in outcomes)
+        yield f"mixed from {self._number(low)} to {self._number(high)}: of {len(good)} values tried, {counted}"
+        yield second
+
+    def _clear(self, where: str, clear: Clear, way: str) -> str:
+        if clear.nearest is None:
+            return f"nothing is known {where}: the mixed interval reaches the end of the range"
+        unknown = f"; {clear.unknown} more have no clear outcome" if clear.unknown else ""
+        outcome = f"{self._expressed}{self._outcome(clear.nearest)}"
+        seeds = f", with {clear.seeds} seeds" if clear.seeds > 1 else ""
+        return f"{where}: {outcome} at all {clear.tried} values tried {way} {clear.last:.6g}{seeds}{unknown}"
+
+    def _outcome(self, value: Value) -> str:
+        """Return the outcome at a value in words."""
+        if self.plan.expression is None:
+            return value.row["sync"] if self.plan.outcome == "regime" else value.text
+        return HELD[value.outcome(self.plan)]
+
+    @property
+    def _expressed(self) -> str:
+        """What outcomes in words are about."""
+        return "" if self.plan.expression is None else f"{self.plan.expression} is "
+
+    @property
+    def _digits(self) -> int:
+        return max(math.ceil(-math.log10(self.plan.narrow)), 0)
+
+    def _number(self, at: float) -> str:
+        """Return a value of the key with its unit and one digit more than it was narrowed to."""
+        return f"{at:.{self._digits + 1}f} {unit_of(self.plan.key)}".rstrip()
 
     def _unchanged(self, scan: Sequence[Value]) -> str:
         plan, good = self.plan, [value for value in scan if not value.failed]
         place = f"from {plan.key} = {plan.start:g} to {plan.stop:g}"
         if not good:
             return f"nothing is known {place}"
-        if plan.expression is not None:
-            held = {True: "true", False: "false", None: "empty"}[good[0].outcome(plan)]
-            return f"no threshold: {plan.expression} is {held} at all values {place}"
-        return f"no threshold: {good[0].text} at all values {place}"
+        tried = f"at all {len({value.at for value in good})} values tried {place}"
+        return f"no threshold: {self._expressed}{self._outcome(good[0])} {tried}"
 
-    def _notes(
-        self, every: Sequence[Value], found: Sequence[Threshold], shares: Sequence[tuple[float, ...]]
-    ) -> Iterator[str]:
-        ends = [-math.inf, *(one.value for one in found), math.inf]
-        for number, (one, share) in enumerate(zip(found, shares, strict=True)):
-            place = f"beside {self.plan.key} = {one.value:.6g}"
-            if share and share[0]:
-                told = ", ".join(f"{s * PAIRS:.0f} at {d:g}" for s, d in zip(share, DISTANCES, strict=False))
-                what = "the border is fractal" if fractal(share) else "the outcome changes several times"
-                yield f"{what} {place}: of {PAIRS} pairs of values differ {told} of the range"
-            good = [value for value in every if not value.failed]
-            for side, other, low, high in (
-                ("below", one.low, one.value, ends[number + 2]),
-                ("above", one.high, ends[number], one.value),
-            ):
-                at = [v.at for v in good if low < v.at < high and v.outcome(self.plan) == other.outcome(self.plan)]
-                far = [value for value in at if value not in (one.low.at, one.high.at)]
-                if far and not one.special:
-                    last = max(far) if side == "below" else min(far)
-                    yield f"at {self.plan.key} = {last:.6g} the outcome is still that {side} {one.value:.6g}"
-            if one.kind == "depends on how long" and one.special:
-                yield f"{place} motion leaves the orbit so slowly that it was still near it when it was measured"
-
-
-def fractal(shares: Sequence[float]) -> bool:
-    """Whether pairs of values differ however near they are."""
-    return len(shares) == len(DISTANCES) and shares[-1] * PAIRS >= max(FRACTAL, LASTING * shares[0] * PAIRS)
+    def _notes(self, every: Sequence[Value], zones: Sequence[Zone]) -> Iterator[str]:
+        for zone in zones:
+            if zone.mixed:
+                place = "the mixed interval from {:.6g} to {:.6g}".format(*zone.ends or ())
+                what = "the border is fractal" if zone.fractal else "the outcome changes several times"
+                told = ", ".join(
+                    f"{share * PAIRS:.0f} at {d:g}" for share, d in zip(zone.shares, DISTANCES, strict=False)
+                )
+                pairs = f": of {PAIRS} pairs of values differ {told} of its width" if told else ""
+                yield f"{what} in {place}{pairs}"
+                if zone.open_ended:
+                    yield f"{place} still grew in the last round of values: outcomes may be mixed beyond it"
+            for one in zone.thresholds:
+                if one.kind == "depends on how long" and one.special:
+                    yield (
+                        f"beside {self.plan.key} = {one.value:.6g} motion leaves the orbit so slowly that it was still "
+                        "near it when it was measured"
+                    )
+        unsettled = [value.at for value in every if value.unsettled and not value.failed]
+        if unsettled and self.plan.expression is not None:
+            yield (
+                f"at {len(unsettled)} of {len(every)} values, the first {self.plan.key} = {unsettled[0]:.6g}, the "
+                "motion was measured in a transient or has no clear class: a larger find.max_settle_s may change it"
+            )
 
 
 def _columns(scene: Scene) -> Columns:
@@ -250,7 +325,7 @@ def question(scene: Scene) -> Find:
     if last.frequency <= 0.0 or last.driven != (True, True):
         raise ConfigError("drive.program ends without supply; allowed: with both exciters on, for a steady motion")
     if plan.compared is not None:
-        numbers = [name for name in _columns(scene) if name not in (*TEXTS, "stage", "wall_s")]
+        numbers = [name for name in _columns(scene) if name not in (*TEXTS, "stage", "seed", "wall_s")]
         if plan.compared[0] not in numbers:
             hint = meant(plan.compared[0], numbers, 3)
             raise ConfigError(f"find.expression: no column {plan.compared[0]}; {hint}allowed: numbers of a sweep")

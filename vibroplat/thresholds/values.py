@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import operator
 import time
+from collections.abc import Sequence
 from contextlib import closing
 from typing import Any, NamedTuple
 
@@ -21,11 +22,17 @@ from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
-from vibroplat.study.point import Point, lost, measure_point
+from vibroplat.study.point import ERRORS, Point, lost, measure_point
 from vibroplat.study.store import Record
 
 #: Distance of an orbit from the motion that is on it, in the scales of the scene, at most.
 ON_ORBIT = 0.1
+#: Number of joint standard errors up to which two measures may differ by chance, and the same of measures without
+#: errors, relative to them: ten times what remains of a motion after settling on its orbit.
+NOISE, ROUNDING = 3.0, 1e-7
+#: Ratio to which the difference across a change falls if the measure is continuous there, and halvings after the first
+#: move of both ends until then: a measure that grows with the square root of the distance falls to 0.18.
+CLOSED, STEPS = 0.25, 6
 _COMPARED = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
 
 
@@ -40,12 +47,15 @@ class Value(NamedTuple):
         Why it was looked at.
     row, state
         As of a point of a sweep.
+    seed
+        Seed of the perturbation of its start.
     """
 
     at: float
     stage: str
     row: Record
     state: list[float] | None
+    seed: int = 0
 
     @property
     def failed(self) -> bool:
@@ -64,6 +74,18 @@ class Value(NamedTuple):
             return None if self.row.get(column) is None else bool(_COMPARED[how](self.row[column], number))
         sync = self.row["sync"]
         return sync if plan.outcome == "regime" else (sync, self.row["motion"], self.row["period"], self.leaving)
+
+    @property
+    def unsettled(self) -> bool:
+        """Whether it was measured in a transient: it leaves an unstable orbit, drifts, or has no clear class.
+
+        Motion without turns of exciter 1 has no period, rather than 0: the exciter hangs.
+        """
+        return self.leaving or (self.row.get("motion") == "undecided" and self.row.get("period") is not None)
+
+    def classified(self, plan: FindPlan) -> bool:
+        """Whether it has an outcome: not if the run failed, or the motion is undecided and attractors are compared."""
+        return not self.failed and not (plan.of_motion and self.row["motion"] == "undecided")
 
     @property
     def text(self) -> str:
@@ -85,6 +107,53 @@ def apart(one: Value, other: Value, plan: FindPlan) -> float:
     parts = [float(np.abs(a[1] - a[0]).max() / (np.hypot.reduce(a, axis=1).max() or 1.0)) for a in (amplitudes, speeds)]
     held = "none" not in (one.row["sync"], other.row["sync"])
     return max(*parts, abs(float(np.angle(np.exp(1j * (phases[1] - phases[0]))[0]))) / math.pi if held else 0.0)
+
+
+def size(one: Value, other: Value, plan: FindPlan) -> float:
+    """Return what :func:`apart` is relative to: the column of the expression, or 1, as it compares ratios otherwise."""
+    if plan.compared is None:
+        return 1.0
+    return float(max(abs(value.row.get(plan.compared[0]) or 0.0) for value in (one, other)))
+
+
+def uncertainty(one: Value, other: Value, plan: FindPlan) -> float:
+    """Return up to which :func:`apart` differs by chance, as far as standard errors of the measures tell."""
+    columns = ("rms_x_m", "rms_y_m", "excitation_frequency_hz", "phase_difference_rad")
+    names = columns if plan.compared is None else plan.compared[:1]
+    errors = {name: [value.row.get(ERRORS.get(name, "")) or 0.0 for value in (one, other)] for name in names}
+    parts = {name: math.hypot(*pair) for name, pair in errors.items()}
+    if plan.compared is None:
+        amplitude = max(math.hypot(*(value.row[name] or 0.0 for name in columns[:2])) for value in (one, other))
+        speed = max(value.row[columns[2]] or 0.0 for value in (one, other))
+        scales = (amplitude, amplitude, speed, math.pi)
+        parts = {name: parts[name] / (scale or 1.0) for name, scale in zip(columns, scales, strict=True)}
+    return max(NOISE * max(parts.values()), ROUNDING * size(one, other, plan))
+
+
+def closed(brackets: Sequence[tuple[Value, Value]], plan: FindPlan) -> bool | None:
+    """Return whether the measures on both sides of a change meet as the interval between them is halved.
+
+    Parameters
+    ----------
+    brackets
+        The ends of the interval, before the first halving and after each.
+    plan
+        What is compared.
+
+    Returns
+    -------
+    bool or None
+        True if their difference has fallen to :data:`CLOSED` of what it was, or below its uncertainty. False if it has
+        not although both ends have moved long enough. A measure that leaves its value at the threshold as steeply as a
+        square root falls to sqrt(2 / 2**STEPS) of it by then. None if neither is known yet.
+    """
+    before, now = (apart(*brackets[place], plan) for place in (0, -1))
+    if not math.isfinite(now):
+        return False
+    if now <= max(CLOSED * before if len(brackets) > 1 else 0.0, uncertainty(*brackets[-1], plan)):
+        return True
+    since = brackets[: max(len(brackets) - STEPS, 1)]
+    return False if all(since[0][end].at != since[-1][end].at for end in (0, 1)) else None
 
 
 def constant(scene: Scene) -> Scene:
