@@ -179,6 +179,14 @@ def test_exciters_nearly_in_step_are_told_apart_from_those_in_step(command, conf
     assert " exciters are not in step: exciter 2 makes 1.99" in command("orbits", config(text)).err
 
 
+def test_unbalances_that_hang_are_no_orbit(command, config):
+    """An equilibrium closes after any time, but exciter 1 makes no turn."""
+    weak = "motor: {critical_torque_n_m: 1.0e-4}\nrun: {initial: {speed_ratio: 0.0}}\n"
+    done = command("orbits", config(f"{weak}orbits: {{{KEY}, start: 50, stop: 51}}\n"))
+    assert not_a_line(done) == ""
+    assert "exciter 1 makes no turn" in done.err
+
+
 class Elsewhere(Inline):
     """Works in another directory, as workers of a scheduler do."""
 

@@ -52,8 +52,7 @@ INTEGRATOR = 0.1
 HALVINGS = 6
 #: Residual, over the tolerance, within which an orbit repeats after fewer turns.
 REPEATS = 1e4
-#: Periods over which the turns of both exciters are compared where no orbit is found, and how far from whole turns in
-#: each those of exciter 2 may be.
+#: Periods over which turns of both exciters are compared where no orbit is found, and how far from whole they may be.
 WATCHED, OUT_OF_STEP = 1000, 4e-4
 #: Tolerance of orbits that are drawn, or confirm a sweep.
 TOLERANCE = 1e-8
@@ -408,6 +407,8 @@ def _from_state(
     if shot.outcome != "ok":
         raise MissedError(f"{shot.outcome}: {shot.detail}")
     turns = np.round((shot.state[3:5] - state[3:5]) / TURN).astype(int).tolist()
+    if not turns[0]:
+        raise MissedError("exciter 1 makes no turn")
     problem = Problem(shooter, turns, units, tolerance)
     chart = problem.chart(state, shot.begins)
     u = chart.pack(state, shot.duration, [shooter.held[key] for key in shooter.keys])
