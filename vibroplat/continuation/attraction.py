@@ -93,9 +93,11 @@ class Attraction:
         It must do so from some directions on each shell, and be in the same system afterwards.
         """
         random, bound = np.random.default_rng(0), (1.0 - PROMISED * (1.0 - self.rate)) ** periods
+        root = np.linalg.qr(np.vstack([self._norm.real, self._norm.imag]))[1]  # ‖root ξ‖ = ‖W ξ‖
         for shell in range(SHELLS):
             size = max(radius * SHRINK**shell, NOISE * shooter.scene.solver.tolerance)
-            for way in (self._slowest, -self._slowest, *random.standard_normal((directions, self._scales.size))):
+            evenly = np.linalg.solve(root, random.standard_normal((self._scales.size, directions))).T
+            for way in (self._slowest, -self._slowest, *evenly):
                 if not self._comes_nearer(shooter, way * (size / self._length(way)), 1, bound, periods):
                     return False
         return True
