@@ -49,12 +49,15 @@ class Kind(NamedTuple):
         Largest Lyapunov exponent, if it was needed.
     why
         Why it is undecided; otherwise empty.
+    drifts
+        Whether it is undecided and its section drifts.
     """
 
     motion: str
     period: int | None
     exponent: Exponent | None = None
     why: str = ""
+    drifts: bool = False
 
 
 def classify(
@@ -122,21 +125,23 @@ def _by_exponent(exponent: Exponent, points: FloatArray, tolerance: float) -> Ki
     """Classify a motion that has no period up to MAX_PERIOD by the sign of its exponent."""
     if exponent.sign > 0:
         return Kind("chaotic", 0, exponent)
+    drifts = not _steady(points, tolerance)
     if exponent.sign < 0 or not (abs(exponent.value) + 2.0 * exponent.error) * exponent.turn <= ZERO:
         n = period(points, tolerance, first=MAX_PERIOD + 1, last=LONGEST_PERIOD)
         if n > 0:
             return Kind("periodic", n, exponent)
         why = f"no period found up to {LONGEST_PERIOD}" if exponent.sign < 0 else "sign unclear"
-        return _undecided(exponent, why)
-    if not _steady(points, tolerance):
-        return _undecided(exponent, "the section still drifts")
+        return _undecided(exponent, why, drifts)
+    if drifts:
+        return _undecided(exponent, "the section still drifts", drifts)
     return Kind("quasi-periodic", 0, exponent)
 
 
-def _undecided(exponent: Exponent, why: str) -> Kind:
+def _undecided(exponent: Exponent, why: str, drifts: bool) -> Kind:
+    told = f"exponent {exponent.value:.3g} ± {exponent.error:.2g} per s, {why}"
     if math.isnan(exponent.value):
-        return Kind("undecided", 0, exponent, "no exponent: the motion ended early or exciter 1 stopped turning")
-    return Kind("undecided", 0, exponent, f"exponent {exponent.value:.3g} ± {exponent.error:.2g} per s, {why}")
+        told = "no exponent: the motion ended early or exciter 1 stopped turning"
+    return Kind("undecided", 0, exponent, told, drifts)
 
 
 def same_phase(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
