@@ -347,8 +347,9 @@ def correct(
     halvings
         How often a step is halved, at most, after which an event has passed the section.
     fall
-        How large the second, the third, … residual may be, over the first one; the last limit holds for all that
-        follow. An iteration beyond its limit is given up. Empty: there are no limits.
+        Largest lengths of the second, the third, … step relative to the first one; the last limit holds for all that
+        follow. An iteration beyond its limit is given up. Empty: there are no limits. Residuals have no limits: where
+        motion is slow they are small although the orbit is far.
 
     Raises
     ------
