@@ -49,9 +49,9 @@ SLOW, BEYOND = 0.9, 1.25
 #: turns until Newton's method tries. Of 40 windows of chaos at 57 Hz, 21 show a saddle of multiplier 2.59, from one
 #: side of which motion converges to the stable orbit of 6 turns.
 MILD, SIDES, ASIDE, AWAY, SETTLING, MOST_TURNS = 3.0, 4, 1e-2, 0.3, 4, 256
-#: Most iterations of Newton's method, and the largest steps relative to the first one: where a motion is expected to go,
-#: and from a return of chaotic motion. Without limits 750 orbits were found from returns, 22 of them beyond these limits;
-#: 177 of 234 other trials exceed them, after half of their iterations.
+#: Most iterations of Newton's method, and the largest steps relative to the first one: where a motion is expected to
+#: go, and from a return of chaotic motion. Without limits 750 orbits were found from returns, 22 of them beyond these
+#: limits; 177 of 234 other trials exceed them, after half of their iterations.
 LOOK, HUNT = (10, (math.inf, math.inf, 1.0, math.inf)), (12, (5.0, 5.0, 0.5))
 
 
