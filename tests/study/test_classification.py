@@ -155,6 +155,13 @@ def test_kind_of_a_section(name, kind_of):
         assert kind_of(points, settling, exponent, **options) == expected
 
 
+def test_chaos_whose_section_moves_drifts(kind_of):
+    points = noise()
+    assert not kind_of(points, exponent=POSITIVE).drifts
+    points[len(points) // 2 :] += np.ptp(points)
+    assert kind_of(points, exponent=POSITIVE)[::4] == ("chaotic", True)
+
+
 def test_late_period_is_kept_unless_neighbours_part(kind_of):
     for exponent in (NEGATIVE, NONE, MISSING):
         assert kind_of(repeating(4), settled(4, late=True), exponent)[:2] == ("periodic", 4)
