@@ -29,8 +29,8 @@ from vibroplat.study.settling import Settling, draws_together
 STEADY = 0.9
 #: Distance between the means of both halves, as a share of the extent, above which the section drifts.
 DRIFT = 0.25
-#: The same ratio and share of chaotic motion, the extent of which varies more. Of 53 rows of random machines 9 drift so;
-#: among them are all 3 whose measures differ from those of the next 300 s by more than 4 standard errors.
+#: The same ratio and share of chaotic motion, the extent of which varies more. Of 53 rows of random machines nine drift
+#: so; among them are all three whose measures differ from those of the next 300 s by more than four standard errors.
 STEADY_CHAOS = 0.7, 0.1
 #: Largest growth per turn, with two errors added, at which an exponent without a clear sign counts as 0: neighbours
 #: would need at least 350 turns to double or halve their distance.
