@@ -9,7 +9,6 @@ from continuation.helpers import MACHINE
 from vibroplat import load_config
 from vibroplat.continuation.attraction import Attraction, contracting_norm
 from vibroplat.continuation.orbit import accurate, first_orbit
-from vibroplat.continuation.seeker import _returns
 from vibroplat.continuation.shooting import Shooter
 
 
@@ -80,19 +79,10 @@ def test_a_distance_that_is_no_number_is_not_nearer(flying, monkeypatch):
     assert not around.draws(shooter, moved(around, 1e-3))
 
 
-def test_returns_of_a_section_are_tried_once_near_each_orbit():
-    """It leaves a point, and after far ways a pair of points."""
-    away = 1e-3 * 2.0 ** np.arange(12)
-    pair = 10.0 + 2.5 * np.tile([1.0, -1.0], 6) + away
-    points = np.concatenate([3.0 + away, np.arange(50.0, 500.0, 30.0), pair])
-    tried = list(_returns(points[:, np.newaxis]))
-    assert tried[:2] == [(1, 0), (2, 27)]
-    assert len(tried) == len(set(tried)) == 2 + 6  # then closer together
-
-
-def test_few_of_the_returns_after_many_turns_are_tried():
-    """Chaos that comes to an orbit of 19 turns passes near it; beyond 24 turns there are too many returns."""
-    heights = np.random.default_rng(0).uniform(0.0, 1e6, 400)
-    for turns, place in ((19, 100), (23, 200), (22, 300), (30, 150), (5, 250)):
-        heights[place + turns] = heights[place] + 0.01 * turns
-    assert list(_returns(heights[:, np.newaxis])) == [(5, 250), (19, 100), (22, 300)]
+def test_sides_of_an_orbit(flying):
+    """Both, or one where motion goes from side to side."""
+    around, _ = flying
+    away = [(side - around.state)[around._places] / around._scales for side in around.sides(1e-3)]
+    assert all(np.abs(way).max() == pytest.approx(1e-3) for way in away)
+    assert len(away) == (1 if around._alternates else 2)
+    assert np.abs(sum(away)).max() < 1e-9 or len(away) == 1

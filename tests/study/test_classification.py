@@ -104,7 +104,7 @@ MOVING = (
     section(torus()[:, 1] * (np.arange(400) >= 200)),
 )
 OPEN_SIGN = Kind("undecided", 0, OPEN, "exponent 0.5 ± 0.4 per s, sign unclear")
-DRIFTS = Kind("undecided", 0, NONE, "exponent 0.0001 ± 0.002 per s, the section still drifts")
+DRIFTS = Kind("undecided", 0, NONE, "exponent 0.0001 ± 0.002 per s, the section still drifts", True)
 TOO_FEW = Kind("undecided", None, None, "exciter 1 made fewer than two full turns while measured")
 LAST, NO_EXPONENTS = {"last": True}, {"lyapunov": False}
 
@@ -154,6 +154,13 @@ KINDS = {
 def test_kind_of_a_section(name, kind_of):
     for points, settling, exponent, options, expected in KINDS[name]:
         assert kind_of(points, settling, exponent, **options) == expected
+
+
+def test_chaos_whose_section_moves_drifts(kind_of):
+    points = noise()
+    assert not kind_of(points, exponent=POSITIVE).drifts
+    points[len(points) // 2 :] += np.ptp(points)
+    assert kind_of(points, exponent=POSITIVE)[::4] == ("chaotic", True)
 
 
 def test_late_period_is_kept_unless_neighbours_part(kind_of):

@@ -28,9 +28,11 @@ PARALLEL = 1e8
 SHELLS, SHRINK, DIRECTIONS = 3, 0.25, 4
 #: Least share of the decay that the derivative promises, in a period.
 PROMISED = 0.5
-#: The same on a motion's own way; the periods in each of which it must be seen, from where the motion is and from
-#: places on the way, each SHRINK times as far from the orbit as the one before; and the number of all places.
-ON_WAY, FIRST_PERIODS, PERIODS, PLACES = 0.25, 16, 4, 4
+#: The same on a motion's own way; the periods in each of which it must be seen from where the motion is; the turns, and
+#: the least number of periods, over which it must be seen from places on the way; and the number of all places, each
+#: SHRINK times as far from the orbit as the one before. The way is curved and the places lie on a straight line: quick
+#: oscillations begin there. With a multiplier of 0.99987 one period in four may not show the decay; 16 turns do.
+ON_WAY, FIRST_PERIODS, TURNS, PERIODS, PLACES = 0.25, 16, 16, 4, 4
 #: Most halvings of an ellipsoid that is to hold no state of another basin, and directions in which it is tested. They
 #: are even in the ellipsoid: with directions even in the scales of the state, whose ellipsoids had conditions of 53 to
 #: 273, a saddle lay inside at half the radius, and 101 of 395 starts were assigned wrongly.
@@ -69,11 +71,22 @@ class Attraction:
         values, right = np.linalg.eig(section_map)
         self.rate = float(np.abs(values).max())
         self._slowest: FloatArray = right[:, int(np.abs(values).argmax())].real
+        leading = values[np.abs(values).argmax()]
+        self._alternates = leading.imag != 0.0 or leading.real < 0.0
         self._norm = contracting_norm(section_map, values, right)
 
     def distance(self, state: FloatArray, system: int) -> float:
         """How far a full state on the section is away, ‖W ξ‖; inf in another system."""
         return self._length(self._offset(state)) if system == self.system else math.inf
+
+    def sides(self, size: float) -> list[FloatArray]:
+        """Full states at a distance from the orbit (scales of the scene) along its largest multiplier's direction.
+
+        There are two, or one where motion goes from side to side, without those that lie within the platform.
+        """
+        away = self._slowest * (size / np.abs(self._slowest).max())
+        found = [self._displaced(way) for way in ((away,) if self._alternates else (away, -away))]
+        return [state for state in found if GAP not in self._places or state[GAP] > 0.0]
 
     @cached_property
     def form(self) -> FloatArray:
@@ -108,12 +121,15 @@ class Attraction:
         """Whether motion comes nearer on the way from a full state on the section.
 
         It must do so in each period: motion that goes round a stable orbit far away comes nearer now and then, too.
+        Nearer to the orbit, it must do so over some periods.
         """
         offset, bound = self._offset(state), 1.0 - ON_WAY * (1.0 - self.rate)
+        several = max(PERIODS, math.ceil(TURNS / self.turns))
         for place in range(PLACES):
             if self._length(offset) < NOISE * shooter.scene.solver.tolerance:
                 break
-            if not self._comes_nearer(shooter, offset, PERIODS if place else FIRST_PERIODS, bound):
+            looks, periods = (1, several) if place else (FIRST_PERIODS, 1)
+            if not self._comes_nearer(shooter, offset, looks, bound**periods, periods):
                 return False
             offset = SHRINK * offset
         return True
@@ -123,6 +139,11 @@ class Attraction:
         away[_ANGLES] -= TURN * np.round(away[_ANGLES] / TURN)
         return np.asarray(away[self._places] / self._scales)
 
+    def _displaced(self, offset: FloatArray) -> FloatArray:
+        state = self.state.copy()
+        state[self._places] += offset * self._scales
+        return state
+
     def _length(self, offset: FloatArray) -> float:
         return float(np.linalg.norm(self._norm @ offset))
 
@@ -131,8 +152,7 @@ class Attraction:
 
         ``periods`` are those between two looks.
         """
-        motion, start, far = shooter.motion, self.state.copy(), self._length(offset)
-        start[self._places] += offset * self._scales
+        motion, start, far = shooter.motion, self._displaced(offset), self._length(offset)
         if GAP in self._places and start[GAP] <= 0.0:
             return False
         motion.reset(start)

@@ -347,15 +347,16 @@ def correct(
     halvings
         How often a step is halved, at most, after which an event has passed the section.
     fall
-        How large the second, the third, … residual may be, over the first one; the last limit holds for all that
-        follow. An iteration beyond its limit is given up. Empty: there are no limits.
+        Largest lengths of the second, the third, … step relative to the first one; the last limit holds for all that
+        follow. An iteration beyond its limit is given up. Empty: there are no limits. Residuals have no limits: where
+        motion is slow they are small although the orbit is far.
 
     Raises
     ------
     MissedError
         There is none.
     """
-    begun, residuals = u, list[float]()
+    begun, residuals, steps = u, list[float](), list[float]()
     full = jacobian is None
     step, left, much, halved = np.zeros_like(u), np.zeros(0), 0.0, 0
     while len(residuals) < most:
@@ -363,8 +364,6 @@ def correct(
             residual, shot = problem.shoot(chart, u, full=full)
             missing = residual if slack is None else residual + much * slack
             residuals.append(size := largest(missing))
-            if fall and len(residuals) > 1 and size > residuals[0] * fall[min(len(residuals) - 2, len(fall) - 1)]:
-                raise MissedError("the residual does not fall")
             if full:
                 jacobian = problem.jacobian(chart, shot)
                 if size < problem.tolerance:
@@ -377,6 +376,9 @@ def correct(
                 jacobian = jacobian.copy()
                 improve(jacobian, step, residual - left)
             found = solved(bordered(jacobian, border, slack), -np.append(missing, border @ (u - begun)), LONGEST)
+            steps.append(float(np.linalg.norm(found[: u.size])))
+            if fall and len(steps) > 1 and steps[-1] > steps[0] * fall[min(len(steps) - 2, len(fall) - 1)]:
+                raise MissedError("the steps do not become shorter")
         except MissedError as error:
             if not (error.section and step.any() and halved < halvings):
                 raise MissedError(error.why, residuals, section=error.section) from None

@@ -15,8 +15,17 @@ import numpy as np
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.attraction import Attraction
-from vibroplat.continuation.newton import MissedError, NewtonResult, Problem, correct, correct_anywhere, held
+from vibroplat.continuation.newton import (
+    NEUTRAL,
+    MissedError,
+    NewtonResult,
+    Problem,
+    correct,
+    correct_anywhere,
+    held,
+)
 from vibroplat.continuation.orbit import TOLERANCE, accurate, measured_over_period, orbit_near, repeats_after
+from vibroplat.continuation.returns import returns
 from vibroplat.continuation.shooting import TURN, Shooter
 from vibroplat.errors import VibroplatError
 from vibroplat.hybrid.modes import IMPACT
@@ -31,20 +40,19 @@ from vibroplat.study.settling import BLOCK, Hunt, KnownOrbit
 #: Longest period that is looked for, in turns of exciter 1, and distance of points of the section, in the scales of the
 #: scene, from which it is.
 LONGEST, FARTHEST = 8, 0.5
-#: Least distance of the largest multiplier from the unit circle that counts.
+#: Least distance of the largest multiplier from the unit circle at which motion leaves an orbit in a time that counts.
 MARGIN = 1e-4
 #: Multiplier above which decay is slow. How far beyond the motion an orbit must attract where it is not.
 SLOW, BEYOND = 0.9, 1.25
-#: Largest distance of returns from which a section that does not repeat is tried, in the scales of the scene; how far
-#: apart tries begin, over their own distances, and how many there are at most: all over the section at first, then
-#: closer together. Beside a transient of 400 s, 18 windows show its orbit of 7 turns 3 times without the latter.
-RETURN, TRIES = 2.0, {2.0: 12, 0.25: 6}
-#: Longest period of a few more tries, and how many: chaos that comes to an orbit of many turns passes near it before.
-FAR, FEW = 24, 2
-#: Most iterations of Newton's method, and the largest residuals over the first one: where a motion is expected to go,
-#: and from a return of chaotic motion. Of 194 orbits that were found from returns, the second residual was at most 3.7
-#: and the fourth 0.18; of 233 other tries 117 rose beyond 5, and 150 had not fallen to 0.5.
-LOOK, HUNT = (8, (math.inf, math.inf, 1.0, math.inf)), (12, (5.0, 5.0, 0.5))
+#: Largest multiplier of unstable orbits that are left to their sides, and of how many at most; how far from an orbit
+#: motion begins, and how far it has left it, in the scales of the scene; periods in which it settles then, and most
+#: turns until Newton's method tries. Of 40 windows of chaos at 57 Hz, 21 show a saddle of multiplier 2.59, from one
+#: side of which motion converges to the stable orbit of 6 turns.
+MILD, SIDES, ASIDE, AWAY, SETTLING, MOST_TURNS = 3.0, 4, 1e-2, 0.3, 4, 256
+#: Most iterations of Newton's method, and the largest steps relative to the first one: where a motion is expected to
+#: go, and from a return of chaotic motion. Without limits 750 orbits were found from returns, 22 of them beyond these
+#: limits; 177 of 234 other trials exceed them, after half of their iterations.
+LOOK, HUNT = (10, (math.inf, math.inf, 1.0, math.inf)), (12, (5.0, 5.0, 0.5))
 
 
 class OrbitSeeker:
@@ -117,30 +125,49 @@ class OrbitSeeker:
         return found
 
     def hunt(self, points: FloatArray, states: FloatArray) -> Hunt:
-        """Look for orbits from where a section that does not repeat comes back to itself, nearest first.
+        """Search for a stable orbit from returns of a section that does not repeat, and beside the unstable ones.
+
+        An unstable orbit that arose together with a stable one leads to it from one of its sides.
 
         Parameters
         ----------
         points, states
             Of the section, in the scales of the scene and full states, each shape (turns, 14).
         """
-        stable: list[KnownOrbit] = []
-        mildest, least = None, math.inf
-        for turns, place in _returns(points):
+        known, mild = list[tuple[int, FloatArray]](), dict[tuple[int, float], Attraction]()
+        trials = 0
+        for turns, place in returns(points, LONGEST, known):
+            trials += 1
             self._shooter.motion.reset(states[place])
             try:
                 problem, found = self._orbit_near(states[place], self._shooter.motion.system.index, turns, HUNT)
             except MissedError:
                 continue
-            if repeats_after(problem, found, turns) < turns:
-                continue
-            around = Attraction(found, turns)
-            if around.rate < least:
-                mildest, least = around.state, around.rate
-            if around.rate < 1.0 - MARGIN:
-                stable.append(self._known(problem, found, around))
-                break
-        return Hunt(stable, mildest, least)
+            around, period = Attraction(found, turns), repeats_after(problem, found, turns)
+            if around.rate < 1.0 - NEUTRAL:
+                orbit = (
+                    self.known_orbit(around.state, period) if period < turns else self._known(problem, found, around)
+                )
+                return Hunt(orbit, trials, 0)
+            known.append((period, self._section(around.state, period)))
+            if period == turns and 1.0 + MARGIN < around.rate < MILD:
+                mild[turns, round(around.rate, 6)] = around
+        left = sorted(mild.values(), key=lambda around: around.rate)[:SIDES]
+        orbits = (self._beside(state, around) for around in left for state in around.sides(ASIDE))
+        return Hunt(next((orbit for orbit in orbits if orbit is not None), None), trials, len(left))
+
+    def _beside(self, state: FloatArray, around: Attraction) -> KnownOrbit | None:
+        """Return the stable orbit to which motion converges soon from a full state beside an unstable orbit."""
+        periods = SETTLING + math.log(AWAY / ASIDE) / math.log(around.rate)
+        turns = max(math.ceil(min(around.turns * periods, MOST_TURNS)), LONGEST + 2)
+        points = self._section(state, turns)
+        return self._look(points, around.turns) if len(points) > turns else None
+
+    def _section(self, state: FloatArray, turns: int) -> FloatArray:
+        """Follow the shooter's motion from a full state for some turns; points of its section, in scales."""
+        motion = self._shooter.motion
+        motion.reset(state)
+        return section_points(motion.go_round(turns, self._longest(turns)).measures, self._shooter.scene)
 
     def _look(self, points: FloatArray, period: int) -> KnownOrbit | None:
         """Return the orbit that the shooter's motion comes to from where it is on the section."""
@@ -156,7 +183,7 @@ class OrbitSeeker:
                 continue
             around, self.near = Attraction(found, turns), True
             away = around.distance(state, system)
-            if around.rate > 1.0 - MARGIN:
+            if around.rate > 1.0 - NEUTRAL:
                 self.leaving = around.rate > 1.0 + MARGIN
                 self._doubling = math.log(2.0) / math.log(max(around.rate, 1.0 + MARGIN)) * found.shot.duration
             elif (
@@ -211,31 +238,6 @@ class OrbitSeeker:
     def _longest(self, turns: int) -> float:
         """Time within which exciter 1 must make so many turns (s)."""
         return 4.0 * (turns + 1) * self._turn
-
-
-def _returns(points: FloatArray) -> Iterator[tuple[int, int]]:
-    """Yield turns and places after which a section comes near to itself, the nearest first.
-
-    At first they are far from each other; then they may be closer together, as an orbit may lie beside a failed try.
-    """
-    found: list[tuple[float, int, int]] = []
-    for turns in range(1, min(FAR, len(points) - 1) + 1):
-        away = np.abs(points[turns:] - points[:-turns]).max(axis=1)
-        found += [(float(away[place]), turns, int(place)) for place in np.argsort(away)[: 4 * sum(TRIES.values())]]
-    tried: list[tuple[int, int]] = []
-    left = {True: FEW}
-    for elsewhere, most in TRIES.items():
-        left[False] = most
-        for away, turns, place in sorted(found):
-            if away > RETURN or not any(left.values()):
-                break
-            if not left[turns > LONGEST]:
-                continue
-            same = [points[k : k + n] for n, k in tried if turns % n == 0]
-            if all(np.abs(points[place] - ways).max(axis=1).min() > elsewhere * away for ways in same):
-                tried.append((turns, place))
-                left[turns > LONGEST] -= 1
-                yield turns, place
 
 
 def _periods(points: FloatArray, period: int) -> Iterator[int]:

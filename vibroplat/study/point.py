@@ -37,6 +37,7 @@ from vibroplat.observe.summary import (
     synchronization,
 )
 from vibroplat.study.classification import Kind, classify
+from vibroplat.study.coexisting import BLOCKS, block_values, compare, telling, within
 from vibroplat.study.pool import Task
 from vibroplat.study.settling import KnownOrbit, Seeker, Settling, settle
 from vibroplat.study.store import Record
@@ -46,14 +47,10 @@ from vibroplat.system.memory import NO_MORE
 ANTIPHASE = 5e-3
 #: The same of orbits.
 ANTIPHASE_OF_ORBITS = 1e-6
-#: Number of blocks in which motion that does not repeat is measured, each as long as the plan's ``measure_s``.
-BLOCKS = 24
 #: Fewest periods that are measured of motion that repeats: each half must show that it does.
 PERIODS = 4
 #: A motion whose neighbours draw together will repeat: it may settle this many times ``max_settle_s``.
 PATIENCE = 4.0
-#: Multiplier below which motion leaves an orbit slowly.
-SLOWLY = 1.5
 #: Differences of measures from which on two motions are not the same: over their standard error, and over themselves.
 DISTINCT, BY_SHARE = 5.0, 0.02
 #: Longest settling of motion from other starts (s), and its measured time over that of the plan.
@@ -102,13 +99,18 @@ POINT: Columns = {
         "size of the largest Floquet multiplier", "of motion that repeats, but the 1 along it; empty without its orbit"
     ),
     "coexists": Column(
-        "other motions that were found beside a chaotic one",
-        "from other starts, and stable orbits near it; empty if none was found, which proves nothing",
+        "attractors found to coexist with a chaotic or undecided motion",
+        "stable orbits near it, and attractors that other initial conditions lead to; of a chaotic one, for how long "
+        "neither changed into the other. 'not found' says how far the search went: there may still be others. Empty: "
+        "not searched for",
     ),
     "lyapunov_per_s": Column("largest Lyapunov exponent", "of motion that does not repeat"),
     "lyapunov_error_per_s": Column("standard error of lyapunov_per_s"),
     **{
-        error: Column(f"standard error of {name}", "from its scatter over blocks of motion that does not repeat")
+        error: Column(
+            f"standard error of {name}",
+            "from its scatter over blocks of motion that does not repeat; empty if its section drifts",
+        )
         for name, error in ERRORS.items()
     },
     "settle_s": Column("time before the point was measured"),
@@ -256,21 +258,23 @@ def _followed(
         end = motion.state.copy()
         end[3:5] %= 2.0 * math.pi
         final = end.tolist()
-        errors = {ERRORS[name]: error for name, error in block_errors(part.blocks, tuple(ERRORS)).items()}
+        blocks = () if kind.drifts else part.blocks
+        errors = {ERRORS[name]: error for name, error in block_errors(blocks, tuple(ERRORS)).items()}
         row |= row_of(found, scene, errors, settling.slip) | columns_of(kind)
         row["notes"] = "; ".join(note for note in (row["notes"], stiff) if note)
         if plan.coexists and kind.motion in ("chaotic", "undecided") and kind.period == 0 and seeker is not None:
-            row["coexists"] = _coexisting(scene, plan, row, part, seeker)
+            row["coexists"] = _coexisting(scene, plan, part, motion.state, seeker)
         if impacts is not None:
             points = section_points(part.measures, scene)
             heights = (points[-SHOWN:, 1] * state_scales(scene)[1]).tolist()
     return Point(row, final, heights, list(impacts.speeds) if final and impacts else [])
 
 
-def _coexisting(scene: Scene, plan: SweepPlan, row: Mapping[str, Any], part: Part, seeker: Seeker) -> str:
-    """Describe other motions than that of a chaotic row: stable orbits near it, and what other starts lead to.
+def _coexisting(scene: Scene, plan: SweepPlan, part: Part, end: FloatArray, seeker: Seeker) -> str:
+    """Describe other attractors than that of a row that does not repeat, or how far the search for them went.
 
-    These are ``run.initial``, the same with exciter 2 half a turn ahead, and an orbit that motion leaves slowly.
+    Searched are stable orbits near its section, and what ``run.initial``, and the same with exciter 2 half a turn
+    ahead, lead to. Only what has settled is an attractor.
     """
     shorter = {"max_settle_s": min(BRIEF, plan.max_settle_s), "measure_s": SHORTER * plan.measure_s, "lyapunov": False}
     brief = plan.model_copy(update=shorter)
@@ -278,18 +282,31 @@ def _coexisting(scene: Scene, plan: SweepPlan, row: Mapping[str, Any], part: Par
     turned[4] += math.pi
     starts = [initial_state(scene), turned]
     hunt = seeker.hunt(section_points(part.measures, scene), section_rows(part.measures)["state"])
-    if hunt.mildest is not None and hunt.least < SLOWLY:
-        starts.append(hunt.mildest)
-    others = [on_orbit(scene, orbit, 0.0, seeker.work).row for orbit in hunt.stable]
+    class_of = block_values(part.blocks)
+    told = set() if hunt.orbit is None else {_told(on_orbit(scene, hunt.orbit, 0.0, seeker.work).row)}
     for number, start in enumerate(starts):
         begun = perturbed(start, scene, plan.perturbation, (plan.seed, number))
-        others.append(_sought(scene, brief, begun, seeker).row)
-    told = {
-        f"period {other['period'] or 'none'}, {other['sync']}, RMS y {other['rms_y_m']:.4g} m"
-        for other in others
-        if other.get("motion") and distinct(row, other)
-    }
-    return "; ".join(sorted(told))
+        other = _sought(scene, brief, begun, seeker)
+        if other.state is None or other.row["period"] is None:
+            continue
+        if other.row["period"]:
+            if other.row.get("multiplier_max") is not None or other.row["settle_s"] < brief.max_settle_s:
+                told.add(_told(other.row))
+        elif not within(telling(other.row), class_of):
+            found = compare(scene, plan, (end, np.array(other.state)), class_of, seeker)
+            if found.orbit is not None:
+                told.add(_told(on_orbit(scene, found.orbit, 0.0, seeker.work).row))
+            elif found.apart_s:
+                told.add(f"{_told(other.row)}, apart for {found.apart_s:.4g} s")
+    if told:
+        return "; ".join(sorted(told))
+    return f"not found: {hunt.trials} returns, {hunt.left} unstable orbits, {len(starts)} initial conditions tried"
+
+
+def _told(row: Mapping[str, Any]) -> str:
+    """Say in a few words what an attractor is."""
+    kind = f"period {row['period']}" if row["period"] else "chaotic"
+    return f"{kind}, {row['sync']}, RMS y {row['rms_y_m']:.4g} m"
 
 
 def distinct(row: Mapping[str, Any], other: Mapping[str, Any]) -> bool:

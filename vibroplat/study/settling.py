@@ -62,20 +62,20 @@ class KnownOrbit(NamedTuple):
 
 
 class Hunt(NamedTuple):
-    """Orbits near a motion that does not repeat.
+    """A search for a stable orbit near a motion that does not repeat.
 
     Attributes
     ----------
-    stable
-        The stable one that was found, if any.
-    mildest, least
-        Full state on the one that motion leaves most slowly, shape (14,), and the size of its largest multiplier; None
-        and inf if none was found.
+    orbit
+        The stable orbit; None if none was found.
+    trials, left
+        Numbers of returns from which Newton's method began, and of unstable orbits from the sides of which motion was
+        followed.
     """
 
-    stable: list[KnownOrbit]
-    mildest: FloatArray | None
-    least: float
+    orbit: KnownOrbit | None
+    trials: int
+    left: int
 
 
 class Seeker(Protocol):

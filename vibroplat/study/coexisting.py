@@ -1,0 +1,96 @@
+"""Two motions that do not repeat: whether they are different attractors, or stretches of the same motion.
+
+Each motion is measured in blocks. The bounds of its measures over the blocks of a window are its class. Chaos may stay
+in one class for minutes before it changes into another. Windows of one motion scatter by up to 45 % of a measure, far
+more than the errors from their blocks. So both motions are followed. If either is seen to change into the class of the
+other, they count as one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibroplat.config.plans import SweepPlan
+from vibroplat.config.scene import Scene
+from vibroplat.integrate import make_engine
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.parameters import parameters
+from vibroplat.motion.motion import Motion
+from vibroplat.observe.measures import Measures, between, measured_peaks
+from vibroplat.observe.section import section_points
+from vibroplat.observe.summary import statistics
+from vibroplat.study.lyapunov import largest_exponent
+from vibroplat.study.settling import KnownOrbit, Seeker
+
+#: Number of blocks of a window; a motion that does not repeat is measured in one.
+BLOCKS = 24
+#: Windows over which two motions are followed. In 120 windows of chaos at 59.5 Hz, one motion stays in one of its two
+#: classes for up to 15 of them, and in the other for up to 8.
+WINDOWS = 12
+#: Measures that tell classes apart, and the least width of a class relative to them.
+TELLING, LEAST_WIDTH = ("rms_x_m", "rms_y_m", "rms_phi_rad"), 0.02
+
+
+class Compared(NamedTuple):
+    """What comes of two motions that were followed.
+
+    Attributes
+    ----------
+    orbit
+        A stable orbit to which one of them converges.
+    apart_s
+        Time over which neither changed into the class of the other (s); 0 if one did, if one converges to an orbit or
+        ended, or if the second one is not chaotic.
+    """
+
+    orbit: KnownOrbit | None = None
+    apart_s: float = 0.0
+
+
+def block_values(blocks: Sequence[Measures]) -> FloatArray:
+    """TELLING of each block, shape (blocks, 3), from the sums at their ends."""
+    parts = [*blocks[:1], *(between(a, b) for a, b in pairwise(blocks))]
+    found = [statistics(part, measured_peaks(part)) for part in parts]
+    return np.array([[values[name] for name in TELLING] for values in found], dtype=float)
+
+
+def within(values: FloatArray, class_of: FloatArray) -> bool:
+    """Whether any of some blocks, shape (n, 3), belongs to the class of a window's blocks, which it may exceed once."""
+    least, most = class_of.min(axis=0), class_of.max(axis=0)
+    wider = np.maximum(most - least, LEAST_WIDTH * most)
+    return bool(((values >= least - wider) & (values <= most + wider)).all(axis=1).any())
+
+
+def telling(row: Mapping[str, Any]) -> FloatArray:
+    """TELLING of a row, as of one block."""
+    return np.array([[row[name] for name in TELLING]], dtype=float)
+
+
+def compare(
+    scene: Scene, plan: SweepPlan, states: Sequence[FloatArray], class_of: FloatArray, seeker: Seeker
+) -> Compared:
+    """Follow a motion of known class, shape (BLOCKS, 3), and another, from full states at their ends."""
+    p, length = parameters(scene), BLOCKS * plan.measure_s
+    with closing(make_engine(scene, p)) as one, closing(make_engine(scene, p)) as two:
+        motions = [Motion(scene, p, engine, state) for engine, state in zip((two, one), reversed(states), strict=True)]
+        classes: list[FloatArray] = [class_of]
+        for _ in range(WINDOWS):
+            for place, motion in enumerate(motions):
+                part = motion.advance(length, blocks=BLOCKS)
+                if motion.outcome != "ok":
+                    return Compared()
+                orbit = seeker.seek(motion, section_points(part.measures, scene), 0)
+                if orbit is not None:
+                    return Compared(orbit)
+                values = block_values(part.blocks)
+                if within(values, classes[place]):
+                    return Compared()
+                if len(classes) == 1:
+                    classes.append(values)
+        chaotic = largest_exponent(scene, motions[0].state).sign > 0
+        return Compared(None, WINDOWS * length if chaotic else 0.0)
