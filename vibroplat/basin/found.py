@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from vibroplat.basin.follow import Follower, same_orbit, window_of
-from vibroplat.basin.windows import TOLD, alike, classes_of, components
+from vibroplat.basin.windows import ALIKE, TOLD, alike, classes_of, components
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.local import Local
 from vibroplat.continuation.newton import MissedError
@@ -22,7 +22,6 @@ from vibroplat.continuation.orbit import OrbitError
 from vibroplat.hybrid.state import state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.classification import same_phase
-from vibroplat.study.point import distinct
 from vibroplat.study.store import Record
 
 #: Motions that repeat are the same if their measures are this near, over themselves; and a window of one, whose turns
@@ -166,7 +165,7 @@ def _same(one: Mapping[str, Any], other: Mapping[str, Any], scales: FloatArray) 
         return True
     if not same_phase(one, other):
         return False
-    return alike(one, other, scales, REPEATED) if other["period"] else not distinct(one, other)
+    return alike(one, other, scales, REPEATED if other["period"] else ALIKE)
 
 
 # -- over a key -------------------------------------------------------------------------------------------------------

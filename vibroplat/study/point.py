@@ -51,8 +51,6 @@ ANTIPHASE_OF_ORBITS = 1e-6
 PERIODS = 4
 #: A motion whose neighbours draw together will repeat: it may settle this many times ``max_settle_s``.
 PATIENCE = 4.0
-#: Differences of measures from which on two motions are not the same: over their standard error, and over themselves.
-DISTINCT, BY_SHARE = 5.0, 0.02
 #: Longest settling of motion from other starts (s), and its measured time over that of the plan.
 BRIEF, SHORTER = 20.0, 1.0 / 3.0
 #: How many of the last points of the Poincaré section and impacts a bifurcation diagram shows at each point.
@@ -307,17 +305,6 @@ def _told(row: Mapping[str, Any]) -> str:
     """Say in a few words what an attractor is."""
     kind = f"period {row['period']}" if row["period"] else "chaotic"
     return f"{kind}, {row['sync']}, RMS y {row['rms_y_m']:.4g} m"
-
-
-def distinct(row: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Whether a motion differs from that of a row, which does not repeat."""
-    if other["period"]:
-        return True
-    for name in ("rms_x_m", "rms_y_m", "rms_phi_rad"):
-        error = math.hypot(row[ERRORS[name]] or 0.0, other[ERRORS[name]] or 0.0)
-        if abs(row[name] - other[name]) > max(DISTINCT * error, BY_SHARE * abs(row[name])):
-            return True
-    return False
 
 
 class _Impacts:
