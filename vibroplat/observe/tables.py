@@ -28,7 +28,7 @@ from vibroplat.kernels.polynomial import values
 from vibroplat.model.motor import motor_powers
 from vibroplat.model.parameters import parameters, supply
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS, System
-from vibroplat.system.memory import SHARE, amount, available
+from vibroplat.system.memory import amount, available, takeable
 
 #: Rows that are made and written at a time.
 BLOCK = 2**15
@@ -304,7 +304,7 @@ def require_room(scene: Scene, directory: Path | None = None, form: str = "parqu
     """
     if directory is None:
         there = available()
-        most, number = SHARE * there, COPIES * NUMBER
+        most, number = takeable(there), COPIES * NUMBER
         told = f"of memory, where {amount(most)} may be taken of {amount(there)} available"
     else:
         most, number = float(shutil.disk_usage(directory).free), NUMBER_IN_CSV if form == "csv" else NUMBER

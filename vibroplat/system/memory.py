@@ -62,6 +62,11 @@ def available() -> float:
     return max(min(_of_machine(), _of_group(), _of_address_space()), 0.0)
 
 
+def takeable(there: float) -> float:
+    """Return how much of the available memory may be taken (bytes)."""
+    return SHARE * there
+
+
 def _of_machine() -> float:
     with suppress(OSError, ValueError, IndexError):
         for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines():
