@@ -156,7 +156,7 @@ class Share:
         """
         taken = self.taken + size
         if self._bounded and taken - self._checked > INTERVAL:
-            most = SHARE * (available() + self.taken)
+            most = takeable(available() + self.taken)
             if taken > most:
                 raise OutOfMemoryError(
                     f"what the run keeps would take more than {amount(most)}, {SHARE:g} of the memory that is "
