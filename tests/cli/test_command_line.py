@@ -76,12 +76,12 @@ def test_help_names_the_commands_and_h_is_short_for_it(command):
     done = command("--help")
     assert (done.code, done.err) == (0, "")
     study = {"new", "run", "sweep", "orbits", "find", "plot", "report", "film"}
-    for name in study | {"paper", "calibrate", "bench", "schema", "columns"}:
+    for name in study | {"paper", "bench", "schema", "columns"}:
         assert re.search(rf"^\W*{name}\s", done.out, re.MULTILINE)
     for before in ([], ["run"], ["new"]):
         assert command(*before, "-h") == command(*before, "--help")
         assert command(*before, "-h").out.startswith("Usage: vibroplat")
-    for name in ("run", "sweep", "paper", "calibrate"):
+    for name in ("run", "sweep", "paper"):
         found = command(name, "--help").out
         assert ("--engine" in found, "--check" in found) == (True, name in ("run", "sweep"))
 

@@ -85,13 +85,6 @@ def test_every_column_of_the_papers_tables_is_described():
     assert not any(unknown.values())
 
 
-def test_every_column_of_the_calibration_is_described():
-    described = {*pd.read_csv(RESULTS / "calibration/left-out.csv")["claim"], *keys()}
-    for name in ("evaluations", "confirmation", "left-out", "spread"):
-        table = pd.read_csv(RESULTS / f"calibration/{name}.csv")
-        assert [c for c in undescribed(table, name) if c.removesuffix(".holds") not in described] == []
-
-
 def test_parquet_files_carry_units_and_meanings(kernels, tmp_path):
     done = run_command("run", QUICKSTART, "--set", "run.duration_s=0.05", "--out", tmp_path)
     assert done.code == 0

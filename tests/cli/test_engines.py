@@ -7,7 +7,7 @@ from common.places import QUICKSTART
 from vibroplat import load_config
 from vibroplat.check.runs import compared
 from vibroplat.check.sweeps import check_points
-from vibroplat.paper import calibration, reproduction
+from vibroplat.paper import reproduction
 from vibroplat.results.provenance import configuration_hash
 from vibroplat.results.tables import read_json
 from vibroplat.study.sweep import conditions
@@ -30,17 +30,16 @@ def test_engine_is_short_for_the_key(command, kernels, here):
     assert (proof["engine"], proof["configuration_sha256"]) == ("taylor", configuration_hash(same))
 
 
-@pytest.mark.parametrize("name", ["run", "sweep", "paper", "calibrate"])
+@pytest.mark.parametrize("name", ["run", "sweep", "paper"])
 def test_a_bad_engine_is_told_as_a_bad_key_is(command, kernels, here, name):
     arguments = (name, QUICKSTART) if name in ("run", "sweep") else (name,)
     bad = command(*arguments, "--engine", "heun")
     assert not_a_line(bad) == ""
     assert "solver.engine = 'heun'; allowed: 'auto', 'native'" in bad.err
-    if name != "calibrate":
-        assert bad.err == command(*arguments, "--set", "solver.engine=heun").err
-        done = command(*arguments, "--engine", "native", "--set", "solver.engine=sundae")
-        assert not_a_line(done) == ""
-        assert "--engine native and --set solver.engine=sundae differ; allowed: one of the two" in done.err
+    assert bad.err == command(*arguments, "--set", "solver.engine=heun").err
+    done = command(*arguments, "--engine", "native", "--set", "solver.engine=sundae")
+    assert not_a_line(done) == ""
+    assert "--engine native and --set solver.engine=sundae differ; allowed: one of the two" in done.err
 
 
 class _Caught(BaseException):
@@ -61,19 +60,6 @@ def test_engine_reaches_the_paper(command, kernels, here, monkeypatch):
         command("paper", "--machine", "calibrated", "--engine", "sundae", "--jobs", "1", "--seeds", "2")
     assert {conditions(scene)["engine"] for scene in found} == {"sundae"}
     assert {scene.solver.engine for scene in found} == {"sundae"}
-
-
-def test_engine_reaches_a_calibration(command, kernels, here, monkeypatch):
-    found = {}
-
-    def caught(fixed, *_):
-        found.update(fixed)
-        raise _Caught
-
-    monkeypatch.setattr(calibration, "calibrate", caught)
-    with pytest.raises(_Caught):
-        command("calibrate", "--engine", "sundae")
-    assert found["solver.engine"] == "sundae"
 
 
 def test_a_bad_share_is_told(command, kernels, here):

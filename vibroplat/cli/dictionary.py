@@ -19,7 +19,6 @@ from vibroplat.designs.sensitivities import SENSITIVITIES
 from vibroplat.motion.run import SUMMARY
 from vibroplat.observe.sheet import SHEET, of_points, whole_columns
 from vibroplat.observe.tables import EVENTS, TRAJECTORY
-from vibroplat.paper.calibration import CONFIRMATION, EVALUATIONS, LEFT_OUT, SCREENING, SPREAD
 from vibroplat.paper.claims import CLAIMS
 from vibroplat.paper.tables import CONTRADICTIONS, HISTORY, IMPACT_LAWS, SYNC_BANDS
 from vibroplat.study.bands import BANDS
@@ -103,18 +102,6 @@ TABLES: dict[str, tuple[str, Columns]] = {
     ),
     "sync-bands": ("`vibroplat paper`: where the exciters synchronize how.", SYNC_BANDS),
     "impact-laws": ("`vibroplat paper`: how much the impact law matters.", IMPACT_LAWS),
-    "screening": (
-        "`vibroplat calibrate`: a row for each set judged by orbits; it also has a column for each of its keys.",
-        SCREENING,
-    ),
-    "evaluations": (
-        "`vibroplat calibrate`: a row for each set of numbers judged by sweeps. It also has a column for each of its "
-        "keys, and two for each claim: its score, and whether it holds.",
-        EVALUATIONS,
-    ),
-    "confirmation": ("`vibroplat calibrate`: the best sets with other seeds; more columns, as above.", CONFIRMATION),
-    "left-out": ("`vibroplat calibrate`: claims left out one by one; also the keys of the set.", LEFT_OUT),
-    "spread": ("`vibroplat calibrate`: how well each key is determined.", SPREAD),
 }
 
 

@@ -43,6 +43,11 @@ _ALLOWED = {
     "string_pattern_mismatch": "letters, digits and . _ + -, starting with a letter or digit",
 }
 
+#: Keys of former versions, and what takes their place.
+GONE = {
+    "calibration": "results/README.md tells how configs/machines/calibrated.yaml was found",
+}
+
 
 def _not_minute(value: float) -> float:
     if value < LEAST:
@@ -157,7 +162,9 @@ def explain(error: ValidationError, model: type[BaseModel]) -> str:
     first, *more = error.errors()
     path = [str(part) for part in first["loc"]]
     key = ".".join(path)
-    if first["type"] == "extra_forbidden":
+    if first["type"] == "extra_forbidden" and in_lists(path) in GONE:
+        line = f"unknown key {key}; it is gone: {GONE[in_lists(path)]}"
+    elif first["type"] == "extra_forbidden":
         *section, wrong = path
         names = [name.rpartition(".") for name in nodes(model)]
         known = [last for above, _, last in names if above == in_lists(section)]
