@@ -20,7 +20,7 @@ from vibroplat.motion.run import SUMMARY
 from vibroplat.observe.sheet import SHEET, of_points, whole_columns
 from vibroplat.observe.tables import EVENTS, TRAJECTORY
 from vibroplat.paper.claims import CLAIMS
-from vibroplat.paper.tables import CONTRADICTIONS, HISTORY, IMPACT_LAWS, SYNC_BANDS
+from vibroplat.paper.tables import HISTORY, SYNC_BANDS
 from vibroplat.study.bands import BANDS
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.confirming import CONFIRMED
@@ -95,13 +95,11 @@ TABLES: dict[str, tuple[str, Columns]] = {
     ),
     "pareto": ("`vibroplat design` with `pareto`: a row for each bound.", {**_SPREAD, **_MEASURED, **PARETO}),
     "claims": ("`vibroplat paper`: a row for each claim.", CLAIMS),
-    "contradictions": ("`vibroplat paper`: the paper's numbers against its figures.", CONTRADICTIONS),
     "fig4, fig5, fig7": (
-        "`vibroplat paper`: time histories. Its other tables, `fig2`, `fig3`, `fig6` and `laws`, are as `sweep`.",
+        "`vibroplat paper`: time histories. Its other tables, `fig2`, `fig3` and `fig6`, are as `sweep`.",
         HISTORY,
     ),
     "sync-bands": ("`vibroplat paper`: where the exciters synchronize how.", SYNC_BANDS),
-    "impact-laws": ("`vibroplat paper`: how much the impact law matters.", IMPACT_LAWS),
 }
 
 

@@ -60,6 +60,6 @@ def paper_scene(name: str, numbers: Mapping[str, Any], changes: Mapping[str, Any
     return load_config(path, laid)
 
 
-def claims(wording: str = "claims") -> list[dict[str, Any]]:
-    """Return the paper's claims; with wording ``former`` as they were worded at first, without quotes."""
-    return load_list(configurations() / "claims" / f"{wording}.yaml")
+def claims() -> list[dict[str, Any]]:
+    """Return the paper's claims."""
+    return load_list(configurations() / "claims" / "claims.yaml")
