@@ -67,7 +67,6 @@ _HOMES = {
 # orbits nothing else of designs
 PROVIDERS |= {
     "figure_of": "vibroplat.plots.display",
-    "confirmed_point": "vibroplat.continuation.seeker",
     "OrbitSeeker": "vibroplat.continuation.seeker",
     "sensitivities": "vibroplat.designs.sensitivities",
 }

@@ -7,9 +7,8 @@ from vibroplat import load_config, orbit, orbits
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.continuation.rows import motion_of
 from vibroplat.continuation.tables import conditions, follow, planned, tables
-from vibroplat.continuation.worker import Traced
+from vibroplat.continuation.worker import Traced, multiplier_columns
 from vibroplat.errors import ConfigError
-from vibroplat.study.confirming import multiplier_columns
 from vibroplat.study.point import MEASURED
 from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store

@@ -23,7 +23,6 @@ from vibroplat.paper.claims import CLAIMS
 from vibroplat.paper.tables import HISTORY, SYNC_BANDS
 from vibroplat.study.bands import BANDS
 from vibroplat.study.branches import SUPPLY
-from vibroplat.study.confirming import CONFIRMED
 from vibroplat.study.sweep import COLUMNS, DIAGRAM, SWEEP
 from vibroplat.thresholds.tables import THRESHOLDS, VALUES
 
@@ -55,7 +54,6 @@ TABLES: dict[str, tuple[str, Columns]] = {
         {**SUMMARY, **_POINTS, **whole_columns(_POINTS)},
     ),
     "sweep": ("`vibroplat sweep`: a row for each point.", _IN_ORDER),
-    "sweep, confirmed": ("Columns that `confirm: orbits` adds to `sweep`.", CONFIRMED),
     "bands": (
         "`vibroplat sweep`: where each branch synchronizes how, jumps, lifts off, is largest along y, and fails. Over "
         "another key than the supply, `from_` and `to_` stand before its name.",

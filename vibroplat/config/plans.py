@@ -191,11 +191,6 @@ class SweepPlan(Section, title="Sweep"):
     coexists: bool = described(True, "", "look for other motions beside each chaotic one, half of its time")
 
     max_points: Annotated[int, Field(ge=1, le=10**9)] = Field(200_000, description="most points of all branches")
-    confirm: Literal["orbits"] | None = Field(
-        None,
-        description="orbits: periodic points are polished by Newton's method, with Floquet multipliers and the "
-        "distance to where they settled; others get their largest Lyapunov exponents",
-    )
 
     alternatives = (("supply_frequency_hz", "over"),)
 

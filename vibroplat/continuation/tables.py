@@ -17,7 +17,15 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import OrbitError, accurate, beginning_at
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.continuation.two_keys import Boundary, follow_boundary
-from vibroplat.continuation.worker import MULTIPLIERS, RECORDS, Family, Traced, follow_family, same_special
+from vibroplat.continuation.worker import (
+    MULTIPLIERS,
+    RECORDS,
+    Family,
+    Traced,
+    describe_multipliers,
+    follow_family,
+    same_special,
+)
 from vibroplat.errors import ConfigError
 from vibroplat.extensions import figure_of
 from vibroplat.integrate import engine_name
@@ -31,7 +39,6 @@ from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import Format, Table
 from vibroplat.study import WAIT, sweep
 from vibroplat.study.branches import EXCITATION, SUPPLY, column_of, study_table
-from vibroplat.study.confirming import describe_multipliers
 from vibroplat.study.point import MEASURED, POINT
 from vibroplat.study.pool import Pool, StoredChain, pool, run_stored
 from vibroplat.study.store import Record, Store

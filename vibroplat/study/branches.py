@@ -35,13 +35,12 @@ TEXTS = {
     "outcome",
     "detail",
     "notes",
-    "confirmation",
     "kind",
     "name",
     "coexists",
 } | {*("sequence", "below", "above", "check", "attractor")}
 COUNTS = {"branch", "parent", "curve", "point", "points", "period", "steps", "residual_calls", "events"} | {
-    *("unstable", "orbit_unstable", "count", "ellipsoids", "within_turns")
+    *("unstable", "count", "ellipsoids", "within_turns")
 }
 ANSWERS = {"stable"}
 

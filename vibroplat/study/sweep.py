@@ -13,7 +13,6 @@ from vibroplat.columns import SHAKING, Column, Columns
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.plausibility import notes_on_inputs
 from vibroplat.config.scene import Scene
-from vibroplat.extensions import provided
 from vibroplat.integrate import engine_name
 from vibroplat.integrate.seam import WORK
 from vibroplat.observe.sheet import SHEET, of_points
@@ -24,7 +23,6 @@ from vibroplat.results.tables import Format, Table
 from vibroplat.study import WAIT
 from vibroplat.study.bands import bands
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, column_of, place_words, study_table
-from vibroplat.study.confirming import CONFIRMED
 from vibroplat.study.fingerprint import package
 from vibroplat.study.point import ERRORS, MEASURED, POINT, Point, lost, measure_point
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, pool, run_stored
@@ -182,9 +180,7 @@ def point_along(first: Scene, value: float, state: list[float] | None, key: tupl
     """
     plan = first.sweep
     assert plan is not None
-    measure = provided("confirmed_point") if plan.confirm else measure_point
-    found: Point = measure(first.replace({plan.swept.key: value}), plan, state, key)
-    return found
+    return measure_point(first.replace({plan.swept.key: value}), plan, state, key)
 
 
 def branch_records(branch: Branch, store: Records) -> Iterator[Record]:
@@ -204,8 +200,7 @@ def branch_records(branch: Branch, store: Records) -> Iterator[Record]:
 
 def tables(planned: Sequence[Branch], store: Records) -> Iterator[pd.DataFrame]:
     """Yield the sweep table in parts, in the order of branches and points."""
-    confirmed = CONFIRMED if planned[0].plan.confirm else ()
-    columns = (*COLUMNS, *confirmed, *SHEET, *of_points(planned[0].scene.output.points))
+    columns = (*COLUMNS, *SHEET, *of_points(planned[0].scene.output.points))
     yield from _parts(planned, store, columns, lambda record: [record["row"]])
 
 
@@ -229,7 +224,7 @@ def _parts(
 ) -> Iterator[pd.DataFrame]:
     """Yield the rows of all records in parts, at least one, as tables with the swept keys and these columns."""
     key, grid = column_of(planned[0].swept), planned[0].plan.grid
-    meant = {**SWEEP, **DIAGRAM, **CONFIRMED, **of_points(planned[0].scene.output.points)}
+    meant = {**SWEEP, **DIAGRAM, **of_points(planned[0].scene.output.points)}
     rows = (
         {key: value, **branch.grid, "direction": branch.direction, "branch": branch.number, **row}
         for branch in planned
