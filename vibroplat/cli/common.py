@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -46,10 +46,6 @@ Out = Annotated[Path, typer.Option(help="Directory for the results.")]
 Format = Annotated[Literal["parquet", "csv"], typer.Option("--format", help="File format of the tables.")]
 Jobs = Annotated[int, typer.Option(min=1, help="Number of worker processes.")]
 Resume = Annotated[bool, typer.Option("--resume", callback=_offer, help="Resume an interrupted command.")]
-Mix = Annotated[
-    bool,
-    typer.Option("--mix", help="Resume even if code or arithmetic have changed since; provenance.json tells of it."),
-]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Discard an unfinished command's points and start over.")]
 Scheduler = Annotated[
     str | None, typer.Option(help="Run on a dask cluster: address of its scheduler, e.g. tcp://host:8786.")
@@ -107,11 +103,11 @@ def begin(store: Store, engine: str, *others: str) -> None:
     store.require("arithmetic", arithmetic(engine))
 
 
-def kept(resume: bool, mix: bool, overwrite: bool) -> dict[str, Any]:
-    """Return what becomes of the records in a store, in its own words; to mix them is to resume too."""
-    if overwrite and (resume or mix):
-        raise ConfigError(f"--overwrite beside --{'resume' if resume else 'mix'}; allowed: one of them")
-    return {"resume": resume or mix, "mix": mix, "overwrite": overwrite}
+def kept(resume: bool, overwrite: bool) -> dict[str, bool]:
+    """Return what becomes of the records in a store, in its own words."""
+    if overwrite and resume:
+        raise ConfigError("--overwrite beside --resume; allowed: one of them")
+    return {"resume": resume, "overwrite": overwrite}
 
 
 def study_directory(out: Path, name: str, command: Command, *, resume: bool) -> Path:

@@ -22,7 +22,6 @@ def paper(
     out: common.Out = Path("results"),
     jobs: Annotated[int | None, typer.Option(min=1, help="Number of worker processes. Default: all cores.")] = None,
     resume: common.Resume = False,
-    mix: common.Mix = False,
     overwrite: common.Overwrite = False,
     scheduler: common.Scheduler = None,
     wait: common.Wait = WAIT,
@@ -53,7 +52,7 @@ def paper(
             directory = result_directory(out / "paper", name)
             began = time.perf_counter()
             with sweep_progress(name, *planned[name]) as progress:
-                kept = common.kept(resume, mix, overwrite)
+                kept = common.kept(resume, overwrite)
                 points = directory / "points"
                 found = reproduction.reproduce(numbers, points, workers, seeds=tried, progress=progress, **kept)
             found.write(numbers, directory)

@@ -32,7 +32,6 @@ def _command(name: str, module: str, ask: str, about: str) -> Callable[..., None
         out: common.Out = Path("results"),
         jobs: common.Jobs = 1,
         resume: common.Resume = False,
-        mix: common.Mix = False,
         overwrite: common.Overwrite = False,
         scheduler: common.Scheduler = None,
         wait: common.Wait = WAIT,
@@ -43,7 +42,7 @@ def _command(name: str, module: str, ask: str, about: str) -> Callable[..., None
         with common.about(config):
             question = getattr(import_module(module), ask)(scene)
         common.require_scheduler(scheduler)
-        kept = common.kept(resume, mix, overwrite)
+        kept = common.kept(resume, overwrite)
         _answer(question, out, jobs, scheduler, wait, format_, kept, check=check)
 
     command.__name__, command.__doc__ = name, about
@@ -120,7 +119,7 @@ def _answer(
             checked = check_answer(question, found, store, workers) if check else None
         seconds, known = time.perf_counter() - began, store.reused
         store.finish()
-        origin = provenance(scene, engine_name(scene)) | store.origin | {"answer": found.told}
+        origin = provenance(scene, engine_name(scene)) | {"answer": found.told}
         origin |= {} if checked is None else {"check": checked.to_tree()}
         absent = question.absent - found.tables.keys()
         write_result(

@@ -123,7 +123,6 @@ def sweep(
     out: common.Out = Path("results"),
     jobs: common.Jobs = 1,
     resume: common.Resume = False,
-    mix: common.Mix = False,
     overwrite: common.Overwrite = False,
     scheduler: common.Scheduler = None,
     wait: common.Wait = WAIT,
@@ -142,7 +141,7 @@ def sweep(
         planned = branches(scene)
     places = [] if check is None else chosen(planned, check)
     common.require_scheduler(scheduler)
-    directory = common.study_directory(out, scene.name, "sweep", resume=resume or mix)
+    directory = common.study_directory(out, scene.name, "sweep", resume=resume)
     common.tell_of_compilation(scene.solver.engine)
     from vibroplat.check.sweeps import check_points
     from vibroplat.integrate import other_engine
@@ -152,7 +151,7 @@ def sweep(
 
     found = None
     common.print_notes(sweeps.notes_on_branches(planned))
-    with Store(directory, sweeps.conditions(scene), **common.kept(resume, mix, overwrite)) as store:
+    with Store(directory, sweeps.conditions(scene), **common.kept(resume, overwrite)) as store:
         common.begin(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if places else []))
         began, points = time.perf_counter(), sum(len(branch.along) for branch in planned)
         chains = max(sweeps.unfinished(planned, store), len(places))
@@ -205,7 +204,6 @@ def orbits(
     out: common.Out = Path("results"),
     jobs: common.Jobs = 1,
     resume: common.Resume = False,
-    mix: common.Mix = False,
     overwrite: common.Overwrite = False,
     scheduler: common.Scheduler = None,
     wait: common.Wait = WAIT,
@@ -226,9 +224,9 @@ def orbits(
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
 
-    directory = common.study_directory(out, scene.name, "orbits", resume=resume or mix)
+    directory = common.study_directory(out, scene.name, "orbits", resume=resume)
     common.print_notes(notes_on_inputs(family.scene for family in plan.families))
-    kept = common.kept(resume, mix, overwrite)
+    kept = common.kept(resume, overwrite)
     with Store(directory, conditions(scene), file=FILE, what="parts of branches", **kept) as store:
         common.begin(store, scene.solver.engine)
         began, families = time.perf_counter(), len(plan.families)
@@ -239,7 +237,7 @@ def orbits(
             made, summary = follow(plan, store, workers, progress)
         seconds, known = time.perf_counter() - began, store.reused
         store.finish()
-        write_orbits(scene, made, summary, directory, format_, store.origin)
+        write_orbits(scene, made, summary, directory, format_)
     took = f"{known} parts of branches from before" if known else f"{summary['points'] / seconds:.3g} points per s"
     rotation = "" if any("rotation" in key for key in plan.plan.grid) else scene.rotation
     common.print_lines(_overview(made.branches.assign(rotation=rotation), summary))

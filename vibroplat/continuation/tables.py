@@ -404,12 +404,11 @@ def write_orbits(
     summary: Mapping[str, Any],
     directory: Path,
     form: Format,
-    more: dict[str, Any] | None = None,
 ) -> None:
-    """Write the tables, the summary ``orbits.json`` and the provenance, with ``more`` in it, into a directory."""
+    """Write the tables, the summary ``orbits.json`` and the provenance into a directory."""
     found: dict[str, Table] = {"special": tables.special, "branches": tables.branches}
     absent = {"boundaries"}
     if scene.orbits is not None and scene.orbits.boundaries is not None:
         found, absent = {"boundaries": tables.boundaries, **found}, set()
-    origin = provenance(scene, engine_name(scene)) | (more or {})
+    origin = provenance(scene, engine_name(scene))
     write_result(directory, "orbits", origin, found, {"orbits": summary}, form=form, absent=absent)

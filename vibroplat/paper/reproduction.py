@@ -56,15 +56,12 @@ class Reproduction:
         there is none.
     points
         Outcome, simulated time (s) and events of all points of sweeps, of curves that figures share once.
-    origin
-        What provenance tells of points that were mixed, by trial.
     """
 
     tables: dict[str, pd.DataFrame]
     beta: float | None
     matched_hz: float | None
     points: pd.DataFrame
-    origin: dict[str, Any]
 
     def write(self, numbers: Mapping[str, Any], directory: Path) -> None:
         """Write the tables, and their provenance with the machine's numbers.
@@ -74,7 +71,7 @@ class Reproduction:
         scene = paper_scene(SWEEPS[0], numbers)
         beta = {"beta_per_s": self.beta, "beta_matched_hz": self.matched_hz}
         written = {name: table.drop(columns="wall_s", errors="ignore") for name, table in self.tables.items()}
-        origin = provenance(scene, engine_name(scene)) | self.origin | beta
+        origin = provenance(scene, engine_name(scene)) | beta
         write_result(directory, "paper", origin, written, form="csv")
 
     def overview(self, machine: str, seconds: float) -> Iterator[str]:
@@ -187,7 +184,6 @@ def reproduce(
     seeds: Sequence[int] = (0,),
     resume: bool = False,
     overwrite: bool = False,
-    mix: bool = False,
     progress: Progress | None = None,
 ) -> Reproduction:
     """Reproduce the paper with a machine.
@@ -202,8 +198,8 @@ def reproduce(
         Where points are simulated.
     seeds
         Seeds of the perturbations; figures are drawn with the first, claims are judged with each.
-    resume, overwrite, mix
-        Whether to continue an unfinished reproduction, to discard its points, or to keep those of other code.
+    resume, overwrite
+        Whether to continue an unfinished reproduction, or to discard its points.
     progress
         Called after each point of the first stage with the numbers of finished branches, points and events.
 
@@ -216,13 +212,12 @@ def reproduce(
     """
     trials = machine, others = trials_of(numbers, seeds)
     main, every = machine[0], [*machine, *others]
-    kept: dict[str, Any] = {"resume": resume, "overwrite": overwrite, "mix": mix}
     with ExitStack() as stack:
         for trial in every:
             place = directory / trial.name
             place.mkdir(parents=True, exist_ok=True)
             wanted = {name: conditions(trial.scene(name)) for name in (*trial.names, NON_IMPACT)}
-            trial.store = stack.enter_context(Store(place, wanted, **kept))
+            trial.store = stack.enter_context(Store(place, wanted, resume=resume, overwrite=overwrite))
             trial.store.require("arithmetic", arithmetic(engine_name(trial.scene(NON_IMPACT))))
         _sweep([(trial, name) for trial in machine for name in trial.names], workers, progress=progress)
         _narrow(machine, workers)
@@ -290,6 +285,4 @@ def _results(trials: Trials, shown: Mapping[str, pd.DataFrame]) -> Reproduction:
     seeds = {int(trial.settings[SEED]): trial.evidence for trial in machine}
     results["claims"] = scoreboard(seeds, [(trial.changes, trial.evidence) for trial in others])
     beta, matched = main.evidence.beta, matched_frequency(main.evidence)
-    mixed = {trial.name: trial.store.mixed for trial in (*machine, *others) if trial.store.mixed}
-    origin = {"mixed": mixed} if mixed else {}
-    return Reproduction({**results, **shown}, beta, matched, points, origin)
+    return Reproduction({**results, **shown}, beta, matched, points)

@@ -259,7 +259,7 @@ def write_sweep(
     diagram = diagram_tables(planned, store) if planned[0].plan.kind == "bifurcation" else {}
     banded = bands(points)
     found: dict[str, Table] = {**diagram, "bands": banded, "sweep": parts}
-    origin = provenance(scene, engine_name(scene)) | store.origin | ({} if check is None else {"check": check})
+    origin = provenance(scene, engine_name(scene)) | ({} if check is None else {"check": check})
     write_result(directory, "sweep", origin, found, form=form, absent={"section", "impacts"} - found.keys())
     return points, banded
 
