@@ -46,6 +46,7 @@ _ALLOWED = {
 #: Keys of former versions, and what takes their place.
 GONE = {
     "calibration": "results/README.md tells how configs/machines/calibrated.yaml was found",
+    "design.indices": "table shares has the shares of the variance by linear regression, and how much they explain",
     "sweep.confirm": "with settle = orbits points are orbits; `vibroplat orbits` gives their multipliers",
 }
 
