@@ -27,7 +27,7 @@ from vibroplat.study.sweep import run_sweeps
 QUICKSTART = configurations() / "quickstart.yaml"
 FRICTION = "motor.friction_radius_m"
 #: A sweep of two branches with fast points.
-QUICK = {"settle_s": 0.4, "measure_s": 0.2, "lyapunov": False}
+QUICK = {"measure_s": 0.2, "lyapunov": False}
 NATIVE = {"solver.engine": "native"}
 
 
@@ -267,7 +267,7 @@ def test_another_class_is_found():
 @pytest.mark.long
 def test_chaos_is_compared_by_its_standard_errors():
     frequencies = {"start": 62.5, "stop": 62.5}
-    plan = {"supply_frequency_hz": frequencies, "settle_s": 1.0, "measure_s": 1.0, "lyapunov": False}
+    plan = {"supply_frequency_hz": frequencies, "measure_s": 1.0, "lyapunov": False}
     scene = planned(QUICKSTART, 62.5, changes={**CHAOTIC, **NATIVE}).replace({"sweep": plan})
     found = check_sweep(scene, other=honest)
     assert found.agrees

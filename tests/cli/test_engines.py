@@ -14,7 +14,7 @@ from vibroplat.study.sweep import conditions
 
 SHORT = ("--set", "run.duration_s=0.1")
 FREQUENCIES = "{start: 44.0, stop: 46.0, step: 1.0, direction: up}"
-PLAN = f"{{supply_frequency_hz: {FREQUENCIES}, settle_s: 0.4, measure_s: 0.2, lyapunov: false, grid: {{}}}}"
+PLAN = f"{{supply_frequency_hz: {FREQUENCIES}, measure_s: 0.2, lyapunov: false, grid: {{}}}}"
 SWEEP = ("--set", f"sweep={PLAN}", "--engine", "native")
 
 

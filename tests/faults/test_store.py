@@ -23,7 +23,7 @@ from vibroplat.study.store import FILE, SpoiledError, Store, digest
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
-PLAN = "direction: [up, down]}, measure_s: 0.3, settle_s: 0.5, lyapunov: false}\n"
+PLAN = "direction: [up, down]}, measure_s: 0.3, lyapunov: false}\n"
 CONFIGURATION = f"{FLYING}sweep: {{supply_frequency_hz: {{start: 46.0, stop: 47.0, {PLAN}"
 POINTS = 6
 #: A sweep of 22 points.
