@@ -106,7 +106,7 @@ def test_columns_of_state_are_those_of_the_scenes():
 def test_boundaries_have_both_keys(scene):
     first, last = (
         [MASS, "curve", "kind", "branch", KEY],
-        ["excitation_frequency_hz", "period", "below", "above", "check"],
+        ["excitation_frequency_hz", "period", "unstable"],
     )
     assert list(tables(scene.orbits, []).boundaries.columns) == [*first, *last]
     second = {"boundaries": {"key": "contact.restitution", "start": 0.0, "stop": 0.5}}

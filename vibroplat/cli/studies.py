@@ -278,8 +278,7 @@ def _print_boundaries(curves: Sequence[Mapping[str, Any]]) -> None:
     """Print a line for each boundary, and an empty one."""
     for curve in curves:
         which = "".join(f", {key} {value}" for key, value in curve["grid"].items())
-        checks = "".join(f"; {number} {what}" for what, number in curve["checks"].items())
-        print(f"boundary of {curve['kind']}{which}: {curve['points']} points; {' and '.join(curve['ended'])}{checks}")
+        print(f"boundary of {curve['kind']}{which}: {curve['points']} points; {' and '.join(curve['ended'])}")
     print()
 
 

@@ -273,9 +273,6 @@ class BoundariesPlan(_VariedKey, title="Boundaries"):
     )
     step: StepPlan = Field(StepPlan(), description="steps along the curves, as changes of the second key")
     max_points: Annotated[int, Field(ge=2, le=10_000)] = Field(100, description="most points of a curve to either side")
-    check: Annotated[int, Field(ge=0, le=1000)] = Field(
-        5, description="points of each curve on both sides of which motion settles, to check the curve"
-    )
 
 
 class OrbitsPlan(_VariedKey, title="Orbits", populate_by_name=True):

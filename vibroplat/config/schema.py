@@ -49,6 +49,7 @@ GONE = {
     "design.indices": "table shares has the shares of the variance by linear regression, and how much they explain",
     "sweep.period_tolerance": "points of the Poincaré section repeat within 0.01 of the scales of the scene",
     "sweep.settle_s": "a motion settles until it is known to have settled, for max_settle_s at most",
+    "orbits.boundaries.check": "a sweep with kind = map shows the motions on both sides",
     "sweep.confirm": "with settle = orbits points are orbits; `vibroplat orbits` gives their multipliers",
 }
 

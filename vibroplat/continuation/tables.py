@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -46,8 +45,6 @@ from vibroplat.study.store import Record, Store
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Columns of what is found on both sides of a boundary.
-SIDES = ("below", "above", "check")
 #: Called after each part of a branch with the numbers of finished branches, of known ones, and of points.
 Progress = Callable[[int, int, int], None]
 
@@ -87,14 +84,9 @@ BOUNDARIES: Columns = {
     "branch": Column("branch whose special point it goes through"),
     EXCITATION: BRANCHES[EXCITATION],
     "period": BRANCHES["period"],
-    "below": Column(
-        "motion to which a run settles beside the point", "where the first key is lower; empty if not checked"
-    ),
-    "above": Column("the same on the other side"),
-    "check": Column(
-        "whether both sides differ as the kind says",
-        "agrees; differs; undecided: no period was found on either side; failed: no motion; unstable: so is the orbit "
-        "on both sides, and no run stays there; empty if not checked",
+    "unstable": Column(
+        "number of Floquet multipliers outside the unit circle, besides those that pass it",
+        "above 0: the orbit is unstable on both sides of the curve, and no motion converges to it",
     ),
 }
 
@@ -326,8 +318,7 @@ def tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundary
     rows = [
         _named(curve.grid)
         | {"curve": number, "kind": curve.kind, "branch": curve.branch}
-        | dict.fromkeys(SIDES, "")
-        | row
+        | {**row, "unstable": row["others_outside"]}
         | dict(zip(keys, (row["value"], row["second"]), strict=True))
         for number, curve in enumerate(curves)
         for row in curve.rows
@@ -335,7 +326,7 @@ def tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundary
     return OrbitTables(
         _table(points, plan, [*columns, *state, *SHEET, *named], {**BRANCHES, **named}),
         _table(special, plan, ["branch", "kind", key, EXCITATION, "period", "point", *state], SPECIAL),
-        _table(rows, plan, ["curve", "kind", "branch", *keys, EXCITATION, "period", *SIDES], BOUNDARIES),
+        _table(rows, plan, ["curve", "kind", "branch", *keys, EXCITATION, "period", "unstable"], BOUNDARIES),
     )
 
 
@@ -391,7 +382,6 @@ def summary(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundar
                 "branch": curve.branch,
                 "points": len(curve.rows),
                 "ended": curve.ended,
-                "checks": dict(Counter(row["check"] for row in curve.rows if "check" in row)),
             }
             for curve in curves
         ],

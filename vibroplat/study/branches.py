@@ -38,7 +38,7 @@ TEXTS = {
     "kind",
     "name",
     "coexists",
-} | {*("sequence", "below", "above", "check", "attractor")}
+} | {*("sequence", "below", "above", "attractor")}
 COUNTS = {"branch", "parent", "curve", "point", "points", "period", "steps", "residual_calls", "events"} | {
     *("unstable", "count", "ellipsoids", "within_turns")
 }
