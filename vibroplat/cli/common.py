@@ -16,6 +16,7 @@ from vibroplat.system.interrupts import offer_resume
 from vibroplat.system.terminal import compilation_progress
 
 if TYPE_CHECKING:
+    from vibroplat.check.questions import AnswerCheck
     from vibroplat.config.scene import Scene
     from vibroplat.results.files import Command
     from vibroplat.study.store import Store
@@ -41,6 +42,9 @@ EngineName = Annotated[
         help="Integrator: auto, native, sundae, or taylor, which is mostly several times faster. Short for "
         "--set solver.engine=NAME.",
     ),
+]
+Check = Annotated[
+    bool, typer.Option("--check", help="Repeat some of the motions with another engine, and compare both.")
 ]
 Out = Annotated[Path, typer.Option(help="Directory for the results.")]
 Format = Annotated[Literal["parquet", "csv"], typer.Option("--format", help="File format of the tables.")]
@@ -163,3 +167,13 @@ def complain_of(lines: Sequence[str], total: str, most: int = 5) -> None:
         print(f"vibroplat: {line}", file=sys.stderr)
     if lines:
         print(f"vibroplat: {total}", file=sys.stderr)
+
+
+def print_check(found: AnswerCheck | None) -> bool:
+    """Print what the check of a study has found, if there was one; return whether the engines agree."""
+    if found is None:
+        return True
+    print_lines(dict(found.lines()))
+    total = f"engines disagree at {len(found.disagreements)} of {found.checked} motions"
+    complain_of(found.disagreements, total)
+    return found.agrees

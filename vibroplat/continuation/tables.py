@@ -23,6 +23,7 @@ from vibroplat.continuation.worker import (
     Traced,
     describe_multipliers,
     follow_family,
+    found_again,
     same_special,
 )
 from vibroplat.errors import ConfigError
@@ -39,7 +40,8 @@ from vibroplat.results.tables import Format, Table
 from vibroplat.study import WAIT, sweep
 from vibroplat.study.branches import EXCITATION, SUPPLY, column_of, study_table
 from vibroplat.study.point import MEASURED, POINT
-from vibroplat.study.pool import Pool, StoredChain, pool, run_stored
+from vibroplat.study.pool import Pool, StoredChain, Task, pool, run_stored
+from vibroplat.study.question import COMPARED, Repeat, spread
 from vibroplat.study.store import Record, Store
 
 if TYPE_CHECKING:
@@ -279,6 +281,20 @@ def trace(study: Planned, store: Store | None, workers: Pool, progress: Progress
     return sorted(traced, key=lambda branch: (branch.family.number, branch.number))
 
 
+def repeats(scene: Scene, branches: pd.DataFrame, other: Callable[[Scene], Scene]) -> list[Repeat]:
+    """Choose points of the table of branches, as far from each other as they can be; their orbits are found anew."""
+    assert scene.orbits is not None
+    found = []
+    for place in spread(range(len(branches))):
+        (whole,) = branches.iloc[[place]].to_dict("records")
+        row: Record = {str(name): value for name, value in whole.items() if pd.notna(value)}
+        task = Task(found_again, (other(scene), row, scene.orbits.tolerance))
+        swept = ", ".join(f"{key} = {row[key]}" for key in map(column_of, (*scene.orbits.grid, scene.orbits.key)))
+        known = {name: row.get(name) for name in COMPARED if name != "motion"}
+        found.append(Repeat(f"at {swept}, branch {row['branch']}, point {row['point']}", task, known))
+    return found
+
+
 def boundaries(study: Planned, traced: Sequence[Traced], store: Store | None, workers: Pool) -> list[Boundary]:
     """Follow the boundaries of a study, which begin at the special points of its branches; see :func:`follow`."""
     plan, found, chains = study.plan, list[Boundary](), list[StoredChain[None]]()
@@ -394,11 +410,12 @@ def write_orbits(
     summary: Mapping[str, Any],
     directory: Path,
     form: Format,
+    check: dict[str, Any] | None = None,
 ) -> None:
-    """Write the tables, the summary ``orbits.json`` and the provenance into a directory."""
+    """Write the tables, the summary ``orbits.json`` and the provenance with what a check has found."""
     found: dict[str, Table] = {"special": tables.special, "branches": tables.branches}
     absent = {"boundaries"}
     if scene.orbits is not None and scene.orbits.boundaries is not None:
         found, absent = {"boundaries": tables.boundaries, **found}, set()
-    origin = provenance(scene, engine_name(scene))
+    origin = provenance(scene, engine_name(scene)) | ({} if check is None else {"check": check})
     write_result(directory, "orbits", origin, found, {"orbits": summary}, form=form, absent=absent)

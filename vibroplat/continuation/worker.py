@@ -20,7 +20,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.arclength import Branch
 from vibroplat.continuation.locate import specials
 from vibroplat.continuation.newton import ANGLE, MissedError, Problem, correct, n_unstable
-from vibroplat.continuation.orbit import OrbitError, first_orbit, measures_of_orbit, read_guess
+from vibroplat.continuation.orbit import OrbitError, first_orbit, measures_of_orbit, orbit_near, read_guess
 from vibroplat.continuation.shooting import Shooter, spelled
 from vibroplat.continuation.special_points import DOUBLING, MIRRORED, Point, Special, new_branches, tangent_of
 from vibroplat.kernels.compiled import FloatArray
@@ -333,3 +333,12 @@ def describe_multipliers(most: int) -> Columns:
         for i, meaning in meanings.items()
         for part, which in (("re", "real"), ("im", "imaginary"))
     }
+
+
+def found_again(scene: Scene, row: Record, tolerance: float) -> Record:
+    """Find the orbit of a row of the table of branches anew; the ``row`` of the result is empty if there is none."""
+    try:
+        found = orbit_near(scene, row, row["period"], tolerance)
+    except OrbitError:
+        return {"row": {}}
+    return {"row": {**found.measures, "period": found.period}}

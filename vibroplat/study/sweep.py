@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import pandas as pd
 
-from vibroplat.columns import SHAKING, Column, Columns
+from vibroplat.columns import PHASE_COLUMN, SHAKING, Column, Columns
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.plausibility import notes_on_inputs
 from vibroplat.config.scene import Scene
@@ -24,8 +24,9 @@ from vibroplat.study import WAIT
 from vibroplat.study.bands import bands
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, column_of, place_words, study_table
 from vibroplat.study.fingerprint import package
-from vibroplat.study.point import ERRORS, MEASURED, POINT, Point, lost, measure_point
+from vibroplat.study.point import ERRORS, MEASURED, POINT, Point, lost, measure_point, point_task
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, pool, run_stored
+from vibroplat.study.question import ALLOWED, COMPARED, Repeat, spread
 from vibroplat.study.store import Record, SpoiledError, Store
 
 #: Columns of the table after the swept keys.
@@ -193,6 +194,38 @@ def branch_records(branch: Branch, store: Records) -> Iterator[Record]:
         found += 1
     if found < len(branch.along):
         raise SpoiledError(f"point {found} of branch {branch.number} is not stored; --resume computes it")
+
+
+def repeats(planned: Sequence[Branch], store: Store, other: Callable[[Scene], Scene]) -> list[Repeat]:
+    """Choose points, as far from each other as they can be, that begin as they did and must give the same motion.
+
+    Left out are points that are undecided, and chaotic ones beside which other motions are known.
+    """
+    rows = enumerate(row for *_, row in _begun(planned, store))
+    decided = [n for n, row in rows if row.get("motion") not in (None, "undecided") and not row["coexists"]]
+    chosen = {*spread(decided)}
+    found = []
+    for number, (branch, place, state, row) in enumerate(_begun(planned, store)):
+        if number in chosen:
+            value, plan = branch.along[place], branch.plan.model_copy(update={"coexists": False})
+            task = point_task(other(branch.at(place)), plan, state, branch.key(value))
+            swept = ", ".join(f"{key} = {at}" for key, at in {column_of(branch.swept): value, **branch.grid}.items())
+            known = {name: row[name] for name in (*COMPARED, PHASE_COLUMN)}
+            # a motion that was not measured on its orbit is as far from it as settling leaves it
+            left = 0.0 if row.get("multiplier_max") is not None else plan.settle_tolerance
+            where = f"at {swept}, branch {branch.number} ({branch.direction})"
+            found.append(Repeat(where, task, known, max(ALLOWED, 10.0 * left)))
+    return found
+
+
+def _begun(planned: Sequence[Branch], store: Store) -> Iterator[tuple[Branch, int, list[float] | None, Record]]:
+    """Yield each point of a finished sweep: its branch and place, the state with which it began, and its row."""
+    for branch in planned:
+        state: list[float] | None = None
+        for place, record in enumerate(branch_records(branch, store)):
+            state = branch.begin(state, place)
+            yield branch, place, state, record["row"]
+            state = record["state"] or state
 
 
 # -- tables -----------------------------------------------------------------------------------------------
