@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -107,7 +107,7 @@ def begin(store: Store, engine: str, *others: str) -> None:
     store.require("arithmetic", arithmetic(engine))
 
 
-def kept(resume: bool, overwrite: bool) -> dict[str, bool]:
+def kept(resume: bool, overwrite: bool) -> dict[str, Any]:
     """Return what becomes of the records in a store, in its own words."""
     if overwrite and resume:
         raise ConfigError("--overwrite beside --resume; allowed: one of them")
