@@ -15,7 +15,6 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from vibroplat.basin.question import basins
     from vibroplat.check.runs import check_run
-    from vibroplat.check.sweeps import check_sweep
     from vibroplat.config.drive import Drive
     from vibroplat.config.scene import Scene, load_config
     from vibroplat.config.sections import (
@@ -53,7 +52,6 @@ _HOMES = {
     "load": "vibroplat.results.run",
     "Trajectory": "vibroplat.results.run",
     "check_run": "vibroplat.check.runs",
-    "check_sweep": "vibroplat.check.sweeps",
     "lyapunov": "vibroplat.study.lyapunov",
     "Orbit": "vibroplat.continuation.orbit",
     "orbit": "vibroplat.continuation.orbit",
@@ -67,7 +65,6 @@ _HOMES = {
 # orbits nothing else of designs
 PROVIDERS |= {
     "figure_of": "vibroplat.plots.display",
-    "confirmed_point": "vibroplat.continuation.seeker",
     "OrbitSeeker": "vibroplat.continuation.seeker",
     "sensitivities": "vibroplat.designs.sensitivities",
 }
@@ -90,7 +87,6 @@ __all__ = [
     "__version__",
     "basins",
     "check_run",
-    "check_sweep",
     "design",
     "find",
     "load",

@@ -1,4 +1,4 @@
-"""What rooms call and rooms above them provide: figures, and the points of a sweep that are confirmed as orbits.
+"""What rooms call and rooms above them provide: figures, and the orbits that the motions of a sweep come to.
 
 A room knows such a function by its name alone. Where it is, the package's entry says, which knows all rooms; it is
 loaded when it is first called, as entry points are between packages.

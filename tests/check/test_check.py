@@ -6,28 +6,19 @@ import numpy as np
 import pandas as pd
 import pytest
 from common.random_scenes import random_scene
-from study.helpers import CHAOTIC, planned
 
 import vibroplat
-from vibroplat import check_run, check_sweep, load_config
-from vibroplat.check import by_other_engine, sweeps, with_other_tolerance
+from vibroplat import check_run, load_config
+from vibroplat.check import by_other_engine, with_other_tolerance
 from vibroplat.check.events import Errors, paired
 from vibroplat.check.runs import EVENT_TIME, Course, _Comparison, repetitions
-from vibroplat.check.sweeps import check_points
 from vibroplat.config.reader import configurations
-from vibroplat.errors import ConfigError
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import other_engine
 from vibroplat.model.systems import GAP_RATE
-from vibroplat.study.branches import branches, chosen
-from vibroplat.study.pool import Inline
-from vibroplat.study.store import Store
-from vibroplat.study.sweep import run_sweeps
 
 QUICKSTART = configurations() / "quickstart.yaml"
 FRICTION = "motor.friction_radius_m"
-#: A sweep of two branches with fast points.
-QUICK = {"settle_s": 0.4, "measure_s": 0.2, "lyapunov": False}
 NATIVE = {"solver.engine": "native"}
 
 
@@ -43,11 +34,6 @@ def wrong(scene):
 
 def run_scene(seconds=0.2, **changed):
     return load_config(QUICKSTART, {"run.duration_s": seconds, **NATIVE, **changed})
-
-
-def sweep_scene(**options):
-    changed = NATIVE | options.pop("changes", {})
-    return planned(QUICKSTART, 44.0, 50.0, step=2.0, direction=["up", "down"], changes=changed, **QUICK, **options)
 
 
 # -- which engine checks --------------------------------------------------------------------------------
@@ -217,84 +203,3 @@ def test_an_accumulation_may_be_closed_sooner_in_one_run():
 def test_an_event_at_the_end_may_come_after_it():
     assert pairs(FLIGHTS, FLIGHTS[:3], until=0.0601).differ_s == np.inf
     assert pairs(FLIGHTS, FLIGHTS[:3], until=0.09).differ_s == 0.060
-
-
-# -- sweeps ---------------------------------------------------------------------------------------------
-
-
-def test_two_engines_agree_on_points():
-    found = check_sweep(sweep_scene(), 0.3)
-    assert (found.agrees, found.disagreements, found.reclassified) == (True, [], [])
-    assert (found.points, len(found.checked)) == (8, 2)
-    difference, place = found.largest["rms_y_m"]
-    assert 0.0 < difference.difference <= difference.allowed < 1e-2 * difference.scale
-    assert place in [point.place for point in found.checked]
-    lines = dict(found.lines())
-    assert lines["checked by"].endswith("2 of 8 points")
-    assert "supply_frequency_hz = " in lines["  rms_y_m"]
-
-
-def test_the_choice_is_repeatable_and_follows_the_seed():
-    scene = sweep_scene()
-
-    def numbers(scene, share):
-        return [(place.branch.number, place.point) for place in chosen(branches(scene), share)]
-
-    assert numbers(scene, 0.5) == numbers(scene, 0.5)
-    assert len(set(numbers(scene, 0.5))) == 4
-    assert len(numbers(scene, 1e-9)) == 1
-    assert numbers(scene, 1.0) == [(b, p) for b in range(2) for p in range(4)]
-    others = {tuple(numbers(scene.replace({"sweep.seed": seed}), 0.5)) for seed in range(5)}
-    assert len(others) > 1
-
-
-def test_points_start_where_the_sweep_did():
-    """With the engine of the sweep nothing differs, in chained points too: the starts are the same to the last bit."""
-    found = check_sweep(sweep_scene(), other=lambda scene: scene)
-    assert len(found.checked) == 8
-    assert {d.difference for point in found.checked for d in point.differences} == {0.0}
-
-
-def test_another_class_is_found():
-    frequencies = {"start": 54.0, "stop": 55.0}
-    scene = sweep_scene().replace({"sweep": {"supply_frequency_hz": frequencies, **QUICK}})
-    found = check_sweep(scene, 0.1, other=lambda s: s.replace({"solver.max_events_per_period": 3}))
-    assert "outcome = ok (native) and event-storm (native)" in found.disagreements[0]
-    assert "ok, antiphase" in found.reclassified[0]
-    assert found.to_tree()["reclassified"] == found.reclassified
-
-
-@pytest.mark.long
-def test_chaos_is_compared_by_its_standard_errors():
-    frequencies = {"start": 62.5, "stop": 62.5}
-    plan = {"supply_frequency_hz": frequencies, "settle_s": 1.0, "measure_s": 1.0, "lyapunov": False}
-    scene = planned(QUICKSTART, 62.5, changes={**CHAOTIC, **NATIVE}).replace({"sweep": plan})
-    found = check_sweep(scene, other=honest)
-    assert found.agrees
-    (point,) = found.checked
-    assert point.first[2] == "non-periodic"
-    compared = {d.column: d for d in point.differences}
-    assert set(compared) <= set(sweeps.ERRORS)
-    assert compared["rms_y_m"].difference > 100.0 * scene.solver.tolerance * compared["rms_y_m"].scale
-    slower = check_sweep(
-        scene, other=lambda s: s.replace({"drive.supply_frequency_hz": 56.0, "solver.tolerance": 1e-5})
-    )
-    assert not slower.agrees
-
-
-def test_a_check_is_resumed(tmp_path):
-    scene = sweep_scene()
-    places = chosen(branches(scene), 0.5)
-    with Store(tmp_path, {}) as store:
-        run_sweeps([(branches(scene), store)], Inline())
-        first = check_points(branches(scene), places, store, Inline(), other=honest)
-    with Store(tmp_path, {}, resume=True) as store:
-        again = check_points(branches(scene), places, store, None, other=honest)  # nothing is left for workers
-        assert len(store) == 12
-    assert again.to_tree() == first.to_tree()
-
-
-@pytest.mark.parametrize("share", [0.0, 1.5])
-def test_shares_that_are_none_are_refused(share):
-    with pytest.raises(ConfigError, match=r"--check .*; allowed: more than 0, at most 1"):
-        check_sweep(sweep_scene(), share)

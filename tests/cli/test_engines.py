@@ -1,25 +1,33 @@
 """``--engine`` and ``--check`` on the command line."""
 
+import re
+
 import pytest
 from common.commands import not_a_line
 from common.places import QUICKSTART
 
 from vibroplat import load_config
+from vibroplat.check.questions import check_motions
 from vibroplat.check.runs import compared
-from vibroplat.check.sweeps import check_points
-from vibroplat.paper import calibration, reproduction
+from vibroplat.paper import reproduction
 from vibroplat.results.provenance import configuration_hash
 from vibroplat.results.tables import read_json
 from vibroplat.study.sweep import conditions
 
 SHORT = ("--set", "run.duration_s=0.1")
 FREQUENCIES = "{start: 44.0, stop: 46.0, step: 1.0, direction: up}"
-PLAN = f"{{supply_frequency_hz: {FREQUENCIES}, settle_s: 0.4, measure_s: 0.2, lyapunov: false, grid: {{}}}}"
+PLAN = f"{{supply_frequency_hz: {FREQUENCIES}, measure_s: 0.2, lyapunov: false, grid: {{}}}}"
+ORBITS_PLAN = "{key: drive.supply_frequency_hz, start: 44.0, stop: 45.0}"
+ORBITS = ("--set", f"orbits={ORBITS_PLAN}", "--engine", "native")
 SWEEP = ("--set", f"sweep={PLAN}", "--engine", "native")
 
 
 def wrong(scene):
     return scene.replace({"motor.friction_radius_m": 1.0001 * scene.motor.friction_radius_m})
+
+
+def softer(scene):
+    return scene.replace({"machine.stiffness_y_n_per_m": 0.99 * scene.machine.stiffness_y_n_per_m})
 
 
 def test_engine_is_short_for_the_key(command, kernels, here):
@@ -30,17 +38,16 @@ def test_engine_is_short_for_the_key(command, kernels, here):
     assert (proof["engine"], proof["configuration_sha256"]) == ("taylor", configuration_hash(same))
 
 
-@pytest.mark.parametrize("name", ["run", "sweep", "paper", "calibrate"])
+@pytest.mark.parametrize("name", ["run", "sweep", "paper"])
 def test_a_bad_engine_is_told_as_a_bad_key_is(command, kernels, here, name):
     arguments = (name, QUICKSTART) if name in ("run", "sweep") else (name,)
     bad = command(*arguments, "--engine", "heun")
     assert not_a_line(bad) == ""
     assert "solver.engine = 'heun'; allowed: 'auto', 'native'" in bad.err
-    if name != "calibrate":
-        assert bad.err == command(*arguments, "--set", "solver.engine=heun").err
-        done = command(*arguments, "--engine", "native", "--set", "solver.engine=sundae")
-        assert not_a_line(done) == ""
-        assert "--engine native and --set solver.engine=sundae differ; allowed: one of the two" in done.err
+    assert bad.err == command(*arguments, "--set", "solver.engine=heun").err
+    done = command(*arguments, "--engine", "native", "--set", "solver.engine=sundae")
+    assert not_a_line(done) == ""
+    assert "--engine native and --set solver.engine=sundae differ; allowed: one of the two" in done.err
 
 
 class _Caught(BaseException):
@@ -51,8 +58,8 @@ def test_engine_reaches_the_paper(command, kernels, here, monkeypatch):
     found = []
 
     def caught(numbers, *_, seeds, **__):
-        machine, others, laws = reproduction.trials_of(numbers, seeds)
-        trials = [*machine, *others, laws]
+        machine, others = reproduction.trials_of(numbers, seeds)
+        trials = [*machine, *others]
         found.extend(trial.scene(name) for trial in trials for name in (*trial.names, reproduction.NON_IMPACT))
         raise _Caught
 
@@ -61,26 +68,6 @@ def test_engine_reaches_the_paper(command, kernels, here, monkeypatch):
         command("paper", "--machine", "calibrated", "--engine", "sundae", "--jobs", "1", "--seeds", "2")
     assert {conditions(scene)["engine"] for scene in found} == {"sundae"}
     assert {scene.solver.engine for scene in found} == {"sundae"}
-
-
-def test_engine_reaches_a_calibration(command, kernels, here, monkeypatch):
-    found = {}
-
-    def caught(fixed, *_):
-        found.update(fixed)
-        raise _Caught
-
-    monkeypatch.setattr(calibration, "calibrate", caught)
-    with pytest.raises(_Caught):
-        command("calibrate", "--engine", "sundae")
-    assert found["solver.engine"] == "sundae"
-
-
-def test_a_bad_share_is_told(command, kernels, here):
-    for share in ("0", "1.01", "nan", "half"):
-        done = command("sweep", QUICKSTART, *SWEEP, "--check", share)
-        assert not_a_line(done) == ""
-        assert "--check" in done.err
 
 
 def test_a_checked_run_is_the_run(command, kernels, here):
@@ -113,22 +100,25 @@ def test_a_run_that_engines_disagree_on_has_exit_code_1(command, kernels, here, 
 
 @pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.long)])
 def test_a_sweep_is_checked_and_resumed(jobs, command, kernels, here):
-    done = command("sweep", QUICKSTART, *SWEEP, "--check", "0.3")
+    done = command("sweep", QUICKSTART, *SWEEP)
     assert (done.code, done.err) == (0, "")
-    assert ", 1 of 3 points" in done.out
-    done = command("sweep", QUICKSTART, *SWEEP, "--check", "1", "--resume", "--jobs", jobs)
-    assert done.code == 0
+    assert "checked by" not in done.out
+    done = command("sweep", QUICKSTART, *SWEEP, "--check", "--resume", "--jobs", jobs)
+    assert (done.code, done.err) == (0, "")
     assert "3 of the points from before" in done.out
-    assert ", 3 of 3 points" in done.out
+    assert ", 3 motions, measures within " in done.out
     check = read_json(here / "results/quickstart", "provenance")["check"]
-    assert (check["agrees"], check["checked"]) == (True, 3)
+    assert (check["checked"], check["disagreements"]) == (3, [])
 
 
-def test_a_sweep_that_engines_disagree_on_has_exit_code_1(command, kernels, here, monkeypatch):
-    monkeypatch.setitem(check_points.__kwdefaults__, "other", wrong)
-    done = command("sweep", QUICKSTART, *SWEEP, "--check", "0.5", "--set", "solver.tolerance=1e-10")
+@pytest.mark.parametrize(("name", "study"), [("sweep", SWEEP), ("orbits", ORBITS)])
+def test_a_study_that_engines_disagree_on_has_exit_code_1(name, study, command, kernels, here, monkeypatch):
+    monkeypatch.setitem(check_motions.__kwdefaults__, "other", softer)
+    done = command(name, QUICKSTART, *study, "--check")
     assert done.code == 1
     first, *_, last = done.err.splitlines()
     assert first.startswith("vibroplat: engines disagree at supply_frequency_hz = 4")
-    assert "branch 0 (up): motor_power_w = " in first
-    assert last == "vibroplat: engines disagree at 2 of 2 points"
+    assert "branch 0" in first
+    assert ": rms_y_m = " in first
+    assert re.fullmatch(r"vibroplat: engines disagree at (\d+) of \1 motions", last)
+    assert read_json(here / "results/quickstart", "provenance")["check"]["disagreements"][0] in first

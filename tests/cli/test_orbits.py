@@ -21,7 +21,7 @@ HEAD = f"extends: {MACHINE}\nname: c\nsolver: {{engine: taylor}}\n"
 KEY = "key: drive.supply_frequency_hz"
 STEP = "step: {first: 0.4, largest: 0.5}"
 ORBITS = f"orbits: {{{KEY}, start: 47.0, stop: 49.0, {STEP}, grid: {{material.mass_ratio: [0.0, 0.1]}}}}\n"
-SWEEP = "sweep: {supply_frequency_hz: {start: 47, stop: 48, step: 1}, settle_s: 1, measure_s: 0.5, lyapunov: false}\n"
+SWEEP = "sweep: {supply_frequency_hz: {start: 47, stop: 48, step: 1}, measure_s: 0.5, lyapunov: false}\n"
 TABLES = ("branches", "special")
 
 

@@ -117,12 +117,10 @@ def special(table):
 
 
 def boundaries():
-    """A boundary of each of two kinds, its first point checked on both sides."""
+    """A boundary of each of two kinds."""
     ratio = np.linspace(0.0, 0.3, 7)
     columns = {"branch": 0, "supply_frequency_hz": 50.0 + 10.0 * ratio, "material.mass_ratio": ratio}
-    first, rest = ratio == 0.0, ""
-    sides = {"below": np.where(first, "period 1", rest), "above": np.where(first, "period 2", rest)}
-    more = {"excitation_frequency_hz": 25.0, "period": 1, **sides, "check": np.where(first, "agrees", rest)}
+    more = {"excitation_frequency_hz": 25.0, "period": 1, "unstable": 0}
     kinds = enumerate(("fold", "liftoff"))
     parts = [pd.DataFrame({"curve": curve, "kind": kind, **columns, **more}) for curve, kind in kinds]
     return pd.concat(parts, ignore_index=True)

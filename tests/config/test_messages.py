@@ -53,6 +53,10 @@ MESSAGES = {
         "name: a\nplatform_mass_kg: 12": "unknown key platform_mass_kg in line 2; did you mean "
         f"machine.platform_mass_kg? allowed: {SECTIONS}",
         "# machine:\nname: a\nmachine:": f"machine = None in line 3; allowed: {SECTION}",
+        "name: a\ncalibration: {}": "unknown key calibration in line 2; it is gone: results/README.md tells how "
+        "configs/machines/calibrated.yaml was found",
+        "sweep:\n  confirm: orbits": "unknown key sweep.confirm in line 2; it is gone: with settle = orbits points are "
+        "orbits; `vibroplat orbits` gives their multipliers",
     },
     "types": {
         "drive: {supply_frequency_hz: fast}": "drive.supply_frequency_hz = 'fast'; allowed: a number",

@@ -7,9 +7,8 @@ from vibroplat import load_config, orbit, orbits
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.continuation.rows import motion_of
 from vibroplat.continuation.tables import conditions, follow, planned, tables
-from vibroplat.continuation.worker import Traced
+from vibroplat.continuation.worker import Traced, multiplier_columns
 from vibroplat.errors import ConfigError
-from vibroplat.study.confirming import multiplier_columns
 from vibroplat.study.point import MEASURED
 from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
@@ -107,7 +106,7 @@ def test_columns_of_state_are_those_of_the_scenes():
 def test_boundaries_have_both_keys(scene):
     first, last = (
         [MASS, "curve", "kind", "branch", KEY],
-        ["excitation_frequency_hz", "period", "below", "above", "check"],
+        ["excitation_frequency_hz", "period", "unstable"],
     )
     assert list(tables(scene.orbits, []).boundaries.columns) == [*first, *last]
     second = {"boundaries": {"key": "contact.restitution", "start": 0.0, "stop": 0.5}}

@@ -1,6 +1,4 @@
-"""Boundaries in two keys: where they go, and their check by settled motion on both sides."""
-
-from collections import Counter
+"""Boundaries in two keys: where they go, and how settled motion differs on both sides."""
 
 import numpy as np
 import pytest
@@ -9,8 +7,9 @@ from common.shaken_table import GRAVITY, shaken, stable_range
 
 from continuation.helpers import MACHINE, MASS
 from vibroplat import load_config
+from vibroplat.config.plans import SweepPlan
 from vibroplat.continuation.special_points import others_outside
-from vibroplat.continuation.two_keys import AGREES, DIFFERS, UNSTABLE, check, chosen
+from vibroplat.study.point import measure_point
 
 KEY, RESTITUTION = "drive.supply_frequency_hz", "contact.restitution"
 
@@ -24,77 +23,43 @@ def machine(restitution, boundaries):
 @pytest.fixture(scope="module")
 def over_mass():
     """Boundaries over the mass ratio, R = 0, by kind."""
-    scene = machine(
-        0.0, {"key": MASS, "start": 0.15, "stop": 0.25, "step": {"first": 0.01, "largest": 0.02}, "check": 3}
-    )
+    scene = machine(0.0, {"key": MASS, "start": 0.15, "stop": 0.25, "step": {"first": 0.01, "largest": 0.02}})
     return scene, {curve.kind: curve for curve in bounded(scene)[1]}
 
 
-def checks(curve):
-    return Counter(row["check"] for row in curve.rows if "check" in row)
+def beside(scene, row, column):
+    """A column of points of a sweep, 0.05 Hz to both sides of a point of a curve over the mass ratio."""
+    found = []
+    for frequency in (row["value"] - 0.05, row["value"] + 0.05):
+        there = scene.replace({MASS: row["second"], KEY: frequency})
+        frequencies = {"start": frequency, "stop": frequency}
+        plan = SweepPlan(supply_frequency_hz=frequencies, settle="motion", lyapunov=False)
+        found.append(measure_point(there, plan, row["state"], (0,)).row[column])
+    return found
 
 
 def test_motion_differs_on_both_sides_of_boundaries_over_mass(over_mass):
-    _, curves = over_mass
-    for kind in ("liftoff", "end-of-sticking", "period-doubling"):
-        assert checks(curves[kind]) == {AGREES: 3}
-    assert checks(curves["neimark-sacker"]) == {UNSTABLE: 3}  # beyond the period doubling
-    (below, above) = {(row["below"], row["above"]) for row in curves["liftoff"].rows if "check" in row}.pop()
-    assert (below, above) == ("period 1: none", "period 1: liftoff stick")
-
-
-@pytest.mark.parametrize("kind", ["liftoff", "period-doubling"])
-def test_a_curve_in_the_wrong_place_is_told(over_mass, kind):
-    """Half a hertz away, where the motion on both sides is of one kind."""
     scene, curves = over_mass
-    curve, plan = curves[kind], scene.orbits
-    place, way = list(chosen(curve.rows, plan).items())[1]
-    wrong = curve.rows[place] | {"value": curve.rows[place]["value"] - 0.5}
-    found = check(scene, plan, kind, wrong, way)
-    assert found["check"] == DIFFERS
-    assert found["below"] == found["above"]
-
-
-@pytest.mark.long
-def test_motion_differs_on_both_sides_of_boundaries_over_restitution():
-    kinds = ["liftoff", "end-of-sticking", "fold", "period-doubling"]
-    boundaries = {"key": RESTITUTION, "start": 0.0, "stop": 0.4, "step": {"first": 0.02, "largest": 0.05}, "check": 3}
-    _, curves = bounded(machine(0.1, boundaries | {"kinds": kinds}))
-    found = {kind: sum((checks(c) for c in curves if c.kind == kind), Counter()) for kind in kinds}
-    for kind in ("liftoff", "end-of-sticking", "fold"):
-        assert found[kind].total() >= 3
-        assert set(found[kind]) == {AGREES}
-    (sticking,) = [curve for curve in curves if curve.kind == "end-of-sticking"]
-    assert sticking.ended[1] == "end of a key's range"
-    assert sticking.rows[0]["second"] < 1e-5
-    # one of these curves bounds orbits of three impacts, which in places attract too little to be met
-    assert found["period-doubling"].total() >= 6
-    assert found["period-doubling"][AGREES] >= 4
+    for row in curves["liftoff"].rows[1:-1:2]:
+        below, above = beside(scene, row, "flight_fraction")
+        assert below == 0.0 < above
+    for row in curves["period-doubling"].rows[1:-1:2]:
+        assert beside(scene, row, "period") == [1, 2]
+    assert all(row["others_outside"] for row in curves["neimark-sacker"].rows)  # beyond the period doubling
 
 
 @pytest.mark.long
 def test_ball_leaves_its_orbit_where_it_folds():
+    """It does so where Luck and Mehta (1993) find it."""
     middle = 0.5 * sum(stable_range(0.5))
     plan = {"key": "machine.gravity_m_per_s2", "start": GRAVITY, "stop": GRAVITY * 1.4, "from": "state", "switch": []}
-    plan |= {"boundaries": {"key": RESTITUTION, "start": 0.48, "stop": 0.52, "check": 2}}
+    plan |= {"boundaries": {"key": RESTITUTION, "start": 0.48, "stop": 0.52}}
     _, curves = bounded(shaken(middle, 0.5).replace({"orbits": plan}))
     # nothing damps the platform under the ball: a product of its multipliers is 1 everywhere, not along a curve
     (curve,) = [curve for curve in curves if curve.rows]
-    assert (curve.kind, checks(curve)) == ("fold", {AGREES: 2})
-
-
-def test_points_are_chosen_evenly_along_a_curve(over_mass):
-    plan = over_mass[0].orbits
-    rows = [{"value": value, "second": 0.2} for value in (46.0, *np.linspace(47.0, 47.1, 50), 50.0, 52.0, 54.0)]
-    assert [rows[place]["value"] for place in chosen(rows, plan)] == [47.1, 50.0, 52.0]
-    assert chosen(rows[:2], plan) == {}
-
-
-def test_the_way_across_a_curve_is_at_right_angles_to_larger_values_of_the_first_key(over_mass):
-    plan = over_mass[0].orbits
-    rows = [{"value": 50.0 + i * plan.unit, "second": 0.2 - 2.0 * i * plan.boundaries.unit} for i in range(3)]
-    for there in (rows, rows[::-1]):
-        assert chosen(there, plan) == {1: pytest.approx((2.0 / 5**0.5, 1.0 / 5**0.5))}
+    assert curve.kind == "fold"
+    for row in curve.rows:
+        assert middle * GRAVITY / row["value"] == pytest.approx(stable_range(row["second"])[0], rel=1e-6)
 
 
 def test_multipliers_outside_beside_the_passing_ones():
@@ -112,7 +77,7 @@ def test_multipliers_outside_beside_the_passing_ones():
 def test_boundaries_go_through_the_points_of_other_branches():
     """Curves over the mass ratio from 0.2 pass the special points found at 0.1."""
     kinds = ["liftoff", "end-of-sticking", "period-doubling", "neimark-sacker", "branch-point"]
-    second = {"key": MASS, "start": 0.05, "stop": 0.3, "kinds": kinds, "check": 0}
+    second = {"key": MASS, "start": 0.05, "stop": 0.3, "kinds": kinds}
     scene = machine(0.0, second | {"max_points": 60}).replace({"orbits.stop": 64.0})
     _, curves = bounded(scene)
     assert {curve.kind for curve in curves} == {*kinds}
@@ -131,7 +96,7 @@ def test_boundaries_go_through_the_points_of_other_branches():
 def test_doubling_of_the_ball_over_restitution():
     middle = 0.5 * sum(stable_range(0.5))
     plan = {"key": "machine.gravity_m_per_s2", "start": GRAVITY, "stop": GRAVITY * middle / 1.7, "from": "state"}
-    plan |= {"switch": [], "boundaries": {"key": "contact.restitution", "start": 0.45, "stop": 0.55, "check": 0}}
+    plan |= {"switch": [], "boundaries": {"key": "contact.restitution", "start": 0.45, "stop": 0.55}}
     _, curves = bounded(shaken(middle, 0.5).replace({"orbits": plan}))
     (doubling,) = [curve for curve in curves if curve.kind == "period-doubling"]
     assert len(doubling.rows) > 10

@@ -1,6 +1,5 @@
 """Sensitivities against differences of orbits, and samples against motions that settle."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 
 from vibroplat import design, load_config, orbit
 from vibroplat.designs.question import Design
-from vibroplat.designs.samples import exchanged, sobol_indices
 from vibroplat.designs.sensitivities import settling
 from vibroplat.errors import ConfigError
 from vibroplat.study.point import measure_point
@@ -73,34 +71,15 @@ def test_samples_are_what_motions_settle_to(spread):
     assert answer.lines["orbit stable"] == f"{100.0 * table['stable'].mean():.1f} %"
 
 
-def test_sobol_indices_are_those_known_of_ishigami():
-    """Ishigami and Homma (1990): y = sin x₁ + 7 sin² x₂ + 0.1 x₃⁴ sin x₁."""
-    x = math.pi * exchanged(0, 3, 1024)
-    y = np.sin(x[:, 0]) + 7.0 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
-    orders, errors = sobol_indices(y, 3)
-    away = np.abs(orders - [[0.3139, 0.4424, 0.0], [0.5576, 0.4424, 0.2437]])
-    assert (away < 0.01).all()
-    assert ((away < 2.0 * errors) & (errors < 0.1)).all()
-
-
-def test_a_single_key_has_all_of_the_variance():
-    orders, _ = sobol_indices(exchanged(0, 1, 256).ravel() ** 3, 1)
-    np.testing.assert_allclose(orders, 1.0, atol=0.02)
-
-
 def test_shares_of_the_variance_are_those_of_the_slopes_where_a_spread_is_small(scene):
     small = dict.fromkeys(KEYS, 1e-4)
-    found = design(scene.replace({"design": {"spread": small, "samples": 64, "indices": 32}})).tables
+    found = design(scene.replace({"design": {"spread": small, "samples": 64}})).tables
     slopes, shares = (found[name].set_index(["measure", "key"]) for name in ("sensitivities", "shares"))
     for measure in ("rms_y_m", "motor_power_w"):
         parts = np.array([slopes.loc[(measure, key), "elasticity"] for key in KEYS]) ** 2
         own = shares.loc[measure].loc[list(KEYS)]
         assert own["explained"].iloc[0] > 0.999
-        away = own[["regression", "first_order", "total_order"]].sub(parts / parts.sum(), axis=0).abs()
-        assert away["regression"].max() < 0.01
-        assert (away["first_order"] < 0.02 + 3.0 * own["first_order_error"]).all()
-        assert (away["total_order"] < 0.02 + 3.0 * own["total_order_error"]).all()
-        assert own["total_order_error"].max() < 0.3
+        assert own["regression"].to_numpy() == pytest.approx(parts / parts.sum(), abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -114,7 +93,6 @@ def test_shares_of_the_variance_are_those_of_the_slopes_where_a_spread_is_small(
         ({"measures": ["rms_z_m"]}, "design: rms_z_m is no measure of this scene; did you mean rms_"),
         ({"keys": {KEYS[0]: [2.0, 2.0]}}, f"design: keys.{KEYS[0]} = [2.0, 2.0] is empty; allowed: [low, high]"),
         ({"spread": {"material.lower_share": 0.9}}, "design.spread.material.lower_share = 0.9: material.lower_share ="),
-        ({"indices": 48}, "design: indices = 48 is no power of 2; allowed: 64, "),
         ({"subject": {"rms_y_m": "1"}}, "design: subject.rms_y_m = '1' is no bound; allowed: \">= NUMBER\""),
         ({"minimize": "rms_y_m"}, "design: minimize is given without keys; allowed: with keys and their ranges"),
     ],

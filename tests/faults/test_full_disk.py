@@ -18,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("kernels")
 RUN = f"extends: {LOADED}\nname: c\nrun: {{duration_s: 0.3}}\n"
 #: A run whose tables are smaller than what is told of them.
 SPARSE = f"{RUN}output: {{sample_rate_hz: 1.0}}\nmaterial: {{mass_ratio: 0.0}}\n"
-SWEEP = f"{SWEPT}  settle_s: 0.5\n  lyapunov: false\n  kind: bifurcation\n"
+SWEEP = f"{SWEPT}  lyapunov: false\n  kind: bifurcation\n"
 #: Exit codes of input or output that cannot be used, and of work that has failed.
 FAILED = (1, 2)
 

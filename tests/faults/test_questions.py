@@ -23,7 +23,7 @@ QUESTIONS = {
     "{machine.unbalance_radius_m: [0.018, 0.048], drive.supply_frequency_hz: [46.75, 60.5]}, minimize: motor_power_w, "
     'subject: {rms_y_m: ">= 0.5e-3"}, spread: {machine.platform_mass_kg: 0.05}, samples: 6, starts: 2}\n',
     "orbits": "material: {mass_ratio: 0.2}\norbits: {key: drive.supply_frequency_hz, start: 42.0, stop: 64.0, "
-    "switch: [], boundaries: {key: material.mass_ratio, start: 0.19, stop: 0.21, max_points: 4, check: 1}}\n",
+    "switch: [], boundaries: {key: material.mass_ratio, start: 0.19, stop: 0.21, max_points: 4}}\n",
 }
 #: Where commands are killed, one after the other, and with how many jobs.
 MOMENTS = [

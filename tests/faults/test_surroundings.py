@@ -16,7 +16,7 @@ from vibroplat.system import memory
 from vibroplat.system.interrupts import KEPT, RESUMABLE
 
 SHORT = ("--set", "run.duration_s=0.05")
-SWEEP = FLYING + "name: few\nsweep: {supply_frequency_hz: {start: 50.0, stop: 52.0, step: 1.0}, settle_s: 0.1}\n"
+SWEEP = FLYING + "name: few\nsweep: {supply_frequency_hz: {start: 50.0, stop: 52.0, step: 1.0}, measure_s: 0.5}\n"
 
 
 def shell(*arguments, redirect="", before="", **environment):
@@ -167,7 +167,7 @@ def test_sweep_that_runs_out_of_memory_keeps_its_finished_points(command, here, 
 def test_shared_memory_that_cannot_be_written_is_not_blamed_on_the_output(command, here, kernels, monkeypatch):
     """Worker processes need semaphores there."""
     monkeypatch.setattr("loky.get_reusable_executor", raising(OSError(errno.EROFS, "Read-only file system")))
-    (here / "few.yaml").write_text(SWEEP.replace("settle_s", "grid: {contact.restitution: [0.0, 0.3]}, settle_s"))
+    (here / "few.yaml").write_text(SWEEP.replace("measure_s", "grid: {contact.restitution: [0.0, 0.3]}, measure_s"))
     told = "worker processes cannot be started: Read-only file system; one job needs none"
     assert command("sweep", "few.yaml", "--jobs", "2") == (1, "", f"vibroplat: {told}; {RESUMABLE}\n")
     monkeypatch.setattr("vibroplat.study.sweep.run_sweeps", raising(OSError(errno.EMFILE, "Too many open files", "it")))
@@ -183,7 +183,7 @@ def test_full_output_is_named(unbuffered):
 
 @pytest.mark.long
 def test_too_few_open_files_for_workers_are_named(here, kernels):
-    (here / "few.yaml").write_text(SWEEP.replace("settle_s", "grid: {contact.restitution: [0.0, 0.3]}, settle_s"))
+    (here / "few.yaml").write_text(SWEEP.replace("measure_s", "grid: {contact.restitution: [0.0, 0.3]}, measure_s"))
     done = shell("sweep", "few.yaml", "--jobs", "2", before="ulimit -n 20;")
     told = "worker processes cannot be started: Too many open files; one job needs none"
     assert (done.code, done.err) == (1, f"vibroplat: {told}; {RESUMABLE}\n")

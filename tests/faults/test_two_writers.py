@@ -24,7 +24,7 @@ from vibroplat.study.store import Store
 TABLE = pd.DataFrame({"v": [1.0, 2.0]})
 BOTH = (
     f"extends: {LOADED}\nname: c\nrun: {{duration_s: 0.05}}\n"
-    "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.5}, measure_s: 0.3, settle_s: 0.3, lyapunov: false}\n"
+    "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.5}, measure_s: 0.3, lyapunov: false}\n"
 )
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from vibroplat.config.scene import Scene
 from vibroplat.paper import judges
-from vibroplat.paper.claims import FORMER, cut, expected, judge, scoreboard
+from vibroplat.paper.claims import cut, expected, judge, scoreboard
 from vibroplat.paper.evidence import EDGE, Course, Evidence, F, Key
 from vibroplat.paper.judges import runs
 from vibroplat.paper.root_finding import JUMP_WIDTH, WIDTH
@@ -13,9 +13,6 @@ from vibroplat.paper.scenes import claims
 from vibroplat.study.branches import Branch
 
 CLAIMS = {claim["id"]: claim for claim in claims()}
-FORMERLY = {claim["id"]: claim for claim in claims("former")}
-#: Claims that were worded otherwise.
-CHANGED = ("band-vs-mass", "attached-mu01", "attached-mu02", "flight-period1")
 STEPS = np.arange(21.0, 40.01, 0.25)
 #: Where motion stops being periodic below the jump, by R.
 NON_PERIODIC = {0.0: 29.5, 0.3: 29.0, 0.5: 28.0, 0.7: 27.0, 1.0: 26.0}
@@ -108,19 +105,14 @@ def motion(period):
 def test_claims_are_those_of_the_paper():
     assert len(CLAIMS) == 30
     assert all(len(claim["quote"]) > 60 for claim in CLAIMS.values())
-    assert len(FORMERLY) == 24
-    assert [name for name in FORMERLY if name not in CLAIMS] == ["band-vs-mass"]
-    for name in FORMERLY.keys() - set(CHANGED):
-        assert FORMERLY[name] == {
-            key: value for key, value in CLAIMS[name].items() if key not in ("quote", "note", "within")
-        }
+    assert "slight leftward shift" in CLAIMS["jump-left"]["quote"]
+    assert "excludes amp-rise" in CLAIMS["NI-mid"]["note"]
 
 
 def test_every_claim_holds_for_the_papers_own_curves(evidence):
     findings = {name: judge(claim, evidence) for name, claim in CLAIMS.items()}
     assert [finding.measured for finding in findings.values() if not finding.holds] == []
     assert [finding.score for finding in findings.values()] == pytest.approx([1.0] * len(findings))
-    assert [name for name, claim in FORMERLY.items() if not judge(claim, evidence).holds] == []
 
 
 SPOILT = {
@@ -129,7 +121,6 @@ SPOILT = {
     "sync-antiphase-over": lambda k, r: {"sync": "in-phase"} if r[F] > 38.0 else None,
     "sync-deviation": lambda k, r: {"phase_difference_rad": math.pi} if r[F] < 31.3 else None,
     "jump-second-resonance": lambda k, r: {"sync": "in-phase", "rms_y_m": 1e-6} if 30.0 < r[F] < 32.0 else None,
-    "band-vs-mass": lambda k, r: {"sync": "in-phase"} if k.mass_ratio == 0.2 and 30.0 < r[F] < 32.0 else None,
     "bands-unchanged": lambda k, r: {"sync": "in-phase"} if k.mass_ratio == 0.1 and 33.0 < r[F] < 36.0 else None,
     "jump-left": lambda k, r: {F: r["supply_frequency_hz"] / 2.0} if k.mass_ratio == 0.1 else None,
     "amp-rise": lambda k, r: {"rms_y_m": 1e-4} if k.mass_ratio == 0.2 and r[F] < 23.0 else None,
@@ -157,13 +148,11 @@ SPOILT = {
 }
 
 
-@pytest.mark.parametrize("wording", [CLAIMS, FORMERLY], ids=["claims", "former"])
-def test_claim_fails_where_its_words_are_broken(wording):
-    findings = {name: judge(claim, changed(SPOILT[name])) for name, claim in wording.items() if name in SPOILT}
+def test_claim_fails_where_its_words_are_broken():
+    findings = {name: judge(claim, changed(SPOILT[name])) for name, claim in CLAIMS.items() if name in SPOILT}
     assert len(findings) >= 24
     assert [name for name, finding in findings.items() if finding.holds] == []
-    if wording is CLAIMS:
-        assert [name for name, finding in findings.items() if finding.score == 1.0] == []
+    assert [name for name, finding in findings.items() if finding.score == 1.0] == []
 
 
 @pytest.mark.parametrize("name", CLAIMS)
@@ -220,7 +209,6 @@ def test_later_liftoff_fails_too():
     finding = judge(CLAIMS["attached-mu01"], late)
     assert not finding.holds
     assert finding.measured == "attached up to 25.25 → 25.50 Hz"
-    assert judge(FORMERLY["attached-mu01"], late).holds
     # nor is a jump far to the left a slight shift
     far = changed(lambda k, r: {"sync": "in-phase"} if k.mass_ratio == 0.2 and 29.5 < r[F] < 31.3 else None)
     assert not judge(CLAIMS["jump-left"], far).holds
@@ -376,10 +364,10 @@ def test_scoreboard_tells_what_depends_on_a_number(evidence):
     board = scoreboard({0: spoilt}, others).set_index("id")
     assert board["verdict"]["flight-period1"] == "depends on an unprinted number"
     assert "damping_ratio 0.4" in board["why"]["flight-period1"]
-    assert board["verdict"].drop(["flight-period1", FORMER]).str.startswith("reproduced").all()
+    assert board["verdict"].drop("flight-period1").str.startswith("reproduced").all()
     board = scoreboard({0: spoilt}, others[:1])
     assert board.set_index("id")["verdict"]["flight-period1"] == "not reproduced"
-    assert list(board["id"]) == [*CLAIMS, FORMER]
+    assert list(board["id"]) == [*CLAIMS]
 
 
 def test_scoreboard_tells_what_depends_on_the_seed(evidence):
@@ -393,18 +381,8 @@ def test_scoreboard_tells_what_depends_on_the_seed(evidence):
     assert board["verdict"]["NI-shape"] == "not reproduced"
 
 
-def test_scoreboard_counts_claims_in_their_former_wording(evidence):
-    spoilt = changed(SPOILT["amp-fall-over"])
-    board = scoreboard({0: spoilt, 1: evidence}, []).set_index("id")
-    row = board.loc[FORMER]
-    assert (row["verdict"], row["seeds"]) == ("23 of 24", "23, 24")
-    assert row["measured"] == "23 hold, not amp-fall-over"
-    assert "slight leftward shift" in board["quote"]["jump-left"]
-    assert "excludes amp-rise" in board["note"]["NI-mid"]
-
-
 def test_claims_are_told_in_words():
     assert expected(CLAIMS["attached-mu02"]) == "μ 0.2, R 0, f 24 Hz ± 0.25: attached from 21 Hz up to here"
     assert expected(CLAIMS["R1-nonperiodic"]) == "μ 0.2, R 1, f 26 Hz ± 0.5: non-periodic above"
-    assert expected(FORMERLY["attached-mu02"]) == "μ 0.2, R 0, f 21 … 24 Hz: attached"
+    assert expected(CLAIMS["sync-inphase"]) == "μ 0, f 31.5 … 34.5 Hz: in-phase"
     assert expected(CLAIMS["amp-rise"]) == "R 0, f 21 … 27.5 Hz: A_y grows with mu"

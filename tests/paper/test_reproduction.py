@@ -13,7 +13,6 @@ from vibroplat.config.reader import flat, load_tree
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.paper import reproduction, tables
-from vibroplat.paper.claims import FORMER
 from vibroplat.paper.evidence import Course, Evidence, F, Key
 from vibroplat.paper.root_finding import JUMP_WIDTH, LARGEST_BETA, MATCHED, beta_without_excess, match_beta, narrow
 from vibroplat.paper.scenes import BETA, machine_numbers, paper_scene
@@ -218,10 +217,10 @@ def test_curves_that_figures_share_are_computed_once(one, other, changes):
 
 
 def test_curves_that_differ_are_computed_each():
-    """Of 19 branches of Figs. 2, 3, 6 and the impact laws, which have another seed, three are there twice."""
+    """Of the branches of Figs. 2, 3 and 6 three are there twice."""
     numbers = machine_numbers("calibrated")
-    machine, _, laws = reproduction.trials_of(numbers, (0,))
-    found = [b for t in (*machine, laws) for name in t.names for b in branches(t.scene(name))]
+    machine, _ = reproduction.trials_of(numbers, (0,))
+    found = [b for trial in machine for name in trial.names for b in branches(trial.scene(name))]
     assert len(found) == len(set(map(reproduction.curve_of, found))) + 3
     assert reproduction.planned(numbers) == (len(found) - 3, 79 * (len(found) - 3))
 
@@ -259,12 +258,12 @@ def test_paper_is_reproduced_and_resumed(tmp_path, coarse, figures):
     assert told[-1][:2] == reproduction.planned(coarse, seeds)
     assert len(found.points) >= told[-1][1]
     viscous = {"fig6-nonimpact"} if found.beta else set()
-    names = {*reproduction.SWEEPS, reproduction.LAWS, *tables.PANELS, *viscous}
-    names |= {"sync-bands", "impact-laws", "contradictions", "claims"}
+    names = {*reproduction.SWEEPS, *tables.PANELS, *viscous}
+    names |= {"sync-bands", "claims"}
     assert names == found.tables.keys()
     board = found.tables["claims"].set_index("id")
-    assert set(board["verdict"].drop(FORMER).str.removesuffix(", without margin")) <= VERDICTS
-    assert set(board["seeds"].drop(FORMER)) <= {"0 of 2", "1 of 2", "2 of 2"}
+    assert set(board["verdict"].str.removesuffix(", without margin")) <= VERDICTS
+    assert set(board["seeds"]) <= {"0 of 2", "1 of 2", "2 of 2"}
     bands = found.tables["sync-bands"]
     assert set(bands["direction"]) == {"up", "down"}
     counts = bands[bands["restitution"] < 1.0].groupby(["mass_ratio", "restitution", "model", "law", "direction"])
@@ -272,7 +271,6 @@ def test_paper_is_reproduced_and_resumed(tmp_path, coarse, figures):
     shown = found.tables["fig7"].groupby(["panel", "curve"]).size()
     assert len(shown) == (16 if found.beta else 12)
     assert np.isfinite(found.tables["fig4"]["y_m"]).all()
-    assert set(found.tables["impact-laws"]["impact_law"]) == {"conservative", "central", "printed"}
     found.write(coarse, tmp_path)
     assert any(line.startswith(f"{'machine':<24}coarse; ") for line in found.overview("coarse", 1.0))
     plot_results([tmp_path])

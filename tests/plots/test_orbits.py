@@ -142,8 +142,7 @@ def test_boundaries_are_drawn_over_two_keys(followed):
     assert "two layers" in words
     assert r"$\mu_w$ =" not in words  # it varies along the curves
     table = read_table(followed, "boundaries")
-    unstable = (table["kind"] == "fold") & (table["check"] != "")
-    write_table(table.assign(check=table["check"].mask(unstable, "unstable")), followed, "boundaries", "parquet")
+    write_table(table.assign(unstable=(table["kind"] == "fold").astype("Int64")), followed, "boundaries", "parquet")
     figure = drawn(followed, ["boundaries"])["boundaries"]
     assert [line.get_linestyle() for line in figure.axes[0].lines] == [":", "-"]
     assert "thin: of unstable orbits" in [text.get_text() for text in figure.legends[0].get_texts()]

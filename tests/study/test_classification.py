@@ -28,7 +28,7 @@ NONE, OPEN = Exponent(1e-4, 2e-3, TURN), Exponent(0.5, 0.4, TURN)
 MISSING = Exponent(math.nan, math.nan, math.nan)
 
 #: How a motion has settled.
-MAXIMUM, FIXED = Settling("maximum", 150.0), Settling("fixed", 30.0)
+MAXIMUM = Settling("maximum", 150.0)
 
 
 def settled(n, *, late=False):
@@ -119,7 +119,7 @@ KINDS = {
         (repeating(3), settled(6), None, {}, periodic(3)),
         (repeating(3), settled(4), None, {}, None),
     ],
-    "repeats without having settled": [(repeating(5, 400), how, None, {}, periodic(5)) for how in (MAXIMUM, FIXED)],
+    "repeats without having settled": [(repeating(5, 400), MAXIMUM, None, {}, periodic(5))],
     "spiral that comes near itself every 14 turns": [
         (spiral(), settled(14), None, {}, None),
         (spiral(start=2e-4), settled(1), None, {}, periodic(1)),
@@ -132,7 +132,7 @@ KINDS = {
         (repeating(4), settled(4, late=True), POSITIVE, {}, None),  # chaos that passes by
         (repeating(4), settled(4, late=True), POSITIVE, NO_EXPONENTS, periodic(4)),  # not asked for
     ],
-    "neighbours part": [(noise(), how, POSITIVE, {}, Kind("chaotic", 0, POSITIVE)) for how in (MAXIMUM, FIXED)],
+    "neighbours part": [(noise(), MAXIMUM, POSITIVE, {}, Kind("chaotic", 0, POSITIVE))],
     "closed curve": [
         (torus(), MAXIMUM, NONE, {}, Kind("quasi-periodic", 0, NONE)),
         (torus(), MAXIMUM, OPEN, {}, OPEN_SIGN),
@@ -145,7 +145,7 @@ KINDS = {
         (repeating(19, 400), MAXIMUM, OPEN, {}, periodic(19, OPEN)),
     ],
     "fewer than two turns": [
-        (repeating(1, turns), how, None, {}, TOO_FEW) for turns, how in ((0, MAXIMUM), (1, FIXED), (1, settled(1)))
+        (repeating(1, turns), how, None, {}, TOO_FEW) for turns, how in ((0, MAXIMUM), (1, settled(1)))
     ],
 }
 

@@ -102,7 +102,7 @@ def test_no_scheduler_at_an_address(kind, place, monkeypatch):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("arguments", [("sweep", "c.yaml"), ("paper",), ("calibrate",)])
+@pytest.mark.parametrize("arguments", [("sweep", "c.yaml"), ("paper",)])
 def test_every_command_refuses_an_address_without_a_scheduler(arguments, command, here, monkeypatch):
     monkeypatch.setattr(cluster, "FIRST_ANSWER", 0.1)
     (here / "c.yaml").write_text(SWEEP)

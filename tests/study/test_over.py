@@ -120,7 +120,7 @@ def test_numbers_of_exciters_are_not_put_aside_by_those_of_a_motor():
 
 # -- the short form --------------------------------------------------------------------------------------
 
-QUICK = {"settle_s": 0.5, "measure_s": 0.5, "lyapunov": False}
+QUICK = {"measure_s": 0.5, "lyapunov": False}
 
 
 def test_the_short_form_gives_the_same_bits():
@@ -182,9 +182,9 @@ def test_a_branch_hands_on_states_of_its_own_layers():
 
 
 def test_command_resumes_bit_for_bit_in_processes_and_checks(command, here):
-    plan = f"over: {{key: {MASS}, values: [0.0, 0.1, 0.2], direction: [up, down]}}, settle_s: 0.4, measure_s: 0.4"
+    plan = f"over: {{key: {MASS}, values: [0.0, 0.1, 0.2], direction: [up, down]}}, measure_s: 0.4"
     (here / "c.yaml").write_text(f"{FLYING}sweep: {{{plan}, lyapunov: false}}\n")
-    done = command("sweep", "c.yaml", "--check", "1")
+    done = command("sweep", "c.yaml", "--check")
     assert (done.code, done.err) == (0, "")
     table = read_table(here / "results/c", "sweep")
     assert table[MASS].tolist() == [0.0, 0.1, 0.2, 0.2, 0.1, 0.0]

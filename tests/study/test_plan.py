@@ -118,8 +118,6 @@ NOT_SWEPT = "cannot be swept by the grid; allowed: keys of machine, material, â€
 NO_MAP = ": kind = map needs exactly one grid key with several numbers"
 KEYS = {
     "max_settle_s: 0": ".max_settle_s = 0; allowed: more than 0.0",
-    "settle_s: -1": ".settle_s = -1; allowed: auto, or a number above 0",
-    "settle_s: true": ".settle_s = True; allowed: auto, or a number above 0",
     "perturbation: 1.5": ".perturbation = 1.5; allowed: at most 1.0",
     "perturbation: -0.1": ".perturbation = -0.1; allowed: at least 0.0",
     "kind: map": NO_MAP,
@@ -152,8 +150,12 @@ def test_mistakes_in_other_keys_are_told_in_a_line(complaint):
 
 
 def test_names_of_keys_are_guessed(complaint):
-    assert complaint(with_plan("settl_s: 3")).startswith(
-        "c.yaml: unknown key sweep.settl_s in line 1; did you mean settle_s? "
+    assert complaint(with_plan("measur_s: 3")).startswith(
+        "c.yaml: unknown key sweep.measur_s in line 1; did you mean measure_s? "
+    )
+    assert complaint(with_plan("settle_s: 3")) == (
+        "c.yaml: unknown key sweep.settle_s in line 1; it is gone: a motion settles until it is known to have settled, "
+        "for max_settle_s at most"
     )
     assert complaint(with_plan("zzzz: 3")).startswith(
         "c.yaml: unknown key sweep.zzzz in line 1; allowed: supply_frequency_hz, "

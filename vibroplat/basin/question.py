@@ -31,7 +31,7 @@ from vibroplat.study import WAIT
 from vibroplat.study.branches import column_of, place_words, study_table
 from vibroplat.study.point import ERRORS, MEASURED
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
-from vibroplat.study.question import COMPARED, Answer, Progress, Repeat, ask
+from vibroplat.study.question import COMPARED, Answer, Progress, Repeat, ask, spread
 from vibroplat.study.store import Record, Store
 from vibroplat.study.sweep import SWEEP
 
@@ -40,8 +40,6 @@ if TYPE_CHECKING:
 
 #: Starts that a task follows.
 BLOCK = 100
-#: Starts that another engine repeats.
-CHECKED = 20
 #: Motions of a group that are followed longer, at most, until one tells what the group is.
 TRIES = 3
 #: Columns of the tables after the key that varies.
@@ -196,8 +194,7 @@ class Basins:
         late = joined["period"].gt(0) & joined["turns"].gt(LATE * self.plan.longest_turns)
         places = np.flatnonzero(~(late | joined["motion"].isin(RESTLESS) & ~joined["rate_per_turn"].eq(0.0)))
         count, order, found = self.plan.number, self.order, list[Repeat]()
-        spread = np.linspace(0, max(places.size - 1, 0), min(CHECKED, places.size)).round().astype(int)
-        for place in places[np.unique(spread)].tolist():
+        for place in spread(places.tolist()):
             value, start = divmod(place, count)
             task = Task(followed_alone, (other(self._scenes[value]), self.plan, int(order[start])))
             known = {name: joined[name].iloc[place] for name in (*COMPARED, PHASE_COLUMN) if name != "motion"}

@@ -1,15 +1,14 @@
 """Two engines that share no numerics check each other.
 
-The same motion is computed by another engine from the same start, and what both give is compared: whole runs in
-:mod:`~vibroplat.check.runs`, points of a sweep in :mod:`~vibroplat.check.sweeps`.
+The same motion is computed by another engine from the same start, and what both give is compared: motions of a study by
+what they settle to (:mod:`~vibroplat.check.questions`), whole runs in time (:mod:`~vibroplat.check.runs`).
 
-Two engines never agree to the last digit, and a motion multiplies what they differ by. How much of a difference this
-explains is estimated by repetitions, not guessed. Both engines repeat the motion with another tolerance, which shows
-the errors that each of them makes; the first one also repeats it from starts that are off by the tolerance, which shows
-what the motion makes of any error. The error of an engine is about what a tenth of the tolerance changes, so two right
-engines differ by at most about twice the largest change; ``MULTIPLE`` times that is allowed. A repetition may by chance
-come close to what it repeats, so ``FLOOR`` times the tolerance is always allowed. Where classes of motion differ, some
-repetitions of both engines must be of the same class.
+In time two engines never agree to the last digit, and a motion multiplies what they differ by. How much of a difference
+this explains is estimated by repetitions, not guessed. Both engines repeat the motion with another tolerance, which
+shows the errors that each of them makes; the first one also repeats it from starts that are off by the tolerance, which
+shows what the motion makes of any error. The error of an engine is about what a tenth of the tolerance changes, so two
+right engines differ by at most about twice the largest change; ``MULTIPLE`` times that is allowed. A repetition may by
+chance come close to what it repeats, so ``FLOOR`` times the tolerance is always allowed.
 
 A wrong term acts the same at every tolerance. Repetitions do not change it, so it is found unless it changes less than
 errors of the tolerance do. A lower tolerance finds more. An engine that is right but less accurate

@@ -1,25 +1,25 @@
-"""Answers of questions are checked: another engine repeats some of the motions that they come from.
+"""The answer of a study is checked: another engine repeats some of the motions that it comes from.
 
-Which these are, and what each must give, the question itself says. Motions that repeat are compared by their measures
-too, others by their class alone: of those two engines have no more in common.
+Which these are, and what each must give, the study itself says. Motions that repeat are compared by their measures too,
+others by their class alone: of those two engines have no more in common.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, Final, NamedTuple
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 from vibroplat.check import Other, by_other_engine
-from vibroplat.check.sweeps import scales_of
 from vibroplat.columns import PHASE_COLUMN
+from vibroplat.config.scene import Scene
+from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.integrate import engine_name
+from vibroplat.model.systems import GAP, GAP_RATE
 from vibroplat.study.classification import same_phase
 from vibroplat.study.pool import Pool, StoredChain, Tasks, run_stored
-from vibroplat.study.question import Answer, Progress, Question, Repeat
+from vibroplat.study.question import Progress, Repeat
 from vibroplat.study.store import Record, Store
-
-#: Difference of a measure over the larger of it and its scale that is allowed: ten times what settling leaves.
-ALLOWED: Final = 1e-3
 
 
 class AnswerCheck(NamedTuple):
@@ -58,50 +58,53 @@ class AnswerCheck(NamedTuple):
         return self._asdict()
 
 
-def check_answer(
-    question: Question,
-    answer: Answer,
+def check_motions(
+    scene: Scene,
+    repeats: Callable[[Other], Sequence[Repeat]],
     store: Store,
     workers: Pool,
     progress: Progress = lambda done, known: None,
+    *,
     other: Other = by_other_engine,
 ) -> AnswerCheck:
-    """Repeat motions of an answer with another engine.
+    """Repeat motions of a study with another engine.
 
     Parameters
     ----------
-    question, answer
-        What was asked, and its answer.
+    scene
+        Of the study.
+    repeats
+        Chooses the motions that are repeated in other scenes, and says what each must give.
     store, workers
-        As the question had them; repetitions are stored in a part of their own.
+        As the study had them; repetitions are stored in a part of their own.
     progress
         Called with the numbers of motions that are done, and of all.
     other
         Makes the scene that checks a scene; by default the same one with another engine.
     """
-    repeats = question.repeats(answer, other)
+    wanted = repeats(other)
 
     def chain(repeat: Repeat) -> Tasks[Record]:
         return (yield repeat.task)
 
-    chains = [StoredChain(chain(repeat), store.part("check"), repeat.place) for repeat in repeats]
-    found = run_stored(chains, workers, lambda done: progress(done, len(repeats)))
-    engines, scales = (engine_name(question.scene), engine_name(other(question.scene))), scales_of(question.scene)
+    chains = [StoredChain(chain(repeat), store.part("check"), repeat.place) for repeat in wanted]
+    found = run_stored(chains, workers, lambda done: progress(done, len(wanted)))
+    engines, scales = (engine_name(scene), engine_name(other(scene))), scales_of(scene)
     largest, disagreements = 0.0, list[str]()
-    for repeat, record in zip(repeats, found, strict=True):
+    for repeat, record in zip(wanted, found, strict=True):
         names = [name for name in repeat.row if name != PHASE_COLUMN]
         if not repeat.row.get("period", 1):
             names = ["period"] if same_phase(repeat.row, record["row"]) else ["period", "sync"]
         apart = {name: _apart(repeat.row[name], record["row"].get(name), scales.get(name, 0.0)) for name in names}
         worst = max((size, name) for name, size in apart.items())
-        if worst[0] <= ALLOWED:
+        if worst[0] <= repeat.allowed:
             largest = max(largest, worst[0])
             continue
         one, two = (_told(row.get(worst[1])) for row in (repeat.row, record["row"]))
         disagreements.append(
             f"engines disagree {repeat.place}: {worst[1]} = {one} ({engines[0]}) and {two} ({engines[1]})"
         )
-    return AnswerCheck(engines[1], len(repeats), largest, disagreements)
+    return AnswerCheck(engines[1], len(wanted), largest, disagreements)
 
 
 def _apart(one: Any, two: Any, scale: float) -> float:
@@ -113,3 +116,26 @@ def _apart(one: Any, two: Any, scale: float) -> float:
 
 def _told(value: Any) -> str:
     return f"{value:.9g}" if isinstance(value, float) else str(value)
+
+
+def scales_of(scene: Scene) -> dict[str, float]:
+    """Return the scales of the columns that are compared, in their units."""
+    scales, speed = state_scales(scene), scene.speed_scale
+    torque = sum(exciter.critical_torque_n_m for exciter in scene.exciter_pair)
+    frequency = speed / (2.0 * math.pi)
+    return {
+        "excitation_frequency_hz": frequency,
+        "frequency_split_hz": frequency,
+        "rms_x_m": float(scales[0]),
+        "rms_y_m": float(scales[1]),
+        "rms_phi_rad": float(scales[2]),
+        "amplitude_y_m": float(scales[1]),
+        PHASE_COLUMN: 1.0,
+        "phase_coherence": 1.0,
+        "flight_fraction": 1.0,
+        "impacts_per_period": 1.0,
+        "gap_max_m": float(scales[GAP]),
+        "contact_force_max_n": force_spread(scene),
+        "impulse_max_n_s": scene.material_mass * float(scales[GAP_RATE]),
+        "motor_power_w": torque * speed,
+    }

@@ -16,6 +16,7 @@ from vibroplat.system.interrupts import offer_resume
 from vibroplat.system.terminal import compilation_progress
 
 if TYPE_CHECKING:
+    from vibroplat.check.questions import AnswerCheck
     from vibroplat.config.scene import Scene
     from vibroplat.results.files import Command
     from vibroplat.study.store import Store
@@ -42,14 +43,13 @@ EngineName = Annotated[
         "--set solver.engine=NAME.",
     ),
 ]
+Check = Annotated[
+    bool, typer.Option("--check", help="Repeat some of the motions with another engine, and compare both.")
+]
 Out = Annotated[Path, typer.Option(help="Directory for the results.")]
 Format = Annotated[Literal["parquet", "csv"], typer.Option("--format", help="File format of the tables.")]
 Jobs = Annotated[int, typer.Option(min=1, help="Number of worker processes.")]
 Resume = Annotated[bool, typer.Option("--resume", callback=_offer, help="Resume an interrupted command.")]
-Mix = Annotated[
-    bool,
-    typer.Option("--mix", help="Resume even if code or arithmetic have changed since; provenance.json tells of it."),
-]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Discard an unfinished command's points and start over.")]
 Scheduler = Annotated[
     str | None, typer.Option(help="Run on a dask cluster: address of its scheduler, e.g. tcp://host:8786.")
@@ -107,11 +107,11 @@ def begin(store: Store, engine: str, *others: str) -> None:
     store.require("arithmetic", arithmetic(engine))
 
 
-def kept(resume: bool, mix: bool, overwrite: bool) -> dict[str, Any]:
-    """Return what becomes of the records in a store, in its own words; to mix them is to resume too."""
-    if overwrite and (resume or mix):
-        raise ConfigError(f"--overwrite beside --{'resume' if resume else 'mix'}; allowed: one of them")
-    return {"resume": resume or mix, "mix": mix, "overwrite": overwrite}
+def kept(resume: bool, overwrite: bool) -> dict[str, Any]:
+    """Return what becomes of the records in a store, in its own words."""
+    if overwrite and resume:
+        raise ConfigError("--overwrite beside --resume; allowed: one of them")
+    return {"resume": resume, "overwrite": overwrite}
 
 
 def study_directory(out: Path, name: str, command: Command, *, resume: bool) -> Path:
@@ -167,3 +167,13 @@ def complain_of(lines: Sequence[str], total: str, most: int = 5) -> None:
         print(f"vibroplat: {line}", file=sys.stderr)
     if lines:
         print(f"vibroplat: {total}", file=sys.stderr)
+
+
+def print_check(found: AnswerCheck | None) -> bool:
+    """Print what the check of a study has found, if there was one; return whether the engines agree."""
+    if found is None:
+        return True
+    print_lines(dict(found.lines()))
+    total = f"engines disagree at {len(found.disagreements)} of {found.checked} motions"
+    complain_of(found.disagreements, total)
+    return found.agrees

@@ -19,12 +19,10 @@ from vibroplat.designs.sensitivities import SENSITIVITIES
 from vibroplat.motion.run import SUMMARY
 from vibroplat.observe.sheet import SHEET, of_points, whole_columns
 from vibroplat.observe.tables import EVENTS, TRAJECTORY
-from vibroplat.paper.calibration import CONFIRMATION, EVALUATIONS, LEFT_OUT, SCREENING, SPREAD
 from vibroplat.paper.claims import CLAIMS
-from vibroplat.paper.tables import CONTRADICTIONS, HISTORY, IMPACT_LAWS, SYNC_BANDS
+from vibroplat.paper.tables import HISTORY, SYNC_BANDS
 from vibroplat.study.bands import BANDS
 from vibroplat.study.branches import SUPPLY
-from vibroplat.study.confirming import CONFIRMED
 from vibroplat.study.sweep import COLUMNS, DIAGRAM, SWEEP
 from vibroplat.thresholds.tables import THRESHOLDS, VALUES
 
@@ -56,7 +54,6 @@ TABLES: dict[str, tuple[str, Columns]] = {
         {**SUMMARY, **_POINTS, **whole_columns(_POINTS)},
     ),
     "sweep": ("`vibroplat sweep`: a row for each point.", _IN_ORDER),
-    "sweep, confirmed": ("Columns that `confirm: orbits` adds to `sweep`.", CONFIRMED),
     "bands": (
         "`vibroplat sweep`: where each branch synchronizes how, jumps, lifts off, is largest along y, and fails. Over "
         "another key than the supply, `from_` and `to_` stand before its name.",
@@ -96,25 +93,11 @@ TABLES: dict[str, tuple[str, Columns]] = {
     ),
     "pareto": ("`vibroplat design` with `pareto`: a row for each bound.", {**_SPREAD, **_MEASURED, **PARETO}),
     "claims": ("`vibroplat paper`: a row for each claim.", CLAIMS),
-    "contradictions": ("`vibroplat paper`: the paper's numbers against its figures.", CONTRADICTIONS),
     "fig4, fig5, fig7": (
-        "`vibroplat paper`: time histories. Its other tables, `fig2`, `fig3`, `fig6` and `laws`, are as `sweep`.",
+        "`vibroplat paper`: time histories. Its other tables, `fig2`, `fig3` and `fig6`, are as `sweep`.",
         HISTORY,
     ),
     "sync-bands": ("`vibroplat paper`: where the exciters synchronize how.", SYNC_BANDS),
-    "impact-laws": ("`vibroplat paper`: how much the impact law matters.", IMPACT_LAWS),
-    "screening": (
-        "`vibroplat calibrate`: a row for each set judged by orbits; it also has a column for each of its keys.",
-        SCREENING,
-    ),
-    "evaluations": (
-        "`vibroplat calibrate`: a row for each set of numbers judged by sweeps. It also has a column for each of its "
-        "keys, and two for each claim: its score, and whether it holds.",
-        EVALUATIONS,
-    ),
-    "confirmation": ("`vibroplat calibrate`: the best sets with other seeds; more columns, as above.", CONFIRMATION),
-    "left-out": ("`vibroplat calibrate`: claims left out one by one; also the keys of the set.", LEFT_OUT),
-    "spread": ("`vibroplat calibrate`: how well each key is determined.", SPREAD),
 }
 
 

@@ -1,4 +1,4 @@
-"""The commands ``paper`` and ``calibrate``: the paper's figures and claims."""
+"""The command ``paper``: the paper's figures and claims."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 
 from vibroplat.cli import common
 from vibroplat.study import WAIT
-from vibroplat.system.terminal import calibration_progress, sweep_progress
+from vibroplat.system.terminal import sweep_progress
 
 
 def paper(
@@ -22,7 +22,6 @@ def paper(
     out: common.Out = Path("results"),
     jobs: Annotated[int | None, typer.Option(min=1, help="Number of worker processes. Default: all cores.")] = None,
     resume: common.Resume = False,
-    mix: common.Mix = False,
     overwrite: common.Overwrite = False,
     scheduler: common.Scheduler = None,
     wait: common.Wait = WAIT,
@@ -53,7 +52,7 @@ def paper(
             directory = result_directory(out / "paper", name)
             began = time.perf_counter()
             with sweep_progress(name, *planned[name]) as progress:
-                kept = common.kept(resume, mix, overwrite)
+                kept = common.kept(resume, overwrite)
                 points = directory / "points"
                 found = reproduction.reproduce(numbers, points, workers, seeds=tried, progress=progress, **kept)
             found.write(numbers, directory)
@@ -61,50 +60,3 @@ def paper(
             for line in found.overview(name, time.perf_counter() - began):
                 print(line)
             print(f"{'tables and figures':<24}{directory}, {len(figures)} figures")
-
-
-def calibrate(
-    config: Annotated[
-        Path | None, typer.Argument(help="Configuration of a machine with a calibration section.")
-    ] = None,
-    out: common.Out = Path("results"),
-    jobs: common.Jobs = 1,
-    generations: Annotated[int | None, typer.Option(min=0, help="Number of generations of the search.")] = None,
-    resume: common.Resume = False,
-    mix: common.Mix = False,
-    overwrite: common.Overwrite = False,
-    scheduler: common.Scheduler = None,
-    wait: common.Wait = WAIT,
-    engine: common.EngineName = None,
-) -> None:
-    """Fit the numbers the paper does not print to its claims.
-
-    Writes a table with one row per evaluation to OUT/calibration.
-    """
-    common.tell_of_compilation(engine)
-    from vibroplat.config.reader import ENGINE, configurations, parse_overrides
-    from vibroplat.paper import calibration
-
-    overrides = {} if generations is None else {"generations": generations}
-    path = config or configurations() / "claims" / "calibration.yaml"
-    fixed, plan = calibration.load_plan(path, overrides, parse_overrides([], engine))
-    common.require_scheduler(scheduler)
-    from vibroplat.results.tables import remove_table, result_directory, write_table
-    from vibroplat.study.pool import pool
-    from vibroplat.study.store import Store
-
-    directory = result_directory(out, "calibration")
-    total = plan.evaluations + plan.sweeps + plan.confirmations
-    chains = max(plan.population, plan.sweeps, plan.confirmations)
-    with Store(directory, calibration.conditions(fixed), **common.kept(resume, mix, overwrite)) as store:
-        common.begin(store, fixed.get(ENGINE, "auto"))
-        opened = pool(jobs, scheduler, wait=wait, chains=chains)
-        with opened as workers, calibration_progress(total) as progress:
-            tables = calibration.calibrate(fixed, plan, store, workers, progress)
-        store.finish()
-        for name, table in tables.items():  # before the store lets another calibration in
-            if len(table):
-                write_table(table, directory, name, "csv")
-            else:
-                remove_table(directory, name)
-    common.print_lines(calibration.overview(tables) | {"tables": str(directory)}, width=40)

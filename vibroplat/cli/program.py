@@ -122,7 +122,6 @@ COMMANDS = (
     figures.report,
     figures.film,
     paper.paper,
-    paper.calibrate,
     bench.bench,
     reference.schema,
     reference.columns,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,15 +25,12 @@ def _command(name: str, module: str, ask: str, about: str) -> Callable[..., None
 
     def command(
         config: Annotated[Path, typer.Argument(help="Configuration file with a section of the command's name.")],
-        check: Annotated[
-            bool, typer.Option("--check", help="Repeat some of the motions with another engine, and compare both.")
-        ] = False,
+        check: common.Check = False,
         set_: common.Settings = None,
         engine: common.EngineName = None,
         out: common.Out = Path("results"),
         jobs: common.Jobs = 1,
         resume: common.Resume = False,
-        mix: common.Mix = False,
         overwrite: common.Overwrite = False,
         scheduler: common.Scheduler = None,
         wait: common.Wait = WAIT,
@@ -43,7 +41,7 @@ def _command(name: str, module: str, ask: str, about: str) -> Callable[..., None
         with common.about(config):
             question = getattr(import_module(module), ask)(scene)
         common.require_scheduler(scheduler)
-        kept = common.kept(resume, mix, overwrite)
+        kept = common.kept(resume, overwrite)
         _answer(question, out, jobs, scheduler, wait, format_, kept, check=check)
 
     command.__name__, command.__doc__ = name, about
@@ -96,7 +94,7 @@ def _answer(
     Finished tasks are stored, so that a command that was killed can be resumed. Exit code 1 says that motions failed,
     or with a check that two engines disagree.
     """
-    from vibroplat.check.questions import check_answer
+    from vibroplat.check.questions import check_motions
     from vibroplat.config.plausibility import notes_on_inputs
     from vibroplat.integrate import engine_name, other_engine
     from vibroplat.results.files import write_result
@@ -117,10 +115,11 @@ def _answer(
             points_progress(scene.name, question.counted) as progress,
         ):
             found = question.answer(store, workers, progress or (lambda done, known: None))
-            checked = check_answer(question, found, store, workers) if check else None
+            repeats = partial(question.repeats, found)
+            checked = check_motions(scene, repeats, store, workers) if check else None
         seconds, known = time.perf_counter() - began, store.reused
         store.finish()
-        origin = provenance(scene, engine_name(scene)) | store.origin | {"answer": found.told}
+        origin = provenance(scene, engine_name(scene)) | {"answer": found.told}
         origin |= {} if checked is None else {"check": checked.to_tree()}
         absent = question.absent - found.tables.keys()
         write_result(
@@ -138,9 +137,4 @@ def _print_answer(found: Answer, checked: AnswerCheck | None, counted: str) -> b
         print(line)
     common.print_notes(list(found.notes))
     common.complain_of(found.failures, f"{len(found.failures)} {counted} failed")
-    if checked is None:
-        return not found.failures
-    common.print_lines(dict(checked.lines()))
-    total = f"engines disagree at {len(checked.disagreements)} of {checked.checked} motions"
-    common.complain_of(checked.disagreements, total)
-    return checked.agrees and not found.failures
+    return common.print_check(checked) and not found.failures

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,21 +14,18 @@ import typer
 from vibroplat.cli import common
 from vibroplat.errors import ConfigError
 from vibroplat.study import WAIT
-from vibroplat.system.terminal import orbits_progress, run_progress, sweep_progress
+from vibroplat.system.terminal import orbits_progress, points_progress, run_progress, sweep_progress
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from vibroplat.check.runs import RunCheck
-    from vibroplat.check.sweeps import SweepCheck
     from vibroplat.config.scene import Scene
     from vibroplat.continuation.tables import Planned
     from vibroplat.motion.initial_condition import Start
     from vibroplat.motion.recorder import Files
     from vibroplat.results.run import Trajectory
 
-#: Points of a sweep that are reported one by one where engines tell them differently.
-SHOWN = 5
 #: Branches and special points of orbits that are printed at most.
 MOST = 40
 #: Name of the file that keeps finished parts of branches, so that a sweep may have its points beside it.
@@ -114,16 +112,12 @@ def _simulate(scene: Scene, start: Start, files: Files, *, check: bool) -> tuple
 
 def sweep(
     config: Annotated[Path, typer.Argument(help="Configuration file with a sweep section.")],
-    check: Annotated[
-        float | None,
-        typer.Option(metavar="SHARE", help="Repeat this share of the points with another engine, and compare both."),
-    ] = None,
+    check: common.Check = False,
     set_: common.Settings = None,
     engine: common.EngineName = None,
     out: common.Out = Path("results"),
     jobs: common.Jobs = 1,
     resume: common.Resume = False,
-    mix: common.Mix = False,
     overwrite: common.Overwrite = False,
     scheduler: common.Scheduler = None,
     wait: common.Wait = WAIT,
@@ -133,44 +127,42 @@ def sweep(
 
     Writes a table with one row per point to OUT/NAME. With --check, exit code 1 says that two engines disagree.
     """
-    from vibroplat.study.branches import branches, chosen, require_share
+    from vibroplat.study.branches import branches
 
-    if check is not None:
-        require_share(check)
     scene = common.scene_of(config, set_, engine)
     with common.about(config):
         planned = branches(scene)
-    places = [] if check is None else chosen(planned, check)
     common.require_scheduler(scheduler)
-    directory = common.study_directory(out, scene.name, "sweep", resume=resume or mix)
+    directory = common.study_directory(out, scene.name, "sweep", resume=resume)
     common.tell_of_compilation(scene.solver.engine)
-    from vibroplat.check.sweeps import check_points
+    from vibroplat.check.questions import check_motions
     from vibroplat.integrate import other_engine
     from vibroplat.study import sweep as sweeps
     from vibroplat.study.pool import pool
+    from vibroplat.study.question import CHECKED
     from vibroplat.study.store import Store
 
-    found = None
+    checked = None
     common.print_notes(sweeps.notes_on_branches(planned))
-    with Store(directory, sweeps.conditions(scene), **common.kept(resume, mix, overwrite)) as store:
-        common.begin(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if places else []))
+    with Store(directory, sweeps.conditions(scene), **common.kept(resume, overwrite)) as store:
+        common.begin(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if check else []))
         began, points = time.perf_counter(), sum(len(branch.along) for branch in planned)
-        chains = max(sweeps.unfinished(planned, store), len(places))
+        chains = max(sweeps.unfinished(planned, store), CHECKED if check else 1)
         with pool(jobs, scheduler, wait=wait, chains=chains) as workers:
             with sweep_progress(scene.name, len(planned), points) as progress:
                 sweeps.run_sweeps([(planned, store)], workers, progress)
             known, seconds = store.reused, time.perf_counter() - began
-            if places:
-                with sweep_progress(f"{scene.name}, check", len(places), len(places)) as progress:
-                    found = check_points(planned, places, store, workers, progress=progress)
+            if check:
+                repeats = partial(sweeps.repeats, planned, store)
+                with points_progress(f"{scene.name}, check") as shown:
+                    checked = check_motions(scene, repeats, store, workers, shown or (lambda done, known: None))
         store.finish()
-        checked = None if found is None else found.to_tree()
-        table, bands = sweeps.write_sweep(scene, planned, store, directory, format_, checked)
+        found = None if checked is None else checked.to_tree()
+        table, bands = sweeps.write_sweep(scene, planned, store, directory, format_, found)
     took = f"{seconds:.3g} s, {(len(table) - known) / seconds:.3g} points per s"
     took += f", {known} of the points from before" if known else ""
     good = _print_sweep(table, bands, {"wall time": took, "tables": str(directory)})
-    agrees = found is None or _print_check(found)
-    if not (good and agrees):
+    if not (common.print_check(checked) and good):
         raise typer.Exit(1)
 
 
@@ -188,24 +180,14 @@ def _print_sweep(table: pd.DataFrame, bands: pd.DataFrame, more: dict[str, str])
     return not failed
 
 
-def _print_check(found: SweepCheck) -> bool:
-    """Print what the check of a sweep has found; return whether the engines agree."""
-    common.print_lines(dict(found.lines()))
-    for row in found.reclassified[:SHOWN]:
-        print(f"  {row}")
-    worst = found.disagreements
-    common.complain_of(worst, f"engines disagree at {len(worst)} of {len(found.checked)} points")
-    return found.agrees
-
-
 def orbits(
     config: Annotated[Path, typer.Argument(help="Configuration file with an orbits section.")],
+    check: common.Check = False,
     set_: common.Settings = None,
     engine: common.EngineName = None,
     out: common.Out = Path("results"),
     jobs: common.Jobs = 1,
     resume: common.Resume = False,
-    mix: common.Mix = False,
     overwrite: common.Overwrite = False,
     scheduler: common.Scheduler = None,
     wait: common.Wait = WAIT,
@@ -213,11 +195,14 @@ def orbits(
 ) -> None:
     """Follow branches of periodic orbits over a key.
 
-    Writes a table of their points and one of special points to OUT/NAME. Exit code 1 says that a branch failed.
+    Writes a table of their points and one of special points to OUT/NAME. Exit code 1 says that a branch failed, or with
+    --check that two engines disagree.
     """
     scene = common.scene_of(config, set_, engine)
     common.tell_of_compilation(scene.solver.engine)
-    from vibroplat.continuation.tables import conditions, follow, planned, write_orbits
+    from vibroplat.check.questions import check_motions
+    from vibroplat.continuation.tables import conditions, follow, planned, repeats, write_orbits
+    from vibroplat.integrate import other_engine
 
     with common.about(config):
         plan = planned(scene)
@@ -226,20 +211,22 @@ def orbits(
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
 
-    directory = common.study_directory(out, scene.name, "orbits", resume=resume or mix)
+    directory = common.study_directory(out, scene.name, "orbits", resume=resume)
     common.print_notes(notes_on_inputs(family.scene for family in plan.families))
-    kept = common.kept(resume, mix, overwrite)
+    kept = common.kept(resume, overwrite)
     with Store(directory, conditions(scene), file=FILE, what="parts of branches", **kept) as store:
-        common.begin(store, scene.solver.engine)
+        common.begin(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if check else []))
         began, families = time.perf_counter(), len(plan.families)
         with (
             pool(jobs, scheduler, wait=wait, chains=families) as workers,
             orbits_progress(scene.name, families) as progress,
         ):
             made, summary = follow(plan, store, workers, progress)
-        seconds, known = time.perf_counter() - began, store.reused
+            seconds, known, checked = time.perf_counter() - began, store.reused, None
+            if check:
+                checked = check_motions(scene, partial(repeats, scene, made.branches), store, workers)
         store.finish()
-        write_orbits(scene, made, summary, directory, format_, store.origin)
+        write_orbits(scene, made, summary, directory, format_, None if checked is None else checked.to_tree())
     took = f"{known} parts of branches from before" if known else f"{summary['points'] / seconds:.3g} points per s"
     rotation = "" if any("rotation" in key for key in plan.plan.grid) else scene.rotation
     common.print_lines(_overview(made.branches.assign(rotation=rotation), summary))
@@ -253,8 +240,8 @@ def orbits(
         for branch in summary["branches"]
         if branch["failed"]
     ]
-    if failed:
-        common.complain_of(failed, f"{len(failed)} of {len(summary['branches'])} branches failed", most=MOST)
+    common.complain_of(failed, f"{len(failed)} of {len(summary['branches'])} branches failed", most=MOST)
+    if not (common.print_check(checked) and not failed):
         raise typer.Exit(1)
 
 
@@ -280,8 +267,7 @@ def _print_boundaries(curves: Sequence[Mapping[str, Any]]) -> None:
     """Print a line for each boundary, and an empty one."""
     for curve in curves:
         which = "".join(f", {key} {value}" for key, value in curve["grid"].items())
-        checks = "".join(f"; {number} {what}" for what, number in curve["checks"].items())
-        print(f"boundary of {curve['kind']}{which}: {curve['points']} points; {' and '.join(curve['ended'])}{checks}")
+        print(f"boundary of {curve['kind']}{which}: {curve['points']} points; {' and '.join(curve['ended'])}")
     print()
 
 

@@ -8,9 +8,8 @@ from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
-from pydantic_core import PydanticCustomError
 
-from vibroplat.config.schema import LARGEST, LEAST, PERTURBATION, Positive, Real, Section, Share, described, short
+from vibroplat.config.schema import LARGEST, PERTURBATION, Positive, Real, Section, Share, described, short
 
 #: Key of the supply frequency.
 FREQUENCY = "drive.supply_frequency_hz"
@@ -35,13 +34,6 @@ Grid = dict[str, Annotated[list[float | int | bool | str], Field(min_length=1)]]
 
 def _as_list(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
-
-
-def _settling(value: Any) -> Any:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if value != "auto" and not (is_number and LEAST <= value <= LARGEST):
-        raise PydanticCustomError("literal_error", "no time", {"expected": "auto, or a number above 0"})
-    return value
 
 
 def _in_range(start: float, stop: float, step: float | None, direction: list[Direction]) -> None:
@@ -159,25 +151,19 @@ class SweepPlan(Section, title="Sweep"):
         description="response: curves over the key; bifurcation: also points of the Poincaré section and impact "
         "speeds; map: regimes over it and one key of the grid",
     )
-    settle_s: Annotated[Literal["auto"] | float, BeforeValidator(_settling)] = Field(
-        "auto", description="time before a point is measured; auto: until the Poincaré section has settled"
-    )
     settle: Literal["orbits", "motion"] = Field(
         "orbits",
-        description="with settle_s auto; orbits: a motion has settled as soon as it surely comes to a stable periodic "
+        description="orbits: a motion has settled as soon as it surely comes to a stable periodic "
         "orbit, found by Newton's method, and is measured there; motion: only once it repeats",
     )
     max_settle_s: Positive = described(
-        150.0, "", "longest settling time with auto; motion that does not repeat settles this long"
+        150.0, "", "longest settling time; motion that does not repeat settles this long"
     )
     settle_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
-        1e-3, description="distance from the steady motion at which auto stops, in the scales of the scene"
+        1e-3, description="distance from the steady motion at which settling ends, in the scales of the scene"
     )
     measure_s: Positive = described(
         2.0, "", "measured time of each point; motion that does not repeat is measured 24 times as long"
-    )
-    period_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
-        1e-2, description="largest distance of points of the Poincaré section that repeat, in the scales of the scene"
     )
     perturbation: Share = described(
         PERTURBATION,
@@ -191,11 +177,6 @@ class SweepPlan(Section, title="Sweep"):
     coexists: bool = described(True, "", "look for other motions beside each chaotic one, half of its time")
 
     max_points: Annotated[int, Field(ge=1, le=10**9)] = Field(200_000, description="most points of all branches")
-    confirm: Literal["orbits"] | None = Field(
-        None,
-        description="orbits: periodic points are polished by Newton's method, with Floquet multipliers and the "
-        "distance to where they settled; others get their largest Lyapunov exponents",
-    )
 
     alternatives = (("supply_frequency_hz", "over"),)
 
@@ -292,9 +273,6 @@ class BoundariesPlan(_VariedKey, title="Boundaries"):
     )
     step: StepPlan = Field(StepPlan(), description="steps along the curves, as changes of the second key")
     max_points: Annotated[int, Field(ge=2, le=10_000)] = Field(100, description="most points of a curve to either side")
-    check: Annotated[int, Field(ge=0, le=1000)] = Field(
-        5, description="points of each curve on both sides of which motion settles, to check the curve"
-    )
 
 
 class OrbitsPlan(_VariedKey, title="Orbits", populate_by_name=True):

@@ -181,10 +181,6 @@ class DesignPlan(Section, title="Design"):
     samples: Annotated[int, Field(ge=0, le=100_000)] = Field(
         200, description="scenes within the spread that are measured, spread evenly; 0: none"
     )
-    indices: Annotated[int, Field(ge=0, le=1 << 16)] = Field(
-        0,
-        description="N for Sobol indices, a power of 2: they take N (keys of spread + 2) scenes; 0: no such indices",
-    )
     starts: Annotated[int, Field(ge=1, le=1000)] = Field(
         5, description="starts of the search, first the scene's values"
     )
@@ -204,8 +200,6 @@ class DesignPlan(Section, title="Design"):
                     raise ValueError(f"{name} is given without minimize; allowed: with a measure to minimize")
         elif not self.keys:
             raise ValueError("minimize is given without keys; allowed: with keys and their ranges")
-        if self.indices & (self.indices - 1):
-            raise ValueError(f"indices = {self.indices} is no power of 2; allowed: 64, 128, 256, …")
         if len(self.pareto) > 1 or not self.pareto.keys() <= self.subject.keys():
             raise ValueError(f"pareto = {', '.join(self.pareto)}; allowed: one measure of subject")
         return self

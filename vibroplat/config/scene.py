@@ -119,8 +119,8 @@ class Scene(Section):
         durations = [("run.duration_s", self.run.duration_s, self.drive.largest_frequency)]
         if self.sweep is not None:
             stop = max(self.sweep.swept.ends) if self.sweep.swept.key == FREQUENCY else self.drive.largest_frequency
-            times = {f"sweep.{key}": getattr(self.sweep, key) for key in ("settle_s", "max_settle_s", "measure_s")}
-            durations += [(key, seconds, stop) for key, seconds in times.items() if seconds != "auto"]
+            times = {f"sweep.{key}": getattr(self.sweep, key) for key in ("max_settle_s", "measure_s")}
+            durations += [(key, seconds, stop) for key, seconds in times.items()]
         if self.find is not None:
             times = {f"find.{key}": 2.0 * getattr(self.find, key) for key in ("max_settle_s", "measure_s")}
             durations += [(key, seconds, self.drive.largest_frequency) for key, seconds in times.items()]

@@ -43,6 +43,16 @@ _ALLOWED = {
     "string_pattern_mismatch": "letters, digits and . _ + -, starting with a letter or digit",
 }
 
+#: Keys of former versions, and what takes their place.
+GONE = {
+    "calibration": "results/README.md tells how configs/machines/calibrated.yaml was found",
+    "design.indices": "table shares has the shares of the variance by linear regression, and how much they explain",
+    "sweep.period_tolerance": "points of the Poincaré section repeat within 0.01 of the scales of the scene",
+    "sweep.settle_s": "a motion settles until it is known to have settled, for max_settle_s at most",
+    "orbits.boundaries.check": "a sweep with kind = map shows the motions on both sides",
+    "sweep.confirm": "with settle = orbits points are orbits; `vibroplat orbits` gives their multipliers",
+}
+
 
 def _not_minute(value: float) -> float:
     if value < LEAST:
@@ -157,7 +167,9 @@ def explain(error: ValidationError, model: type[BaseModel]) -> str:
     first, *more = error.errors()
     path = [str(part) for part in first["loc"]]
     key = ".".join(path)
-    if first["type"] == "extra_forbidden":
+    if first["type"] == "extra_forbidden" and in_lists(path) in GONE:
+        line = f"unknown key {key}; it is gone: {GONE[in_lists(path)]}"
+    elif first["type"] == "extra_forbidden":
         *section, wrong = path
         names = [name.rpartition(".") for name in nodes(model)]
         known = [last for above, _, last in names if above == in_lists(section)]

@@ -1,4 +1,4 @@
-"""What sweeps ask of orbits: that which a motion comes to while it settles, and that of a point, to confirm it.
+"""What sweeps ask of orbits: that which a motion comes to while it settles.
 
 After 16 turns of exciter 1, and at each look of :func:`vibroplat.study.settling.settle`, Newton's method begins where
 the motion is. A stable orbit that attracts the motion from there is the one that it comes to
@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.attraction import Attraction
 from vibroplat.continuation.newton import (
@@ -24,17 +23,13 @@ from vibroplat.continuation.newton import (
     correct_anywhere,
     held,
 )
-from vibroplat.continuation.orbit import TOLERANCE, accurate, measured_over_period, orbit_near, repeats_after
+from vibroplat.continuation.orbit import TOLERANCE, accurate, measured_over_period, repeats_after
 from vibroplat.continuation.returns import returns
 from vibroplat.continuation.shooting import TURN, Shooter
-from vibroplat.errors import VibroplatError
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.motion import Motion
 from vibroplat.observe.section import section_points
-from vibroplat.study.confirming import LARGEST, multiplier_columns
-from vibroplat.study.lyapunov import lyapunov
-from vibroplat.study.point import Point, measure_point
 from vibroplat.study.settling import BLOCK, Hunt, KnownOrbit
 
 #: Longest period that is looked for, in turns of exciter 1, and distance of points of the section, in the scales of the
@@ -252,28 +247,3 @@ def _periods(points: FloatArray, period: int) -> Iterator[int]:
         yield shortest
     if period > 1 and period != shortest:
         yield period
-
-
-def confirmed_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
-    """Measure a point of a sweep, and confirm it; see :func:`vibroplat.study.point.measure_point`."""
-    point = measure_point(scene, plan, state, key)
-    period = point.row.get("period")
-    if point.state is None or period is None:
-        return point
-    try:
-        if period:
-            near = orbit_near(scene, point.state, period, TOLERANCE)
-            found = {
-                **{f"orbit_{name}": near.measures[name] for name in ("excitation_frequency_hz", "rms_x_m", "rms_y_m")},
-                "orbit_distance": near.distance,
-                "orbit_residual": near.residual,
-                "orbit_unstable": near.unstable,
-                **multiplier_columns(near.multipliers, LARGEST),
-            }
-        else:
-            values = lyapunov(scene, point.state)["exponent_per_s"].to_numpy()[:LARGEST]
-            found = {f"exponent_{i + 1}_per_s": float(v) for i, v in enumerate(values) if math.isfinite(v)}
-    except VibroplatError as error:
-        found = {"confirmation": str(error)}
-    point.row.update({"confirmation": ""} | found)
-    return point

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,7 +16,16 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import OrbitError, accurate, beginning_at
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.continuation.two_keys import Boundary, follow_boundary
-from vibroplat.continuation.worker import MULTIPLIERS, RECORDS, Family, Traced, follow_family, same_special
+from vibroplat.continuation.worker import (
+    MULTIPLIERS,
+    RECORDS,
+    Family,
+    Traced,
+    describe_multipliers,
+    follow_family,
+    found_again,
+    same_special,
+)
 from vibroplat.errors import ConfigError
 from vibroplat.extensions import figure_of
 from vibroplat.integrate import engine_name
@@ -31,16 +39,14 @@ from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import Format, Table
 from vibroplat.study import WAIT, sweep
 from vibroplat.study.branches import EXCITATION, SUPPLY, column_of, study_table
-from vibroplat.study.confirming import describe_multipliers
 from vibroplat.study.point import MEASURED, POINT
-from vibroplat.study.pool import Pool, StoredChain, pool, run_stored
+from vibroplat.study.pool import Pool, StoredChain, Task, pool, run_stored
+from vibroplat.study.question import COMPARED, Repeat, spread
 from vibroplat.study.store import Record, Store
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Columns of what is found on both sides of a boundary.
-SIDES = ("below", "above", "check")
 #: Called after each part of a branch with the numbers of finished branches, of known ones, and of points.
 Progress = Callable[[int, int, int], None]
 
@@ -80,14 +86,9 @@ BOUNDARIES: Columns = {
     "branch": Column("branch whose special point it goes through"),
     EXCITATION: BRANCHES[EXCITATION],
     "period": BRANCHES["period"],
-    "below": Column(
-        "motion to which a run settles beside the point", "where the first key is lower; empty if not checked"
-    ),
-    "above": Column("the same on the other side"),
-    "check": Column(
-        "whether both sides differ as the kind says",
-        "agrees; differs; undecided: no period was found on either side; failed: no motion; unstable: so is the orbit "
-        "on both sides, and no run stays there; empty if not checked",
+    "unstable": Column(
+        "number of Floquet multipliers outside the unit circle, besides those that pass it",
+        "above 0: the orbit is unstable on both sides of the curve, and no motion converges to it",
     ),
 }
 
@@ -280,6 +281,20 @@ def trace(study: Planned, store: Store | None, workers: Pool, progress: Progress
     return sorted(traced, key=lambda branch: (branch.family.number, branch.number))
 
 
+def repeats(scene: Scene, branches: pd.DataFrame, other: Callable[[Scene], Scene]) -> list[Repeat]:
+    """Choose points of the table of branches, as far from each other as they can be; their orbits are found anew."""
+    assert scene.orbits is not None
+    found = []
+    for place in spread(range(len(branches))):
+        (whole,) = branches.iloc[[place]].to_dict("records")
+        row: Record = {str(name): value for name, value in whole.items() if pd.notna(value)}
+        task = Task(found_again, (other(scene), row, scene.orbits.tolerance))
+        swept = ", ".join(f"{key} = {row[key]}" for key in map(column_of, (*scene.orbits.grid, scene.orbits.key)))
+        known = {name: row.get(name) for name in COMPARED if name != "motion"}
+        found.append(Repeat(f"at {swept}, branch {row['branch']}, point {row['point']}", task, known))
+    return found
+
+
 def boundaries(study: Planned, traced: Sequence[Traced], store: Store | None, workers: Pool) -> list[Boundary]:
     """Follow the boundaries of a study, which begin at the special points of its branches; see :func:`follow`."""
     plan, found, chains = study.plan, list[Boundary](), list[StoredChain[None]]()
@@ -319,8 +334,7 @@ def tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundary
     rows = [
         _named(curve.grid)
         | {"curve": number, "kind": curve.kind, "branch": curve.branch}
-        | dict.fromkeys(SIDES, "")
-        | row
+        | {**row, "unstable": row["others_outside"]}
         | dict(zip(keys, (row["value"], row["second"]), strict=True))
         for number, curve in enumerate(curves)
         for row in curve.rows
@@ -328,7 +342,7 @@ def tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundary
     return OrbitTables(
         _table(points, plan, [*columns, *state, *SHEET, *named], {**BRANCHES, **named}),
         _table(special, plan, ["branch", "kind", key, EXCITATION, "period", "point", *state], SPECIAL),
-        _table(rows, plan, ["curve", "kind", "branch", *keys, EXCITATION, "period", *SIDES], BOUNDARIES),
+        _table(rows, plan, ["curve", "kind", "branch", *keys, EXCITATION, "period", "unstable"], BOUNDARIES),
     )
 
 
@@ -384,7 +398,6 @@ def summary(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundar
                 "branch": curve.branch,
                 "points": len(curve.rows),
                 "ended": curve.ended,
-                "checks": dict(Counter(row["check"] for row in curve.rows if "check" in row)),
             }
             for curve in curves
         ],
@@ -397,12 +410,12 @@ def write_orbits(
     summary: Mapping[str, Any],
     directory: Path,
     form: Format,
-    more: dict[str, Any] | None = None,
+    check: dict[str, Any] | None = None,
 ) -> None:
-    """Write the tables, the summary ``orbits.json`` and the provenance, with ``more`` in it, into a directory."""
+    """Write the tables, the summary ``orbits.json`` and the provenance with what a check has found."""
     found: dict[str, Table] = {"special": tables.special, "branches": tables.branches}
     absent = {"boundaries"}
     if scene.orbits is not None and scene.orbits.boundaries is not None:
         found, absent = {"boundaries": tables.boundaries, **found}, set()
-    origin = provenance(scene, engine_name(scene)) | (more or {})
+    origin = provenance(scene, engine_name(scene)) | ({} if check is None else {"check": check})
     write_result(directory, "orbits", origin, found, {"orbits": summary}, form=form, absent=absent)

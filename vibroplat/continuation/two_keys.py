@@ -1,4 +1,4 @@
-"""Boundaries: curves of special points over two keys, and their check by settled motion on both sides.
+"""Boundaries: curves of special points over two keys.
 
 Orbits at two keys make a surface. On it a curve is followed on which a test function stays zero: a step along the
 curve, then a search across it. Orbits are corrected with the directions along and across as borders, so that neither a
@@ -11,29 +11,25 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from vibroplat.config.plans import UNITS, OrbitsPlan, SweepPlan
+from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.locate import BothSides, OneSide, Tried, at_zero, locate
 from vibroplat.continuation.newton import Chart, MissedError, NewtonResult, Problem, correct
-from vibroplat.continuation.shooting import Shooter, rotated, spelled
+from vibroplat.continuation.shooting import Shooter, rotated
 from vibroplat.continuation.special_points import (
     BRANCH_POINT,
-    DOUBLING,
     IN_TWO_KEYS,
-    NEIMARK_SACKER,
     ONE_SIDED,
     Point,
     branch_point,
     others_outside,
 )
-from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of
-from vibroplat.study.point import measure_point
 from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
 
@@ -47,15 +43,6 @@ BESIDE, FARTHEST = 2e-3, 0.2
 LONGER, SHORTER, FLAT = 1.4, 0.5, 0.05
 #: Least cosine between neighbouring directions of the curve.
 STRAIGHT = 0.9
-
-#: Distances from the curve, across it, over the ranges of the keys, one after the other until both sides differ as they
-#: should: nearer ones, where settling takes longer, only where another boundary is as near.
-DISTANCES = (1.0 / 400.0, 1.0 / 2000.0, 1.0 / 10000.0)
-#: Motion that does not repeat settles this long (s); a sweep gives motion that draws together some times as much.
-LONGEST = 20.0
-#: A motion that stays by an orbit is nearer to it than one that has left it by this factor.
-NEARER = 3.0
-AGREES, DIFFERS, UNDECIDED, UNSTABLE, FAILED = "agrees", "differs", "undecided", "unstable", "failed"
 
 
 class Curve:
@@ -247,16 +234,12 @@ class Boundary:
 
 
 def follow_boundary(scene: Scene, plan: OrbitsPlan, special: Record, boundary: Boundary) -> Tasks[None]:
-    """Follow a boundary both ways from a special point, then check it."""
+    """Follow a boundary both ways from a special point."""
     for sense in (-1, 1):
         record = yield Task(_one_way, (scene, plan, special, sense), lambda reason: {"rows": [], "ended": reason})
         rows = record["rows"]
         boundary.rows = [*reversed(rows), *boundary.rows] if sense < 0 else [*boundary.rows, *rows[1:]]
         boundary.ended.append(record["ended"])
-    for place, way in chosen(boundary.rows, plan).items():
-        row = boundary.rows[place]
-        found = yield Task(check, (scene, plan, boundary.kind, row, way), lambda _reason: {"check": FAILED})
-        boundary.rows[place] = row | found
 
 
 def _one_way(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Record:
@@ -283,125 +266,3 @@ def _one_way(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Rec
         except MissedError as error:
             return {"rows": rows, "ended": f"no point beyond: {error}"}
     return {"rows": rows, "ended": "end of a key's range"}
-
-
-class Side(NamedTuple):
-    """What was found on one side of a boundary: events, and distance from the orbit there on φ₁ = 0, in scales."""
-
-    period: int  # turns; 0 if the motion does not repeat
-    word: str
-    distance: float
-
-    @property
-    def text(self) -> str:
-        """For tables."""
-        return f"period {self.period}: {spelled(self.word)}" if self.period else "no period"
-
-
-def chosen(rows: Sequence[Record], plan: OrbitsPlan) -> dict[int, tuple[float, float]]:
-    """Choose the points of a curve that are checked: inner ones, evenly along it.
-
-    Returns
-    -------
-    ways
-        The direction across the curve, to where the first key is larger, in units of the keys, by the number of a row.
-    """
-    if len(rows) < 3:
-        return {}
-    assert plan.boundaries is not None
-    places = np.array([[row["value"], row["second"]] for row in rows]) / (plan.unit, plan.boundaries.unit)
-    lengths = np.append(0.0, np.cumsum(np.hypot(*np.diff(places, axis=0).T)))
-    wanted = lengths[-1] * (np.arange(plan.boundaries.check) + 0.5) / max(plan.boundaries.check, 1)
-    ways: dict[int, tuple[float, float]] = {}
-    for place in sorted({int(np.abs(lengths[1:-1] - length).argmin()) + 1 for length in wanted}):
-        one, other = (places[place + 1] - places[place - 1]).tolist()
-        length = math.copysign(math.hypot(one, other), other) or 1.0
-        ways[place] = other / length, -one / length
-    return ways
-
-
-def check(scene: Scene, plan: OrbitsPlan, kind: str, row: Record, way: tuple[float, float]) -> Record:
-    """Settle on both sides of a point of a curve, and compare with what its kind says.
-
-    A stable orbit leads to the motion on its own side; beyond the boundary the motion goes elsewhere, or has other
-    events. Where branches cross, only how far it goes may tell the sides apart.
-
-    Parameters
-    ----------
-    kind, row
-        Of the curve, and its point with the orbit there.
-    way
-        Direction across the curve, in units of the keys, from below to above.
-
-    Returns
-    -------
-    record
-        The columns ``below``, ``above`` and ``check`` of the table of boundaries.
-    """
-    if row["others_outside"]:
-        return {"check": UNSTABLE}
-    assert plan.boundaries is not None
-    keys, units = (plan.key, plan.boundaries.key), (plan.unit, plan.boundaries.unit)
-    place = np.array([row["value"], row["second"]])
-    found: Record = {"check": FAILED}
-    with closing(Shooter(scene, keys)) as shooter:
-        shooter.set(place.tolist())
-        shooter.motion.reset(np.array(row["state"]))
-        crossings = []  # of the section φ₁ = 0
-        for _ in range(row["period"]):
-            shooter.motion.to_section(1, 2.0 * row["period_s"])
-            crossings.append(_in_scales(shooter.motion.state, shooter))
-        orbit = np.array(crossings)
-        for share in DISTANCES:
-            change = share * UNITS * np.array(way) * units
-            below, above = (_settled(shooter, (place + sense * change).tolist(), row, orbit) for sense in (-1.0, 1.0))
-            if below is None or above is None:
-                continue
-            told = {"below": below.text, "above": above.text}
-            if differ(kind, row, below, above):
-                return told | {"check": AGREES}
-            if found["check"] != DIFFERS:
-                found = told | {"check": DIFFERS if below.period or above.period else UNDECIDED}
-    return found
-
-
-def differ(kind: str, row: Record, below: Side, above: Side) -> bool:
-    """Whether what was found on both sides of a boundary differs as its kind says."""
-    turns: int = row["period"]
-    repeats = [side.period == turns for side in (below, above)]
-    stays = [again and side.word == row["word"] for again, side in zip(repeats, (below, above), strict=True)]
-    if kind in ONE_SIDED:
-        return stays[0] != stays[1]
-    if kind in (DOUBLING, NEIMARK_SACKER):
-        return repeats[0] != repeats[1] and any(stays)
-    near, far = sorted((below.distance, above.distance))
-    return repeats[0] != repeats[1] or NEARER * near < far
-
-
-def _settled(shooter: Shooter, values: list[float], row: Record, orbit: FloatArray) -> Side | None:
-    """Let the motion settle from an orbit nearby; None if the values of the keys are not allowed or it ends early."""
-    try:
-        scene = shooter.scene.replace(dict(zip(shooter.keys, values, strict=True)))
-    except ConfigError:
-        return None
-    supply = scene.drive.at(0.0).frequency_at(0.0)
-    settle = {"max_settle_s": LONGEST, "measure_s": row["period_s"], "lyapunov": False, "settle": "motion"}
-    plan = SweepPlan.model_validate({"supply_frequency_hz": {"start": supply, "stop": supply}} | settle)
-    point = measure_point(scene, plan, row["state"], (0,))
-    if point.state is None:
-        return None
-    period, state, word = int(point.row["period"]), np.array(point.state), ""
-    if period:
-        shooter.set(values)
-        shot = shooter.shot(state, period / abs(point.row["excitation_frequency_hz"]))
-        word = rotated(shot.word, scene.contact.restitution)
-    distance = np.abs(orbit - _in_scales(state, shooter)).max(axis=1).min()
-    return Side(period, word, float(distance))
-
-
-def _in_scales(state: FloatArray, shooter: Shooter) -> FloatArray:
-    """Return a state on the section in the scales of the scene, with the phase difference instead of the angles."""
-    found = state / shooter.scales
-    phase = state[3:5] @ shooter.scene.phase_weights
-    found[3:5] = math.cos(phase), math.sin(phase)
-    return found

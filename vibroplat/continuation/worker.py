@@ -12,17 +12,18 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from vibroplat.columns import Column, Columns
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.arclength import Branch
 from vibroplat.continuation.locate import specials
 from vibroplat.continuation.newton import ANGLE, MissedError, Problem, correct, n_unstable
-from vibroplat.continuation.orbit import OrbitError, first_orbit, measures_of_orbit, read_guess
+from vibroplat.continuation.orbit import OrbitError, first_orbit, measures_of_orbit, orbit_near, read_guess
 from vibroplat.continuation.shooting import Shooter, spelled
 from vibroplat.continuation.special_points import DOUBLING, MIRRORED, Point, Special, new_branches, tangent_of
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.study.confirming import multiplier_columns
 from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
 
@@ -309,3 +310,35 @@ def follow_family(family: Family, plan: OrbitsPlan, traced: list[Traced], progre
 def _compared(rows: Sequence[Record]) -> list[Record]:
     """Return what tells points apart."""
     return [{n: row[n] for n in ("value", "period", "sequence", "phase_difference_rad", *COMPARED)} for row in rows]
+
+
+def multiplier_columns(multipliers: NDArray[np.complex128], most: int) -> dict[str, float | None]:
+    """Return the columns of so many of the largest multipliers; the last is left out if it is half of a pair."""
+    whole = multipliers[:most]
+    if multipliers.size > most and multipliers[most] == multipliers[most - 1].conjugate() != multipliers[most - 1]:
+        whole = whole[:-1]
+    columns: dict[str, float | None] = {}
+    for i, found in enumerate([*whole.tolist(), *[None] * (most - whole.size)], 1):
+        columns[f"multiplier_{i}_re"] = None if found is None else found.real
+        columns[f"multiplier_{i}_im"] = None if found is None else found.imag
+    return columns
+
+
+def describe_multipliers(most: int) -> Columns:
+    """Describe the columns of :func:`multiplier_columns`."""
+    meanings = dict.fromkeys(range(1, most), "the largest is the first")
+    meanings[most] = "empty where only half of a complex pair would have a place"
+    return {
+        f"multiplier_{i}_{part}": Column(f"{which} part of Floquet multiplier {i}", meaning)
+        for i, meaning in meanings.items()
+        for part, which in (("re", "real"), ("im", "imaginary"))
+    }
+
+
+def found_again(scene: Scene, row: Record, tolerance: float) -> Record:
+    """Find the orbit of a row of the table of branches anew; the ``row`` of the result is empty if there is none."""
+    try:
+        found = orbit_near(scene, row, row["period"], tolerance)
+    except OrbitError:
+        return {"row": {}}
+    return {"row": {**found.measures, "period": found.period}}

@@ -98,8 +98,7 @@ class Design:
         allowed = of_keys.measured_names(scene)
         self.names = [n for n in dict.fromkeys((*of_keys.USUAL, *self.plan.named)) if n in allowed]
         self.aims = [n for n in (self.plan.minimize, *self.plan.subject) if n is not None]
-        measured = max(self.plan.samples, self.plan.indices * (len(self.plan.spread) + 2))
-        self.chains = max(measured // of_samples.CHUNK, self.plan.starts)
+        self.chains = max(self.plan.samples // of_samples.CHUNK, self.plan.starts)
 
     def scenes(self) -> Iterable[Scene]:
         """Yield the scenes on whose input there may be notes."""
@@ -197,11 +196,8 @@ class Design:
         plan, home = self.plan, of_samples.regime(known["sync"], "periodic", known["period"])
         keys, found = list(plan.spread), answer.tables["sensitivities"].dropna(subset=["elasticity"])
         places = of_samples.within(plan.seed, len(keys), 0, plan.samples)
-        table, exchanged = self._samples(run, scene, known, places, "samples"), None
-        if plan.indices:
-            places = of_samples.exchanged(plan.seed, len(keys), plan.indices)
-            exchanged = self._samples(run, scene, known, places, "indices")
-        shares = of_samples.shares(table, exchanged, keys, found["measure"].unique().tolist())
+        table = self._samples(run, scene, known, places)
+        shares = of_samples.shares(table, keys, found["measure"].unique().tolist())
         return answer._replace(
             tables={**answer.tables, "samples": table, "shares": shares},
             lines={**answer.lines, **_lines_of_samples(table, home), **self._kept(table)},
@@ -218,10 +214,10 @@ class Design:
             kept &= sign * (table[name] - limit) >= -optimum.VIOLATION * abs(limit)
         return {"bounds kept": f"{100.0 * kept.mean():.1f} %"}
 
-    def _samples(self, run: _Runner, scene: Scene, known: Record, places: FloatArray, name: str) -> pd.DataFrame:
+    def _samples(self, run: _Runner, scene: Scene, known: Record, places: FloatArray) -> pd.DataFrame:
         """Measure samples at places, in parts that are the same for any number of workers."""
         parts = {
-            f"{name} {first}": (of_samples.sampled, scene, self.names, known, first, part.tolist())
+            f"samples {first}": (of_samples.sampled, scene, self.names, known, first, part.tolist())
             for first in range(0, len(places), of_samples.CHUNK)
             for part in [places[first : first + of_samples.CHUNK]]
         }
@@ -312,20 +308,14 @@ def _lines_of_samples(table: pd.DataFrame, home: str) -> dict[str, str]:
 
 def _told_of_samples(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[str]:
     """Yield lines on the distribution of each measure, and on what its variance comes from."""
-    by = "regression" if shares["total_order"].isna().all() else "total_order"
-    how = {"regression": "shares of the variance by linear regression", "total_order": "total Sobol indices"}
-    yield f"samples: 5 %, 50 % and 95 % lie below; {how[by]}"
+    yield "samples: 5 %, 50 % and 95 % lie below; shares of the variance by linear regression"
     for name, own in shares.groupby("measure", sort=False):
         low, middle, high = table[name].quantile(of_samples.QUANTILES)
-        first = own.sort_values(by, ascending=False, kind="stable").head(SHOWN)
-        told = ", ".join(_share_words(row, by) for _, row in first.iterrows() if row[by] >= 0.005)
-        explained = f" (of {100.0 * own['explained'].iloc[0]:.0f} % explained)" if told and by == "regression" else ""
+        first = own.sort_values("regression", ascending=False, kind="stable").head(SHOWN)
+        by = zip(first["key"], first["regression"], strict=True)
+        told = ", ".join(f"{key} {100.0 * share:.0f} %" for key, share in by if share >= 0.005)
+        explained = f" (of {100.0 * own['explained'].iloc[0]:.0f} % explained)" if told else ""
         yield f"  {name} {low:.5g} {middle:.5g} {high:.5g}: {told or 'no variance'}{explained}"
-
-
-def _share_words(row: pd.Series, by: str) -> str:
-    doubt = "" if by == "regression" else f" ± {100.0 * row[f'{by}_error']:.0f}"
-    return f"{row['key']} {100.0 * row[by]:.0f}{doubt} %"
 
 
 def design(

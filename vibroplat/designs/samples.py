@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import closing
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -28,8 +27,6 @@ from vibroplat.study.store import Record
 CHUNK = 50
 #: Shares of samples below the values that are printed.
 QUANTILES = (0.05, 0.5, 0.95)
-#: How often samples are drawn again for the errors of Sobol indices.
-RESAMPLED = 100
 #: How samples without a stable orbit settle: quickly, as they are many. Turns for which they settle at most, and of
 #: each part that is measured if they do not repeat; and how far they begin from the orbit, in the scene's scales.
 #: Of 50 chaotic ones RMS y differs by 1 % in the median and 14 % at most from that of 60 s of settling and 48 s more.
@@ -48,10 +45,6 @@ SHARES: Columns = {
     "key": Column("dotted key of the spread"),
     "regression": Column("share of the key in the variance of the measure", "by linear regression over the samples"),
     "explained": Column("share of the variance that linear regression explains", "the same for all keys"),
-    "first_order": Column("Sobol index: share of the variance by the key alone", "empty without design.indices"),
-    "first_order_error": Column("standard error of the index of first order"),
-    "total_order": Column("Sobol index: the same with its interactions", "as the one of first order"),
-    "total_order_error": Column("standard error of the total index"),
 }
 
 
@@ -61,44 +54,6 @@ def within(seed: int, count: int, first: int, stop: int) -> FloatArray:
 
     points = qmc.Sobol(count, seed=seed).random_base2(max(stop - 1, 1).bit_length())
     return np.asarray(2.0 * points[first:stop] - 1.0)
-
-
-def exchanged(seed: int, count: int, number: int) -> FloatArray:
-    """Numbers from −1 to 1 for Sobol indices of so many keys, shape (number · (count + 2), count).
-
-    They are two independent samples, and for each key the first one with the values of that key from the second
-    (Saltelli et al. 2010, Computer Physics Communications 181, 259). ``number`` is a power of 2.
-    """
-    both = within(seed, 2 * count, 0, number)
-    first, second = both[:, :count], both[:, count:]
-    mixed = [np.where(np.arange(count) == key, second, first) for key in range(count)]
-    return np.concatenate([first, second, *mixed])
-
-
-def sobol_indices(values: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """Sobol indices of a measure by each of so many keys, from its values at the places of ``exchanged``.
-
-    Estimators of Saltelli et al. (2010), first order, and Jansen (1999), Comput. Phys. Commun. 117, 35, total.
-    They are written out here, as those of scipy need two keys at least.
-
-    Returns
-    -------
-    indices, errors
-        Of first order and total, shape (2, count); standard errors by bootstrap.
-    """
-    parts = values.reshape(count + 2, -1)
-
-    def found(which: Any) -> FloatArray:
-        chosen = parts[:, which]
-        first, second, mixed = chosen[0], chosen[1], chosen[2:]
-        variance = chosen[:2].var() or math.inf
-        alone, total = (second * (mixed - first)).mean(axis=1), 0.5 * ((first - mixed) ** 2).mean(axis=1)
-        return np.array([alone, total]) / variance
-
-    parts = parts - parts[:2].mean()
-    size, random = parts.shape[1], np.random.default_rng(0)
-    again = [found(random.integers(size, size=size)) for _ in range(RESAMPLED)]
-    return found(slice(None)), np.std(again, axis=0)
 
 
 def sampled(scene: Scene, names: Sequence[str], known: Record, first: int, places: Sequence[Sequence[float]]) -> Record:
@@ -143,25 +98,14 @@ def regime(sync: str, motion: str, period: int) -> str:
     return f"{sync}, {f'period {period}' if motion == 'periodic' else motion}"
 
 
-def shares(
-    table: pd.DataFrame, exchanged: pd.DataFrame | None, keys: Sequence[str], measures: Sequence[str]
-) -> pd.DataFrame:
-    """Make the table of shares of keys in the variance of measures, from samples and, if any, those of ``exchanged``.
-
-    Samples without a value of a measure do not count for it; Sobol indices need all of them.
-    """
+def shares(table: pd.DataFrame, keys: Sequence[str], measures: Sequence[str]) -> pd.DataFrame:
+    """Make the table of shares of keys in the variance of measures; samples without a value do not count for it."""
     rows = []
     for name in measures:
         if not table[name].count():
             continue
         own, explained = _regression(table, keys, name)
-        orders = errors = np.full((2, len(keys)), np.nan)
-        values = None if exchanged is None else exchanged[name].to_numpy(float)
-        if values is not None and np.ptp(values) > 0.0:  # none is nan, and not all are equal
-            orders, errors = sobol_indices(values, len(keys))
-        for place, key in enumerate(keys):
-            indices = (part[order, place] for order in range(2) for part in (orders, errors))
-            rows.append((name, key, own[place], explained, *indices))
+        rows += [(name, key, share, explained) for key, share in zip(keys, own.tolist(), strict=True)]
     found = pd.DataFrame(rows, columns=list(SHARES))
     return labelled(found.astype({name: "str" if place < 2 else float for place, name in enumerate(SHARES)}), SHARES)
 

@@ -126,7 +126,7 @@ def page_data(
             "results": numbers,
             "rows": summary_rows([one.summary for one in summaries]),
         },
-        "remarks": [remark for one in found for remark in remarks(one.label, _told(one), one.provenance.get("mixed"))],
+        "remarks": [remark for one in found for remark in remarks(one.label, _told(one))],
         "runs": runs,
         "transient": transient,
         "turns": run.SHOWN_TURNS,

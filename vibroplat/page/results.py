@@ -135,11 +135,8 @@ def summary_rows(summaries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]
     return rows
 
 
-def remarks(label: str, told: Mapping[str, Any], mixed: Any) -> list[dict[str, Any]]:
-    """Return what is to be noted of the summary of a run or of an answer: what failed, a few of many, and notes.
-
-    ``mixed`` is what provenance says of records that other code or arithmetic made.
-    """
+def remarks(label: str, told: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return what is to be noted of the summary of a run or of an answer: what failed, a few of many, and notes."""
     outcome, check = told.get("outcome"), told.get("check")
     failed = [] if outcome in ("ok", None) else [f"{outcome}: {told.get('detail')}"]
     if isinstance(check, Mapping):
@@ -149,18 +146,9 @@ def remarks(label: str, told: Mapping[str, Any], mixed: Any) -> list[dict[str, A
     failed = failed[:MOST_FAILURES] + ([f"{more} more"] if more > 0 else [])
     return [
         {"result": label, "text": text, "failed": is_failure}
-        for texts, is_failure in ((failed, True), (_texts(told.get("notes")) + _made_elsewhere(mixed), False))
+        for texts, is_failure in ((failed, True), (_texts(told.get("notes")), False))
         for text in texts
     ]
-
-
-def _made_elsewhere(mixed: Any) -> list[str]:
-    """Say how many records other code or arithmetic made; their name and number come first in each entry."""
-    found = []
-    for one in mixed if isinstance(mixed, list) else []:
-        what, *differing = one
-        found.append(f"{one[what]} {what} were made by other code or arithmetic ({', '.join(differing)})")
-    return found
 
 
 def _texts(found: Any) -> list[str]:

@@ -5,5 +5,4 @@
   the non-impact model (:mod:`~vibroplat.paper.root_finding`).
 * What follows from these results alone, the :mod:`~vibroplat.paper.evidence`: verdicts on all
   :mod:`~vibroplat.paper.claims` by their :mod:`~vibroplat.paper.judges`, and other :mod:`~vibroplat.paper.tables`.
-* The numbers that it does not print: :mod:`~vibroplat.paper.calibration`.
 """

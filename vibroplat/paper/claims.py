@@ -24,7 +24,6 @@ _FALLS = partial(ordered, "falls", ((Key(0.2), Key(0.1)), (Key(0.1), Key(0.0))))
 JUDGES: dict[str, Callable[[Claim, Evidence], Finding]] = {
     "sync-deviation": judges.deviation,
     "jump-second-resonance": judges.second_resonance,
-    "band-vs-mass": partial(judges.jump_left, former=True),
     "bands-unchanged": judges.same_bands,
     "jump-left": judges.jump_left,
     "amp-rise": partial(ordered, "rises", ((Key(0.0), Key(0.1)), (Key(0.1), Key(0.2)))),
@@ -72,8 +71,6 @@ CLAIMS: Columns = {
 #: A verdict without a margin rests on less than this: half of the width to which most boundaries are narrowed, and as
 #: small a part of the tolerances of other claims.
 NARROW = {"Hz": 0.25 * WIDTH, "%": 0.25, "rad": 2e-3, "": 0.02}
-#: Name of the row that counts the claims in their former wording.
-FORMER = "former-wording"
 
 #: Evidence with other sets of numbers, and their changes of those of the machine.
 Others = Sequence[tuple[Mapping[str, Any], Evidence]]
@@ -137,7 +134,7 @@ def is_of_models(claim: Claim) -> bool:
 
 
 def scoreboard(seeds: Mapping[int, Evidence], others: Others) -> pd.DataFrame:
-    """Judge each claim with each seed; the last row counts the claims in their former wording.
+    """Judge each claim with each seed.
 
     A claim is reproduced if it holds with all seeds, and depends on the seed if it holds with some. If it holds with
     none, but with other values of what the paper does not print, it depends on an unprinted number; the row says on
@@ -160,13 +157,6 @@ def scoreboard(seeds: Mapping[int, Evidence], others: Others) -> pd.DataFrame:
         verdict, why = _verdict(claim, found, others)
         verdict += ", without margin" if narrow else ""
         rows.append((*told, count, margin, verdict, why, claim.get("note", "")))
-    former = claims("former")
-    holding = [[claim["id"] for claim in former if judge(claim, evidence).holds] for evidence in seeds.values()]
-    counts = [str(len(ids)) for ids in holding]
-    failing = ", ".join(claim["id"] for claim in former if claim["id"] not in holding[0])
-    wording = f"the {len(former)} claims as they were worded at first"
-    measured = f"{counts[0]} hold" + (f", not {failing}" if failing else "")
-    rows.append((FORMER, "", "", wording, measured, ", ".join(counts), "", f"{counts[0]} of {len(former)}", "", ""))
     return pd.DataFrame(rows, columns=list(CLAIMS))
 
 

@@ -21,9 +21,8 @@ from vibroplat.study.branches import SUPPLY
 
 #: Least change of frequency (Hz) at a jump, and least share by which RMS y falls there.
 LEAST_JUMP, LEAST_FALL = 0.1, 0.2
-#: Largest shift of the jump to the left (Hz) that counts as slight, and largest rise of its supply frequency (Hz) that
-#: counts as none.
-SLIGHT, NO_RISE = 1.0, 0.05
+#: Largest shift of the jump to the left (Hz) that counts as slight.
+SLIGHT = 1.0
 #: Spacing of frequencies (Hz) at which curves are compared.
 SPACING = 0.25
 #: Share of an interval in which there must be antiphase motion to be compared.
@@ -148,25 +147,17 @@ def second_resonance(claim: Claim, evidence: Evidence) -> Finding:
     return Finding(text, off <= claim["tol"] and jumps, score, margin)
 
 
-def jump_left(claim: Claim, evidence: Evidence, *, former: bool = False) -> Finding:
-    """Judge whether material lowers the frequency of the jump slightly, but by more than its error.
-
-    In the ``former`` reading material leaves this frequency within EDGE and does not raise its supply frequency.
-    """
+def jump_left(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether material lowers the frequency of the jump slightly, but by more than its error."""
     jumps = {mu: evidence.jump(Key(mu)) for mu in (0.0, *claim["mu"])}
     rows = {mu: jump.before for mu, jump in jumps.items() if jump}
     if len(rows) < len(jumps):
         return Finding("antiphase does not end for every μ")
     bare = rows.pop(0.0)
-    shifts = {mu: (row[F] - bare[F], row[SUPPLY] - bare[SUPPLY]) for mu, row in rows.items()}
-    margin = min(min(-0.5 * JUMP_WIDTH - f, f + SLIGHT) for f, _ in shifts.values())
-    if former:
-        near = all(abs(f) <= EDGE for f, _ in shifts.values())
-        holds = [near, all(supply <= NO_RISE for _, supply in shifts.values())]
-        texts = [f"μ {mu:g}: {f:+.2f} Hz (supply {supply:+.2f} Hz)" for mu, (f, supply) in shifts.items()]
-    else:
-        holds = [-SLIGHT <= f < -0.5 * JUMP_WIDTH for f, _ in shifts.values()]
-        texts = [f"μ {mu:g}: {f:+.3f} Hz" for mu, (f, _) in shifts.items()]
+    shifts = {mu: row[F] - bare[F] for mu, row in rows.items()}
+    margin = min(min(-0.5 * JUMP_WIDTH - f, f + SLIGHT) for f in shifts.values())
+    holds = [-SLIGHT <= f < -0.5 * JUMP_WIDTH for f in shifts.values()]
+    texts = [f"μ {mu:g}: {f:+.3f} Hz" for mu, f in shifts.items()]
     return Finding("; ".join([f"μ 0: {bare[F]:.2f} Hz", *texts]), all(holds), float(np.mean(holds)), margin)
 
 

@@ -25,7 +25,7 @@ from vibroplat.paper.evidence import Evidence
 from vibroplat.paper.judges import Claim
 from vibroplat.paper.root_finding import match_beta, matched_frequency, narrow
 from vibroplat.paper.scenes import BETA, IMPACT, NON_IMPACT, QUICK, SEED, claims, paper_scene
-from vibroplat.paper.tables import contradictions, histories, impact_laws, sync_bands
+from vibroplat.paper.tables import histories, sync_bands
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.study.branches import Branch, branches
@@ -34,8 +34,8 @@ from vibroplat.study.pool import Pool, StoredChain, run_stored
 from vibroplat.study.store import Record, Store
 from vibroplat.study.sweep import Progress, branch_records, conditions, run_sweeps, tables
 
-#: Sweeps of the impact model from which figures are drawn or claims judged, and that of the impact laws.
-SWEEPS, LAWS = ("fig2", *IMPACT), "laws"
+#: Sweeps of the impact model from which figures are drawn or claims judged.
+SWEEPS = ("fig2", *IMPACT)
 #: Columns of points from which their number and work are counted.
 COUNTED = ["outcome", "simulated_s", "events"]
 #: Settings of the sweeps with further seeds: upward only, as claims are judged by these branches, and without other
@@ -50,21 +50,18 @@ class Reproduction:
     Attributes
     ----------
     tables
-        By name: curves, time histories, impact laws, claims.
+        By name: curves, time histories, claims.
     beta, matched_hz
         β of the non-impact model (1/s) and the frequency (Hz) at which it makes RMS y of both models equal; None if
         there is none.
     points
         Outcome, simulated time (s) and events of all points of sweeps, of curves that figures share once.
-    origin
-        What provenance tells of points that were mixed, by trial.
     """
 
     tables: dict[str, pd.DataFrame]
     beta: float | None
     matched_hz: float | None
     points: pd.DataFrame
-    origin: dict[str, Any]
 
     def write(self, numbers: Mapping[str, Any], directory: Path) -> None:
         """Write the tables, and their provenance with the machine's numbers.
@@ -74,7 +71,7 @@ class Reproduction:
         scene = paper_scene(SWEEPS[0], numbers)
         beta = {"beta_per_s": self.beta, "beta_matched_hz": self.matched_hz}
         written = {name: table.drop(columns="wall_s", errors="ignore") for name, table in self.tables.items()}
-        origin = provenance(scene, engine_name(scene)) | self.origin | beta
+        origin = provenance(scene, engine_name(scene)) | beta
         write_result(directory, "paper", origin, written, form="csv")
 
     def overview(self, machine: str, seconds: float) -> Iterator[str]:
@@ -156,29 +153,25 @@ class Trial:
         return paper_scene(name, {**self.numbers, **self.changes}, {**self.settings, **changes})
 
 
-#: The trials of a machine: one for each seed, of the first of which figures are drawn; coarse ones with unprinted
-#: numbers changed, the first of which changes nothing, as a control; and the one that compares the impact laws.
-Trials = tuple[list[Trial], list[Trial], Trial]
+#: The trials of a machine: one for each seed, of the first of which figures are drawn; and coarse ones with unprinted
+#: numbers changed, the first of which changes nothing, as a control.
+Trials = tuple[list[Trial], list[Trial]]
 
 
 def trials_of(numbers: Mapping[str, Any], seeds: Sequence[int]) -> Trials:
-    """List the trials of a machine.
-
-    The seed of the impact laws is not that of the figures, so that the difference of the conservative law from itself
-    shows the scatter.
-    """
+    """List the trials of a machine."""
     machine = [Trial("machine", numbers, {SEED: seeds[0]}, SWEEPS)]
     machine += [Trial(f"seed-{n}", numbers, {SEED: n, **REPEATED}) for n in seeds[1:]]
     alternatives = [{}, *load_list(configurations() / "claims" / "alternatives.yaml")]
     coarse = {**QUICK, SEED: seeds[0]}
     others = [Trial(f"alternative-{i}", numbers, coarse, changes=c) for i, c in enumerate(alternatives)]
-    return machine, others, Trial("laws", numbers, {SEED: seeds[0] + 1}, (LAWS,))
+    return machine, others
 
 
 def planned(numbers: Mapping[str, Any], seeds: Sequence[int] = (0,)) -> tuple[int, int]:
     """Return the numbers of branches and points of the first stage."""
-    machine, _, laws = trials_of(numbers, seeds)
-    found = [b for t in (*machine, laws) for name in t.names for b in branches(t.scene(name))]
+    machine, _ = trials_of(numbers, seeds)
+    found = [b for trial in machine for name in trial.names for b in branches(trial.scene(name))]
     distinct = {curve_of(branch): len(branch.along) for branch in found}
     return len(distinct), sum(distinct.values())
 
@@ -191,7 +184,6 @@ def reproduce(
     seeds: Sequence[int] = (0,),
     resume: bool = False,
     overwrite: bool = False,
-    mix: bool = False,
     progress: Progress | None = None,
 ) -> Reproduction:
     """Reproduce the paper with a machine.
@@ -206,8 +198,8 @@ def reproduce(
         Where points are simulated.
     seeds
         Seeds of the perturbations; figures are drawn with the first, claims are judged with each.
-    resume, overwrite, mix
-        Whether to continue an unfinished reproduction, to discard its points, or to keep those of other code.
+    resume, overwrite
+        Whether to continue an unfinished reproduction, or to discard its points.
     progress
         Called after each point of the first stage with the numbers of finished branches, points and events.
 
@@ -218,20 +210,19 @@ def reproduce(
     TableError
         Points cannot be stored.
     """
-    trials = machine, others, laws = trials_of(numbers, seeds)
-    main, every = machine[0], [*machine, *others, laws]
-    kept: dict[str, Any] = {"resume": resume, "overwrite": overwrite, "mix": mix}
+    trials = machine, others = trials_of(numbers, seeds)
+    main, every = machine[0], [*machine, *others]
     with ExitStack() as stack:
         for trial in every:
             place = directory / trial.name
             place.mkdir(parents=True, exist_ok=True)
             wanted = {name: conditions(trial.scene(name)) for name in (*trial.names, NON_IMPACT)}
-            trial.store = stack.enter_context(Store(place, wanted, **kept))
+            trial.store = stack.enter_context(Store(place, wanted, resume=resume, overwrite=overwrite))
             trial.store.require("arithmetic", arithmetic(engine_name(trial.scene(NON_IMPACT))))
-        _sweep([(trial, name) for trial in (*machine, laws) for name in trial.names], workers, progress=progress)
-        _narrow(trials, workers)
+        _sweep([(trial, name) for trial in machine for name in trial.names], workers, progress=progress)
+        _narrow(machine, workers)
         _add_non_impact(machine, workers)
-        _narrow(trials, workers)
+        _narrow(machine, workers)
         failing = [claim for claim in claims() if not any(judge(claim, trial.evidence).holds for trial in machine)]
         _sweep([(trial, name) for trial in others for name in trial.names], workers, failing)
         if any(map(is_of_models, failing)):
@@ -275,30 +266,23 @@ def _add_non_impact(trials: Sequence[Trial], workers: Pool) -> None:
     _sweep([(trial, NON_IMPACT) for trial in trials if trial.evidence.beta is not None], workers)
 
 
-def _narrow(trials: Trials, workers: Pool) -> None:
-    """Narrow the boundaries that matter to the claims, to β and to the comparison of the impact laws."""
-    machine, _, laws = trials
+def _narrow(machine: Sequence[Trial], workers: Pool) -> None:
+    """Narrow the boundaries that matter to the claims and to β."""
     for trial in machine:
         matched_frequency(trial.evidence)
-        for claim in (*claims(), *claims("former")):
+        for claim in claims():
             judge(claim, trial.evidence)
-    impact_laws(machine[0].evidence, laws.evidence)
-    narrow([(trial.evidence, trial.store.part("boundaries")) for trial in (*machine, laws)], workers)
+    narrow([(trial.evidence, trial.store.part("boundaries")) for trial in machine], workers)
 
 
 def _results(trials: Trials, shown: Mapping[str, pd.DataFrame]) -> Reproduction:
     """Judge the claims and return all tables, and how much was simulated for them."""
-    machine, others, laws = trials
+    machine, others = trials
     main = machine[0]
-    points = pd.DataFrame([point for trial in (*machine, *others, laws) for point in trial.points], columns=COUNTED)
-    swept = {**main.swept, **laws.swept}
-    results = {name: pd.concat(tables(*found), ignore_index=True) for name, found in swept.items()}
+    points = pd.DataFrame([point for trial in (*machine, *others) for point in trial.points], columns=COUNTED)
+    results = {name: pd.concat(tables(*found), ignore_index=True) for name, found in main.swept.items()}
     results["sync-bands"] = sync_bands(main.evidence)
-    results["impact-laws"] = impact_laws(main.evidence, laws.evidence)
-    results["contradictions"] = contradictions(main.numbers)
     seeds = {int(trial.settings[SEED]): trial.evidence for trial in machine}
     results["claims"] = scoreboard(seeds, [(trial.changes, trial.evidence) for trial in others])
     beta, matched = main.evidence.beta, matched_frequency(main.evidence)
-    mixed = {trial.name: trial.store.mixed for trial in (*machine, *others, laws) if trial.store.mixed}
-    origin = {"mixed": mixed} if mixed else {}
-    return Reproduction({**results, **shown}, beta, matched, points, origin)
+    return Reproduction({**results, **shown}, beta, matched, points)

@@ -60,12 +60,6 @@ def paper_scene(name: str, numbers: Mapping[str, Any], changes: Mapping[str, Any
     return load_config(path, laid)
 
 
-def coarse_scene(name: str, numbers: Mapping[str, Any], changes: Mapping[str, Any] | None = None) -> Scene:
-    """Return the scene of a coarse sweep; ``fig6`` is without the curve of R = 0, which is in ``fig3``."""
-    grid = {"sweep.grid": {"contact.restitution": [0.3, 0.5, 0.7, 1.0]}} if name == "fig6" else {}
-    return paper_scene(name, numbers, {**QUICK, **grid, **(changes or {})})
-
-
-def claims(wording: str = "claims") -> list[dict[str, Any]]:
-    """Return the paper's claims; with wording ``former`` as they were worded at first, without quotes."""
-    return load_list(configurations() / "claims" / f"{wording}.yaml")
+def claims() -> list[dict[str, Any]]:
+    """Return the paper's claims."""
+    return load_list(configurations() / "claims" / "claims.yaml")

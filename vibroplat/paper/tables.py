@@ -1,29 +1,19 @@
-"""Tables of a reproduction besides curves and claims.
-
-They are time histories, synchronization, the effect of the impact law, and contradictions between the paper's numbers
-and its figures. The last are formulas without simulation or unprinted numbers: in steady antiphase the forces of both
-exciters add along y. A stiff layer moves with the platform as one mass, with the amplitude
-A = 2 m_r r ω²/√((c_y − (M + m_w)ω²)² + b_y²ω²), and leaves it if Aω² > g. At the vertical resonance each motor supplies
-half of the power that the damper b_y takes, by the mean torque (m_r r)²ω³/b_y. If that is above the motor's critical
-torque, the resonance captures the motor (Sommerfeld; Blekhman 2000).
-"""
+"""Tables of a reproduction besides curves and claims: time histories and synchronization."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import brentq
 
 from vibroplat.columns import Column, Columns
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import static_rest
 from vibroplat.motion.run import simulate
-from vibroplat.paper.evidence import EDGE, Evidence, F
+from vibroplat.paper.evidence import Evidence, F
 from vibroplat.paper.scenes import BETA, paper_scene
 from vibroplat.results.provenance import configuration_hash
 from vibroplat.study.branches import SUPPLY
@@ -43,11 +33,6 @@ CURVES: dict[str, tuple[str, ...]] = {
 }
 #: Turns of exciter 1 that a time history shows, and its points per second.
 SHOWN, RATE = 8, 2000.0
-
-#: Frequencies (Hz) up to which motion is attached in the paper, by mass ratio.
-LIFTOFF = {0.1: 24.5, 0.2: 24.0}
-#: Lowest frequency (Hz) of the search for liftoff; the highest is the vertical resonance.
-LOWEST = 10.0
 
 #: The tables of Figs. 4, 5 and 7, a row for each time.
 HISTORY: Columns = {
@@ -73,25 +58,6 @@ SYNC_BANDS: Columns = {
     "first_supply_hz": Column("supply frequency of its first point"),
     "last_supply_hz": Column("supply frequency of its last point"),
     "rms_y_largest_m": Column("largest RMS of y"),
-}
-#: The table ``impact-laws``, a row for each law and restitution.
-IMPACT_LAWS: Columns = {
-    "impact_law": Column("impact law"),
-    "restitution": Column("coefficient of restitution"),
-    **{
-        f"{side}_{kind}": Column(f"{kind} relative difference of RMS y {side} resonance", "from law conservative")
-        for side in ("below", "above")
-        for kind in ("largest", "mean")
-    },
-    "jump_hz": Column("excitation frequency where antiphase ends below the second resonance"),
-    "jump_conservative_hz": Column("the same with law conservative"),
-}
-#: The table ``contradictions``, a row for each quantity.
-CONTRADICTIONS: Columns = {
-    "what": Column("a quantity"),
-    "unit": Column("its unit"),
-    "figures": Column("value that the paper's figures require"),
-    "machine": Column("value that the machine has"),
 }
 
 
@@ -156,78 +122,3 @@ def sync_bands(evidence: Evidence) -> pd.DataFrame:
             ends = [points[place][column] for column in (F, SUPPLY) for place in (0, -1)]
             rows.append((*key, sync, len(points), *ends, max(row["rms_y_m"] for row in points)))
     return pd.DataFrame(rows, columns=list(SYNC_BANDS))
-
-
-def impact_laws(evidence: Evidence, laws: Evidence) -> pd.DataFrame:
-    """Compare the curves of each impact law with those of the conservative one, below and above resonance.
-
-    The columns are the largest and the mean relative difference of RMS y at equal excitation frequencies, and jump_hz,
-    where antiphase ends below the second resonance. The conservative law itself, computed again with another seed,
-    shows how much of a difference is the scatter of non-periodic motion.
-
-    Parameters
-    ----------
-    evidence
-        Branches of the conservative law.
-    laws
-        Branches of all laws, with another seed.
-    """
-    rows = []
-    for key in sorted(laws.courses):
-        reference = key._replace(law="conservative")
-        row = [key.law, key.restitution]
-        for low, high in ((21.0, 31.0), (35.5, 40.0)):
-            at = np.arange(low, high + 1e-9, EDGE)
-            change = np.abs(laws.curve(key, at)[0] / evidence.curve(reference, at)[0] - 1.0)
-            known = change[np.isfinite(change)]
-            row += [known.max(), known.mean()] if known.size else [np.nan, np.nan]
-        jumps = laws.jump(key), evidence.jump(reference)
-        rows.append([*row, *(jump.before[F] if jump else np.nan for jump in jumps)])
-    return pd.DataFrame(rows, columns=list(IMPACT_LAWS))
-
-
-# -- contradictions ---------------------------------------------------------------------------------------
-
-
-def acceleration(scene: Scene, mass_ratio: float, frequency: float) -> float:
-    """Return the amplitude of the vertical acceleration of the platform with a stiff layer on it (m/s²)."""
-    machine, omega = scene.machine, 2.0 * math.pi * frequency
-    stiffness = machine.stiffness_y_n_per_m - (1.0 + mass_ratio) * scene.body.mass * omega**2
-    resistance = math.hypot(stiffness, machine.damping_y_n_s_per_m * omega)
-    return sum(scene.unbalances) * omega**4 / resistance if resistance > 0.0 else math.inf
-
-
-def stiff_layer_liftoff(scene: Scene, mass_ratio: float) -> float:
-    """Return the frequency (Hz) at which a stiff layer leaves the platform; nan if there is none below resonance."""
-    machine, gravity = scene.machine, scene.machine.gravity_m_per_s2
-    mass = (1.0 + mass_ratio) * scene.body.mass
-    resonance = math.sqrt(machine.stiffness_y_n_per_m / mass) / (2.0 * math.pi)
-    if not acceleration(scene, mass_ratio, LOWEST) < gravity < acceleration(scene, mass_ratio, resonance):
-        return math.nan
-    return float(brentq(lambda f: acceleration(scene, mass_ratio, f) - gravity, LOWEST, resonance))
-
-
-def unbalance_for_liftoff(scene: Scene, mass_ratio: float, frequency: float) -> float:
-    """Return the static moment m_r r (kg·m) with which a stiff layer leaves the platform at a frequency (Hz)."""
-    return scene.unbalances[0] * scene.machine.gravity_m_per_s2 / acceleration(scene, mass_ratio, frequency)
-
-
-def resonance_torque(scene: Scene) -> float:
-    """Return the mean torque (N·m) that each motor needs at the vertical resonance."""
-    machine = scene.machine
-    omega = math.sqrt(machine.stiffness_y_n_per_m / scene.body.mass)
-    damping = machine.damping_y_n_s_per_m
-    return float(scene.unbalances[0] ** 2 * omega**3 / damping) if damping > 0.0 else math.inf
-
-
-def contradictions(numbers: Mapping[str, Any]) -> pd.DataFrame:
-    """Compare what the paper's figures require with what a machine has."""
-    scene = paper_scene("fig2", numbers)
-    rows: list[tuple[str, str, float, float]] = []
-    for mu, f in LIFTOFF.items():
-        rows.append((f"liftoff of a stiff layer, μ {mu:g}", "Hz", f, stiff_layer_liftoff(scene, mu)))
-        what = f"m_r r for liftoff of a stiff layer at {f:g} Hz, μ {mu:g}"
-        rows.append((what, "kg·m", unbalance_for_liftoff(scene, mu, f), scene.unbalances[0]))
-    critical = min(exciter.critical_torque_n_m for exciter in scene.exciter_pair)
-    rows.append(("torque of each motor at the vertical resonance, at most", "N·m", critical, resonance_torque(scene)))
-    return pd.DataFrame(rows, columns=list(CONTRADICTIONS))

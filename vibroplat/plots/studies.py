@@ -13,7 +13,6 @@ import pandas as pd
 from vibroplat.columns import PHASE_COLUMN, QUANTITIES
 from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.two_keys import UNSTABLE
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import compared, distinct, is_number, sweep_parameters, value_label
 from vibroplat.plots.reading import Curve, Saved, curves_of, finite, has_table
@@ -134,16 +133,15 @@ class Study:
     def boundaries(self) -> pd.DataFrame:
         """Read the table ``boundaries``; its keys must hold numbers."""
         (result,) = self.results
-        table = result.columns("boundaries", ("kind", "check"), ("curve",))
+        table = result.columns("boundaries", ("kind",), ("curve", "unstable"))
         if not all(key in table and is_number(table[key]) for key in (self.key, self.second)):
             raise TableError(f"the boundaries table in {result.directory} has no numbers of two keys")
         return table
 
 
 def reached(boundaries: pd.DataFrame) -> pd.Series:
-    """Tell of each point of boundaries whether motion comes to their orbit; not where all checks found it unstable."""
-    checks = boundaries.groupby("curve")["check"].agg(lambda found: {*found.dropna()} - {""} != {UNSTABLE})
-    return boundaries["curve"].map(checks).astype(bool)
+    """Tell of each point of boundaries whether motion converges to an orbit beside a point of its curve."""
+    return (boundaries.groupby("curve")["unstable"].transform("min") == 0).astype(bool)
 
 
 # -- sweeps ------------------------------------------------------------------------------------------------------------

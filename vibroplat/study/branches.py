@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,9 +23,6 @@ from vibroplat.model.systems import FULL_SIZE
 #: Columns of supply and excitation frequency.
 SUPPLY, EXCITATION = "supply_frequency_hz", "excitation_frequency_hz"
 
-#: With the seed of a sweep, the seed of the choice of its points.
-_CHOICE = 0xC4EC
-
 #: Columns of text, of whole numbers, and of yes and no, in tables of studies; all others hold floating-point numbers.
 TEXTS = {
     "direction",
@@ -35,13 +32,12 @@ TEXTS = {
     "outcome",
     "detail",
     "notes",
-    "confirmation",
     "kind",
     "name",
     "coexists",
-} | {*("sequence", "below", "above", "check", "attractor")}
+} | {*("sequence", "below", "above", "attractor")}
 COUNTS = {"branch", "parent", "curve", "point", "points", "period", "steps", "residual_calls", "events"} | {
-    *("unstable", "orbit_unstable", "count", "ellipsoids", "within_turns")
+    *("unstable", "count", "ellipsoids", "within_turns")
 }
 ANSWERS = {"stable"}
 
@@ -172,34 +168,6 @@ def _replaced(scene: Scene, section: str, changes: Mapping[str, Any]) -> Scene:
         return scene.replace(changes)
     except ConfigError as error:
         raise ConfigError(f"sweep.{section}: {error}") from None
-
-
-class Place(NamedTuple):
-    """A point of a sweep: its branch, and its place in the branch."""
-
-    branch: Branch
-    point: int
-
-    @property
-    def text(self) -> str:
-        """The swept keys and their values, and the branch."""
-        values = {column_of(self.branch.swept): self.branch.along[self.point], **self.branch.grid}
-        swept = ", ".join(f"{key} = {value}" for key, value in values.items())
-        return f"{swept}, branch {self.branch.number} ({self.branch.direction})"
-
-
-def require_share(share: float) -> None:
-    """Refuse a share of points that is none (ConfigError)."""
-    if not 0.0 < share <= 1.0:
-        raise ConfigError(f"--check {share:g}; allowed: more than 0, at most 1")
-
-
-def chosen(planned: Sequence[Branch], share: float) -> list[Place]:
-    """Choose a share of the points of a sweep, at least one; the sweep's seed determines which."""
-    places = [Place(branch, point) for branch in planned for point in range(len(branch.along))]
-    count = max(1, round(share * len(places)))
-    random = np.random.default_rng((_CHOICE, planned[0].plan.seed))
-    return [places[k] for k in sorted(random.choice(len(places), count, replace=False))]
 
 
 def column_of(key: str) -> str:

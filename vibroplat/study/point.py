@@ -24,7 +24,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.observe.notes import notes_on_measures, stiffness
-from vibroplat.observe.section import period, section_points, section_rows, whole_periods
+from vibroplat.observe.section import section_points, section_rows, whole_periods
 from vibroplat.observe.sheet import columns
 from vibroplat.observe.summary import (
     INACCURATE,
@@ -181,7 +181,7 @@ def _measured_point(scene: Scene, plan: SweepPlan, state: list[float] | None, ke
     began = time.perf_counter()
     start = initial_state(scene) if state is None else np.array(state)
     start = perturbed(start, scene, plan.perturbation, (plan.seed, *key))
-    if plan.settle == "motion" or plan.settle_s != "auto":
+    if plan.settle == "motion":
         point = _followed(scene, plan, start)
     else:
         with closing(provided("OrbitSeeker")(scene)) as seeker:
@@ -336,8 +336,7 @@ def _settled_and_measured(
         if motion.outcome != "ok":
             return settling, part, None
         points = section_points(part.measures, motion.scene)
-        last = settling.how == "fixed" or longest > plan.max_settle_s
-        kind = classify(motion.scene, plan, settling, points, motion.state, last=last)
+        kind = classify(motion.scene, plan, settling, points, motion.state, last=longest > plan.max_settle_s)
         if kind is not None:
             break
         if settling.how == "maximum":
@@ -355,13 +354,9 @@ def _settled_and_measured(
 
 
 def _measured_part(motion: Motion, plan: SweepPlan, settling: Settling, observers: Sequence[Observer]) -> Part:
-    """Measure a motion: in one part if it repeats, or seems to after a fixed time; otherwise in blocks."""
+    """Measure a motion: in one part if it repeats; otherwise in blocks."""
     if settling.how != "maximum":
-        part = _measure(motion, plan.measure_s, settling, observers)
-        points = section_points(part.measures, motion.scene)
-        seems = settling.how == "periodic" or len(points) < 2 or period(points, plan.period_tolerance) > 0
-        if seems or motion.outcome != "ok":
-            return part
+        return _measure(motion, plan.measure_s, settling, observers)
     return motion.advance(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers)
 
 

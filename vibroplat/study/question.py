@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
+import numpy as np
 import pandas as pd
 
 from vibroplat.config.scene import Scene
@@ -13,6 +14,11 @@ from vibroplat.study import WAIT
 from vibroplat.study.pool import Pool, Task, pool
 from vibroplat.study.store import Record, Store
 
+#: Difference of a measure over the larger of it and its scale that is allowed: ten times what settling leaves. Of 214
+#: points of Figs. 3 and 6 the orbits that ``taylor`` and ``native`` find differ by 2e-7 at most.
+ALLOWED = 1e-3
+#: Motions that are repeated at most to check an answer: some from all over it show what an engine does wrong.
+CHECKED = 20
 #: Columns in which a repeated motion must be as it was; what does not repeat has the first of them alone.
 COMPARED = ("sync", "motion", "period", "excitation_frequency_hz", "rms_x_m", "rms_y_m", "motor_power_w")
 
@@ -64,11 +70,14 @@ class Repeat(NamedTuple):
         What repeats it; its record has a ``row``.
     row
         What its row must have.
+    allowed
+        Difference of a measure, over the larger of it and its scale, that is allowed.
     """
 
     place: str
     task: Task
     row: Record
+    allowed: float = ALLOWED
 
 
 class Question(Protocol):
@@ -103,6 +112,12 @@ class Question(Protocol):
 
     def repeats(self, answer: Answer, other: Callable[[Scene], Scene]) -> Sequence[Repeat]:
         """Choose motions of the answer that are repeated with other scenes, as by another engine."""
+
+
+def spread(places: Sequence[int], most: int = CHECKED) -> list[int]:
+    """Choose some of the places of a table, as far from each other as they can be."""
+    chosen = np.linspace(0, max(len(places) - 1, 0), min(most, len(places))).round().astype(int)
+    return [places[place] for place in np.unique(chosen).tolist()]
 
 
 def ask(

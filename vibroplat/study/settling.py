@@ -149,12 +149,9 @@ class Settling(NamedTuple):
 def settle(motion: Motion, plan: SweepPlan, longest: float, seeker: Seeker | None = None) -> Settling:
     """Advance a motion until it has settled as the plan says, or comes to an orbit that a seeker knows, or ends early.
 
-    ``longest`` limits the settling with ``auto`` (s). It is counted from the beginning of the motion, so that one that
+    ``longest`` limits the settling (s). It is counted from the beginning of the motion, so that one that
     turns out not to have settled can settle for the remaining time.
     """
-    if plan.settle_s != "auto":
-        motion.advance(plan.settle_s)
-        return Settling("fixed" if motion.outcome == "ok" else "unfinished", motion.now)
     turn = 2.0 * math.pi / motion.scene.speed_scale
     points, times = np.empty((0, 14)), np.empty(0)
     phases: list[float] = []  # differences

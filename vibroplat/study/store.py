@@ -57,8 +57,6 @@ class Store:
         Whether to keep the records that are found.
     overwrite
         Whether records of unfinished work may be deleted.
-    mix
-        Whether records are kept that other code or another arithmetic has made.
     file, what
         Name of the file, and what its records are called in messages.
 
@@ -66,8 +64,6 @@ class Store:
     ----------
     reused
         How many records have been found for tasks, which were therefore not done again.
-    mixed
-        For each time that code or arithmetic had changed, how many records were kept, and what had made them.
 
     Raises
     ------
@@ -86,7 +82,6 @@ class Store:
         *,
         resume: bool = False,
         overwrite: bool = False,
-        mix: bool = False,
         file: str = FILE,
         what: str = "points",
     ) -> None:
@@ -94,8 +89,6 @@ class Store:
         self._what = what
         self._prefix = ""
         self._departed = False
-        self._mix = mix
-        self.mixed: list[dict[str, Any]] = []
         self._stack = ExitStack()
         self.reused = 0
         with self._stack:
@@ -122,8 +115,7 @@ class Store:
                 self._require_sound()
             else:
                 self._create()
-            found, finished, mixed = map(self._about, ("conditions", "finished", "mixed"))
-        self.mixed, self._before = (mixed or [], len(mixed or [])) if resume else ([], 0)
+            found, finished = map(self._about, ("conditions", "finished"))
         if found is None and len(self) and not overwrite:
             raise self._spoiled("it does not say what its records depend on")
         if found is not None:
@@ -142,7 +134,6 @@ class Store:
                 self._base.execute("DELETE FROM about")
             self._tell("conditions", wanted)
             self._tell("finished", finished if resume else 0)
-            self._tell("mixed", self.mixed)
 
     def _create(self) -> None:
         """Create the tables; they are there together with the conditions, or not at all."""
@@ -257,36 +248,22 @@ class Store:
             if found is not None:
                 self._require_same({condition: found}, {condition: value})
             self._tell(condition, value)
-            self._tell("mixed", self.mixed)
 
     def _require_same(self, found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-        """Refuse to resume under other conditions, and name the first that differs; note those that may be mixed."""
+        """Refuse to resume under other conditions, and name the first that differs, code and arithmetic last."""
         old, new = flat(found), flat(wanted)
         differing = [key for key in {**old, **new} if old.get(key) != new.get(key)]
         if not differing:
             return
-        differing.sort(key=_is_mixable)
-        mixable = _is_mixable(differing[0])
-        if mixable and not len(self):
-            return  # nothing was made by them
-        if not (mixable and self._mix):
-            key = differing[0]
-            more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
-            or_mix = "--mix to keep them all the same, " if mixable else ""
-            raise ConfigError(
-                f"cannot resume: {key} = {new.get(key)}; allowed: {old.get(key)}, as in the finished {self._what}"
-                f"{more}, {or_mix}or --overwrite instead, to begin anew"
-            )
-        if len(self.mixed) == self._before:
-            self.mixed.append({self._what: len(self)})
-            told = self._path, len(self), self._what, ", ".join(differing)
-            _log.warning("%s: %d %s are kept that other code or arithmetic made (%s)", *told)
-        self.mixed[-1] |= {key: old.get(key) for key in differing}
-
-    @property
-    def origin(self) -> dict[str, Any]:
-        """What provenance tells of records that were mixed."""
-        return {"mixed": self.mixed} if self.mixed else {}
+        differing.sort(key=_is_of_code)
+        key = differing[0]
+        if _is_of_code(key) and not len(self):
+            return  # nothing was made by it
+        more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
+        raise ConfigError(
+            f"cannot resume: {key} = {new.get(key)}; allowed: {old.get(key)}, as in the finished {self._what}"
+            f"{more}, or --overwrite instead, to begin anew"
+        )
 
     def finish(self) -> None:
         """Mark the work as finished: nothing is missing."""
@@ -334,8 +311,8 @@ class Store:
             raise self._spoiled("its names are no text") from None
 
 
-def _is_mixable(key: str) -> bool:
-    """Whether records are of use that were made under another value of a condition."""
+def _is_of_code(key: str) -> bool:
+    """Whether a condition is the code that made the records, or its arithmetic."""
     return key.rpartition(".")[2] in NAMES
 
 

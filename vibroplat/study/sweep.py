@@ -9,11 +9,10 @@ from typing import Any, Protocol
 
 import pandas as pd
 
-from vibroplat.columns import SHAKING, Column, Columns
+from vibroplat.columns import PHASE_COLUMN, SHAKING, Column, Columns
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.plausibility import notes_on_inputs
 from vibroplat.config.scene import Scene
-from vibroplat.extensions import provided
 from vibroplat.integrate import engine_name
 from vibroplat.integrate.seam import WORK
 from vibroplat.observe.sheet import SHEET, of_points
@@ -24,10 +23,10 @@ from vibroplat.results.tables import Format, Table
 from vibroplat.study import WAIT
 from vibroplat.study.bands import bands
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, column_of, place_words, study_table
-from vibroplat.study.confirming import CONFIRMED
 from vibroplat.study.fingerprint import package
-from vibroplat.study.point import ERRORS, MEASURED, POINT, Point, lost, measure_point
+from vibroplat.study.point import ERRORS, MEASURED, POINT, Point, lost, measure_point, point_task
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, pool, run_stored
+from vibroplat.study.question import ALLOWED, COMPARED, Repeat, spread
 from vibroplat.study.store import Record, SpoiledError, Store
 
 #: Columns of the table after the swept keys.
@@ -182,9 +181,7 @@ def point_along(first: Scene, value: float, state: list[float] | None, key: tupl
     """
     plan = first.sweep
     assert plan is not None
-    measure = provided("confirmed_point") if plan.confirm else measure_point
-    found: Point = measure(first.replace({plan.swept.key: value}), plan, state, key)
-    return found
+    return measure_point(first.replace({plan.swept.key: value}), plan, state, key)
 
 
 def branch_records(branch: Branch, store: Records) -> Iterator[Record]:
@@ -199,13 +196,44 @@ def branch_records(branch: Branch, store: Records) -> Iterator[Record]:
         raise SpoiledError(f"point {found} of branch {branch.number} is not stored; --resume computes it")
 
 
+def repeats(planned: Sequence[Branch], store: Store, other: Callable[[Scene], Scene]) -> list[Repeat]:
+    """Choose points, as far from each other as they can be, that begin as they did and must give the same motion.
+
+    Left out are points that are undecided, and chaotic ones beside which other motions are known.
+    """
+    rows = enumerate(row for *_, row in _begun(planned, store))
+    decided = [n for n, row in rows if row.get("motion") not in (None, "undecided") and not row["coexists"]]
+    chosen = {*spread(decided)}
+    found = []
+    for number, (branch, place, state, row) in enumerate(_begun(planned, store)):
+        if number in chosen:
+            value, plan = branch.along[place], branch.plan.model_copy(update={"coexists": False})
+            task = point_task(other(branch.at(place)), plan, state, branch.key(value))
+            swept = ", ".join(f"{key} = {at}" for key, at in {column_of(branch.swept): value, **branch.grid}.items())
+            known = {name: row[name] for name in (*COMPARED, PHASE_COLUMN)}
+            # a motion that was not measured on its orbit is as far from it as settling leaves it
+            left = 0.0 if row.get("multiplier_max") is not None else plan.settle_tolerance
+            where = f"at {swept}, branch {branch.number} ({branch.direction})"
+            found.append(Repeat(where, task, known, max(ALLOWED, 10.0 * left)))
+    return found
+
+
+def _begun(planned: Sequence[Branch], store: Store) -> Iterator[tuple[Branch, int, list[float] | None, Record]]:
+    """Yield each point of a finished sweep: its branch and place, the state with which it began, and its row."""
+    for branch in planned:
+        state: list[float] | None = None
+        for place, record in enumerate(branch_records(branch, store)):
+            state = branch.begin(state, place)
+            yield branch, place, state, record["row"]
+            state = record["state"] or state
+
+
 # -- tables -----------------------------------------------------------------------------------------------
 
 
 def tables(planned: Sequence[Branch], store: Records) -> Iterator[pd.DataFrame]:
     """Yield the sweep table in parts, in the order of branches and points."""
-    confirmed = CONFIRMED if planned[0].plan.confirm else ()
-    columns = (*COLUMNS, *confirmed, *SHEET, *of_points(planned[0].scene.output.points))
+    columns = (*COLUMNS, *SHEET, *of_points(planned[0].scene.output.points))
     yield from _parts(planned, store, columns, lambda record: [record["row"]])
 
 
@@ -229,7 +257,7 @@ def _parts(
 ) -> Iterator[pd.DataFrame]:
     """Yield the rows of all records in parts, at least one, as tables with the swept keys and these columns."""
     key, grid = column_of(planned[0].swept), planned[0].plan.grid
-    meant = {**SWEEP, **DIAGRAM, **CONFIRMED, **of_points(planned[0].scene.output.points)}
+    meant = {**SWEEP, **DIAGRAM, **of_points(planned[0].scene.output.points)}
     rows = (
         {key: value, **branch.grid, "direction": branch.direction, "branch": branch.number, **row}
         for branch in planned
@@ -264,7 +292,7 @@ def write_sweep(
     diagram = diagram_tables(planned, store) if planned[0].plan.kind == "bifurcation" else {}
     banded = bands(points)
     found: dict[str, Table] = {**diagram, "bands": banded, "sweep": parts}
-    origin = provenance(scene, engine_name(scene)) | store.origin | ({} if check is None else {"check": check})
+    origin = provenance(scene, engine_name(scene)) | ({} if check is None else {"check": check})
     write_result(directory, "sweep", origin, found, form=form, absent={"section", "impacts"} - found.keys())
     return points, banded
 

@@ -61,14 +61,6 @@ def points_progress(name: str, counted: str = "points") -> Iterator[Callable[[in
 
 
 @contextmanager
-def calibration_progress(total: int) -> Iterator[Callable[[int, int, float], None] | None]:
-    """Show the number of evaluations, the best one and the remaining time."""
-    best = "best: {task.fields[held]} claims, score {task.fields[score]:.3f}"
-    with _bar("calibration", total, "evaluations", best, held=0, score=0.0) as update:
-        yield update and (lambda done, held, score: update(done, held=held, score=score))
-
-
-@contextmanager
 def compilation_progress(count: Callable[[], int]) -> Iterator[None]:
     """Show how many kernels have been compiled, as ``count`` says, and the time that it has taken."""
     if not sys.stderr.isatty():
