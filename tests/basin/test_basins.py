@@ -164,6 +164,7 @@ def test_orbits_are_looked_for_after_chaos_too():
     tables = basins(scene)
     last = tables.attractors[tables.attractors["supply_frequency_hz"] == 58.0]
     assert last["radius"].notna().all()
+    assert tables.starts["turns"].max() == 600, "what comes later is not within these turns"
     assert last["motion"].tolist() == ["periodic"] * len(last)
 
 
@@ -250,6 +251,22 @@ def test_what_is_printed_says_within_how_many_turns(found):
     _, tables = found
     assert set(tables.attractors["within_turns"]) == {6000}
     assert all("within 6000 turns" in line for line in tables.text)
+
+
+def test_motions_that_end_early_or_may_escape_from_chaos_are_not_repeated_by_another_engine():
+    """Their ends differ from engine to engine."""
+    scene = scene_of({PHASE: [-3.0, 3.0]}, 0.2, random=4, longest_turns=200).replace(
+        {"solver.max_events_per_period": 3}
+    )
+    failing = Basins(scene)
+    answer = ask(failing)
+    assert set(answer.tables["attractors"]["outcome"]) == {"event-storm"}
+    assert failing.repeats(answer, lambda other: other) == []
+    orbits = Basins(scene_of({PHASE: [-3.0, 3.0]}, random=4))
+    answer = ask(orbits)
+    assert len(orbits.repeats(answer, lambda other: other)) == 4
+    answer.tables["starts"]["turns"] = 5000
+    assert orbits.repeats(answer, lambda other: other) == []
 
 
 @pytest.mark.long

@@ -65,13 +65,29 @@ def test_arrivals_at_an_orbit_that_attracts_slowly_may_be_direct():
 
 def test_of_several_restless_motions_it_is_not_known_which_was_left():
     starts = [*starts_of([3000.0, 9000.0, 9000.0], 6000), {"attractor": 2, "turns": 6000, "windows": []}]
-    to_orbit, *others = rates_of([orbit(), restless(), restless("undecided")], starts, 6000)
+    to_orbit, *others = rates_of([orbit(), restless(), restless()], starts, 6000)
     assert to_orbit.value == pytest.approx(1.0 / (1500.0 + 3 * 4500.0))
     assert [math.isnan(rate.value) for rate in others] == [True, True]
     assert [rate.high for rate in others] == pytest.approx([5.5716 / 10_500.0, 5.5716 / 6000.0], rel=1e-4)
     assert [rate.high for rate in rates_of([orbit(), restless()], starts_of([9000.0], 6000), 6000)] == pytest.approx(
         [2.9957 / 4500.0] * 2, rel=1e-4
     )
+
+
+def test_an_orbit_to_which_motions_converged_at_unknown_times_has_no_rate():
+    """They were on it when they were measured at the end; and it may have no known multiplier."""
+    many = {"row": {"motion": "periodic", "period": 24}, "radius": None}
+    starts = [{"attractor": 0, "turns": 6000, "windows": []}, {"attractor": 1, "turns": 6000, "windows": []}]
+    rates = rates_of([many, restless()], starts, 6000)
+    assert rates[0] is None
+    assert (math.isnan(rates[1].value), rates[1].low) == (True, 0.0)
+
+
+def test_undecided_motions_have_no_rate():
+    """They may converge directly, and slowly."""
+    to_orbit, left = rates_of([orbit(), restless("undecided")], starts_of([3000.0, 9000.0], 6000), 6000)
+    assert left is None
+    assert to_orbit.value > 0.0
 
 
 def test_where_nothing_is_late_there_is_no_rate():

@@ -59,6 +59,14 @@ def test_a_motion_that_is_left_for_good_is_no_attractor_of_its_own():
     assert closed[ends[3]] == {ends[3]}
 
 
+def test_classes_in_which_no_motion_was_seen_to_stay_are_a_way_out():
+    """The last window of a motion that leaves chaos is no attractor; neither are those of motions that converge."""
+    ends, closed = components([[0, 0, 0, 1], [0, 0, 0, 0], [2, 3, 4, 5], [6]])
+    assert ends == [ends[1], ends[1], -1, -1]
+    assert closed[ends[1]] == {ends[1]}
+    assert closed[-1] == set()
+
+
 def start(*windows):
     return {"attractor": None, "turns": 1000, "outcome": "ok", "state": [0.0] * 14, "windows": list(windows)}
 
@@ -72,7 +80,7 @@ def record(period=0, height=1e-3):
 def test_starts_behind_those_of_the_closed_component():
     """A group is told by a motion of the class that is not left."""
     found = Found(SCENE, [])
-    found.starts = [start(window(1e-3), window(1e-3)), start(window(1e-3), window(2e-3)), start(window(2e-3))]
+    found.starts = [start(window(1e-3), window(1e-3)), start(window(1e-3), window(2e-3)), start(*[window(2e-3)] * 2)]
     [group] = found.groups()
     assert group.starts == [found.starts[1], found.starts[2], found.starts[0]]
 
@@ -82,20 +90,24 @@ def test_a_motion_that_escapes_to_an_orbit_takes_no_other_one_along():
     found = Found(SCENE, [])
     found.starts = [start(window(1e-3)) for _ in range(3)]
     group = Group(list(found.starts), [])
-    found.take(group, record(6, 5e-3))
+    assert found.like(group, record(6, 5e-3)) == []
+    found.take(group, record(6, 5e-3), [])
     assert [one["attractor"] for one in found.starts] == [None] * 3
-    found.take(group, record())
+    found.take(group, record(), [])
     assert [one["attractor"] for one in found.starts] == [1] * 3
     assert found.counts == [0, 3]
     assert found.attractors[1]["escaped"] == 1
 
 
 def test_starts_that_are_on_an_orbit_of_many_turns_come_to_it():
+    """A window that is like it is not enough: chaos beside it has one, too."""
     found = Found(SCENE, [])
-    found.starts = [start(window(1e-3)), start(window(2e-3)), start(window(1.001e-3))]
+    found.starts = [start(window(1e-3)), start(window(2e-3)), start(window(1.001e-3)), start(window(1.001e-3))]
     group = Group(list(found.starts), [])
-    found.take(group, record(12, 1e-3))
-    assert [one["attractor"] for one in found.starts] == [0, None, 0]
+    like = found.like(group, record(12, 1e-3))
+    assert like == [found.starts[0], *found.starts[2:]]
+    found.take(group, record(12, 1e-3), like[:2])
+    assert [one["attractor"] for one in found.starts] == [0, None, 0, None]
     assert group.escaped == []
 
 
@@ -104,7 +116,7 @@ def test_where_all_escape_the_motion_is_undecided_and_says_why():
     found.starts = [start(window(1e-3)) for _ in range(2)]
     group = Group(list(found.starts), [])
     for _ in range(2):
-        found.take(group, record(6, 5e-3))
+        found.take(group, record(6, 5e-3), [])
     found.give_up(group)
     assert found.counts == [0, 2]
     row = found.attractors[1]["row"]

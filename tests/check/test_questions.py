@@ -3,6 +3,7 @@
 from functools import partial
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from vibroplat import load_config, orbits
@@ -11,7 +12,8 @@ from vibroplat.check.questions import check_motions
 from vibroplat.continuation.tables import repeats as of_branches
 from vibroplat.designs.question import Design
 from vibroplat.study.branches import branches
-from vibroplat.study.pool import pool
+from vibroplat.study.pool import Task, pool
+from vibroplat.study.question import Repeat
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import repeats as of_points
 from vibroplat.study.sweep import run_sweeps
@@ -48,6 +50,20 @@ CASES = {
         "motor_power_w",
     ),
 }
+
+
+def test_a_period_that_no_motion_has_is_compared():
+    """Exciters that hang make no turn: a table has neither 0 nor a number there."""
+    row = {"period": pd.NA, "sync": "none", "rms_y_m": 1e-3}
+    for other, disagrees in ((None, False), (0, True)):
+        repeat = Repeat("here", Task(as_record, ({**row, "period": other},)), row)
+        with Store(None, {}) as store, pool(1, None) as workers:
+            found = check_motions(load_config(CALIBRATED), lambda scene, one=repeat: [one], store, workers)
+        assert bool(found.disagreements) == disagrees
+
+
+def as_record(row):
+    return {"row": row}
 
 
 @pytest.mark.parametrize("name", CASES)

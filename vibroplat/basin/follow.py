@@ -92,26 +92,25 @@ class Follower:
         motion.reset(start)
         self._seeker.forget()
         longest = 4.0 * (LATE_STRIDE + 1) * self._turn
-        window = window_of(self.longest)
-        unmeasured = self.longest - WINDOWS * (window + 1)
+        unmeasured = self.longest - WINDOWS * (window_of(self.longest) + 1)
         turns, look = 0, FIRST
         if len(self._history) >= EXPERIENCED:
             look = max(FIRST, min(int(PATIENT * np.median(self._history)), self.longest // 2))
         while turns < unmeasured and motion.now < unmeasured * self._turn:
-            stride = STRIDE if turns < FIRST else LATE_STRIDE
+            stride = min(STRIDE if turns < FIRST else LATE_STRIDE, unmeasured - turns)
             motion.to_section(stride, longest)
             turns += stride
             found, more = self._entered()
-            turns += more
             if motion.outcome != "ok":
                 return {"attractor": None, "turns": turns, "outcome": motion.outcome, "detail": motion.detail}
-            if found is None and turns >= look:
+            if found is None and look <= turns + more < unmeasured - LOOK:
                 found = self._discovered(motion.go_round(LOOK, longest))
-                turns, look = turns + LOOK + 1, 2 * look
+                more, look = more + LOOK + 1, 2 * look
             if found is not None:
                 self._history.append(turns)
                 return {"attractor": found, "turns": turns}
-        return self._measured(turns, window)
+            turns += more
+        return self._measured(turns)
 
     def _entered(self) -> tuple[int | None, int]:
         """Return the number of the orbit in whose ellipsoid the motion is and comes nearer, and turns that this took.
@@ -180,23 +179,31 @@ class Follower:
         orbit = self._seeker.seek(self._motion, points, 0)
         return None if orbit is None else self.adopt(orbit)
 
-    def _measured(self, turns: int, window: int) -> Record:
+    def _measured(self, turns: int) -> Record:
         """Measure a motion that has converged to no orbit, in windows; it may still converge to one."""
-        motion = self._motion
-        rows = list[dict[str, Any]]()
-        for _ in range(WINDOWS):
+        motion, rows = self._motion, list[dict[str, Any]]()
+        for left in range(WINDOWS, 0, -1):
+            window = max((self.longest - turns) // left - 1, 1)
             part = motion.go_round(window, 2.0 * (window + 2) * self._turn)
+            turns += window + 1
             found, more = self._entered()
             found = self._discovered(part) if found is None else found
-            turns += window + 1 + more
             if motion.outcome != "ok":
                 return {"attractor": None, "turns": turns, "outcome": motion.outcome, "detail": motion.detail}
             if found is not None:
                 return {"attractor": found, "turns": turns}
+            turns += more
             row = row_of(measured(part, self.scene), self.scene)
             rows.append({name: row[name] for name in (*TOLD, "flight_fraction", "sync", PHASE_COLUMN)})
-        state = motion.state.tolist()
-        return {"attractor": None, "turns": turns, "outcome": "ok", "detail": "", "state": state, "windows": rows}
+        told = {"outcome": "ok", "detail": "", "state": motion.state.tolist(), "windows": rows}
+        return {"attractor": None, "turns": self.longest, **told}
+
+    def repeats(self, state: Sequence[float], period: int) -> bool:
+        """Whether the motion from a full state repeats after a period already."""
+        self._motion.reset(np.array(state))
+        part = self._motion.go_round(2 * period, 4.0 * (2 * period + 2) * self._turn)
+        points = section_points(part.measures, self.scene)[-2 * period :]
+        return len(points) == 2 * period and bool(np.abs(points[period:] - points[:period]).max() < SAME)
 
 
 def window_of(longest: int) -> int:
@@ -226,9 +233,15 @@ def followed_alone(scene: Scene, plan: BasinsPlan, number: int) -> Record:
 
 
 def representative(scene: Scene, state: list[float]) -> Record:
-    """Measure and classify a motion that has converged to no orbit in the time given."""
+    """Measure and classify a motion that has converged to no orbit in the turns given."""
     frequency = scene.drive.largest_frequency
     plan = {"supply_frequency_hz": {"start": frequency, "stop": frequency}, "perturbation": 0.0}
     point = measure_point(scene, SweepPlan.model_validate(plan), state, (0,))
     del point.row["wall_s"]
     return {"row": point.row, "state": point.state}
+
+
+def repeating(scene: Scene, states: Sequence[Sequence[float]], period: int) -> Record:
+    """Tell which motions from full states repeat after a period already."""
+    with closing(Follower(scene, 0, [])) as follower:
+        return {"repeats": [follower.repeats(state, period) for state in states]}

@@ -95,7 +95,8 @@ class Found:
 
     def unchanged(self, longest: int) -> int:
         """Return the turns in which motions without an orbit might have been seen to change into each other."""
-        return sum(len(start["windows"]) - 1 for start in self.starts if "windows" in start) * window_of(longest)
+        windows = [start["windows"] for start in self.starts if "windows" in start]
+        return sum(len(path) - 1 for path in windows) * (window_of(longest) + 1)
 
     def groups(self) -> list[Group]:
         """Group the starts that have converged to no orbit by the motions into which their windows change for good.
@@ -113,17 +114,22 @@ class Found:
             group.starts.sort(key=lambda start: id(start) not in own)
         return list(found.values())
 
-    def take(self, group: Group, record: Record) -> None:
+    def like(self, group: Group, record: Record) -> list[Record]:
+        """Return the starts of a group whose last windows are like a motion that repeats: they may be on its orbit."""
+        scales, row = state_scales(self.scene), record["row"]
+        near = [start for start in group.starts if row.get("period")]
+        return [start for start in near if alike(start["windows"][-1], row, scales, IN_WINDOW)]
+
+    def take(self, group: Group, record: Record, repeating: Sequence[Record]) -> None:
         """Take what the motion of the first start of a group is when it is followed longer.
 
-        Where it repeats, that is true of those starts alone whose windows were already like it. If the first is none of
-        them, it has escaped to an orbit; another one has to tell what the motion of the group is.
+        Where it repeats, ``repeating`` are the starts that were on its orbit already. If the first is none of them, it
+        has escaped to this orbit; another one has to tell what the motion of the group is.
         """
-        scales, row = state_scales(self.scene), record["row"]
-        record = _record(row, record["state"])
+        record = _record(record["row"], record["state"])
         number, first = self._number(record), group.starts[0]
-        if row.get("period"):
-            mine = [start for start in group.starts if alike(start["windows"][-1], row, scales, IN_WINDOW)]
+        if record["row"].get("period"):
+            mine = list(repeating)
             group.escaped += [first] if first not in mine else []
         else:
             mine = group.starts + group.escaped

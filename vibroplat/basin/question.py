@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import compress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from vibroplat.basin.follow import follow_starts, followed_alone, representative
+from vibroplat.basin.follow import follow_starts, followed_alone, repeating, representative
 from vibroplat.basin.found import Found, carried, names
-from vibroplat.basin.rates import DOUBT, LATE, RESTLESS, Rate, rates_of
+from vibroplat.basin.rates import CHAOTIC, DOUBT, LATE, RESTLESS, Rate, rates_of
 from vibroplat.basin.starts import begun, values_of
 from vibroplat.columns import PHASE_COLUMN, Column, Columns, words_in_place
 from vibroplat.config.coordinates import COORDINATES, RATES
@@ -178,21 +179,30 @@ class Basins:
         for attempt in range(TRIES):
             open_ = [group for group in groups if group.starts]
             tasks = [Task(representative, (now.scene, group.starts[0]["state"])) for group in open_]
-            for group, record in zip(open_, _run(f"{place} motion {attempt}", tasks, store, workers), strict=True):
-                now.take(group, record)
+            records = _run(f"{place} motion {attempt}", tasks, store, workers)
+            like = [now.like(group, record) for group, record in zip(open_, records, strict=True)]
+            tasks = [
+                Task(repeating, (now.scene, [start["state"] for start in starts], record["row"].get("period") or 1))
+                for starts, record in zip(like, records, strict=True)
+            ]
+            told = _run(f"{place} repeating {attempt}", tasks, store, workers)
+            for group, record, starts, one in zip(open_, records, like, told, strict=True):
+                now.take(group, record, list(compress(starts, one["repeats"])))
         for group in groups:
             now.give_up(group)
 
     def repeats(self, answer: Answer, other: Callable[[Scene], Scene]) -> list[Repeat]:
         """Choose starts, as far from each other as they can be, that must converge to the same attractors.
 
-        Where chaos is a transient, its end differs from engine to engine: such starts are left out.
+        Where chaos is a transient, its end differs from engine to engine. Such starts are left out, and those whose
+        motions ended early or are undecided.
         """
         attractors, starts = answer.tables["attractors"], answer.tables["starts"]
         names = ["attractor"] if self.key is None else [column_of(self.key), "attractor"]
         joined = starts[[*names, "turns"]].merge(attractors, on=names, how="left")
         late = joined["period"].gt(0) & joined["turns"].gt(LATE * self.plan.longest_turns)
-        places = np.flatnonzero(~(late | joined["motion"].isin(RESTLESS) & ~joined["rate_per_turn"].eq(0.0)))
+        kept = joined["period"].gt(0) | joined["rate_per_turn"].eq(0.0) | ~joined["motion"].isin(RESTLESS)
+        places = np.flatnonzero(kept & ~late & joined["outcome"].eq("ok"))
         count, order, found = self.plan.number, self.order, list[Repeat]()
         for place in spread(places.tolist()):
             value, start = divmod(place, count)
@@ -273,7 +283,9 @@ def _told(question: Basins, found: Sequence[Found]) -> Answer:
     plan, key = question.plan, question.key
     column = {} if key is None else {column_of(key): None}
     attractors, starts, places = [], [], values_of(plan, range(plan.number))
+    escaped: dict[str, int] = {}
     for value, f, labels in zip(question.values, found, names(found), strict=True):
+        escaped |= {label: a.get("escaped", 0) for label, a in zip(labels, f.attractors, strict=True)}
         at = dict.fromkeys(column, value)
         counts, rates = f.counts, rates_of(f.attractors, f.starts, plan.longest_turns)
         order = sorted(range(len(counts)), key=lambda k: (-counts[k], k))
@@ -294,7 +306,7 @@ def _told(question: Basins, found: Sequence[Found]) -> Answer:
     return Answer(
         tables,
         lines=_lines(plan, tables, len(question.values)),
-        text=_text(tables["attractors"], key),
+        text=_text(tables["attractors"], key, escaped),
         notes=_notes(plan, tables["attractors"], found),
         failures=[line for f in found for line in _failures(f)],
     )
@@ -316,7 +328,7 @@ def _row(record: Record, label: str, count: int, rate: Rate | None, plan: Basins
 def _lines(plan: BasinsPlan, tables: Mapping[str, pd.DataFrame], values: int) -> dict[str, str]:
     """Summarize: the box of starts is part of the answer."""
     ways = [f"{plan.number}"] + ([f"at each of {values} values of {plan.over.key}"] if plan.over else [])
-    lines = {"starts": " ".join(ways)}
+    lines = {"starts": f"{' '.join(ways)}, each followed for {plan.longest_turns} turns"}
     for key, (low, high, *count) in plan.starts.items():
         lines[words_in_place(key)] = f"{low:g} … {high:g}" + (f", {int(count[0])} values" if count else ", at random")
     turns = tables["starts"]["turns"]
@@ -324,8 +336,11 @@ def _lines(plan: BasinsPlan, tables: Mapping[str, pd.DataFrame], values: int) ->
     return lines
 
 
-def _text(table: pd.DataFrame, key: str | None) -> list[str]:
-    """Return a line for each attractor: its share with its bounds, over a key its least and largest share."""
+def _text(table: pd.DataFrame, key: str | None, escaped: Mapping[str, int]) -> list[str]:
+    """Return a line for each attractor: its share with its bounds, over a key its least and largest share.
+
+    ``escaped`` are numbers of its motions that have converged to an orbit when they were followed longer.
+    """
     lines = []
     for name, rows in table.groupby("attractor", sort=False):
         row, share = rows.iloc[0], rows["fraction"]
@@ -335,18 +350,21 @@ def _text(table: pd.DataFrame, key: str | None) -> list[str]:
             told = f"{share.min():.4f} … {share.max():.4f} at {place_words(column_of(key), values.min(), values.max())}"
         else:
             told += f" within {row['within_turns']} turns"
-            told += f", RMS y {1e3 * row['rms_y_m']:.4g} mm" if pd.notna(row["rms_y_m"]) else ""
+            sure = pd.notna(row["rms_y_m"]) and row["motion"] != "undecided"
+            told += f", RMS y {1e3 * row['rms_y_m']:.4g} mm" if sure else ""
             told += f", multiplier {row['multiplier_max']:.4f}" if pd.notna(row["multiplier_max"]) else ""
-            told += _life(row)
+            told += _life(row, escaped.get(str(name), 0))
         lines.append(f"{name:<{max(map(len, table['attractor']))}}  {told}")
     return lines
 
 
-def _life(row: pd.Series) -> str:
-    """Say how long a motion that does not repeat lasts, with bounds; empty where this is not known."""
-    if row["motion"] not in RESTLESS or pd.isna(row["rate_high_per_turn"]):
+def _life(row: pd.Series, escaped: int) -> str:
+    """Say how long a chaotic motion lasts, with bounds; empty where this is not known."""
+    if row["motion"] != CHAOTIC or pd.isna(row["rate_high_per_turn"]):
         return ""
     rate, slowest, fastest = (row[f"rate_{name}per_turn"] for name in ("", "low_", "high_"))
+    if not rate > 0.0 and escaped:
+        return f"; transient: {escaped} motion{'s' * (escaped > 1)} converged to an orbit when followed longer"
     if not rate > 0.0:
         return f"; mean life above {_turns(1.0 / fastest)} turns"
     if row["rate_constant_p"] < DOUBT:
@@ -362,18 +380,17 @@ def _turns(number: float) -> str:
 def _notes(plan: BasinsPlan, table: pd.DataFrame, found: Sequence[Found]) -> list[str]:
     """Return what deserves a second look."""
     notes = [f"attractors with a share below {bounds(0, plan.number)[1]:.2g} of the box are easily missed"]
-    restless = table[table["motion"].isin(RESTLESS) & (table["count"] > 0)]
-    if len(restless):
+    if table["motion"].isin(RESTLESS).any():
         notes.append(
             f"motions that have converged to no orbit within {plan.longest_turns} turns are told from each other by "
             "windows of their last turns, and one of each kind was classified"
         )
     for f in found:
-        several = [k for k, record in enumerate(f.attractors) if record["row"]["motion"] in RESTLESS and f.counts[k]]
-        turns = f.unchanged(plan.longest_turns)
-        if len(several) > 1:
+        chaos = [k for k, record in enumerate(f.attractors) if record["row"]["motion"] == CHAOTIC and f.counts[k]]
+        if len(chaos) > 1:
+            turns = f.unchanged(plan.longest_turns)
             notes.append(
-                f"no change from one of these motions to another was seen in {_turns(turns)} turns: it happens less "
+                f"no change from one chaotic motion to another was seen in {_turns(turns)} turns: it happens less "
                 f"often than once in {_turns(turns / 3.0)} turns (95 %)"
             )
             break

@@ -20,8 +20,10 @@ from vibroplat.study.store import Record
 LATE = 0.25
 #: Error of bounds: they hold the rate in 95 of 100 samples.
 DOUBT = 0.05
-#: Motions that may be transients, and the radius that counts for orbits without an ellipsoid.
-RESTLESS, NEAREST = ("chaotic", "undecided"), 1e-4
+#: Motions that may be transients. Those that are surely chaotic do not converge directly; others may do so.
+CHAOTIC, RESTLESS = "chaotic", ("chaotic", "undecided")
+#: Radius that counts for orbits without an ellipsoid.
+NEAREST = 1e-4
 #: Fewest late arrivals of which it can be told whether their rate is constant.
 ENOUGH = 5
 
@@ -82,9 +84,10 @@ def _constant(places: FloatArray) -> float:
 def rates_of(attractors: Sequence[Record], starts: Sequence[Record], longest: int) -> list[Rate | None]:
     """Estimate the rate at which motions converge to each orbit, and that at which each other motion is left for one.
 
-    It is None where nothing was at risk, or where a motion may take as long on a direct way to the orbit. An upper
-    bound alone is known of a motion that may have been left for such an orbit, and of several motions that do not
-    repeat, as it is not known which of them was left how often.
+    It is None where nothing was at risk, where a motion may take as long on a direct way to the orbit, where it is not
+    known when motions converged to it, and of undecided motions. An upper bound alone is known of chaos that may have
+    been left for such an orbit, and of chaos beside other motions that do not repeat, as it is not known which of them
+    was left how often.
 
     Parameters
     ----------
@@ -96,7 +99,8 @@ def rates_of(attractors: Sequence[Record], starts: Sequence[Record], longest: in
     begin = LATE * longest
     rows = [record["row"] for record in attractors]
     orbits = {k for k, row in enumerate(rows) if row["motion"] == "periodic"}
-    quick = {k for k in orbits if _direct_turns(attractors[k]) <= begin}
+    unseen = {start["attractor"] for start in starts if "windows" in start}
+    quick = {k for k in orbits - unseen if _direct_turns(attractors[k]) <= begin}
     restless = {k for k, row in enumerate(rows) if row["motion"] in RESTLESS}
     late = [(start["attractor"], start["turns"] - begin) for start in starts if start["turns"] > begin]
     arrived = [(number, turns) for number, turns in late if number in quick]
@@ -113,7 +117,7 @@ def rates_of(attractors: Sequence[Record], starts: Sequence[Record], longest: in
     for k in quick:
         found[k] = rate([turns for number, turns in arrived if number == k], risk)
     escaped = [(number, turns) for number, turns in late if number in orbits]
-    for k in restless:
+    for k in (k for k in restless if rows[k]["motion"] == CHAOTIC):
         own = [turns for number, turns in late if number == k]
         sure = arrived == escaped and (restless == {k} or not escaped)
         left = rate([turns for _, turns in escaped], own + [turns for _, turns in escaped])
@@ -124,5 +128,6 @@ def rates_of(attractors: Sequence[Record], starts: Sequence[Record], longest: in
 def _direct_turns(record: Record) -> float:
     """Return the turns that a motion may take to an orbit from any distance, as far as the derivative tells."""
     row = record["row"]
-    decay = -math.log(min(max(row["multiplier_max"] or 0.0, 1e-300), 1.0 - 1e-15))
+    multiplier = row.get("multiplier_max")
+    decay = -math.log(min(max(1.0 if multiplier is None else multiplier, 1e-300), 1.0 - 1e-15))
     return float(row["period"] * -math.log(record["radius"] or NEAREST) / decay)

@@ -50,6 +50,9 @@ def classes_of(motions: Sequence[Sequence[Window]], scales: FloatArray) -> list[
 def components(paths: Sequence[Sequence[int]]) -> tuple[list[int], dict[int, set[int]]]:
     """Return the strong component in which each path ends, and the closed ones to which each component leads.
 
+    A motion that has just entered classes in which none was seen to stay is on its way: it ends in the last component
+    before them. One that was in no other has the number −1.
+
     Parameters
     ----------
     paths
@@ -64,14 +67,17 @@ def components(paths: Sequence[Sequence[int]]) -> tuple[list[int], dict[int, set
     from scipy.sparse.csgraph import connected_components  # noqa: PLC0415
 
     size = 1 + max((number for path in paths for number in path), default=-1)
-    arrows = np.eye(size, dtype=bool)
+    arrows = np.zeros((size, size), dtype=bool)
     for path in paths:
         arrows[path[:-1], path[1:]] = True
     count, labels = connected_components(csr_array(arrows), directed=True, connection="strong")
     reached = np.zeros((count, count), dtype=bool)
     for one, other in np.argwhere(arrows):
         reached[labels[one], labels[other]] = True
+    stays = reached.diagonal().copy()
+    reached &= stays & stays[:, np.newaxis]
     for middle in range(count):
         reached |= np.outer(reached[:, middle], reached[middle])
-    closed = [k for k in range(count) if reached[k].sum() == 1]
-    return [int(labels[path[-1]]) for path in paths], {k: {c for c in closed if reached[k, c]} for k in range(count)}
+    closed = [k for k in range(count) if stays[k] and reached[k].sum() == 1]
+    ends = [next((int(labels[k]) for k in reversed(path) if stays[labels[k]]), -1) for path in paths]
+    return ends, {-1: set()} | {k: {c for c in closed if reached[k, c]} for k in range(count)}

@@ -10,6 +10,8 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
+import pandas as pd
+
 from vibroplat.check import Other, by_other_engine
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.scene import Scene
@@ -92,15 +94,16 @@ def check_motions(
     engines, scales = (engine_name(scene), engine_name(other(scene))), scales_of(scene)
     largest, disagreements = 0.0, list[str]()
     for repeat, record in zip(wanted, found, strict=True):
-        names = [name for name in repeat.row if name != PHASE_COLUMN]
-        if not repeat.row.get("period", 1):
-            names = ["period"] if same_phase(repeat.row, record["row"]) else ["period", "sync"]
-        apart = {name: _apart(repeat.row[name], record["row"].get(name), scales.get(name, 0.0)) for name in names}
+        known = {name: None if pd.isna(value) else value for name, value in repeat.row.items()}
+        names = [name for name in known if name != PHASE_COLUMN]
+        if not known.get("period", 1):
+            names = ["period"] if same_phase(known, record["row"]) else ["period", "sync"]
+        apart = {name: _apart(known[name], record["row"].get(name), scales.get(name, 0.0)) for name in names}
         worst = max((size, name) for name, size in apart.items())
         if worst[0] <= repeat.allowed:
             largest = max(largest, worst[0])
             continue
-        one, two = (_told(row.get(worst[1])) for row in (repeat.row, record["row"]))
+        one, two = (_told(row.get(worst[1])) for row in (known, record["row"]))
         disagreements.append(
             f"engines disagree {repeat.place}: {worst[1]} = {one} ({engines[0]}) and {two} ({engines[1]})"
         )

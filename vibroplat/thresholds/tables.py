@@ -157,7 +157,6 @@ class Find:
                     if rows.empty:
                         continue
                     seed, known = int(rows["seed"].iloc[0]), {name: rows[name].iloc[0] for name in COMPARED}
-                known = {name: None if pd.isna(number) else number for name, number in known.items()}
                 scene = other(self.scene.replace({self.plan.key: at}))
                 task = Task(evaluate, (scene, self.plan, None, 1, start_key(self.scene, seed)), lost)
                 found[at] = Repeat(f"at {self.plan.key} = {at:.12g}", task, known)
