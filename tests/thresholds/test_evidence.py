@@ -26,7 +26,7 @@ from vibroplat.thresholds.evidence import (
 )
 from vibroplat.thresholds.search import start_key
 from vibroplat.thresholds.tables import question
-from vibroplat.thresholds.values import Value, closed, evaluate
+from vibroplat.thresholds.values import Value, closed, evaluate, scatters
 
 KEY = "motor.critical_torque_n_m"
 ASKED = {"key": KEY, "start": 0.0, "stop": 100.0, "scan": 5, "tolerance": 0.5, "expression": "rms_y_m > 0.5"}
@@ -64,6 +64,22 @@ def test_values_that_contradict_a_threshold_make_a_mixed_interval():
     assert (zone.below.tried, zone.above.tried, zone.above.last) == (1, 2, 80.0)
     assert list(open_ends([zone], set())) == [(zone, False), (zone, True)]
     assert list(open_ends([zone], {(60.0, True)})) == [(zone, False)]
+
+
+def test_values_beyond_a_mixed_interval_differ_from_each_other():
+    """One that is wide reaches half of its width beyond, which may be the end of the range."""
+    found = values(0, 1, 0, 1, 0, 1, 0, 0, 1, 1, 1)
+    (zone,) = zones(found, [between(*found[7:9])], PLAN)
+    beyond = Places(PLAN).beyond(zone, True)
+    assert len(set(beyond)) == len(beyond)
+    assert max(beyond) > 99.0
+
+
+def test_measures_that_meet_within_their_errors_are_no_clear_threshold():
+    """Chaos scatters around the level; orbits do not."""
+    one, other = (value(at, 0.5 + at / 1e4, rms_y_error_m=0.02) for at in (-1.0, 1.0))
+    assert scatters(one, other, PLAN)
+    assert not scatters(value(-1.0, 0.4999), value(1.0, 0.5001), PLAN)
 
 
 def test_a_value_that_changes_with_twice_the_time_is_mixed():
@@ -191,7 +207,7 @@ def test_the_answer_is_the_value_beyond_which_all_hold_then_the_mixed_interval_t
     assert mixed.startswith("mixed from 3")
     assert below.startswith("below 3")
     assert "rms_y_m > 0.5 is false at all" in below
-    assert single.startswith(f"one of the changes: {KEY} = ")
+    assert single.startswith(f"a change there: {KEY} = ")
 
 
 def test_it_depends_neither_on_jobs_nor_on_an_interruption(known, tmp_path):

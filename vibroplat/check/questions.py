@@ -52,8 +52,8 @@ class AnswerCheck(NamedTuple):
     def lines(self) -> Iterator[tuple[str, str]]:
         """Yield lines that summarize it: label and text."""
         motions = f"{self.checked} motion{'s' * (self.checked != 1)}"
-        told = f"{motions}, measures within {self.largest:.1g}" if self.checked else "no motion to repeat"
-        yield "checked by", f"engine {self.other}, {told}"
+        told = f"{motions}, measures within {self.largest:.1g}" if self.checked else "no motion that it could repeat"
+        yield "checked by" if self.checked else "not checked by", f"engine {self.other}, {told}"
 
     def to_tree(self) -> dict[str, Any]:
         """Return it as plain values."""

@@ -244,7 +244,7 @@ class Places:
             return []
         even = min(EVENLY * self._width(zone), length)
         distances = [(k + 0.5) / DENSE * even for k in range(DENSE if wanted(zone, upward, self.plan) else 0)]
-        nearest = even if distances else even / DENSE
+        nearest = even if distances and even < 0.9 * length else even / DENSE
         distances += [nearest * (length / nearest) ** ((k + 0.5) / FARTHER) for k in range(FARTHER)]
         return [self.value(edge + distance if upward else edge - distance) for distance in distances]
 

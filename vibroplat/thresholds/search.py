@@ -30,7 +30,7 @@ from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.question import Progress
 from vibroplat.study.store import Record, Store
 from vibroplat.thresholds.evidence import PAIRS, ROUNDS, Places, Threshold, Zone, open_ends, zones
-from vibroplat.thresholds.values import Value, apart, closed, constant, evaluate, size
+from vibroplat.thresholds.values import Value, apart, closed, constant, evaluate, scatters, size
 
 #: Where the motion beside the end of an orbit's stability is measured, over the distance to the end of the interval.
 BESIDE = 0.02
@@ -273,7 +273,8 @@ class Search:
     def evidence(self, scan: Sequence[Value], thresholds: Sequence[Threshold]) -> list[Zone]:
         """Return what all values say about the thresholds, and look for values that contradict them.
 
-        They are looked for near each threshold at which measures jump. Where outcomes are mixed, rounds of values
+        They are looked for near each threshold at which measures jump, or meet within their standard errors: where a
+        measure of chaos scatters around a level, outcomes on both sides are mixed. Where they are, rounds of values
         follow beyond both ends of the mixed interval, until none in a round contradicts; then pairs of values in it.
         Half of those rounds begin with other seeds: what holds beyond the interval must not depend on the seed.
         Nothing is looked for with neighbours, where the outcome at a value depends on the way to it, or at special
@@ -282,8 +283,12 @@ class Search:
         if self.plan.from_ == "neighbour":
             return zones([*scan, *self.seen], thresholds, self.plan)
         places = self._places
-        jumps = [one for one in thresholds if not one.special and one.kind != "level crossing"]
-        self._look("near", [at for one in jumps for at in places.near(one)])
+        doubtful = [
+            one
+            for one in thresholds
+            if not one.special and (one.kind != "level crossing" or scatters(one.low, one.high, self.plan))
+        ]
+        self._look("near", [at for one in doubtful for at in places.near(one)])
         tried: set[tuple[float, bool]] = set()
         found = zones([*scan, *self.seen], thresholds, self.plan)
         for number in range(ROUNDS):

@@ -28,7 +28,7 @@ from vibroplat.study.pool import Pool, Task
 from vibroplat.study.question import COMPARED, Answer, Progress, Repeat, ask
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import COLUMNS, SWEEP
-from vibroplat.thresholds.evidence import DISTANCES, PAIRS, Clear, Zone, facts, wanted
+from vibroplat.thresholds.evidence import DISTANCES, PAIRS, Clear, Threshold, Zone, facts, wanted
 from vibroplat.thresholds.search import Search, start_key
 from vibroplat.thresholds.values import Value, evaluate
 
@@ -206,10 +206,16 @@ class Find:
                 yield from self._mixed(zone)
             for one in zone.thresholds:
                 yield (
-                    f"{'one of the changes: ' if zone.mixed else ''}{self.plan.key} = {self._number(one.value)}"
-                    f"{f', {one.special} of the orbit' if one.special else ''}: {TOLD.get(one.kind, one.kind)}; "
+                    f"{'a change there: ' if zone.mixed else ''}{self.plan.key} = {self._number(one.value)}"
+                    f"{f', {one.special} of the orbit' if one.special else ''}: {self._kind(one)}; "
                     f"below {self._side(one.low)}; above {self._side(one.high)}"
                 )
+
+    def _kind(self, one: Threshold) -> str:
+        """Return the kind of a change in words; where no level was asked for, none is crossed."""
+        if one.kind == "level crossing" and self.plan.expression is None:
+            return "the measures on both sides meet"
+        return TOLD.get(one.kind, one.kind)
 
     def _mixed(self, zone: Zone) -> Iterator[str]:
         """Yield the lines of a mixed interval: where the expression holds first, otherwise what is above first."""

@@ -116,6 +116,11 @@ def size(one: Value, other: Value, plan: FindPlan) -> float:
     return float(max(abs(value.row.get(plan.compared[0]) or 0.0) for value in (one, other)))
 
 
+def scatters(one: Value, other: Value, plan: FindPlan) -> bool:
+    """Return whether standard errors tell how far two values differ by chance, as they do where motion is chaotic."""
+    return uncertainty(one, other, plan) > ROUNDING * size(one, other, plan)
+
+
 def uncertainty(one: Value, other: Value, plan: FindPlan) -> float:
     """Return up to which :func:`apart` differs by chance, as far as standard errors of the measures tell."""
     columns = ("rms_x_m", "rms_y_m", "excitation_frequency_hz", "phase_difference_rad")
