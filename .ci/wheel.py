@@ -31,7 +31,7 @@ COMMANDS = (
     ("run", "quickstart.yaml", "--engine", "native", *SHORT),
     ("run", "quickstart.yaml", "--engine", "taylor", *SHORT),
     ("sweep", "quickstart.yaml", "--engine", "native", *SWEEP),
-    ("sweep", "quickstart.yaml", "--engine", "taylor", *SWEEP, "--set", "sweep.confirm=orbits", "--check", "0.3"),
+    ("sweep", "quickstart.yaml", "--engine", "taylor", *SWEEP, "--check", "0.3"),
     ("orbits", "examples/branches.yaml", "--engine", "taylor", "--set", "orbits.stop=46.0"),
     ("orbits", "examples/boundaries-mass.yaml", "--engine", "taylor", "--set", "orbits.stop=46.0"),
     ("orbits", "examples/branches.yaml", "--engine", "native", "--set", "orbits.stop=42.5"),
@@ -80,7 +80,7 @@ class CustomBuildHook(BuildHookInterface):
             return
         self._folder = tempfile.mkdtemp(prefix="vibroplat-wheel-")
         made = compile_all(Path(self.root), Path(self._folder))
-        for file in made.glob("*.bin"):
+        for file in (*made.glob("*.bin"), *made.glob("sources-*")):
             if not file.match(INSIDE):
                 build_data["force_include"][str(file)] = f"vibroplat/kernels/machine_code/{made.name}/{file.name}"
         build_data["pure_python"] = False

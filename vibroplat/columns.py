@@ -83,7 +83,7 @@ _EXTREMES = {"max": "largest", "min": "smallest"}
 def words(name: str) -> str:
     """Return a key or column as a person says it, without its unit: ``gap_max_m`` is "largest gap".
 
-    ``whole_gap_at_s`` and ``whole_gap_at_hz`` are the "time of" it in the whole run, and the "speed at" it.
+    ``whole_stroke_x_at_s`` and ``whole_stroke_x_at_hz`` are the "time of" it in the whole run, and the "speed at" it.
     """
     last, unit = split(name)
     parts = last.split("_")

@@ -45,7 +45,7 @@ def package(tmp_path, monkeypatch):
 
 def forget():
     """Forget what this process has found, as a new one would not know it."""
-    for known in (cache.digest, cache.folder, cache._readable, processor):
+    for known in (cache._state, cache._name, cache.folder, cache._readable, processor):
         known.cache_clear()
 
 
@@ -226,6 +226,122 @@ def test_change_of_any_source_is_another_folder(package):
     assert {folder.parent for folder in folders} == {folders[0].parent}
 
 
+#: A source with a kernel, and what its machine code depends on.
+KERNEL = '''"""Kernels."""
+
+import numpy as np
+
+from vibroplat.kernels.compiled import compiled, fused
+
+#: Ratio.
+HALF, SIZE = 0.5, 1e-12
+
+
+@compiled
+def scaled(x: float, n: int = 3) -> float:
+    """Scale a number."""
+    # by halves
+    for _ in range(n):
+        x = HALF * x + SIZE
+        x -= SIZE
+    return x
+'''
+#: Edits that leave machine code as it is.
+PROSE = {
+    "comment": ("    # by halves\n", "    # n times\n"),
+    "comment gone": ("    # by halves\n", ""),
+    "comment behind code": ("    return x", "    return x  # scaled"),
+    "docstring": ('"""Scale a number."""', '"""Scale a number.\n\n    Several times.\n    """'),
+    "docstring gone": ('    """Scale a number."""\n', ""),
+    "docstring of the file": ('"""Kernels."""', '"""Kernels of this room."""'),
+    "lines above": ("#: Ratio.\n", "#: Ratio,\n#: of all.\n\n\n"),
+    "layout": ("x = HALF * x + SIZE", "x = (\n            HALF * x + SIZE\n        )"),
+    "ends of lines": ("\n", "\r\n"),
+}
+#: Edits that change machine code, or may do so.
+CODE = {
+    "constant": ("0.5", "0.25"),
+    "constant in its last bit": ("0.5", "0.5000000000000001"),
+    "type of a constant": ("HALF, SIZE = 0.5", "HALF, SIZE = 1"),
+    "sign": ("1e-12", "-1e-12"),
+    "decorator": ("@compiled", "@fused"),
+    "decorator gone": ("@compiled\n", ""),
+    "argument of a decorator": ("@compiled", "@compiled(nogil=False)"),
+    "operation": ("HALF * x", "HALF / x"),
+    "order of a sum": ("HALF * x + SIZE", "SIZE + HALF * x"),
+    "rounding": ("HALF * x + SIZE", "HALF * (x + SIZE)"),
+    "default": ("n: int = 3", "n: int = 4"),
+    "name": ("def scaled", "def scaled_down"),
+    "import": ("compiled import", "linear import"),
+    "statement": ("    return x", "    x += 1.0\n    return x"),
+    "order of statements": (
+        "        x = HALF * x + SIZE\n        x -= SIZE\n",
+        "        x -= SIZE\n        x = HALF * x + SIZE\n",
+    ),
+    "indentation": ("    return x", "        return x"),
+    "string that is no docstring": ("HALF, SIZE = 0.5, 1e-12", 'HALF, SIZE = 0.5, 1e-12\nNAME = "x"'),
+}
+
+
+def edited(package, old, new):
+    """Folder for a package whose kernel has been edited, and left as it was."""
+    source = package / "model/source.py"
+    assert old in KERNEL
+    source.write_bytes(KERNEL.replace(old, new).encode())
+    current = found(package)
+    source.write_text(KERNEL)
+    return current
+
+
+@pytest.mark.parametrize("what", PROSE)
+def test_edit_of_a_comment_or_docstring_keeps_machine_code(what, package):
+    assert edited(package, *PROSE[what]) == edited(package, "", "")
+
+
+@pytest.mark.parametrize("what", CODE)
+def test_edit_of_code_is_another_folder(what, package):
+    assert edited(package, *CODE[what]) != edited(package, "", "")
+
+
+def test_source_that_cannot_be_parsed_counts_as_it_is(package):
+    assert len({edited(package, "(x: float", broken) for broken in ("(x float", "(x  float", "(x\0")}) == 3
+
+
+def refuse(_source):
+    pytest.fail("it was parsed")
+
+
+def test_sources_that_were_parsed_once_are_not_parsed_again(package, monkeypatch):
+    """With comments edited back and forth as well."""
+    (package / "model/source.py").write_text(KERNEL)
+    folders = {found(package), edited(package, *PROSE["comment"]), found(package)}
+    monkeypatch.setattr(cache, "_code", refuse)
+    folders |= {found(package), edited(package, *PROSE["comment"])}
+    assert len(folders) == 1
+    assert len(list(folders.pop().glob("sources-*"))) == 2
+
+
+def test_shipped_machine_code_tells_the_sources_that_it_is_of(package, monkeypatch):
+    """A process that can write nothing need not parse either."""
+    kept = found(package)
+    shutil.copytree(kept, package / cache.SHIPPED / kept.name)
+    shutil.rmtree(kept.parent)
+    block_all(package)
+    block(Path(tempfile.gettempdir()) / f"numba-{os.getuid()}")
+    monkeypatch.setattr(cache, "_code", refuse)
+    assert found(package) is None
+    assert [place.name for place in cache._readable()] == [kept.name]
+
+
+def test_name_that_others_can_plant_is_not_believed(package):
+    kept = found(package)
+    other = kept.with_name("kernels-0123456789abcdef")
+    kept.rename(other)
+    assert found(package) == other  # whoever can write there is this user
+    other.chmod(0o777)
+    assert found(package) == kept
+
+
 def test_other_compiler_or_setting_of_it_is_another_folder(package, monkeypatch):
     folders = [found(package)]
     for holder in (numba, cache.llvmlite):
@@ -244,20 +360,41 @@ def test_list_of_places_from_the_environment_does_not_replace_ours():
     assert Path(done.stdout.strip()).name.startswith("kernels-")
 
 
-def sources_with_kernels():
-    decorators = {"compiled", "inlined", "callback", "numba.njit", "numba.cfunc"}
+def kernels_of_sources():
+    """Yield the source and the name of each function that is compiled."""
+    decorators = {"compiled", "inlined", "fused", "fused_inline", "callback", "numba.njit", "numba.cfunc"}
     for path in PACKAGE.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             for decorator in getattr(node, "decorator_list", ()):
                 if ast.unparse(decorator).partition("(")[0] in decorators:
-                    yield path
+                    yield path, node.name
 
 
 def test_every_kernel_is_in_a_room_that_the_digest_covers():
-    kernels = set(sources_with_kernels())
+    kernels = {path for path, _ in kernels_of_sources()}
     assert len(kernels) > 20
     assert {path.relative_to(PACKAGE).as_posix() for path in kernels if path.parent.name not in cache.ROOMS} == set()
     assert {path.parent.parent for path in kernels} == {PACKAGE}
+
+
+def test_every_kernel_has_a_name_of_its_own():
+    """Machine code is kept by the names of kernels: two of one name in a file would be mixed up."""
+    names = [(path, name) for path, name in kernels_of_sources() if path.parent.name in cache.ROOMS]
+    assert len(names) > 100
+    assert sorted(set(names)) == sorted(names)
+
+
+@pytest.mark.parametrize("how", ["lambda", "inside a function"])
+def test_function_without_a_name_of_its_own_is_not_kept(how, monkeypatch):
+    """Those of one factory differ in what they enclose."""
+
+    def inside(x):
+        return x
+
+    monkeypatch.setattr(cache.inspect, "getfile", lambda _: str(PACKAGE / "model/source.py"))
+    function = inside if how == "inside a function" else lambda x: x
+    assert not isinstance(cache.cache_of(function), cache.KernelCache)
+    assert isinstance(cache.cache_of(refuse), cache.KernelCache)
 
 
 def test_no_number_that_the_digest_does_not_cover_is_imported_beside_kernels():
@@ -383,9 +520,10 @@ def test_shipped_machine_code_is_used_where_it_fits_and_nowhere_else(tmp_path):
     all_three = {f"kernels.polynomial.{name}" for name in ("crossing", "slope.inside", "value.inside")}
     assert compiled_by(tmp_path, site) == set()
     assert compiled_by(tmp_path, site, "cpu", NUMBA_CPU_NAME="nehalem", NUMBA_CPU_FEATURES="") == all_three
-    with (site / "model/motor.py").open("a") as source:
-        source.write("# changed\n")
-    assert compiled_by(tmp_path, site, "source") == all_three
+    for text, made in (("# changed\n", set()), ("changed = True\n", all_three)):
+        with (site / "kernels/polynomial.py").open("a") as source:
+            source.write(text)
+        assert compiled_by(tmp_path, site, text[0]) == made
 
 
 # -- the processor that they are compiled for -----------------------------------------------------------
@@ -421,5 +559,4 @@ def test_choice_of_the_user_goes_before(package, monkeypatch):
     assert chosen(monkeypatch, V3, CPU_NAME="icelake-server") == ("icelake-server", V3)
     one = found(package)
     assert chosen(monkeypatch, V3, CPU_NAME="nehalem") == ("nehalem", V3)
-    cache.digest.cache_clear(), cache.folder.cache_clear()
-    assert cache.folder() != one
+    assert found(package) != one

@@ -225,9 +225,8 @@ def test_without_a_folder_or_a_file_nobody_waits(here):
 
 def test_kernels_and_their_signatures_have_numbers_of_their_own():
     numbers = {
-        KernelCache(function, name).number(sig)
-        for function in (script, until)
-        for name in ("one", "two")
+        KernelCache(name).number(sig)
+        for name in ("model.one.force", "model.two.force", "hybrid.one.force", "model.one.force.inside")
         for sig in ("int64(int64)", "int64(float64)", "float64(float64, int64)")
     }
     assert len(numbers) == 12

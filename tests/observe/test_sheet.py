@@ -9,7 +9,7 @@ from common.places import QUICKSTART, ROOT
 from vibroplat import Scene, load_config, orbit, simulate, sweep
 from vibroplat.columns import split
 from vibroplat.observe.extremes import FORCE, joined, no_peaks
-from vibroplat.observe.sheet import SHEET, columns
+from vibroplat.observe.sheet import SHEET, columns, whole_columns
 from vibroplat.results.card import sheet
 
 POINTS = {"output.points": {"inlet": [-0.2, 0.1], "outlet": [0.25, 0.05], "top": [0.0, 0.3]}}
@@ -224,8 +224,28 @@ def test_exciters_that_swing_have_no_speed_at_a_peak():
     assert summary["whole_foundation_force_y_max_at_s"] > 8.0
     assert summary["whole_foundation_force_y_max_at_hz"] is None
     assert not sheet(run.scene, summary)["force y into foundation"].endswith("Hz")
-    at, expected = run(np.linspace(0.0, 2.0, 100_001)), summary["whole_acceleration_max_at_s"]
-    assert summary["whole_acceleration_max_at_hz"] == pytest.approx(pace(at, expected), rel=2e-3)
+    at, expected = run(np.linspace(0.0, 2.0, 100_001)), summary["whole_motor_power_1_max_at_s"]
+    assert summary["whole_motor_power_1_max_at_hz"] == pytest.approx(pace(at, expected), rel=2e-3)
+
+
+def test_loads_strokes_torques_and_powers_have_a_time_and_a_speed(quickstart):
+    """Those that are largest at a start or a stop; of the others there is the value alone, in summary and sheet."""
+    run = simulate(quickstart.replace({"run.duration_s": 0.2, "solver.engine": "taylor", **POINTS}))
+    summary, whole = run.summary, whole_columns(columns(run.scene))
+    timed = {name.removesuffix("_at_s") for name in summary if name.startswith("whole_") and name.endswith("_at_s")}
+    assert {name.removesuffix("_at_hz") for name in summary if name.endswith("_at_hz")} == timed
+    strokes = {
+        f"whole_stroke_{axis}{point}"
+        for axis in "xy"
+        for point in ("", *(f"_{name}" for name in POINTS["output.points"]))
+    }
+    loads = {f"whole_foundation_{load}_max" for load in ("force_x", "force_y", "moment")}
+    assert timed == strokes | loads | {f"whole_motor_{what}_{i}_max" for what in ("power", "torque") for i in (1, 2)}
+    assert set(whole) == {name for name in summary if name.startswith("whole_")}
+    lines = sheet(run.scene, summary | {"whole_gamma": 99.0, "whole_acceleration_max_m_per_s2": 999.0})
+    assert lines["acceleration"].endswith("; whole run: 999 m/s²")
+    same = {"whole_acceleration_max_m_per_s2": summary["acceleration_max_m_per_s2"]}
+    assert ";" not in sheet(run.scene, summary | same)["acceleration"]
 
 
 def test_the_viscous_force_of_the_material_does_not_reach_the_foundation(quickstart):

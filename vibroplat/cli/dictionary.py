@@ -6,7 +6,7 @@ Keys are described where they are defined (:mod:`vibroplat.config.scene`), colum
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import groupby
+from itertools import groupby, starmap
 
 from vibroplat.basin.question import ATTRACTORS, FRACTIONS, STARTS_TABLE
 from vibroplat.columns import Column, Columns, unit_of
@@ -100,6 +100,17 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "sync-bands": ("`vibroplat paper`: where the exciters synchronize how.", SYNC_BANDS),
 }
 
+#: Columns that an engineer reads first, in this order.
+FIRST = (
+    *("outcome", "notes", "energy_residual"),
+    *("sync", "motion", "period", "stable", "excitation_frequency_hz", "phase_difference_rad", "phase_coherence"),
+    *("synchronized_at_s", "captured_by"),
+    *("amplitude_y_m", "stroke_x_m", "stroke_y_m", "whole_stroke_y_m", "acceleration_max_m_per_s2", "gamma"),
+    *("flight_fraction", "impacts_per_period", "impulse_max_n_s", "contact_force_max_n"),
+    *("foundation_force_x_max_n", "foundation_force_y_max_n", "whole_foundation_force_y_max_n"),
+    *("motor_power_w", "motor_torque_1_max_n_m", "motor_torque_2_max_n_m", "slip_1", "slip_2"),
+)
+
 
 def configuration_page() -> str:
     """Return a page on all keys of a configuration, in Markdown."""
@@ -131,12 +142,28 @@ def columns_page() -> str:
         "Names end with their unit; columns without one are texts, counts or pure numbers. Parquet files carry units",
         "and meanings in the metadata of their fields, tables in Python in `DataFrame.attrs` (`units`, `meanings`).",
         "The symbols are those of [the model](model.md). This page is written by `vibroplat columns`.",
+        "",
+        "## Read these first",
+        "",
+        "The outcome, synchronization, motion, flight and impacts, loads on the foundation, and motors.",
+        "",
+        *_table(("column", "unit", "meaning", "definition", "tables"), map(_row_of_all_tables, FIRST)),
     ]
     for table, (about, described) in TABLES.items():
-        rows = [(f"`{name}`", unit_of(name), c.meaning, c.definition) for name, c in described.items()]
         lines += ["", f"## {table}", "", about, ""]
-        lines += _table(("column", "unit", "meaning", "definition"), rows)
+        lines += _table(("column", "unit", "meaning", "definition"), starmap(_row, described.items()))
     return "\n".join(lines) + "\n"
+
+
+def _row(name: str, column: Column) -> tuple[str, ...]:
+    """Return what the page says of a column."""
+    return f"`{name}`", unit_of(name), column.meaning, column.definition
+
+
+def _row_of_all_tables(name: str) -> tuple[str, ...]:
+    """Return what the page says of a column in the first table that has it, and all tables that do."""
+    tables = {table: described[name] for table, (_, described) in TABLES.items() if name in described}
+    return *_row(name, next(iter(tables.values()))), ", ".join(tables)
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:

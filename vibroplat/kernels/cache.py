@@ -3,8 +3,12 @@
 Numba compares cached machine code with the file of the function itself, not with those of the functions it calls: a
 changed motor would stay compiled into the old platform. Here the name of the cache's folder holds a digest of all that
 determines machine code, wherever the sources lie: any change compiles all kernels anew, and all checkouts of a version
-share what one of them has compiled. Each kernel has a file for each of its signatures, which is written whole: without
-numba's index, which processes that compile at the same time take from each other.
+share what one of them has compiled. Comments, docstrings and empty lines do not count. To leave them out, all sources
+must be parsed, which takes 0.2 s. The folder therefore keeps an empty file, named by a digest of the sources as they
+are, for each state of them that led there: a process that finds it need not parse.
+
+Each kernel has a file for each of its signatures, which is written whole: without numba's index, which processes that
+compile at the same time take from each other.
 
 A wheel can bring machine code (``.ci/wheel.py``), which is read first. It is in a folder of the same name, so it is
 taken only where the sources, the compiler, its settings, Python and the processor are those that it was made for.
@@ -18,6 +22,7 @@ write to, or replace, are not used, whichever of these they are.
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import inspect
 import logging
@@ -64,16 +69,33 @@ SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "USING_SVML
 UNUSED, SPARE = 86_400.0, 3
 
 
-@cache
-def digest() -> str:
-    """Digest of all that determines machine code: every kernel's source, the compiler, its settings, the processor."""
+def _digest(reading: Callable[[bytes], bytes]) -> str:
+    """Digest of all that determines machine code: the compiler, its settings, the processor, each source as read."""
     settings = {name: getattr(config, name, None) for name in SETTINGS}
     versions = (sys.implementation.cache_tag, numba.__version__, llvmlite.__version__)
     found = hashlib.sha256(f"{versions} {settings} {llvm.get_process_triple()} {processor()}".encode())
     sources = [file for room in ROOMS for file in (PACKAGE / room).glob("*.py")]
     for source in sorted((*sources, *(PACKAGE / name for name in SHARED))):
-        found.update(source.relative_to(PACKAGE).as_posix().encode() + source.read_bytes())
+        found.update(source.relative_to(PACKAGE).as_posix().encode() + reading(source.read_bytes()))
     return found.hexdigest()
+
+
+def _code(source: bytes) -> bytes:
+    """Return what Python reads in a source except docstrings: comments, layout and line numbers are not in it."""
+    try:
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError):  # nobody can import it
+        return source
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False):
+            del node.body[0]
+    return ast.dump(tree).encode()
+
+
+@cache
+def _state() -> str:
+    """Name of the file that tells which folder belongs to the sources as they are, with comments and docstrings."""
+    return f"sources-{_digest(bytes)[:16]}"
 
 
 def _folders() -> Iterator[Path]:
@@ -128,8 +150,15 @@ def _is_users_own(group: int) -> bool:
     return found.gr_name == name and set(found.gr_mem) <= {name}
 
 
+@cache
 def _name() -> str:
-    return f"kernels-{digest()[:16]}"
+    """Name of the folder with the machine code of the sources: known from a process that has parsed them, or parsed."""
+    for place in (PACKAGE / SHIPPED, *_folders()):
+        with suppress(OSError):
+            for state in place.glob(f"kernels-*/{_state()}"):
+                if not _stranger(state.parent.resolve()):
+                    return state.parent.name
+    return f"kernels-{_digest(_code)[:16]}"
 
 
 @cache
@@ -143,6 +172,7 @@ def folder() -> Path | None:
             for part in (*reversed(current.parents), current):
                 part.mkdir(mode=0o700, exist_ok=True)
             tempfile.TemporaryFile(dir=current).close()
+            (current / _state()).touch(mode=0o600)
             os.utime(current)  # it is in use
         except OSError:
             continue
@@ -207,9 +237,8 @@ def notice() -> str:
 class KernelCache(NullCache):
     """The machine code of one kernel, a file for each signature."""
 
-    def __init__(self, function: Callable[..., Any], place: str) -> None:
-        self._function = function
-        self._place = place
+    def __init__(self, name: str) -> None:
+        self._name = name
 
     @property
     def cache_path(self) -> str:
@@ -217,9 +246,8 @@ class KernelCache(NullCache):
         return str(folder() or "")
 
     def _file(self, sig: Any) -> str:
-        kinds = sigutils.normalize_signature(sig)
-        found = hashlib.sha256(f"{self._function.__code__.co_firstlineno} {kinds}".encode())
-        return f"{self._place}-{found.hexdigest()[:16]}.bin"
+        kinds = hashlib.sha256(str(sigutils.normalize_signature(sig)).encode())
+        return f"{self._name}-{kinds.hexdigest()[:16]}.bin"
 
     def number(self, sig: Any) -> int:
         """Return the number of the kernel with one signature, below 2⁵⁶."""
@@ -254,11 +282,12 @@ class KernelCache(NullCache):
 
 
 def cache_of(function: Callable[..., Any]) -> Any:
-    """Return the cache of a kernel; of functions elsewhere nothing is kept.
+    """Return the cache of a kernel; of functions elsewhere, and of those without a name of their own, nothing is kept.
 
     Numba's own places would keep it beyond changes of the kernels that they call.
     """
     source = Path(inspect.getfile(function))
-    if source.parent.parent != PACKAGE or source.parent.name not in ROOMS:
+    elsewhere = source.parent.parent != PACKAGE or source.parent.name not in ROOMS
+    if elsewhere or "<" in function.__qualname__:  # lambdas, and functions of functions
         return NullCache()
-    return KernelCache(function, f"{source.parent.name}.{source.stem}.{function.__qualname__}")
+    return KernelCache(f"{source.parent.name}.{source.stem}.{function.__qualname__}")

@@ -42,6 +42,10 @@ STAYING = 0.02
 #: Distance of a speed from a natural frequency, as a part of it, up to which they are near each other.
 NEAR = 0.1
 
+#: Columns whose largest value in the whole run has a time and a speed, by the beginnings of their names: loads on the
+#: foundation, strokes, torques and powers, which are largest while a machine starts or stops.
+TIMED = ("foundation_", "stroke_", "motor_")
+
 _TURN = 2.0 * math.pi
 
 #: Axes of the suspension: their names in columns, places in PEAKS, sums of force and its square, and units.
@@ -133,6 +137,8 @@ def whole_columns(described: Columns) -> Columns:
         base = split(name)[0]
         meaning, told = described[name]
         found[f"whole_{name}"] = Column(f"{meaning} in the whole run", told)
+        if not name.startswith(TIMED):
+            continue
         found[f"whole_{base}_at_s"] = Column(
             f"when whole_{base} was first reached", "what exceeds it later by less than 1e-11 of it is round-off"
         )
@@ -278,8 +284,10 @@ def whole_run(ms: Measures, scene: Scene, begun: float, captured: bool, locked: 
     found: dict[str, Any] = {}
     peaks, columns = joined(ms.peaks), _from_extremes(scene)
     for name, value in _largest(peaks, columns).items():
-        base, (at, speed) = split(name)[0], _when(peaks, columns[name], ms.marks["turn"])
         found[f"whole_{name}"] = value
+        if not name.startswith(TIMED):
+            continue
+        base, (at, speed) = split(name)[0], _when(peaks, columns[name], ms.marks["turn"])
         found[f"whole_{base}_at_s"] = None if value is None else at
         found[f"whole_{base}_at_hz"] = None if value is None or speed is None else speed / _TURN
     driven = any(scene.driven(float(ms.marks["window"]), float(ms.marks["until"])))

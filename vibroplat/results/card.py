@@ -111,14 +111,17 @@ def _short(summary: Mapping[str, Any], column: str, factor: float = 1.0) -> str:
 
 
 def _peak(summary: Mapping[str, Any], column: str, unit: str, factor: float = 1.0) -> str:
-    """Write the largest value of the whole run, unless it is that of the measured part; its time and speed."""
+    """Write the largest value of the whole run, unless it is that of the measured part; its time and speed if known."""
     base, value = split(column)[0], summary[f"whole_{column}"]
     if not value:
         return ""
-    at, pace = summary[f"whole_{base}_at_s"], summary[f"whole_{base}_at_hz"]
+    whole = f"whole run: {rounded(factor * value)} {unit}"
+    at, pace = (summary.get(f"whole_{base}_at_{end}") for end in ("s", "hz"))
+    if at is None:
+        return "" if value == summary[column] else f"; {whole}"
     same = value == summary[column] and summary["measured_from_s"] <= at <= summary["measured_to_s"]
     speed = "" if pace is None else f", {pace:.3g} Hz"
-    return f"; {'that' if same else f'whole run: {rounded(factor * value)} {unit}'} at {at:.4g} s{speed}"
+    return f"; {'that' if same else whole} at {at:.4g} s{speed}"
 
 
 def whole(summary: Mapping[str, Any]) -> dict[str, str]:

@@ -151,8 +151,8 @@ class Trajectory:
         """Loads, strokes, accelerations and motors, a row for each column of the summary that holds one.
 
         Columns: ``value`` in the measured part, ``unit``, ``whole_run`` (largest value of all of it), ``at_s`` and
-        ``at_hz`` (when that was, and how fast the exciters turned then), ``meaning``. Empty for a run that was saved
-        before there were data sheets.
+        ``at_hz`` (when that was, and how fast the exciters turned then: of loads on the foundation, strokes, torques
+        and powers), ``meaning``. Empty for a run that was saved before there were data sheets.
         """
         known = columns(self.scene)
         found = []
