@@ -31,7 +31,7 @@ COMMANDS = (
     ("run", "quickstart.yaml", "--engine", "native", *SHORT),
     ("run", "quickstart.yaml", "--engine", "taylor", *SHORT),
     ("sweep", "quickstart.yaml", "--engine", "native", *SWEEP),
-    ("sweep", "quickstart.yaml", "--engine", "taylor", *SWEEP, "--check", "0.3"),
+    ("sweep", "quickstart.yaml", "--engine", "taylor", *SWEEP, "--check"),
     ("orbits", "examples/branches.yaml", "--engine", "taylor", "--set", "orbits.stop=46.0"),
     ("orbits", "examples/boundaries-mass.yaml", "--engine", "taylor", "--set", "orbits.stop=46.0"),
     ("orbits", "examples/branches.yaml", "--engine", "native", "--set", "orbits.stop=42.5"),

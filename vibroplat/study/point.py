@@ -107,8 +107,8 @@ POINT: Columns = {
     **{
         error: Column(
             f"standard error of {name}",
-            "from its scatter over blocks of motion that does not repeat; it does not cover changes that are rarer than "
-            "the measured time shows; empty if its section drifts",
+            "from its scatter over blocks of motion that does not repeat; changes rarer than the measured "
+            "time shows are not covered; empty if its section drifts",
         )
         for name, error in ERRORS.items()
     },
