@@ -9,7 +9,7 @@ from common.places import QUICKSTART, ROOT
 from vibroplat import Scene, load_config, orbit, simulate, sweep
 from vibroplat.columns import split
 from vibroplat.observe.extremes import FORCE, joined, no_peaks
-from vibroplat.observe.sheet import SHEET, columns, whole_columns
+from vibroplat.observe.sheet import SHEET, columns, converges, fluctuates, whole_columns
 from vibroplat.results.card import sheet
 
 POINTS = {"output.points": {"inlet": [-0.2, 0.1], "outlet": [0.25, 0.05], "top": [0.0, 0.3]}}
@@ -157,15 +157,15 @@ def test_a_start_from_rest_and_a_stop(quickstart):
     run = simulate(quickstart.replace({**start, "drive": {"program": program}}))
     summary, (expected, at) = run.summary, by_hand(run, 0.0, 4.0)
     assert summary["whole_motor_torque_1_max_n_m"] == pytest.approx(run.scene.exciter_pair[0].critical_torque_n_m)
-    assert 0.0 < summary["whole_motor_torque_1_max_at_s"] < summary["synchronized_at_s"] < 2.0
     for column in ("foundation_force_y_max_n", "motor_power_2_max_w"):
         base = split(column)[0]
         assert summary[f"whole_{column}"] == pytest.approx(expected[column], rel=1e-6)
         speed = pace(at, summary[f"whole_{base}_at_s"])
         assert summary[f"whole_{base}_at_hz"] == pytest.approx(speed, rel=2e-3)
     assert summary["slip_1"] is None  # the supply changes while it is measured
-    steady = simulate(run.scene.replace({"drive": {"program": program[:1]}})).summary
-    assert steady["synchronized_at_s"] == pytest.approx(summary["synchronized_at_s"], abs=0.1)
+    assert summary["synchronized_at_s"] is None  # the phase difference changes with it
+    steady = simulate(run.scene.replace({"drive": {"program": program[:1]}, "run.duration_s": 5.0})).summary
+    assert 0.0 < summary["whole_motor_torque_1_max_at_s"] < steady["synchronized_at_s"] < 2.0
     early = at[at["t_s"] <= steady["synchronized_at_s"]]
     work = np.trapezoid(early["motor_power_1_w"] + early["motor_power_2_w"], early["t_s"])
     assert steady["start_energy_j"] == pytest.approx(work, rel=0.02)
@@ -177,11 +177,29 @@ def test_a_start_from_rest_and_a_stop(quickstart):
 
 
 #: Scenes, their motors if these differ, and whether the exciters are in step at last. At 65.5 Hz antiphase is unstable.
+#: Those that pass slowly turn by 0.01 rad/s until 13 s, and by 0.14 rad/s on average over 1200 s.
 PAIRS = {
     "drifting": ({"drive.supply_frequency_hz": 90.0, "run.duration_s": 4.1}, ((1.2, 1e-5), (0.2, 2e-4)), False),
+    "slowly passing": (
+        {
+            "drive.supply_frequency_hz": 67.27464806678952,
+            "run.duration_s": 5.0,
+            "run.initial": {"phase_difference_rad": 1.9903850153025036, "speed_ratio": 0.6235275775481482},
+            "exciters.0.critical_torque_n_m": 0.44941681190205307,
+            "exciters.0.friction_radius_m": 3.651147695248507e-05,
+            "exciters.0.unbalance_mass_kg": 0.02631587775008642,
+            "exciters.0.position_m": [0.13288946711812866, 0.060066724381132516],
+            "exciters.1.critical_torque_n_m": 0.5536209709114368,
+            "exciters.1.friction_radius_m": 1.2126583215667421e-05,
+            "exciters.1.unbalance_mass_kg": 0.058535435332863026,
+            "exciters.1.position_m": [-0.13849515770234377, 0.052956195883551146],
+        },
+        (),
+        False,
+    ),
     "leaving antiphase": ({"drive.supply_frequency_hz": 65.5, "material.mass_ratio": 0.1}, (), False),
     "off": ({"motor.critical_torque_n_m": 0.0, "run.duration_s": 1.0}, (), False),
-    "in step": ({"drive.supply_frequency_hz": 60.0, "run.duration_s": 1.0}, (), True),
+    "in step": ({"drive.supply_frequency_hz": 60.0, "run.duration_s": 4.0}, (), True),
 }
 
 
@@ -195,6 +213,22 @@ def test_only_exciters_that_are_synchronized_have_come_into_step(name):
     summary = simulate(scene, keep="summary").summary
     found = (summary["synchronized_at_s"] is not None, summary["start_energy_j"] is not None)
     assert (*found, "in step" in sheet(scene, summary)) == (expected,) * 3
+
+
+def test_a_phase_difference_converges_if_its_changes_do_not_slow_down_less_and_less():
+    """Changes in equal times: three of a slow passage; exponential ones, near their limit and far; and round-off."""
+    passing = [np.diff(0.01 * np.tan(0.2 * np.arange(4.0) - begin)) for begin in (1.5, 1.0, 0.3)]
+    assert [converges(changes) for changes in passing] == [False] * 3
+    assert converges(0.01 * np.exp(-0.2 * np.arange(3.0)))
+    assert not converges(np.exp(-0.2 * np.arange(3.0)))
+    assert converges(np.array([1e-3, 1e-6, 2e-7]))
+
+
+def test_a_phase_difference_that_fluctuates_stays_unless_it_has_a_trend():
+    means = 0.001 * np.array([1.0, -1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0])
+    assert fluctuates(means)
+    assert not fluctuates(means + 0.01 * np.arange(8.0))
+    assert not fluctuates(100.0 * means)  # too rough to tell
 
 
 def test_exciters_that_come_into_step_late_have_a_time():

@@ -151,7 +151,7 @@ def _summary(motion: Motion, part: Part, begun: float) -> dict[str, Any]:
     found = measured(part._replace(measures=whole_periods(part.measures, max(repeats, 1))), scene)
     sheet = {name: found.pop(name) for name in columns(scene)}
     doubt = inaccuracy(found, scene) if motion.outcome == "ok" else ""
-    locked = synchronization(found) != "none" and (not drift(found) or stays(part.measures, scene))
+    locked = synchronization(found) != "none" and stays(part.measures, scene)
     notes = [
         *notes_on_input(scene),
         *notes_on_measures(scene, found),

@@ -36,9 +36,21 @@ from vibroplat.observe.section import section_rows
 
 #: Part of its mean by which a speed may differ from it while the motion has its measured speed.
 STEADY = 0.05
-#: Change of the phase difference (rad) over the latter half of the measured part up to which the exciters stay in step.
-#: Of 40 pairs that drift in the end, in 4 to 12 s each, the slowest near a synchronization changed by 0.05 rad there.
-STAYING = 0.02
+#: Turns of exciter 1 that show whether exciters stay synchronized. This and the limits below are from 1507 random
+#: scenes in runs of 2 to 40 s. 426 scenes never synchronize, half of them barely, and none had a time. With 32 turns
+#: one had.
+STAYING_TURNS = 48
+#: Changes of the phase difference (rad) up to which it is constant: round-off and noise of the integrators.
+STILL = 1e-6
+#: Lower limit of the logarithm of the ratio of successive changes, and of its square divided by its decrease. Where
+#: synchronization is barely lost, the phase difference x obeys x' = e + k x^2, and the second value is below 2. With
+#: the limit 4, one scene that drifts after 50 s had a time, with 6 none.
+CONVERGING, BENDING = 0.05, 8.0
+#: Largest distance (rad) of a phase difference from its limit.
+REMAINING = 0.05
+#: Standard errors within which a fluctuating phase difference has no trend, and number of blocks for it. The trend and
+#: two standard errors, continued over so many measured parts, may make the last value (rad).
+TREND, TREND_BLOCKS, HORIZON, TREND_CHANGE = 3.0, 8, 20.0, 0.5
 #: Distance of a speed from a natural frequency, as a part of it, up to which they are near each other.
 NEAR = 0.1
 
@@ -154,8 +166,8 @@ WHOLE: Columns = {
     **whole_columns(SHEET),
     "synchronized_at_s": Column(
         "from when on the exciters turn as in the measured part",
-        "speeds within 5 % of theirs there, phase difference within pi/3 of its mean; empty if they are not "
-        "synchronized there, if their phase difference drifts to the end, or if no motor is on",
+        "speeds within 5 % of theirs there, phase difference within pi/3 of its mean; empty if no motor is on, or "
+        "unless the phase difference there, in at least 48 turns, converges or fluctuates without a trend",
     ),
     "start_energy_j": Column("work of both motors until then"),
     "captured_by": Column(
@@ -298,10 +310,46 @@ def whole_run(ms: Measures, scene: Scene, begun: float, captured: bool, locked: 
 
 
 def stays(ms: Measures, scene: Scene) -> bool:
-    """Whether the phase difference stays as it is in the latter half of the measured part, of what is kept of it."""
+    """Whether the section points kept of the measured part show that the exciters stay synchronized.
+
+    Their phase difference at whole turns of exciter 1 either converges or fluctuates without a trend. It converges if
+    its ranges in thirds of the measured part and the changes between its means in quarters do.
+    """
     phases = section_rows(ms)["state"][:, 3:5] @ scene.phase_weights
-    late = phases[-int(ms.marks["turns"]) // 2 :]
-    return bool(abs(late[-1] - late[0]) <= STAYING)
+    if len(phases) < STAYING_TURNS:
+        return False
+    spread, drift = np.ptp(_parts(phases, 3), axis=1), np.abs(np.diff(_parts(phases, 4).mean(axis=1)))
+    return (converges(spread) and converges(drift)) or fluctuates(_parts(phases, TREND_BLOCKS).mean(axis=1))
+
+
+def _parts(values: FloatArray, count: int) -> FloatArray:
+    """Cut the last values into equal parts, shape (count, length)."""
+    length = len(values) // count
+    return values[len(values) - count * length :].reshape(count, length)
+
+
+def converges(changes: FloatArray) -> bool:
+    """Whether a value that changes by three successive amounts in equal times converges, and is near its limit.
+
+    A slow passage has no limit: the logarithm of the ratio of its changes decreases to 0 and below.
+    """
+    first, second, third = changes.tolist()
+    if third <= STILL:
+        return True
+    if not first > second > third:
+        return False
+    before, now = math.log(first / second), math.log(second / third)
+    steady = min(before, now) >= CONVERGING and BENDING * (before - now) <= now * now
+    return steady and third / math.expm1(now) <= REMAINING
+
+
+def fluctuates(means: FloatArray) -> bool:
+    """Whether means of successive blocks have no trend, and any trend within their errors is small over the horizon."""
+    times = np.linspace(-0.5, 0.5, len(means))
+    trend = float(times @ means / (times @ times))
+    left = means - means.mean() - trend * times
+    error = math.sqrt(float(left @ left / (times @ times)) / (len(means) - 2))
+    return abs(trend) <= TREND * error and HORIZON * (abs(trend) + 2.0 * error) <= TREND_CHANGE
 
 
 def synchronized(ms: Measures, scene: Scene, begun: float) -> tuple[float | None, float | None]:
