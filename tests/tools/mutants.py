@@ -69,7 +69,7 @@ BY_ROOM = [
         "begun[1, j] *= cut - first → begun[1, j] *= cut",
     ]),
     ("observe study", [
-        "values.std(ddof=1)) / math.sqrt(count) → values.std(ddof=1))",
+        "total / (count - 1) / count * (1.0 + r) → total / (count - 1) * (1.0 + r)",
     ]),
     ("observe motion", [
         "if falling and rate > 0.0: → if rate > 0.0:",
@@ -84,7 +84,7 @@ BY_ROOM = [
         "value is None or low <= value <= high → value is None or value <= high",
         "math.sqrt(stiffness / mass) / (2.0 * math.pi) → math.sqrt(stiffness / mass)",
         "half * half - stiffness → half * half + stiffness",
-        "self.initial.state is None and self.initial.from_ is None else 0.0 → self.initial.state is None or self.initial.from_ is None else 0.0",
+        "given = initial.state is not None or initial.from_ is not None → given = initial.state is not None and initial.from_ is not None",
         'Share = described(0.0, "R" → Share = described(0.5, "R"',
     ]),
     # studies
@@ -95,12 +95,31 @@ BY_ROOM = [
         "now * ratio / (1.0 - ratio) → now * ratio",
     ]),
     ("study plots", [
-        "& (change > ALONE * _beside(change)) → ",
-        "lost | turned | leapt | rose → lost & turned | leapt | rose",
+        "& _alone(np.abs(change), steps) → ",
+        "jump = np.any( → jump = np.all(",
     ]),
     ("study", [
         "return None if exponent.sign > 0 else → return None if exponent.sign < 0 else",
         "now <= NEAR * tolerance → now >= NEAR * tolerance",
+    ]),
+    # basins and thresholds
+    ("basin", [
+        "return number if inside and nearer else None, turns → return number if inside else None, turns",
+        "stays = reached.diagonal().copy() → stays = np.ones(count, dtype=bool)",
+        "points[:period]).max() < SAME → points[:period]).max() < 10.0",
+        "begin = LATE * longest → begin = 0.0",
+        "for k in orbits - unseen if → for k in orbits if",
+        "radii = [radius for _, radius in around if radius > 0.0] → radii = [radius for _, radius in around]",
+    ]),
+    ("continuation", [
+        "[self._norm.real, self._norm.imag]))[1], sphere) → [self._norm.real, self._norm.imag]))[1] * 0.0 + np.eye(len(sphere[0])), sphere)",
+    ]),
+    ("thresholds", [
+        'one.kind != "level crossing" or scatters( → one.kind != "level crossing" and scatters(',
+        "if distances and even < 0.9 * length else → if distances else",
+    ]),
+    ("observe", [
+        'synchronization(found) != "none" and stays( → synchronization(found) != "none" or stays(',
     ]),
     # continuation
     ("continuation cli", [
