@@ -29,7 +29,6 @@ from vibroplat.observe.extremes import (
     SPEED_1,
     TORQUE_1,
     joined,
-    pace,
 )
 from vibroplat.observe.measures import FASTEST, SORTS, SUMS, TIME, Measures, measured_peaks
 from vibroplat.observe.section import section_rows
@@ -278,7 +277,9 @@ def _when(peaks: Any, column: Peaked, turn: FloatArray) -> tuple[float, float | 
     if at <= turn[1, 0]:
         return at, found
     (before, *_), (begun, *_), (now, *_) = turn
-    return at, float(pace(turn[0], turn[2])) if now - begun <= 2.0 * (begun - before) else None
+    # as pace() in extremes.py, which is for kernels: a call from here would compile it by itself
+    mean = float(np.abs(turn[2] - turn[0])[1:].mean()) / (now - before)
+    return at, mean if now - begun <= 2.0 * (begun - before) else None
 
 
 def whole_run(ms: Measures, scene: Scene, begun: float, captured: bool, locked: bool) -> dict[str, Any]:
