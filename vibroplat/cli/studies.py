@@ -234,15 +234,20 @@ def orbits(
     _print_boundaries(summary["boundaries"])
     _print_branches(plan, summary["branches"])
     _print_special(plan, made.special)
-    failed = [
-        f"branch {branch['branch']}{''.join(f', {key} {value}' for key, value in branch['grid'].items())} failed "
-        f"after {branch['points']} points: {branch['ended']}"
-        for branch in summary["branches"]
-        if branch["failed"]
-    ]
+    failed = _failed(summary["branches"])
     common.complain_of(failed, f"{len(failed)} of {len(summary['branches'])} branches failed", most=MOST)
     if not (common.print_check(checked) and not failed):
         raise typer.Exit(1)
+
+
+def _failed(branches: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a line for each branch that failed."""
+    return [
+        f"branch {branch['branch']}{''.join(f', {key} {value}' for key, value in branch['grid'].items())} failed "
+        f"after {branch['points']} points: {branch['ended']}"
+        for branch in branches
+        if branch["failed"]
+    ]
 
 
 def _overview(table: pd.DataFrame, summary: Mapping[str, Any]) -> dict[str, str]:
