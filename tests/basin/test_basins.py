@@ -236,6 +236,14 @@ def test_in_an_ellipsoid_a_motion_is_assigned_only_if_it_comes_nearer():
         assert follower._entered() == (0, 2), "it is at the centre"
 
 
+def test_motion_on_an_orbit_repeats_and_motion_on_its_way_does_not():
+    scene = scene_of({PHASE: [-3.0, 3.0]}, random=1)
+    plan, scene = scene.basins, scene.replace({"basins": None})
+    with closing(Follower(scene, 400, [])) as follower:
+        assert follower.repeats(orbit(scene).state, 1)
+        assert not follower.repeats(states_of(begun(scene, plan), plan, [0])[0], 1)
+
+
 def test_radius_is_of_the_crossings_that_have_an_ellipsoid(monkeypatch):
     """One crossing beside an event has none; starts are assigned at the others."""
     scene = scene_of({PHASE: [-3.0, 3.0]}, random=1)

@@ -78,9 +78,10 @@ def test_an_orbit_to_which_motions_converged_at_unknown_times_has_no_rate():
     """They were on it when they were measured at the end; and it may have no known multiplier."""
     many = {"row": {"motion": "periodic", "period": 24}, "radius": None}
     starts = [{"attractor": 0, "turns": 6000, "windows": []}, {"attractor": 1, "turns": 6000, "windows": []}]
-    rates = rates_of([many, restless()], starts, 6000)
-    assert rates[0] is None
-    assert (math.isnan(rates[1].value), rates[1].low) == (True, 0.0)
+    for one in (many, orbit()):
+        rates = rates_of([one, restless()], starts, 6000)
+        assert rates[0] is None
+        assert (math.isnan(rates[1].value), rates[1].low) == (True, 0.0)
 
 
 def test_undecided_motions_have_no_rate():
