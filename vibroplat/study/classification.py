@@ -56,7 +56,8 @@ class Kind(NamedTuple):
     why
         Why it is undecided; otherwise empty.
     drifts
-        Whether it does not repeat and its section changes its position or its extent.
+        Whether it does not repeat and its section changes its position or its extent, or may do so as it is undecided:
+        its measures have no errors.
     """
 
     motion: str
@@ -131,23 +132,22 @@ def _by_exponent(exponent: Exponent, points: FloatArray) -> Kind:
     """Classify a motion that has no period up to MAX_PERIOD by the sign of its exponent."""
     if exponent.sign > 0:
         return Kind("chaotic", 0, exponent, drifts=not _steady(points, REPEATS, *STEADY_CHAOS))
-    drifts = not _steady(points, REPEATS)
     if exponent.sign < 0 or not (abs(exponent.value) + 2.0 * exponent.error) * exponent.turn <= ZERO:
         n = period(points, REPEATS, first=MAX_PERIOD + 1, last=LONGEST_PERIOD)
         if n > 0:
             return Kind("periodic", n, exponent)
         why = f"no period found up to {LONGEST_PERIOD}" if exponent.sign < 0 else "sign unclear"
-        return _undecided(exponent, why, drifts)
-    if drifts:
-        return _undecided(exponent, "the section still drifts", drifts)
+        return _undecided(exponent, why)
+    if not _steady(points, REPEATS):
+        return _undecided(exponent, "the section still drifts")
     return Kind("quasi-periodic", 0, exponent)
 
 
-def _undecided(exponent: Exponent, why: str, drifts: bool) -> Kind:
+def _undecided(exponent: Exponent, why: str) -> Kind:
     told = f"exponent {exponent.value:.3g} ± {exponent.error:.2g} per s, {why}"
     if math.isnan(exponent.value):
         told = "no exponent: the motion ended early or exciter 1 stopped turning"
-    return Kind("undecided", 0, exponent, told, drifts)
+    return Kind("undecided", 0, exponent, told, drifts=True)
 
 
 def same_phase(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:

@@ -108,7 +108,7 @@ POINT: Columns = {
         error: Column(
             f"standard error of {name}",
             "from its scatter over blocks of motion that does not repeat; changes rarer than the measured "
-            "time shows are not covered; empty if its section drifts",
+            "time shows are not covered; empty if it is undecided or its section drifts",
         )
         for name, error in ERRORS.items()
     },
