@@ -103,7 +103,7 @@ MOVING = (
     section(torus()[:, 1] * np.linspace(1.5, 1.0, 400)),
     section(torus()[:, 1] * (np.arange(400) >= 200)),
 )
-OPEN_SIGN = Kind("undecided", 0, OPEN, "exponent 0.5 ± 0.4 per s, sign unclear")
+OPEN_SIGN = Kind("undecided", 0, OPEN, "exponent 0.5 ± 0.4 per s, sign unclear", True)
 DRIFTS = Kind("undecided", 0, NONE, "exponent 0.0001 ± 0.002 per s, the section still drifts", True)
 TOO_FEW = Kind("undecided", None, None, "exciter 1 made fewer than two full turns while measured")
 LAST, NO_EXPONENTS = {"last": True}, {"lyapunov": False}
