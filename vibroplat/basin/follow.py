@@ -131,7 +131,7 @@ class Follower:
         return number if inside and nearer else None, turns
 
     def adopt_at(self, state: FloatArray, period: int) -> int:
-        """Do the same with a stable orbit near a full state; raises :class:`MissedError` where there is none."""
+        """Return the number of the stable orbit near a full state; raises :class:`MissedError` where there is none."""
         return self.adopt(self._seeker.known_orbit(state, period))
 
     def adopt(self, orbit: KnownOrbit) -> int:
@@ -170,7 +170,7 @@ class Follower:
         )
 
     def _discovered(self, part: Part) -> int | None:
-        """Return the number of the orbit that the motion surely comes to after a part of it, known or new, or None."""
+        """Return the number of the orbit to which the motion converges after a part of it, or None; add a new one."""
         points = section_points(part.measures, self.scene)
         if self._motion.outcome != "ok" or len(points) <= LONGEST:
             return None
@@ -195,8 +195,8 @@ class Follower:
             turns += more
             row = row_of(measured(part, self.scene), self.scene)
             rows.append({name: row[name] for name in (*TOLD, "flight_fraction", "sync", PHASE_COLUMN)})
-        told = {"outcome": "ok", "detail": "", "state": motion.state.tolist(), "windows": rows}
-        return {"attractor": None, "turns": self.longest, **told}
+        end = {"outcome": "ok", "detail": "", "state": motion.state.tolist(), "windows": rows}
+        return {"attractor": None, "turns": self.longest, **end}
 
     def repeats(self, state: Sequence[float], period: int) -> bool:
         """Whether the motion from a full state repeats after a period already."""
@@ -207,7 +207,7 @@ class Follower:
 
 
 def window_of(longest: int) -> int:
-    """Return the whole turns of a window of motions that are followed for so many turns."""
+    """Return the length of a window (turns) of motions that are followed for ``longest`` turns."""
     return min(WINDOW, longest // (2 * WINDOWS) - 1)
 
 

@@ -101,7 +101,7 @@ class Found:
     def groups(self) -> list[Group]:
         """Group the starts that have converged to no orbit by the motions into which their windows change for good.
 
-        Those of a group that has been left are of the one that it was left for, and stand behind its own.
+        Where a group was left for one other group alone, its starts join that one, behind the other's own starts.
         """
         left = [start for start in self.starts if start["attractor"] is None]
         ends, closed = components(classes_of([start["windows"] for start in left], state_scales(self.scene)))
@@ -117,8 +117,9 @@ class Found:
     def like(self, group: Group, record: Record) -> list[Record]:
         """Return the starts of a group whose last windows are like a motion that repeats: they may be on its orbit."""
         scales, row = state_scales(self.scene), record["row"]
-        near = [start for start in group.starts if row.get("period")]
-        return [start for start in near if alike(start["windows"][-1], row, scales, IN_WINDOW)]
+        if not row.get("period"):
+            return []
+        return [start for start in group.starts if alike(start["windows"][-1], row, scales, IN_WINDOW)]
 
     def take(self, group: Group, record: Record, repeating: Sequence[Record]) -> None:
         """Take what the motion of the first start of a group is when it is followed longer.

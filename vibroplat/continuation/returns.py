@@ -66,7 +66,7 @@ def returns(
 
 
 def _distances(points: FloatArray, most: int) -> FloatArray:
-    """How far each point is from that so many turns later, shape (most + 1, turns); inf if beyond RETURN."""
+    """Distance of each point from the one a number of turns later, shape (most + 1, turns); inf beyond RETURN."""
     found = np.full((most + 1, len(points)), np.inf)
     for turns in range(1, most + 1):
         found[turns, :-turns] = np.abs(points[turns:] - points[:-turns]).max(axis=1)
