@@ -19,7 +19,7 @@ from vibroplat.basin.follow import follow_starts, followed_alone, repeating, rep
 from vibroplat.basin.found import Found, carried, names
 from vibroplat.basin.rates import CHAOTIC, DOUBT, LATE, RESTLESS, Rate, rates_of
 from vibroplat.basin.starts import begun, values_of
-from vibroplat.columns import PHASE_COLUMN, Column, Columns, words_in_place
+from vibroplat.columns import COUNT, PHASE_COLUMN, TEXT, Column, Columns, words_in_place
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.questions import BasinsPlan
 from vibroplat.config.scene import Scene
@@ -45,15 +45,17 @@ BLOCK = 100
 TRIES = 3
 #: Columns of the tables after the key that varies.
 ATTRACTORS: Columns = {
-    "attractor": Column("its name", "synchronization, motion and period, and more where these are not enough"),
+    "attractor": Column(
+        "its name", "synchronization, motion and period, and more where these are not enough", kind=TEXT
+    ),
     "motion": SWEEP["motion"],
     "period": SWEEP["period"],
     "sync": SWEEP["sync"],
-    "count": Column("starts that come to it"),
+    "count": Column("starts that come to it", kind=COUNT),
     "fraction": Column("share of the starts that converge to it within within_turns"),
     "fraction_low": Column("lower bound of this share in the box of starts", "95 %, Clopper and Pearson (1934)"),
     "fraction_high": Column("upper bound", "as the lower one; of an attractor without starts 3 over their number"),
-    "within_turns": Column("turns of exciter 1 for which each start was followed, at most"),
+    "within_turns": Column("turns of exciter 1 for which each start was followed, at most", kind=COUNT),
     "rate_per_turn": Column(
         "of an orbit, rate at which chaotic motions converge to it; of a chaotic motion, rate at which it is left",
         "arrivals after a quarter of within_turns, over all turns after it; its inverse is the mean life of a chaotic "
@@ -71,7 +73,7 @@ ATTRACTORS: Columns = {
         "radius of the smallest ellipsoid around it in which a start is assigned to it",
         "distances in left eigenvectors of the return map, in the scales of the scene; 0: none, each start by itself",
     ),
-    "ellipsoids": Column("crossings of the Poincaré section, in a period, that have such an ellipsoid"),
+    "ellipsoids": Column("crossings of the Poincaré section, in a period, that have such an ellipsoid", kind=COUNT),
     **{name: SWEEP[name] for name in MEASURED},
     **{name: SWEEP[name] for name in (*ERRORS.values(), "coexists", "outcome", "detail", "notes")},
     **{name: Column(f"{name} of a state of it on the Poincaré section") for name in (*COORDINATES, *RATES)},
@@ -298,8 +300,8 @@ def _told(question: Basins, found: Sequence[Found]) -> Answer:
         ]
     more = of_points(question.scene.output.points)
     tables = {
-        "attractors": study_table(attractors, [*column, *ATTRACTORS, *more], {}, {**SWEEP, **ATTRACTORS, **more}),
-        "starts": study_table(starts, [*column, *plan.starts, *STARTS_TABLE], {}, {**SWEEP, **STARTS_TABLE}),
+        "attractors": study_table(attractors, [*column, *ATTRACTORS, *more], {**SWEEP, **ATTRACTORS, **more}),
+        "starts": study_table(starts, [*column, *plan.starts, *STARTS_TABLE], {**SWEEP, **STARTS_TABLE}),
     }
     if key is not None:
         tables["fractions"] = tables["attractors"][[*column, *FRACTIONS]]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pandas as pd
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import COUNT, FLAG, TEXT, Column, Columns
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
@@ -54,18 +54,20 @@ Progress = Callable[[int, int, int], None]
 STATE: Columns = {name: TRAJECTORY[name] for name in (*COORDINATES, *RATES)}
 #: What the columns mean, of the three tables.
 BRANCHES: Columns = {
-    "branch": Column("number of the branch", "among those of one combination of the grid's values"),
-    "parent": Column("branch on which it was found", "-1 for the first"),
-    "point": Column("number of the point on its branch"),
+    "branch": Column("number of the branch", "among those of one combination of the grid's values", kind=COUNT),
+    "parent": Column("branch on which it was found", "-1 for the first", kind=COUNT),
+    "point": Column("number of the point on its branch", kind=COUNT),
     EXCITATION: MEASURES[EXCITATION],
-    "period": Column("turns of exciter 1 in a period"),
+    "period": Column("turns of exciter 1 in a period", kind=COUNT),
     "period_s": Column("period"),
     **{name: MEASURES[name] for name in MEASURED if name != EXCITATION},
     "sync": POINT["sync"],
     "notes": POINT["notes"],
-    "sequence": Column("events of a period", "stick: an impact, or several that accumulate, after which contact holds"),
-    "stable": Column("whether disturbances decay"),
-    "unstable": Column("number of Floquet multipliers outside the unit circle"),
+    "sequence": Column(
+        "events of a period", "stick: an impact, or several that accumulate, after which contact holds", kind=TEXT
+    ),
+    "stable": Column("whether disturbances decay", kind=FLAG),
+    "unstable": Column("number of Floquet multipliers outside the unit circle", kind=COUNT),
     **describe_multipliers(MULTIPLIERS),
     "residual": Column("how far the orbit is from closing", "in the scales of the scene"),
     "turns": Column("turns of exciter 1 that were integrated for the point", "with those of special points before it"),
@@ -74,21 +76,24 @@ BRANCHES: Columns = {
 }
 SPECIAL: Columns = {
     "branch": BRANCHES["branch"],
-    "kind": Column("kind of special point", "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS.items())),
+    "kind": Column(
+        "kind of special point", "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS.items()), kind=TEXT
+    ),
     EXCITATION: BRANCHES[EXCITATION],
     "period": BRANCHES["period"],
-    "point": Column("last point of the branch before it"),
+    "point": Column("last point of the branch before it", kind=COUNT),
     **STATE,
 }
 BOUNDARIES: Columns = {
-    "curve": Column("number of the curve"),
+    "curve": Column("number of the curve", kind=COUNT),
     "kind": SPECIAL["kind"],
-    "branch": Column("branch whose special point it goes through"),
+    "branch": Column("branch whose special point it goes through", kind=COUNT),
     EXCITATION: BRANCHES[EXCITATION],
     "period": BRANCHES["period"],
     "unstable": Column(
         "number of Floquet multipliers outside the unit circle, besides those that pass it",
         "above 0: the orbit is unstable on both sides of the curve, and no motion converges to it",
+        kind=COUNT,
     ),
 }
 
@@ -365,7 +370,7 @@ def _columns(branch: Traced, row: Record, key: str) -> Record:
 def _table(rows: list[Record], plan: OrbitsPlan, columns: Sequence[str], meant: Columns) -> pd.DataFrame:
     """Make a table with the grid's keys first."""
     grid = _named(plan.grid)
-    return study_table(rows, [*grid, *columns], grid, {SUPPLY: Column("supply frequency"), **meant})
+    return study_table(rows, [*grid, *columns], {SUPPLY: sweep.SWEEP[SUPPLY], **meant}, grid)
 
 
 def summary(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundary] = ()) -> dict[str, Any]:

@@ -9,19 +9,18 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import pandas as pd
 from ruamel.yaml import YAML
 
-from vibroplat.columns import Column, Columns
-from vibroplat.config.keys import key_of
+from vibroplat.columns import Columns
 from vibroplat.config.scene import Scene
 from vibroplat.designs import optimum
 from vibroplat.designs import samples as of_samples
 from vibroplat.designs import sensitivities as of_keys
 from vibroplat.errors import ConfigError
 from vibroplat.extensions import figure_of
-from vibroplat.frames import labelled
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of
 from vibroplat.results.files import Command
 from vibroplat.study import WAIT
+from vibroplat.study.branches import study_table
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.question import Answer, Progress, Repeat, ask
 from vibroplat.study.store import Record, Store
@@ -187,7 +186,7 @@ class Design:
     def _table(self, rows: Sequence[Record], meant: Columns, first: Sequence[str], last: Sequence[str]) -> pd.DataFrame:
         """Make a table of the plan's keys and measures with some columns before and behind them."""
         columns = [*first, *self.plan.keys, *self.names, *last]
-        return _labelled(rows, columns, meant)
+        return study_table(rows, columns, {**SWEEP, **of_samples.SAMPLES, **meant})
 
     def _with_samples(self, run: _Runner, scene: Scene, known: Record, answer: Answer) -> Answer:
         """Add the samples of a scene's tolerances, if there are any."""
@@ -224,7 +223,7 @@ class Design:
         rows = [row for part in run.all(parts) for row in part["rows"]]
         measures = [name for name in self.names if name != "margin"]
         columns = ["sample", *self.plan.spread, "stable", "regime", "margin", *measures]
-        return _labelled(rows, columns, of_samples.SAMPLES)
+        return study_table(rows, columns, {**SWEEP, **of_samples.SAMPLES})
 
 
 class _Runner:
@@ -248,19 +247,6 @@ class _Runner:
 
         chains = [StoredChain(_single(Task(task[0], task[1:])), self._store, name) for name, task in tasks.items()]
         return run_stored(chains, self._workers, tell)
-
-
-def _labelled(rows: Sequence[Record], columns: Sequence[str], meant: Columns) -> pd.DataFrame:
-    """Make a table whose types do not depend on what was found."""
-    kinds = {
-        "sample": "int64",
-        "start": "int64",
-        "regime": "str",
-        **dict.fromkeys(("stable", "feasible", "best"), "bool"),
-    }
-    types: dict[str, Any] = {name: kinds.get(name, "float64") for name in columns}
-    about = {key: Column(key_of(key).meaning) for key in columns if "." in key}
-    return labelled(pd.DataFrame(rows, columns=list(columns)).astype(types), {**SWEEP, **about, **meant})
 
 
 def _values(found: Mapping[str, float], names: Sequence[str]) -> str:

@@ -8,7 +8,7 @@ from contextlib import closing
 from importlib import import_module
 from typing import Any
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import COUNT, TEXT, Column, Columns
 from vibroplat.config.plausibility import notes_on_input
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import automaton
@@ -36,11 +36,11 @@ SETTLE_SHARE = 0.5
 
 #: The summary of a run.
 SUMMARY: Columns = {
-    "name": Column("name of the scene"),
-    "outcome": Column("ok, or why the run ended early or is inaccurate"),
-    "detail": Column("where and why, unless the outcome is ok"),
+    "name": Column("name of the scene", kind=TEXT),
+    "outcome": Column("ok, or why the run ended early or is inaccurate", kind=TEXT),
+    "detail": Column("where and why, unless the outcome is ok", kind=TEXT),
     "simulated_s": Column("simulated time"),
-    "rotation": Column("counter-rotating or co-rotating exciters"),
+    "rotation": Column("counter-rotating or co-rotating exciters", kind=TEXT),
     "perturbation": Column("random change of the rates at the start", "in the scales of the scene"),
     "static_sag_m": Column(
         "static sag of the springs", "the machine rests at y = -static_sag_m; figures show y from there"
@@ -48,6 +48,7 @@ SUMMARY: Columns = {
     "period": Column(
         "turns of exciter 1 after which the motion repeats",
         f"0: none found up to {MAX_PERIOD}, or not settled; means are of whole periods",
+        kind=COUNT,
     ),
     **MEASURES,
     "contact_force_noise_n": Column("contact forces up to this size, of either sign, are noise"),
@@ -56,7 +57,7 @@ SUMMARY: Columns = {
     **WORK,
     "restarts": Column("starts of the integrator", "the first one, and one after each event"),
     "wall_s": Column("time that the computation took"),
-    "notes": Column("what deserves a second look"),
+    "notes": Column("what deserves a second look", kind=TEXT),
     **SHEET,
     **WHOLE,
 }

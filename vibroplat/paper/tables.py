@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import COUNT, TEXT, Column, Columns
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import static_rest
 from vibroplat.motion.run import simulate
@@ -37,7 +37,7 @@ SHOWN, RATE = 8, 2000.0
 #: The tables of Figs. 4, 5 and 7, a row for each time.
 HISTORY: Columns = {
     "panel": Column("the paper's excitation frequency of the panel, in Hz"),
-    "curve": Column("number of the curve in the paper"),
+    "curve": Column("number of the curve in the paper", kind=COUNT),
     "scene": Column("name of the scene"),
     "excitation_frequency_hz": Column("mean speed of both exciters"),
     "t_s": Column("time", "from a whole turn of exciter 1"),
@@ -50,9 +50,9 @@ SYNC_BANDS: Columns = {
     "restitution": Column("coefficient of restitution"),
     "model": Column("contact model"),
     "law": Column("impact law"),
-    "direction": Column("direction of the branch"),
-    "sync": Column("synchronization of the exciters"),
-    "points": Column("points of the stretch"),
+    "direction": Column("direction of the branch", kind=TEXT),
+    "sync": Column("synchronization of the exciters", kind=TEXT),
+    "points": Column("points of the stretch", kind=COUNT),
     "first_hz": Column("excitation frequency of its first point"),
     "last_hz": Column("excitation frequency of its last point"),
     "first_supply_hz": Column("supply frequency of its first point"),

@@ -22,9 +22,9 @@ from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import Format, Table
 from vibroplat.study import WAIT
 from vibroplat.study.bands import bands
-from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, column_of, place_words, study_table
+from vibroplat.study.branches import BRANCH, EXCITATION, SUPPLY, Branch, branches, column_of, place_words, study_table
 from vibroplat.study.fingerprint import package
-from vibroplat.study.point import ERRORS, MEASURED, POINT, Point, lost, measure_point, point_task
+from vibroplat.study.point import ERRORS, LOAD_MEASURES, MOTION_MEASURES, POINT, Point, lost, measure_point, point_task
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, pool, run_stored
 from vibroplat.study.question import ALLOWED, COMPARED, Repeat, spread
 from vibroplat.study.store import Record, SpoiledError, Store
@@ -32,9 +32,9 @@ from vibroplat.study.store import Record, SpoiledError, Store
 #: Columns of the table after the swept keys.
 COLUMNS = (
     *("direction", "branch", "rotation"),
-    *MEASURED[:8],
+    *MOTION_MEASURES,
     *("sync", "motion", "period", "multiplier_max", "coexists"),
-    *MEASURED[8:],
+    *LOAD_MEASURES,
     *("lyapunov_per_s", "lyapunov_error_per_s"),
     *ERRORS.values(),
     *("settle_s", "outcome", "detail", "notes", "steps", "residual_calls", "events", "simulated_s", "wall_s"),
@@ -42,8 +42,7 @@ COLUMNS = (
 #: What they mean; the swept keys come first, each as in a configuration.
 SWEEP: Columns = {
     SUPPLY: Column("supply frequency"),
-    "direction": Column("direction of the branch", "up or down: each point starts where the one before ended"),
-    "branch": Column("number of the branch"),
+    **BRANCH,
     **{name: column for name, column in {**MEASURES, **POINT, **WORK}.items() if name in COLUMNS},
     **SHEET,
 }
@@ -266,7 +265,7 @@ def _parts(
     )
     part, first = list(islice(rows, CHUNK)), True
     while part or first:
-        yield study_table(part, [key, *grid, *columns], grid, meant)
+        yield study_table(part, [key, *grid, *columns], meant, grid)
         part, first = list(islice(rows, CHUNK)), False
 
 

@@ -6,11 +6,11 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import pandas as pd
 
-from vibroplat.columns import Column, Columns, unit_of
+from vibroplat.columns import COUNT, FLAG, TEXT, Column, Columns, unit_of
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.questions import FindPlan
@@ -22,7 +22,7 @@ from vibroplat.extensions import figure_of
 from vibroplat.observe.sheet import SHEET, of_points
 from vibroplat.results.files import Command
 from vibroplat.study import WAIT
-from vibroplat.study.branches import COUNTS, SUPPLY, TEXTS, column_of, study_table
+from vibroplat.study.branches import SUPPLY, column_of, study_table
 from vibroplat.study.point import lost
 from vibroplat.study.pool import Pool, Task
 from vibroplat.study.question import COMPARED, Answer, Progress, Repeat, ask
@@ -52,14 +52,18 @@ KINDS_OF_CHANGE = {
 }
 #: What the columns mean.
 THRESHOLDS: Columns = {
-    "key": Column("the key"),
+    "key": Column("the key", kind=TEXT),
     "below": Column("value of the key below the threshold where the motion was measured"),
     "above": Column("the same above it"),
     "value": Column("the threshold", "where an orbit loses its stability, the special point; else the middle"),
-    "kind": Column("kind of change", "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS_OF_CHANGE.items())),
-    "special_point": Column("special point of the orbit", f"{', '.join(KINDS)}; empty if it is none"),
+    "kind": Column(
+        "kind of change", "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS_OF_CHANGE.items()), kind=TEXT
+    ),
+    "special_point": Column("special point of the orbit", f"{', '.join(KINDS)}; empty if it is none", kind=TEXT),
     "fractal": Column(
-        "whether the border is fractal", "pairs of values in the mixed interval differ, however near they are"
+        "whether the border is fractal",
+        "pairs of values in the mixed interval differ, however near they are",
+        kind=FLAG,
     ),
     "mixed_low": Column(
         "smallest value of the mixed interval",
@@ -68,10 +72,12 @@ THRESHOLDS: Columns = {
     ),
     "mixed_high": Column("largest value of the mixed interval"),
     "tried_below": Column(
-        "number of values evaluated below the threshold or mixed interval", "all of them with the same outcome"
+        "number of values evaluated below the threshold or mixed interval",
+        "all of them with the same outcome",
+        kind=COUNT,
     ),
     "tried_down_to": Column("smallest of these values", "the next threshold or the end of the range is below it"),
-    "tried_above": Column("number of values evaluated above", "as tried_below"),
+    "tried_above": Column("number of values evaluated above", "as tried_below", kind=COUNT),
     "tried_up_to": Column("largest of these values"),
     **{f"{side}_{name}": SWEEP[name] for side in ("below", "above") for name in SIDES},
 }
@@ -81,8 +87,11 @@ VALUES: Columns = {
         "why the value was looked at",
         "scan; orbit, of a branch; beside a special point; bisection; twice as long, of an end; near a threshold; "
         "beyond a mixed interval; pair, in a mixed interval",
+        kind=TEXT,
     ),
-    "seed": Column("seed of the perturbation of the start", "run.seed, or another one beyond a mixed interval"),
+    "seed": Column(
+        "seed of the perturbation of the start", "run.seed, or another one beyond a mixed interval", kind=COUNT
+    ),
     **{name: SWEEP[name] for name in (*_POINT, *SHEET)},
 }
 
@@ -177,18 +186,13 @@ class Find:
             for zone in zones
             for one in zone.thresholds
         ]
-        types: dict[str, Any] = {name: [0.0] for name in own} | {"tried_below": [0], "tried_above": [0]}
-        types |= {"key": ["k"], "kind": ["k"], "special_point": ["k"], "fractal": [True]}
-        for name in beside:
-            last = name.partition("_")[2]
-            types[name] = ["k"] if last in TEXTS else pd.array([0], "Int64") if last in COUNTS else [0.0]
-        return study_table(rows, [*own, *beside], types, {**THRESHOLDS, **beside})
+        return study_table(rows, [*own, *beside], {**THRESHOLDS, **beside})
 
     def _scan(self, values: Sequence[Value]) -> pd.DataFrame:
         key, columns = column_of(self.plan.key), _columns(self.scene)
         rows = [{key: value.at, "stage": value.stage, "seed": value.seed, **value.row} for value in values]
         names = [key, "stage", "seed", *_POINT, *SHEET, *of_points(self.scene.output.points)]
-        return study_table(rows, names, {"stage": ["k"], "seed": [0]}, {**columns, **VALUES, SUPPLY: SWEEP[SUPPLY]})
+        return study_table(rows, names, {**columns, **VALUES, SUPPLY: SWEEP[SUPPLY]})
 
     # -- in words ------------------------------------------------------------------------------------------------------
 
@@ -330,7 +334,8 @@ def question(scene: Scene) -> Find:
     if last.frequency <= 0.0 or last.driven != (True, True):
         raise ConfigError("drive.program ends without supply; allowed: with both exciters on, for a steady motion")
     if plan.compared is not None:
-        numbers = [name for name in _columns(scene) if name not in (*TEXTS, "stage", "seed", "wall_s")]
+        numbers = [name for name, column in _columns(scene).items() if column.kind != TEXT]
+        numbers = [name for name in numbers if name not in ("seed", "wall_s")]
         if plan.compared[0] not in numbers:
             hint = meant(plan.compared[0], numbers, 3)
             raise ConfigError(f"find.expression: no column {plan.compared[0]}; {hint}allowed: numbers of a sweep")
