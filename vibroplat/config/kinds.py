@@ -40,10 +40,9 @@ class Kind(NamedTuple):
     about: str
     uses: tuple[str, ...] = ()
 
-    @property
-    def module(self) -> Any:
-        """The module of its study: class ``STUDY``, and ``TABLES`` with what rows and columns of its tables mean."""
-        return import_module(f"vibroplat.{self.study}")
+    def load(self) -> Any:
+        """Return the class of its study, ``STUDY`` in its module."""
+        return import_module(f"vibroplat.{self.study}").STUDY
 
     @property
     def pictures(self) -> Any:
@@ -68,7 +67,7 @@ KINDS = {
             "orbits",
             "branches of orbits",
             "branches",
-            "continuation.tables",
+            "continuation.study",
             "continuation.picture",
             "Continue branches of periodic orbits over a key.",
             "Writes tables of their points, of special points and of boundaries to OUT/NAME.",

@@ -29,7 +29,7 @@ from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import INACCURATE, MEASURES, Part, inaccuracy, measured, synchronization
 from vibroplat.observe.tables import named_derivative, require_room
 from vibroplat.observe.variation import Variation
-from vibroplat.results.run import Trajectory
+from vibroplat.results.run import RunResult
 
 #: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
 SETTLE_SHARE = 0.5
@@ -72,7 +72,7 @@ def simulate(
     variation: bool | str | Sequence[str] = False,
     start: Start | None = None,
     engine: Callable[[Scene, Parameters], Engine] = make_engine,
-) -> Trajectory:
+) -> RunResult:
     """Integrate a scene in time.
 
     Parameters
@@ -88,8 +88,8 @@ def simulate(
         Two functions that are given the trajectory table and the event table part by part while the run goes on,
         whatever it keeps; or two files, :class:`vibroplat.results.tables.TableFile`.
     variation
-        ``True``: find the derivative of the end by the start too, :attr:`Trajectory.monodromy`; keys as in
-        :func:`vibroplat.motion.variation.variation`: also by these, :attr:`Trajectory.variation`.
+        ``True``: find the derivative of the end by the start too, :attr:`RunResult.monodromy`; keys as in
+        :func:`vibroplat.motion.variation.variation`: also by these, :attr:`RunResult.variation`.
     start
         Where it begins, if that is known already. Default: as the scene says.
     engine
@@ -97,8 +97,8 @@ def simulate(
 
     Returns
     -------
-    Trajectory
-        What was computed, also if the run ended early; see :attr:`Trajectory.outcome`.
+    RunResult
+        What was computed, also if the run ended early; see :attr:`RunResult.outcome`.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def simulate(
 
 def _run(
     motion: Motion, start: Start, recorder: Recorder, keys: Sequence[str] | None, others: Sequence[Observer]
-) -> Trajectory:
+) -> RunResult:
     """Carry a motion on to the end of its run; with its derivative by keys and by its start, unless they are None."""
     scene, duration = motion.scene, motion.scene.run.duration_s
     varied = [] if keys is None else [Variation(directions(scene, keys))]
@@ -131,7 +131,7 @@ def _run(
     derivative = None
     if keys is not None and motion.outcome == "ok":
         derivative = named_derivative(varied[0].derivative(motion.automaton), scene, keys)
-    return Trajectory(
+    return RunResult(
         scene=scene,
         summary=_summary(motion, part, start.time),
         origin=start.origin,
