@@ -76,13 +76,14 @@ def run_and_print(
     """
     from vibroplat.config.plausibility import notes_on_inputs
     from vibroplat.integrate import other_engine
+    from vibroplat.results.files import store_file
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
     from vibroplat.study.study import CHECKED
 
     scene = study.scene
     common.print_notes(notes_on_inputs(study.scenes()))
-    with Store(directory, study.conditions, file=f"{study.kind}.sqlite", **kept) as store:
+    with Store(directory, study.conditions, file=store_file(study.kind), **kept) as store:
         common.begin(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if check else []))
         began = time.perf_counter()
         chains = max(study.chains(store), CHECKED if check else 1)
@@ -100,7 +101,7 @@ def run_and_print(
     for line in answer.text:
         print(line)
     common.print_notes(answer.notes)
-    common.complain_of(answer.failures, f"{len(answer.failures)} {study.counted} failed")
+    common.complain_of(answer.failures, f"{len(answer.failures)} of the {study.counted} failed")
     return common.print_check(checked) and not answer.failures
 
 

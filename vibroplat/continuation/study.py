@@ -88,14 +88,14 @@ class OrbitsStudy(Study):
         OrbitError
             There is no orbit to begin with, for any combination of the grid's values; the store is finished then.
         """
-        traced = self._trace(store, workers, progress)
-        curves = self._boundaries(traced, store, workers)
+        traced = self.trace(store, workers, progress)
+        curves = self.follow_boundaries(traced, store, workers)
         tables, summary = make_tables(self.plan, traced, curves), summarize(self.plan, traced, curves)
         rotation = "" if any("rotation" in key for key in self.plan.grid) else self.scene.rotation
         answer = tell(self.plan, tables, summary, rotation)
         return Result("orbits", self.scene, tables, answer, documents={"orbits": summary})
 
-    def _trace(self, store: Store, workers: Pool, progress: Progress) -> list[Traced]:
+    def trace(self, store: Store, workers: Pool, progress: Progress = lambda done, known: None) -> list[Traced]:
         """Follow the branches; see :meth:`run`."""
         traced: list[Traced] = []
 
@@ -109,7 +109,7 @@ class OrbitsStudy(Study):
             raise OrbitError(traced[0].ended)
         return sorted(traced, key=lambda branch: (branch.family.number, branch.number))
 
-    def _boundaries(self, traced: Sequence[Traced], store: Store, workers: Pool) -> list[Boundary]:
+    def follow_boundaries(self, traced: Sequence[Traced], store: Store, workers: Pool) -> list[Boundary]:
         """Follow the boundaries, which begin at the special points of branches."""
         plan, curves, chains = self.plan, list[Boundary](), list[StoredChain[None]]()
         if plan.boundaries is None:

@@ -143,22 +143,23 @@ class PaperStudy(Study):
     def __init__(self, numbers: Mapping[str, Any], seeds: Sequence[int] = (0,), machine: str = "machine") -> None:
         self.numbers, self.seeds, self.machine = numbers, seeds, machine
         self.scene = paper_scene(SWEEPS[0], numbers)
-        for trial in self._trials()[0]:
+        for trial in self.trials()[0]:
             for name in trial.names:
                 trial.scene(name)
 
-    def _trials(self) -> Trials:
+    def trials(self) -> Trials:
+        """List the trials."""
         return trials_of(self.numbers, self.seeds)
 
     @property
     def conditions(self) -> dict[str, Any]:
         """What the records of each trial's sweeps depend on."""
-        every = itertools.chain(*self._trials())
+        every = itertools.chain(*self.trials())
         return {t.name: {name: conditions(t.scene(name)) for name in (*t.names, NON_IMPACT)} for t in every}
 
     def chains(self, store: Store) -> int:
         """Return the number of branches of the first stage, of curves that figures share once."""
-        found = [b for trial in self._trials()[0] for name in trial.names for b in branches(trial.scene(name))]
+        found = [b for trial in self.trials()[0] for name in trial.names for b in branches(trial.scene(name))]
         return len({curve_of(branch) for branch in found})
 
     def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
@@ -166,7 +167,7 @@ class PaperStudy(Study):
 
         Wall times are left out of the tables, so that a repeated reproduction gives the same files.
         """
-        trials = machine, others = self._trials()
+        trials = machine, others = self.trials()
         main = machine[0]
         for trial in (*machine, *others):
             trial.store = store.part(trial.name)

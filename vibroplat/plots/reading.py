@@ -57,10 +57,6 @@ class Saved(Result):
         """Where it is."""
         return self._read.directory
 
-    def table(self, name: str) -> pd.DataFrame:
-        """Read a table."""
-        return self.tables[name]
-
     def column(self, *path: str) -> str:
         """Return the column of the key that a value of the configuration names; raises TableError as :meth:`given`."""
         return column_of(str(self.given(*path)))

@@ -179,6 +179,11 @@ class SavedFiles:
             return file.read().decode("utf-8")
 
 
+def store_file(command: str) -> str:
+    """Return the name of the file with the records of a command, which are kept for ``--resume``."""
+    return f"points-{command}.sqlite"
+
+
 def commands_in(directory: Path) -> list[str]:
     """Return the commands whose finished results a directory holds, as its provenance says."""
     first = read_json(directory, "provenance") if (directory / "provenance.json").exists() else None

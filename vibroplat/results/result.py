@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
@@ -14,7 +14,7 @@ from vibroplat.errors import ConfigError, TableError
 from vibroplat.extensions import figure_of
 from vibroplat.frames import pd
 from vibroplat.integrate import engine_name
-from vibroplat.results.files import SavedFiles, commands_in, write_result
+from vibroplat.results.files import SavedFiles, commands_in, store_file, write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import FORMATS, Format, result_directory
 
@@ -73,7 +73,7 @@ class Result:
     scene
         What was simulated.
     tables
-        Tables by name; the last one is written last.
+        Tables by name, or functions that yield their parts; the last one is written last.
     answer
         What is printed.
     documents, configurations
@@ -97,7 +97,7 @@ class Result:
         self,
         command: str,
         scene: Scene,
-        tables: Mapping[str, pd.DataFrame],
+        tables: Mapping[str, pd.DataFrame | Callable[[], Iterable[pd.DataFrame]]],
         answer: Answer,
         *,
         documents: Mapping[str, Any] | None = None,
@@ -105,7 +105,7 @@ class Result:
         facts: Mapping[str, Any] | None = None,
     ) -> None:
         self.command, self._facts = command, facts or {}
-        known = {"scene": scene, "tables": tables, "answer": answer, "documents": documents or {}}
+        known = {"scene": scene, "tables": Tables(tables), "answer": answer, "documents": documents or {}}
         self.__dict__ |= known | {"configurations": configurations or {}}
 
     @classmethod
@@ -120,7 +120,7 @@ class Result:
         place = Path(directory)
         if not place.is_dir():
             raise TableError(f"{place} is not a directory; allowed: a result directory of vibroplat")
-        if (place / f"{command}.sqlite").exists() and command not in commands_in(place):
+        if (place / store_file(command)).exists() and command not in commands_in(place):
             raise TableError(f"{place} holds unfinished work; continue it with `vibroplat {command} --resume`")
         found = cls.__new__(cls)
         found.command, found.saved = command, SavedFiles(place, command)
@@ -147,7 +147,8 @@ class Result:
     @cached_property
     def tables(self) -> Mapping[str, pd.DataFrame]:
         """Tables by name."""
-        return _SavedTables(self._read)
+        saved = self._read
+        return Tables({name: partial(_whole, saved, name) for name in saved.names(*FORMATS)})
 
     @cached_property
     def documents(self) -> Mapping[str, Any]:
@@ -213,7 +214,13 @@ class Result:
         self, name: str, texts: Collection[str], numbers: Collection[str] = (), optional: Collection[str] = ()
     ) -> pd.DataFrame:
         """Return a table; it must have these columns of texts and of numbers, and numbers in optional ones it has."""
-        return self._checked(name, self.tables[name], texts, numbers, optional)
+        return self._checked(name, self.table(name), texts, numbers, optional)
+
+    def table(self, name: str) -> pd.DataFrame:
+        """Return a table; raises TableError if there is none of that name."""
+        if name not in self.tables:
+            raise TableError(f"{self.directory or self.name} holds no {name} table; allowed: {', '.join(self.tables)}")
+        return self.tables[name]
 
     def column_parts(
         self, name: str, texts: Collection[str], numbers: Collection[str], optional: Collection[str] = ()
@@ -281,32 +288,49 @@ class Result:
         """
         place = Path(directory)
         result_directory(place.parent, place.name)
-        tables = {name: self.tables[name] for name in self.tables}
+        own = self.tables
+        tables = {name: own.parts(name) if isinstance(own, Tables) else own[name] for name in own}
         more = {"documents": self.documents, "configurations": self.configurations}
         write_result(place, self.command, self.provenance, tables, form=form, **more)
         return place
 
 
-class _SavedTables(Mapping[str, "pd.DataFrame"]):
-    """The tables of a saved result, each of which is read once."""
+class Tables(Mapping[str, "pd.DataFrame"]):
+    """Tables by name, each of which is made or read once, when it is first asked for.
 
-    def __init__(self, saved: SavedFiles) -> None:
-        self._saved, self._names = saved, saved.names(*FORMATS)
-        self._read: dict[str, pd.DataFrame] = {}
+    Parameters
+    ----------
+    sources
+        Tables, or functions that yield the parts of one.
+    """
+
+    def __init__(self, sources: Mapping[str, pd.DataFrame | Callable[[], Iterable[pd.DataFrame]]]) -> None:
+        self._sources = sources
+        self._known: dict[str, pd.DataFrame] = {}
 
     def __getitem__(self, name: str) -> pd.DataFrame:
-        if name not in self._read:
-            self._read[name] = self._saved.table(name)
-        return self._read[name]
+        if name not in self._known:
+            first, *others = self.parts(name)
+            self._known[name] = pd.concat([first, *others], ignore_index=True) if others else first
+        return self._known[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in self._names
+        return name in self._sources
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
+        return iter(self._sources)
 
     def __len__(self) -> int:
-        return len(self._names)
+        return len(self._sources)
+
+    def parts(self, name: str) -> Iterable[pd.DataFrame]:
+        """Return a table in parts, at least one, which are not kept."""
+        source = self._sources[name]
+        return source() if callable(source) else [source]
+
+
+def _whole(saved: SavedFiles, name: str) -> list[pd.DataFrame]:
+    return [saved.table(name)]
 
 
 def _holds_numbers(column: pd.Series) -> bool:

@@ -101,7 +101,7 @@ class RunResult(Result):
     ) -> None:
         self.__dict__ |= {"scene": scene, "summary": summary, "origin": origin, "configurations": {}}
         self.segments, self.measures, self.derivative, self._end = segments, measures, derivative, end
-        self._event_rows = np.zeros(0, EVENT) if event_rows is None else event_rows
+        self.event_rows = np.zeros(0, EVENT) if event_rows is None else event_rows
         self._table, self._peaks = table, peaks
 
     @cached_property
@@ -144,7 +144,7 @@ class RunResult(Result):
     @cached_property
     def events(self) -> pd.DataFrame:
         """Event table."""
-        return event_table(self._event_rows).frame if self.saved is None else self.tables["events"]
+        return event_table(self.event_rows).frame if self.saved is None else self.tables["events"]
 
     @property
     def tables(self) -> Mapping[str, pd.DataFrame]:

@@ -29,6 +29,8 @@ Writer = Callable[[Path], object]
 #: A table, or its parts, with one of them in memory at a time.
 Table: TypeAlias = "pd.DataFrame | Iterable[pd.DataFrame]"
 FORMATS: tuple[Format, ...] = ("parquet", "csv")
+#: Most rows of a group in a Parquet file that is made of whole tables.
+GROUP = 2000
 #: Most rows that are read at a time.
 PART = 2**15
 #: Age (s) at which a temporary file is removed whosever it is: its owner may be on another machine. A writer that is
@@ -239,7 +241,11 @@ class TableFile:
     def extend(self, table: Table) -> None:
         """Write a table, whole or in parts; raises :class:`TableError`."""
         for part in [table] if isinstance(table, pd.DataFrame) else table:
-            self.append(part)
+            if isinstance(part, PlainTable) or len(part) <= GROUP:
+                self.append(part)
+                continue
+            for row in range(0, len(part), GROUP):
+                self.append(part[row : row + GROUP])
 
     def _append_rows(self, part: pd.DataFrame | PlainTable, place: Path) -> None:
         """Append a row group; units and meanings in the ``attrs`` become metadata of the fields."""

@@ -144,4 +144,6 @@ def run_study(study: Study, **options: Unpack[Options]) -> Result:
     progress = options.pop("progress", lambda done, known: None)
     jobs, scheduler, wait = options.get("jobs", 1), options.get("scheduler"), options.get("wait", WAIT)
     with Store(None, {}) as store, pool(jobs, scheduler, wait=wait, chains=study.chains(store)) as workers:
-        return study.run(store, workers, progress)
+        result = study.run(store, workers, progress)
+        dict(result.tables)  # all are made while there is a store
+        return result

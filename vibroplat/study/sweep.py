@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import islice
 from typing import Protocol, Unpack
 
@@ -51,6 +52,8 @@ _KEYS: Columns = {
     "…": Column("the key of sweep.over in place of the supply, and those of the grid, by their dotted names"),
 }
 _DIAGRAM: Columns = {**_KEYS, **{name: DIAGRAM[name] for name in ("direction", "branch", EXCITATION)}}
+#: Tables of a bifurcation diagram: the numbers in records that they hold, and the column of these.
+_DIAGRAMS = {"section": ("section_y", "y_m"), "impacts": ("impact_speeds", "impact_speed_m_per_s")}
 #: How many rows of a table are made at a time.
 CHUNK = 2000
 #: The tables of a sweep: what their rows are, and their columns.
@@ -106,7 +109,11 @@ class SweepStudy(Study):
         """Measure the points of all branches."""
         run_sweeps([(self.branches, store)], workers, progress)
         points = sweep_table(self.branches, store)
-        diagram = diagram_tables(self.branches, store) if self.branches[0].plan.kind == "bifurcation" else {}
+        diagram = {
+            name: partial(diagram_parts, self.branches, store, values, column)
+            for name, (values, column) in _DIAGRAMS.items()
+            if self.branches[0].plan.kind == "bifurcation"
+        }
         banded = bands(points)
         text = band_lines(banded, "".join(points["rotation"].dropna().unique()))
         answer = Answer(overview(points), list(text), notes_on_points(points), failures(points))
@@ -273,28 +280,22 @@ def sweep_table(planned: Sequence[Branch], store: Records) -> pd.DataFrame:
         A record is missing or damaged.
     """
     columns = (*COLUMNS, *SHEET, *of_points(planned[0].scene.output.points))
-    return _table(planned, store, columns, lambda record: [record["row"]])
+    return pd.concat(_parts(planned, store, columns, lambda record: [record["row"]]), ignore_index=True)
 
 
-def diagram_tables(planned: Sequence[Branch], store: Store) -> dict[str, pd.DataFrame]:
-    """Make the tables of a bifurcation diagram, by name.
+def diagram_parts(planned: Sequence[Branch], store: Records, values: str, column: str) -> Iterator[pd.DataFrame]:
+    """Yield the parts of a table of a bifurcation diagram; ``values`` names the numbers in records of points."""
 
-    ``section`` holds the heights y (m) at whole turns of exciter 1, ``impacts`` the impact speeds (m/s).
-    """
+    def rows(record: Record) -> list[Record]:
+        return [{EXCITATION: record["row"].get(EXCITATION), column: value} for value in record[values]]
 
-    def table(values: str, column: str) -> pd.DataFrame:
-        def rows(record: Record) -> list[Record]:
-            return [{EXCITATION: record["row"].get(EXCITATION), column: value} for value in record[values]]
-
-        return _table(planned, store, ("direction", "branch", EXCITATION, column), rows)
-
-    return {"section": table("section_y", "y_m"), "impacts": table("impact_speeds", "impact_speed_m_per_s")}
+    return _parts(planned, store, ("direction", "branch", EXCITATION, column), rows)
 
 
-def _table(
+def _parts(
     planned: Sequence[Branch], store: Records, columns: Sequence[str], rows_of: Callable[[Record], list[Record]]
-) -> pd.DataFrame:
-    """Make a table of the rows of all records, with the swept keys and these columns."""
+) -> Iterator[pd.DataFrame]:
+    """Yield the rows of all records in parts, at least one, as tables with the swept keys and these columns."""
     key, grid = column_of(planned[0].swept), planned[0].plan.grid
     meant = {**SWEEP, **DIAGRAM, **of_points(planned[0].scene.output.points)}
     rows = (
@@ -303,10 +304,10 @@ def _table(
         for value, record in zip(branch.along, branch_records(branch, store), strict=True)
         for row in rows_of(record)
     )
-    names, parts = [key, *grid, *columns], []
-    while part := list(islice(rows, CHUNK)):
-        parts.append(study_table(part, names, meant, grid))
-    return pd.concat(parts, ignore_index=True) if parts else study_table([], names, meant, grid)
+    part, first = list(islice(rows, CHUNK)), True
+    while part or first:
+        yield study_table(part, [key, *grid, *columns], meant, grid)
+        part, first = list(islice(rows, CHUNK)), False
 
 
 # -- for the user -----------------------------------------------------------------------------------------
