@@ -270,6 +270,9 @@ def test_bad_option_exits_2_with_one_line(command):
         "run": ("Missing argument",),
         "plot . --kind nope": ("'--kind'", "'nope'", "'motion', 'force', 'exciters'"),
         "plot . --start soon": ("'--start'", "valid"),
+        "sweep nope.yaml --jobs 0": ("'--jobs'",),
+        "sweep nope.yaml --wait soon": ("'--wait'",),
+        "sweep nope.yaml --wait=-1": ("'--wait'",),
     }.items():
         done = command(*line.split())
         assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)

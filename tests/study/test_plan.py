@@ -87,7 +87,7 @@ def test_points_of_all_branches_are_limited_by_a_key():
     keys = ("contact.restitution", "material.mass_ratio", "material.damping_ratio", "material.lower_share")
     with (
         cpu_seconds(5.0),
-        pytest.raises(ConfigError, match=r"^sweep: grid gives 100000000 combinations; allowed: at most 10000$"),
+        pytest.raises(ConfigError, match=r"100000000 combinations; allowed: at most 10000$"),
     ):
         Scene().replace(settings | {"sweep.grid": {key: [0.001 * k for k in range(1, 101)] for key in keys}})
     found = branches(Scene().replace(settings | {"sweep.max_points": 399_964}))

@@ -386,14 +386,6 @@ def test_scheduler_without_dask_is_refused(monkeypatch):
     assert str(caught.value) == "--scheduler needs dask.distributed; pip install 'vibroplat[cluster]' has it"
 
 
-@pytest.mark.parametrize("jobs", ["0", "two"])
-def test_number_of_jobs_is_checked(jobs, command, here):
-    (here / "c.yaml").write_text("sweep: {supply_frequency_hz: {start: 50.0, stop: 50.0}}\n")
-    done = command("sweep", "c.yaml", "--jobs", jobs)
-    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
-    assert "'--jobs'" in done.err
-
-
 # -- pools of their own: loky has one in a process, so that the one of the tests above ends here -----------
 
 
@@ -427,12 +419,6 @@ def test_processes_have_a_core_and_a_chain(monkeypatch, caplog):
         caplog.clear()
         assert pools._useful(jobs, chains) == used
         assert [record.getMessage() for record in caplog.records] == [told] * bool(told)
-
-
-def test_one_branch_is_swept_in_this_process(command, kernels, here, monkeypatch, caplog):
     monkeypatch.delattr(pools, "Processes")
-    (here / "c.yaml").write_text("sweep: {supply_frequency_hz: {start: 50.0, stop: 50.0}}\n")
-    assert command("sweep", "c.yaml", "--jobs", "2").code == 0
-    assert [r.getMessage() for r in caplog.records] == [
-        "--jobs 2: one process is used, as there is no work for more at a time"
-    ]
+    with pool(jobs=2, chains=1) as workers:
+        assert isinstance(workers, Inline)
