@@ -1,7 +1,6 @@
 """Schedulers and workers of dask that are none, are others, or go: one line, and what is finished is kept."""
 
 import contextlib
-import http.server
 import logging
 import math
 import os
@@ -62,20 +61,6 @@ def server(answer):
         connection.close()
 
 
-@contextlib.contextmanager
-def web():
-    """The port of an HTTP server."""
-
-    class Handler(http.server.SimpleHTTPRequestHandler):
-        def log_message(self, *_):
-            """Say nothing."""
-
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler) as found:
-        threading.Thread(target=found.serve_forever, daemon=True).start()
-        yield found.server_port
-        found.shutdown()
-
-
 #: Dask leaves connections that it gave up to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
@@ -83,15 +68,11 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 SERVERS = {
     "closed": lambda: contextlib.nullcontext(clusters.free_port()),
     "silent": lambda: server(lambda connection: None),
-    "closes at once": lambda: server(lambda connection: connection.close()),
     "ssh": lambda: server(lambda connection: connection.sendall(b"SSH-2.0-OpenSSH_9.2p1\r\n")),
-    "web": web,
 }
 
 
-@pytest.mark.parametrize(
-    ("kind", "place"), [("tcp", "closed"), ("tcp", "ssh"), ("tcp", "web"), ("tcp", "closes at once"), ("ws", "silent")]
-)
+@pytest.mark.parametrize(("kind", "place"), [("tcp", "closed"), ("tcp", "ssh"), ("ws", "silent")])
 def test_no_scheduler_at_an_address(kind, place, monkeypatch):
     monkeypatch.setattr(cluster, "FIRST_ANSWER", 0.1)
     with SERVERS[place]() as port:

@@ -253,10 +253,10 @@ def later_state(scene, state, turns):
         return motion.now, motion.state
 
 
-def settled(config, frequency, changes=None):
-    """A scene and its state after thirty seconds."""
+def settled(config, frequency, changes=None, turns=None):
+    """A scene and its state after so many turns, those of thirty seconds if they are not told."""
     scene = load_config(config, {**(changes or {}), "drive.supply_frequency_hz": frequency})
-    return scene, later_state(scene, initial_state(scene), int(15 * frequency))[1]
+    return scene, later_state(scene, initial_state(scene), turns or int(15 * frequency))[1]
 
 
 def test_exponent_of_a_periodic_scene_with_impacts_is_negative():
@@ -276,7 +276,7 @@ def test_no_exponent_where_the_exciter_stands_still():
 
 
 def test_no_exponent_where_the_motion_ends_early():
-    scene, state = settled(MACHINE, 62.5, CHAOTIC)
+    scene, state = settled(MACHINE, 62.5, CHAOTIC, 20)
     scene = scene.replace({"solver.max_events_per_period": 1})
     assert np.isnan(largest_exponent(scene, state)).all()
     with pytest.raises(MotionError, match=r"the motion ended early \(event-storm\)"):
@@ -358,7 +358,7 @@ def test_sum_over_a_chaotic_ball_is_that_of_its_impacts():
 
 def test_sum_over_flights_is_that_of_divergence_and_impacts():
     """Each impact takes R² of the volume of all states; on the section the exciter's speed counts too."""
-    scene, state = settled(MACHINE, 52.0, {**CHAOTIC, "contact.restitution": 0.9, "solver.tolerance": 1e-9})
+    scene, state = settled(MACHINE, 52.0, {**CHAOTIC, "contact.restitution": 0.9, "solver.tolerance": 1e-9}, 400)
     found, motion = spectrum(scene, state, Effort(1, 0, 16, 16))
     begun, seconds = later_state(scene, state, 1)[1], 16 * found[0].turn
     run = run_from(scene, begun, seconds)

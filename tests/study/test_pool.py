@@ -68,22 +68,6 @@ def processes():
         yield workers
 
 
-@pytest.fixture(scope="module")
-def scheduler():
-    """Address of a dask scheduler with two workers on this machine."""
-    from distributed import LocalCluster
-
-    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
-    with LocalCluster(silence_logs=50, **options) as cluster:
-        yield cluster.scheduler_address
-
-
-@pytest.fixture
-def cluster(scheduler):
-    with pool(scheduler=scheduler) as workers:
-        yield workers
-
-
 # -- stored chains ---------------------------------------------------------------------------------------
 
 
@@ -290,50 +274,23 @@ def scene():
     return planned(MACHINE, 46.0, 62.0, step=8.0, direction=["up", "down"], changes=changes, grid=grid, **SHORT)
 
 
-@pytest.fixture(scope="module")
-def table(scene):
-    """Its table, made in this process."""
-    found = sweep(scene)
-    assert len(found) == 24
-    assert {0, 1} <= set(found["period"])
-    return found
-
-
-def interrupted(scene, workers, disturb, after):
-    """Sweep, and disturb it once when so many points are finished."""
-    disturbed = []
+@pytest.mark.faults
+def test_killed_workers_change_nothing(scene, processes):
+    table, killed = sweep(scene), []
+    assert len(table) == 24
+    assert {0, 1} <= set(table["period"])
 
     def progress(_branches, points, _events):
-        if points >= after and not disturbed:
-            disturbed.append(points)
-            disturb()
+        if points >= 10 and not killed:
+            killed.extend(worker.pid for worker in loky_workers())
+            for pid in killed:
+                os.kill(pid, signal.SIGKILL)
 
     with Store(None, {}) as store:
-        run_sweeps([(branches(scene), store)], workers, progress)
-        assert disturbed
-        (table,) = tables(branches(scene), store)
-        return table
-
-
-@pytest.mark.faults
-def test_killed_workers_change_nothing(scene, table, processes):
-    def kill():
-        for worker in loky_workers():
-            os.kill(worker.pid, signal.SIGKILL)
-
-    assert bits(interrupted(scene, processes, kill, 10)) == bits(table)
-
-
-@pytest.mark.faults
-def test_killed_worker_of_dask_changes_nothing(scene, table, scheduler, cluster):
-    from distributed import Client
-
-    def kill_one():
-        with Client(scheduler, set_as_default=False) as client:
-            pids = client.run(os.getpid)
-        os.kill(next(iter(pids.values())), signal.SIGKILL)
-
-    assert bits(interrupted(scene, cluster, kill_one, 5)) == bits(table)
+        run_sweeps([(branches(scene), store)], processes, progress)
+        assert killed
+        (found,) = tables(branches(scene), store)
+    assert bits(found) == bits(table)
 
 
 def place(scene, key):
