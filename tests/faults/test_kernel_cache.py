@@ -418,11 +418,10 @@ print(round(found, 9), sum(hits.values()), sum(misses.values()))
 """
 
 
-def called(tmp_path, name, arguments, package=PACKAGE, **settings):
-    environment = os.environ | settings | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(package.parent)}
+def called(tmp_path, name, arguments):
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     line = [sys.executable, "-c", CALL.format(name=name, arguments=arguments)]
-    where = package.parent  # which Python looks through first
-    return subprocess.run(line, cwd=where, env=environment, capture_output=True, text=True, check=True).stdout.strip()
+    return subprocess.run(line, env=environment, capture_output=True, text=True, check=True).stdout.strip()
 
 
 @pytest.mark.long
@@ -442,36 +441,6 @@ def test_files_that_a_crash_left_empty_are_compiled_anew(tmp_path):
         assert min(file.stat().st_size for file in files) > 0
         for file in files:
             file.write_bytes(b"")
-
-
-# -- machine code that came with the package ------------------------------------------------------------
-
-
-def shipped_to(tmp_path):
-    """A copy of the package with the machine code of one kernel, as a wheel brings it."""
-    site = shutil.copytree(PACKAGE, tmp_path / "site/vibroplat", ignore=shutil.ignore_patterns("__pycache__"))
-    called(tmp_path / "first", "crossing", "c, 3, 0, 1.2", site)
-    (made,) = (tmp_path / "first/vibroplat").iterdir()
-    shutil.copytree(made, site / cache.SHIPPED / made.name, ignore=shutil.ignore_patterns("*.inside-*"))
-    return site
-
-
-def compiled_by(tmp_path, site, name="second", **environment):
-    """Kernels that a process compiled which called one; what it gave is right."""
-    assert called(tmp_path / name, "crossing", "c, 3, 0, 1.2", site, **environment).startswith(f"{CROSSED} ")
-    return {path.name.split("-")[0] for path in (tmp_path / name).rglob("*.bin")}
-
-
-@pytest.mark.long
-def test_shipped_machine_code_is_used_where_it_fits_and_nowhere_else(tmp_path):
-    site = shipped_to(tmp_path)
-    all_three = {f"kernels.polynomial.{name}" for name in ("crossing", "slope.inside", "value.inside")}
-    assert compiled_by(tmp_path, site) == set()
-    assert compiled_by(tmp_path, site, "cpu", NUMBA_CPU_NAME="nehalem", NUMBA_CPU_FEATURES="") == all_three
-    for text, made in (("# changed\n", set()), ("changed = True\n", all_three)):
-        with (site / "kernels/polynomial.py").open("a") as source:
-            source.write(text)
-        assert compiled_by(tmp_path, site, text[0]) == made
 
 
 # -- the processor that they are compiled for -----------------------------------------------------------

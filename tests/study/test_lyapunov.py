@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from common.divergence import integral_of_divergence
 from common.known import GRAVITY, OMEGA, TURN, ball_on_table
+from common.shaken_table import jacobian
 
 from vibroplat import load_config, lyapunov, simulate, variation
 from vibroplat.errors import ConfigError, MotionError
@@ -36,18 +37,6 @@ from .helpers import CALIBRATED, CHAOTIC, MACHINE
 #: Only gap and gap rate are changed: the table's own motion is undamped, its exponent 0.
 OF_THE_BALL = np.zeros((14, 1))
 OF_THE_BALL[[5, 12], 0] = 1.0, 0.3
-
-
-def jacobian(gamma_sine, restitution):
-    """Of the map (impact phase, speed after it) ↦ the next ones, at the period-1 orbit, Γ sin φ given.
-
-    In units of g/ω² and 1/ω: Γ sin θ' = Γ sin θ + w(θ' − θ) − (θ' − θ)²/2, w' = (1 + R)Γ cos θ' − R(w − θ' + θ),
-    and w = π, θ' − θ = 2π, Γ cos θ = π(1 − R)/(1 + R) on the orbit.
-    """
-    gamma_cosine = math.pi * (1.0 - restitution) / (1.0 + restitution)
-    shift = np.array([1.0, 2.0 * math.pi / (math.pi + gamma_cosine)])
-    by_phase = -(1.0 + restitution) * gamma_sine + restitution
-    return np.array([shift, by_phase * shift - restitution])
 
 
 def on_the_orbit(gamma_sine, restitution):
