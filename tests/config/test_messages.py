@@ -189,34 +189,26 @@ def test_too_many_entries_are_told():
 
 
 def test_messages_about_files_name_the_one_that_is_wrong(here):
-    (here / "deep" / "er").mkdir(parents=True)
-    texts = {
-        "a": "extends: b.yaml",
-        "b": "extends: a.yaml",
-        "wrong": "drive: {x: 1}",
-        "list": "- 1",
-        "my scene": "",
-        "above": "extends: wrong.yaml",
-        "higher": "extends: deep/er/up.yaml",
-        "deep/er/up": "extends: ../../list.yaml",
-    }
+    place = here / ("d" * 200) / ("e" * 200)
+    place.mkdir(parents=True)
+    texts = {"a": "extends: b.yaml", "b": "extends: a.yaml", "list": "- 1", "my scene": ""}
     for name, text in texts.items():
         (here / f"{name}.yaml").write_text(text)
+    (place / "up.yaml").write_text("extends: ../../list.yaml")
     messages = {
         "nothing.yaml": "nothing.yaml: no such file",
         ".": ".: cannot be read (Is a directory)",
         "a.yaml/c.yaml": "a.yaml/c.yaml: cannot be read (Not a directory)",
         "a.yaml": "a.yaml: extends itself through b.yaml",
-        "above.yaml": "above.yaml: unknown key drive.x; allowed: supply_frequency_hz, program",
-        "higher.yaml": "deep/er/../../list.yaml: holds a list; allowed: keys and values",
         "my scene.yaml": f"my scene.yaml: name = 'my scene'; allowed: {NAME}",
+        place / "up.yaml": "/../../list.yaml: holds a list; allowed: keys and values",  # its path is cut
     }
-    told = {}
-    for name in messages:
+    for name, line in messages.items():
         with pytest.raises(ConfigError) as caught:
             load_config(name)
-        told[name] = str(caught.value)
-    assert told == messages
+        told = str(caught.value)
+        assert (told[-len(line) :], len(told) < 500) == (line, True)
+        assert told == line or name == place / "up.yaml"
 
 
 SETTINGS = [

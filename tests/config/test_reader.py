@@ -111,6 +111,14 @@ STARTS = [
     ("phase_sum_rad: 1", "phase_difference_rad: 2"),
     ("phase_difference_rad: 1", "phase_sum_rad: 2"),
 ]
+SWEEP = "sweep: {supply_frequency_hz: {start: 40, stop: 50}, "
+LAYERS += [  # a grid is replaced as a whole
+    (
+        f"{SWEEP}grid: {{material.layers: [1, 2]}}}}",
+        "sweep: {grid: {contact.restitution: [0.0, 0.5]}}",
+        f"{SWEEP}grid: {{contact.restitution: [0.0, 0.5]}}}}",
+    ),
+]
 LAYERS += [(f"run: {{initial: {{{below}}}}}", f"run: {{initial: {{{above}}}}}", "") for below, above in STARTS]
 
 
@@ -142,18 +150,6 @@ def test_settings_are_laid_over_the_file(scene_of):
     assert scene.run.initial == Initial(state={"x_m": 0.1})
     entries = [{"t_s": 0, "supply_frequency_hz": 50, "exciter_2": "off"}, {"t_s": 2, "supply_frequency_hz": 60}]
     assert scene.drive == Drive(program=entries)
-
-
-def test_grid_of_a_sweep_is_replaced_as_a_whole(here):
-    frequencies = "supply_frequency_hz: {start: 40.0, stop: 50.0}"
-    (here / "base.yaml").write_text(f"sweep: {{{frequencies}, grid: {{material.layers: [1, 2]}}}}\n")
-    (here / "c.yaml").write_text(
-        "extends: base.yaml\nsweep: {grid: {contact.restitution: [0.0, 0.5]}, measure_s: 1.0}\n"
-    )
-    scene = load_config("c.yaml")
-    assert scene.sweep.grid == {"contact.restitution": [0.0, 0.5]}
-    assert scene.sweep.supply_frequency_hz.stop == 50.0
-    assert scene.replace({"sweep.grid": {}}).sweep.grid == {}
 
 
 #: A machine, given by each kind of keys.

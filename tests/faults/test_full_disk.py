@@ -145,39 +145,15 @@ def test_disk_that_is_only_read_is_told_in_a_line(disk, here):
 # -- a directory that goes away -------------------------------------------------------------------------
 
 
-def meddle(monkeypatch, name, change):
-    """Do something once while a command is at its motion: in a sweep at the sixth point."""
+def test_directory_that_is_removed_in_the_middle_is_told_in_a_line(here, monkeypatch):
     from vibroplat.motion import run
-    from vibroplat.study import sweep
 
-    holder, function, at = (run, "simulate", 1) if name == "run" else (sweep, "measure_point", 6)
-    original, calls = getattr(holder, function), []
+    simulate = run.simulate
 
-    def meddled(*arguments, **options):
-        calls.append(1)
-        if len(calls) == at:
-            change()
-        return original(*arguments, **options)
-
-    monkeypatch.setattr(holder, function, meddled)
-
-
-@pytest.mark.parametrize(
-    ("name", "instead"),
-    [
-        ("run", "nothing"),
-        pytest.param("sweep", "a file", marks=pytest.mark.long),
-    ],
-)
-def test_directory_that_is_removed_in_the_middle_is_told_in_a_line(name, instead, here, monkeypatch):
-    (here / "c.yaml").write_text(SWEEP)
-
-    def remove():
+    def removing(*arguments, **options):
         shutil.rmtree(here / "results/c")
-        if instead == "a file":
-            (here / "results/c").write_text("mine\n")
+        return simulate(*arguments, **options)
 
-    meddle(monkeypatch, name, remove)
-    assert not_a_line(command(name, "c.yaml"), codes=FAILED) == ""
-    if instead == "a file":
-        assert (here / "results/c").read_text() == "mine\n"
+    (here / "c.yaml").write_text(RUN)
+    monkeypatch.setattr(run, "simulate", removing)
+    assert not_a_line(command("run", "c.yaml"), codes=FAILED) == ""

@@ -203,18 +203,6 @@ def test_damaged_records_are_computed_again_and_said(kinds, finished, result, ca
     assert f", {POINTS - 3} of the points from before\n" in printed
 
 
-def test_records_in_each_others_places_are_computed_again(finished, result, caplog):
-    directory = result()
-    changed(
-        directory,
-        "UPDATE records SET second = second + 100 WHERE first = 0",
-        "UPDATE records SET second = 102 - second WHERE first = 0",
-    )
-    table, said, _ = resumed(directory, caplog)
-    assert table == finished[1]
-    assert len(said) == 1
-
-
 def test_only_what_follows_from_another_state_is_computed_again(result, caplog, monkeypatch):
     """A record that is made anew is the same, so those after it stay; if it were another one, they would not."""
     directory = result()

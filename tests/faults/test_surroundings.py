@@ -11,7 +11,7 @@ from common.commands import PROGRAM, Done
 from common.places import FLYING, QUICKSTART
 
 from vibroplat.system import memory
-from vibroplat.system.interrupts import KEPT, RESUMABLE
+from vibroplat.system.interrupts import RESUMABLE
 
 SHORT = ("--set", "run.duration_s=0.05")
 SWEEP = FLYING + "name: few\nsweep: {supply_frequency_hz: {start: 50.0, stop: 52.0, step: 1.0}, measure_s: 0.5}\n"
@@ -114,32 +114,6 @@ def test_errors_are_told_apart_from_a_lack_of_memory():
     assert [error for error in SHORTAGES if not memory.is_short_of_memory(error)] == []
     others = [ImportError("No module named 'x'"), RuntimeError("a mistake"), ValueError("out of memory")]
     assert [error for error in others if memory.is_short_of_memory(error)] == []
-
-
-def test_run_that_runs_out_of_memory_exits_1_with_one_line(command, here, kernels, monkeypatch):
-    monkeypatch.setattr("vibroplat.motion.run.simulate", raising(SHORTAGES[0]))
-    assert command("run", QUICKSTART) == (1, "", f"vibroplat: not enough memory; {KEPT}\n")
-
-
-@pytest.mark.long
-def test_sweep_that_runs_out_of_memory_keeps_its_finished_points(command, here, kernels, monkeypatch):
-    from vibroplat.study import sweep
-
-    (here / "few.yaml").write_text(SWEEP)
-    measure, calls = sweep.measure_point, []
-
-    def second_fails(*arguments):
-        calls.append(1)
-        if len(calls) == 2:
-            raise MemoryError
-        return measure(*arguments)
-
-    monkeypatch.setattr(sweep, "measure_point", second_fails)
-    assert command("sweep", "few.yaml") == (1, "", f"vibroplat: not enough memory; {RESUMABLE}\n")
-    done = command("sweep", "few.yaml", "--resume")
-    assert (done.code, done.err) == (0, "")
-    assert "1 of the points from before" in done.out
-    assert len(calls) == 4
 
 
 # -- what the system refuses ----------------------------------------------------------------------------

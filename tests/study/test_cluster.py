@@ -110,12 +110,6 @@ def workers(threads):
         yield found
 
 
-def test_worker_with_the_same_fingerprint_works(workers):
-    chain = Calls((math.sqrt, (4.0,)), (math.sqrt, (9.0,)))
-    list(run_chains([chain], workers))
-    assert chain.results == [2.0, 3.0]
-
-
 def test_worker_with_another_fingerprint_gives_no_result(workers, threads):
     workers._expected = {**workers._expected, "numpy": "1.0"}
     chain = Calls((math.sqrt, (4.0,)))

@@ -1,6 +1,5 @@
 """Sweeps over any key: the section ``sweep.over``, states carried from layers to others, tables and bands."""
 
-import sqlite3
 from contextlib import closing
 
 import numpy as np
@@ -171,21 +170,16 @@ def test_a_branch_hands_on_states_of_its_own_layers():
 # -- tables, bands, words --------------------------------------------------------------------------------
 
 
-def test_command_resumes_bit_for_bit_in_processes_and_checks(command, here):
+def test_command_writes_a_table_over_the_key(command, here):
     plan = f"over: {{key: {MASS}, values: [0.0, 0.1, 0.2], direction: [up, down]}}, measure_s: 0.4"
     (here / "c.yaml").write_text(f"{FLYING}sweep: {{{plan}, lyapunov: false}}\n")
-    done = command("sweep", "c.yaml", "--check")
+    done = command("sweep", "c.yaml")
     assert (done.code, done.err) == (0, "")
     table = read_table(here / "results/c", "sweep")
     assert table[MASS].tolist() == [0.0, 0.1, 0.2, 0.2, 0.1, 0.0]
     assert table.columns.tolist()[:3] == [MASS, "direction", "branch"]
     assert table.attrs["meanings"][MASS].startswith("mass of the material over that of the machine")
     assert "supply_frequency_hz" not in table
-    with sqlite3.connect(here / "results/c/points.sqlite") as store:
-        store.execute("DELETE FROM records WHERE second > 0 AND first = 0")
-    again = command("sweep", "c.yaml", "--resume", "--jobs", "2")
-    assert (again.code, " of the points from before" in again.out) == (0, True)
-    assert bits(read_table(here / "results/c", "sweep")) == bits(table)
 
 
 def test_two_values_show_no_jump_and_the_first_material_no_liftoff():
