@@ -111,14 +111,8 @@ STARTS = [
     ("phase_sum_rad: 1", "phase_difference_rad: 2"),
     ("phase_difference_rad: 1", "phase_sum_rad: 2"),
 ]
-SWEEP = "sweep: {supply_frequency_hz: {start: 40, stop: 50}, "
-LAYERS += [  # a grid is replaced as a whole
-    (
-        f"{SWEEP}grid: {{material.layers: [1, 2]}}}}",
-        "sweep: {grid: {contact.restitution: [0.0, 0.5]}}",
-        f"{SWEEP}grid: {{contact.restitution: [0.0, 0.5]}}}}",
-    ),
-]
+SWEEP, GRID = "sweep: {supply_frequency_hz: {start: 40, stop: 50}, ", "grid: {contact.restitution: [0.0, 0.5]}"
+LAYERS.append((f"{SWEEP}grid: {{material.layers: [1, 2]}}}}", f"sweep: {{{GRID}}}", f"{SWEEP}{GRID}}}"))
 LAYERS += [(f"run: {{initial: {{{below}}}}}", f"run: {{initial: {{{above}}}}}", "") for below, above in STARTS]
 
 
