@@ -23,8 +23,8 @@ CASES = {
         "above_rms_x_m",
     ),
     "basins": (
-        {"starts": {"run.initial.phase_difference_rad": [-3.0, 3.0]}, "random": 4},
-        4,
+        {"starts": {"run.initial.phase_difference_rad": [2.5, 3.0]}, "random": 2},
+        2,
         "attractors",
         "rms_y_m",
     ),

@@ -174,6 +174,6 @@ def test_records_of_another_version_are_not_resumed(scene, tmp_path):
     for version, known in ((former, "None"), (former | {"version of records": 1}, "1")):
         with Store(tmp_path, version, overwrite=True, **kept):
             pass
-        message = f"^cannot resume: version of records = 2; allowed: {known}, as in the finished points, or "
+        message = f"^cannot resume: version of records = 2; allowed: {known}, as in the finished tasks, or "
         with pytest.raises(ConfigError, match=message):
             Store(tmp_path, wanted, resume=True, **kept)

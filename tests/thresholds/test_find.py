@@ -7,8 +7,6 @@ import pytest
 from vibroplat import find, load_config
 from vibroplat.errors import ConfigError
 from vibroplat.plots.thresholds import threshold_figures
-from vibroplat.study.pool import pool
-from vibroplat.study.store import Store
 from vibroplat.thresholds.tables import ThresholdStudy
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -75,26 +73,6 @@ def test_what_never_changes_is_an_answer(expression, told):
     assert found.answer.text == [
         f"no threshold: {expression} is {told} at all 2 values tried from material.mass_ratio = 0.2 to 0.3"
     ]
-
-
-def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(tmp_path):
-    study = ThresholdStudy(start())
-
-    def killed(done, known):
-        if done == 5:
-            raise KeyboardInterrupt
-
-    def answered(jobs, progress, *, resume=False):
-        with Store(tmp_path, {}, resume=resume) as store, pool(jobs, chains=study.chains(store)) as workers:
-            return study.run(store, workers, progress).tables
-
-    with pytest.raises(KeyboardInterrupt):
-        answered(1, killed)
-    tables = answered(2, lambda done, known: None, resume=True)
-    whole = find(start())
-    for name, expected in (("thresholds", whole.thresholds), ("scan", whole.scan)):
-        times = [column for column in expected if column == "wall_s"]
-        assert tables[name].drop(columns=times).equals(expected.drop(columns=times))
 
 
 @pytest.mark.parametrize(
