@@ -21,7 +21,7 @@ from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.motion.run import SETTLE_SHARE, simulate
 from vibroplat.observe.summary import INACCURATE, Part
-from vibroplat.results.run import Trajectory
+from vibroplat.results.run import RunResult
 from vibroplat.results.tables import write_table
 
 #: Slower impacts (m/s) are not compared: each integration ends an accumulation at its own threshold.
@@ -84,7 +84,7 @@ def compared_events(events: pd.DataFrame) -> pd.DataFrame:
     return events[(events["kind"] == "liftoff") | impacts].reset_index(drop=True)
 
 
-def coordinate_errors(run: Trajectory, trajectory: pd.DataFrame, until: float = np.inf) -> dict[str, float]:
+def coordinate_errors(run: RunResult, trajectory: pd.DataFrame, until: float = np.inf) -> dict[str, float]:
     """Largest error of each coordinate, and of the contact force, while both are attached, over its largest value."""
     theirs = trajectory[trajectory["t_s"] <= min(until, run.scene.run.duration_s)].reset_index(drop=True)
     mine = run(theirs["t_s"])
@@ -113,7 +113,7 @@ class Solver:
     def __init__(self, scene: Scene, make: Callable[[Scene, Parameters], Engine] = make_engine) -> None:
         self.scene, self.make = scene, make
 
-    def run(self, times: Iterable[float]) -> Trajectory:
+    def run(self, times: Iterable[float]) -> RunResult:
         """Run the scene, whose states at these times are compared; RuntimeError if it ends early."""
         run = simulate(self.scene, engine=self.make)
         if run.outcome not in ("ok", INACCURATE):  # the audit knows no more of another solver than its points

@@ -14,7 +14,7 @@ from vibroplat.basin.question import basins
 from vibroplat.bench.measure import by_turns, timed
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import OrbitError, orbit_near
-from vibroplat.continuation.tables import orbits
+from vibroplat.continuation.study import orbits
 from vibroplat.paper.scenes import machine_numbers, paper_scene
 from vibroplat.study.sweep import sweep
 
@@ -43,8 +43,8 @@ def cost_of_orbits(repeats: int, changes: dict[str, Any] | None = None) -> pd.Da
     for tolerance, solver in SETTLED:
         swept = scene.replace({"sweep.settle_tolerance": tolerance, "solver.tolerance": solver})
         pair: dict[str, Any] = {"branches": partial(timed, orbits, followed), "sweep": partial(timed, sweep, swept)}
-        (own, found), (its, table) = by_turns(pair, repeats).values()
-        branches = found.branches
+        (own, found), (its, other) = by_turns(pair, repeats).values()
+        branches, table = found.branches, other.sweep
         rows = rows or [{"what": "branches", "processor_s": np.median(own), "times_branches": 1.0}]
         rows[0] |= {"points": len(branches), **errors(scene, branches)}
         row = {"what": f"sweep, settled to {tolerance:g}", "processor_s": np.median(its), "points": len(table)}

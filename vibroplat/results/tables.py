@@ -160,25 +160,25 @@ def _opened_table(directory: Path, name: str, digests: Mapping[str, str] | None)
     with ExitStack() as stack:
         for file in files:
             with suppress(FileNotFoundError):
-                opened = stack.enter_context(_opened(directory / file, digests))
+                table = stack.enter_context(opened(directory / file, digests))
                 break
         else:
             raise TableError(f"{directory} holds no {name} table; allowed: a result directory of vibroplat")
-        yield opened
+        yield table
 
 
 def read_json(directory: Path, name: str, digests: Mapping[str, str] | None = None) -> Any:
     """Read ``name.json`` of a result; raises :class:`TableError` like :func:`read_table`."""
     path = directory / f"{name}.json"
     try:
-        with _opened(path, digests) as file:
+        with opened(path, digests) as file:
             return json.loads(file.read().decode("utf-8"))
     except FileNotFoundError:
         raise TableError(f"{directory} holds no {name}.json") from None
 
 
 @contextmanager
-def _opened(path: Path, digests: Mapping[str, str] | None) -> Iterator[BufferedReader]:
+def opened(path: Path, digests: Mapping[str, str] | None) -> Iterator[BufferedReader]:
     """Open a file of a result; what is wrong with its contents becomes one line.
 
     What is compared with the digest is what is read, even if the file is replaced meanwhile.
