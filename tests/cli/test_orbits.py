@@ -214,7 +214,7 @@ def test_parts_of_branches_that_are_missing_are_made_again(command, followed):
     base.close()
     done = command("orbits", "c.yaml")
     assert not_a_line(done) == ""
-    assert f" holds {kept} parts of branches of unfinished work; allowed: --resume to continue it, " in done.err
+    assert f" holds {kept} tasks of unfinished work; allowed: --resume to continue it, " in done.err
     done = command("orbits", "c.yaml", "--resume")
     assert (done.code, done.err) == (0, "")
     assert f"{kept} tasks from before" in done.out
