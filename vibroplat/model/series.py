@@ -31,10 +31,10 @@ from vibroplat.kernels.lanes import in_lines, products_2, products_16, put_row
 from vibroplat.kernels.pairs import Pair, paired, parted
 from vibroplat.kernels.sines import sines
 from vibroplat.model.accelerations import mobility, solve_rows
-from vibroplat.model.equations import layer_spring
 from vibroplat.model.motor import Motor, kloss_term, motor_at, resistance_term, square_term
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import Five, Unbalance, compliance, couplings, suspension
+from vibroplat.model.platform import Five, Unbalance, compliance, couplings
+from vibroplat.model.springs import relative, restoring
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS
 
 #: Highest degree of a series.
@@ -144,8 +144,7 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Para
     f = paired(fixed_1, fixed_2)
     e, sense = at_order_0(f), paired(sense_of(y[n + 3]), sense_of(y[n + 4]))
     at_rest = y[n + 3] == 0.0 or y[n + 4] == 0.0
-    q, rate = (y[0], y[1], y[2]), (y[n], y[n + 1], y[n + 2])
-    upper, upper_rate = (y[n - 1], y[2 * n - 1]) if layers == 2 else (0.0, 0.0)
+    q, rate = relative(system, y, 0, n), relative(system, y, n, n)
     phi_1, unbalances, turning, square = 0.0, 0.0, 0.0, 0.0
     for i in range(FORCE):
         room.q[0, i], room.q[1, i] = (y[i], y[n + i]) if i < n else (0.0, 0.0)
@@ -158,25 +157,22 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Para
         square = squares + twice * y[n + 2] * rate[2]
         rotation = Rotation(centre + square, lifted + y[2] * square, weight)
         known = from_lower_orders(k, twice, rotation, e, sense, f, sums, torques)
-        held, (moment_1, moment_2) = suspension(q, rate, p), parted(known.moment)
+        held, (moment_1, moment_2) = restoring(q, rate, p), parted(known.moment)
         b = (
-            held[0] - total(f.unbalance * known.cosine),
-            held[1] - total(f.unbalance * known.sine) - p.mass * weight,
-            held[2] - total(f.unbalance * (f.x * known.sine - f.y * known.cosine)) + moment,  # k (X s″ − Y c″)
+            -held[0] - total(f.unbalance * known.cosine),
+            -(held[1] - held[3]) - total(f.unbalance * known.sine) - p.mass * weight,
+            -held[2] - total(f.unbalance * (f.x * known.sine - f.y * known.cosine)) + moment,  # k (X s″ − Y c″)
             moment_1,
             moment_2,
         )
-        spring = layer_spring(upper, upper_rate, p) if layers == 2 else 0.0
-        lower = p.upper_mass * spring - p.lower_mass * weight
-        a, contact, above = solve_rows(attached, b, lower, -weight - spring, inverse, p)
+        lower = p.upper_mass * held[4] - p.lower_mass * weight - held[3]
+        a, contact, above = solve_rows(attached, b, lower, -weight - held[4], inverse, p)
         share = _SHARE[k + 1]
         twofold = share * _SHARE[k + 2]
-        q = (rate[0] * share, rate[1] * share, rate[2] * share)
-        rate = (a[0] * share, a[1] * share, a[2] * share)
-        if layers == 2:
-            upper, upper_rate = upper_rate * share, above * share
-        gap, layer = (contact * twofold if layers > 0 else 0.0), (above * twofold if layers == 2 else 0.0)
-        material = (layer, 0.0) if attached else (gap, layer)
+        opening, above = (contact if layers > 0 and not attached else 0.0), (above if layers == 2 else 0.0)
+        q = (rate[0] * share, rate[1] * share, rate[2] * share, rate[3] * share, rate[4] * share)
+        rate = (a[0] * share, a[1] * share, a[2] * share, opening * share, above * share)
+        material = (above * twofold, 0.0) if attached else (opening * twofold, above * twofold)
         moved = (a[0] * twofold, a[1] * twofold, a[2] * twofold, a[3] * twofold, a[4] * twofold)
         put_row(room.q, k + 2, (*moved, *material, 0.0))
         room.q[k, FORCE] = contact if attached else 0.0

@@ -18,16 +18,16 @@ from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlin
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16
 from vibroplat.kernels.polynomial import crossing, slope, value
 from vibroplat.kernels.sines import sines
-from vibroplat.model.energy import exciter_powers, powers
+from vibroplat.model.energy import DISSIPATIONS, exciter_powers, powers
 from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.series import HIGHEST
+from vibroplat.model.springs import slopes
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, LAYERS, PLACES, SIZES
 from vibroplat.observe.extremes import IMPULSE, MOST_NODES, NODES, WEIGHTS, Span, give_pace
 from vibroplat.observe.loads import COLUMNS, Equations, add_forces, widen
 from vibroplat.observe.measures import (
     COSINE,
-    DISSIPATIONS,
     EARLY,
     FASTEST,
     FLYING,
@@ -151,10 +151,10 @@ def add_pieces(
     """Add all closed pieces and events in the order of time; ``room`` is overwritten."""
     ms, steps, events = borrow(owned_ms), borrow(owned_steps), borrow(owned_events)
     counted, degree, full, room.limited = 0, steps.c.shape[1] - 1, room.full, -1
-    dampings = (p.damping_x, p.suspension_damping_y, p.damping_phi)
-    stiffnesses = (p.stiffness_x, p.stiffness_y, p.stiffness_phi)
+    stiffness, damping = slopes(p)
     for j in range(3):
-        room.springs[0, j], room.springs[1, j] = stiffnesses[j], dampings[j]
+        room.springs[0, j], room.springs[1, j] = stiffness[j], damping[j]
+    room.springs[1, 1] = p.suspension_damping_y
     for i in range(steps.used.pieces):
         piece = steps.pieces[i]
         while counted < piece.events:
