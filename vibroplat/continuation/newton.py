@@ -347,9 +347,7 @@ def correct(
     halvings
         How often a step is halved, at most, after which an event has passed the section.
     fall
-        Largest lengths of the second, the third, … step relative to the first one; the last limit holds for all that
-        follow. An iteration beyond its limit is given up. Empty: there are no limits. Residuals have no limits: where
-        motion is slow they are small although the orbit is far.
+        Limits of the steps' lengths, as :func:`_check_lengths` has them. Empty: there are none.
 
     Raises
     ------
@@ -357,11 +355,10 @@ def correct(
         There is none.
     """
     begun, residuals, steps = u, list[float](), list[float]()
-    full = jacobian is None
-    step, left, much, halved = np.zeros_like(u), np.zeros(0), 0.0, 0
-    while len(residuals) < most:
-        try:
-            residual, shot = problem.shoot(chart, u, full=full)
+    full, step, left, much = jacobian is None, np.zeros_like(u), np.zeros(0), 0.0
+    try:
+        while len(residuals) < most:
+            residual, shot, u, step, full = _shoot_halving(problem, chart, u, step, halvings, full=full)
             missing = residual if slack is None else residual + much * slack
             residuals.append(size := largest(missing))
             if full:
@@ -376,20 +373,41 @@ def correct(
                 jacobian = jacobian.copy()
                 improve(jacobian, step, residual - left)
             found = solved(bordered(jacobian, border, slack), -np.append(missing, border @ (u - begun)), LONGEST)
-            steps.append(float(np.linalg.norm(found[: u.size])))
-            if fall and len(steps) > 1 and steps[-1] > steps[0] * fall[min(len(steps) - 2, len(fall) - 1)]:
-                raise MissedError("the steps do not become shorter")
-        except MissedError as error:
-            if not (error.section and step.any() and halved < halvings):
-                raise MissedError(error.why, residuals, section=error.section) from None
-            halved, step, full = halved + 1, 0.5 * step, True
-            u = u - step
-            continue
-        halved = 0
-        step, more = found[: u.size], float(found[u.size :].sum())
-        u, left, much = u + step, residual, much + more
-        full = size < QUICK * problem.tolerance
+            step, more = found[: u.size], float(found[u.size :].sum())
+            steps.append(float(np.linalg.norm(step)))
+            _check_lengths(steps, fall)
+            u, left, much = u + step, residual, much + more
+            full = size < QUICK * problem.tolerance
+    except MissedError as error:
+        raise MissedError(error.why, residuals, section=error.section) from None
     raise MissedError(f"no convergence in {most} iterations", residuals)
+
+
+def _check_lengths(steps: Sequence[float], fall: Sequence[float]) -> None:
+    """Refuse a last step that is too long.
+
+    Limits are the largest lengths of the second, the third, … step relative to the first one; the last limit holds for
+    all that follow. Residuals have no limits: where motion is slow they are small although the orbit is far.
+    """
+    if fall and len(steps) > 1 and steps[-1] > steps[0] * fall[min(len(steps) - 2, len(fall) - 1)]:
+        raise MissedError("the steps do not become shorter")
+
+
+def _shoot_halving(
+    problem: Problem, chart: Chart, u: FloatArray, step: FloatArray, halvings: int, *, full: bool
+) -> tuple[FloatArray, Shot, FloatArray, FloatArray, bool]:
+    """Take a shot after a step, which is halved, so often at most, while an event has passed the section.
+
+    Returns residual and shot, and the vector of unknowns, the step and ``full`` that they are of.
+    """
+    while True:
+        try:
+            return (*problem.shoot(chart, u, full=full), u, step, full)
+        except MissedError as error:
+            if not (error.section and step.any() and halvings > 0):
+                raise
+        halvings, step, full = halvings - 1, 0.5 * step, True
+        u = u - step
 
 
 def correct_anywhere(
