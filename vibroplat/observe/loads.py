@@ -148,14 +148,7 @@ def mean_squares(
 
 @fused_inline
 def steepest(
-    c: FloatArray,
-    degree: int,
-    n: int,
-    spot: tuple[float, float],
-    sideways: float,
-    s: float,
-    low: float,
-    high: float,
+    c: FloatArray, degree: int, n: int, spot: tuple[float, float], sideways: float, s: float, low: float, high: float
 ) -> tuple[float, float]:
     """Fraction of a step near s at which the square of a point's acceleration is largest, and that square (1/step⁴).
 
@@ -189,13 +182,7 @@ def steepest(
 
 @compiled
 def exact_size(
-    s: float,
-    system: int,
-    sideways: float,
-    spot: tuple[float, float],
-    room: Any,
-    span: Span,
-    equations: Equations,
+    s: float, system: int, sideways: float, spot: tuple[float, float], room: Any, span: Span, equations: Equations
 ) -> float:
     """Size of the acceleration of a point of the platform at a fraction of a step, by the equations (m/s²)."""
     y, yp, n = room.y, room.yp, DIFFERENTIAL[system] // 2
@@ -245,14 +232,7 @@ def put_limits(peaks: Any, room: Any, system: int, p: Parameters) -> None:
 
 @inlined
 def widen(
-    peaks: Any,
-    begun: FloatArray,
-    room: Any,
-    nodes: int,
-    system: int,
-    span: Span,
-    equations: Equations,
-    p: Parameters,
+    peaks: Any, begun: FloatArray, room: Any, nodes: int, system: int, span: Span, equations: Equations, p: Parameters
 ) -> None:
     """Let the extremes cover a step or a part of it.
 
@@ -278,14 +258,7 @@ def widen(
 
 @compiled
 def cover_columns(
-    peaks: Any,
-    room: Any,
-    nodes: int,
-    system: int,
-    span: Span,
-    flags: int,
-    equations: Equations,
-    p: Parameters,
+    peaks: Any, room: Any, nodes: int, system: int, span: Span, flags: int, equations: Equations, p: Parameters
 ) -> None:
     """Let the extremes of columns whose bits are set cover a step.
 
@@ -316,13 +289,7 @@ def cover_columns(
 
 @compiled
 def cover_points(
-    peaks: Any,
-    room: Any,
-    nodes: int,
-    system: int,
-    span: Span,
-    equations: Equations,
-    p: Parameters,
+    peaks: Any, room: Any, nodes: int, system: int, span: Span, equations: Equations, p: Parameters
 ) -> None:
     """Let the extremes of named points cover a step."""
     for i in range(room.named):
@@ -334,14 +301,7 @@ def cover_points(
 
 
 @compiled
-def cover_shaking(
-    peaks: Any,
-    room: Any,
-    nodes: int,
-    system: int,
-    span: Span,
-    equations: Equations,
-) -> None:
+def cover_shaking(peaks: Any, room: Any, nodes: int, system: int, span: Span, equations: Equations) -> None:
     """Let the extremes of the acceleration of the centre of mass cover a step.
 
     In antiphase the platform moves along y alone but for round-off. Its acceleration is then that along y, found once:
