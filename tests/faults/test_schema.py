@@ -65,7 +65,7 @@ def test_plot_of_a_sweep_whose_configuration_is_lost_is_refused(result):
 def test_resume_refuses_in_a_line_and_leaves_all_as_it_is(result):
     directory = result("sweep")
     before = bits(left(directory)[0]["sweep.parquet"])
-    with sqlite3.connect(directory / "points.sqlite") as base:
+    with sqlite3.connect(directory / "points-sweep.sqlite") as base:
         base.execute("DELETE FROM records WHERE second = 1")
     base.close()
     told = {}

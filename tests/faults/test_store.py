@@ -19,7 +19,7 @@ from vibroplat.errors import ConfigError
 from vibroplat.results.tables import read_table
 from vibroplat.study import sweep
 from vibroplat.study.fingerprint import package
-from vibroplat.study.store import FILE, SpoiledError, Store, digest
+from vibroplat.study.store import SpoiledError, Store, digest
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -29,6 +29,7 @@ POINTS = 6
 #: A sweep of 22 points.
 LONGER = CONFIGURATION.replace("47.0", "51.0")
 WRITE = "vibroplat.study.store:Store.write"
+FILE = "points-sweep.sqlite"
 STORED = f"results/c/{FILE}"
 
 
@@ -110,7 +111,7 @@ def test_sweep_that_was_killed_goes_on_to_the_same_table_and_no_worker_outlives_
         assert ended(here, "sweep", "c.yaml", "--resume", before=kill).code == -signal.SIGKILL
         assert not list((here / "results/c").glob("sweep.*"))
         done = command("sweep", "c.yaml", "--resume")
-        assert ", 13 of the points from before\n" in done.out
+        assert ", 13 tasks from before\n" in done.out
         table, alone = (read_table(here / place, "sweep") for place in ("results/c", "alone/c"))
         assert bits(table) == bits(alone)
         assert table.dtypes.equals(alone.dtypes)
@@ -125,7 +126,7 @@ def test_points_or_tables_that_are_missing_are_made_again(result, finished, capl
         changed(directory, f"DELETE FROM records WHERE second >= {first}")
         table, _, printed = resumed(directory, caplog)
         assert table == finished[1]
-        assert f", {2 * first} of the points from before\n" in printed
+        assert f", {2 * first} tasks from before\n" in printed
 
 
 # -- refused --------------------------------------------------------------------------------------------
@@ -168,7 +169,7 @@ def test_changed_configuration_is_not_resumed_and_the_key_is_named(unfinished, r
     directory = result()
     assert "sweep.seed = 1; allowed: 0" in command("sweep", "c.yaml", "--resume", "--set", "sweep.seed=1").err
     known = package()
-    monkeypatch.setattr("vibroplat.study.sweep.package", lambda: known | {"vibroplat": "9.9.9"})
+    monkeypatch.setattr("vibroplat.study.study.package", lambda: known | {"vibroplat": "9.9.9"})
     assert "vibroplat = 9.9.9; allowed: 0." in command("sweep", "c.yaml", "--resume").err
     assert finished_points(directory) == POINTS
 
@@ -237,7 +238,7 @@ def test_damaged_records_are_computed_again_and_said(kinds, finished, result, ca
     table, said, printed = resumed(directory, caplog)
     assert table == finished[1]
     assert said == [f"{STORED}: 3 of {POINTS} records damaged or missing; computing them again"]
-    assert f", {POINTS - 3} of the points from before\n" in printed
+    assert f", {POINTS - 3} tasks from before\n" in printed
 
 
 def test_records_in_each_others_places_are_computed_again(finished, result, caplog):
@@ -266,7 +267,7 @@ def test_only_what_follows_from_another_state_is_computed_again(result, caplog, 
     another.__module__, another.__qualname__ = measure.__module__, measure.__qualname__
     monkeypatch.setattr(sweep, "measure_point", another)
     _, said, printed = resumed(directory, caplog)
-    assert f", {POINTS - 2} of the points from before\n" in printed
+    assert f", {POINTS - 2} tasks from before\n" in printed
     assert [line.partition(": ")[2] for line in said] == [
         f"1 of {POINTS} records damaged or missing; computing them again",
         "some records do not follow from those before them; computing them again",
@@ -275,18 +276,19 @@ def test_only_what_follows_from_another_state_is_computed_again(result, caplog, 
 
 def test_record_that_is_damaged_before_the_table_is_written_ends_in_a_line(result, monkeypatch):
     directory = result()
-    finish = Store.finish
+    run = sweep.run_sweeps
     for statement, told in (
         ("UPDATE records SET record = '{}' WHERE first = 1 AND second = 2", "a record is damaged"),
         ("DELETE FROM records WHERE first = 1 AND second = 1", "point 1 of branch 1 is not stored"),
     ):
 
-        def losing(store, statement=statement):
-            finish(store)
+        def losing(sweeps, *arguments, statement=statement):
+            run(sweeps, *arguments)
+            ((_, store),) = sweeps
             store._base.execute(statement)
             store._base.commit()
 
-        monkeypatch.setattr(Store, "finish", losing)
+        monkeypatch.setattr(sweep, "run_sweeps", losing)
         done = command("sweep", "c.yaml", "--resume")
         assert not_a_line(done, codes=(1,)) == ""
         assert told in done.err
@@ -405,7 +407,7 @@ def test_condition_that_is_known_later_is_compared_too(tmp_path):
 @pytest.mark.parametrize(
     ("what", "where", "found"),
     [
-        ("source files", "vibroplat.study.sweep.package", lambda: package.__wrapped__() | {"source files": "others"}),
+        ("source files", "vibroplat.study.study.package", lambda: package.__wrapped__() | {"source files": "others"}),
         ("arithmetic", "vibroplat.study.fingerprint.arithmetic", lambda _engine: "others"),
     ],
 )

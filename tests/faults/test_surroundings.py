@@ -157,7 +157,7 @@ def test_sweep_that_runs_out_of_memory_keeps_its_finished_points(command, here, 
     assert command("sweep", "few.yaml") == (1, "", f"vibroplat: not enough memory; {RESUMABLE}\n")
     done = command("sweep", "few.yaml", "--resume")
     assert (done.code, done.err) == (0, "")
-    assert "1 of the points from before" in done.out
+    assert "1 tasks from before" in done.out
     assert len(calls) == 4
 
 

@@ -85,7 +85,7 @@ def test_run_can_be_saved_as_csv(run, tmp_path):
 
 
 def test_load_of_a_directory_without_a_result(tmp_path):
-    with pytest.raises(TableError, match="holds neither a run nor a sweep; allowed: a result directory of vibroplat"):
+    with pytest.raises(TableError, match="holds no finished result; allowed: a result directory of vibroplat"):
         load(tmp_path)
 
 

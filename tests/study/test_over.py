@@ -124,9 +124,9 @@ QUICK = {"measure_s": 0.5, "lyapunov": False}
 
 
 def test_the_short_form_gives_the_same_bits():
-    short = sweep(planned(LOADED, 50.0, 51.0, direction=["up", "down"], **QUICK))
+    short = sweep(planned(LOADED, 50.0, 51.0, direction=["up", "down"], **QUICK)).sweep
     ends = {"start": 50.0, "stop": 51.0, "step": 0.5, "direction": ["up", "down"]}
-    long = sweep(over("drive.supply_frequency_hz", plan=QUICK, **ends))
+    long = sweep(over("drive.supply_frequency_hz", plan=QUICK, **ends)).sweep
     assert bits(long) == bits(short)
     assert long.columns[0] == "supply_frequency_hz"
     assert long.attrs == short.attrs
@@ -191,16 +191,16 @@ def test_command_resumes_bit_for_bit_in_processes_and_checks(command, here):
     assert table.columns.tolist()[:3] == [MASS, "direction", "branch"]
     assert table.attrs["meanings"][MASS].startswith("mass of the material over that of the machine")
     assert "supply_frequency_hz" not in table
-    with sqlite3.connect(here / "results/c/points.sqlite") as store:
+    with sqlite3.connect(here / "results/c/points-sweep.sqlite") as store:
         store.execute("DELETE FROM records WHERE second > 0 AND first = 0")
     again = command("sweep", "c.yaml", "--resume", "--jobs", "2")
-    assert (again.code, " of the points from before" in again.out) == (0, True)
+    assert (again.code, " tasks from before" in again.out) == (0, True)
     assert bits(read_table(here / "results/c", "sweep")) == bits(table)
 
 
 def test_two_values_show_no_jump_and_the_first_material_no_liftoff():
     """Over a key that changes the response a little, and from a bare platform to material in flight."""
-    table = sweep(over(MASS, {"drive.supply_frequency_hz": 55.0}, values=[0.0, 0.05, 0.1], plan=QUICK))
+    table = sweep(over(MASS, {"drive.supply_frequency_hz": 55.0}, values=[0.0, 0.05, 0.1], plan=QUICK)).sweep
     assert (table["flight_fraction"] > 0.0).tolist() == [False, True, True]
     assert set(bands(table)["kind"]) == {"band", "largest"}
 

@@ -32,7 +32,7 @@ from vibroplat.study.pool import (
     run_stored,
 )
 from vibroplat.study.store import Store
-from vibroplat.study.sweep import run_sweeps, tables
+from vibroplat.study.sweep import run_sweeps, sweep_table
 
 from .helpers import MACHINE, Calls, planned
 
@@ -293,7 +293,7 @@ def scene():
 @pytest.fixture(scope="module")
 def table(scene):
     """Its table, made in this process."""
-    found = sweep(scene)
+    found = sweep(scene).sweep
     assert len(found) == 24
     assert {0, 1} <= set(found["period"])
     return found
@@ -303,7 +303,7 @@ def interrupted(scene, workers, disturb, after):
     """Sweep, and disturb it once when so many points are finished."""
     disturbed = []
 
-    def progress(_branches, points, _events):
+    def progress(points, _):
         if points >= after and not disturbed:
             disturbed.append(points)
             disturb()
@@ -311,8 +311,7 @@ def interrupted(scene, workers, disturb, after):
     with Store(None, {}) as store:
         run_sweeps([(branches(scene), store)], workers, progress)
         assert disturbed
-        (table,) = tables(branches(scene), store)
-        return table
+        return sweep_table(branches(scene), store)
 
 
 @pytest.mark.faults
@@ -366,7 +365,7 @@ def test_point_that_kills_its_workers_is_a_row_and_the_branch_goes_on(scene, mon
     monkeypatch.setattr("vibroplat.study.sweep.measure_point", measure)
     with Store(None, {}) as store:
         run_sweeps([(branches(scene), store)], Mortal())
-        (found,) = tables(branches(scene), store)
+        found = sweep_table(branches(scene), store)
     lost = found[found["outcome"] != "ok"]
     assert lost[["branch", "supply_frequency_hz", "outcome"]].to_numpy().tolist() == [[2, 54.0, "worker-lost"]]
     assert lost["detail"].item() == f"its worker died {LIVES} times"

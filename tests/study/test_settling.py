@@ -272,7 +272,7 @@ def test_class_of_a_motion_is_as_wide_again_as_its_blocks(shift, inside):
 
 
 def swept_torques(*torques):
-    return sweep(load_config(SLOW).replace({"sweep": {"over": {"key": TORQUE, "values": list(torques)}}}))
+    return sweep(load_config(SLOW).replace({"sweep": {"over": {"key": TORQUE, "values": list(torques)}}})).sweep
 
 
 def test_slow_motion_has_settled_where_it_surely_converges_to_an_orbit():

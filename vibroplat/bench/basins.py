@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.basin.question import BasinTables, basins
+from vibroplat.basin.question import basins
 from vibroplat.basin.starts import begun, states_of
 from vibroplat.bench.peers import ensemble
 from vibroplat.columns import PHASE_COLUMN
@@ -19,6 +19,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import systems
 from vibroplat.paper.scenes import machine_numbers, paper_scene
+from vibroplat.results.result import Result
 
 #: Turns that an ensemble is followed for: none says when a motion has settled.
 TRANSIENTS = (100, 300, 1000)
@@ -51,7 +52,7 @@ def cost(repeats: int, starts: int = 400) -> pd.DataFrame:
     return table.assign(times_basins=table["processor_s"] / table["processor_s"].iloc[0])
 
 
-def beside(scene: Scene, found: BasinTables, turns: int, batch: int, repeats: int) -> dict[str, Any]:
+def beside(scene: Scene, found: Result, turns: int, batch: int, repeats: int) -> dict[str, Any]:
     """Measure an ensemble of starts in vectors of a length, and compare where they are after so many turns."""
     assert scene.basins is not None
     [system] = systems(scene).values()

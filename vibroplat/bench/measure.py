@@ -19,7 +19,7 @@ from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.motion.run import SETTLE_SHARE, simulate
 from vibroplat.observe.summary import INACCURATE
-from vibroplat.results.run import Trajectory
+from vibroplat.results.run import RunResult
 
 #: Slower impacts (m/s) are not compared: each integration ends an accumulation at its own threshold.
 SLOWEST = 1e-3
@@ -44,7 +44,7 @@ def compared_events(events: pd.DataFrame) -> pd.DataFrame:
     return events[(events["kind"] == "liftoff") | impacts].reset_index(drop=True)
 
 
-def coordinate_errors(run: Trajectory, trajectory: pd.DataFrame, until: float = np.inf) -> dict[str, float]:
+def coordinate_errors(run: RunResult, trajectory: pd.DataFrame, until: float = np.inf) -> dict[str, float]:
     """Largest error of each coordinate, and of the contact force, while both are attached, over its largest value."""
     theirs = trajectory[trajectory["t_s"] <= min(until, run.scene.run.duration_s)].reset_index(drop=True)
     mine = run(theirs["t_s"])
@@ -76,7 +76,7 @@ class Solver:
         self.p = parameters(self.scene)
         self.peer = Peer(name, self.scene, self.p, tolerance) if name in PEERS else None
 
-    def run(self, times: Iterable[float]) -> Trajectory:
+    def run(self, times: Iterable[float]) -> RunResult:
         """Run the scene, states at these times wanted; RuntimeError if it ends early."""
         if (peer := self.peer) is not None:
             peer.wanted = np.asarray(times)

@@ -12,7 +12,7 @@ import pandas as pd
 
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import OrbitError, orbit_near
-from vibroplat.continuation.tables import orbits
+from vibroplat.continuation.study import orbits
 from vibroplat.paper.scenes import machine_numbers, paper_scene
 from vibroplat.study.sweep import sweep
 
@@ -43,7 +43,7 @@ def cost(repeats: int, changes: dict[str, Any] | None = None) -> pd.DataFrame:
             began = time.process_time()
             branches = orbits(scene.replace({"orbits": plan})).branches
             between = time.process_time()
-            table = sweep(scene.replace({"sweep.settle_tolerance": tolerance, "solver.tolerance": solver}))
+            table = sweep(scene.replace({"sweep.settle_tolerance": tolerance, "solver.tolerance": solver})).sweep
             seconds.append((between - began, time.process_time() - between))
         own, its = np.array(seconds).T
         rows = rows or [{"what": "branches", "processor_s": np.median(own), "times_branches": 1.0}]

@@ -6,13 +6,14 @@ import errno
 import gc
 import os
 import sys
+from collections.abc import Callable
 from typing import Annotated, Any, get_type_hints
 
 import typer
 from typer.core import TyperGroup
 
 from vibroplat import __version__
-from vibroplat.cli import bench, figures, paper, questions, reference, studies
+from vibroplat.cli import bench, figures, paper, reference, run, studies
 from vibroplat.errors import VibroplatError
 from vibroplat.system.interrupts import kept, offer_resume
 from vibroplat.system.memory import is_short_of_memory, require_memory
@@ -110,14 +111,10 @@ def _options(
         require_memory()
 
 
-COMMANDS = (
+COMMANDS: tuple[Callable[..., Any], ...] = (
     reference.new,
-    studies.run,
-    studies.sweep,
-    studies.orbits,
-    questions.find,
-    questions.basins,
-    questions.design,
+    run.run,
+    *studies.COMMANDS,
     figures.plot,
     figures.report,
     figures.film,

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import COUNT, Column, Columns
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import IMPACT, LATCH
 from vibroplat.kernels.compiled import FloatArray
@@ -105,7 +105,7 @@ MEASURES: Columns = {
     "liftoffs": Column("liftoffs in the whole run"),
     "impacts": Column("impacts in the whole run", "without those of latches, as impacts_per_period"),
     "latches": Column("latches in the whole run", "impacts that accumulate and end in contact"),
-    "events": Column("liftoffs, impacts and latches in the whole run", "impacts without those of latches"),
+    "events": Column("liftoffs, impacts and latches in the whole run", "impacts without those of latches", kind=COUNT),
     "measured_liftoffs": Column("liftoffs in that time"),
     "measured_impacts": Column("impacts in that time", "without those of latches, as impacts_per_period"),
     "measured_latches": Column("latches in that time"),
