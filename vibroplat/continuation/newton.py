@@ -17,7 +17,14 @@ import numpy.typing as npt
 
 from vibroplat.continuation.shooting import TURN, Shooter, Shot, rotated
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.kernels.linear import eliminate, improve, largest, project, subtract, take_scaled
+from vibroplat.kernels.linear import (
+    broyden_update,
+    closing_residual,
+    eliminate,
+    largest_size,
+    project_to_section,
+    take_scaled,
+)
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
 
 #: Residual, in the scales of the scene, beyond which the iteration is given up.
@@ -105,7 +112,7 @@ class Chart:
         """Differentiate the map from section to section, shape (m − 1, m − 1)."""
         derivative, along = self.derivative(shot)
         found = np.empty((along.size - 1, along.size - 1))
-        project(derivative, along, self.phase, found)
+        project_to_section(derivative, along, self.phase, found)
         return found
 
 
@@ -208,8 +215,8 @@ class Problem:
         if not shot.begins == shot.ends == chart.system:
             raise MissedError("the mode on the section changed", section=True)
         residual = np.empty(chart.scales.size)
-        subtract(shot.state, state, self._turned, chart.places, chart.scales, residual)
-        if not largest(residual) < FAR:
+        closing_residual(shot.state, state, self._turned, chart.places, chart.scales, residual)
+        if not largest_size(residual) < FAR:
             raise MissedError("the residual grew beyond all bounds")
         return residual, shot
 
@@ -360,7 +367,7 @@ def correct(
         while len(residuals) < most:
             residual, shot, u, step, full = _shoot_halving(problem, chart, u, step, halvings, full=full)
             missing = residual if slack is None else residual + much * slack
-            residuals.append(size := largest(missing))
+            residuals.append(size := largest_size(missing))
             if full:
                 jacobian = problem.jacobian(chart, shot)
                 if size < problem.tolerance:
@@ -371,7 +378,7 @@ def correct(
             assert jacobian is not None
             if not full and step.any():
                 jacobian = jacobian.copy()
-                improve(jacobian, step, residual - left)
+                broyden_update(jacobian, step, residual - left)
             found = solved(bordered(jacobian, border, slack), -np.append(missing, border @ (u - begun)), LONGEST)
             step, more = found[: u.size], float(found[u.size :].sum())
             steps.append(float(np.linalg.norm(step)))

@@ -26,7 +26,7 @@ from vibroplat.hybrid.state import MARGIN, RUNNING, WIDTH, Automaton, rewind
 from vibroplat.integrate.seam import WORK
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, inlined, same_types
 from vibroplat.kernels.lanes import horner_8, in_lines, put_step, sizes_16
-from vibroplat.kernels.polynomial import crossing, first_fall
+from vibroplat.kernels.polynomial import crossing, first_downcrossing
 from vibroplat.model.equations import finite
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import holds
@@ -282,10 +282,10 @@ def guard_fall(c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bo
 
     A guard is its polynomial of degree d and a remainder, which is taken to be within T sᵈ at fraction s of the step; T
     is the sum of the sizes of the last four coefficients, as much as is left where coefficients halve every four. No
-    fall of the polynomial is missed (:func:`vibroplat.kernels.polynomial.first_fall`). Whether the guard falls in the
-    step is sure, within these bounds, if polynomial − T sᵈ does not fall, or polynomial + T sᵈ does as well. If it is
-    not, as near a touch, a shorter step will be, for T shrinks with sᵈ; where T is round-off the polynomial decides.
-    Where a step holds a touch and then a fall, the polynomial alone says which is first: T sᵈ is least there.
+    fall of the polynomial is missed (:func:`vibroplat.kernels.polynomial.first_downcrossing`). Whether the guard falls
+    in the step is sure, within these bounds, if polynomial − T sᵈ does not fall, or polynomial + T sᵈ does as well. If
+    it is not, as near a touch, a shorter step will be, for T shrinks with sᵈ; where T is round-off the polynomial
+    decides. Where a step holds a touch and then a fall, the polynomial alone says which is first: T sᵈ is least there.
     """
     used = degree - 2 if algebraic else degree
     rest, first = 0.0, 0
@@ -303,11 +303,11 @@ def guard_fall(c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bo
         return -1.0, True
     for k in range(used + 1):
         e.status.guard[k, 0] = e.status.bound[k, 0] = c[k, guard]
-    fall = first_fall(e.status.guard, used, 0, zeros)
+    fall = first_downcrossing(e.status.guard, used, 0, zeros)
     if rest <= _NOTHING * (abs(c[0, guard]) + e.status.sizes[guard]) or (fall >= 0.0 and at_end < -rest):
         return fall, True
     e.status.bound[used, 0] += rest if fall >= 0.0 else -rest
-    return fall, (first_fall(e.status.bound, used, 0, zeros) >= 0.0) == (fall >= 0.0)
+    return fall, (first_downcrossing(e.status.bound, used, 0, zeros) >= 0.0) == (fall >= 0.0)
 
 
 @compiled
@@ -319,7 +319,7 @@ def comes_to_rest(c: FloatArray, degree: int, j: int, room: FloatArray) -> float
     sense = 1.0 if c[first, j] > 0.0 else -1.0
     for k in range(degree + 1):
         room[k, 0] = sense * c[k, j]
-    return first_fall(room, degree, 0, first)
+    return first_downcrossing(room, degree, 0, first)
 
 
 @inlined

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
-from vibroplat.kernels.sines import sines
+from vibroplat.kernels.sines import sincos_pair
 from vibroplat.model.motor import resistance
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import Three, couplings, inertial, unbalance
@@ -71,7 +71,7 @@ def truncation(y: FloatArray, n: int, beside: float, p: Parameters) -> float:
         largest += p.unbalance[i] * (abs(p.axis_x[i]) + abs(p.axis_y[i])) * abs(y[n + 3 + i])
     if abs(turning) * largest <= 1e-16 * beside:
         return 0.0  # a platform that does not rock pays for no sines
-    s1, c1, s2, c2 = sines(y[3], y[4])
+    s1, c1, s2, c2 = sincos_pair(y[3], y[4])
     return turning * (w1 * couplings(0, phi, s1, c1, p).phi_still + w2 * couplings(1, phi, s2, c2, p).phi_still)
 
 

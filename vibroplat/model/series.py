@@ -28,8 +28,8 @@ import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, fused, inlined
 from vibroplat.kernels.lanes import in_lines, products_2, products_16, put_row
-from vibroplat.kernels.pairs import Pair, paired, parted
-from vibroplat.kernels.sines import sines
+from vibroplat.kernels.pairs import Pair, pack_pair, unpack_pair
+from vibroplat.kernels.sines import sincos_pair
 from vibroplat.model.accelerations import mobility, solve_rows
 from vibroplat.model.motor import Motor, kloss_term, motor_at, resistance_term, square_term
 from vibroplat.model.parameters import Parameters
@@ -138,11 +138,11 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Para
     """
     n = DIFFERENTIAL[system] // 2
     attached, layers = ALGEBRAIC[system], LAYERS[system]
-    s1, c1, s2, c2 = sines(y[3], y[4])
+    s1, c1, s2, c2 = sincos_pair(y[3], y[4])
     fixed_1, fixed_2 = fixed(0, t, y, n, s1, c1, p), fixed(1, t, y, n, s2, c2, p)
     inverse = compliance(fixed_1.couplings, fixed_2.couplings, mobility(attached, p), p)
-    f = paired(fixed_1, fixed_2)
-    e, sense = at_order_0(f), paired(sense_of(y[n + 3]), sense_of(y[n + 4]))
+    f = pack_pair(fixed_1, fixed_2)
+    e, sense = at_order_0(f), pack_pair(sense_of(y[n + 3]), sense_of(y[n + 4]))
     at_rest = y[n + 3] == 0.0 or y[n + 4] == 0.0
     q, rate = relative(system, y, 0, n), relative(system, y, n, n)
     phi_1, unbalances, turning, square = 0.0, 0.0, 0.0, 0.0
@@ -152,12 +152,12 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Para
         sums = products_16(room.early, room.late, k, k)
         torques = products_2(room.squares, room.torques, k, k - 1)[0]
         weight, twice = (p.gravity, 1.0) if k == 0 else (0.0, 2.0)
-        (moment, centre), (lifted, squares) = parted(sums[6]), parted(sums[7])
+        (moment, centre), (lifted, squares) = unpack_pair(sums[6]), unpack_pair(sums[7])
         moment, centre, lifted = moment + phi_1 * unbalances, centre + phi_1 * turning, lifted + phi_1 * square
         square = squares + twice * y[n + 2] * rate[2]
         rotation = Rotation(centre + square, lifted + y[2] * square, weight)
         known = from_lower_orders(k, twice, rotation, e, sense, f, sums, torques)
-        held, (moment_1, moment_2) = restoring(q, rate, p), parted(known.moment)
+        held, (moment_1, moment_2) = restoring(q, rate, p), unpack_pair(known.moment)
         b = (
             -held[0] - total(f.unbalance * known.cosine),
             -(held[1] - held[3]) - total(f.unbalance * known.sine) - p.mass * weight,
@@ -178,7 +178,7 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Para
         room.q[k, FORCE] = contact if attached else 0.0
         if k == 0:
             phi_1 = y[n + 2]
-        own = paired(a[3], a[4])
+        own = pack_pair(a[3], a[4])
         unbalances, turning = total(curvature(own, known, f)), a[2]
         e = following(k, share, a, own, known, e, f)
         if at_rest:
@@ -199,7 +199,7 @@ def put_factors(room: Any, k: int, e: Newest, phi: float, turned: Four) -> None:
 @inlined
 def total(both: Pair) -> float:
     """Add up what both exciters contribute."""
-    first, second = parted(both)
+    first, second = unpack_pair(both)
     return first + second
 
 
@@ -212,8 +212,10 @@ def sense_of(speed: float) -> float:
 @inlined
 def about_to_turn(sense: Pair, speed: Pair) -> Pair:
     """Senses in which exciters turn, where all lower coefficients of φ̇ᵢ are 0 by the sign of this one."""
-    (first, second), (first_speed, second_speed) = parted(sense), parted(speed)
-    return paired(first if first != 0.0 else sense_of(first_speed), second if second != 0.0 else sense_of(second_speed))
+    (first, second), (first_speed, second_speed) = unpack_pair(sense), unpack_pair(speed)
+    return pack_pair(
+        first if first != 0.0 else sense_of(first_speed), second if second != 0.0 else sense_of(second_speed)
+    )
 
 
 @inlined
@@ -229,7 +231,7 @@ def fixed(i: int, t: float, y: FloatArray, n: int, sine: float, cosine: float, p
 @inlined
 def at_order_0(f: Fixed) -> Newest:
     """Begin both exciters' series."""
-    w, none = f.speed, paired(0.0, 0.0)
+    w, none = f.speed, pack_pair(0.0, 0.0)
     return Newest(f.cosine * w, -1.0 * f.sine * w, none, none, w, f.motor.slip, none, none, none, none, none, none)
 
 

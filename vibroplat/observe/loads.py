@@ -13,8 +13,8 @@ import numpy as np
 from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.hybrid.state import WIDTH
 from vibroplat.kernels.compiled import FloatArray, call_int, compiled, fused_inline, inlined
-from vibroplat.kernels.lanes import reaching
-from vibroplat.kernels.polynomial import CLOSE, values
+from vibroplat.kernels.lanes import exceeds_limits
+from vibroplat.kernels.polynomial import QUADRATIC_RANGE, values
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import DIFFERENTIAL, GAP, SIZES
 from vibroplat.observe.extremes import (
@@ -174,7 +174,7 @@ def steepest(
             break
         following = min(max(s - rate / half, low), high)
         way = following - s
-        if abs(way) <= CLOSE:
+        if abs(way) <= QUADRATIC_RANGE:
             return following, found + way * (2.0 * rate + half * way)
         s = following
     return begun, square
@@ -251,7 +251,7 @@ def widen(
         put_limits(peaks, room, system, p)
         room.limited = system
     n, inverse = DIFFERENTIAL[system] // 2, 1.0 / (span.length * (span.last - span.first))
-    flags = reaching(begun, room.samples, nodes, span.end, n, room.springs, GAPS[nodes], inverse, room.limits)
+    flags = exceeds_limits(begun, room.samples, nodes, span.end, n, room.springs, GAPS[nodes], inverse, room.limits)
     if flags != 0 or room.named > 0:
         cover_columns(peaks, room, nodes, system, span, flags, equations, p)
 
@@ -262,8 +262,8 @@ def cover_columns(
 ) -> None:
     """Let the extremes of columns whose bits are set cover a step.
 
-    Bits are those of :func:`vibroplat.kernels.lanes.reaching`: of the unknowns, of three forces into the foundation and
-    of the acceleration, with and without its part along x. Named points are looked at in any case.
+    Bits are those of :func:`vibroplat.kernels.lanes.exceeds_limits`: of the unknowns, of three forces into the
+    foundation and of the acceleration, with and without its part along x. Named points are looked at in any case.
     """
     samples, force, n = room.samples, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
     for k, j, group in in_columns(force):

@@ -17,7 +17,7 @@ from vibroplat.hybrid.state import WIDTH, Automaton, Steps
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, same_types
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16
 from vibroplat.kernels.polynomial import crossing, slope, value
-from vibroplat.kernels.sines import sines
+from vibroplat.kernels.sines import sincos_pair
 from vibroplat.model.energy import DISSIPATIONS, exciter_powers, powers
 from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import Parameters
@@ -385,13 +385,13 @@ def add_phase(sums: FloatArray, room: Any, n: int, duration: float, nodes: int, 
     cosine, sine, variance = 0.0, 0.0, 0.0
     if drift > STILL:
         for i in range(nodes):
-            sine_i, cosine_i, _, _ = sines(phases[i], 0.0)
+            sine_i, cosine_i, _, _ = sincos_pair(phases[i], 0.0)
             cosine += WEIGHTS[nodes, i] * cosine_i
             sine += WEIGHTS[nodes, i] * sine_i
     else:
         for i in range(nodes):
             variance += WEIGHTS[nodes, i] * (phases[i] - mean) ** 2
-        sine, cosine, _, _ = sines(mean, 0.0)
+        sine, cosine, _, _ = sincos_pair(mean, 0.0)
         cosine, sine = (1.0 - 0.5 * variance) * cosine, (1.0 - 0.5 * variance) * sine
     sums[COSINE] += duration * cosine
     sums[SINE] += duration * sine
