@@ -29,8 +29,8 @@ from vibroplat.kernels.lanes import horner_8, in_lines, put_step, sizes_16
 from vibroplat.kernels.polynomial import crossing, first_downcrossing
 from vibroplat.model.equations import finite
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import holds
-from vibroplat.model.series import FORCE, HIGHEST, expand, room
+from vibroplat.model.platform import is_definite
+from vibroplat.model.series import FORCE, MAX_DEGREE, expand, room
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, FULL_SIZE
 
 #: Degree of the series at tolerance 1e-6, and degrees more for each power of ten below it. At equal errors degrees from
@@ -45,7 +45,7 @@ MAX_STEPS, STEPS_PER_EVENT = 300_000, 60
 
 def degree_of(tolerance: float) -> int:
     """Choose the degree of the series for a tolerance."""
-    return min(max(round(DEGREE - MORE * (math.log10(tolerance) + 6.0)), LEAST), HIGHEST)
+    return min(max(round(DEGREE - MORE * (math.log10(tolerance) + 6.0)), LEAST), MAX_DEGREE)
 
 
 class TaylorEngine:
@@ -113,8 +113,8 @@ STATUS = np.dtype(
         ("y", float, FULL_SIZE),  # unknowns at the beginning of a step, and at its end
         ("ahead", float, FULL_SIZE),
         ("weights", float, 8),  # one over the tolerances of rates, then 0, and in column FORCE of F_c
-        ("guard", float, (HIGHEST + 1, 1)),  # a guard's polynomial, and one that bounds it
-        ("bound", float, (HIGHEST + 1, 1)),
+        ("guard", float, (MAX_DEGREE + 1, 1)),  # a guard's polynomial, and one that bounds it
+        ("bound", float, (MAX_DEGREE + 1, 1)),
         ("done", float),  # time of the segment (s)
         ("counted_from", float),  # when the counted steps began (s)
         ("open", int),  # whether a segment is
@@ -333,7 +333,7 @@ def confirmed(h: Automaton, e: Expansion, system: int, stop: int, length: float)
         ahead[i], ahead[n + i] = at_end[0, i], at_end[1, i]
     if e.status.resting >= 0:
         ahead[n + 3 + e.status.resting] = 0.0
-    if not (finite(ahead[: 2 * n]) and holds(ahead, h.p)):
+    if not (finite(ahead[: 2 * n]) and is_definite(ahead, h.p)):
         return False
     degree = e.status.degree
     force = at_end[0, FORCE]

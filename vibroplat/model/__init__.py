@@ -8,7 +8,7 @@ platform           mass matrix and forces of platform and exciters, and where th
 systems            the five systems: which unknowns each has, and where they stand in the full state
 equations          rows of the differential-algebraic equations F(t, y, y′) = 0 and their Jacobian
 accelerations      y′ and F_c by a direct solve, their derivatives along the motion and by the state
-impact             the impact map, and the latch of impacts that accumulate
+impact             the impact map, and the chatter map: impacts that accumulate
 energy             energies, momentum and powers
 sensitivity        derivatives of F, of the accelerations and of the impact map by any key of a scene
 =================  =====================================================================================

@@ -21,7 +21,7 @@ from __future__ import annotations
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.model.motor import net_slope
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import Unbalance, forces, holds, inertial, unbalances
+from vibroplat.model.platform import Unbalance, forces, inertial, is_definite, unbalances
 from vibroplat.model.springs import Relative, relative, restoring, slopes
 from vibroplat.model.systems import ALGEBRAIC, LAYERS
 
@@ -43,10 +43,10 @@ def residual(system: int, t: float, y: FloatArray, yp: FloatArray, res: FloatArr
     """Fill F(t, y, y′) of the system with this number.
 
     Returns False, which an integrator must not pass over, if anything is not finite or if the platform has turned to
-    where the mass matrix is not positive definite (:func:`vibroplat.model.platform.holds`).
+    where the mass matrix is not positive definite (:func:`vibroplat.model.platform.is_definite`).
     """
     rows(system, t, y, yp, res, p)
-    return finite(res) and holds(y, p)
+    return finite(res) and is_definite(y, p)
 
 
 @compiled

@@ -21,7 +21,7 @@ from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import Relative
 
 #: Least share of an exciter's own inertia that the platform's yielding may leave of it.
-DEFINITE = 1e-3
+MIN_INERTIA_RATIO = 1e-3
 
 #: One number for each of x, y, φ.
 Three = tuple[float, float, float]
@@ -148,7 +148,7 @@ def solve_platform(b: Five, c: Compliance) -> Five:
 
 
 @compiled
-def holds(y: FloatArray, p: Parameters) -> bool:
+def is_definite(y: FloatArray, p: Parameters) -> bool:
     """Whether the mass matrix is positive definite, by some margin, as every real body's is.
 
     With axes that turn to first order in φ it loses this where the platform has turned far; the motion would
@@ -159,5 +159,5 @@ def holds(y: FloatArray, p: Parameters) -> bool:
     mobility = (1.0 / p.mass, 1.0 / p.mass, 1.0 / p.inertia)
     first, second = unbalances(y, p)
     m11, m12, m22 = exciter_masses(first, second, mobility, p)
-    least_1, least_2 = DEFINITE * p.exciter_inertia[0], DEFINITE * p.exciter_inertia[1]
+    least_1, least_2 = MIN_INERTIA_RATIO * p.exciter_inertia[0], MIN_INERTIA_RATIO * p.exciter_inertia[1]
     return bool(m11 > least_1 and m22 > least_2 and m11 * m22 - m12 * m12 > least_1 * least_2)

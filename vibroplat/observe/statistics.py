@@ -21,7 +21,7 @@ from vibroplat.kernels.sines import sincos_pair
 from vibroplat.model.energy import DISSIPATIONS, exciter_powers, powers
 from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.series import HIGHEST
+from vibroplat.model.series import MAX_DEGREE
 from vibroplat.model.springs import slopes
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, LAYERS, PLACES, SIZES
 from vibroplat.observe.extremes import IMPULSE, MOST_NODES, NODES, WEIGHTS, Span, give_pace
@@ -74,7 +74,7 @@ ROOM = np.dtype(
         ("power", float, N_WORK),
         ("phases", float, MOST_NODES),
         ("springs", float, (2, 4)),
-        ("form", float, (HIGHEST + 1, 1)),
+        ("form", float, (MAX_DEGREE + 1, 1)),
         ("form_samples", float, (MOST_NODES, 1)),
         ("squares", float, MOST_NODES + 1),
         ("y", float, FULL_SIZE),
