@@ -35,7 +35,7 @@ def bench(
     long: Annotated[bool, typer.Option("--long", help="Run all benchmarks.")] = False,
     repeats: Annotated[int, typer.Option(min=1, help="Number of runs; their median is reported.")] = 5,
 ) -> None:
-    """Measure run time and accuracy.
+    """Measure run time and accuracy on this machine.
 
     Writes tables and plots to OUT/benchmarks. Without a name it compares both engines at equal error, in about ten
     seconds.
