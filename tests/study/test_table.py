@@ -16,7 +16,7 @@ from common.results import bits
 
 from vibroplat import Scene, load_config, simulate, sweep
 from vibroplat.config.plausibility import notes_on_inputs
-from vibroplat.hybrid.state import initial_state, perturbed, state_scales
+from vibroplat.hybrid.state import initial_state, perturb_state, state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.observe import summary
 from vibroplat.results.tables import read_table
@@ -244,7 +244,7 @@ def test_equal_scenes_have_equal_rows_in_any_sweep(table):
 def test_perturbation_changes_rates_of_platform_and_exciters_by_its_size():
     scene = planned(LOADED, 50.0, perturbation=0.02, seed=5)
     state, scales = initial_state(scene), state_scales(scene)
-    changes = np.array([perturbed(state, scene, 0.02, (5, 0, k)) - state for k in range(400)]) / scales
+    changes = np.array([perturb_state(state, scene, 0.02, (5, 0, k)) - state for k in range(400)]) / scales
     assert not changes[:, [0, 1, 2, 3, 4, 5, 6, 12, 13]].any()
     assert changes[:, 7:12].std(axis=0) == pytest.approx([0.02] * 5, rel=0.15)
     assert changes[:, 7:12].mean(axis=0) == pytest.approx([0.0] * 5, abs=0.005)
@@ -256,9 +256,9 @@ def test_perturbations_follow_from_seed_direction_and_frequency():
     scene = planned(LOADED, 50.0)
     state = initial_state(scene)
     keys = itertools.product((0, 1), repeat=3)
-    draws = {key: perturbed(state, scene, 0.01, key)[7] for key in keys}
+    draws = {key: perturb_state(state, scene, 0.01, key)[7] for key in keys}
     assert len(set(draws.values())) == len(draws)
-    assert perturbed(state, scene, 0.01, (0, 1, 0))[7] == draws[0, 1, 0]
+    assert perturb_state(state, scene, 0.01, (0, 1, 0))[7] == draws[0, 1, 0]
 
 
 # -- bifurcation ----------------------------------------------------------------------------------------

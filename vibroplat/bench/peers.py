@@ -14,7 +14,7 @@ import numpy as np
 
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, begin, conclude
+from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, begin_segment, end_segment
 from vibroplat.hybrid.state import RUNNING, Automaton, rewind, state_scales
 from vibroplat.integrate.seam import WORK
 from vibroplat.kernels.compiled import FloatArray
@@ -52,7 +52,7 @@ class Peer:
         """Carry a run on; see :class:`vibroplat.integrate.seam.Engine`."""
         rewind(h.steps)
         run, used = h.run, h.steps.used
-        while run["outcome"] == RUNNING and 2 * used["steps"] < self.rows and begin(h):
+        while run["outcome"] == RUNNING and 2 * used["steps"] < self.rows and begin_segment(h):
             mode, t = Mode(int(run["mode"])), float(run["origin"])
             system, until = SYSTEMS[run["systems"][mode]], t + float(run["until"])
             y = run["y"][mode, : system.differential].copy()
@@ -72,7 +72,7 @@ class Peer:
             h.steps.c[rows] = 0.0
             h.steps.c[rows, 0, :size], h.steps.c[rows, 1, :size] = points[:-1], np.diff(points, axis=0)
             h.steps.ends[rows, :size] = points[1:]
-            conclude(h, AT_GUARD if fell else AT_TIME)
+            end_segment(h, AT_GUARD if fell else AT_TIME)
 
 
 def scipy_leg(scene: Scene, p: Parameters, tolerance: float, method: str) -> Leg:
