@@ -100,7 +100,7 @@ def test_a_sweep_keeps_its_files_in_the_same_directory(command, config, figures)
     assert {"orbits-provenance.json", "provenance.json"} <= set(results())
     done = command("sweep", path, "--resume")
     assert done.code == 0
-    assert "2 of the points from before" in done.out
+    assert "2 tasks from before" in done.out
     done = command("plot", "results/c")
     assert [Path(line).name for line in done.out.splitlines()] == ["response.png", "branches.png", "multipliers.png"]
 
@@ -121,7 +121,7 @@ def test_a_branch_that_fails_keeps_its_points(command, config, monkeypatch):
     assert done.code == 1
     assert done.err.splitlines() == [
         "vibroplat: branch 0, material.mass_ratio 0.1 failed after 3 points: no point beyond: for a test",
-        "vibroplat: 1 of 2 branches failed",
+        "vibroplat: 1 of the branches failed",
     ]
     assert results()["branches.parquet"]["material.mass_ratio"].value_counts()[0.1] == 3
     assert [branch["failed"] for branch in results()["orbits.json"]["branches"]] == [False, True]
@@ -207,15 +207,15 @@ def test_run_to_begin_from_is_relative_to_the_directory_of_the_command(command, 
 
 def test_parts_of_branches_that_are_missing_are_made_again(command, followed):
     wanted = tables()
-    with sqlite3.connect("results/c/orbits.sqlite") as base:
+    with sqlite3.connect("results/c/points-orbits.sqlite") as base:
         kept, last = base.execute("SELECT COUNT(*) - 1, MAX(rowid) FROM records").fetchone()
         base.execute(f"DELETE FROM records WHERE rowid = {last}")
         base.execute("UPDATE about SET value = '0', digest = ? WHERE key = 'finished'", [digest("finished", "0")])
     base.close()
     done = command("orbits", "c.yaml")
     assert not_a_line(done) == ""
-    assert f" holds {kept} parts of branches of unfinished work; allowed: --resume to continue it, " in done.err
+    assert f" holds {kept} tasks of unfinished work; allowed: --resume to continue it, " in done.err
     done = command("orbits", "c.yaml", "--resume")
     assert (done.code, done.err) == (0, "")
-    assert f"{kept} parts of branches from before" in done.out
+    assert f"{kept} tasks from before" in done.out
     assert tables() == wanted

@@ -5,10 +5,9 @@ from common.limits import cpu_seconds
 from common.places import ROOT
 
 from vibroplat import Contact, Drive, Exciter, Initial, Material, Motor, Scene, load_config
-from vibroplat.config.plausibility import notes_on_input
+from vibroplat.config.plausibility import notes_on_input, notes_on_inputs
 from vibroplat.config.reader import load_tree, parse_overrides
-from vibroplat.study.branches import branches
-from vibroplat.study.sweep import notes_on_branches
+from vibroplat.study.sweep import SweepStudy
 
 # -- what is read ---------------------------------------------------------------------------------------
 
@@ -33,7 +32,7 @@ def test_shipped_configurations_load_and_those_of_machines_are_usual(room):
     assert scenes
     for scene in scenes if room != "examples" else ():
         assert notes_on_input(scene) == []
-        assert scene.sweep is None or notes_on_branches(branches(scene)) == []
+        assert scene.sweep is None or notes_on_inputs(SweepStudy(scene).scenes()) == []
 
 
 def test_numbers_of_yaml_are_numbers(scene_of, complaint):

@@ -75,7 +75,7 @@ def resumed_after(done, here, alone, kept=0):
     assert (again.code, again.err) == (0, "")
     assert tables(here / "results/c") == wanted
     if kept:
-        assert f", {kept} of the points from before\n" in again.out
+        assert f", {kept} tasks from before\n" in again.out
 
 
 @pytest.mark.long

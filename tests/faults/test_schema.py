@@ -10,7 +10,7 @@ from common.places import LOADED
 from common.results import bits, left
 
 from vibroplat.errors import TableError
-from vibroplat.results.files import Result
+from vibroplat.results.files import SavedFiles
 
 SWEEP = f"extends: {LOADED}\nname: c\nrun: {{duration_s: 0.1}}\n"
 SWEEP += "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.5}}\n"
@@ -26,7 +26,7 @@ def test_a_result_of_another_schema_is_refused_in_a_line(content, tmp_path):
     if content is not None:
         (tmp_path / "provenance.json").write_bytes(content)
     with pytest.raises(TableError) as caught:
-        Result(tmp_path, "run")
+        SavedFiles(tmp_path, "run")
     line = str(caught.value)
     assert (line.isprintable(), len(line) < LONGEST) == (True, True)
 
@@ -36,7 +36,7 @@ def test_plot_and_resume_refuse_in_a_line_and_leave_all_as_it_is(here, kernels):
     assert command("sweep", "c.yaml").code == 0
     directory = here / "results/c"
     proof, before = directory / "provenance.json", bits(left(directory)[0]["sweep.parquet"])
-    with closing(sqlite3.connect(directory / "points.sqlite")) as base, base:
+    with closing(sqlite3.connect(directory / "points-sweep.sqlite")) as base, base:
         base.execute("DELETE FROM records WHERE second = 1")
     lost = {"schema": 1, "configuration": {}}
     for content, commands in (({"schema": 2}, ("plot", "sweep")), (lost, ("plot",))):

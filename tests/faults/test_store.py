@@ -18,7 +18,7 @@ from vibroplat.errors import ConfigError, TableError
 from vibroplat.results.tables import read_table
 from vibroplat.study import sweep
 from vibroplat.study.fingerprint import package
-from vibroplat.study.store import FILE, SpoiledError, Store, digest
+from vibroplat.study.store import SpoiledError, Store, digest
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -28,6 +28,7 @@ POINTS = 6
 #: A sweep of 22 points.
 LONGER = CONFIGURATION.replace("47.0", "51.0")
 WRITE = "vibroplat.study.store:Store.write"
+FILE = "points-sweep.sqlite"
 STORED = f"results/c/{FILE}"
 
 
@@ -109,7 +110,7 @@ def test_sweep_that_was_killed_goes_on_to_the_same_table_and_no_worker_outlives_
         assert ended(here, "sweep", "c.yaml", "--resume", before=kill).code == -signal.SIGKILL
         assert not list((here / "results/c").glob("sweep.*"))
         done = command("sweep", "c.yaml", "--resume")
-        assert ", 13 of the points from before\n" in done.out
+        assert ", 13 tasks from before\n" in done.out
         table, alone = (read_table(here / place, "sweep") for place in ("results/c", "alone/c"))
         assert bits(table) == bits(alone)
         assert table.dtypes.equals(alone.dtypes)
@@ -124,7 +125,7 @@ def test_points_or_tables_that_are_missing_are_made_again(result, finished, capl
         changed(directory, f"DELETE FROM records WHERE second >= {first}")
         table, _, printed = resumed(directory, caplog)
         assert table == finished[1]
-        assert f", {2 * first} of the points from before\n" in printed
+        assert f", {2 * first} tasks from before\n" in printed
 
 
 # -- refused --------------------------------------------------------------------------------------------
@@ -132,14 +133,14 @@ def test_points_or_tables_that_are_missing_are_made_again(result, finished, capl
 
 def test_unfinished_sweep_is_begun_anew_only_if_asked(unfinished, here):
     line = (
-        "vibroplat: results/c holds 1 points of unfinished work; "
+        "vibroplat: results/c holds 1 tasks of unfinished work; "
         "allowed: --resume to continue it, --overwrite to start again\n"
     )
     assert command("sweep", "c.yaml") == (2, "", line)
     assert finished_points(unfinished) == 1
     done = command("sweep", "c.yaml", "--overwrite", "--set", "sweep.seed=3")
     assert (done.code, done.err) == (0, "")
-    assert "of the points from before" not in done.out
+    assert "tasks from before" not in done.out
     overwritten = bits(read_table(unfinished, "sweep"))
     # finished work may be begun anew, and what is not there can be resumed
     for option in ("--overwrite", "--resume"):
@@ -162,7 +163,7 @@ def test_sweep_under_other_conditions_is_not_resumed_and_the_first_is_named(unfi
     others = package() | {"source files": "others"}
     for what, where, found in (
         ("arithmetic", "vibroplat.study.fingerprint.arithmetic", lambda _engine: "others"),
-        ("source files", "vibroplat.study.sweep.package", lambda: others),
+        ("source files", "vibroplat.study.study.package", lambda: others),
     ):
         monkeypatch.setattr(where, found)
         done = command("sweep", "c.yaml", "--resume")
@@ -200,7 +201,7 @@ def test_damaged_records_are_computed_again_and_said(kinds, finished, result, ca
     table, said, printed = resumed(directory, caplog)
     assert table == finished[1]
     assert said == [f"{STORED}: 3 of {POINTS} records damaged or missing; computing them again"]
-    assert f", {POINTS - 3} of the points from before\n" in printed
+    assert f", {POINTS - 3} tasks from before\n" in printed
 
 
 def test_only_what_follows_from_another_state_is_computed_again(result, caplog, monkeypatch):
@@ -217,7 +218,7 @@ def test_only_what_follows_from_another_state_is_computed_again(result, caplog, 
     another.__module__, another.__qualname__ = measure.__module__, measure.__qualname__
     monkeypatch.setattr(sweep, "measure_point", another)
     _, said, printed = resumed(directory, caplog)
-    assert f", {POINTS - 2} of the points from before\n" in printed
+    assert f", {POINTS - 2} tasks from before\n" in printed
     assert [line.partition(": ")[2] for line in said] == [
         f"1 of {POINTS} records damaged or missing; computing them again",
         "some records do not follow from those before them; computing them again",
@@ -226,14 +227,15 @@ def test_only_what_follows_from_another_state_is_computed_again(result, caplog, 
 
 def test_point_that_is_lost_before_the_table_is_written_ends_in_a_line(result, monkeypatch):
     directory = result()
-    finish = Store.finish
+    run = sweep.run_sweeps
 
-    def losing(store):
-        finish(store)
+    def losing(sweeps, *arguments):
+        run(sweeps, *arguments)
+        ((_, store),) = sweeps
         store._base.execute("DELETE FROM records WHERE first = 1 AND second = 1")
         store._base.commit()
 
-    monkeypatch.setattr(Store, "finish", losing)
+    monkeypatch.setattr(sweep, "run_sweeps", losing)
     done = command("sweep", "c.yaml", "--resume")
     assert not_a_line(done, codes=(1,)) == ""
     assert "point 1 of branch 1 is not stored" in done.err
@@ -292,17 +294,17 @@ def test_file_that_is_no_store_is_told_and_left_alone(tmp_path):
     file.write_text("hello\n" * 1000)
     for how in ({}, {"overwrite": True}):
         with pytest.raises(SpoiledError, match=r" is damaged \(file is not a database\); remove it to start again$"):
-            Store(tmp_path, {}, **how)
+            Store(tmp_path, {}, file=FILE, **how)
     assert file.read_text() == "hello\n" * 1000
     file.unlink()
     changed(tmp_path, "CREATE TABLE records (first, second INTEGER, record TEXT)")  # the format of former versions
     told = f"{file} cannot be used: its format is 0, this version reads 3; remove it to start again"
     with pytest.raises(TableError, match=f"^{told}$"):
-        Store(tmp_path, {})
+        Store(tmp_path, {}, file=FILE)
     file.unlink()
     file.mkdir()
     with pytest.raises(TableError, match=f"^{file} cannot be used: unable to open database file$"):
-        Store(tmp_path, {})
+        Store(tmp_path, {}, file=FILE)
 
 
 def test_records_are_read_in_the_order_of_their_numbers(tmp_path):
@@ -348,10 +350,10 @@ def test_first_condition_that_differs_is_named(tmp_path):
     with Store(tmp_path, json.loads(json.dumps(conditions)), resume=True) as store:
         assert len(store) == 1
     for changed_, line in (
-        ({**conditions, "a": {"b": 2, "c": [1, 2]}}, "a.b = 2; allowed: 1, as in the finished points"),
-        ({**conditions, "a": {"b": 1, "c": [1]}}, "a.c = [1]; allowed: [1, 2], as in the finished points"),
-        ({**conditions, "a": {"c": [1]}}, "a.b = None; allowed: 1, as in the finished points (and 1 more)"),
-        ({**conditions, "f": True}, "f = True; allowed: None, as in the finished points"),
+        ({**conditions, "a": {"b": 2, "c": [1, 2]}}, "a.b = 2; allowed: 1, as in the finished tasks"),
+        ({**conditions, "a": {"b": 1, "c": [1]}}, "a.c = [1]; allowed: [1, 2], as in the finished tasks"),
+        ({**conditions, "a": {"c": [1]}}, "a.b = None; allowed: 1, as in the finished tasks (and 1 more)"),
+        ({**conditions, "f": True}, "f = True; allowed: None, as in the finished tasks"),
     ):
         with pytest.raises(ConfigError) as caught:
             Store(tmp_path, changed_, resume=True)

@@ -15,7 +15,7 @@ from common.results import left
 
 from vibroplat.errors import TableError
 from vibroplat.results import locks, tables
-from vibroplat.results.files import Result, write_result
+from vibroplat.results.files import SavedFiles, write_result
 from vibroplat.results.locks import Lock, is_gone, mark
 from vibroplat.results.tables import FORMATS, read_table, write_table
 from vibroplat.study.store import Store
@@ -37,7 +37,7 @@ def write(directory, mark_, form="parquet", command_="run"):
 
 def marks(directory):
     """The marks of all files of a run, as a reader finds them."""
-    result = Result(directory, "run")
+    result = SavedFiles(directory, "run")
     found = {result.table(name)["v"].iloc[0] for name in ("trajectory", "events")}
     return found | {float(result.document("summary")["v"]), float(result.provenance["v"])}
 
@@ -126,7 +126,7 @@ def test_run_and_sweep_of_one_name_keep_their_provenance(here, kernels, figures)
         assert command(name, "c.yaml", "--set", f"contact.restitution=0.{number}").code == 0
         assert json.loads((here / "results/c/provenance.json").read_text())["command"] == "run"
     for number, name in enumerate(("run", "sweep"), 2):
-        origin = Result(here / "results/c", name).provenance
+        origin = SavedFiles(here / "results/c", name).provenance
         assert (origin["command"], origin["configuration"]["contact"]["restitution"]) == (name, number / 10)
     assert (here / "results/c/sweep-provenance.json").exists()
     assert left(here / "results/c")[1] == []
@@ -143,7 +143,7 @@ def test_provenance_returns_to_its_name_when_the_other_result_is_gone(tmp_path):
     assert not (tmp_path / "run-provenance.json").exists()
     assert marks(tmp_path) == {3.0}
     with pytest.raises(TableError) as caught:
-        Result(tmp_path, "sweep")
+        SavedFiles(tmp_path, "sweep")
     assert str(caught.value) == f"{tmp_path} holds a result of run; allowed: one of sweep"
 
 

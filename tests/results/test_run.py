@@ -73,7 +73,7 @@ def test_saved_run_is_the_same_when_it_is_loaded(run, saved):
 
 
 def test_load_of_a_directory_without_a_result(tmp_path):
-    with pytest.raises(TableError, match="holds neither a run nor a sweep; allowed: a result directory of vibroplat"):
+    with pytest.raises(TableError, match="holds no finished result; allowed: a result directory of vibroplat"):
         load(tmp_path)
 
 

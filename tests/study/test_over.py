@@ -120,9 +120,9 @@ QUICK = {"measure_s": 0.5, "lyapunov": False}
 
 
 def test_the_short_form_gives_the_same_bits():
-    short = sweep(planned(LOADED, 50.0, 51.0, direction=["up", "down"], **QUICK))
+    short = sweep(planned(LOADED, 50.0, 51.0, direction=["up", "down"], **QUICK)).sweep
     ends = {"start": 50.0, "stop": 51.0, "step": 0.5, "direction": ["up", "down"]}
-    long = sweep(over("drive.supply_frequency_hz", plan=QUICK, **ends))
+    long = sweep(over("drive.supply_frequency_hz", plan=QUICK, **ends)).sweep
     assert bits(long) == bits(short)
     assert long.columns[0] == "supply_frequency_hz"
     assert long.attrs == short.attrs
@@ -184,7 +184,7 @@ def test_command_writes_a_table_over_the_key(command, here):
 
 def test_two_values_show_no_jump_and_the_first_material_no_liftoff():
     """Over a key that changes the response a little, and from a bare platform to material in flight."""
-    table = sweep(over(MASS, {"drive.supply_frequency_hz": 55.0}, values=[0.0, 0.05, 0.1], plan=QUICK))
+    table = sweep(over(MASS, {"drive.supply_frequency_hz": 55.0}, values=[0.0, 0.05, 0.1], plan=QUICK)).sweep
     assert (table["flight_fraction"] > 0.0).tolist() == [False, True, True]
     assert set(bands(table)["kind"]) == {"band", "largest"}
 

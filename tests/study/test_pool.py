@@ -32,7 +32,7 @@ from vibroplat.study.pool import (
     run_stored,
 )
 from vibroplat.study.store import Store
-from vibroplat.study.sweep import run_sweeps, tables
+from vibroplat.study.sweep import run_sweeps, sweep_table
 
 from .helpers import MACHINE, Calls, planned
 
@@ -276,11 +276,11 @@ def scene():
 
 @pytest.mark.faults
 def test_killed_workers_change_nothing(scene, processes):
-    table, killed = sweep(scene), []
+    table, killed = sweep(scene).sweep, []
     assert len(table) == 24
     assert {0, 1} <= set(table["period"])
 
-    def progress(_branches, points, _events):
+    def progress(points, _):
         if points >= 10 and not killed:
             killed.extend(worker.pid for worker in loky_workers())
             for pid in killed:
@@ -289,7 +289,7 @@ def test_killed_workers_change_nothing(scene, processes):
     with Store(None, {}) as store:
         run_sweeps([(branches(scene), store)], processes, progress)
         assert killed
-        (found,) = tables(branches(scene), store)
+        found = sweep_table(branches(scene), store)
     assert bits(found) == bits(table)
 
 
@@ -323,7 +323,7 @@ def test_point_that_kills_its_workers_is_a_row_and_the_branch_goes_on(scene, mon
     monkeypatch.setattr("vibroplat.study.sweep.measure_point", measure)
     with Store(None, {}) as store:
         run_sweeps([(branches(scene), store)], Mortal())
-        (found,) = tables(branches(scene), store)
+        found = sweep_table(branches(scene), store)
     lost = found[found["outcome"] != "ok"]
     assert lost[["branch", "supply_frequency_hz", "outcome"]].to_numpy().tolist() == [[2, 54.0, "worker-lost"]]
     assert lost["detail"].item() == f"its worker died {LIVES} times"

@@ -272,7 +272,7 @@ def test_class_of_a_motion_is_as_wide_again_as_its_blocks(shift, inside):
 def slow_row(*torques):
     """The last row of a sweep of the slow machine over these torques."""
     over = {"key": "exciters.0.critical_torque_n_m", "values": list(torques)}
-    return sweep(load_config(SLOW).replace({"sweep": {"over": over}})).iloc[-1]
+    return sweep(load_config(SLOW).replace({"sweep": {"over": over}})).sweep.iloc[-1]
 
 
 def test_slow_motion_has_settled_where_it_surely_converges_to_an_orbit():

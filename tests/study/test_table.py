@@ -15,6 +15,7 @@ from common.places import FLYING, LOADED
 from common.results import bits
 
 from vibroplat import Scene, load_config, simulate, sweep
+from vibroplat.config.plausibility import notes_on_inputs
 from vibroplat.hybrid.state import initial_state, perturbed, state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.observe import summary
@@ -23,7 +24,7 @@ from vibroplat.study.branches import branches
 from vibroplat.study.point import MEASURED, Point, synchronization
 from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
-from vibroplat.study.sweep import diagram_tables, notes_on_branches, notes_on_points, run_sweeps, tables, write_sweep
+from vibroplat.study.sweep import SweepStudy, notes_on_points, run_sweeps
 
 from .helpers import CHAOTIC, MACHINE, planned, swept
 
@@ -86,7 +87,7 @@ def test_measures_are_those_of_a_run():
     """Without a perturbation a point is the end of a run."""
     plan = {"settle": "motion", "measure_s": 3.0, "perturbation": 0.0}
     scene = planned(LOADED, 51.0, changes={"contact.restitution": 0.3}, **plan)
-    row = sweep(scene).iloc[0]
+    row = sweep(scene).sweep.iloc[0]
     seconds = row["settle_s"]
     run = simulate(scene.replace({"drive.supply_frequency_hz": 51.0, "run.duration_s": row["simulated_s"]}))
     same = ("excitation_frequency_hz", "rms_y_m", "amplitude_y_m", "phase_coherence")
@@ -138,10 +139,10 @@ def test_failed_points_are_rows_and_the_branch_goes_on(storming):
 
 def test_points_that_do_not_keep_their_balances_are_inaccurate_and_not_gone_on_from(monkeypatch):
     scene = planned(LOADED, 50.0, 50.5, settle="motion", measure_s=0.1)
-    good = sweep(scene)
+    good = sweep(scene).sweep
     monkeypatch.setattr(summary, "LEAST_ENERGY", 0.0)
     monkeypatch.setattr(summary, "ENERGY", 1e-9)
-    table = sweep(scene)
+    table = sweep(scene).sweep
     assert good["outcome"].tolist() == ["ok", "ok"]
     assert table["outcome"].tolist() == ["inaccurate", "inaccurate"]
     assert table["detail"].str.match(r"energy residual \S+ is beyond 1e-12, the limit at tolerance 1e-06; lower ").all()
@@ -183,14 +184,11 @@ def test_points_begin_with_the_state_of_the_last_good_one(monkeypatch):
     assert down == [(52.5, None), (52.0, 52.5), (51.5, 52.5), (51.0, 52.5), (50.5, 51.0), (50.0, 50.5)]
 
 
-def test_progress_counts_branches_points_and_events(monkeypatch):
+def test_progress_counts_points(monkeypatch):
     monkeypatch.setattr("vibroplat.study.sweep.measure_point", Recorder(failing=()))
     told = []
     sweep(planned(LOADED, 50.0, 51.0, direction=["up", "down"]), progress=lambda *counts: told.append(counts))
-    assert [points for _, points, _ in told] == list(range(7))
-    assert [events for _, _, events in told] == [2 * points for points in range(7)]
-    assert (told[0][0], told[-1][0]) == (0, 2)
-    assert [branches for branches, _, _ in told] == sorted(branches for branches, _, _ in told)
+    assert told == [(points, 6) for points in range(7)]
 
 
 # -- synchronization ------------------------------------------------------------------------------------
@@ -256,10 +254,8 @@ def test_perturbation_changes_rates_by_its_size_and_follows_from_its_key():
 
 
 def both_tables(scene):
-    with Store(None, {}) as store:
-        run_sweeps([(branches(scene), store)], Inline())
-        found = {"sweep": tables(branches(scene), store)} | diagram_tables(branches(scene), store)
-        return [pd.concat(parts) for parts in found.values()]
+    result = sweep(scene)
+    return result.sweep, result.section, result.impacts
 
 
 def test_bifurcation_tables_show_the_last_turns_and_impacts_of_each_point():
@@ -337,7 +333,7 @@ def test_command_with_failed_points_exits_1_and_names_them(command, here, stormi
     place = "event-storm at supply_frequency_hz {}, material.layers 2, direction up: 1 restarts within "
     assert first.startswith(f"vibroplat: {place.format(48.0)}")
     assert second.startswith(f"vibroplat: {place.format(52.0)}")
-    assert last == "vibroplat: 2 of 3 points failed"
+    assert last == "vibroplat: 2 of the points failed"
     assert read_table(here / "results/c", "sweep")["outcome"].tolist() == ["ok", "event-storm", "event-storm"]
     done = command("sweep", "c.yaml", "--set", "sweep.supply_frequency_hz.start=52", "--out", "failed")
     assert (done.code, len(done.err.splitlines()), "nan" in done.out) == (1, 2, False)
@@ -393,7 +389,7 @@ def test_each_kind_of_note_is_told_once_with_its_points():
 def test_notes_on_the_input_are_those_of_all_branches_each_once():
     grid = {"material.mass_ratio": [0.2, 20.0], "contact.restitution": [0.0, 0.5]}
     scene = planned(LOADED, 300.0, 500.0, step=100.0, direction=["up", "down"], grid=grid)
-    notes = notes_on_branches(branches(scene))
+    notes = notes_on_inputs(SweepStudy(scene).scenes())
     assert len(set(notes)) == len(notes)
     assert "material.mass_ratio = 20; usual: up to 5" in notes
     assert "drive.supply_frequency_hz = 500; usual: up to 400 Hz" in notes
@@ -452,8 +448,7 @@ def sweep_of(points, directory, **plan):
     scene = planned(LOADED, 1.0, last, step=0.1, direction=["up", "down"], grid=MASSES, **plan)
     directory.mkdir()
     with Store(directory, {}) as store:
-        run_sweeps([(branches(scene), store)], Inline())
-        write_sweep(scene, branches(scene), store, directory, "parquet")
+        SweepStudy(scene).run(store, Inline(), lambda done, known: None).save(directory)
 
 
 @pytest.mark.campaign
@@ -485,7 +480,7 @@ def test_no_scene_is_made_for_points_that_are_stored(tmp_path, monkeypatch):
 
 def test_table_of_many_points_is_in_row_groups(tmp_path, monkeypatch):
     monkeypatch.setattr("vibroplat.study.sweep.measure_point", measured_at_once)
-    monkeypatch.setattr("vibroplat.study.sweep.CHUNK", 12)
+    monkeypatch.setattr("vibroplat.results.tables.GROUP", 12)
     sweep_of(16, tmp_path / "points", kind="bifurcation")
     table = read_table(tmp_path / "points", "sweep")
     groups = pq.ParquetFile(tmp_path / "points/sweep.parquet").metadata

@@ -23,7 +23,7 @@ from vibroplat.hybrid.state import EVENT, state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
-from vibroplat.model.sensitivity import Course, flat, with_values
+from vibroplat.model.sensitivity import ParameterInterpolant, flat, with_values
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.motion.recorder import Recorder
@@ -198,7 +198,9 @@ class Shooter:
         self._variation = Variation([self.p.copy()] * len(self.keys))
         self._statistics, self._near = Statistics(0.0, points=0, named=len(scene.output.points)), GuardMargins()
         self._nothing = self._statistics.measures
-        self._course = None if course is None or len(self.keys) != 1 else Course(scene, self.keys[0], *course)
+        self._course = (
+            None if course is None or len(self.keys) != 1 else ParameterInterpolant(scene, self.keys[0], *course)
+        )
 
     def close(self) -> None:
         """Free what the engine holds."""
@@ -217,7 +219,7 @@ class Shooter:
         course = self._known(next(iter(values), math.nan))
         self.motion.set_parameters(parameters(self.scene_at(held)) if course is None else course.at(values[0]))
 
-    def _known(self, value: float) -> Course | None:
+    def _known(self, value: float) -> ParameterInterpolant | None:
         """Return the parameters' course if it has those at a value of its key."""
         return self._course if self._course is not None and self._course.exact and self._course.covers(value) else None
 

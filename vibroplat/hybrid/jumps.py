@@ -29,7 +29,7 @@ from vibroplat.hybrid.state import (
 )
 from vibroplat.kernels.compiled import FloatArray, call_int, callback, compiled, copy, inlined
 from vibroplat.model.accelerations import accelerations, second_derivatives
-from vibroplat.model.impact import impact, impacts_left, latch
+from vibroplat.model.impact import chatter_map, impact, remaining_impacts
 from vibroplat.model.parameters import PARAMETERS
 from vibroplat.model.systems import FULL_SIZE, GAP, GAP_RATE, SIZES, gather, scatter
 
@@ -214,7 +214,7 @@ def latch_impacts(h: Automaton) -> None:
     after, rates = np.empty(FULL_SIZE), np.empty(FULL_SIZE)
     end, slope = np.empty(size), np.empty(size)
     scatter(system, run.yp[FLIGHT], rates)
-    duration, impulse, loss = latch(run.state.copy(), rates[7:], after, h.p)
+    duration, impulse, loss = chatter_map(run.state.copy(), rates[7:], after, h.p)
     if run.now + duration >= run.end:
         return  # the run ends before they do: follow them
     rebound = run.state[GAP_RATE]
@@ -237,7 +237,7 @@ def latch_impacts(h: Automaton) -> None:
     run.mode = ATTACHED if pressing(h) else FLIGHT
     run.zeros = 2 if run.mode == FLIGHT else 0
     force = contact_force(h)[0] if run.mode == ATTACHED else 0.0
-    skipped = math.ceil(min(impacts_left(rebound, h.p), math.log(_EPS) / math.log(h.p.restitution)))
+    skipped = math.ceil(min(remaining_impacts(rebound, h.p), math.log(_EPS) / math.log(h.p.restitution)))
     add_event(h, LATCH, -rebound, 0.0, impulse, loss, force, skipped)
 
 

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from vibroplat.kernels.compiled import compiled
-from vibroplat.model.impact import impacts_left, latch_time
+from vibroplat.model.impact import chatter_duration, remaining_impacts
 
 #: What follows an impact.
 ATTACH, FLY, ACCUMULATE = range(3)
@@ -41,7 +41,7 @@ def accumulates(
     if rebound < 0.0 or acceleration >= 0.0 or p.restitution >= 1.0:
         return False
     restitution = p.restitution
-    duration = latch_time(rebound, acceleration, restitution, restitution ** impacts_left(rebound, p))
+    duration = chatter_duration(rebound, acceleration, restitution, restitution ** remaining_impacts(rebound, p))
     if not resolved:
         return speed * duration <= 0.1 and abs(jerk) * duration <= 0.01 * -acceleration
     return (

@@ -16,15 +16,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import COUNT, Column, Columns
 from vibroplat.hybrid.state import Automaton
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import System
 
 #: What engines count, in the order of the summary.
 WORK: Columns = {
-    "steps": Column("steps of the integrator"),
-    "residual_calls": Column("evaluations of the residual"),
+    "steps": Column("steps of the integrator", kind=COUNT),
+    "residual_calls": Column("evaluations of the residual", kind=COUNT),
     "jacobian_calls": Column("evaluations of the Jacobian"),
     "error_test_failures": Column("steps repeated because their error was too large"),
     "newton_failures": Column("steps repeated because Newton's iteration failed"),

@@ -13,7 +13,7 @@ from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.state import CUBIC, MARGIN, RUNNING, Automaton, Steps, rewind
 from vibroplat.integrate.seam import IntegrationError, Integrator
 from vibroplat.kernels.compiled import FloatArray, compiled
-from vibroplat.kernels.polynomial import Fit, crossing, first_fall, fit, fit_column, stretch, values
+from vibroplat.kernels.polynomial import Fit, crossing, first_downcrossing, fit, fit_column, stretch, values
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.equations import finite
 from vibroplat.model.parameters import Parameters
@@ -148,7 +148,7 @@ def add_step(
     if size > differential and not add_force(system, run.origin + start, length, c, fit, p):
         return NOT_FINITE
     guard, target = GUARDS[system], run.target - run.turns[0]
-    fall = first_fall(c, degree, guard, run.zeros) if guard >= 0 else -1.0
+    fall = first_downcrossing(c, degree, guard, run.zeros) if guard >= 0 else -1.0
     run.zeros = 0  # they were of the segment's start
     if fall >= 0.0:
         stop = AT_GUARD

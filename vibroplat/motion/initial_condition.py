@@ -16,7 +16,7 @@ from vibroplat.hybrid.state import initial_state, perturbed, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP
 from vibroplat.observe.tables import state_places
-from vibroplat.results.files import Result
+from vibroplat.results.files import SavedFiles
 
 #: Largest coordinates and rates, in the scales of the scene, that the end of a run may have to be gone on from; the
 #: exciters' angles grow for ever and have a limit of their own. Round-off of its time may turn an exciter in step by at
@@ -77,7 +77,7 @@ def end_of(directory: Path, scene: Scene) -> Start:
     """
     key = f"run.initial.from = {str(directory)!r}"
     try:
-        result = Result(directory, "run")
+        result = SavedFiles(directory, "run")
         origin, summary = result.provenance, result.document("summary")
         table = deque(result.parts("trajectory", last=True), maxlen=1)[0]  # its last rows
     except TableError as error:

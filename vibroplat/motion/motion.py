@@ -19,7 +19,7 @@ from vibroplat.hybrid.state import no_steps, rewind
 from vibroplat.integrate.seam import Engine
 from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.accelerations import accelerations
-from vibroplat.model.parameters import Parameters, supply, words
+from vibroplat.model.parameters import Parameters, record_words, supply
 from vibroplat.model.systems import SYSTEMS, System
 from vibroplat.observe.measures import Measures
 from vibroplat.observe.statistics import Statistics
@@ -100,7 +100,7 @@ class Motion:
         self._run = np.asarray(self.automaton.run).reshape(1)
         # several times as quick to reach as the fields of a record
         self._field = {name: self._run[name] for name in ("now", "outcome", "mode", "awaited", "events", "systems")}
-        self._held = words(p), words(self.automaton.p), words(self.automaton.inelastic)
+        self._held = record_words(p), record_words(self.automaton.p), record_words(self.automaton.inelastic)
         self._given = p, self._held[0]  # what they were set to, and its view
         self._first_mode, self._rewind = same_types(first_mode), same_types(rewind)
         self._first_mode(self.automaton)
@@ -112,7 +112,7 @@ class Motion:
     def set_parameters(self, p: Parameters) -> None:
         """Change the parameters for all who hold them: of another scene of the same modes, with the same tolerances."""
         if p is not self._given[0]:
-            self._given = p, words(p)
+            self._given = p, record_words(p)
         for held in self._held:
             held[:] = self._given[1]
         self.automaton.inelastic["restitution"] = 0.0

@@ -21,7 +21,7 @@ from vibroplat.kernels.elimination import whole_lanes
 from vibroplat.kernels.polynomial import values
 from vibroplat.model.accelerations import accelerations, linearize
 from vibroplat.model.equations import rows
-from vibroplat.model.impact import impact, latch
+from vibroplat.model.impact import chatter_map, impact
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.sensitivity import CHOICES, COMPLEX, IMAGINARY, flat
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, FULL_SIZE, GAP, GAP_RATE, PLACES, SIZES, gather, scatter
@@ -405,7 +405,7 @@ def by_latch(system: int, t: float, state: FloatArray, first: int, p: Parameters
             moved[i] = state[i] + 1j * IMAGINARY * v.s[i, j]
         for i in range(FULL_SIZE // 2):
             turned[i] = rates[7 + i] + 1j * IMAGINARY * change[7 + i]
-        duration, _, _ = latch(moved, turned, after, v.turned[0, max(j - FULL_SIZE + 1, 0)])
+        duration, _, _ = chatter_map(moved, turned, after, v.turned[0, max(j - FULL_SIZE + 1, 0)])
         v.late[j] += duration.imag / IMAGINARY
         for i in range(FULL_SIZE):
             v.s[i, j] = after[i].imag / IMAGINARY

@@ -6,13 +6,13 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from vibroplat.config.kinds import noun_of
 from vibroplat.errors import VibroplatError
 from vibroplat.plots import basins, designs, orbits, run, sweep
 from vibroplat.plots.paper import paper_figures
-from vibroplat.plots.reading import RESULTS, has_result
 from vibroplat.plots.style import Saving, save, styled
 from vibroplat.plots.thresholds import threshold_figures
-from vibroplat.results.files import Command
+from vibroplat.results.files import commands_in
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,7 +34,7 @@ class Family(NamedTuple):
         directory and the name of each.
     """
 
-    command: Command
+    command: str
     kinds: Collection[str]
     options: Collection[str]
     draw: Callable[..., Iterator[tuple[Path, str, Figure]]]
@@ -79,9 +79,9 @@ def plot_results(
     TableError
         Their tables are missing or damaged.
     """
-    found = [family for family in FAMILIES if all(has_result(place, family.command) for place in directories)]
+    found = [family for family in FAMILIES if all(family.command in commands_in(place) for place in directories)]
     first, every = directories[0], ", ".join(map(str, directories))
-    if not found and len(directories) > 1 and any(has_result(d, f.command) for f in FAMILIES for d in directories):
+    if not found and len(directories) > 1 and any(f.command in commands_in(d) for f in FAMILIES for d in directories):
         raise VibroplatError(f"{every} hold no results of one command; allowed: several runs, or several sweeps")
     found = found or [FAMILIES[-1]]
     allowed = [kind for family in found for kind in family.kinds]
@@ -89,13 +89,13 @@ def plot_results(
         for kind in kinds:
             if kind in family.kinds and kind not in allowed:
                 names = ", ".join(allowed) or "no --kind"
-                held, other = (RESULTS[one.command][0] for one in (found[0], family))
+                held, other = (noun_of(one.command) for one in (found[0], family))
                 raise VibroplatError(f"--kind {kind} shows {other}, but {first} holds {held}; allowed: {names}")
     chosen = [family for family in found if not kinds or {*family.kinds} & {*kinds}]
     given = {option: value for option, value in options.items() if value is not None}
     for option, value in given.items():
         if not any(option in family.options for family in chosen):
-            able = " and ".join(RESULTS[family.command][0] for family in FAMILIES if option in family.options)
+            able = " and ".join(noun_of(family.command) for family in FAMILIES if option in family.options)
             raise VibroplatError(f"--{option} {value}: no figure of {first} uses it; allowed: with {able}")
     written = []
     with styled():

@@ -5,7 +5,7 @@ Trajectories are read in parts: those of long runs do not fit into memory.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,40 +16,16 @@ import pandas as pd
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
-from vibroplat.errors import ConfigError, TableError
+from vibroplat.errors import TableError
 from vibroplat.hybrid.state import static_rest
-from vibroplat.results.files import Command, Result
+from vibroplat.results.result import Result
 from vibroplat.study.bands import Flags, jumps
 from vibroplat.study.branches import column_of
-
-#: Of each command: what its result is called, and the table by which one recognizes it.
-RESULTS: dict[Command, tuple[str, str]] = {
-    "paper": ("a reproduction of the paper", "claims"),
-    "sweep": ("a sweep", "sweep"),
-    "orbits": ("branches of orbits", "branches"),
-    "basins": ("basins of attraction", "attractors"),
-    "find": ("thresholds", "thresholds"),
-    "design": ("a design", "sensitivities"),
-    "run": ("a run", "trajectory"),
-}
-#: Where points are kept until their table is written, and what is then told.
-_UNFINISHED: dict[Command, tuple[str, str]] = {
-    "sweep": ("points.sqlite", "an unfinished sweep; continue it"),
-    "orbits": ("orbits.sqlite", "unfinished branches; continue them"),
-    "basins": ("basins.sqlite", "unfinished basins; continue them"),
-    "find": ("find.sqlite", "an unfinished search; continue it"),
-    "design": ("design.sqlite", "an unfinished design; continue it"),
-}
 
 
 def has_table(directory: Path, name: str) -> bool:
     """Whether a directory holds a table, of whatever format."""
     return any(directory.glob(f"{name}.*"))
-
-
-def has_result(directory: Path, command: Command) -> bool:
-    """Whether a directory holds a result of a command."""
-    return has_table(directory, RESULTS[command][1])
 
 
 def rest_of(scene: Scene) -> float:
@@ -69,34 +45,17 @@ class Saved(Result):
     ----------
     label
         What the page calls it.
-
-    Raises
-    ------
-    TableError
-        It is unfinished, or as for :class:`vibroplat.results.files.Result`.
     """
 
     label: str = ""
 
-    def __init__(self, directory: Path, command: Command) -> None:
-        if not directory.is_dir():
-            raise TableError(f"{directory} is not a directory; allowed: a result directory of vibroplat")
-        study: Command = command if command in _UNFINISHED else "sweep"
-        kept, what = _UNFINISHED[study]
-        if (directory / kept).exists() and not has_result(directory, study):
-            raise TableError(f"{directory} holds {what} with `vibroplat {study} --resume`")
-        super().__init__(directory, command)
-        self.command = command
+    def __init__(self, directory: Path, command: str) -> None:
+        self.__dict__ |= Result.read(directory, command).__dict__
 
-    def given(self, *path: str) -> Any:
-        """Return the configuration, or a section or value of it; raises TableError if it is not there."""
-        found: Any = self.provenance.get("configuration")
-        for name in path:
-            found = found.get(name) if isinstance(found, dict) else None
-        if found is None or not (path or isinstance(found, dict)):
-            what, _ = RESULTS[self.command]
-            raise TableError(f"{self.directory}/provenance.json is not the provenance of {what}")
-        return found
+    @property
+    def directory(self) -> Path:
+        """Where it is."""
+        return self._read.directory
 
     def column(self, *path: str) -> str:
         """Return the column of the key that a value of the configuration names; raises TableError as :meth:`given`."""
@@ -108,62 +67,12 @@ class Saved(Result):
         return column_of(str(flat(self.given()).get("sweep.over.key", FREQUENCY)))
 
     @cached_property
-    def scene(self) -> Scene:
-        """What was simulated; raises TableError if the configuration is lost or of another version."""
-        try:
-            return Scene.from_tree(self.given())
-        except (TypeError, AttributeError, ConfigError) as error:
-            raise TableError(f"the configuration in {self.directory}: {error}") from None
-
-    @property
-    def known_scene(self) -> Scene | None:
-        """What was simulated, if that is known."""
-        try:
-            return self.scene
-        except TableError:
-            return None
-
-    @cached_property
     def summary(self) -> dict[str, Any]:
         """Summary of a run; empty for other commands."""
-        found = self.document("summary") if self.command == "run" else {}
+        found = self._read.document("summary") if self.command == "run" else {}
         if not isinstance(found, dict):
-            raise TableError(f"{self.directory / 'summary.json'} is not the summary of a run")
+            raise TableError(f"{self.directory}/summary.json is not the summary of a run")
         return found
-
-    def columns(
-        self, name: str, texts: Collection[str], numbers: Collection[str] = (), optional: Collection[str] = ()
-    ) -> pd.DataFrame:
-        """Read a table; it must have these columns of texts and of numbers, and numbers in optional ones it has."""
-        return _checked(self.table(name), f"the {name} table in {self.directory} has no", texts, numbers, optional)
-
-    def column_parts(
-        self, name: str, texts: Collection[str], numbers: Collection[str], optional: Collection[str] = ()
-    ) -> Iterator[pd.DataFrame]:
-        """Read these columns of a table in parts, which must be as in :meth:`columns`."""
-        for part in self.parts(name, (*texts, *numbers, *optional)):
-            yield _checked(part, f"the {name} table in {self.directory} has no", texts, numbers, optional)
-
-
-def _checked(table: pd.DataFrame, told: str, *columns: Collection[str]) -> pd.DataFrame:
-    """Return a table that has columns of texts, of numbers, and maybe optional ones of numbers."""
-    texts, numbers, optional = columns
-    for column in (*numbers, *(column for column in optional if column in table)):
-        if column not in table or not _holds_numbers(table[column]):
-            raise TableError(f"{told} numbers in column {column}")
-    for column in texts:
-        if column not in table:
-            raise TableError(f"{told} column {column}")
-        if pd.api.types.is_numeric_dtype(table[column]) and table[column].notna().any():
-            raise TableError(f"{told} names in column {column}")
-    return table
-
-
-def _holds_numbers(column: pd.Series) -> bool:
-    """Whether a column has real numbers, or nothing at all."""
-    types = pd.api.types
-    real = not (types.is_bool_dtype(column) or types.is_complex_dtype(column))
-    return (types.is_numeric_dtype(column) and real) or column.empty
 
 
 class Curve(NamedTuple):

@@ -18,7 +18,7 @@ from vibroplat.plots.labels import compared, distinct, is_number, sweep_paramete
 from vibroplat.plots.reading import Curve, Saved, curves_of, finite, has_table
 from vibroplat.plots.style import CURVES
 from vibroplat.plots.timelines import Measured
-from vibroplat.results.files import Result
+from vibroplat.results.files import SavedFiles
 from vibroplat.study.branches import EXCITATION, SUPPLY, column_of
 
 #: Columns that figures of sweeps need besides the swept keys, and those they show if there are any.
@@ -218,7 +218,7 @@ def read_branches(directory: Path) -> Study:
     special = result.columns("special", ("kind",), (key, EXCITATION, "branch", "point"))
     if points.empty:
         raise TableError(f"{directory} holds an empty table of branches; there is nothing to plot")
-    swept = Result(directory, "sweep").table("sweep") if has_table(directory, "sweep") else None
+    swept = SavedFiles(directory, "sweep").table("sweep") if has_table(directory, "sweep") else None
     return _branches([result], directory.resolve().name, points, key, second=second, special=special, swept=swept)
 
 

@@ -39,7 +39,7 @@ from vibroplat.plots.style import (
     widen_ticks,
 )
 from vibroplat.plots.timelines import read_measured, wrapped
-from vibroplat.results.files import Result
+from vibroplat.results.files import SavedFiles
 from vibroplat.study.branches import EXCITATION, SUPPLY, column_of
 
 if TYPE_CHECKING:
@@ -337,7 +337,7 @@ def _panels(response: Study) -> Iterator[_Panel]:
 def _boundaries(response: Study, second: str) -> pd.DataFrame:
     """Return the boundaries of orbits over the two keys of a map in the same directory; none are no rows."""
     place = response.results[0].directory
-    table = Result(place, "orbits").table("boundaries") if has_table(place, "boundaries") else pd.DataFrame()
+    table = SavedFiles(place, "orbits").table("boundaries") if has_table(place, "boundaries") else pd.DataFrame()
     return table if {response.key, second} <= {*table.columns} else table.iloc[:0]
 
 
