@@ -22,7 +22,7 @@ from vibroplat.observe.summary import measured
 from vibroplat.study.branches import branches
 from vibroplat.study.coexisting import BLOCKS, within
 from vibroplat.study.point import ERRORS, measure_point
-from vibroplat.study.settling import BLOCK, TURNS, settle
+from vibroplat.study.settling import BLOCK, TURNS, draws_together, settle
 
 from .helpers import CALIBRATED, CHAOTIC, DAMPED, MACHINE, planned, swept
 
@@ -97,6 +97,26 @@ def test_longest_settling_is_kept(longest, how):
     else:
         assert settling.seconds < longest
         assert settling.turn == pytest.approx(1.0 / 31.5, rel=0.02)
+
+
+def test_a_motion_has_settled_if_it_draws_together_in_two_checks_that_follow_one_another(monkeypatch):
+    """A quick transient may hide a slow one at the first."""
+    answers = iter([1, 0, 1, 1])
+    monkeypatch.setattr("vibroplat.study.settling.draws_together", lambda *_: next(answers))
+    scene = planned(MACHINE, 50.0)
+    with moving(scene) as motion:
+        settling = settle(motion, scene.sweep, 150.0)
+    assert (settling.how, settling.period, list(answers)) == ("periodic", 1, [])
+
+
+def test_a_section_draws_together_where_what_is_left_is_within_the_tolerance():
+    """Heights that fall by ρ a turn fall by q = ρ³² from half to half: D q/(1 − q) is left of a spread D."""
+    scene, fall = planned(MACHINE, 50.0), 0.99 ** np.arange(2 * TURNS)
+    spread, q = fall[TURNS] - fall[-1], fall[TURNS]
+    for share, expected in ((0.9, 1), (2.0, 0)):  # points 16 turns apart are nearer, by 0.56
+        points = np.zeros((2 * TURNS, 14))
+        points[:, 1] = share * scene.sweep.settle_tolerance * fall * (1.0 - q) / (spread * q)
+        assert draws_together(points, scene, scene.sweep) == expected
 
 
 def test_longest_settling_counts_from_the_beginning_of_the_motion():
