@@ -1,6 +1,6 @@
 """Other solvers behind the seam: each integrates a mode up to its event, the package's automaton does the rest.
 
-Modes, impacts and latches are the automaton's own, so that solvers differ in how they integrate and in nothing else.
+Modes, impacts and chatters are the automaton's own, so that solvers differ in how they integrate and in nothing else.
 ``python tests/bench/peers.py`` compares them with the engines at equal error, and an ensemble of heyoka with basins.
 """
 

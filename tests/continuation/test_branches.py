@@ -274,7 +274,7 @@ def test_orbits_and_branches_count_the_same_multipliers_as_unstable(branches):
     found = orbit(scene, row["state"])
     for size, unstable in ((1.0 + 1e-7, 0), (1.0 + 1e-5, 1)):
         assert replace(found, multipliers=np.array([size + 0.0j])).unstable == unstable
-    assert found.unstable == row["unstable"]
+    assert found.unstable == row["n_unstable"]
 
 
 def test_branches_end_where_the_law_of_impact_jumps_and_say_so():

@@ -310,7 +310,7 @@ def test_error_of_a_remainder_that_decays_reaches_down_to_0(decay, share):
 
 @pytest.mark.parametrize("latched", [False, True])
 def test_impacts_per_period_have_no_error_where_latches_end_them(latched):
-    """The tolerance decides how many impacts come before a latch; a single latch in the measured part is enough."""
+    """The tolerance decides how many impacts come before a chatter; a single chatter in the measured part is enough."""
     blocks = [m.no_measures(0.0) for _ in range(BLOCKS)]
     for place, block in enumerate(blocks, 1):
         block.whole[m.TIME] = place

@@ -362,7 +362,7 @@ def test_sum_with_latches_is_that_of_the_part_that_is_kept():
     scene, state = settled(MACHINE, 50.0, {**CHAOTIC, "contact.restitution": 0.3})
     found, motion = spectrum(scene, state, Effort(1, 4, 16, 16))
     assert motion.automaton.run["mode"] == ATTACHED
-    assert motion.events > 8 * 16  # a latch takes many impacts
+    assert motion.events > 8 * 16  # a chatter takes many impacts
     turn, values = found[0].turn, np.array([exponent.value for exponent in found])
     places = [place for name, place in state_places(scene).items() if not name.startswith("gap_")]
     whole = variation(scene, motion.state, turn).derivative.to_numpy()[np.ix_(places, places)]

@@ -29,7 +29,7 @@ SLOWEST = 1e-3
 #: Tolerance of the reference.
 CLOSEST = 1e-13
 #: Errors of coordinates over their scales at which run times are compared: larger ones where a motion amplifies errors.
-LEVEL, AMPLIFIED = 1e-6, {"latches, R 0.5": 1e-3, "flights of many periods": 1e-2}
+LEVEL, AMPLIFIED = 1e-6, {"chatters, R 0.5": 1e-3, "flights of many periods": 1e-2}
 #: Processor time of a turn (s) up to which a task is repeated.
 SHORT = 0.02
 

@@ -49,7 +49,7 @@ AUDIT: Columns = {
     **{f"{name}_work_j": Column(f"energy taken by the {damper}") for name, (_, damper) in DAMPERS.items()},
     "resistance_work_j": Column("energy taken by the resistance of both exciters"),
     "gravity_work_j": Column("work of gravity"),
-    "impact_loss_j": Column("energy lost in impacts and latches"),
+    "impact_loss_j": Column("energy lost in impacts and chatters"),
     "kinetic_change_j": Column("change of the kinetic energy"),
     "elastic_change_j": Column("change of the elastic energy"),
     "energy_residual_j": Column(
@@ -79,8 +79,8 @@ MEASURES: Columns = {
     "frequency_split_hz": Column("speed of exciter 1 minus that of exciter 2"),
     "impacts_per_period": Column(
         "impacts per turn of exciter 1",
-        "those that a latch sums up are not counted; solver.tolerance decides how many are counted before a latch, so "
-        "that there is no standard error with latches in the measured part",
+        "those that a chatter sums up are not counted; solver.tolerance decides how many are counted before a chatter, "
+        "so that there is no standard error with chatters in the measured part",
     ),
     "phase_difference_rad": Column(
         "mean phase difference of the exciters",
@@ -103,12 +103,14 @@ MEASURES: Columns = {
     "impulse_max_n_s": Column("largest impulse of an impact"),
     "impulse_sum_n_s": Column("sum of all impulses in the whole run"),
     "liftoffs": Column("liftoffs in the whole run"),
-    "impacts": Column("impacts in the whole run", "without those of latches, as impacts_per_period"),
-    "latches": Column("latches in the whole run", "impacts that accumulate and end in contact"),
-    "events": Column("liftoffs, impacts and latches in the whole run", "impacts without those of latches", kind=COUNT),
+    "impacts": Column("impacts in the whole run", "without those of chatters, as impacts_per_period"),
+    "chatters": Column("chatters in the whole run", "impacts that accumulate and end in contact"),
+    "events": Column(
+        "liftoffs, impacts and chatters in the whole run", "impacts without those of chatters", kind=COUNT
+    ),
     "measured_liftoffs": Column("liftoffs in that time"),
-    "measured_impacts": Column("impacts in that time", "without those of latches, as impacts_per_period"),
-    "measured_latches": Column("latches in that time"),
+    "measured_impacts": Column("impacts in that time", "without those of chatters, as impacts_per_period"),
+    "measured_chatters": Column("chatters in that time"),
     "measured_turns": Column("whole turns of exciter 1 in that time"),
     **{
         name: Column(f"{c.meaning} in the whole run", c.definition) if name.endswith("_j") else c
@@ -174,25 +176,26 @@ def statistics(ms: Measures, peaks: Any) -> dict[str, float | None]:
 STRONGEST = 0.9
 #: Measures that are the largest of their values in blocks.
 MAXIMA = ("amplitude_y_m", "contact_force_max_n", "gap_max_m", "impulse_max_n_s")
-#: Measures that follow from how many impacts are counted before a latch. In chaotic motion at 62.5 Hz with restitution
-#: 0.3 impacts_per_period is 0.56 at tolerance 1e-4 and 0.73 at 1e-9, each with a scatter of blocks of 0.02 … 0.05.
+#: Measures that follow from how many impacts are counted before a chatter. In chaotic motion at 62.5 Hz with
+#: restitution 0.3 impacts_per_period is 0.56 at tolerance 1e-4 and 0.73 at 1e-9, each with a scatter of blocks of
+#: 0.02 … 0.05.
 COUNTED = ("impacts_per_period",)
 
 
 def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, float | None]:
     """Estimate standard errors of measures from their scatter over blocks; None where a block has none.
 
-    What is COUNTED has none if there are latches in any block: its scatter says nothing of what the tolerance changes.
+    What is COUNTED has none if there are chatters in any block: its scatter says nothing of what the tolerance changes.
     Means of blocks scatter as :func:`error_of_mean` says. The error of an RMS follows from that of its squares, and
     reaches down to 0 where one block outweighs the others: a remainder that still decays. The largest of several maxima
     scatters as each of them does (Gumbel's law).
     """
     parts = [*blocks[:1], *(between(a, b) for a, b in pairwise(blocks))]
     found = [statistics(part, peaks) | extremes(peaks) for part in parts for peaks in [measured_peaks(part)]]
-    latches = sum(part.marks["last"][3 + CHATTER] - part.marks["first"][3 + CHATTER] for part in parts)
+    chatters = sum(part.marks["last"][3 + CHATTER] - part.marks["first"][3 + CHATTER] for part in parts)
     errors: dict[str, float | None] = {}
     for name in names:
-        if name in COUNTED and latches > 0.0:
+        if name in COUNTED and chatters > 0.0:
             errors[name] = None
             continue
         told = [part[name] for part in found]
@@ -256,7 +259,7 @@ def measured(part: Part, scene: Scene, *, brief: bool = False) -> dict[str, Any]
     marks, whole = part.measures.marks, joined(part.measures.peaks)
     turned = part.measures.whole[TIME] > 0.0
     events = (marks["last"] - marks["first"])[3:] if turned else marks["measured"]
-    kinds = ("liftoffs", "impacts", "latches")  # as KINDS; a corner of the drive is no event of the motion
+    kinds = ("liftoffs", "impacts", "chatters")  # as KINDS; a corner of the drive is no event of the motion
     counts = dict(zip(kinds, marks["counts"].tolist(), strict=False))
     found = {
         **shown,

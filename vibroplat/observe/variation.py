@@ -383,7 +383,7 @@ def through_latch(steps: Steps, piece: Any, p: Parameters, v: Carried) -> None:
 
 @compiled
 def by_latch(system: int, t: float, state: FloatArray, first: int, p: Parameters, v: Carried) -> None:
-    """Differentiate a latch, from the event before it to that at its end, in the columns from the first on."""
+    """Differentiate a chatter, from the event before it to that at its end, in the columns from the first on."""
     n = DIFFERENTIAL[system] // 2
     start, rates = np.empty(FULL_SIZE), np.empty(FULL_SIZE)
     gather(system, state, start)
