@@ -22,7 +22,7 @@ from vibroplat.bench.scenes import cases
 from vibroplat.bench.studies import basins_scene
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.coordinates import Mode
-from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, begin, conclude
+from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, begin_segment, end_segment
 from vibroplat.hybrid.state import RUNNING, rewind, state_scales
 from vibroplat.integrate.seam import WORK
 from vibroplat.model.accelerations import explicit
@@ -72,7 +72,7 @@ class Peer(Solver):
         """Carry a run on; see :class:`vibroplat.integrate.seam.Engine`."""
         rewind(h.steps)
         run, used = h.run, h.steps.used
-        while run["outcome"] == RUNNING and 2 * used["steps"] < self.rows and begin(h):
+        while run["outcome"] == RUNNING and 2 * used["steps"] < self.rows and begin_segment(h):
             mode, t = Mode(int(run["mode"])), float(run["origin"])
             system, until = SYSTEMS[run["systems"][mode]], t + float(run["until"])
             y = run["y"][mode, : system.differential].copy()
@@ -92,7 +92,7 @@ class Peer(Solver):
             h.steps.c[rows] = 0.0
             h.steps.c[rows, 0, :size], h.steps.c[rows, 1, :size] = points[:-1], np.diff(points, axis=0)
             h.steps.ends[rows, :size] = points[1:]
-            conclude(h, AT_GUARD if fell else AT_TIME)
+            end_segment(h, AT_GUARD if fell else AT_TIME)
 
 
 def solver_of(name, scene, tolerance):

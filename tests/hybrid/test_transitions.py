@@ -7,7 +7,7 @@ from common.known import ball_on_table, motion_of
 from vibroplat import simulate
 from vibroplat.bench.scenes import base
 from vibroplat.config.coordinates import COORDINATES, RATES
-from vibroplat.hybrid.jumps import strike
+from vibroplat.hybrid.resets import apply_impact
 from vibroplat.model.impact import impulse_response
 from vibroplat.model.parameters import IMPACT_LAWS, parameters
 from vibroplat.model.systems import GAP, GAP_RATE
@@ -58,7 +58,7 @@ def test_a_layer_that_already_leaves_strikes_nothing(quickstart, restitution):
     leaving = {"run.initial": {"state": {"gap_m": 1e-12, "gap_rate_m_per_s": 0.1}}}
     with motion_of(quickstart.replace(contact | leaving)) as motion:
         before = motion.automaton.run["state"].copy()
-        strike(motion.automaton)
+        apply_impact(motion.automaton)
         change = motion.automaton.run["state"] - before
     assert np.flatnonzero(change).tolist() == [GAP, GAP_RATE]
     assert change[GAP_RATE] == -0.1

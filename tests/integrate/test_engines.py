@@ -13,7 +13,7 @@ import pytest
 from vibroplat import integrate as engines
 from vibroplat import simulate
 from vibroplat.hybrid.loop import automaton, first_mode
-from vibroplat.hybrid.state import NON_FINITE, RUNNING, no_steps
+from vibroplat.hybrid.state import NON_FINITE, RUNNING, empty_steps
 from vibroplat.integrate.native import NativeEngine, self_check
 from vibroplat.integrate.sundials import Library, UnavailableError, library
 from vibroplat.model.parameters import parameters
@@ -122,7 +122,7 @@ def test_residual_that_is_not_finite_ends_the_run(quickstart):
     scene = with_engine(quickstart.replace({"material.mass_ratio": 0.0, "run.duration_s": 1000.0}), "native")
     p = parameters(scene)
     engine = NativeEngine(scene, p, library())
-    h = automaton(scene, p, no_steps(engine.rows, engine.degree), engine.turns_per_segment)
+    h = automaton(scene, p, empty_steps(engine.rows, engine.degree), engine.turns_per_segment)
     first_mode(h)
     engine.advance(h)
     assert h.run["outcome"] == RUNNING

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from common.places import LOADED
 
-from vibroplat.hybrid.modes import IMPACT, LATCH
+from vibroplat.hybrid.modes import CHATTER, IMPACT
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
@@ -316,7 +316,7 @@ def test_impacts_per_period_have_no_error_where_latches_end_them(latched):
         block.whole[m.TIME] = place
         block.marks["turns"], block.marks["last"][0] = 10 * place + 1, place
         block.marks["last"][3 + IMPACT] = 5 * place + place % 2
-        block.marks["last"][3 + LATCH] = float(latched and place > 7)
+        block.marks["last"][3 + CHATTER] = float(latched and place > 7)
     errors = block_errors(blocks, ["impacts_per_period", "flight_fraction"])
     assert (errors["impacts_per_period"] is None) == latched
     assert errors["flight_fraction"] == 0.0

@@ -16,7 +16,7 @@ from common.results import bits
 
 from vibroplat import Scene, load_config, simulate, sweep
 from vibroplat.config.plausibility import notes_on_inputs
-from vibroplat.hybrid.state import initial_state, perturbed, state_scales
+from vibroplat.hybrid.state import initial_state, perturb_state, state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.observe import summary
 from vibroplat.results.tables import read_table
@@ -219,14 +219,14 @@ def test_equal_scenes_have_equal_rows_in_any_sweep(table):
 def test_perturbation_changes_rates_by_its_size_and_follows_from_its_key():
     scene = planned(LOADED, 50.0, perturbation=0.02, seed=5)
     state, scales = initial_state(scene), state_scales(scene)
-    changes = np.array([perturbed(state, scene, 0.02, (5, 0, k)) - state for k in range(400)]) / scales
+    changes = np.array([perturb_state(state, scene, 0.02, (5, 0, k)) - state for k in range(400)]) / scales
     assert not changes[:, [0, 1, 2, 3, 4, 5, 6, 12, 13]].any()
     assert changes[:, 7:12].std(axis=0) == pytest.approx([0.02] * 5, rel=0.15)
     assert changes[:, 7:12].mean(axis=0) == pytest.approx([0.0] * 5, abs=0.005)
     assert len(np.unique(changes[:, 7])) == 400
-    draws = [perturbed(state, scene, 0.01, key)[7] for key in itertools.product((0, 1), repeat=3)]
+    draws = [perturb_state(state, scene, 0.01, key)[7] for key in itertools.product((0, 1), repeat=3)]
     assert len(set(draws)) == len(draws)
-    assert perturbed(state, scene, 0.01, (0, 0, 1))[7] == draws[1]
+    assert perturb_state(state, scene, 0.01, (0, 0, 1))[7] == draws[1]
     assert np.abs(np.corrcoef(changes[:, 7:12].T) - np.eye(5)).max() < 0.25
 
 

@@ -39,7 +39,7 @@ BY_ROOM = [
         "exciters[1].position_m or (-x, y) → exciters[1].position_m or (x, y)",
         "machine.platform_mass_kg * (x_c * x_c + y_c * y_c) → (x_c * x_c + y_c * y_c)",
     ]),
-    # modes and jumps
+    # modes and resets
     ("hybrid motion", [
         "return force_rate >= -noise * speed → return force_rate >= noise * speed",
         "if rebound < 0.0 or acceleration >= 0.0 or p.restitution >= 1.0: → if rebound < 0.0 or p.restitution >= 1.0:",
@@ -47,7 +47,7 @@ BY_ROOM = [
         "return ATTACH if pressed else FLY → return FLY",
         "before = min(run.state[GAP_RATE], 0.0) → before = run.state[GAP_RATE]",
         "run.zeros = 3 → run.zeros = 0",
-        "if run.restarts >= most and run.now - h.recent[oldest] < run.period: → if run.restarts >= most:",
+        "if run.restarts >= max_restarts and run.now - h.recent[oldest] < run.period: → if run.restarts >= max_restarts:",
         "h.inelastic if -before < h.p.sticking_speed else h.p → h.p",
     ]),
     # integrators

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.modes import IMPACT, LATCH, LIFTOFF
+from vibroplat.hybrid.modes import CHATTER, IMPACT, LIFTOFF
 from vibroplat.hybrid.state import EVENT, state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
@@ -92,14 +92,14 @@ class Shot:
         for kind, mode in zip(self.events["kind"].tolist(), self.events["mode_after"].tolist(), strict=True):
             if kind == LIFTOFF:
                 letters += "L"
-            elif kind in (IMPACT, LATCH):
+            elif kind in (IMPACT, CHATTER):
                 letters += "S" if mode == Mode.ATTACHED else "I"
         return _shortened(letters, self.restitution)
 
     @property
     def landing_force(self) -> float:
         """Least F_c after an event with which contact begins (N); inf without one."""
-        began = (self.events["kind"] == IMPACT) | (self.events["kind"] == LATCH)
+        began = (self.events["kind"] == IMPACT) | (self.events["kind"] == CHATTER)
         forces = self.events["force_after"][began & (self.events["mode_after"] == Mode.ATTACHED)]
         return float(forces.min()) if forces.size else math.inf
 

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.hybrid.jumps import derivatives, prepare
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET
 from vibroplat.hybrid.modes import FLIGHT
+from vibroplat.hybrid.resets import derivatives, prepare_consistent_start
 from vibroplat.hybrid.state import CUBIC, CUT, DIFFERENTIATED, ROUND_OFF, Automaton, Steps, end_at, halvings
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.polynomial import crossing, first_downcrossing, slope, values
@@ -191,7 +191,7 @@ def prepare_first_step(h: Automaton) -> float:
     """
     run = h.run
     mode = run.mode
-    if not prepare(h, mode, DIFFERENTIATED):
+    if not prepare_consistent_start(h, mode, DIFFERENTIATED):
         return -1.0
     size = SIZES[run.systems[mode]]
     step = min(0.1 * run.period, curvature_step(run.ypp[mode, :size], run.atol[:size]))

@@ -20,7 +20,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.modes import GUARDS
-from vibroplat.hybrid.state import CUBIC, OK, Automaton, no_steps
+from vibroplat.hybrid.state import CUBIC, OK, Automaton, empty_steps
 from vibroplat.integrate import ida
 from vibroplat.integrate.sundials import Library, UnavailableError
 from vibroplat.kernels.compiled import FloatArray, same_types
@@ -215,7 +215,7 @@ def self_check(library: Library) -> None:
     scene = Scene().replace({"solver.tolerance": 1e-11})
     p = parameters(scene)
     with closing(NativeEngine(scene, p, library)) as engine:
-        h = automaton(scene, p, no_steps(engine.rows, engine.degree), engine.turns_per_segment)
+        h = automaton(scene, p, empty_steps(engine.rows, engine.degree), engine.turns_per_segment)
         loop.first_mode(h)
         h.run["end"] = duration
         engine.advance(h)

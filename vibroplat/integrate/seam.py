@@ -1,8 +1,8 @@
 """The seam: what a run asks of an integrator.
 
-An *engine* drives the automaton of :mod:`vibroplat.hybrid`: for each segment it calls ``begin``, integrates from the
-consistent state prepared there until the guard falls through zero or the segment's time is up, adds its steps, each
-with a polynomial, to ``h.steps``, and calls ``conclude``. Whoever reads the steps knows no method.
+An *engine* drives the automaton of :mod:`vibroplat.hybrid`: for each segment it calls ``begin_segment``, integrates
+from the consistent state prepared there until the guard falls through zero or the segment's time is up, adds its steps,
+each with a polynomial, to ``h.steps``, and calls ``end_segment``. Whoever reads the steps knows no method.
 
 To add an integrator, implement :class:`Integrator`, some fifty lines for a library's own, as
 ``tests/integrate/dop853.py`` does for scipy's. :class:`vibroplat.integrate.stepwise.Stepwise` makes an engine of it,

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.hybrid.jumps import cut_piece
-from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE, begin, conclude
+from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE, begin_segment, end_segment
 from vibroplat.hybrid.modes import GUARDS
+from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import CUBIC, MARGIN, RUNNING, Automaton, Steps, rewind
 from vibroplat.integrate.seam import IntegrationError, Integrator
 from vibroplat.kernels.compiled import FloatArray, compiled
@@ -34,7 +34,7 @@ class Stepwise:
 
     def __init__(self, integrator: Integrator, p: Parameters) -> None:
         self.name = integrator.name
-        self.degree = max(integrator.degree, CUBIC)  # a latch is a cubic
+        self.degree = max(integrator.degree, CUBIC)  # chatter is a cubic
         self.detail = ""
         self._integrator, self._p = integrator, p
         self._fit = fit(self.degree)
@@ -63,11 +63,11 @@ class Stepwise:
                 cut_piece(h)
                 return
             self._open = False
-            conclude(h, stop)
+            end_segment(h, stop)
 
     def _begin(self, h: Automaton) -> bool:
         """Begin a segment; whether there is one."""
-        if not begin(h):
+        if not begin_segment(h):
             return False
         run = h.run
         system = SYSTEMS[run["systems"][run["mode"]]]

@@ -19,9 +19,9 @@ import numpy as np
 
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid import loop
-from vibroplat.hybrid.jumps import cut_piece
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
 from vibroplat.hybrid.modes import GUARDS
+from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import MARGIN, RUNNING, WIDTH, Automaton, rewind
 from vibroplat.integrate.seam import WORK
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, inlined, same_types
@@ -144,13 +144,13 @@ def nothing() -> Expansion:
 
 @compiled
 def drive(owned_h: Automaton, owned_e: Expansion) -> None:
-    """Go through segments and jumps until there is no room for more steps or the run has ended."""
+    """Go through segments and resets until there is no room for more steps or the run has ended."""
     h, e = borrow(owned_h), borrow(owned_e)
     rewind(h.steps)
     while h.run.outcome == RUNNING:
         if e.status.open == 0:
             full = h.steps.used.steps + 1 + MARGIN > h.steps.start.size or h.run.events + 2 > h.events.size
-            if full or not loop.begin(h):
+            if full or not loop.begin_segment(h):
                 return
             start(h, e)
         stop = _ON
@@ -160,7 +160,7 @@ def drive(owned_h: Automaton, owned_e: Expansion) -> None:
             cut_piece(h)
             return
         e.status.open = 0
-        loop.conclude(h, stop)
+        loop.end_segment(h, stop)
 
 
 @compiled

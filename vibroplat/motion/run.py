@@ -12,7 +12,7 @@ from vibroplat.columns import COUNT, TEXT, Column, Columns
 from vibroplat.config.plausibility import notes_on_input
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import automaton
-from vibroplat.hybrid.state import CUBIC, Automaton, force_noise, no_steps, static_rest
+from vibroplat.hybrid.state import CUBIC, Automaton, empty_steps, force_noise, static_rest
 from vibroplat.integrate import make_engine
 from vibroplat.integrate.seam import WORK, Engine
 from vibroplat.kernels.cache import LOOPS
@@ -219,4 +219,4 @@ def _any_motion(engine: str) -> tuple[Scene, Parameters, Automaton]:
     """Make a scene that takes all kernels, its parameters and its automaton, with room for no steps."""
     scene = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}, "solver.engine": engine})
     p = parameters(scene)
-    return scene, p, automaton(scene, p, no_steps(1, CUBIC), 1.0)
+    return scene, p, automaton(scene, p, empty_steps(1, CUBIC), 1.0)

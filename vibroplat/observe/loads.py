@@ -52,7 +52,7 @@ _PULLS, _SHAKING = WIDTH, WIDTH + 4
 
 
 class Equations(NamedTuple):
-    """Where the equations are: addresses of :func:`vibroplat.hybrid.jumps.start_callback` and of the parameters."""
+    """Where the equations are: addresses of :func:`vibroplat.hybrid.resets.start_callback` and of the parameters."""
 
     start: int
     parameters: int

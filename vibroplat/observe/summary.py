@@ -11,7 +11,7 @@ import numpy as np
 
 from vibroplat.columns import COUNT, Column, Columns
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.modes import IMPACT, LATCH
+from vibroplat.hybrid.modes import CHATTER, IMPACT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.energy import DISSIPATIONS, FORCE_SIZE, POWERS, energies
 from vibroplat.model.energy import FORCE as VERTICAL
@@ -189,7 +189,7 @@ def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, 
     """
     parts = [*blocks[:1], *(between(a, b) for a, b in pairwise(blocks))]
     found = [statistics(part, peaks) | extremes(peaks) for part in parts for peaks in [measured_peaks(part)]]
-    latches = sum(part.marks["last"][3 + LATCH] - part.marks["first"][3 + LATCH] for part in parts)
+    latches = sum(part.marks["last"][3 + CHATTER] - part.marks["first"][3 + CHATTER] for part in parts)
     errors: dict[str, float | None] = {}
     for name in names:
         if name in COUNTED and latches > 0.0:

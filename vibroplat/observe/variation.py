@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.hybrid.modes import ATTACHED, IMPACT, LATCH
+from vibroplat.hybrid.modes import ATTACHED, CHATTER, IMPACT
 from vibroplat.hybrid.state import Automaton, Steps
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, same_types
 from vibroplat.kernels.elimination import whole_lanes
@@ -181,7 +181,7 @@ def follow(owned_h: Automaton, owned_v: Carried) -> None:
         piece = steps.pieces[k]
         after = steps.pieces[k + 1].events if k + 1 < steps.used.pieces else count
         event = piece.events
-        if event < after and h.events[event].kind == LATCH:
+        if event < after and h.events[event].kind == CHATTER:
             through_latch(steps, piece, h.p, v)
             event += 1
         else:

@@ -18,7 +18,7 @@ from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.extensions import provided
 from vibroplat.hybrid.modes import IMPACT
-from vibroplat.hybrid.state import Automaton, initial_state, perturbed, state_scales
+from vibroplat.hybrid.state import Automaton, initial_state, perturb_state, state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
@@ -188,7 +188,7 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
 def _measured_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
     began = time.perf_counter()
     start = initial_state(scene) if state is None else np.array(state)
-    start = perturbed(start, scene, plan.perturbation, (plan.seed, *key))
+    start = perturb_state(start, scene, plan.perturbation, (plan.seed, *key))
     if plan.settle == "motion":
         point = _followed(scene, plan, start)
     else:
@@ -291,7 +291,7 @@ def _coexisting(scene: Scene, plan: SweepPlan, part: Part, end: FloatArray, seek
     class_of = block_values(part.blocks)
     told = set() if hunt.orbit is None else {_told(on_orbit(scene, hunt.orbit, 0.0, seeker.work).row)}
     for number, start in enumerate(starts):
-        begun = perturbed(start, scene, plan.perturbation, (plan.seed, number))
+        begun = perturb_state(start, scene, plan.perturbation, (plan.seed, number))
         other = _sought(scene, brief, begun, seeker)
         if other.state is None or other.row["period"] is None:
             continue
