@@ -17,7 +17,7 @@ import pytest
 
 import vibroplat
 from vibroplat import Scene, simulate
-from vibroplat.integrate import tell_of_compilation
+from vibroplat.integrate import announce_compilation
 from vibroplat.kernels import cache
 from vibroplat.kernels.target import GENERIC, processor
 
@@ -193,24 +193,24 @@ def test_without_any_place_nothing_is_kept_and_the_notice_says_so(why, package, 
 
 
 def test_command_says_once_that_nothing_can_be_kept(command, here, monkeypatch, caplog, kernels):
-    tell_of_compilation.cache_clear()
+    announce_compilation.cache_clear()
     monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", lambda engine="auto": False)
     monkeypatch.setattr(cache, "folder", lambda: None)
     (here / "short.yaml").write_text("run: {duration_s: 0.01}\n")
     done = command("run", "short.yaml")
     assert (done.code, len(caplog.messages)) == (0, 1)
     assert caplog.messages[0].startswith("compiling the numerical kernels; no folder can be written to keep them, ")
-    tell_of_compilation.cache_clear()
+    announce_compilation.cache_clear()
 
 
 def test_first_engine_made_from_python_says_that_it_compiles(monkeypatch, caplog, kernels):
-    tell_of_compilation.cache_clear()
+    announce_compilation.cache_clear()
     monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", lambda engine="auto": False)
     for _ in range(2):
         simulate(Scene().replace({"run.duration_s": 0.001}), keep="summary")
     how = "this happens once for each engine and takes about half a minute"
     assert caplog.messages == [f"compiling the numerical kernels; {how}"]
-    tell_of_compilation.cache_clear()
+    announce_compilation.cache_clear()
 
 
 # -- when it is out of date -----------------------------------------------------------------------------

@@ -53,7 +53,7 @@ BY_ROOM = [
     # integrators
     ("integrate", [
         "least = max(least, math.log(largest) / (k - 1)) → least = max(least, math.log(largest) / (k + 1))",
-        "return worst <= AGREED or rounded( → return True or rounded(",
+        "return worst <= MAX_DEFECT or is_round_off( → return True or rounded(",
         "stop, status.resting = AT_TARGET, -1\n            length *= crossing(c, degree, 3, target) → stop, status.resting = AT_TARGET, -1",
         "ahead[n + 3 + e.status.resting] = 0.0 → ahead[n + 3 + e.status.resting] = 1e-3",
     ]),

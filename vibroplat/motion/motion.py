@@ -16,7 +16,7 @@ from vibroplat.hybrid.loop import automaton, begin_in_flight, first_mode
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.resets import apply_supply_corner, record_restart_events
 from vibroplat.hybrid.state import empty_steps, rewind
-from vibroplat.integrate.seam import Engine
+from vibroplat.integrate.interface import Engine
 from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, record_words, supply

@@ -14,7 +14,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.state import CUBIC, Automaton, empty_steps, force_noise, static_rest
 from vibroplat.integrate import make_engine
-from vibroplat.integrate.seam import WORK, Engine
+from vibroplat.integrate.interface import WORK, Engine
 from vibroplat.kernels.cache import LOOPS
 from vibroplat.kernels.compiled import compile_for
 from vibroplat.model.parameters import Parameters, parameters

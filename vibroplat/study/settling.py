@@ -95,7 +95,7 @@ class Seeker(Protocol):
 
     @property
     def work(self) -> Mapping[str, int | None]:
-        """How much was done so far; see :data:`vibroplat.integrate.seam.WORK`."""
+        """How much was done so far; see :data:`vibroplat.integrate.interface.WORK`."""
 
     def first(self, start: FloatArray) -> KnownOrbit | None:
         """Follow a motion for BLOCK turns from a full state, and return the orbit that it surely comes to."""

@@ -12,7 +12,7 @@ import pandas as pd
 from vibroplat.columns import PHASE_COLUMN, SHAKING, Column, Columns
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
-from vibroplat.integrate.seam import WORK
+from vibroplat.integrate.interface import WORK
 from vibroplat.observe.sheet import SHEET, of_points
 from vibroplat.observe.summary import MEASURES
 from vibroplat.results.result import Answer, Result

@@ -1,4 +1,4 @@
-"""The seam is whole: DOP853 behind it passes what the package's own integrators pass, and fails as they do."""
+"""The interface is whole: DOP853 behind it passes what the package's own integrators pass, and fails as they do."""
 
 import math
 
@@ -12,7 +12,7 @@ from integrate.dop853 import Dop853
 from vibroplat import load_config, simulate
 from vibroplat.bench.measure import coordinate_errors, event_errors
 from vibroplat.config.reader import load_tree
-from vibroplat.integrate.seam import IntegrationError
+from vibroplat.integrate.interface import IntegrationError
 from vibroplat.integrate.stepwise import Stepwise
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
