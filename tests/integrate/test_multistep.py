@@ -11,7 +11,7 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, automaton
 from vibroplat.hybrid.modes import ATTACHED
 from vibroplat.hybrid.state import CUBIC, empty_steps
 from vibroplat.integrate.multistep import begin_steps, empty_step, estimate_flight, limit_force_slopes, transcribe
-from vibroplat.kernels.polynomial import extremes
+from vibroplat.kernels.polynomial import value_range
 from vibroplat.model.parameters import parameters
 from vibroplat.observe.tables import sample
 
@@ -151,7 +151,7 @@ def test_a_force_that_presses_at_all_steps_presses_between_them(rows):
     forces, slopes_given = zip(*rows, strict=True)
     steps, _, _ = calmed(forces, slopes_given)
     for row in range(len(forces) - 1):
-        least, *_ = extremes(steps.c[row], CUBIC, 10, 0.0, 1.0, (forces[row], forces[row + 1]))
+        least, *_ = value_range(steps.c[row], CUBIC, 10, 0.0, 1.0, (forces[row], forces[row + 1]))
         assert least >= -1e-9 * max(forces)
 
 

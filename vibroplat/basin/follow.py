@@ -30,7 +30,7 @@ from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.observe.section import ellipsoid_of, form_of, section_points
-from vibroplat.observe.summary import Part, measured
+from vibroplat.observe.summary import MeasuredInterval, measure
 from vibroplat.study.point import measure_point, on_orbit, row_of
 from vibroplat.study.settling import KnownOrbit
 from vibroplat.study.store import Record
@@ -169,7 +169,7 @@ class Follower:
             np.array(systems, dtype=np.int64),
         )
 
-    def _discovered(self, part: Part) -> int | None:
+    def _discovered(self, part: MeasuredInterval) -> int | None:
         """Return the number of the orbit to which the motion converges after a part of it, or None; add a new one."""
         points = section_points(part.measures, self.scene)
         if self._motion.outcome != "ok" or len(points) <= LONGEST:
@@ -193,7 +193,7 @@ class Follower:
             if found is not None:
                 return {"attractor": found, "turns": turns}
             turns += more
-            row = row_of(measured(part, self.scene), self.scene)
+            row = row_of(measure(part, self.scene), self.scene)
             rows.append({name: row[name] for name in (*TOLD, "flight_fraction", "sync", PHASE_COLUMN)})
         end = {"outcome": "ok", "detail": "", "state": motion.state.tolist(), "windows": rows}
         return {"attractor": None, "turns": self.longest, **end}

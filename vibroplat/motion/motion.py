@@ -21,9 +21,9 @@ from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, record_words, supply
 from vibroplat.model.systems import SYSTEMS, System
-from vibroplat.observe.measures import Measures
+from vibroplat.observe.measures import Accumulators
 from vibroplat.observe.statistics import Statistics
-from vibroplat.observe.summary import Energies, Part
+from vibroplat.observe.summary import Energies, MeasuredInterval
 from vibroplat.system.memory import NO_MORE, OutOfMemoryError
 
 #: Names of outcomes, by the automaton's number.
@@ -138,7 +138,7 @@ class Motion:
 
     def advance(
         self, seconds: float, *, settle: float = 0.0, blocks: int = 1, observers: Sequence[Observer] = ()
-    ) -> Part:
+    ) -> MeasuredInterval:
         """Carry the motion on for a time, and measure it.
 
         Parameters
@@ -153,7 +153,7 @@ class Motion:
         observers
             What else reads it.
         """
-        begun, before, ends = self.now, self._energies, list[Measures]()
+        begun, before, ends = self.now, self._energies, list[Accumulators]()
         statistics = Statistics(begun + settle, named=len(self.scene.output.points), blocks=blocks)
         for block in range(1, blocks + 1):
             self.to_time(begun + seconds * block / blocks, (statistics, *observers))
@@ -161,9 +161,9 @@ class Motion:
                 break
             if blocks > 1:
                 ends.append(statistics.end_block())
-        return Part(statistics.measures, before, self._energies, ends)
+        return MeasuredInterval(statistics.measures, before, self._energies, ends)
 
-    def go_round(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> Part:
+    def go_round(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> MeasuredInterval:
         """Carry the motion on to the next point of its section and for whole turns of exciter 1 from there; measure it.
 
         Parameters
@@ -175,7 +175,7 @@ class Motion:
         """
         statistics, before = Statistics(self.now, named=len(self.scene.output.points)), self._energies
         self.to_section(turns + 1, longest, (statistics, *observers))
-        return Part(statistics.measures, before, self._energies)
+        return MeasuredInterval(statistics.measures, before, self._energies)
 
     def to_time(self, time: float, observers: Sequence[Observer] = ()) -> None:
         """Carry the motion on to a time (s), unless it ends early, through the corners of the drive's program."""

@@ -22,11 +22,11 @@ from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.motion.recorder import Files, Keep, Recorder, Sink
 from vibroplat.motion.variation import directions, listed
+from vibroplat.observe.data_sheet import SHEET, WHOLE, columns, stays_synchronized, whole_run
 from vibroplat.observe.notes import captures, change, drift, notes_on_measures, stiffness
 from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, whole_periods
-from vibroplat.observe.sheet import SHEET, WHOLE, columns, stays, whole_run
 from vibroplat.observe.statistics import Statistics
-from vibroplat.observe.summary import INACCURATE, MEASURES, Part, inaccuracy, measured, synchronization
+from vibroplat.observe.summary import INACCURATE, MEASURES, MeasuredInterval, inaccuracy, measure, synchronization
 from vibroplat.observe.tables import named_derivative, require_room
 from vibroplat.observe.variation import Variation
 from vibroplat.results.run import RunResult
@@ -145,14 +145,14 @@ def _run(
     )
 
 
-def _summary(motion: Motion, part: Part, begun: float) -> dict[str, Any]:
+def _summary(motion: Motion, part: MeasuredInterval, begun: float) -> dict[str, Any]:
     """Summarize a finished run that began at a time (s)."""
     scene, engine, seconds = motion.scene, motion.engine, motion.now - begun
     repeats = latest_period(section_points(part.measures, scene))
-    found = measured(part._replace(measures=whole_periods(part.measures, max(repeats, 1))), scene)
+    found = measure(part._replace(measures=whole_periods(part.measures, max(repeats, 1))), scene)
     sheet = {name: found.pop(name) for name in columns(scene)}
     doubt = inaccuracy(found, scene) if motion.outcome == "ok" else ""
-    locked = synchronization(found) != "none" and stays(part.measures, scene)
+    locked = synchronization(found) != "none" and stays_synchronized(part.measures, scene)
     notes = [
         *notes_on_input(scene),
         *notes_on_measures(scene, found),

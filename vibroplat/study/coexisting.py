@@ -21,7 +21,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
-from vibroplat.observe.measures import Measures, between, measured_peaks
+from vibroplat.observe.measures import Accumulators, block_difference, measured_extremes
 from vibroplat.observe.section import section_points
 from vibroplat.observe.summary import statistics
 from vibroplat.study.lyapunov import largest_exponent
@@ -52,10 +52,10 @@ class Compared(NamedTuple):
     apart_s: float = 0.0
 
 
-def block_values(blocks: Sequence[Measures]) -> FloatArray:
+def block_values(blocks: Sequence[Accumulators]) -> FloatArray:
     """TELLING of each block, shape (blocks, 3), from the sums at their ends."""
-    parts = [*blocks[:1], *(between(a, b) for a, b in pairwise(blocks))]
-    found = [statistics(part, measured_peaks(part)) for part in parts]
+    parts = [*blocks[:1], *(block_difference(a, b) for a, b in pairwise(blocks))]
+    found = [statistics(part, measured_extremes(part)) for part in parts]
     return np.array([[values[name] for name in TELLING] for values in found], dtype=float)
 
 
