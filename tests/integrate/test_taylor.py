@@ -20,7 +20,7 @@ from vibroplat.integrate.taylor import (
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.model.parameters import parameters
 from vibroplat.model.series import MAX_DEGREE
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 
 TAYLOR = {"solver.engine": "taylor"}
 DEGREE, GUARD = 17, 5
@@ -104,7 +104,7 @@ def test_a_step_that_its_series_does_not_reach_is_not_taken(longer, taken):
     scene = Scene().replace(TAYLOR)
     p = parameters(scene)
     engine = TaylorEngine(scene, p)
-    motion = Motion(scene, p, engine)
+    motion = Simulator(scene, p, engine)
     motion.to_time(0.01)
     h, e = motion.automaton, engine._e
     start(h, e)

@@ -11,7 +11,7 @@ from vibroplat.bench.scenes import kinds
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.observe.summary import measure
 
 #: The scenes: one without events, one attached, one with an impact in each turn.
@@ -60,7 +60,7 @@ def _long(name, scene, turns):
     seconds = turns * TURN / scene.speed_scale / PARTS
     p, parts, memory = parameters(scene), [], []
     with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine)
+        motion = Simulator(scene, p, engine)
         motion.advance(max(10.0, 0.1 * seconds))  # let it settle
         steps = engine.work["steps"]
         for _ in range(PARTS):

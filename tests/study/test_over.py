@@ -16,7 +16,7 @@ from vibroplat.errors import ConfigError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.results.tables import read_table
 from vibroplat.study.bands import band_lines, bands, jumps
 from vibroplat.study.branches import branches, carried
@@ -147,10 +147,10 @@ def test_layers_that_come_up_lie_on_the_platform_with_their_static_sag():
     loaded = scene.replace({MASS: 0.01})
     with_engine = [(one, make_engine(one, parameters(one))) for one in (scene, loaded)]
     try:
-        bare = Motion(scene, parameters(scene), with_engine[0][1])
+        bare = Simulator(scene, parameters(scene), with_engine[0][1])
         bare.to_time(0.4)
         state = carried(bare.state.tolist(), scene, loaded)
-        motion = Motion(loaded, parameters(loaded), with_engine[1][1], np.array(state))
+        motion = Simulator(loaded, parameters(loaded), with_engine[1][1], np.array(state))
         assert Mode(int(motion.automaton.run["mode"])) is Mode.ATTACHED
     finally:
         for _, engine in with_engine:

@@ -14,7 +14,7 @@ from vibroplat.continuation.seeker import OrbitSeeker
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.observe import statistics as m
 from vibroplat.observe.measures import empty_accumulators
 from vibroplat.observe.section import MAX_PERIOD, period, section_points, section_rows, spreads
@@ -43,7 +43,7 @@ def moving(scene):
     """A scene in motion."""
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        yield Motion(scene, p, engine)
+        yield Simulator(scene, p, engine)
 
 
 @pytest.mark.parametrize(

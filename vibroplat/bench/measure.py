@@ -16,8 +16,8 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
-from vibroplat.motion.run import SETTLE_SHARE, simulate
+from vibroplat.motion.motion import Simulator
+from vibroplat.motion.run import SETTLE_FRACTION, simulate
 from vibroplat.observe.summary import INACCURATE
 from vibroplat.results.run import RunResult
 
@@ -91,9 +91,9 @@ class Solver:
         with closing(self.peer or make_engine(self.scene, self.p)) as engine:
             if self.peer is not None:
                 self.peer.wanted, self.peer.alone_s = np.empty(0), 0.0
-            motion = Motion(self.scene, self.p, engine)
+            motion = Simulator(self.scene, self.p, engine)
             began = time.perf_counter()
-            motion.advance(duration, settle=SETTLE_SHARE * duration)
+            motion.advance(duration, settle=SETTLE_FRACTION * duration)
             wall = time.perf_counter() - began
         return wall, wall if self.peer is None else self.peer.alone_s
 

@@ -25,7 +25,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.model.sensitivity import ParameterInterpolant, flat, with_values
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS
-from vibroplat.motion.motion import Motion, Observer
+from vibroplat.motion.motion import Observer, Simulator
 from vibroplat.motion.recorder import Recorder
 from vibroplat.observe.guard_margins import GuardMargins
 from vibroplat.observe.measures import Accumulators
@@ -192,7 +192,7 @@ class Shooter:
         self.scales = state_scales(scene)
         self.p = parameters(scene)
         self.engine = make_engine(scene, self.p)
-        self.motion = Motion(scene, self.p, self.engine)
+        self.motion = Simulator(scene, self.p, self.engine)
         self.turns = 0.0
         self.held: dict[str, float] = {}
         self._variation = Variation([self.p.copy()] * len(self.keys))

@@ -198,7 +198,7 @@ class Native(NamedTuple):
     number: IntArray
 
 
-def empty_native() -> Native:
+def empty_records() -> Native:
     """Make what compiled code needs of the engine, empty."""
     return Native(
         functions=np.zeros(1, FUNCTIONS)[0],

@@ -86,7 +86,7 @@ class NativeEngine:
         self._alive: list[Any] = []  # what the library holds addresses of
         self._p = p  # not a copy: a drive's program changes it in place
         self._run_loop = same_types(ida.run_loop)
-        self._n = ida.empty_native()
+        self._n = ida.empty_records()
         for name, function in ida.NAMES.items():
             self._n.functions[name] = library.address(function)
         self._n.status["max_steps"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)

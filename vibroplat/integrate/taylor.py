@@ -61,7 +61,7 @@ class TaylorEngine:
         self.degree = degree_of(scene.solver.tolerance)
         self._p = p  # not a copy: a drive's program changes it in place
         self._run_loop = same_types(run_loop)
-        self._e = empty_expansion()
+        self._e = empty_records()
         self._e.status["degree"] = self.degree
         self._e.status["max_steps"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
 
@@ -137,7 +137,7 @@ class Expansion(NamedTuple):
     status: Any
 
 
-def empty_expansion() -> Expansion:
+def empty_records() -> Expansion:
     """Make what compiled code needs of the engine, empty."""
     return Expansion(room(), in_lines((STATUS.itemsize // 8,)).view(STATUS)[0])
 

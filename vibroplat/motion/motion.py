@@ -1,4 +1,4 @@
-"""A scene in motion, carried on to a time, to a point of its section, to an event."""
+"""A simulator: a scene in motion, carried on to a time, to a point of its section, to an event."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Observer(Protocol):
         """Read the closed pieces of ``h.steps`` and the first ``run.events`` of ``h.events``, before they go."""
 
 
-class Motion:
+class Simulator:
     """A scene in motion.
 
     Parameters
@@ -153,17 +153,17 @@ class Motion:
         observers
             What else reads it.
         """
-        begun, before, ends = self.now, self._energies, list[Accumulators]()
-        statistics = Statistics(begun + settle, named=len(self.scene.output.points), blocks=blocks)
+        start, before, ends = self.now, self._energies, list[Accumulators]()
+        statistics = Statistics(start + settle, named=len(self.scene.output.points), blocks=blocks)
         for block in range(1, blocks + 1):
-            self.to_time(begun + seconds * block / blocks, (statistics, *observers))
+            self.to_time(start + seconds * block / blocks, (statistics, *observers))
             if self.outcome != "ok":
                 break
             if blocks > 1:
                 ends.append(statistics.end_block())
         return MeasuredInterval(statistics.measures, before, self._energies, ends)
 
-    def go_round(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> MeasuredInterval:
+    def advance_turns(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> MeasuredInterval:
         """Carry the motion on to the next point of its section and for whole turns of exciter 1 from there; measure it.
 
         Parameters
@@ -261,9 +261,9 @@ class Motion:
         run = self.automaton.run
         run["awaited"] = KINDS.index(kind)
         self.to_time(self.now + longest, observers)
-        found = bool(run["awaited"] < 0)
+        reached = bool(run["awaited"] < 0)
         run["awaited"] = -1
-        return found
+        return reached
 
     @property
     def now(self) -> float:
@@ -288,8 +288,8 @@ class Motion:
         h, system = self.automaton, self.system
         y, yp = system.unknowns(h.run["state"]), np.zeros(system.size)
         accelerations(system.index, self.now, y, yp, h.p)
-        found: FloatArray = system.full(yp)
-        return found
+        rates: FloatArray = system.full(yp)
+        return rates
 
     @property
     def _energies(self) -> Energies:

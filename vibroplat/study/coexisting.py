@@ -20,7 +20,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.observe.measures import Accumulators, block_difference, measured_extremes
 from vibroplat.observe.section import section_points
 from vibroplat.observe.summary import statistics
@@ -77,7 +77,9 @@ def compare(
     """Follow a motion of known class, shape (BLOCKS, 3), and another, from full states at their ends."""
     p, length = parameters(scene), BLOCKS * plan.measure_s
     with closing(make_engine(scene, p)) as one, closing(make_engine(scene, p)) as two:
-        motions = [Motion(scene, p, engine, state) for engine, state in zip((two, one), reversed(states), strict=True)]
+        motions = [
+            Simulator(scene, p, engine, state) for engine, state in zip((two, one), reversed(states), strict=True)
+        ]
         classes: list[FloatArray] = [class_of]
         for _ in range(WINDOWS):
             for place, motion in enumerate(motions):

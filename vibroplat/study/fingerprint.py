@@ -32,7 +32,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.integrate import make_engine, native_library
 from vibroplat.kernels.target import processor
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.observe.summary import measure
 from vibroplat.results.provenance import sundials_version
 
@@ -124,7 +124,7 @@ def _motion(engine: str) -> list[Any]:
     scene = Scene().replace(REFERENCE | {"solver.engine": engine})
     p = parameters(scene)
     with closing(make_engine(scene, p)) as integrator:
-        motion = Motion(scene, p, integrator)
+        motion = Simulator(scene, p, integrator)
         part = motion.advance(FOLLOWED)
         return [motion.outcome, motion.events, motion.state.tolist(), measure(part, scene)]
 

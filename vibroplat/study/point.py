@@ -22,7 +22,7 @@ from vibroplat.hybrid.state import Automaton, initial_state, perturb_state, stat
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion, Observer
+from vibroplat.motion.motion import Observer, Simulator
 from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.notes import notes_on_measures, stiffness
 from vibroplat.observe.section import section_points, section_rows, whole_periods
@@ -236,7 +236,7 @@ def _followed(
     p = parameters(scene)
     impacts = _Impacts() if plan.kind == "bifurcation" else None
     with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine, start, began)
+        motion = Simulator(scene, p, engine, start, began)
         settling, part, kind = _settled_and_measured(motion, plan, [] if impacts is None else [impacts], seeker)
         work = engine.work
         stiff = stiffness(scene, engine.name, work["steps"], motion.restarts, motion.now - began)
@@ -328,7 +328,7 @@ class _Impacts:
 
 
 def _settled_and_measured(
-    motion: Motion, plan: SweepPlan, observers: Sequence[Observer], seeker: Seeker | None = None
+    motion: Simulator, plan: SweepPlan, observers: Sequence[Observer], seeker: Seeker | None = None
 ) -> tuple[Settling, MeasuredInterval, Kind | None]:
     """Settle, measure and classify a motion; settle again if it turns out not to have settled.
 
@@ -362,7 +362,7 @@ def _settled_and_measured(
 
 
 def _measured_part(
-    motion: Motion, plan: SweepPlan, settling: Settling, observers: Sequence[Observer]
+    motion: Simulator, plan: SweepPlan, settling: Settling, observers: Sequence[Observer]
 ) -> MeasuredInterval:
     """Measure a motion: in one part if it repeats; otherwise in blocks."""
     if settling.how != "maximum":
@@ -370,12 +370,12 @@ def _measured_part(
     return motion.advance(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers)
 
 
-def _measure(motion: Motion, least: float, settling: Settling, observers: Sequence[Observer]) -> MeasuredInterval:
+def _measure(motion: Simulator, least: float, settling: Settling, observers: Sequence[Observer]) -> MeasuredInterval:
     """Measure a motion for at least a time (s), and for whole periods if it repeats."""
     if settling.turn == 0.0:
         return motion.advance(least, observers=observers)
     turns = settling.period * max(math.ceil(least / (settling.period * settling.turn)), PERIODS)
-    return motion.go_round(turns, 2.0 * (turns + 1) * settling.turn, observers)
+    return motion.advance_turns(turns, 2.0 * (turns + 1) * settling.turn, observers)
 
 
 def row_of(

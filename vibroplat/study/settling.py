@@ -18,7 +18,7 @@ import numpy as np
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.model.parameters import FloatArray
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.observe.section import section_points, section_rows, spreads
 
 #: Turns of exciter 1 that are compared with as many before, and turns between two checks.
@@ -100,7 +100,7 @@ class Seeker(Protocol):
     def first(self, start: FloatArray) -> KnownOrbit | None:
         """Follow a motion for BLOCK turns from a full state, and return the orbit that it surely comes to."""
 
-    def seek(self, motion: Motion, points: FloatArray, period: int) -> KnownOrbit | None:
+    def seek(self, motion: Simulator, points: FloatArray, period: int) -> KnownOrbit | None:
         """Return the orbit that a motion surely comes to.
 
         Its section has these points, in the scales of the scene, and draws together after a period (turns), or 0.
@@ -146,7 +146,7 @@ class Settling(NamedTuple):
         return self.how == "periodic" and self.turn > 0.0 and self.seconds > EARLY_LOOKS * BLOCK * self.turn
 
 
-def settle(motion: Motion, plan: SweepPlan, longest: float, seeker: Seeker | None = None) -> Settling:
+def settle(motion: Simulator, plan: SweepPlan, longest: float, seeker: Seeker | None = None) -> Settling:
     """Advance a motion until it has settled as the plan says, or comes to an orbit that a seeker knows, or ends early.
 
     ``longest`` limits the settling (s). It is counted from the beginning of the motion, so that one that
@@ -181,7 +181,7 @@ def settle(motion: Motion, plan: SweepPlan, longest: float, seeker: Seeker | Non
     return Settling("maximum", motion.now, slip=phases[-1] - phases[0] if phases else 0.0)
 
 
-def phase_difference(motion: Motion) -> float:
+def phase_difference(motion: Simulator) -> float:
     """Phase difference of a motion, with all whole turns (rad)."""
     return float(motion.state[3:5] @ motion.scene.phase_weights)
 
