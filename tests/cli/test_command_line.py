@@ -17,7 +17,7 @@ from common.places import QUICKSTART, ROOT
 from vibroplat import __version__, load_config
 from vibroplat.config.keys import configuration_schema, keys
 from vibroplat.config.scene import Scene
-from vibroplat.integrate import tell_of_compilation
+from vibroplat.integrate import announce_compilation
 from vibroplat.results.provenance import configuration_hash, provenance
 from vibroplat.results.tables import read_json, read_table
 from vibroplat.system.interrupts import KEPT, RESUMABLE
@@ -271,7 +271,7 @@ def test_resume_is_promised_where_there_is_one(name, kept, command, monkeypatch)
     def fail(*_):
         raise MemoryError
 
-    tell_of_compilation.cache_clear()  # a process asks only once
+    announce_compilation.cache_clear()  # a process asks only once
     monkeypatch.setattr("vibroplat.config.scene.load_config", fail)
     monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", fail)
     arguments = [] if name == "bench" else [QUICKSTART]

@@ -16,7 +16,7 @@ from vibroplat.continuation.shooting import Shooter
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 
 CALIBRATED = MACHINE.parents[2] / "configs" / "machines" / "calibrated.yaml"
 KEY, MASS, RESTITUTION = "drive.supply_frequency_hz", "material.mass_ratio", "contact.restitution"
@@ -142,7 +142,7 @@ def farthest(row, mass, seconds, restitution=0.0):
     turns = int(seconds / row["period_s"])
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine, begun)
+        motion = Simulator(scene, p, engine, begun)
         motion.to_time(seconds)
         motion.to_section(1, 1.0)
         disturbed = motion.state

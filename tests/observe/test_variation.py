@@ -18,7 +18,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import IMPACT_LAWS, parameters
 from vibroplat.model.sensitivity import with_value
 from vibroplat.model.systems import GAP, GAP_RATE
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.motion.recorder import Recorder
 from vibroplat.observe.tables import state_places
 from vibroplat.observe.variation import Variation
@@ -84,7 +84,7 @@ class Followed:
             scene = with_value(scene, path, section + shift)
         self._scene, self._p = scene, parameters(scene)
         self._engine = make_engine(scene, self._p)
-        self._motion = Motion(scene, self._p, self._engine, start)
+        self._motion = Simulator(scene, self._p, self._engine, start)
         self._seconds = seconds
         self.close = self._engine.close
 
@@ -233,7 +233,7 @@ def test_impact_too_slow_to_rebound_after_which_flight_goes_on():
 
     def end(state, observers=()):
         with closing(make_engine(scene, p)) as engine:
-            motion = Motion(scene, p, engine, state)
+            motion = Simulator(scene, p, engine, state)
             motion.automaton.run["slowest"] = 10.0
             motion.to_time(0.05, observers)
             return varied.derivative(motion.automaton) if observers else motion.state

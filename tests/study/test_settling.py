@@ -14,11 +14,11 @@ from vibroplat.continuation.seeker import OrbitSeeker
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.observe import statistics as m
-from vibroplat.observe.measures import no_measures
+from vibroplat.observe.measures import empty_accumulators
 from vibroplat.observe.section import MAX_PERIOD, period, section_points, section_rows, spreads
-from vibroplat.observe.summary import measured
+from vibroplat.observe.summary import measure
 from vibroplat.study.branches import branches
 from vibroplat.study.coexisting import BLOCKS, within
 from vibroplat.study.point import ERRORS, measure_point
@@ -42,7 +42,7 @@ def moving(scene):
     """A scene in motion."""
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        yield Motion(scene, p, engine)
+        yield Simulator(scene, p, engine)
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_a_settled_point_is_where_thirty_seconds_lead(how, frequencies, changes)
         scene = planned(MACHINE, frequency, changes=changes).replace({"drive.supply_frequency_hz": frequency})
         with moving(scene) as motion:
             motion.advance(FIXED)
-            late = measured(motion.advance(2.0), scene)
+            late = measure(motion.advance(2.0), scene)
         tolerance = scene.sweep.settle_tolerance
         assert (row["motion"], row["period"]) == ("periodic", 1)
         assert row["rms_y_m"] == pytest.approx(late["rms_y_m"], abs=tolerance * scene.length_scale)
@@ -340,7 +340,7 @@ def repeating(n, turns=64, coordinate=1):
 
 def section_of(states):
     """Points of a section that has seen these states, one a turn."""
-    ms = no_measures(0.0)
+    ms = empty_accumulators(0.0)
     for turn, state in enumerate(states):
         ms.section["state"][turn % m.SECTION_ROWS] = state
     ms.marks["turns"] = len(states)

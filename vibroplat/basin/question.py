@@ -25,7 +25,7 @@ from vibroplat.config.questions import BasinsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import accurate
 from vibroplat.errors import ConfigError
-from vibroplat.observe.sheet import SHEET, of_points
+from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.results.result import Answer, Result
 from vibroplat.study.branches import column_of, place_words, study_table
 from vibroplat.study.point import ERRORS, MEASURED
@@ -89,7 +89,7 @@ _OVER: Columns = {"…": Column("the key of basins.over, by its dotted name")}
 TABLES: dict[str, tuple[str, Columns]] = {
     "attractors": (
         "`vibroplat basins`: a row for each attractor, at each value of a key.",
-        {**_OVER, **ATTRACTORS, **of_points(["NAME"])},
+        {**_OVER, **ATTRACTORS, **point_columns(["NAME"])},
     ),
     "starts": (
         "`vibroplat basins`: a row for each start.",
@@ -283,7 +283,7 @@ def _told(question: BasinsStudy, found: Sequence[Found]) -> Result:
             | {"attractor": labels[f.starts[k]["attractor"]], "turns": f.starts[k]["turns"]}
             for k in question.order
         ]
-    more = of_points(question.scene.output.points)
+    more = point_columns(question.scene.output.points)
     tables = {
         "attractors": study_table(attractors, [*column, *ATTRACTORS, *more], {**SWEEP, **ATTRACTORS, **more}),
         "starts": study_table(starts, [*column, *plan.initial_conditions, *STARTS_TABLE], {**SWEEP, **STARTS_TABLE}),

@@ -23,7 +23,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.sensitivity import flat, value_of, with_values
 from vibroplat.model.systems import FULL_SIZE
-from vibroplat.observe.sheet import columns
+from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.variation import Variation
 
 #: Least part of a step into which it is divided.

@@ -12,12 +12,8 @@ from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.continuation.two_keys import Boundary
-from vibroplat.continuation.worker import (
-    MULTIPLIERS,
-    Traced,
-    describe_multipliers,
-)
-from vibroplat.observe.sheet import SHEET, of_points
+from vibroplat.continuation.worker import MULTIPLIERS, Traced, describe_multipliers
+from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.observe.summary import MEASURES
 from vibroplat.observe.tables import TRAJECTORY
 from vibroplat.results.result import Answer
@@ -83,7 +79,7 @@ _KEYS: Columns = {
 TABLES: dict[str, tuple[str, Columns]] = {
     "branches": (
         "`vibroplat orbits`: a row for each point of each branch.",
-        {**_KEYS, **BRANCHES, **of_points(["NAME"])},
+        {**_KEYS, **BRANCHES, **point_columns(["NAME"])},
     ),
     "special": ("`vibroplat orbits`: a row for each special point.", {**_KEYS, **SPECIAL}),
     "boundaries": (
@@ -98,7 +94,7 @@ def make_tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Bou
     key, present = column_of(plan.key), sorted({i for branch in traced for i in branch.family.scene.coordinates})
     state = [names[i] for names in (COORDINATES, RATES) for i in present]  # coordinates that none has are absent
     columns = [key, *(name for name in BRANCHES if name not in STATE and name not in SHEET)]
-    named = of_points(dict.fromkeys(name for branch in traced for name in branch.family.scene.output.points))
+    named = point_columns(dict.fromkeys(name for branch in traced for name in branch.family.scene.output.points))
     points = [
         _columns(branch, row, key) | {"parent": branch.parent, "point": point}
         for branch in traced

@@ -19,7 +19,7 @@ from vibroplat.continuation.orbit import Orbit, OrbitError
 from vibroplat.errors import ConfigError
 from vibroplat.model.parameters import parameters
 from vibroplat.model.sensitivity import SECTIONS, flat, value_of, with_value
-from vibroplat.observe.sheet import columns
+from vibroplat.observe.data_sheet import columns
 from vibroplat.study.branches import study_table
 from vibroplat.study.point import MEASURED, measure_point
 from vibroplat.study.store import Record

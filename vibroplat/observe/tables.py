@@ -305,16 +305,16 @@ def require_room(scene: Scene, directory: Path | None = None, form: str = "parqu
     """
     if directory is None:
         there = available()
-        most, number = takeable(there), COPIES * NUMBER
-        told = f"of memory, where {amount(most)} may be taken of {amount(there)} available"
+        limit, number = takeable(there), COPIES * NUMBER
+        where = f"of memory, where {amount(limit)} may be taken of {amount(there)} available"
     else:
-        most, number = float(shutil.disk_usage(directory).free), NUMBER_IN_CSV if form == "csv" else NUMBER
-        told = f"on disk, where {amount(most)} are free"
+        limit, number = float(shutil.disk_usage(directory).free), NUMBER_IN_CSV if form == "csv" else NUMBER
+        where = f"on disk, where {amount(limit)} are free"
     seconds, rate = scene.run.duration_s, scene.output.sample_rate_hz
     rows, columns = seconds * rate, len(Sampler(scene).table(np.empty(0, ROW)).columns)
     needed = rows * columns * number
-    if needed > most:
+    if needed > limit:
         raise ConfigError(
             f"output.sample_rate_hz = {rate:g} asks for {rows:.3g} rows of {columns} columns in {seconds:g} s: "
-            f"{amount(needed)} {told}; allowed: at most {rate * most / needed:.2g} Hz, or a shorter run.duration_s"
+            f"{amount(needed)} {where}; allowed: at most {rate * limit / needed:.2g} Hz, or a shorter run.duration_s"
         )

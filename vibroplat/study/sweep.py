@@ -12,8 +12,8 @@ import pandas as pd
 from vibroplat.columns import PHASE_COLUMN, SHAKING, Column, Columns
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
-from vibroplat.integrate.seam import WORK
-from vibroplat.observe.sheet import SHEET, of_points
+from vibroplat.integrate.interface import WORK
+from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.observe.summary import MEASURES
 from vibroplat.results.result import Answer, Result
 from vibroplat.study.bands import BANDS, band_lines, bands
@@ -60,7 +60,7 @@ CHUNK = 2000
 TABLES: dict[str, tuple[str, Columns]] = {
     "sweep": (
         "`vibroplat sweep`: a row for each point.",
-        {**_KEYS, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **of_points(["NAME"])},
+        {**_KEYS, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **point_columns(["NAME"])},
     ),
     "bands": (
         "`vibroplat sweep`: where each branch synchronizes how, jumps, lifts off, is largest along y, and fails. Over "
@@ -279,7 +279,7 @@ def sweep_table(planned: Sequence[Branch], store: Records) -> pd.DataFrame:
     SpoiledError
         A record is missing or damaged.
     """
-    columns = (*COLUMNS, *SHEET, *of_points(planned[0].scene.output.points))
+    columns = (*COLUMNS, *SHEET, *point_columns(planned[0].scene.output.points))
     return pd.concat(_parts(planned, store, columns, lambda record: [record["row"]]), ignore_index=True)
 
 
@@ -297,7 +297,7 @@ def _parts(
 ) -> Iterator[pd.DataFrame]:
     """Yield the rows of all records in parts, at least one, as tables with the swept keys and these columns."""
     key, grid = column_of(planned[0].swept), planned[0].plan.grid
-    meant = {**SWEEP, **DIAGRAM, **of_points(planned[0].scene.output.points)}
+    meant = {**SWEEP, **DIAGRAM, **point_columns(planned[0].scene.output.points)}
     rows = (
         {key: value, **branch.grid, "direction": branch.direction, "branch": branch.number, **row}
         for branch in planned

@@ -17,7 +17,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.config.schema import meant
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import ConfigError
-from vibroplat.observe.sheet import SHEET, of_points
+from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.results.result import Answer, Result
 from vibroplat.study.branches import SUPPLY, column_of, study_table
 from vibroplat.study.point import lost
@@ -96,7 +96,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "thresholds": ("`vibroplat find`: a row for each threshold.", THRESHOLDS),
     "scan": (
         "`vibroplat find`: a row for each value that was looked at.",
-        {"…": Column("the key"), **VALUES, **of_points(["NAME"])},
+        {"…": Column("the key"), **VALUES, **point_columns(["NAME"])},
     ),
 }
 
@@ -182,7 +182,7 @@ class ThresholdStudy(Study):
     def _scan(self, values: Sequence[Value]) -> pd.DataFrame:
         key, columns = column_of(self.plan.key), _columns(self.scene)
         rows = [{key: value.at, "reason": value.stage, "seed": value.seed, **value.row} for value in values]
-        names = [key, "reason", "seed", *_POINT, *SHEET, *of_points(self.scene.output.points)]
+        names = [key, "reason", "seed", *_POINT, *SHEET, *point_columns(self.scene.output.points)]
         return study_table(rows, names, {**columns, **VALUES, SUPPLY: SWEEP[SUPPLY]})
 
     # -- in words ------------------------------------------------------------------------------------------------------
@@ -293,7 +293,7 @@ class ThresholdStudy(Study):
 
 
 def _columns(scene: Scene) -> Columns:
-    return {**VALUES, **of_points(scene.output.points)}
+    return {**VALUES, **point_columns(scene.output.points)}
 
 
 def _required(scene: Scene) -> FindPlan:
