@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from plotly.offline import get_plotlyjs
 
 from vibroplat.page import points, questions, run, static
 from vibroplat.page.points import Motions, Mover, Progress
@@ -27,6 +26,9 @@ _LOG = logging.getLogger("vibroplat")
 
 #: The parts of the script, in the order in which they use each other.
 SCRIPTS = ("text", "tables", "curves", "machine", "player", "orbit", "points", "page")
+#: What draws curves: plotly.js 4.1.1 with its traces in Cartesian axes alone, a third of the whole library. It is the file
+#: of npm's package plotly.js-cartesian-dist-min as it is, and its license is ``plotly-LICENSE.txt`` beside it.
+LIBRARY = "plotly-cartesian.min.js"
 #: Columns of texts and of numbers that a table of a sweep needs.
 SWEEP_COLUMNS = (
     ("direction", "rotation", "sync", "motion", "outcome"),
@@ -146,7 +148,7 @@ def page(data: dict[str, Any], figures: str = "") -> str:
     reads it as HTML. Should it ever do so, the policy of the page still lets no other script run and nothing be loaded.
     """
     ours = "\n".join(_web(f"{name}.js") for name in SCRIPTS)
-    library, script = str(get_plotlyjs()), f'(() => {{\n"use strict";\n{ours}}})();'
+    library, script = _web(LIBRARY), f'(() => {{\n"use strict";\n{ours}}})();'
     parts = {
         "LIBRARY": base64.b64encode(zlib.compress(library.encode(), 9)).decode("ascii"),
         "SCRIPT": script,
