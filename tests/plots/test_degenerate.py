@@ -11,13 +11,14 @@ from common import handmade
 from common.places import QUICKSTART
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
+from vibroplat.plots.studies import Study, branches_of, grid_of
 
 from vibroplat import load_config
 from vibroplat.errors import TableError
 from vibroplat.plots import bench, histories, orbits, paper, run, sweep
-from vibroplat.plots.reading import ends_of, finite
-from vibroplat.plots.studies import Study, branches_of, grid_of
+from vibroplat.plots.reading import ends_of
 from vibroplat.plots.style import styled
+from vibroplat.results.picture import finite
 
 from .conftest import diagram, sweep_table
 

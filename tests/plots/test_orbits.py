@@ -9,13 +9,13 @@ from common import handmade
 from common.places import ROOT
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from vibroplat.plots.orbits import MARKERS, draw_branch, orbit_figures
+from vibroplat.plots.studies import read_branches
 
 from vibroplat import load_config, orbit, orbits
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import TableError
-from vibroplat.plots.orbits import MARKERS, draw_branch, orbit_figures
-from vibroplat.plots.studies import read_branches
-from vibroplat.plots.style import CURVES
+from vibroplat.results.picture import CURVES
 from vibroplat.results.tables import read_table, write_table
 
 from .conftest import data_of, texts

@@ -5,6 +5,8 @@ import pytest
 from common import handmade
 from common.places import QUICKSTART
 from matplotlib.colors import to_hex
+from vibroplat.plots.response import failed_places
+from vibroplat.plots.sweep import sweep_figures
 
 from vibroplat import load_config
 from vibroplat.errors import TableError, VibroplatError
@@ -12,10 +14,8 @@ from vibroplat.hybrid.state import static_rest
 from vibroplat.page.report import page_data
 from vibroplat.page.results import find_results
 from vibroplat.plots.command import plot_results
-from vibroplat.plots.labels import in_ratios, key_label
-from vibroplat.plots.response import failed_places
-from vibroplat.plots.sweep import sweep_figures
 from vibroplat.results.files import write_result
+from vibroplat.results.labels import in_ratios, key_label
 
 from .conftest import diagram, sweep_table, texts
 

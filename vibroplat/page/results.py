@@ -9,9 +9,9 @@ from typing import Any
 from vibroplat.columns import shown_in, unit_of, words
 from vibroplat.config.keys import Key, key_of
 from vibroplat.errors import TableError
-from vibroplat.plots.labels import UNUSED, differing, leaves, shortened, value_words
 from vibroplat.plots.reading import Saved, has_result
 from vibroplat.results.files import Command
+from vibroplat.results.labels import UNUSED, differing, leaves, shortened, value_words
 
 #: The commands whose results the page shows, in their order in one directory.
 COMMANDS: tuple[Command, ...] = ("run", "sweep", "orbits", "basins", "find", "design")

@@ -157,8 +157,7 @@ def listing(heads: Sequence[str], rows: Sequence[str]) -> str:
 
 def tables(data: Mapping[str, Any]) -> str:
     """Return the first rows of all tables."""
-    studies = [table for one in data["points"] for table in (one["table"], one["special"]) if table]
-    found = [*data["tables"], *studies, *(one["table"] for one in (*data["elasticities"], *data["boundaries"]))]
+    found = [*data["tables"], *(table for one in data["pictures"] for table in (one["table"], one["special"]) if table)]
     return "".join(_table(table, data["results"][table["result"]]["label"]) for table in found)
 
 

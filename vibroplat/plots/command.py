@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from vibroplat.columns import QUANTITIES
 from vibroplat.errors import VibroplatError
-from vibroplat.plots import basins, designs, orbits, run, sweep
+from vibroplat.plots import run
 from vibroplat.plots.paper import paper_figures
-from vibroplat.plots.reading import RESULTS, has_result
+from vibroplat.plots.pictures import draw_picture
+from vibroplat.plots.reading import PICTURES, RESULTS, Saved, has_result, pictures_of
 from vibroplat.plots.style import Saving, save, styled
-from vibroplat.plots.thresholds import threshold_figures
+from vibroplat.plots.timelines import read_measured
 from vibroplat.results.files import Command
+from vibroplat.results.labels import ABSCISSAE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,18 +44,32 @@ class Family(NamedTuple):
     draw: Callable[..., Iterator[tuple[Path, str, Figure]]]
 
 
+def _family(command: Command) -> Family:
+    """Return the family of a command whose figures are pictures."""
+    module = import_module(PICTURES[command])
+
+    def draw(
+        directories: Sequence[Path], kinds: Sequence[str] = (), *, data: Path | None = None, **options: Any
+    ) -> Iterator[tuple[Path, str, Figure]]:
+        shown = [Saved(directory, command).shown for directory in directories]
+        for group in [shown] if command in _COMPARED else [[one] for one in shown]:
+            for picture in (one for one in pictures_of(command, group, kinds, **options) if "print" in one.places):
+                x = picture.axes[0] if options.get("x") is None else ABSCISSAE[options["x"]]
+                others = [column for column in (*ABSCISSAE.values(), *picture.axes) if column != x]
+                measured = None if data is None else read_measured(data, x, QUANTITIES, others)
+                yield group[0].directory or Path(), picture.name, draw_picture(picture, x, measured)
+
+    return Family(command, module.KINDS, module.OPTIONS, draw)
+
+
+#: Families whose results can be laid over each other.
+_COMPARED = ("sweep", "run")
 #: In the order of drawing. The last one is tried if no table is found, and its reader says what is missing.
 FAMILIES = (
     Family("paper", (), (), paper_figures),
-    Family("sweep", sweep.FIGURES, ("x", "data", "measure"), sweep.sweep_figures),
-    Family("orbits", orbits.FIGURES, ("x",), orbits.orbit_figures),
-    Family("basins", basins.FIGURES, (), basins.basin_figures),
-    Family("find", (), ("measure",), threshold_figures),
-    Family("design", designs.FIGURES, (), designs.design_figures),
+    *map(_family, PICTURES),
     Family("run", run.FIGURES, ("start", "stop", "data"), run.run_figures),
 )
-#: Families whose results can be laid over each other.
-_COMPARED = ("sweep", "run")
 
 
 def plot_results(

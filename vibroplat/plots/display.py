@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import singledispatch
 
 import numpy as np
@@ -10,22 +11,24 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from vibroplat.basin.question import BasinTables
+from vibroplat.columns import COORDINATES
+from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import Orbit
 from vibroplat.continuation.tables import OrbitTables
 from vibroplat.designs.question import DesignTables
 from vibroplat.errors import TableError
+from vibroplat.hybrid.state import static_rest
 from vibroplat.plots import histories
 from vibroplat.plots import run as drawing
-from vibroplat.plots.basins import basins_figure
-from vibroplat.plots.designs import design_figure
-from vibroplat.plots.orbits import branches_figure, orbit_figure
-from vibroplat.plots.reading import ends_of
-from vibroplat.plots.response import response_figure
-from vibroplat.plots.studies import branches_of, sweep_of
-from vibroplat.plots.style import styled
-from vibroplat.plots.thresholds import threshold_figure
+from vibroplat.plots.pictures import draw_picture
+from vibroplat.plots.reading import ends_of, pictures_of
+from vibroplat.plots.style import begin_at_zero, head, new_figure, styled, widen_ticks
+from vibroplat.plots.timelines import FROM_REST, in_units
+from vibroplat.results.files import Command
+from vibroplat.results.labels import EXCITATION, run_parameters
+from vibroplat.results.picture import CURVES, Shown
 from vibroplat.results.run import Kind, Trajectory
-from vibroplat.study.branches import EXCITATION
+from vibroplat.study.picture import key_of
 from vibroplat.thresholds.tables import Thresholds
 
 #: Columns by which tables are recognized.
@@ -34,6 +37,10 @@ _NEEDED = {
     "sweep": {"direction", "branch", "sync", EXCITATION},
     "trajectory": {"t_s", "mode", "y_m", "phi1_rad", "phi1_rate_rad_per_s"},
 }
+
+
+#: Points of an orbit that are drawn.
+DRAWN = 2000
 
 
 @singledispatch
@@ -77,13 +84,33 @@ def _(table: pd.DataFrame, x: str | None = None) -> Figure:
         raise ValueError(f"x = {x!r}; allowed: {'not given' if kind == 'trajectory' else 'a column of the table'}")
     if table.empty:
         raise TableError("the table is empty; there is nothing to plot")
+    if kind == "branches":
+        return _branches(table, None, None, x or "")
+    if kind == "sweep":
+        plan = {"sweep": {"over": {"key": key_of(table)}}}
+        return _drawn(Shown("sweep", "sweep", None, plan, {"sweep": table}), "response", x or "")
     with styled():
-        if kind == "branches":
-            found = branches_of(table)
-            return branches_figure(found, x or found.x)
-        if kind == "sweep":
-            return response_figure(sweep_of(table, x))
         return drawing.FIGURES["motion"](drawing.Shown([_run_of_table(table)]))
+
+
+def _drawn(shown: Shown, kind: str, x: str = "") -> Figure:
+    """Draw the first picture of a kind of a result in memory."""
+    picture = next(one for one in pictures_of(shown.command, [shown], [kind]) if "print" in one.places)
+    with styled():
+        return draw_picture(picture, x)
+
+
+def _branches(branches: pd.DataFrame, special: pd.DataFrame | None, scene: Scene | None, x: str = "") -> Figure:
+    """Draw tables of branches, whose key stands before ``branch``."""
+    *grid, key = (str(column) for column in branches.columns[: list(branches.columns).index("branch")])
+    none = pd.DataFrame({name: pd.Series(dtype=float) for name in (*grid, key, EXCITATION, "branch", "point")})
+    tables = {"branches": branches, "special": none.assign(kind=pd.Series(dtype=str)) if special is None else special}
+    return _drawn(Shown("orbits", "orbits", scene, {"orbits": {"key": key}}, tables), "branches", x)
+
+
+def _of(command: Command, scene: Scene, tables: Mapping[str, pd.DataFrame]) -> Shown:
+    """Return a result of a study in memory as pictures are made of it."""
+    return Shown(command, scene.name, scene, scene.to_tree(), tables)
 
 
 def _run_of_table(table: pd.DataFrame) -> histories.Run:
@@ -104,40 +131,48 @@ def _impacts(table: pd.DataFrame) -> pd.DataFrame:
 @figure_of.register
 def _(followed: OrbitTables) -> Figure:
     """Draw branches of orbits with their special points."""
-    found = branches_of(followed.branches, followed.special)
-    with styled():
-        return branches_figure(found, found.x)
+    return _branches(followed.branches, followed.special, None)
 
 
 @figure_of.register
 def _(found: Thresholds) -> Figure:
     """Draw the values that were looked at, with the thresholds."""
-    scene = found.scene
-    assert scene.find is not None
-    with styled():
-        return threshold_figure(scene.name, scene, scene.find.model_dump(), found.scan, found.thresholds)
-
-
-@figure_of.register
-def _(found: Orbit) -> Figure:
-    """Draw an orbit: its speed over its height, and the gap over the phase where there is material."""
-    with styled():
-        return orbit_figure(found)
+    return _drawn(_of("find", found.scene, {"scan": found.scan, "thresholds": found.thresholds}), "thresholds")
 
 
 @figure_of.register
 def _(found: BasinTables) -> Figure:
     """Draw the starts by the attractors that they come to, or over a key the shares of these."""
-    scene = found.scene
-    assert scene.basins is not None
-    with styled():
-        return basins_figure(scene.name, scene, scene.basins.model_dump(), found.attractors, found.starts)
+    return _drawn(_of("basins", found.scene, {"attractors": found.attractors, "starts": found.starts}), "basins")
 
 
 @figure_of.register
 def _(found: DesignTables, kind: str) -> Figure:
     """Draw elasticities, measures of samples, or what a search looked at."""
-    plan = found.scene.design
-    assert plan is not None
+    return _drawn(_of("design", found.scene, found.tables), kind)
+
+
+@figure_of.register
+def _(orbit: Orbit) -> Figure:
+    """Draw an orbit: its speed over its height, and the gap over the phase of exciter 1 where there is material."""
     with styled():
-        return design_figure(found.scene.name, found.scene, plan, found.tables, kind)
+        return _orbit(orbit)
+
+
+def _orbit(orbit: Orbit) -> Figure:
+    count = 2 if orbit.scene.has_contact else 1
+    figure, axes = new_figure(1, count, (1.0 + 4.2 * count, 4.0))
+    table = orbit.run(np.linspace(0.0, orbit.run.segments[-1].end, DRAWN))
+    first, heights = axes[0, 0], table["y_m"] - static_rest(orbit.scene)[1]
+    first.plot(in_units(heights, "y_m"), table["y_rate_m_per_s"], color=CURVES[0])
+    first.set(xlabel=FROM_REST, ylabel=r"$\dot y$ (m/s)")
+    widen_ticks(first, "x")
+    first.set_title(f"period {orbit.period}, {'stable' if orbit.stable else 'unstable'}, {orbit.sequence}", loc="left")
+    if count == 2:
+        second, gap = axes[0, 1], COORDINATES["gap_m"]
+        turns = (table["phi1_rad"] - table["phi1_rad"].iloc[0]).abs() / (2.0 * np.pi)
+        second.plot(turns, gap.factor * table["gap_m"], color=CURVES[1])
+        second.set(xlabel="phase of exciter 1 (turns)", ylabel=gap.label)
+        begin_at_zero(second)
+    head(figure, orbit.scene.name, run_parameters(orbit.scene))
+    return figure

@@ -5,22 +5,20 @@ Trajectories are read in parts: those of long runs do not fit into memory.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from vibroplat.config.plans import FREQUENCY
-from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.results.files import Command, Result
-from vibroplat.study.bands import Flags, jumps
-from vibroplat.study.branches import column_of
+from vibroplat.results.picture import Picture, Shown, checked, finite
 
 #: Of each command: what its result is called, and the table by which one recognizes it.
 RESULTS: dict[Command, tuple[str, str]] = {
@@ -31,6 +29,15 @@ RESULTS: dict[Command, tuple[str, str]] = {
     "find": ("thresholds", "thresholds"),
     "design": ("a design", "sensitivities"),
     "run": ("a run", "trajectory"),
+}
+#: Modules that make the pictures of a command's results, by the command: each has its kinds, its options and
+#: ``pictures``.
+PICTURES: dict[Command, str] = {
+    "sweep": "vibroplat.study.picture",
+    "orbits": "vibroplat.continuation.picture",
+    "basins": "vibroplat.basin.picture",
+    "find": "vibroplat.thresholds.picture",
+    "design": "vibroplat.designs.picture",
 }
 #: Where points are kept until their table is written, and what is then told.
 _UNFINISHED: dict[Command, tuple[str, str]] = {
@@ -98,15 +105,6 @@ class Saved(Result):
             raise TableError(f"{self.directory}/provenance.json is not the provenance of {what}")
         return found
 
-    def column(self, *path: str) -> str:
-        """Return the column of the key that a value of the configuration names; raises TableError as :meth:`given`."""
-        return column_of(str(self.given(*path)))
-
-    @property
-    def swept(self) -> str:
-        """Column of the key along the branches of a sweep; raises TableError as :meth:`given`."""
-        return column_of(str(flat(self.given()).get("sweep.over.key", FREQUENCY)))
-
     @cached_property
     def scene(self) -> Scene:
         """What was simulated; raises TableError if the configuration is lost or of another version."""
@@ -135,61 +133,45 @@ class Saved(Result):
         self, name: str, texts: Collection[str], numbers: Collection[str] = (), optional: Collection[str] = ()
     ) -> pd.DataFrame:
         """Read a table; it must have these columns of texts and of numbers, and numbers in optional ones it has."""
-        return _checked(self.table(name), f"the {name} table in {self.directory} has no", texts, numbers, optional)
+        return checked(self.table(name), f"the {name} table in {self.directory}", texts, numbers, optional)
 
     def column_parts(
         self, name: str, texts: Collection[str], numbers: Collection[str], optional: Collection[str] = ()
     ) -> Iterator[pd.DataFrame]:
         """Read these columns of a table in parts, which must be as in :meth:`columns`."""
         for part in self.parts(name, (*texts, *numbers, *optional)):
-            yield _checked(part, f"the {name} table in {self.directory} has no", texts, numbers, optional)
-
-
-def _checked(table: pd.DataFrame, told: str, *columns: Collection[str]) -> pd.DataFrame:
-    """Return a table that has columns of texts, of numbers, and maybe optional ones of numbers."""
-    texts, numbers, optional = columns
-    for column in (*numbers, *(column for column in optional if column in table)):
-        if column not in table or not _holds_numbers(table[column]):
-            raise TableError(f"{told} numbers in column {column}")
-    for column in texts:
-        if column not in table:
-            raise TableError(f"{told} column {column}")
-        if pd.api.types.is_numeric_dtype(table[column]) and table[column].notna().any():
-            raise TableError(f"{told} names in column {column}")
-    return table
-
-
-def _holds_numbers(column: pd.Series) -> bool:
-    """Whether a column has real numbers, or nothing at all."""
-    types = pd.api.types
-    real = not (types.is_bool_dtype(column) or types.is_complex_dtype(column))
-    return (types.is_numeric_dtype(column) and real) or column.empty
-
-
-class Curve(NamedTuple):
-    """A branch in a table: the label and the number of its combination of grid values, and its rows."""
-
-    label: str
-    number: int
-    rows: pd.DataFrame
+            yield checked(part, f"the {name} table in {self.directory}", texts, numbers, optional)
 
     @property
-    def direction(self) -> str:
-        """Direction of the branch of a sweep."""
-        return str(self.rows["direction"].iloc[0])
-
-    @property
-    def jumps(self) -> Flags:
-        """Whether the motion jumps between each point of the branch of a sweep and the next."""
-        return jumps(self.rows)
+    def shown(self) -> Shown:
+        """The result as pictures are made of it."""
+        name = self.directory.resolve().name
+        return Shown(self.command, name, self.known_scene, self.given(), _Tables(self), self.directory)
 
 
-def curves_of(table: pd.DataFrame, keys: Sequence[str], label: Callable[[pd.Series], str]) -> list[Curve]:
-    """Return the curves of a table in its order: rows that share keys, numbered by their labels."""
-    groups = [rows for _, rows in table.groupby([*keys], sort=False, dropna=False)]
-    labels = [label(rows.iloc[0]) for rows in groups]
-    numbers = pd.factorize(np.array(labels, dtype=object))[0]
-    return [Curve(name, int(number), rows) for name, number, rows in zip(labels, numbers, groups, strict=True)]
+class _Tables(Mapping[str, pd.DataFrame]):
+    """The tables of a result, each read when it is asked for."""
+
+    def __init__(self, result: Result) -> None:
+        self._result = result
+
+    def __getitem__(self, name: str) -> pd.DataFrame:
+        return self._result.table(name)
+
+    def __contains__(self, name: object) -> bool:
+        return has_table(self._result.directory, str(name))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter({path.stem for path in self._result.directory.iterdir()})
+
+    def __len__(self) -> int:
+        return len([*self])
+
+
+def pictures_of(command: Command, results: Sequence[Shown], kinds: Sequence[str] = (), **options: Any) -> list[Picture]:
+    """Return the pictures of results of a command: all that they have, or these kinds."""
+    made: list[Picture] = import_module(PICTURES[command]).pictures(results, kinds, **options)
+    return made
 
 
 class Ends(NamedTuple):
@@ -208,11 +190,6 @@ def ends_of(parts: Iterable[pd.DataFrame]) -> Ends | None:
             rows, first = (0, part.iloc[0]) if found is None else found[:2]
             found = Ends(rows + len(part), first, part.iloc[-1])
     return found
-
-
-def finite(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table whose infinite numbers are missing, as no axis has room for them."""
-    return table.replace([np.inf, -np.inf], np.nan)
 
 
 class Cut:

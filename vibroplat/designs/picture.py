@@ -1,0 +1,219 @@
+"""Pictures of designs: elasticities of an orbit, measures within tolerances, and what a search looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from textwrap import fill
+
+import numpy as np
+
+from vibroplat.columns import words_in_place
+from vibroplat.config.questions import DesignPlan
+from vibroplat.errors import TableError
+from vibroplat.frames import pd
+from vibroplat.results.labels import is_number, key_name, sweep_parameters
+from vibroplat.results.picture import (
+    GREEN,
+    VERMILION,
+    Facet,
+    Line,
+    Mark,
+    Orbits,
+    Panel,
+    Picture,
+    Series,
+    Shown,
+    attractor_colours,
+    axes_of,
+    fills,
+    finite,
+    measures,
+    palette,
+    rows_of,
+    states_of,
+)
+
+#: Pictures by their names, which are those of the tables that they show.
+KINDS = ("sensitivities", "samples", "evaluations")
+OPTIONS = ()
+#: Tolerances that are told, at most, and letters of a line above the first panel, whose middle must lie above it.
+MOST, LETTERS = 10, 88
+#: Ratio of values from which on an axis is logarithmic: searches begin far away.
+WIDE = 5.0
+
+
+def pictures(results: Sequence[Shown], kinds: Sequence[str] = ()) -> list[Picture]:
+    """Return the pictures of each result: those that its tables have, or these kinds."""
+    found = []
+    for result in results:
+        plan = DesignPlan.model_validate(result.given("design"))
+        held = [kind for kind in KINDS if kind in result.tables]
+        for kind in kinds or held:
+            if kind not in held:
+                raise TableError(f"{result.name} holds no table {kind}; allowed: {', '.join(held)}")
+            found.append(_MAKERS[kind](result, plan))
+    return found
+
+
+def _told(result: Shown, plan: DesignPlan, told: str = "") -> str:
+    """Return the parameters of a scene, without keys whose best values are not those of the scene, and more."""
+    varied = [] if plan.minimize is None else list(plan.keys)
+    return "\n".join(filter(None, (sweep_parameters(result.scene, varied), told)))
+
+
+def _elastic(result: Shown) -> pd.DataFrame:
+    """Return the rows of the measures that depend on keys; others are round-off."""
+    found = finite(result.columns("sensitivities", ("measure", "key"), ("elasticity",)))
+    return found.dropna(subset=["elasticity"])
+
+
+def _sensitivities(result: Shown, plan: DesignPlan) -> Picture:
+    """Return bars of the elasticities of each measure, the largest first."""
+    table = finite(result.columns("sensitivities", ("measure", "key"), ("elasticity",)))
+    known = _elastic(result)
+    series, facets = [], []
+    for number, measure in enumerate(known["measure"].unique()):
+        own = known.loc[known["measure"] == measure, "elasticity"].abs().sort_values(ascending=False, kind="stable")
+        series.append(Series("", own.index.to_numpy()))
+        facets.append(Facet(words_in_place(measure), [number]))
+    return Picture(
+        name="sensitivities",
+        heading="Elasticities",
+        title=result.name,
+        table=table,
+        table_name="sensitivities",
+        axes=["elasticity"],
+        panels=[
+            Panel(
+                "key",
+                kind="bars",
+                label="change in %, for 1 % of the key",
+                title="" if facets else "no measure has elasticities",
+            )
+        ],
+        series=series,
+        facets=facets,
+        choice="measure",
+        told=sweep_parameters(result.scene, []),
+        meaning="Relative change of the measure over that of a key. Blue: both grow together, orange: one falls as the "
+        "other grows.",
+    )
+
+
+def _samples(result: Shown, plan: DesignPlan) -> Picture:
+    """Return the measures that vary of samples, in the colours of their regimes."""
+    table = finite(result.rows("samples", ("regime",)))
+    told = [m for m in _elastic(result)["measure"].unique() if m in table and table[m].max() > table[m].min()]
+    nominal = _nominal(result, plan)
+    panels = [panel for panel in measures(table, told) if panel.column in told]
+    colours = attractor_colours(table["regime"].fillna("lost"))
+    classes = {name: (colour, name) for name, colour in colours.items()}
+    spread = [f"{key_name(key)} ±{100.0 * share:g} %" for key, share in list(plan.spread.items())[:MOST]]
+    spread += [f"{len(plan.spread) - MOST} more"] if len(plan.spread) > MOST else []
+    return Picture(
+        name="samples",
+        heading="Tolerances",
+        title=result.name,
+        table=table,
+        table_name="samples",
+        drawn=table.assign(regime=table["regime"].fillna("lost")),
+        axes=axes_of(table, (*plan.spread, *told)) or ["sample"],
+        panels=[Panel(panel.column, by="regime", classes=classes, least=panel.least) for panel in panels]
+        or [Panel("sample", title="no measure varies")],
+        series=[Series("", np.arange(len(table)) if panels else np.zeros(0, dtype=int), mode="dots")],
+        lines=[Line(name, [nominal[name]], "nominal") for name in told if pd.notna(nominal.get(name))],
+        told=_told(result, plan, fill(", ".join(part.replace(" ", "\N{NO-BREAK SPACE}") for part in spread), LETTERS)),
+        meaning="Each dot is a scene within the spread, in the colour of its regime. A measure drawn over itself shows "
+        "how often its values occur.",
+        counted=True,
+    )
+
+
+def _nominal(result: Shown, plan: DesignPlan) -> Mapping[str, float]:
+    """Return the measures about which samples lie: those of the best design, or of the scene as given."""
+    if plan.minimize is not None:
+        table = result.tables["evaluations"]
+        best = table[table["best"].astype(bool)]
+        return {} if best.empty else {name: best[name].iloc[0] for name in table.select_dtypes("number")}
+    return dict(zip(*(result.tables["sensitivities"][name] for name in ("measure", "value")), strict=True))
+
+
+def _evaluations(result: Shown, plan: DesignPlan) -> Picture:
+    """Return all that was looked at, with the best design and the Pareto front behind it."""
+    aims = [column for column in (plan.minimize, *plan.subject) if column]
+    table = finite(result.columns("evaluations", (), ("start", *aims)))
+    feasible, best = table["feasible"].astype(bool), table[table["best"].astype(bool)].reset_index(drop=True)
+    front = finite(result.tables["pareto"]) if "pareto" in result.tables else table.iloc[:0].assign(bound=0.0)
+    lost = ~front["feasible"].astype(bool)
+    special = pd.concat([best, front], ignore_index=True) if len(front) else best
+    bounded = next(iter([*plan.pareto, *(m for m in plan.subject if m != "margin"), *plan.subject]), "start")
+    numbers = [str(name) for name in table if name not in {"start", "objective"} and fills(table, str(name))]
+    panels = [
+        Panel(panel.column, least=panel.least, scale="log" if _wide(table, panel.column) else "linear")
+        for panel in measures(table, (*aims, *(name for name in numbers if is_number(table[name]))))
+    ]
+    starts = table["start"].unique()
+    series = [
+        Series(f"start {start}", rows_of(table["start"] == start), colour=colour, mode="markers")
+        for start, colour in zip(starts, palette(len(starts)), strict=True)
+    ]
+    begin = len(table) + len(best)
+    on_front = begin + np.arange(len(front))
+    if len(front):
+        series.append(Series("Pareto front", on_front, colour=GREEN, symbol="D"))
+    # A bound that nothing keeps stands on the axis, where it is.
+    bounds = front.assign(**{name: front[name].mask(lost, front["bound"]) for name in plan.pareto})
+    drawn = pd.concat([part for part in (table, best, bounds) if len(part)] or [table], ignore_index=True)
+    states = states_of(~feasible).tolist() + [0] * len(best) + states_of(False, lost).tolist()
+    orbits = pd.concat([table, special], ignore_index=True) if len(special) else table
+    outcomes = ["ok"] * begin + ["outside the bounds" if one else "ok" for one in lost]
+    return Picture(
+        name="evaluations",
+        heading="Searches",
+        title=result.name,
+        table=table,
+        table_name="evaluations",
+        special=special,
+        special_name="best design and Pareto front" if len(front) else "best design",
+        drawn=drawn,
+        axes=axes_of(drawn, [bounded, *sorted(map(_column, panels), key=aims.__contains__)]),
+        panels=panels,
+        series=series,
+        marks=[Mark("best", "the least that keeps all bounds", "*", [len(table)], VERMILION)] if len(best) else [],
+        lines=[Line(name, [plan.bound(name)[1]], "bound", ":") for name in plan.subject],
+        states=np.array(states, dtype=int),
+        meanings={
+            "full": "keeps all bounds",
+            "open": "violates a bound",
+            "half": "",
+            "failed": "bound that nothing keeps",
+        },
+        told=_told(result, plan, ", ".join(f"{key_name(measure)} {bound}" for measure, bound in plan.subject.items())),
+        meaning="Filled: all bounds are kept, open: they are not." if len(table) else "Every start lost the orbit.",
+        orbits=Orbits(
+            orbits.assign(period=_period(result), outcome=outcomes), range(len(table), len(orbits)),
+            words="Orbit of this design.",
+        ),
+    )  # fmt: skip
+
+
+def _column(panel: Panel) -> str:
+    return panel.column
+
+
+def _wide(table: pd.DataFrame, column: str) -> bool:
+    """Whether the numbers of a column are positive and differ by large factors."""
+    return bool(table[column].min() > 0.0 and table[column].max() > WIDE * table[column].min())
+
+
+def _period(result: Shown) -> int:
+    """Return the period of the orbit that a design is about."""
+    table = result.tables["sensitivities"]
+    return int(table["period"].iloc[0]) if "period" in table and len(table) else 1
+
+
+_MAKERS: Mapping[str, Callable[[Shown, DesignPlan], Picture]] = {
+    "sensitivities": _sensitivities,
+    "samples": _samples,
+    "evaluations": _evaluations,
+}
