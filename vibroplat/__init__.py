@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from vibroplat.config.kinds import KINDS
 from vibroplat.extensions import PROVIDERS
 
 __version__ = "0.1.0"
@@ -30,11 +31,12 @@ if TYPE_CHECKING:
         State,
     )
     from vibroplat.continuation.orbit import Orbit, orbit
-    from vibroplat.continuation.tables import orbits
+    from vibroplat.continuation.study import orbits
     from vibroplat.designs.question import design
     from vibroplat.motion.run import simulate
     from vibroplat.motion.variation import variation
-    from vibroplat.results.run import Trajectory, load
+    from vibroplat.results.result import Result
+    from vibroplat.results.run import RunResult, load
     from vibroplat.study.lyapunov import lyapunov
     from vibroplat.study.sweep import sweep
     from vibroplat.thresholds.tables import find
@@ -50,16 +52,13 @@ _HOMES = {
     "simulate": "vibroplat.motion.run",
     "variation": "vibroplat.motion.variation",
     "load": "vibroplat.results.run",
-    "Trajectory": "vibroplat.results.run",
+    "Result": "vibroplat.results.result",
+    "RunResult": "vibroplat.results.run",
     "check_run": "vibroplat.check.runs",
     "lyapunov": "vibroplat.study.lyapunov",
     "Orbit": "vibroplat.continuation.orbit",
     "orbit": "vibroplat.continuation.orbit",
-    "orbits": "vibroplat.continuation.tables",
-    "design": "vibroplat.designs.question",
-    "sweep": "vibroplat.study.sweep",
-    "find": "vibroplat.thresholds.tables",
-    "basins": "vibroplat.basin.question",
+    **{kind.name: f"vibroplat.{kind.study}" for kind in KINDS.values()},
 }
 # runs, orbits and tables know nothing else of what draws them, sweeps nothing else of orbits,
 # orbits nothing else of designs
@@ -79,11 +78,12 @@ __all__ = [
     "Motor",
     "Orbit",
     "Output",
+    "Result",
     "Run",
+    "RunResult",
     "Scene",
     "Solver",
     "State",
-    "Trajectory",
     "__version__",
     "basins",
     "check_run",
@@ -105,10 +105,7 @@ def __getattr__(name: str) -> Any:
 
     if name not in _HOMES:
         raise AttributeError(f"module 'vibroplat' has no attribute {name!r}")
-    found = getattr(importlib.import_module(_HOMES[name]), name)
-    if not _HOMES[name].startswith("vibroplat.config"):  # tables that pandas reads have ``.vibroplat`` too
-        importlib.import_module("vibroplat.frames").load_pandas()
-    return found
+    return getattr(importlib.import_module(_HOMES[name]), name)
 
 
 def __dir__() -> list[str]:

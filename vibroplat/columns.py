@@ -39,6 +39,10 @@ UNITS = {
 }
 
 
+#: What a column holds: floating-point numbers, texts, whole numbers or flags; any but a flag may be missing.
+NUMBER, TEXT, COUNT, FLAG = "number", "text", "count", "flag"
+
+
 class Column(NamedTuple):
     """A column of a table.
 
@@ -48,10 +52,13 @@ class Column(NamedTuple):
         What it is, in a few words.
     definition
         How it is computed, where the meaning does not say so.
+    kind
+        What it holds: ``NUMBER``, ``TEXT``, ``COUNT`` or ``FLAG``.
     """
 
     meaning: str
     definition: str = ""
+    kind: str = NUMBER
 
     @property
     def text(self) -> str:

@@ -23,7 +23,7 @@ def provided(name: str) -> Callable[..., Any]:
     return found
 
 
-def figure_of(shown: object, *options: object) -> Figure:
-    """Draw the figure of a run, a table, branches of orbits or an orbit."""
-    figure: Figure = provided("figure_of")(shown, *options)
+def figure_of(shown: object, kind: str | None = None, **options: object) -> Figure:
+    """Draw a figure of a result or of an orbit."""
+    figure: Figure = provided("figure_of")(shown, kind, **options)
     return figure

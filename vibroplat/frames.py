@@ -6,10 +6,9 @@ loads take ``pd`` from here, which is pandas from its first use on.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,26 +16,16 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.columns import Columns, unit_of
-from vibroplat.extensions import figure_of
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
-
-
-@cache
-def load_pandas() -> Any:
-    """Load pandas, and give its tables what they offer at a prompt."""
-    loaded = import_module("pandas")
-    loaded.api.extensions.register_dataframe_accessor("vibroplat")(TableAccessor)
-    return loaded
 
 
 class _Pandas:
     """Pandas, which is loaded when one of its names is first used."""
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(load_pandas(), name)
+        return getattr(import_module("pandas"), name)
 
 
 if TYPE_CHECKING:
@@ -124,45 +113,3 @@ def labelled(table: pd.DataFrame, columns: Columns) -> pd.DataFrame:
     """Put units and meanings of a table's columns into its ``attrs``, and return it."""
     table.attrs |= _attributes([str(name) for name in table], columns)
     return table
-
-
-class TableAccessor:
-    """What tables offer at a prompt: ``table.vibroplat.plot()``.
-
-    Parameters
-    ----------
-    table
-        Of a trajectory, a sweep or branches of orbits, or rows of it.
-    """
-
-    def __init__(self, table: pd.DataFrame) -> None:
-        self._table = table
-
-    def plot(self, x: str | None = None) -> Figure:
-        """Draw the figure of the table: a motion over time, the response of a sweep, or branches of orbits.
-
-        Parameters
-        ----------
-        x
-            Column of the horizontal axis of a sweep or of branches. Default: the excitation frequency; for branches
-            over another key than the supply frequency, the key.
-
-        Raises
-        ------
-        ValueError
-            It is no such table, or has no such column.
-        TableError
-            There is nothing to draw.
-
-        Examples
-        --------
-        >>> from vibroplat import Scene, simulate
-        >>> run = simulate(Scene(run={"duration_s": 0.5}))
-        >>> len(run.trajectory.vibroplat.plot().axes) > 1
-        True
-        """
-        return figure_of(self._table, x)
-
-
-if "pandas" in sys.modules:
-    load_pandas()

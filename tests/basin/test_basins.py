@@ -10,16 +10,16 @@ import pytest
 
 from vibroplat import basins, load_config, orbit
 from vibroplat.basin.follow import Follower
-from vibroplat.basin.question import Basins, BasinTables, bounds
+from vibroplat.basin.question import BasinsStudy, bounds
 from vibroplat.basin.starts import begun, states_of, values_of
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.continuation.orbit import beginning_at
 from vibroplat.errors import ConfigError
 from vibroplat.hybrid.state import state_scales, static_rest
 from vibroplat.motion.run import simulate
+from vibroplat.results.result import Result
 from vibroplat.study.classification import same_phase
 from vibroplat.study.pool import pool
-from vibroplat.study.question import ask
 from vibroplat.study.store import Store
 
 PHASE, SPEED, HEIGHT = (f"run.initial.{name}" for name in ("phase_difference_rad", "speed_ratio", "state.y_m"))
@@ -97,8 +97,8 @@ def test_an_attractor_keeps_its_name_over_a_key_and_counts_without_starts(found)
 def test_starts_that_come_to_no_orbit_are_one_attractor_of_their_class():
     starts, more = {PHASE: [-2.0, 2.0, 5], "run.initial.state.phi_rad": [0.0, 1e5, 2]}, {"longest_turns": 200}
     scene = scene_of(starts, 0.2, **more).replace({"drive.supply_frequency_hz": 60.0})
-    answer = ask(Basins(scene))
-    attractors = answer.tables["attractors"].set_index("attractor")
+    result = basins(scene)
+    attractors = result.tables["attractors"].set_index("attractor")
     assert set(attractors.index) == {"beyond-model", "antiphase, chaotic", "in-phase, period 1"}
     assert attractors["count"].sum() == 10
     assert attractors.loc["antiphase, chaotic", "count"] >= 2
@@ -108,15 +108,15 @@ def test_starts_that_come_to_no_orbit_are_one_attractor_of_their_class():
     assert chaotic["rms_y_m"] > 1e-3
     assert chaotic["impacts_per_period"] > 0.0
     assert math.isnan(lost["rms_y_m"])
-    assert len(answer.failures) == 5
-    assert {line.partition(" by ")[0] for line in answer.failures} == {"beyond-model: the platform has turned"}
+    assert len(result.answer.failures) == 5
+    assert {line.partition(" by ")[0] for line in result.answer.failures} == {"beyond-model: the platform has turned"}
     settled = attractors.loc["in-phase, period 1", "count"]
-    starts, never = answer.tables["starts"], attractors.loc[["antiphase, chaotic"]].reset_index()
-    drawn = BasinTables(scene, attractors.reset_index(), starts, None, ()).plot().axes
+    starts, never = result.starts, attractors.loc[["antiphase, chaotic"]].reset_index()
+    drawn = result.plot().axes
     assert drawn[-1].get_ylabel() == "turns until settled; grey: not settled"
     assert np.isnan(np.ma.filled(drawn[1].collections[0].get_array(), np.nan)).sum() == 10 - settled
     all_chaotic = starts.assign(attractor="antiphase, chaotic")
-    assert len(BasinTables(scene, never, all_chaotic, None, ()).plot().axes) == 1
+    assert len(Result("basins", scene, {"attractors": never, "starts": all_chaotic}, result.answer).plot().axes) == 1
 
 
 @pytest.fixture(scope="module")
@@ -138,15 +138,15 @@ def test_an_attractor_is_carried_from_a_platform_without_material(over):
 @pytest.mark.parametrize(("kind", "at"), [("found", 100), ("over", 6)])
 def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(kind, at, request, tmp_path):
     scene, whole = request.getfixturevalue(kind)
-    asked = Basins(scene)
+    study = BasinsStudy(scene)
 
     def killed(done, known):
         if done == at:
             raise KeyboardInterrupt
 
     def answered(jobs, progress, *, resume=False):
-        with Store(tmp_path, {}, resume=resume) as store, pool(jobs, chains=asked.chains) as workers:
-            tables = asked.answer(store, workers, progress).tables
+        with Store(tmp_path, {}, resume=resume) as store, pool(jobs, chains=study.chains(store)) as workers:
+            tables = dict(study.run(store, workers, progress).tables)
             return tables, store.reused
 
     with pytest.raises(KeyboardInterrupt):
@@ -214,7 +214,7 @@ def test_bounds_hold_the_share():
 def test_bad_starts_are_told_in_one_line(starts, more, told):
     starts = {key: [float(v) for v in ends] for key, ends in starts.items()}
     with pytest.raises(ConfigError) as error:
-        Basins(scene_of(starts, **more))
+        BasinsStudy(scene_of(starts, **more))
     assert told in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -258,7 +258,7 @@ def test_radius_is_of_the_crossings_that_have_an_ellipsoid(monkeypatch):
 def test_what_is_printed_says_within_how_many_turns(found):
     _, tables = found
     assert set(tables.attractors["within_turns"]) == {6000}
-    assert all("within 6000 turns" in line for line in tables.text)
+    assert all("within 6000 turns" in line for line in tables.answer.text)
 
 
 def test_motions_that_end_early_or_may_escape_from_chaos_are_not_repeated_by_another_engine():
@@ -266,15 +266,14 @@ def test_motions_that_end_early_or_may_escape_from_chaos_are_not_repeated_by_ano
     scene = scene_of({PHASE: [-3.0, 3.0]}, 0.2, random=4, longest_turns=200).replace(
         {"solver.max_events_per_period": 3}
     )
-    failing = Basins(scene)
-    answer = ask(failing)
-    assert set(answer.tables["attractors"]["outcome"]) == {"event-storm"}
-    assert failing.repeats(answer, lambda other: other) == []
-    orbits = Basins(scene_of({PHASE: [-3.0, 3.0]}, random=4))
-    answer = ask(orbits)
-    assert len(orbits.repeats(answer, lambda other: other)) == 4
-    answer.tables["starts"]["turns"] = 5000
-    assert orbits.repeats(answer, lambda other: other) == []
+    result = basins(scene)
+    assert set(result.attractors["outcome"]) == {"event-storm"}
+    assert BasinsStudy(scene).cross_check_cases(result, None, lambda other: other) == []
+    scene = scene_of({PHASE: [-3.0, 3.0]}, random=4)
+    result = basins(scene)
+    assert len(BasinsStudy(scene).cross_check_cases(result, None, lambda other: other)) == 4
+    result.starts["turns"] = 5000
+    assert BasinsStudy(scene).cross_check_cases(result, None, lambda other: other) == []
 
 
 @pytest.mark.long

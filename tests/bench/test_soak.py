@@ -14,7 +14,7 @@ from common.random_scenes import Draw, drawn
 from common.results import bits
 
 from vibroplat.config.scene import Scene
-from vibroplat.results.files import Result
+from vibroplat.results.files import SavedFiles
 
 pytestmark = [pytest.mark.campaign, pytest.mark.usefixtures("kernels")]
 
@@ -80,7 +80,7 @@ def test_disturbed_sweep_gives_the_same_table(number, here):
         done = child.end(LONGEST)
     assert done.code in (0, 1)
     assert "Traceback" not in done.err
-    expected = Result(here / "inline/swept", "sweep").table("sweep")
+    expected = SavedFiles(here / "inline/swept", "sweep").table("sweep")
     seconds = 0.5 * float(expected["wall_s"].sum()) + 3.0
     moments = seconds * rng.uniform(0.2, 1.0, rng.integers(1, MOST_KILLS + 1))
     ways = {
@@ -89,7 +89,7 @@ def test_disturbed_sweep_gives_the_same_table(number, here):
     }
     for way, ended in ways.items():
         assert ended.code == done.code, ended.err
-        assert bits(Result(here / way / "swept", "sweep").table("sweep")) == bits(expected)
+        assert bits(SavedFiles(here / way / "swept", "sweep").table("sweep")) == bits(expected)
     if (expected["outcome"] == "ok").any():
         with Child(here, "plot", "inline/swept") as child:
             assert child.end(LONGEST).code == 0

@@ -1,5 +1,6 @@
 """``--engine`` and ``--check`` on the command line."""
 
+import itertools
 import re
 
 import pytest
@@ -7,12 +8,12 @@ from common.commands import not_a_line
 from common.places import QUICKSTART
 
 from vibroplat import load_config
-from vibroplat.check.questions import check_motions
 from vibroplat.check.runs import compared
+from vibroplat.check.studies import cross_check
 from vibroplat.paper import reproduction
 from vibroplat.results.provenance import configuration_hash
 from vibroplat.results.tables import read_json
-from vibroplat.study.sweep import conditions
+from vibroplat.study.study import conditions
 
 SHORT = ("--set", "run.duration_s=0.1")
 FREQUENCIES = "{start: 44.0, stop: 46.0, step: 1.0, direction: up}"
@@ -57,13 +58,12 @@ class _Caught(BaseException):
 def test_engine_reaches_the_paper(command, kernels, here, monkeypatch):
     found = []
 
-    def caught(numbers, *_, seeds, **__):
-        machine, others = reproduction.trials_of(numbers, seeds)
-        trials = [*machine, *others]
-        found.extend(trial.scene(name) for trial in trials for name in (*trial.names, reproduction.NON_IMPACT))
+    def caught(study, *_, **__):
+        for trial in itertools.chain(*study.trials()):
+            found.extend(trial.scene(name) for name in (*trial.names, reproduction.NON_IMPACT))
         raise _Caught
 
-    monkeypatch.setattr(reproduction, "reproduce", caught)
+    monkeypatch.setattr("vibroplat.cli.paper.run_and_print", caught)
     with pytest.raises(_Caught):
         command("paper", "--machine", "calibrated", "--engine", "sundae", "--jobs", "1", "--seeds", "2")
     assert {conditions(scene)["engine"] for scene in found} == {"sundae"}
@@ -98,14 +98,13 @@ def test_a_run_that_engines_disagree_on_has_exit_code_1(command, kernels, here, 
     assert (check["agrees"], check["disagreement"] in done.err) == (False, True)
 
 
-@pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.long)])
-def test_a_sweep_is_checked_and_resumed(jobs, command, kernels, here):
+def test_a_sweep_is_checked_and_resumed(command, kernels, here):
     done = command("sweep", QUICKSTART, *SWEEP)
     assert (done.code, done.err) == (0, "")
     assert "checked by" not in done.out
-    done = command("sweep", QUICKSTART, *SWEEP, "--check", "--resume", "--jobs", jobs)
+    done = command("sweep", QUICKSTART, *SWEEP, "--check", "--resume")
     assert (done.code, done.err) == (0, "")
-    assert "3 of the points from before" in done.out
+    assert "3 tasks from before" in done.out
     assert ", 3 motions, measures within " in done.out
     check = read_json(here / "results/quickstart", "provenance")["check"]
     assert (check["checked"], check["disagreements"]) == (3, [])
@@ -113,7 +112,7 @@ def test_a_sweep_is_checked_and_resumed(jobs, command, kernels, here):
 
 @pytest.mark.parametrize(("name", "study"), [("sweep", SWEEP), ("orbits", ORBITS)])
 def test_a_study_that_engines_disagree_on_has_exit_code_1(name, study, command, kernels, here, monkeypatch):
-    monkeypatch.setitem(check_motions.__kwdefaults__, "other", softer)
+    monkeypatch.setitem(cross_check.__kwdefaults__, "other", softer)
     done = command(name, QUICKSTART, *study, "--check")
     assert done.code == 1
     first, *_, last = done.err.splitlines()

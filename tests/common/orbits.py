@@ -1,6 +1,6 @@
 """Branches and boundaries of a scene, in this process."""
 
-from vibroplat.continuation.tables import boundaries, planned, trace
+from vibroplat.continuation.study import OrbitsStudy
 from vibroplat.study.pool import pool
 from vibroplat.study.store import Store
 
@@ -8,12 +8,12 @@ from vibroplat.study.store import Store
 def traced(scene, workers=None):
     """Follow the branches of a scene."""
     with Store(None, {}) as store, pool(1) as here:
-        return trace(planned(scene), store, workers or here)
+        return OrbitsStudy(scene).trace(store, workers or here)
 
 
 def bounded(scene):
     """Follow the branches of a scene, and the boundaries from their special points."""
-    study = planned(scene)
+    study = OrbitsStudy(scene)
     with Store(None, {}) as store, pool(1) as workers:
-        found = trace(study, store, workers)
-        return found, boundaries(study, found, store, workers)
+        found = study.trace(store, workers)
+        return found, study.follow_boundaries(found, store, workers)

@@ -6,11 +6,11 @@ import pytest
 from vibroplat import load_config, orbit, orbits
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.continuation.rows import motion_of
-from vibroplat.continuation.tables import conditions, follow, planned, tables
+from vibroplat.continuation.study import OrbitsStudy
+from vibroplat.continuation.tables import make_tables
 from vibroplat.continuation.worker import Traced, multiplier_columns
 from vibroplat.errors import ConfigError
 from vibroplat.study.point import MEASURED
-from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
 
 from .helpers import LIFTOFF, MACHINE, MASS, PLAN
@@ -81,10 +81,9 @@ def test_special_points_have_place_and_state(found):
 
 
 def test_types_do_not_depend_on_what_was_found(found, scene):
-    nothing = tables(scene.orbits, [])
-    assert nothing.branches.empty
-    assert nothing.special.empty
-    for none, some in ((nothing.branches, found.branches), (nothing.special, found.special)):
+    nothing = make_tables(scene.orbits, [], [])
+    for none, some in ((nothing["branches"], found.branches), (nothing["special"], found.special)):
+        assert none.empty
         assert [*none] == [column for column in some if column not in (*COORDINATES, *RATES)]  # no scene, no state
         assert none.dtypes.equals(some[[*none]].dtypes)
     types = {column: str(kind) for column, kind in found.branches.dtypes.items()}
@@ -95,10 +94,10 @@ def test_types_do_not_depend_on_what_was_found(found, scene):
 
 def test_columns_of_state_are_those_of_the_scenes():
     bare = load_config(MACHINE, {"orbits": {**PLAN, "grid": {}}, MASS: 0.0})
-    (family,) = planned(bare).families
+    (family,) = OrbitsStudy(bare).families
     special = {"kind": "fold", "value": 48.0, "excitation_frequency_hz": 24.0, "period": 1}
     branch = Traced(family, 0, -1, "start", special=[special | {"after": 1, "state": list(range(14))}])
-    table = tables(bare.orbits, [branch]).special
+    table = make_tables(bare.orbits, [branch], [])["special"]
     assert "gap_m" not in table
     assert table[["x_m", "phi2_rad", "x_rate_m_per_s"]].iloc[0].tolist() == [0.0, 4.0, 7.0]
 
@@ -108,9 +107,9 @@ def test_boundaries_have_both_keys(scene):
         [MASS, "curve", "kind", "branch", KEY],
         ["excitation_frequency_hz", "period", "unstable"],
     )
-    assert list(tables(scene.orbits, []).boundaries.columns) == [*first, *last]
     second = {"boundaries": {"key": "contact.restitution", "start": 0.0, "stop": 0.5}}
-    table = tables(scene.replace({"orbits": PLAN | second}).orbits, []).boundaries
+    assert "boundaries" not in make_tables(scene.orbits, [], [])
+    table = make_tables(scene.replace({"orbits": PLAN | second}).orbits, [], [])["boundaries"]
     assert list(table.columns) == [*first, "contact.restitution", *last]
 
 
@@ -122,10 +121,8 @@ def test_key_that_is_no_frequency_keeps_its_name():
     assert table["machine.damping_y_n_s_per_m"].iloc[[0, -1]].tolist() == pytest.approx([400.0, 420.0])
 
 
-def test_summary_tells_how_each_branch_ended(scene, found):
-    progressed = []
-    with Store(None, {}) as store:
-        _, told = follow(planned(scene), store, Inline(), lambda *numbers: progressed.append(numbers))
+def test_summary_tells_how_each_branch_ended(found):
+    told = found.documents["orbits"]
     assert told["key"] == "drive.supply_frequency_hz"
     assert (told["points"], told["failed"]) == (len(found.branches), 0)
     assert told["turns"] == pytest.approx(found.branches["turns"].sum())
@@ -134,7 +131,6 @@ def test_summary_tells_how_each_branch_ended(scene, found):
         assert (branch["branch"], branch["parent"], branch["origin"]) == (0, None, "start")
         assert branch["ended"] == "stop of the key's range"
         assert branch["points"] == branch["stable"] > 3
-    assert progressed[-1][-1] == told["points"]
 
 
 def test_pairs_of_multipliers_are_told_whole_or_not_at_all():
@@ -158,7 +154,7 @@ def test_pairs_of_multipliers_are_told_whole_or_not_at_all():
 def test_start_that_is_no_run_is_refused(scene, here):
     place = "nowhere"
     with pytest.raises(ConfigError) as caught:
-        planned(scene.replace({"orbits": PLAN | {"from": place}}))
+        OrbitsStudy(scene.replace({"orbits": PLAN | {"from": place}}))
     assert str(caught.value) == (
         f"orbits.from = '{place}': {place} holds no provenance.json; "
         "allowed: settled, state, or the directory of a finished run"
@@ -168,16 +164,16 @@ def test_start_that_is_no_run_is_refused(scene, here):
 def test_a_second_key_in_the_grid_is_refused_at_once(scene):
     second = {"boundaries": {"key": MASS, "start": 0.0, "stop": 0.3}}
     with pytest.raises(ConfigError) as caught:
-        planned(scene.replace({"orbits": PLAN | second}))
+        OrbitsStudy(scene.replace({"orbits": PLAN | second}))
     assert str(caught.value) == f"orbits.grid.{MASS} is the key of boundaries; allowed: another key"
 
 
 def test_records_of_another_version_are_not_resumed(scene, tmp_path):
-    wanted, kept = conditions(scene), {"file": "orbits.sqlite", "what": "parts of branches"}
+    wanted, kept = OrbitsStudy(scene).conditions, {"file": "orbits.sqlite"}
     former = {name: value for name, value in wanted.items() if name != "version of records"}
     for version, known in ((former, "None"), (former | {"version of records": 1}, "1")):
         with Store(tmp_path, version, overwrite=True, **kept):
             pass
-        message = f"^cannot resume: version of records = 2; allowed: {known}, as in the finished parts of branches, or "
+        message = f"^cannot resume: version of records = 2; allowed: {known}, as in the finished tasks, or "
         with pytest.raises(ConfigError, match=message):
             Store(tmp_path, wanted, resume=True, **kept)

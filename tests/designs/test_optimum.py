@@ -31,10 +31,10 @@ def answer():
 
 def test_the_least_power_is_found_from_each_start(answer, tmp_path):
     """3.4307 W, as with derivative-free searches; the file that is written has it."""
-    assert "motor_power_w 3.4307," in answer.lines["there"]
-    assert "(2 of 2 starts came here)" in answer.lines["there"]
-    assert answer.lines["from rest"] == "antiphase, period 1, motor_power_w 3.4307, rms_y_m 0.001"
-    assert answer.notes == []
+    assert "motor_power_w 3.4307," in answer.answer.lines["there"]
+    assert "(2 of 2 starts came here)" in answer.answer.lines["there"]
+    assert answer.answer.lines["from rest"] == "antiphase, period 1, motor_power_w 3.4307, rms_y_m 0.001"
+    assert answer.answer.notes == []
     (tmp_path / "best.yaml").write_text(answer.configurations["best"], encoding="utf-8")
     best = load_config(tmp_path / "best.yaml")
     assert best.design is None
@@ -67,12 +67,14 @@ def test_the_worst_scene_of_a_tolerance_counts():
     """The mass 5 % off to either side: the nominal machine has amplitude to spare, and takes less power."""
     plan = {"spread": {"machine.platform_mass_kg": 0.05}, "starts": 1, "samples": 10}
     found = design(scene(**plan))
-    assert "motor_power_w 4.37877, rms_y_m 0.00117842" in found.lines["there"]
-    assert found.lines["bounds kept"] == "100.0 %"
+    assert "motor_power_w 4.37877, rms_y_m 0.00117842" in found.answer.lines["there"]
+    assert found.answer.lines["bounds kept"] == "100.0 %"
     table = found.tables["evaluations"]
     (best,) = table.index[table["best"]]
     assert table.loc[best, "objective"] == table.loc[table["feasible"], "objective"].min()
-    assert found.lines["within tolerances"].startswith(f"motor_power_w up to {table.loc[best, 'objective']:.6g} (")
+    assert found.answer.lines["within tolerances"].startswith(
+        f"motor_power_w up to {table.loc[best, 'objective']:.6g} ("
+    )
     assert table.loc[best, "objective"] > table.loc[best, "motor_power_w"] + 1.0
     samples = found.tables["samples"]
     assert samples["stable"].all()
@@ -82,7 +84,7 @@ def test_the_worst_scene_of_a_tolerance_counts():
 
 def test_a_box_without_a_design_is_an_answer():
     found = design(scene(starts=2, subject={"rms_y_m": ">= 8e-3"}))
-    assert found.lines["best"].startswith(
+    assert found.answer.lines["best"].startswith(
         f"the orbit of the scene keeps all bounds nowhere in this box; nearest: {RADIUS} 0.048, "
     )
     assert not found.tables["evaluations"]["feasible"].any()
@@ -93,7 +95,7 @@ def test_tolerances_that_break_a_bound_together_are_told():
     spread = {"machine.platform_mass_kg": 0.03, "machine.stiffness_y_n_per_m": 0.03}
     found = design(scene(spread=spread, starts=1, samples=40))
     kept = found.tables["samples"]["rms_y_m"] >= 1e-3 * (1.0 - 1e-6)
-    assert found.lines["bounds kept"] == f"{100.0 * kept.mean():.1f} %"
+    assert found.answer.lines["bounds kept"] == f"{100.0 * kept.mean():.1f} %"
     assert 0.5 < kept.mean() < 1.0
 
 
@@ -113,7 +115,7 @@ def test_a_tolerance_about_a_key_stays_within_the_model():
 
 def test_a_box_to_which_the_orbit_cannot_be_followed_is_no_answer_on_its_designs():
     found = design(scene(keys={"motor.critical_torque_n_m": [0.001, 0.002]}, starts=2))
-    assert found.lines["best"].startswith("unknown: the orbit of the scene as given ends on the way")
+    assert found.answer.lines["best"].startswith("unknown: the orbit of the scene as given ends on the way")
     assert found.tables["evaluations"].empty
     assert found.plot("evaluations").axes
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vibroplat import design, load_config, orbit
-from vibroplat.designs.question import Design
+from vibroplat.designs.question import DesignStudy
 from vibroplat.designs.sensitivities import settling
 from vibroplat.errors import ConfigError
 from vibroplat.study.point import measure_point
@@ -58,8 +58,8 @@ def spread(scene):
 
 def test_samples_are_what_motions_settle_to(spread):
     """Those that lose the orbit too: without them nearly all would look stable."""
-    answer = design(spread)
-    table = answer.tables["samples"]
+    result = design(spread)
+    table = result.samples
     assert len(table) == 60
     assert 2 < (~table["stable"]).sum() < 20
     assert table["regime"].str.startswith("antiphase").all()
@@ -68,7 +68,7 @@ def test_samples_are_what_motions_settle_to(spread):
         point = measure_point(spread.replace(place), settling(spread), None, (0,)).row
         assert (point["period"] == 1) == row["stable"]
         assert row["rms_y_m"] == pytest.approx(point["rms_y_m"], rel=1e-4 if row["stable"] else 0.1)
-    assert answer.lines["orbit stable"] == f"{100.0 * table['stable'].mean():.1f} %"
+    assert result.answer.lines["orbit stable"] == f"{100.0 * table['stable'].mean():.1f} %"
 
 
 def test_shares_of_the_variance_are_those_of_the_slopes_where_a_spread_is_small(scene):
@@ -99,7 +99,7 @@ def test_shares_of_the_variance_are_those_of_the_slopes_where_a_spread_is_small(
 )
 def test_what_cannot_be_asked_is_told_in_a_line(scene, plan, told):
     with pytest.raises(ConfigError) as caught:
-        Design(scene.replace({"design": plan}))
+        DesignStudy(scene.replace({"design": plan}))
     assert str(caught.value).startswith(told)
     assert "\n" not in str(caught.value)
 
@@ -114,4 +114,4 @@ def test_a_key_of_both_exciters_has_the_sum_of_their_elasticities(command, tmp_p
     with pytest.raises(
         ConfigError, match=r"design.spread.exciters.N.static_moment_kg_m has two values; allowed: equal"
     ):
-        Design(unequal)
+        DesignStudy(unequal)

@@ -18,10 +18,10 @@ LONG = 90.0
 SWEEP = """
 from vibroplat import load_config, sweep
 scene = load_config("c.yaml")
-def told(branches, points, events):
+def told(points, known):
     if points == 3:
         open("running", "w").close()
-table = sweep(scene, jobs=2, progress=told)
+table = sweep(scene, jobs=2, progress=told).sweep
 """
 BITS = "print(table.drop(columns='wall_s').to_csv())"
 
@@ -69,7 +69,7 @@ def test_sweep_in_a_cell_is_interrupted_and_repeated_and_no_worker_outlives_a_ki
             reply = client.get_shell_msg(timeout=LONG)
         assert reply["content"]["ename"] == "KeyboardInterrupt"
         assert (cell(SWEEP), cell(BITS)) == ("ok", "ok")
-        assert (cell("table = sweep(scene)"), cell(BITS)) == ("ok", "ok")
+        assert (cell("table = sweep(scene).sweep"), cell(BITS)) == ("ok", "ok")
         tables = [text for text in printed if text.startswith(",supply")]
         assert tables[0] == tables[1]
         (here / "running").unlink()

@@ -7,19 +7,19 @@ import pytest
 
 from vibroplat.kernels import lanes
 from vibroplat.kernels.compiled import compiled
-from vibroplat.kernels.pairs import paired, parted
-from vibroplat.kernels.sines import sines as sines_of
+from vibroplat.kernels.pairs import pack_pair, unpack_pair
+from vibroplat.kernels.sines import sincos_pair
 
 
 @compiled
 def products(a, b, n, last, out):
     for i, pair in enumerate(lanes.products_16(a, b, n, last)):
-        out[2 * i], out[2 * i + 1] = parted(pair)
+        out[2 * i], out[2 * i + 1] = unpack_pair(pair)
 
 
 @compiled
 def products_of_two(a, b, n, last, out):
-    out[0], out[1] = parted(lanes.products_2(a, b, n, last)[0])
+    out[0], out[1] = unpack_pair(lanes.products_2(a, b, n, last)[0])
 
 
 @compiled
@@ -40,14 +40,14 @@ def differentiate(c, degree, s, out):
 @compiled
 def sines(x, y, out):
     for i in range(x.size):
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = sines_of(x[i], y[i])
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = sincos_pair(x[i], y[i])
 
 
 @compiled
 def compute(a, b, out):
-    both = paired(a[0], a[1])
-    out[0] = parted(2.0 * both - both * paired(b[0], b[1]) + both * 0.25)
-    out[1] = parted(1.0 - both - 3.0)
+    both = pack_pair(a[0], a[1])
+    out[0] = unpack_pair(2.0 * both - both * pack_pair(b[0], b[1]) + both * 0.25)
+    out[1] = unpack_pair(1.0 - both - 3.0)
 
 
 def rows(count, width, seed=0):

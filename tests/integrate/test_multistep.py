@@ -9,7 +9,7 @@ from common.drawing import given
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, automaton
 from vibroplat.hybrid.modes import ATTACHED
-from vibroplat.hybrid.state import CUBIC, no_steps
+from vibroplat.hybrid.state import CUBIC, empty_steps
 from vibroplat.integrate.multistep import begin_steps, calm, excursion, no_past, transcribe
 from vibroplat.kernels.polynomial import extremes
 from vibroplat.model.parameters import parameters
@@ -22,7 +22,7 @@ OTHERS = 4
 def added(t, y, yp, guard=-1, at_guard=False, target=math.nan):
     """Steps through ends with unknowns y, shape (m, n), and derivatives, and why they stopped."""
     t, y, yp = (np.asarray(a, dtype=float) for a in (t, y, yp))
-    steps, past = no_steps(len(t) + 2, CUBIC), no_past()
+    steps, past = empty_steps(len(t) + 2, CUBIC), no_past()
     begin_steps(past, y[0], yp[0])
     return steps, transcribe(steps, past, t[1:], y[1:], yp[1:], guard, at_guard, target)
 

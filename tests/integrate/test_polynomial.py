@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from vibroplat.kernels.polynomial import crossing, extremes, first_fall, fit, fit_column, stretch, value, values
+from vibroplat.kernels.polynomial import crossing, extremes, first_downcrossing, fit, fit_column, stretch, value, values
 
 
 def column(coefficients):
@@ -14,7 +14,7 @@ def column(coefficients):
 
 
 def fall(coefficients, zeros=0):
-    return first_fall(column(coefficients), len(coefficients) - 1, 0, zeros)
+    return first_downcrossing(column(coefficients), len(coefficients) - 1, 0, zeros)
 
 
 def random_polynomials(seed, count, zeros=0):

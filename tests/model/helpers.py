@@ -101,8 +101,8 @@ def settled(system, differential, p, time=TIME):
     """Return (y, y′, y″, whether there are any) of a state; `differential` holds the differential unknowns."""
     y, yp, ypp = np.zeros(system.size), np.empty(system.size), np.empty(system.size)
     y[: system.differential] = differential[: system.differential]
-    found = accelerations(system.index, time, y, yp, p) and second_derivatives(system.index, time, y, yp, ypp, p)
-    return y, yp, ypp, found
+    exists = accelerations(system.index, time, y, yp, p) and second_derivatives(system.index, time, y, yp, ypp, p)
+    return y, yp, ypp, exists
 
 
 def torque_by_quotient(motor, frequency, direction, speed):

@@ -102,8 +102,8 @@ def constants(scene):
     )
 
 
-def expected(system, state, scene):
-    """Return accelerations of the system's coordinates and F_c by Lagrange's equations."""
+def expected(system, state, scene, added=0.0):
+    """Return accelerations of the system's coordinates and F_c by Lagrange's equations, with forces that are added."""
     moving = [int(c) for c in system.places[: system.differential // 2]]
     given = constants(scene)
     unbalances = np.multiply(given[13:15], given[15:17])
@@ -123,7 +123,7 @@ def expected(system, state, scene):
         # ÿ_w1 = 0 takes the place of an unknown acceleration, F_c that of the unknown
         rows = [*moving, 5]
         columns = np.column_stack([columns, -CONTACT])
-    return np.linalg.solve(columns[rows], forces[rows, 0])
+    return np.linalg.solve(columns[rows], (forces[:, 0] + added)[rows])
 
 
 @EACH_PAIR

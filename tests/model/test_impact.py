@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vibroplat.model.impact import impact, impacts_left, impulse_response, kinetic_change, latch
+from vibroplat.model.impact import chatter_map, impact, impulse_response, kinetic_change, remaining_impacts
 from vibroplat.model.parameters import IMPACT_LAWS, parameters
 
 from .helpers import mass_matrix, random_states, scene_of
@@ -144,7 +144,7 @@ def test_latch_is_the_sum_of_all_impacts(law, machine, layers, restitution, stic
     accelerations[6] *= layers == 2
     wanted, *sums = follow(before, accelerations, p)
     after, response = np.empty(14), np.empty(7)
-    duration, impulse, loss = latch(before, accelerations, after, p)
+    duration, impulse, loss = chatter_map(before, accelerations, after, p)
     assert (duration, impulse) == pytest.approx(tuple(sums[:2]), rel=1e-10)
     if law == "conservative" or machine == "paper":  # other laws on lopsided machines: cancelled to fewer digits
         assert loss == pytest.approx(sums[2], rel=1e-10)
@@ -161,4 +161,6 @@ def test_latch_is_the_sum_of_all_impacts(law, machine, layers, restitution, stic
 )
 def test_impacts_are_counted_until_one_sticks(sticking_speed, left):
     """They approach at 1, 0.5, 0.25, … m/s."""
-    assert impacts_left(1.0, parameters(scene_of(1, restitution=0.5, sticking_speed_m_per_s=sticking_speed))) == left
+    assert (
+        remaining_impacts(1.0, parameters(scene_of(1, restitution=0.5, sticking_speed_m_per_s=sticking_speed))) == left
+    )

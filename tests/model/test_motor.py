@@ -17,7 +17,7 @@ from vibroplat.model.motor import (
     resistance,
     torque_rate,
 )
-from vibroplat.model.parameters import blank, parameters
+from vibroplat.model.parameters import blank_record, parameters
 from vibroplat.model.systems import SYSTEMS
 
 from .helpers import TIME, central_difference, random_states, scene_of, torque_by_quotient
@@ -28,7 +28,7 @@ CRITICAL, SLIP, SYNCHRONOUS = 1.2, 0.15, 160.0
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_torque_at_known_slips(direction):
     """It drives below synchronous speed and brakes above; standstill and counter-rotation included."""
-    p = blank()  # without resistance
+    p = blank_record()  # without resistance
     p.direction = direction, -direction
     p.torque, p.speed, p.slip_speed = CRITICAL, SYNCHRONOUS, SLIP * SYNCHRONOUS
 
@@ -65,7 +65,7 @@ def test_a_switched_off_supply_and_one_of_0_hz_have_no_torque(slip, critical, to
 @pytest.mark.parametrize("speed", [-150.0, -0.3, 0.0, 0.3, 150.0])
 def test_resistance_is_against_the_rotation(speed):
     """The equations have −L_R, so L_R has the sign of the speed."""
-    p, friction = blank(), 2e-7
+    p, friction = blank_record(), 2e-7
     p.friction = friction  # without motors
     assert resistance(speed, friction) == pytest.approx(np.sign(speed) * friction * speed**2, rel=1e-15)
     assert net_slope(0, 0.0, speed, p) == pytest.approx(-2.0 * friction * abs(speed), rel=1e-15)

@@ -8,8 +8,8 @@ import pytest
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.model.equations import rows
-from vibroplat.model.impact import impact, latch
-from vibroplat.model.parameters import IMPACT_LAWS, blank, parameters
+from vibroplat.model.impact import chatter_map, impact
+from vibroplat.model.parameters import IMPACT_LAWS, blank_record, parameters
 from vibroplat.model.sensitivity import CHOICES, COMPLEX, IMAGINARY, flat, parameter_direction
 from vibroplat.model.systems import SYSTEMS
 
@@ -93,7 +93,7 @@ def test_impact_and_latch_along_state_accelerations_and_restitution(law):
         moved[12] = -0.3 + step * direction[12]
         impulse, loss = impact(moved, struck, p)
         moved[12] = 0.02 + step * direction[12]
-        duration, *_ = latch(moved, rates, closed, p)
+        duration, *_ = chatter_map(moved, rates, closed, p)
         return np.concatenate([struck, closed, [impulse, loss, duration]])
 
     def shifted(step):
@@ -112,7 +112,7 @@ def test_supply_frequency_changes_synchronous_and_critical_slip_speeds_alone():
     assert dp.speed == pytest.approx(speeds, rel=1e-13)
     assert dp.slip_speed == pytest.approx([scene.motors[0].critical_slip * speeds[0], 0.0], rel=1e-13)
     dp.speed = dp.slip_speed = 0.0
-    assert dp == blank()
+    assert dp == blank_record()
 
 
 @pytest.mark.parametrize("restitution", [0.0, 1.0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vibroplat.model.accelerations import accelerations
-from vibroplat.model.series import FORCE, HIGHEST, expand, room
+from vibroplat.model.series import FORCE, MAX_DEGREE, expand, room
 from vibroplat.model.systems import SYSTEMS
 
 from .helpers import EACH_PAIR, EACH_SYSTEM, TIME, random_states, record_of, settled
@@ -105,11 +105,11 @@ def test_motor_without_supply_and_speed_has_no_torque():
     assert np.isfinite(q).all()
 
 
-@pytest.mark.parametrize("degree", [2, 3, 12, HIGHEST])
+@pytest.mark.parametrize("degree", [2, 3, 12, MAX_DEGREE])
 def test_degree_only_cuts_the_series(degree):
     system, p = SYSTEMS[2], record_of(2, "rising")
     y, *_ = settled(system, random_states(seed=4, count=1)[0][system.places], p)
-    longest, force = series(system, y, p, HIGHEST)
+    longest, force = series(system, y, p, MAX_DEGREE)
     q, forces = series(system, y, p, degree)
     np.testing.assert_array_equal(q, longest[: degree + 1])
     np.testing.assert_array_equal(forces, force[: degree - 1])

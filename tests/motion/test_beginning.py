@@ -12,7 +12,7 @@ from common.results import unproven
 
 from vibroplat import simulate
 from vibroplat.config.coordinates import COORDINATES, RATES
-from vibroplat.hybrid.state import initial_state, perturbed, state_scales
+from vibroplat.hybrid.state import initial_state, perturb_state, state_scales
 from vibroplat.motion.initial_condition import initial_condition
 from vibroplat.results.provenance import configuration_hash
 from vibroplat.results.tables import read_json, read_table
@@ -266,7 +266,7 @@ def test_start_is_perturbed_as_a_first_point_of_a_sweep(quickstart):
     )
     (branch,) = branches(scene.replace({"sweep.supply_frequency_hz.direction": "up"}))
     key = (scene.sweep.seed, *branch.key(branch.along[0]))
-    of_sweep = perturbed(initial_state(branch.scene), branch.scene, scene.sweep.perturbation, key)
+    of_sweep = perturb_state(initial_state(branch.scene), branch.scene, scene.sweep.perturbation, key)
     assert (initial_condition(scene).state == of_sweep).all()
 
 

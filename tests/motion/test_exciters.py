@@ -28,7 +28,7 @@ def test_runs_and_sweeps_of_equal_exciters_are_bit_for_bit_the_same(quickstart):
     assert bits(first.trajectory) == bits(second.trajectory)
     assert bits(first.events) == bits(second.events)
     assert first.summary | {"wall_s": 0} == second.summary | {"wall_s": 0}
-    assert bits(sweep(old)) == bits(sweep(new))
+    assert bits(sweep(old).sweep) == bits(sweep(new).sweep)
 
 
 def test_mirrored_machine_moves_in_a_mirror(quickstart):

@@ -113,9 +113,10 @@ def test_events_with_latches(runs, name):
     ("name", "seconds", "within"),
     [
         ("onelayer-R03-mu01-fe48", 0.08, 5e-12),
-        pytest.param("restitution05-mu02-fe51.5", 0.2, 1e-11, marks=pytest.mark.long),
+        ("restitution05-mu02-fe51.5", 0.2, 1e-11),
     ],
 )
+@pytest.mark.long
 def test_reference_is_that_of_an_independent_integration(name, seconds, within):
     """Both follow impacts until a last one without rebound, and agree from there on."""
     scene = load_config(REFERENCE / f"{name}.yaml").replace({"run.duration_s": seconds})

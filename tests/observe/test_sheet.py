@@ -323,7 +323,7 @@ def test_a_motor_that_hangs_below_a_resonance_is_captured(printed):
 def test_rows_and_old_summaries(quickstart):
     plan = {"supply_frequency_hz": {"start": 46.0, "stop": 46.0}, "measure_s": 0.2}
     scene = quickstart.replace({"sweep": plan, "solver.engine": "taylor", **POINTS})
-    table = sweep(scene)
+    table = sweep(scene).sweep
     names = list(columns(scene))
     assert list(table.columns)[-len(names) :] == names
     assert table[names].notna().all(axis=None)

@@ -1,14 +1,8 @@
 import pytest
 from common import handmade
 
-from vibroplat import load_config, orbits, simulate, sweep
-from vibroplat.basin.question import Basins
-from vibroplat.continuation.tables import write_orbits
-from vibroplat.designs.question import Design
+from vibroplat import basins, design, find, load_config, orbits, simulate, sweep
 from vibroplat.results.files import write_result
-from vibroplat.results.provenance import provenance
-from vibroplat.study.question import ask
-from vibroplat.thresholds.tables import question as thresholds
 
 
 @pytest.fixture(scope="session")
@@ -32,11 +26,7 @@ def started(tmp_path_factory):
     """Result of a start from rest."""
     changes = {"name": "started", "solver.engine": "taylor", "run.duration_s": 1.5, "run.initial.speed_ratio": 0.0}
     run = simulate(load_config(handmade.QUICKSTART, changes))
-    directory = tmp_path_factory.mktemp("starts") / "started"
-    directory.mkdir()
-    tables = {"trajectory": run.trajectory, "events": run.events}
-    write_result(directory, "run", provenance(run.scene, "taylor"), tables, {"summary": run.summary}, form="parquet")
-    return directory
+    return run.save(tmp_path_factory.mktemp("starts") / "started")
 
 
 @pytest.fixture(scope="session")
@@ -62,9 +52,7 @@ def branched(tmp_path_factory):
     }
     scene = load_config(handmade.QUICKSTART, {"name": "branched", "solver.engine": "taylor", "orbits": plan})
     directory = tmp_path_factory.mktemp("orbits") / "branched"
-    directory.mkdir()
-    write_orbits(scene, orbits(scene), {"branches": []}, directory, "parquet")
-    return directory
+    return orbits(scene).save(directory)
 
 
 @pytest.fixture(scope="session")
@@ -73,9 +61,7 @@ def measured(tmp_path_factory):
     plan = {"supply_frequency_hz": {"start": 45.0, "stop": 51.0, "step": 2.0}, "grid": {}, "measure_s": 1.0}
     scene = load_config(handmade.QUICKSTART, {"name": "measured", "solver.engine": "taylor", "sweep": plan})
     directory = tmp_path_factory.mktemp("sweeps") / "measured"
-    directory.mkdir()
-    write_result(directory, "sweep", provenance(scene, "taylor"), {"sweep": sweep(scene)}, form="parquet")
-    return directory
+    return sweep(scene).save(directory)
 
 
 @pytest.fixture(scope="session")
@@ -100,17 +86,14 @@ def answered(tmp_path_factory):
     spread = {"spread": {radius: 0.05}, "samples": 20}
     over = {"key": supply, "start": 62.3, "stop": 63.1, "count": 2}
     questions = {
-        "basins": (Basins, 62.3, 0.0, {"basins": {"starts": box, "random": 40}}),
-        "over": (Basins, 62.3, 0.0, {"basins": {"starts": box, "random": 20, "over": over}}),
-        "thresholds": (thresholds, 60.0, 0.3, {"find": mass}),
-        "design": (Design, 57.4, 0.1, {"design": spread | {"keys": {radius: [0.02, 0.04]}}}),
-        "best": (Design, 55.0, 0.1, {"design": best | {"starts": 2}}),
+        "basins": (basins, 62.3, 0.0, {"basins": {"starts": box, "random": 40}}),
+        "over": (basins, 62.3, 0.0, {"basins": {"starts": box, "random": 20, "over": over}}),
+        "thresholds": (find, 60.0, 0.3, {"find": mass}),
+        "design": (design, 57.4, 0.1, {"design": spread | {"keys": {radius: [0.02, 0.04]}}}),
+        "best": (design, 55.0, 0.1, {"design": best | {"starts": 2}}),
     }
-    for name, (ask_of, frequency, ratio, plan) in questions.items():
+    for name, (study, frequency, ratio, plan) in questions.items():
         keys = {"name": name, "solver.engine": "taylor", supply: frequency, "material.mass_ratio": ratio}
-        question = ask_of(load_config(handmade.QUICKSTART.parents[1] / "configs/machines/calibrated.yaml", keys | plan))
-        answer, directory = ask(question), place / name
-        directory.mkdir()
-        origin = provenance(question.scene, "taylor") | {"answer": answer.told}
-        write_result(directory, question.command, origin, answer.tables, form="parquet")
+        scene = load_config(handmade.QUICKSTART.parents[1] / "configs/machines/calibrated.yaml", keys | plan)
+        study(scene).save(place / name)
     return {name: place / name for name in questions}

@@ -521,7 +521,7 @@ def test_a_directory_without_results_is_refused(tmp_path, command):
     for directory in (tmp_path, tmp_path / "nowhere"):
         done = command("report", directory)
         assert (done.code, done.out) == (2, "")
-        names = "run, sweep, orbits, basins, find or design"
+        names = "run, sweep, orbits, find, basins or design"
         told = f"{directory} holds no finished {names}; allowed: a directory with one of them"
         assert done.err == f"vibroplat: {told}\n"
 

@@ -222,14 +222,7 @@ def test_curves_that_differ_are_computed_each():
     machine, _ = reproduction.trials_of(numbers, (0,))
     found = [b for trial in machine for name in trial.names for b in branches(trial.scene(name))]
     assert len(found) == len(set(map(reproduction.curve_of, found))) + 3
-    assert reproduction.planned(numbers) == (len(found) - 3, 79 * (len(found) - 3))
-
-
-def test_perturbation_follows_from_direction_and_frequency():
-    scene = paper_scene("fig3", machine_numbers("calibrated"))
-    up, down = branches(scene)[4:]
-    assert up.key(61.5) == (0, 61_500_000)
-    assert down.key(61.5) == (1, 61_500_000)
+    assert reproduction.PaperStudy(numbers).chains(None) == len(found) - 3
 
 
 def test_sweeps_of_figures_differ_in_their_grid_alone():
@@ -251,13 +244,20 @@ def coarse(monkeypatch):
 def test_paper_is_reproduced_and_resumed(tmp_path, coarse, figures):
     told = []
     seeds = (2, 3)
-    place = tmp_path / "points"
+    study = reproduction.PaperStudy(coarse, seeds, "coarse")
+
+    def reproduce(pool, *, resume=True):
+        with Store(tmp_path, study.conditions, resume=resume) as store:
+            result = study.run(store, pool, lambda *counts: told.append(counts))
+            store.finish()
+            return result
+
     pool = Counting()
-    found = reproduction.reproduce(coarse, place, pool, seeds=seeds, progress=lambda *counts: told.append(counts))
+    found = reproduce(pool, resume=False)
     assert pool.engines == {"taylor"}
-    assert told[-1][:2] == reproduction.planned(coarse, seeds)
-    assert len(found.points) >= told[-1][1]
-    viscous = {"fig6-nonimpact"} if found.beta else set()
+    assert told[0] == (0, told[0][1])
+    beta = found.provenance["beta_per_s"]
+    viscous = {"fig6-nonimpact"} if beta else set()
     names = {*reproduction.SWEEPS, *tables.PANELS, *viscous}
     names |= {"sync-bands", "claims"}
     assert names == found.tables.keys()
@@ -269,50 +269,52 @@ def test_paper_is_reproduced_and_resumed(tmp_path, coarse, figures):
     counts = bands[bands["restitution"] < 1.0].groupby(["mass_ratio", "restitution", "model", "law", "direction"])
     assert counts["points"].sum().eq(4).all()  # with R = 1 points end as event storms
     shown = found.tables["fig7"].groupby(["panel", "curve"]).size()
-    assert len(shown) == (16 if found.beta else 12)
+    assert len(shown) == (16 if beta else 12)
     assert np.isfinite(found.tables["fig4"]["y_m"]).all()
-    found.write(coarse, tmp_path)
-    assert any(line.startswith(f"{'machine':<24}coarse; ") for line in found.overview("coarse", 1.0))
+    found.save(tmp_path, "csv")
+    assert found.answer.lines["machine"].startswith("coarse; ")
     plot_results([tmp_path])
     assert list(figures) == list(FIGURES)
     # judged again from what is stored
-    same(reproduction.reproduce(coarse, place, Refusing(), seeds=seeds, resume=True), found)
+    same(reproduce(Refusing()), found)
     # a tenth of what is stored, of all stages, is lost and made again, with an interruption
     lost, kept = 0, 0
-    for file in place.rglob(FILE):
+    for file in tmp_path.rglob(FILE):
         with closing(sqlite3.connect(file)) as base, base:
             lost += base.execute("DELETE FROM records WHERE rowid % 10 = 0").rowcount
             kept += base.execute("SELECT COUNT(*) FROM records").fetchone()[0]
     assert kept + lost == pool.count
     with pytest.raises(Interrupted):
-        reproduction.reproduce(coarse, place, Counting(5), seeds=seeds, resume=True)
+        reproduce(Counting(5))
     last = Counting()
-    again = reproduction.reproduce(coarse, place, last, seeds=seeds, resume=True)
+    again = reproduce(last)
     assert last.count == lost - 5 > 5
-    same(again, found, times=False)
+    same(again, found)
 
 
-def same(found, expected, *, times=True):
-    """Whether two reproductions are equal, with or without wall times."""
-    assert found.beta == expected.beta
+def same(found, expected):
+    """Whether two reproductions are equal."""
     assert found.tables.keys() == expected.tables.keys()
     for name, table in expected.tables.items():
-        left, right = (t if times else t.drop(columns="wall_s", errors="ignore") for t in (found.tables[name], table))
-        pd.testing.assert_frame_equal(left, right, check_exact=True)
+        pd.testing.assert_frame_equal(found.tables[name], table, check_exact=True)
 
 
 def test_unfinished_reproduction_is_refused_before_anything_is_simulated(tmp_path, coarse):
-    pool = Counting(3)
+    def reproduce(numbers, workers, *, resume=False):
+        study = reproduction.PaperStudy(numbers)
+        with Store(tmp_path, study.conditions, resume=resume) as store:
+            study.run(store, workers, lambda done, known: None)
+
     with pytest.raises(Interrupted):
-        reproduction.reproduce(coarse, tmp_path, pool)
-    with pytest.raises(ConfigError, match="3 points of unfinished work"):
-        reproduction.reproduce(coarse, tmp_path, Refusing())
+        reproduce(coarse, Counting(3))
+    with pytest.raises(ConfigError, match="3 tasks of unfinished work"):
+        reproduce(coarse, Refusing())
     changed = {**coarse, "machine.unbalance_radius_m": 0.01}
     with pytest.raises(ConfigError, match=r"cannot resume: .*unbalance_radius_m = 0\.01; allowed: "):
-        reproduction.reproduce(changed, tmp_path, Refusing(), resume=True)
+        reproduce(changed, Refusing(), resume=True)
     other = {**coarse, "solver.engine": "sundae"}
-    with pytest.raises(ConfigError, match=r"cannot resume: \w+\.engine = sundae; allowed: taylor"):
-        reproduction.reproduce(other, tmp_path, Refusing(), resume=True)
+    with pytest.raises(ConfigError, match=r"cannot resume: .*\.engine = sundae; allowed: taylor"):
+        reproduce(other, Refusing(), resume=True)
 
 
 def test_history_begins_at_a_whole_turn():

@@ -12,7 +12,7 @@ from vibroplat.errors import TableError, VibroplatError
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.paper import FIGURES, MASSES, history
 from vibroplat.plots.sweep import sweep_figures
-from vibroplat.results.files import Result
+from vibroplat.results.files import SavedFiles
 
 
 @pytest.mark.long
@@ -104,7 +104,7 @@ def test_data_are_laid_over_a_sweep_and_what_is_not_drawn_is_named(signs, write_
 @pytest.fixture(scope="module")
 def paper():
     """The tracked reproduction of the calibrated machine."""
-    return Result(ROOT / "results" / "paper" / "calibrated", "paper")
+    return SavedFiles(ROOT / "results" / "paper" / "calibrated", "paper")
 
 
 def test_jumps_of_the_paper_are_vertical_arrows(paper):

@@ -149,8 +149,8 @@ def test_boundaries_are_drawn_over_two_keys(followed):
 
 
 def test_what_is_missing_is_refused(followed, tmp_path):
-    (tmp_path / "orbits.sqlite").touch()
-    with pytest.raises(TableError, match="holds unfinished branches; continue them with `vibroplat orbits --resume`"):
+    (tmp_path / "points-orbits.sqlite").touch()
+    with pytest.raises(TableError, match="holds unfinished work; continue it with `vibroplat orbits --resume`"):
         read_branches(tmp_path)
     (followed / "boundaries.parquet").unlink()
     with pytest.raises(TableError, match=r"holds no boundaries; add orbits.boundaries to its configuration"):

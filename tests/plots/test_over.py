@@ -185,13 +185,6 @@ def test_the_only_values_of_keys_and_all_failed_points_are_drawn(write):
     assert sorted({*crosses}) == pytest.approx(0.1 * np.arange(8))
 
 
-def test_a_table_in_memory_is_drawn_over_its_key(write):
-    axes = over(DAMPING, RATIOS).vibroplat.plot().axes
-    assert key_label(DAMPING) in {axis.get_xlabel() for axis in axes}
-    with pytest.raises(ValueError, match="allowed: a column of the table"):
-        over(DAMPING, RATIOS).vibroplat.plot("supply_frequency_hz")
-
-
 def test_page_draws_points_over_the_key_first(write):
     place = write(over(DAMPING, RATIOS))
     (shown,) = page_data(list(find_results([place])))["points"]

@@ -277,7 +277,8 @@ def test_two_rows_of_an_event_are_before_and_after(finished):
     pd.testing.assert_frame_equal(before[positions], after[positions], rtol=0.0, atol=1e-9)
     if finished.scene.has_contact:
         assert np.abs(pairs["gap_m"]).max() < 1e-9
-        struck = events["kind"] == "impact"
+        struck, lifted = events["kind"] == "impact", events["kind"] == "liftoff"
+        assert (before["gap_rate_m_per_s"][lifted] == after["gap_rate_m_per_s"][lifted]).all()
         for name, rows in (("before", before), ("after", after)):
             np.testing.assert_allclose(rows["gap_rate_m_per_s"][struck], events[f"gap_rate_{name}_m_per_s"][struck])
         landed = events["mode_after"] == "attached"

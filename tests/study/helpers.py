@@ -24,7 +24,7 @@ def planned(config, start, stop=None, *, step=0.5, direction="up", changes=None,
 
 def swept(config, start, stop=None, **options):
     """Sweep a configuration in this process; see :func:`planned`."""
-    return sweep(planned(config, start, stop, **options))
+    return sweep(planned(config, start, stop, **options)).sweep
 
 
 class Calls:

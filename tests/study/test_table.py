@@ -15,7 +15,8 @@ from common.places import FLYING, LOADED
 from common.results import bits
 
 from vibroplat import Scene, load_config, simulate, sweep
-from vibroplat.hybrid.state import initial_state, perturbed, state_scales
+from vibroplat.config.plausibility import notes_on_inputs
+from vibroplat.hybrid.state import initial_state, perturb_state, state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.observe import summary
 from vibroplat.results.tables import read_table
@@ -23,7 +24,7 @@ from vibroplat.study.branches import branches
 from vibroplat.study.point import MEASURED, Point, synchronization
 from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
-from vibroplat.study.sweep import diagram_tables, notes_on_branches, notes_on_points, run_sweeps, tables, write_sweep
+from vibroplat.study.sweep import SweepStudy, notes_on_points, run_sweeps
 
 from .helpers import CHAOTIC, MACHINE, planned, swept
 
@@ -45,26 +46,21 @@ STORM = {"solver.max_events_per_period": 1}
 @pytest.fixture(scope="module")
 def table():
     """Two directions of two combinations of values."""
-    return swept(LOADED, 50.0, 51.0, direction=["up", "down"], grid=GRID)
+    return swept(LOADED, 50.0, 51.0, step=1.0, direction=["up", "down"], grid=GRID)
 
 
 # -- rows and columns -----------------------------------------------------------------------------------
 
 
-def test_columns_are_those_of_the_interface(table):
+def test_columns_are_those_of_the_interface_and_have_its_types(table):
     found = list(table.columns)
     assert found[:3] == ["supply_frequency_hz", *GRID]
     assert [column for column in found[3:] if column in INTERFACE] == INTERFACE
     assert len(set(found)) == len(found)
-
-
-def test_types_of_columns(table):
-    assert table["supply_frequency_hz"].dtype == float
-    assert [table[key].dtype.kind for key in GRID] == ["f", "i"]
+    kinds = {"supply_frequency_hz": "float64", **dict(zip(GRID, ("float64", "int64"), strict=True))}
+    kinds |= dict.fromkeys(TEXTS, "str") | dict.fromkeys(COUNTS, "Int64")
+    assert table.dtypes.astype(str).to_dict() == {column: kinds.get(column, "float64") for column in found}
     assert set(table["rotation"]) == {"counter-rotating"}
-    for column in table.columns[3:]:
-        expected = "str" if column in TEXTS else "Int64" if column in COUNTS else "float64"
-        assert str(table[column].dtype) == expected, column
 
 
 def test_types_do_not_depend_on_what_was_found():
@@ -91,7 +87,7 @@ def test_measures_are_those_of_a_run():
     """Without a perturbation a point is the end of a run."""
     plan = {"settle": "motion", "measure_s": 3.0, "perturbation": 0.0}
     scene = planned(LOADED, 51.0, changes={"contact.restitution": 0.3}, **plan)
-    row = sweep(scene).iloc[0]
+    row = sweep(scene).sweep.iloc[0]
     seconds = row["settle_s"]
     run = simulate(scene.replace({"drive.supply_frequency_hz": 51.0, "run.duration_s": row["simulated_s"]}))
     same = ("excitation_frequency_hz", "rms_y_m", "amplitude_y_m", "phase_coherence")
@@ -143,10 +139,10 @@ def test_failed_points_are_rows_and_the_branch_goes_on(storming):
 
 def test_points_that_do_not_keep_their_balances_are_inaccurate_and_not_gone_on_from(monkeypatch):
     scene = planned(LOADED, 50.0, 50.5, settle="motion", measure_s=0.1)
-    good = sweep(scene)
+    good = sweep(scene).sweep
     monkeypatch.setattr(summary, "LEAST_ENERGY", 0.0)
     monkeypatch.setattr(summary, "ENERGY", 1e-9)
-    table = sweep(scene)
+    table = sweep(scene).sweep
     assert good["outcome"].tolist() == ["ok", "ok"]
     assert table["outcome"].tolist() == ["inaccurate", "inaccurate"]
     assert table["detail"].str.match(r"energy residual \S+ is beyond 1e-12, the limit at tolerance 1e-06; lower ").all()
@@ -188,14 +184,11 @@ def test_points_begin_with_the_state_of_the_last_good_one(monkeypatch):
     assert down == [(52.5, None), (52.0, 52.5), (51.5, 52.5), (51.0, 52.5), (50.5, 51.0), (50.0, 50.5)]
 
 
-def test_progress_counts_branches_points_and_events(monkeypatch):
+def test_progress_counts_points(monkeypatch):
     monkeypatch.setattr("vibroplat.study.sweep.measure_point", Recorder(failing=()))
     told = []
     sweep(planned(LOADED, 50.0, 51.0, direction=["up", "down"]), progress=lambda *counts: told.append(counts))
-    assert [points for _, points, _ in told] == list(range(7))
-    assert [events for _, _, events in told] == [2 * points for points in range(7)]
-    assert (told[0][0], told[-1][0]) == (0, 2)
-    assert [branches for branches, _, _ in told] == sorted(branches for branches, _, _ in told)
+    assert told == [(points, 6) for points in range(7)]
 
 
 # -- synchronization ------------------------------------------------------------------------------------
@@ -232,7 +225,7 @@ def test_exciters_that_drift_apart_are_not_synchronous():
 
 def test_equal_scenes_have_equal_rows_in_any_sweep(table):
     """All curves without restitution are one, whatever else is swept and in whichever order."""
-    masses = swept(LOADED, 50.0, 51.0, direction=["down", "up"], grid={"material.mass_ratio": [0.2]})
+    masses = swept(LOADED, 50.0, 51.0, step=1.0, direction=["down", "up"], grid={"material.mass_ratio": [0.2]})
     places = ["material.mass_ratio", "material.layers", "contact.restitution", "direction", "branch"]
 
     def curve(found, direction):
@@ -243,34 +236,26 @@ def test_equal_scenes_have_equal_rows_in_any_sweep(table):
         assert curve(masses, direction) != curve(table[table["contact.restitution"] == 0.3], direction)
 
 
-def test_perturbation_changes_rates_of_platform_and_exciters_by_its_size():
+def test_perturbation_changes_rates_by_its_size_and_follows_from_its_key():
     scene = planned(LOADED, 50.0, perturbation=0.02, seed=5)
     state, scales = initial_state(scene), state_scales(scene)
-    changes = np.array([perturbed(state, scene, 0.02, (5, 0, k)) - state for k in range(400)]) / scales
+    changes = np.array([perturb_state(state, scene, 0.02, (5, 0, k)) - state for k in range(400)]) / scales
     assert not changes[:, [0, 1, 2, 3, 4, 5, 6, 12, 13]].any()
     assert changes[:, 7:12].std(axis=0) == pytest.approx([0.02] * 5, rel=0.15)
     assert changes[:, 7:12].mean(axis=0) == pytest.approx([0.0] * 5, abs=0.005)
     assert len(np.unique(changes[:, 7])) == 400
+    draws = [perturb_state(state, scene, 0.01, key)[7] for key in itertools.product((0, 1), repeat=3)]
+    assert len(set(draws)) == len(draws)
+    assert perturb_state(state, scene, 0.01, (0, 0, 1))[7] == draws[1]
     assert np.abs(np.corrcoef(changes[:, 7:12].T) - np.eye(5)).max() < 0.25
-
-
-def test_perturbations_follow_from_seed_direction_and_frequency():
-    scene = planned(LOADED, 50.0)
-    state = initial_state(scene)
-    keys = itertools.product((0, 1), repeat=3)
-    draws = {key: perturbed(state, scene, 0.01, key)[7] for key in keys}
-    assert len(set(draws.values())) == len(draws)
-    assert perturbed(state, scene, 0.01, (0, 1, 0))[7] == draws[0, 1, 0]
 
 
 # -- bifurcation ----------------------------------------------------------------------------------------
 
 
 def both_tables(scene):
-    with Store(None, {}) as store:
-        run_sweeps([(branches(scene), store)], Inline())
-        found = {"sweep": tables(branches(scene), store)} | diagram_tables(branches(scene), store)
-        return [pd.concat(parts) for parts in found.values()]
+    result = sweep(scene)
+    return result.sweep, result.section, result.impacts
 
 
 def test_bifurcation_tables_show_the_last_turns_and_impacts_of_each_point():
@@ -316,7 +301,7 @@ def done(tmp_path_factory):
     (place / "c.yaml").write_text(
         f"{FLYING}"
         "sweep:\n"
-        "  supply_frequency_hz: {start: 50.0, stop: 51.0, direction: [up, down]}\n"
+        "  supply_frequency_hz: {start: 50.0, stop: 51.0, step: 1.0, direction: [up, down]}\n"
         "  grid: {contact.restitution: [0.0, 0.3], material.layers: [2]}\n"
     )
     with pytest.MonkeyPatch.context() as patch:
@@ -332,8 +317,8 @@ def test_command_writes_what_python_gives(done, table):
     written = {path.name for path in done[1].iterdir()}
     assert {"sweep.parquet", "provenance.json"} <= written
     lines = {line[:28].rstrip(): line[28:] for line in done[0].out.splitlines()}
-    assert (lines["points"], lines["outcomes"]) == ("12 in 4 branches", "ok 12")
-    assert (lines["synchronization"], lines["tables"]) == ("antiphase 12 (shakes along y)", "results/c")
+    assert (lines["points"], lines["outcomes"]) == ("8 in 4 branches", "ok 8")
+    assert (lines["synchronization"], lines["tables"]) == ("antiphase 8 (shakes along y)", "results/c")
     assert not {name for name in written if name.startswith((".", "section", "impacts"))}
 
 
@@ -348,8 +333,11 @@ def test_command_with_failed_points_exits_1_and_names_them(command, here, stormi
     place = "event-storm at supply_frequency_hz {}, material.layers 2, direction up: 1 restarts within "
     assert first.startswith(f"vibroplat: {place.format(48.0)}")
     assert second.startswith(f"vibroplat: {place.format(52.0)}")
-    assert last == "vibroplat: 2 of 3 points failed"
+    assert last == "vibroplat: 2 of the points failed"
     assert read_table(here / "results/c", "sweep")["outcome"].tolist() == ["ok", "event-storm", "event-storm"]
+    done = command("sweep", "c.yaml", "--set", "sweep.supply_frequency_hz.start=52", "--out", "failed")
+    assert (done.code, len(done.err.splitlines()), "nan" in done.out) == (1, 2, False)
+    assert "outcomes                    event-storm 1" in done.out
 
 
 def test_another_kind_removes_what_the_one_before_wrote(command, here):
@@ -360,14 +348,6 @@ def test_another_kind_removes_what_the_one_before_wrote(command, here):
     for kind, written in zip(kinds, both, strict=True):
         assert command("sweep", "c.yaml", *kind).code == 0
         assert {path.name for path in directory.glob("*.[pc]*")} == written
-
-
-def test_command_with_nothing_but_failed_points_prints_no_nan(command, here):
-    plan = "sweep: {supply_frequency_hz: {start: 52.0, stop: 52.0}}"
-    (here / "c.yaml").write_text(f"{FLYING}solver: {{max_events_per_period: 1}}\n{plan}\n")
-    done = command("sweep", "c.yaml")
-    assert (done.code, len(done.err.splitlines()), "nan" in done.out) == (1, 2, False)
-    assert "outcomes                    event-storm 1" in done.out
 
 
 def test_point_without_memory_has_an_outcome_and_the_next_one_goes_on(monkeypatch):
@@ -388,11 +368,6 @@ def test_point_without_memory_has_an_outcome_and_the_next_one_goes_on(monkeypatc
 
 # -- notes ----------------------------------------------------------------------------------------------
 
-CAPTURED = "captured by a resonance, overloaded or still running up"
-
-
-# -- the digest -----------------------------------------------------------------------------------------
-
 
 def noted(*notes):
     found = pd.DataFrame({"supply_frequency_hz": 60.0 + np.arange(len(notes)), "notes": list(notes)})
@@ -401,23 +376,20 @@ def noted(*notes):
 
 def test_each_kind_of_note_is_told_once_with_its_points():
     turning = "the platform turns by up to {} rad, where a model of first order in phi is inaccurate"
-    captured = f"exciter {{}} turns at {{}} Hz, 7.6 % below its synchronous speed 33 Hz: {CAPTURED}"
+    captured = "exciter {} turns at {} Hz, 7.6 % below its synchronous speed 33 Hz: overloaded"
     both = f"{captured.format(1, 30.5)}; {captured.format(2, 30.5)}"
     found = notes_on_points(noted("", both, f"{turning.format(0.2)}; {captured.format(2, 1e-5)}", both, None))
     assert found == [
         f"3 points at a supply of 61 … 63 Hz, the first: {captured.format(1, 30.5)}",
         f"1 point at a supply of 62 Hz: {turning.format(0.2)}",
     ]
-
-
-def test_a_table_without_notes_has_no_digest():
     assert notes_on_points(noted("", None, np.nan)) == notes_on_points(noted()) == []
 
 
 def test_notes_on_the_input_are_those_of_all_branches_each_once():
     grid = {"material.mass_ratio": [0.2, 20.0], "contact.restitution": [0.0, 0.5]}
     scene = planned(LOADED, 300.0, 500.0, step=100.0, direction=["up", "down"], grid=grid)
-    notes = notes_on_branches(branches(scene))
+    notes = notes_on_inputs(SweepStudy(scene).scenes())
     assert len(set(notes)) == len(notes)
     assert "material.mass_ratio = 20; usual: up to 5" in notes
     assert "drive.supply_frequency_hz = 500; usual: up to 400 Hz" in notes
@@ -476,19 +448,7 @@ def sweep_of(points, directory, **plan):
     scene = planned(LOADED, 1.0, last, step=0.1, direction=["up", "down"], grid=MASSES, **plan)
     directory.mkdir()
     with Store(directory, {}) as store:
-        run_sweeps([(branches(scene), store)], Inline())
-        write_sweep(scene, branches(scene), store, directory, "parquet")
-
-
-def largest_memory(*arguments, **plan):
-    """Python's largest memory while it sweeps."""
-    gc.collect()
-    tracemalloc.start()
-    try:
-        sweep_of(*arguments, **plan)
-        return tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
+        SweepStudy(scene).run(store, Inline(), lambda done, known: None).save(directory)
 
 
 @pytest.mark.campaign
@@ -496,10 +456,15 @@ def test_memory_for_each_point_is_that_of_its_row(tmp_path, monkeypatch):
     """Rows are kept, some 1.5 kB each; their sections, 4 kB each, are not."""
     monkeypatch.setattr("vibroplat.study.sweep.measure_point", measured_at_once)
     sweep_of(100, tmp_path / "warm", kind="bifurcation")
-    few = largest_memory(2_000, tmp_path / "few", kind="bifurcation")
-    many = largest_memory(10_000, tmp_path / "many", kind="bifurcation")
-    assert many - few < 2e3 * 8_000
-    assert len(read_table(tmp_path / "many", "sweep")) == 10_000
+    taken = []
+    for points in (2_000, 10_000):
+        gc.collect()
+        tracemalloc.start()
+        sweep_of(points, tmp_path / str(points), kind="bifurcation")
+        taken.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert taken[1] - taken[0] < 2e3 * 8_000
+    assert len(read_table(tmp_path / "10000", "sweep")) == 10_000
 
 
 def test_no_scene_is_made_for_points_that_are_stored(tmp_path, monkeypatch):
@@ -515,7 +480,7 @@ def test_no_scene_is_made_for_points_that_are_stored(tmp_path, monkeypatch):
 
 def test_table_of_many_points_is_in_row_groups(tmp_path, monkeypatch):
     monkeypatch.setattr("vibroplat.study.sweep.measure_point", measured_at_once)
-    monkeypatch.setattr("vibroplat.study.sweep.CHUNK", 12)
+    monkeypatch.setattr("vibroplat.results.tables.GROUP", 12)
     sweep_of(16, tmp_path / "points", kind="bifurcation")
     table = read_table(tmp_path / "points", "sweep")
     groups = pq.ParquetFile(tmp_path / "points/sweep.parquet").metadata

@@ -25,7 +25,7 @@ from vibroplat.thresholds.evidence import (
     zones,
 )
 from vibroplat.thresholds.search import start_key
-from vibroplat.thresholds.tables import question
+from vibroplat.thresholds.tables import ThresholdStudy
 from vibroplat.thresholds.values import Value, closed, evaluate, scatters
 
 KEY = "motor.critical_torque_n_m"
@@ -196,7 +196,7 @@ def test_the_answer_is_the_value_beyond_which_all_hold_then_the_mixed_interval_t
     assert (row["tried_above"], row["tried_up_to"]) == (tried[KEY].nunique(), tried[KEY].max())
     assert row["tried_above"] > 40
     assert (tried["rms_y_m"] > 0.5).all()
-    first, mixed, below, single = found.text
+    first, mixed, below, single = found.answer.text
     assert first.startswith(f"{KEY}: above 66.")
     assert (
         f": rms_y_m > 0.5 is true at all {row['tried_above']} values tried up to {row['tried_up_to']:.6g}, with "
@@ -211,11 +211,11 @@ def test_the_answer_is_the_value_beyond_which_all_hold_then_the_mixed_interval_t
 
 
 def test_it_depends_neither_on_jobs_nor_on_an_interruption(known, tmp_path):
-    asked = question(Scene().replace({"find": ASKED}))
+    study = ThresholdStudy(Scene().replace({"find": ASKED}))
 
     def answered(place, progress=lambda done, known: None, *, resume=False):
-        with Store(place, {}, resume=resume) as store, pool(1, chains=asked.chains) as workers:
-            return asked.answer(store, workers, progress)
+        with Store(place, {}, resume=resume) as store, pool(1) as workers:
+            return study.run(store, workers, progress)
 
     def killed(done, known):
         if done == 60:
@@ -224,21 +224,20 @@ def test_it_depends_neither_on_jobs_nor_on_an_interruption(known, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         answered(tmp_path / "one", killed)
     resumed, whole = answered(tmp_path / "one", resume=True), answered(tmp_path / "two")
-    assert resumed.told == whole.told
+    assert resumed.answer == whole.answer
     assert all(resumed.tables[name].equals(whole.tables[name]) for name in whole.tables)
 
 
 def test_far_from_a_mixed_interval_another_engine_must_agree(known):
-    asked = question(Scene().replace({"find": ASKED}))
-    with Store(None, {}) as store, pool(1) as workers:
-        answer = asked.answer(store, workers, lambda done, known: None)
-    repeats = asked.repeats(answer, lambda scene: scene)
-    (row,) = answer.tables["thresholds"].to_dict("records")
-    assert [repeat.place for repeat in repeats] == [
+    scene = Scene().replace({"find": ASKED})
+    result = find(scene)
+    cases = ThresholdStudy(scene).cross_check_cases(result, None, lambda scene: scene)
+    (row,) = result.thresholds.to_dict("records")
+    assert [case.place for case in cases] == [
         f"at {KEY} = {row[name]:.12g}" for name in ("tried_down_to", "tried_up_to")
     ]
-    assert [repeat.row["motor_power_w"] for repeat in repeats] == [1.0, 1.0]
-    assert [bool(pd.isna(repeat.row["period"])) for repeat in repeats] == [True, False]
+    assert [case.row["motor_power_w"] for case in cases] == [1.0, 1.0]
+    assert [bool(pd.isna(case.row["period"])) for case in cases] == [True, False]
 
 
 def test_what_holds_beyond_a_mixed_interval_holds_with_other_seeds(known, monkeypatch):
@@ -268,9 +267,7 @@ def test_what_was_measured_in_a_transient_is_told(known, monkeypatch):
         return point
 
     monkeypatch.setattr(search, "evaluate", drifting)
-    asked = question(Scene().replace({"find": ASKED}))
-    with Store(None, {}) as store, pool(1) as workers:
-        notes = asked.answer(store, workers, lambda done, known: None).notes
+    notes = find(Scene().replace({"find": ASKED})).answer.notes
     assert "was measured in a transient or has no clear class" in notes[-1]
 
 

@@ -7,9 +7,7 @@ import pytest
 from vibroplat import find, load_config
 from vibroplat.errors import ConfigError
 from vibroplat.plots.thresholds import threshold_figures
-from vibroplat.study.pool import pool
-from vibroplat.study.store import Store
-from vibroplat.thresholds.tables import question
+from vibroplat.thresholds.tables import ThresholdStudy
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 MASS = {"key": "material.mass_ratio", "start": 0.02, "stop": 0.6}
@@ -41,7 +39,7 @@ def test_the_smallest_torque_that_passes_the_resonance_is_told_by_where_the_moti
     assert 0.0 < row["above"] - row["below"] <= 1e-4
     assert (row["below_sync"], row["above_sync"]) == ("antiphase", "in-phase")
     assert found.scan["motor.critical_torque_n_m"].is_monotonic_increasing
-    assert found.text == [
+    assert found.answer.text == [
         "motor.critical_torque_n_m = 1.52954 N·m: jump; below antiphase, period 1; above in-phase, period 1"
     ]
 
@@ -72,29 +70,9 @@ def test_a_measure_passes_a_level(begin):
 def test_what_never_changes_is_an_answer(expression, told):
     found = find(loaded(58.0, expression=expression, scan=2, start=0.2, stop=0.3))
     assert found.thresholds.empty
-    assert found.text == [
+    assert found.answer.text == [
         f"no threshold: {expression} is {told} at all 2 values tried from material.mass_ratio = 0.2 to 0.3"
     ]
-
-
-def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(tmp_path):
-    asked = question(start())
-
-    def killed(done, known):
-        if done == 5:
-            raise KeyboardInterrupt
-
-    def answered(jobs, progress, *, resume=False):
-        with Store(tmp_path, {}, resume=resume) as store, pool(jobs, chains=asked.chains) as workers:
-            return asked.answer(store, workers, progress).tables
-
-    with pytest.raises(KeyboardInterrupt):
-        answered(1, killed)
-    tables = answered(2, lambda done, known: None, resume=True)
-    whole = find(start())
-    for name, expected in (("thresholds", whole.thresholds), ("scan", whole.scan)):
-        times = [column for column in expected if column == "wall_s"]
-        assert tables[name].drop(columns=times).equals(expected.drop(columns=times))
 
 
 @pytest.mark.parametrize(
@@ -118,7 +96,7 @@ def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(tmp_path):
 )
 def test_a_mistake_is_told_in_one_line(plan, told):
     with pytest.raises(ConfigError) as caught:
-        question(loaded(58.0, **plan))
+        ThresholdStudy(loaded(58.0, **plan))
     assert told in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -126,7 +104,7 @@ def test_a_mistake_is_told_in_one_line(plan, told):
 def test_a_program_must_end_with_a_supply():
     stops = [{"t_s": 0.0, "supply_frequency_hz": 66.0}, {"t_s": 1.0, "off": True}]
     with pytest.raises(ConfigError, match="ends without supply"):
-        question(start().replace({"drive.program": stops}))
+        ThresholdStudy(start().replace({"drive.program": stops}))
 
 
 def test_the_command_writes_tables_and_prints_the_answer_and_plot_draws_it(command, tmp_path):

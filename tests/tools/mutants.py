@@ -22,16 +22,16 @@ ROOT = Path(__file__).parents[2]
 BY_ROOM = [
     # the model
     ("model", [
-        "-p.damping_x * v[0] - p.stiffness_x * q[0] → p.damping_x * v[0] - p.stiffness_x * q[0]",
-        "first.lever * q1 + second.lever * q2 + held[2] → first.lever * q1 - second.lever * q2 + held[2]",
+        "p.damping_x * v[0] + p.stiffness_x * q[0] → p.damping_x * v[0] - p.stiffness_x * q[0]",
+        "first.lever * q1 + second.lever * q2 - held[2] → first.lever * q1 - second.lever * q2 - held[2]",
         "b + phi * d, d - phi * b, b, d → b + phi * d, d + phi * b, b, d",
         "return 2.0 * torque * critical * slip / square → return torque * critical * slip / square",
         "return friction * speed * abs(speed) → return friction * speed * speed",
-        "p.lower_mass * lower - p.upper_mass * spring - force → p.lower_mass * lower + p.upper_mass * spring - force",
-        "p.layer_stiffness, p.layer_damping + cj → p.layer_stiffness, p.layer_damping - cj",
+        "p.lower_mass * lower - (p.upper_mass * held[4] - held[3]) - force → p.lower_mass * lower + (p.upper_mass * held[4] - held[3]) - force",
+        "stiffness[4], damping[4] + cj → stiffness[4], damping[4] - cj",
         "-u.lever * a - u.phi * q, cj * u.phi → -u.lever * a + u.phi * q, cj * u.phi",
         "response[5] = 1.0 / p.lower_mass - response[1] → response[5] = 1.0 / p.lower_mass + response[1]",
-        "out[5] = p.upper_mass * p.layer_damping * squares → out[5] = p.layer_damping * squares",
+        "upper = p.upper_mass * damping[4] * squares → upper = damping[4] * squares",
         "heights - unbalance(0, state, p).x - unbalance(1, state, p).x → heights - unbalance(0, state, p).x",
         "inertias[i] - acting[i] → inertias[i] + acting[i]",
     ]),
@@ -39,7 +39,7 @@ BY_ROOM = [
         "exciters[1].position_m or (-x, y) → exciters[1].position_m or (x, y)",
         "machine.platform_mass_kg * (x_c * x_c + y_c * y_c) → (x_c * x_c + y_c * y_c)",
     ]),
-    # modes and jumps
+    # modes and resets
     ("hybrid motion", [
         "return force_rate >= -noise * speed → return force_rate >= noise * speed",
         "if rebound < 0.0 or acceleration >= 0.0 or p.restitution >= 1.0: → if rebound < 0.0 or p.restitution >= 1.0:",
@@ -47,7 +47,7 @@ BY_ROOM = [
         "return ATTACH if pressed else FLY → return FLY",
         "before = min(run.state[GAP_RATE], 0.0) → before = run.state[GAP_RATE]",
         "run.zeros = 3 → run.zeros = 0",
-        "if run.restarts >= most and run.now - h.recent[oldest] < run.period: → if run.restarts >= most:",
+        "if run.restarts >= max_restarts and run.now - h.recent[oldest] < run.period: → if run.restarts >= max_restarts:",
         "h.inelastic if -before < h.p.sticking_speed else h.p → h.p",
     ]),
     # integrators

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import compress
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, Unpack
 
 import numpy as np
 import pandas as pd
@@ -19,25 +19,20 @@ from vibroplat.basin.follow import follow_starts, followed_alone, repeating, rep
 from vibroplat.basin.found import Found, carried, names
 from vibroplat.basin.rates import CHAOTIC, DOUBT, LATE, RESTLESS, Rate, rates_of
 from vibroplat.basin.starts import begun, values_of
-from vibroplat.columns import PHASE_COLUMN, Column, Columns, words_in_place
+from vibroplat.columns import COUNT, PHASE_COLUMN, TEXT, Column, Columns, words_in_place
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.questions import BasinsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import accurate
 from vibroplat.errors import ConfigError
-from vibroplat.extensions import figure_of
 from vibroplat.observe.sheet import SHEET, of_points
-from vibroplat.results.files import Command
-from vibroplat.study import WAIT
+from vibroplat.results.result import Answer, Result
 from vibroplat.study.branches import column_of, place_words, study_table
 from vibroplat.study.point import ERRORS, MEASURED
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
-from vibroplat.study.question import COMPARED, Answer, Progress, Repeat, ask, spread
 from vibroplat.study.store import Record, Store
+from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, run_study, spread
 from vibroplat.study.sweep import SWEEP
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Starts that a task follows.
 BLOCK = 100
@@ -45,15 +40,17 @@ BLOCK = 100
 TRIES = 3
 #: Columns of the tables after the key that varies.
 ATTRACTORS: Columns = {
-    "attractor": Column("its name", "synchronization, motion and period, and more where these are not enough"),
+    "attractor": Column(
+        "its name", "synchronization, motion and period, and more where these are not enough", kind=TEXT
+    ),
     "motion": SWEEP["motion"],
     "period": SWEEP["period"],
     "sync": SWEEP["sync"],
-    "count": Column("starts that come to it"),
+    "count": Column("starts that come to it", kind=COUNT),
     "fraction": Column("share of the starts that converge to it within within_turns"),
     "fraction_low": Column("lower bound of this share in the box of starts", "95 %, Clopper and Pearson (1934)"),
     "fraction_high": Column("upper bound", "as the lower one; of an attractor without starts 3 over their number"),
-    "within_turns": Column("turns of exciter 1 for which each start was followed, at most"),
+    "within_turns": Column("turns of exciter 1 for which each start was followed, at most", kind=COUNT),
     "rate_per_turn": Column(
         "of an orbit, rate at which chaotic motions converge to it; of a chaotic motion, rate at which it is left",
         "arrivals after a quarter of within_turns, over all turns after it; its inverse is the mean life of a chaotic "
@@ -71,7 +68,7 @@ ATTRACTORS: Columns = {
         "radius of the smallest ellipsoid around it in which a start is assigned to it",
         "distances in left eigenvectors of the return map, in the scales of the scene; 0: none, each start by itself",
     ),
-    "ellipsoids": Column("crossings of the Poincaré section, in a period, that have such an ellipsoid"),
+    "ellipsoids": Column("crossings of the Poincaré section, in a period, that have such an ellipsoid", kind=COUNT),
     **{name: SWEEP[name] for name in MEASURED},
     **{name: SWEEP[name] for name in (*ERRORS.values(), "coexists", "outcome", "detail", "notes")},
     **{name: Column(f"{name} of a state of it on the Poincaré section") for name in (*COORDINATES, *RATES)},
@@ -87,36 +84,23 @@ FRACTIONS: Columns = {
 }
 
 
-class BasinTables(NamedTuple):
-    """Basins of attraction of a scene.
-
-    Attributes
-    ----------
-    scene
-        Whose they are.
-    attractors
-        A row for each, at each value of a key; a guess for :func:`vibroplat.orbit`.
-    starts
-        A row for each start.
-    fractions
-        Over a key, the share of each attractor; None without one.
-    text
-        The answer in plain lines.
-    """
-
-    scene: Scene
-    attractors: pd.DataFrame
-    starts: pd.DataFrame
-    fractions: pd.DataFrame | None
-    text: Sequence[str]
-
-    def plot(self) -> Figure:
-        """Draw which attractor each start comes to, or over a key the shares."""
-        return figure_of(self)
+_OVER: Columns = {"…": Column("the key of basins.over, by its dotted name")}
+#: The tables of basins: what their rows are, and their columns.
+TABLES: dict[str, tuple[str, Columns]] = {
+    "attractors": (
+        "`vibroplat basins`: a row for each attractor, at each value of a key.",
+        {**_OVER, **ATTRACTORS, **of_points(["NAME"])},
+    ),
+    "starts": (
+        "`vibroplat basins`: a row for each start.",
+        {**_OVER, "… ": Column("the keys of basins.starts, by their dotted names"), **STARTS_TABLE},
+    ),
+    "fractions": ("`vibroplat basins` with `over`: shares of the starts over the key.", {**_OVER, **FRACTIONS}),
+}
 
 
-class Basins:
-    """The question that the section ``basins`` of a scene asks; see :class:`vibroplat.study.question.Question`.
+class BasinsStudy(Study):
+    """The basins of attraction of a section ``basins``.
 
     Raises
     ------
@@ -124,9 +108,9 @@ class Basins:
         There is no such section, a start is outside the model, or the supply is not constant.
     """
 
-    command: Command = "basins"
+    kind = "basins"
+    described = TABLES
     counted = "starts"
-    absent = frozenset({"fractions"})
 
     def __init__(self, scene: Scene) -> None:
         if scene.basins is None:
@@ -140,7 +124,6 @@ class Basins:
             self.values.reverse()
         self._scenes = [begun(self._at(value), self.plan) for value in self.values]
         self._blocks = [(first, min(BLOCK, self.plan.number - first)) for first in range(0, self.plan.number, BLOCK)]
-        self.chains = len(self._blocks) * len(self.values)
 
     def _at(self, value: float) -> Scene:
         plain = self.scene.model_copy(update={"basins": None, "sweep": None, "orbits": None})
@@ -149,11 +132,15 @@ class Basins:
         except ConfigError as error:
             raise ConfigError(f"basins.over: {error}") from None
 
+    def chains(self, store: Store) -> int:
+        """Return how many blocks of starts there are."""
+        return len(self._blocks) * len(self.values)
+
     def scenes(self) -> Sequence[Scene]:
         """Return the scenes at the values of the key."""
         return self._scenes
 
-    def answer(self, store: Store, workers: Pool, progress: Progress) -> Answer:
+    def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
         """Follow all starts, classify what does not repeat, and make the tables.
 
         Over a key one value follows the other: its attractors are carried to the next, whose starts may come to them.
@@ -191,25 +178,25 @@ class Basins:
         for group in groups:
             now.give_up(group)
 
-    def repeats(self, answer: Answer, other: Callable[[Scene], Scene]) -> list[Repeat]:
+    def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
         """Choose starts, as far from each other as they can be, that must converge to the same attractors.
 
         Where chaos is a transient, its end differs from engine to engine. Such starts are left out, and those whose
         motions ended early or are undecided.
         """
-        attractors, starts = answer.tables["attractors"], answer.tables["starts"]
+        attractors, starts = result.attractors, result.starts
         names = ["attractor"] if self.key is None else [column_of(self.key), "attractor"]
         joined = starts[[*names, "turns"]].merge(attractors, on=names, how="left")
         late = joined["period"].gt(0) & joined["turns"].gt(LATE * self.plan.longest_turns)
         kept = joined["period"].gt(0) | joined["rate_per_turn"].eq(0.0) | ~joined["motion"].isin(RESTLESS)
         places = np.flatnonzero(kept & ~late & joined["outcome"].eq("ok"))
-        count, order, found = self.plan.number, self.order, list[Repeat]()
+        count, order, cases = self.plan.number, self.order, list[CrossCheckCase]()
         for place in spread(places.tolist()):
             value, start = divmod(place, count)
             task = Task(followed_alone, (other(self._scenes[value]), self.plan, int(order[start])))
             known = {name: joined[name].iloc[place] for name in (*COMPARED, PHASE_COLUMN) if name != "motion"}
-            found.append(Repeat(f"from start {place} of the table", task, known))
-        return found
+            cases.append(CrossCheckCase(f"from start {place} of the table", task, known))
+        return cases
 
     @property
     def order(self) -> Sequence[int]:
@@ -278,7 +265,7 @@ def bounds(count: int, number: int) -> tuple[float, float]:
 # -- tables -----------------------------------------------------------------------------------------------
 
 
-def _told(question: Basins, found: Sequence[Found]) -> Answer:
+def _told(question: BasinsStudy, found: Sequence[Found]) -> Result:
     """Make the tables, and say what they tell."""
     plan, key = question.plan, question.key
     column = {} if key is None else {column_of(key): None}
@@ -298,18 +285,18 @@ def _told(question: Basins, found: Sequence[Found]) -> Answer:
         ]
     more = of_points(question.scene.output.points)
     tables = {
-        "attractors": study_table(attractors, [*column, *ATTRACTORS, *more], {}, {**SWEEP, **ATTRACTORS, **more}),
-        "starts": study_table(starts, [*column, *plan.starts, *STARTS_TABLE], {}, {**SWEEP, **STARTS_TABLE}),
+        "attractors": study_table(attractors, [*column, *ATTRACTORS, *more], {**SWEEP, **ATTRACTORS, **more}),
+        "starts": study_table(starts, [*column, *plan.starts, *STARTS_TABLE], {**SWEEP, **STARTS_TABLE}),
     }
     if key is not None:
         tables["fractions"] = tables["attractors"][[*column, *FRACTIONS]]
-    return Answer(
-        tables,
+    answer = Answer(
         lines=_lines(plan, tables, len(question.values)),
         text=_text(tables["attractors"], key, escaped),
         notes=_notes(plan, tables["attractors"], found),
         failures=[line for f in found for line in _failures(f)],
     )
+    return Result("basins", question.scene, tables, answer)
 
 
 def _row(record: Record, label: str, count: int, rate: Rate | None, plan: BasinsPlan) -> dict[str, Any]:
@@ -411,24 +398,24 @@ def _failures(found: Found) -> Iterator[str]:
             yield f"{row['outcome']}: {(start.get('detail') or row['detail']).partition(', state [')[0]}"
 
 
-def basins(
-    scene: Scene,
-    *,
-    jobs: int = 1,
-    scheduler: str | None = None,
-    wait: float = WAIT,
-    progress: Progress = lambda done, known: None,
-) -> BasinTables:
-    """Find the attractors that a scene comes to from the starts of its ``basins`` section, and how many come to each.
+STUDY = BasinsStudy
+
+
+def basins(scene: Scene, **options: Unpack[Options]) -> Result:
+    """Find the attractors to which a scene converges from the starts of its ``basins`` section, and their shares.
 
     Parameters
     ----------
     scene
         A scene with a section ``basins``.
-    jobs, scheduler, wait
-        As of :func:`vibroplat.sweep`.
-    progress
-        Called with the numbers of finished and of all starts.
+    options
+        As of :func:`vibroplat.sweep`; ``progress`` is called with the numbers of finished and of all starts.
+
+    Returns
+    -------
+    Result
+        Its table ``attractors`` has a row for each attractor, at each value of a key, any of which is a guess for
+        :func:`vibroplat.orbit`; ``starts`` one for each start; over a key ``fractions`` has the share of each.
 
     Raises
     ------
@@ -443,6 +430,4 @@ def basins(
     >>> found.starts["turns"].size
     4
     """
-    answer = ask(Basins(scene), jobs, scheduler, wait, progress)
-    tables = answer.tables
-    return BasinTables(scene, tables["attractors"], tables["starts"], tables.get("fractions"), answer.text)
+    return run_study(BasinsStudy(scene), **options)

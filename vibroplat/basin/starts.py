@@ -11,7 +11,7 @@ from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.questions import INITIAL, PHASES, BasinsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
-from vibroplat.hybrid.state import initial_state, perturbed
+from vibroplat.hybrid.state import initial_state, perturb_state
 from vibroplat.kernels.compiled import FloatArray
 
 _STATE = {f"{INITIAL}state.{name}": place for place, name in enumerate((*COORDINATES, *RATES))}
@@ -57,7 +57,7 @@ def states_of(scene: Scene, plan: BasinsPlan, numbers: Sequence[int]) -> FloatAr
         given = dict(zip(keys, values, strict=True))
         phases = {name: given[INITIAL + name] for name in PHASES if INITIAL + name in given}
         state = initial_state(scene, initial.model_copy(update=phases))
-        state = perturbed(state, scene, share, (plan.seed, number))
+        state = perturb_state(state, scene, share, (plan.seed, number))
         for key, place in _STATE.items():
             state[place] = given.get(key, state[place])
         found.append(state)

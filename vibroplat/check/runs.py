@@ -22,7 +22,7 @@ from vibroplat.motion.initial_condition import Start
 from vibroplat.motion.recorder import Sink
 from vibroplat.motion.run import simulate
 from vibroplat.observe.summary import INACCURATE
-from vibroplat.results.run import Trajectory
+from vibroplat.results.run import RunResult
 from vibroplat.system.memory import Share
 
 #: Difference, in the scales of the scene, up to which engines are said to agree.
@@ -215,7 +215,7 @@ class Course:
         self._samples: list[pd.DataFrame] = []
         self._events: list[pd.DataFrame] = []
         sink = self._take_trajectory, self._take_events
-        self.result: Trajectory = simulate(scene, keep="summary", sink=sink, progress=progress, start=start)
+        self.result: RunResult = simulate(scene, keep="summary", sink=sink, progress=progress, start=start)
 
     def _take_trajectory(self, part: pd.DataFrame) -> None:
         """Keep the rows on the output grid, and the last one."""

@@ -16,9 +16,8 @@ from vibroplat.system.interrupts import offer_resume
 from vibroplat.system.terminal import compilation_progress
 
 if TYPE_CHECKING:
-    from vibroplat.check.questions import AnswerCheck
+    from vibroplat.check.studies import CrossCheck
     from vibroplat.config.scene import Scene
-    from vibroplat.results.files import Command
     from vibroplat.study.store import Store
 
 # -- options ----------------------------------------------------------------------------------------------
@@ -114,7 +113,7 @@ def kept(resume: bool, overwrite: bool) -> dict[str, Any]:
     return {"resume": resume, "overwrite": overwrite}
 
 
-def study_directory(out: Path, name: str, command: Command, *, resume: bool) -> Path:
+def study_directory(out: Path, name: str, command: str, *, resume: bool) -> Path:
     """Make the directory of a study's results; what cannot be resumed there is refused."""
     from vibroplat.results.files import read_provenance
     from vibroplat.results.tables import result_directory
@@ -155,7 +154,7 @@ def print_lines(lines: Mapping[str, str], width: int = 28) -> None:
         print(f"{label:<{width}}{text}")
 
 
-def print_notes(notes: list[str]) -> None:
+def print_notes(notes: Sequence[str]) -> None:
     """Print what is to be noted, a line each, at once."""
     for note in notes:
         print(f"note: {note}", flush=True)
@@ -169,7 +168,7 @@ def complain_of(lines: Sequence[str], total: str, most: int = 5) -> None:
         print(f"vibroplat: {total}", file=sys.stderr)
 
 
-def print_check(found: AnswerCheck | None) -> bool:
+def print_check(found: CrossCheck | None) -> bool:
     """Print what the check of a study has found, if there was one; return whether the engines agree."""
     if found is None:
         return True

@@ -8,41 +8,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby, starmap
 
-from vibroplat.basin.question import ATTRACTORS, FRACTIONS, STARTS_TABLE
 from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.keys import keys, yaml
-from vibroplat.continuation.tables import BOUNDARIES, BRANCHES, SPECIAL
-from vibroplat.designs.optimum import EVALUATIONS as DESIGNS
-from vibroplat.designs.optimum import PARETO
-from vibroplat.designs.samples import SAMPLES, SHARES
-from vibroplat.designs.sensitivities import SENSITIVITIES
+from vibroplat.config.kinds import KINDS
 from vibroplat.motion.run import SUMMARY
-from vibroplat.observe.sheet import SHEET, of_points, whole_columns
+from vibroplat.observe.sheet import of_points, whole_columns
 from vibroplat.observe.tables import EVENTS, TRAJECTORY
-from vibroplat.paper.claims import CLAIMS
-from vibroplat.paper.tables import HISTORY, SYNC_BANDS
-from vibroplat.study.bands import BANDS
-from vibroplat.study.branches import SUPPLY
-from vibroplat.study.sweep import COLUMNS, DIAGRAM, SWEEP
-from vibroplat.thresholds.tables import THRESHOLDS, VALUES
+from vibroplat.paper.tables import TABLES as PAPER
 
-#: The swept keys of a sweep's tables.
-_SWEPT = {
-    "…": Column("the key of sweep.over in place of the supply, and those of the grid, by their dotted names"),
-}
-_FOLLOWED = {"…": Column("the keys of the grid and the keys that vary, by their dotted names", "see configuration.md")}
-_OVER = {"…": Column("the key of basins.over, by its dotted name")}
-_SPREAD = {"…": Column("the keys that vary, by their dotted names", "see configuration.md")}
-_MEASURED = {"measures": Column("the measures that were asked for", "by their names, as in sweep")}
 _POINTS = of_points(["NAME"])
-_IN_ORDER = {SUPPLY: SWEEP[SUPPLY], **_SWEPT, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **_POINTS}
-
-
-def _diagram(name: str) -> Columns:
-    """Return the columns of a table of a bifurcation diagram, whose last one is given."""
-    return {SUPPLY: DIAGRAM[SUPPLY], **_SWEPT} | {key: DIAGRAM[key] for key in (*list(DIAGRAM)[1:-2], name)}
-
-
 #: All result tables but those of benchmarks, by the names of their files, in the order of the commands that write
 #: them: what their rows are, and their columns.
 TABLES: dict[str, tuple[str, Columns]] = {
@@ -53,51 +27,8 @@ TABLES: dict[str, tuple[str, Columns]] = {
         "is of the whole run says so.",
         {**SUMMARY, **_POINTS, **whole_columns(_POINTS)},
     ),
-    "sweep": ("`vibroplat sweep`: a row for each point.", _IN_ORDER),
-    "bands": (
-        "`vibroplat sweep`: where each branch synchronizes how, jumps, lifts off, is largest along y, and fails. Over "
-        "another key than the supply, `from_` and `to_` stand before its name.",
-        {**_SWEPT, **{name: SWEEP[name] for name in ("direction", "branch")}, **BANDS},
-    ),
-    "section": ("`vibroplat sweep` with `kind: bifurcation`: the last turns of each point.", _diagram("y_m")),
-    "impacts": (
-        "`vibroplat sweep` with `kind: bifurcation`: the last impacts of each point.",
-        _diagram("impact_speed_m_per_s"),
-    ),
-    "branches": ("`vibroplat orbits`: a row for each point of each branch.", {**_FOLLOWED, **BRANCHES, **_POINTS}),
-    "special": ("`vibroplat orbits`: a row for each special point.", {**_FOLLOWED, **SPECIAL}),
-    "boundaries": (
-        "`vibroplat orbits` with `boundaries`: the points of each curve in their order.",
-        {**_FOLLOWED, **BOUNDARIES},
-    ),
-    "thresholds": ("`vibroplat find`: a row for each threshold.", THRESHOLDS),
-    "scan": (
-        "`vibroplat find`: a row for each value that was looked at.",
-        {"…": Column("the key"), **VALUES, **_POINTS},
-    ),
-    "attractors": (
-        "`vibroplat basins`: a row for each attractor, at each value of a key.",
-        {**_OVER, **ATTRACTORS, **_POINTS},
-    ),
-    "starts": (
-        "`vibroplat basins`: a row for each start.",
-        {**_OVER, "… ": Column("the keys of basins.starts, by their dotted names"), **STARTS_TABLE},
-    ),
-    "fractions": ("`vibroplat basins` with `over`: shares of the starts over the key.", {**_OVER, **FRACTIONS}),
-    "sensitivities": ("`vibroplat design`: a row for each measure and key.", SENSITIVITIES),
-    "samples": ("`vibroplat design` with `spread`: a row for each sample.", {**_SPREAD, **SAMPLES, **_MEASURED}),
-    "shares": ("`vibroplat design` with `spread`: what the variance of a measure comes from.", SHARES),
-    "evaluations of designs": (
-        "`vibroplat design` with `minimize`, table `evaluations`: a row for each point that was looked at.",
-        {**_SPREAD, **_MEASURED, **DESIGNS},
-    ),
-    "pareto": ("`vibroplat design` with `pareto`: a row for each bound.", {**_SPREAD, **_MEASURED, **PARETO}),
-    "claims": ("`vibroplat paper`: a row for each claim.", CLAIMS),
-    "fig4, fig5, fig7": (
-        "`vibroplat paper`: time histories. Its other tables, `fig2`, `fig3` and `fig6`, are as `sweep`.",
-        HISTORY,
-    ),
-    "sync-bands": ("`vibroplat paper`: where the exciters synchronize how.", SYNC_BANDS),
+    **{name: table for kind in KINDS.values() for name, table in kind.load().described.items()},
+    **PAPER,
 }
 
 #: Columns that an engineer reads first, in this order.

@@ -9,12 +9,11 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from vibroplat.config.kinds import KINDS
 from vibroplat.config.schema import LARGEST, PERTURBATION, Positive, Real, Section, Share, described, short
 
 #: Key of the supply frequency.
 FREQUENCY = "drive.supply_frequency_hz"
-#: Sections that say what is asked of a scene.
-QUESTIONS = ("sweep", "orbits", "find", "basins")
 #: Most points of a branch of a sweep.
 MAX_POINTS = 100_000
 #: Most combinations of the grid's values, of a sweep and of orbits.
@@ -137,7 +136,7 @@ class Frequencies(Section):
 def may_vary(key: str) -> bool:
     """Whether a sweep may give a key of a scene values of its own."""
     section = key.partition(".")[0]
-    return key == FREQUENCY or section not in (*QUESTIONS, "name", "output", "run", "drive")
+    return key == FREQUENCY or section not in (*KINDS, "name", "output", "run", "drive")
 
 
 class SweepPlan(Section, title="Sweep"):
@@ -309,7 +308,7 @@ class OrbitsPlan(_VariedKey, title="Orbits", populate_by_name=True):
         if math.prod(map(len, self.grid.values())) > MAX_FAMILIES:
             raise ValueError(f"grid gives more than {MAX_FAMILIES} combinations")
         for key in self.grid:
-            if key == self.key or key.split(".")[0] in (*QUESTIONS, "name", "output"):
+            if key == self.key or key.split(".")[0] in (*KINDS, "name", "output"):
                 raise ValueError(f"grid.{key} cannot be varied by the grid; allowed: keys of machine, material, …")
             if len(set(self.grid[key])) < len(self.grid[key]):  # 0 and 0.0 are equal
                 raise ValueError(f"grid.{key} = {short(self.grid[key])}; allowed: each value once")

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from vibroplat.config.coordinates import COORDINATES, RATES
-from vibroplat.config.plans import Frequencies, Over, SweepPlan, may_vary
+from vibroplat.config.plans import Frequencies, OrbitsPlan, Over, SweepPlan, may_vary
 from vibroplat.config.schema import LARGEST, Positive, Real, Section, Share, meant
 
 #: What keys of starts begin with, and those that there are.
@@ -214,3 +214,13 @@ class DesignPlan(Section, title="Design"):
         """The measures that the plan names, each once."""
         given = [*self.measures, *([] if self.minimize is None else [self.minimize]), *self.subject]
         return list(dict.fromkeys(given))
+
+
+#: The sections of a scene that ask for studies.
+PLANS: dict[str, type[Section]] = {
+    "sweep": SweepPlan,
+    "orbits": OrbitsPlan,
+    "find": FindPlan,
+    "basins": BasinsPlan,
+    "design": DesignPlan,
+}

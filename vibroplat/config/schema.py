@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cache
-from typing import Annotated, Any, ClassVar, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_origin
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
@@ -110,6 +110,17 @@ class Section(BaseModel):
             for section, part in zip(value, inner or (), strict=True) if isinstance(value, list) else [(value, inner)]:
                 if isinstance(section, Section) and part is not None:
                     section.leave_out_replaced(part)
+
+
+def sections(model: type[Section], place: str) -> Iterator[tuple[str, type[Section] | None]]:
+    """Yield a section and those in it by dotted names, with their models; None for sections with free keys."""
+    yield place, model
+    for name, field in model.model_fields.items():
+        for choice in (field.annotation, *get_args(field.annotation)):
+            if get_origin(choice) is dict:
+                yield f"{place}.{name}", None
+            elif isinstance(choice, type) and issubclass(choice, Section):
+                yield from sections(choice, f"{place}.{name}")
 
 
 class Node(NamedTuple):

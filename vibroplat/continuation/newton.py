@@ -17,7 +17,14 @@ import numpy.typing as npt
 
 from vibroplat.continuation.shooting import TURN, Shooter, Shot, rotated
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.kernels.linear import eliminate, improve, largest, project, subtract, take_scaled
+from vibroplat.kernels.linear import (
+    broyden_update,
+    closing_residual,
+    eliminate,
+    largest_size,
+    project_to_section,
+    take_scaled,
+)
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
 
 #: Residual, in the scales of the scene, beyond which the iteration is given up.
@@ -105,7 +112,7 @@ class Chart:
         """Differentiate the map from section to section, shape (m − 1, m − 1)."""
         derivative, along = self.derivative(shot)
         found = np.empty((along.size - 1, along.size - 1))
-        project(derivative, along, self.phase, found)
+        project_to_section(derivative, along, self.phase, found)
         return found
 
 
@@ -208,8 +215,8 @@ class Problem:
         if not shot.begins == shot.ends == chart.system:
             raise MissedError("the mode on the section changed", section=True)
         residual = np.empty(chart.scales.size)
-        subtract(shot.state, state, self._turned, chart.places, chart.scales, residual)
-        if not largest(residual) < FAR:
+        closing_residual(shot.state, state, self._turned, chart.places, chart.scales, residual)
+        if not largest_size(residual) < FAR:
             raise MissedError("the residual grew beyond all bounds")
         return residual, shot
 
@@ -347,9 +354,7 @@ def correct(
     halvings
         How often a step is halved, at most, after which an event has passed the section.
     fall
-        Largest lengths of the second, the third, … step relative to the first one; the last limit holds for all that
-        follow. An iteration beyond its limit is given up. Empty: there are no limits. Residuals have no limits: where
-        motion is slow they are small although the orbit is far.
+        Limits of the steps' lengths, as :func:`_check_lengths` has them. Empty: there are none.
 
     Raises
     ------
@@ -357,13 +362,12 @@ def correct(
         There is none.
     """
     begun, residuals, steps = u, list[float](), list[float]()
-    full = jacobian is None
-    step, left, much, halved = np.zeros_like(u), np.zeros(0), 0.0, 0
-    while len(residuals) < most:
-        try:
-            residual, shot = problem.shoot(chart, u, full=full)
+    full, step, left, much = jacobian is None, np.zeros_like(u), np.zeros(0), 0.0
+    try:
+        while len(residuals) < most:
+            residual, shot, u, step, full = _shoot_halving(problem, chart, u, step, halvings, full=full)
             missing = residual if slack is None else residual + much * slack
-            residuals.append(size := largest(missing))
+            residuals.append(size := largest_size(missing))
             if full:
                 jacobian = problem.jacobian(chart, shot)
                 if size < problem.tolerance:
@@ -374,22 +378,43 @@ def correct(
             assert jacobian is not None
             if not full and step.any():
                 jacobian = jacobian.copy()
-                improve(jacobian, step, residual - left)
+                broyden_update(jacobian, step, residual - left)
             found = solved(bordered(jacobian, border, slack), -np.append(missing, border @ (u - begun)), LONGEST)
-            steps.append(float(np.linalg.norm(found[: u.size])))
-            if fall and len(steps) > 1 and steps[-1] > steps[0] * fall[min(len(steps) - 2, len(fall) - 1)]:
-                raise MissedError("the steps do not become shorter")
-        except MissedError as error:
-            if not (error.section and step.any() and halved < halvings):
-                raise MissedError(error.why, residuals, section=error.section) from None
-            halved, step, full = halved + 1, 0.5 * step, True
-            u = u - step
-            continue
-        halved = 0
-        step, more = found[: u.size], float(found[u.size :].sum())
-        u, left, much = u + step, residual, much + more
-        full = size < QUICK * problem.tolerance
+            step, more = found[: u.size], float(found[u.size :].sum())
+            steps.append(float(np.linalg.norm(step)))
+            _check_lengths(steps, fall)
+            u, left, much = u + step, residual, much + more
+            full = size < QUICK * problem.tolerance
+    except MissedError as error:
+        raise MissedError(error.why, residuals, section=error.section) from None
     raise MissedError(f"no convergence in {most} iterations", residuals)
+
+
+def _check_lengths(steps: Sequence[float], fall: Sequence[float]) -> None:
+    """Refuse a last step that is too long.
+
+    Limits are the largest lengths of the second, the third, … step relative to the first one; the last limit holds for
+    all that follow. Residuals have no limits: where motion is slow they are small although the orbit is far.
+    """
+    if fall and len(steps) > 1 and steps[-1] > steps[0] * fall[min(len(steps) - 2, len(fall) - 1)]:
+        raise MissedError("the steps do not become shorter")
+
+
+def _shoot_halving(
+    problem: Problem, chart: Chart, u: FloatArray, step: FloatArray, halvings: int, *, full: bool
+) -> tuple[FloatArray, Shot, FloatArray, FloatArray, bool]:
+    """Take a shot after a step, which is halved, so often at most, while an event has passed the section.
+
+    Returns residual and shot, and the vector of unknowns, the step and ``full`` that they are of.
+    """
+    while True:
+        try:
+            return (*problem.shoot(chart, u, full=full), u, step, full)
+        except MissedError as error:
+            if not (error.section and step.any() and halvings > 0):
+                raise
+        halvings, step, full = halvings - 1, 0.5 * step, True
+        u = u - step
 
 
 def correct_anywhere(

@@ -31,7 +31,7 @@ from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
 from vibroplat.observe.sheet import columns
 from vibroplat.observe.summary import Part, measured
-from vibroplat.results.run import Trajectory, load
+from vibroplat.results.run import RunResult, load
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.point import ANTIPHASE_OF_ORBITS, MEASURED, row_of
 
@@ -160,12 +160,12 @@ class Orbit:
         return table
 
     @cached_property
-    def run(self) -> Trajectory:
+    def run(self) -> RunResult:
         """One period of it, as a run with dense output."""
         return run_from(self.scene, self.state, self.period_s)
 
 
-def run_from(scene: Scene, state: FloatArray, seconds: float) -> Trajectory:
+def run_from(scene: Scene, state: FloatArray, seconds: float) -> RunResult:
     """Simulate for some seconds from a full state, shape (14,), exactly as it is."""
     changes = {"run.duration_s": seconds, "run.perturbation": 0.0}
     return simulate(beginning_at(scene, state).replace(changes))
@@ -180,7 +180,7 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
         With a constant supply.
     guess
         Where to begin: None, to let the motion settle from ``run.initial``; a full state, shape (14,), or a mapping
-        with its names, as a row of a trajectory table; an orbit or a finished run (a Trajectory or its directory),
+        with its names, as a row of a trajectory table; an orbit or a finished run (a RunResult or its directory),
         whose speeds are scaled to this supply, step by step from an orbit if need be; a row of a table of this scene,
         whose keys are set: one of ``branches`` or ``special`` has a state, from one of a sweep the motion settles, with
         the phase difference of the row.
@@ -364,9 +364,9 @@ def read_guess(scene: Scene, guess: Any) -> tuple[Scene, FloatArray | None]:
         return scene, None
     if isinstance(guess, str | Path):
         state, finished = end_of(Path(guess), scene).state, load(guess)
-        assert isinstance(finished, Trajectory)  # or it would have been refused
+        assert isinstance(finished, RunResult)  # or it would have been refused
         return scene, _in_pace(state, finished.scene, scene)
-    if isinstance(guess, Trajectory | Orbit):
+    if isinstance(guess, RunResult | Orbit):
         return scene, _in_pace(guess.state if isinstance(guess, Orbit) else guess.final_state, guess.scene, scene)
     if isinstance(guess, Mapping | pd.Series):
         given = {name: float(guess[name]) for name in names if name in guess and pd.notna(guess[name])}

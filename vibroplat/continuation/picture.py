@@ -13,6 +13,7 @@ import numpy as np
 from vibroplat.columns import PHASE_COLUMN, with_shaking
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
+from vibroplat.results import picture
 from vibroplat.results.labels import (
     ABSCISSAE,
     EXCITATION,
@@ -22,27 +23,7 @@ from vibroplat.results.labels import (
     sweep_parameters,
     value_words,
 )
-from vibroplat.results.picture import (
-    BEHIND,
-    BROKEN,
-    CURVES,
-    DRAWN,
-    Facet,
-    Line,
-    Mark,
-    Orbits,
-    Panel,
-    Picture,
-    Series,
-    Shown,
-    axes_of,
-    finite,
-    in_groups,
-    measures,
-    palette,
-    rows_of,
-    states_of,
-)
+from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of
 from vibroplat.study.picture import DIRECTIONS, abscissa, boundary_series
 
@@ -59,7 +40,7 @@ _STABLE = {"full": "stable", "open": "unstable", "half": "", "failed": ""}
 class Branches:
     """Tables of branches over a key; columns of the grid stand before it."""
 
-    result: Shown
+    result: Result
     table: pd.DataFrame
     special: pd.DataFrame
     key: str
@@ -79,7 +60,7 @@ class Branches:
     @property
     def rotation(self) -> str:
         """How the exciters rotate; "" if that varies or is not known."""
-        scene = self.result.scene
+        scene = self.result.known_scene
         return "" if scene is None or any("rotation" in key for key in self.grid) else scene.rotation
 
     def label(self, row: pd.Series) -> str:
@@ -88,13 +69,13 @@ class Branches:
 
     def told(self, *more: str) -> str:
         """Return what a reader wants to know of the scene, without what axes and curves show."""
-        scene, row = self.result.scene, self.table.iloc[0]
+        scene, row = self.result.known_scene, self.table.iloc[0]
         one = {key: row.astype(object)[key] for key in self.grid if key not in self.varied}
         return sweep_parameters(scene and scene.replace(one), [*self.grid, self.key, *more])
 
     def curves(self) -> Iterator[tuple[str, pd.DataFrame]]:
         """Yield the rows of each branch with the label of its combination, "" for the only one."""
-        for rows in in_groups(self.table, [*self.grid, "branch"]):
+        for rows in picture.in_groups(self.table, [*self.grid, "branch"]):
             yield self.label(rows.iloc[0]), rows
 
     def alike(self, table: pd.DataFrame, row: pd.Series, keys: Sequence[str]) -> pd.DataFrame:
@@ -102,7 +83,7 @@ class Branches:
         return table[np.logical_and.reduce([np.full(len(table), True), *(table[key] == row[key] for key in keys)])]
 
 
-def pictures(results: Sequence[Shown], kinds: Sequence[str] = (), *, x: str | None = None) -> list[Picture]:
+def pictures(results: Sequence[Result], kinds: Sequence[str] = (), *, x: str | None = None) -> list[picture.Picture]:
     """Return the pictures of branches of orbits of each result.
 
     ``branches`` shows measures: stable parts solid, unstable ones dashed, special points marked, points of a sweep in
@@ -118,25 +99,25 @@ def pictures(results: Sequence[Shown], kinds: Sequence[str] = (), *, x: str | No
     for result in results:
         branches, has_curves = read(result, None if x is None else ABSCISSAE[x]), "boundaries" in result.tables
         if branches.x not in branches.table:
-            raise TableError(f"--x {x}: the branches table in {result.place} has no column {branches.x}")
+            raise TableError(f"--x {x}: the branches table in {result.directory} has no column {branches.x}")
         if "boundaries" in kinds and not has_curves:
-            raise TableError(f"{result.place} holds no boundaries; add orbits.boundaries to its configuration")
+            raise TableError(f"{result.directory} holds no boundaries; add orbits.boundaries to its configuration")
         found += [_MAKERS[kind](branches) for kind in kinds or KINDS[: 3 if has_curves else 2]]
     return found
 
 
-def read(result: Shown, x: str | None = None) -> Branches:
+def read(result: Result, x: str | None = None) -> Branches:
     """Read the tables of branches."""
     plan = result.given("orbits")
     key = column_of(str(plan["key"]))
     second = column_of(str(plan["boundaries"]["key"])) if plan.get("boundaries") else ""
     numbers = (key, EXCITATION, "branch", "rms_x_m", "rms_y_m", PHASE_COLUMN, "motor_power_w", "multiplier_1_re")
-    points = result.rows("branches", ("sequence",), numbers, ("contact_force_max_n",))
+    points = picture.rows_in(result, "branches", ("sequence",), numbers, ("contact_force_max_n",))
     if "stable" not in points:
-        raise TableError(f"the branches table in {result.place} has no column stable")
+        raise TableError(f"the branches table in {result.directory} has no column stable")
     special = result.columns("special", ("kind",), (key, EXCITATION, "branch", "point"))
-    tables = (finite(table).reset_index(drop=True) for table in (points, special))
-    return Branches(result, *tables, key, x or abscissa(key), second)
+    points, special = (picture.finite(table).reset_index(drop=True) for table in (points, special))
+    return Branches(result, points, special, key, x or abscissa(key), second)
 
 
 # -- branches ----------------------------------------------------------------------------------------------------------
@@ -185,16 +166,16 @@ def stretches(stable: Any, shares: Any, rows: Any, special: Any) -> Iterator[tup
         yield bool(is_stable), places[part[0] : part[-1] + 2].tolist()
 
 
-def branches(found: Branches) -> Picture:
+def branches(found: Branches) -> picture.Picture:
     """Return measures of branches over a column, with special points at their exact places."""
     table, special, result = found.table, found.special, found.result
-    at = special.assign(**{name: np.nan for name in (*DRAWN, found.x) if name in table and name not in special})
+    at = special.assign(**{name: np.nan for name in (*picture.DRAWN, found.x) if name in table and name not in special})
     series: dict[tuple[str, bool], list[int]] = {}
     ends: list[int] = []
     for label, rows in found.curves():
         own = found.alike(special, rows.iloc[0], [*found.grid, "branch"])
         shares = places_of(rows, own)
-        for name in (*DRAWN, found.x):
+        for name in (*picture.DRAWN, found.x):
             if name in table:
                 at.loc[own.index, name] = between(rows, own, shares, name)
         name = label if found.varied else f"branch {rows['branch'].iloc[0]}"
@@ -202,21 +183,21 @@ def branches(found: Branches) -> Picture:
         for is_stable, part in stretches(
             rows["stable"].to_numpy(dtype=bool), shares, rows.index.to_numpy(), len(table) + own.index.to_numpy()
         ):
-            series.setdefault((name, is_stable), []).extend([*part, BROKEN])
+            series.setdefault((name, is_stable), []).extend([*part, picture.BROKEN])
     names = list(dict.fromkeys(name for name, _ in series))
-    colours = dict(zip(names, palette(len(names)), strict=True))
+    colours = dict(zip(names, picture.palette(len(names)), strict=True))
     looks: dict[bool, dict[str, Any]] = {
         True: {"look": "stable", "width": 1.6},
         False: {"look": "unstable", "dash": "--"},
     }
     drawn = [
-        Series(
+        picture.Series(
             name if len(names) > 1 else "", np.array(rows), colour=colours[name], mode="lines", size=0.7, **looks[good]
         )
         for (name, good), rows in series.items()
     ]
     marks = [
-        Mark(
+        picture.Mark(
             str(kind),
             SPECIAL_POINTS.get(str(kind), ""),
             MARKERS.get(str(kind), "*"),
@@ -224,18 +205,19 @@ def branches(found: Branches) -> Picture:
         )
         for kind, rows in special.groupby("kind", sort=False)
     ]
-    points, behind = [table, at], result.beside("sweep", "sweep")
+    everything = pd.concat([table, special], ignore_index=True)
+    points, behind = [table, at], picture.beside(result, "sweep", "sweep")
     if behind is not None:
-        begin = len(table) + len(special)
+        begin, ways = len(everything), behind["direction"]
         points.append(behind[[name for name in behind if name in table]])
         drawn[:0] = [
-            Series(
-                "", begin + rows_of(behind["direction"] == direction), f"sweep, {direction}", BEHIND, "markers", symbol,
-                pale=True,
+            picture.Series(
+                "", begin + picture.rows_of(ways == direction), f"sweep, {direction}", picture.BEHIND, "markers", symbol, pale=True
             )
-            for direction, symbol in DIRECTIONS.items() if (behind["direction"] == direction).any()
-        ]  # fmt: skip
-    return Picture(
+            for direction, symbol in DIRECTIONS.items()
+            if (ways == direction).any()
+        ]
+    return picture.Picture(
         name="branches",
         heading="Orbits",
         title=result.name,
@@ -244,18 +226,18 @@ def branches(found: Branches) -> Picture:
         special=special,
         special_name="special points",
         drawn=pd.concat([part for part in points if len(part)], ignore_index=True),
-        axes=list(dict.fromkeys([found.x, *axes_of(table, [found.x, found.key, EXCITATION])])),
-        panels=measures(table),
+        axes=list(dict.fromkeys([found.x, *picture.axes_of(table, [found.x, found.key, EXCITATION])])),
+        panels=picture.measures(table),
         series=drawn,
         marks=marks,
-        states=states_of(~table["stable"].astype(bool)),
+        states=picture.states_of(~table["stable"].astype(bool)),
         meanings=_STABLE,
         rotation=found.rotation,
         told=found.told(),
         meaning="Solid: stable orbits; dashed, with open points: unstable ones. White marks: special points of "
         f"branches, at their exact frequency.{_shaking(found)}",
-        orbits=Orbits(pd.concat([table, special], ignore_index=True), [*range(len(table), len(table) + len(special)), *ends]),
-    )  # fmt: skip
+        orbits=picture.Orbits(everything, [*range(len(table), len(everything)), *ends]),
+    )
 
 
 def _shaking(found: Branches) -> str:
@@ -268,14 +250,14 @@ def _shaking(found: Branches) -> str:
 # -- multipliers -------------------------------------------------------------------------------------------------------
 
 
-def multipliers(found: Branches) -> Picture:
+def multipliers(found: Branches) -> picture.Picture:
     """Return the leading multipliers on the plane, and the largest one over a column, a facet for each combination."""
     table = found.table
-    parts, facets, series = [], dict[str, list[int]](), list[Series]()
+    parts, facets, series = [], dict[str, list[int]](), list[picture.Series]()
     labels = list(dict.fromkeys(label for label, _ in found.curves()))
     begin = 0
     for label, rows in found.curves():
-        colour = CURVES[labels.index(label) % len(CURVES)]
+        colour = picture.CURVES[labels.index(label) % len(picture.CURVES)]
         own = [rows.assign(size=np.hypot(rows["multiplier_1_re"], rows["multiplier_1_im"]))]
         for i in itertools.takewhile(lambda i: f"multiplier_{i}_re" in table, itertools.count(1)):
             real, imaginary = (rows[f"multiplier_{i}_{part}"].astype(float) for part in ("re", "im"))
@@ -285,11 +267,14 @@ def multipliers(found: Branches) -> Picture:
         count = len(rows)
         places = begin + np.arange(count * len(own))
         facets.setdefault(label, []).extend((len(series), len(series) + 1))
-        series += [Series("", places[count:], mode="dots"), Series("", places[:count], "", colour, width=0.6, size=0.9)]
+        series += [
+            picture.Series("", places[count:], mode="dots"),
+            picture.Series("", places[:count], "", colour, width=0.6, size=0.9),
+        ]
         parts += own
         begin += len(places)
     melted = pd.concat(parts, ignore_index=True).reindex(columns=[found.x, "stable", "real", "imaginary", "size"])
-    return Picture(
+    return picture.Picture(
         name="multipliers",
         heading="Multipliers",
         title=found.result.name,
@@ -297,13 +282,13 @@ def multipliers(found: Branches) -> Picture:
         table_name="multipliers",
         axes=[found.x],
         panels=[
-            Panel("imaginary", "real", "plane", by=found.x, label="imaginary part"),
-            Panel("size", label="largest |multiplier|", scale="one"),
+            picture.Panel("imaginary", "real", "plane", by=found.x, label="imaginary part"),
+            picture.Panel("size", label="largest |multiplier|", scale="one"),
         ],
         series=series,
-        lines=[Line("size", [1.0], dash="-")],
-        facets=[Facet(label, numbers) for label, numbers in facets.items()],
-        states=states_of(~melted["stable"].astype(bool)),
+        lines=[picture.Line("size", [1.0], dash="-")],
+        facets=[picture.Facet(label, numbers) for label, numbers in facets.items()],
+        states=picture.states_of(~melted["stable"].astype(bool)),
         meanings=_STABLE,
         told=found.told(),
         places=("print",),  # the page has them beside each point
@@ -313,27 +298,27 @@ def multipliers(found: Branches) -> Picture:
 # -- boundaries --------------------------------------------------------------------------------------------------------
 
 
-def boundaries(found: Branches) -> Picture:
+def boundaries(found: Branches) -> picture.Picture:
     """Return curves of special points over two keys: the second one over the first; a colour for each kind."""
-    table = finite(found.result.columns("boundaries", ("kind",), ("curve", "unstable")))
+    table = picture.finite(found.result.columns("boundaries", ("kind",), ("curve", "unstable")))
     if not all(key in table and is_number(table[key]) for key in (found.key, found.second)):
-        raise TableError(f"the boundaries table in {found.result.place} has no numbers of two keys")
-    groups = [*in_groups(table, found.varied)] if found.varied else [table]
-    series, facets = [], []
+        raise TableError(f"the boundaries table in {found.result.directory} has no numbers of two keys")
+    groups = [*picture.in_groups(table, found.varied)] if found.varied else [table]
+    series, facets = list[picture.Series](), list[picture.Facet]()
     for rows in groups:
-        own = boundary_series(rows, 0, CURVES)
+        own = boundary_series(rows, 0, picture.CURVES)
         facets.append(
-            Facet(found.label(rows.iloc[0]) if found.varied else "", range(len(series), len(series) + len(own)))
+            picture.Facet(found.label(rows.iloc[0]) if found.varied else "", range(len(series), len(series) + len(own)))
         )
         series += own
-    return Picture(
+    return picture.Picture(
         name="boundaries",
         heading="Boundaries",
         title=found.result.name,
         table=table,
         table_name="boundaries",
-        axes=axes_of(table, (found.x, found.key)),
-        panels=[Panel(found.second)],
+        axes=picture.axes_of(table, (found.x, found.key)),
+        panels=[picture.Panel(found.second)],
         series=series,
         facets=facets if len(facets) > 1 else (),
         choice="grid",
@@ -343,7 +328,7 @@ def boundaries(found: Branches) -> Picture:
     )
 
 
-_MAKERS: Mapping[str, Callable[[Branches], Picture]] = {
+_MAKERS: Mapping[str, Callable[[Branches], picture.Picture]] = {
     "branches": branches,
     "multipliers": multipliers,
     "boundaries": boundaries,

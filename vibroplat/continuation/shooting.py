@@ -18,12 +18,12 @@ import numpy.typing as npt
 
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.modes import IMPACT, LATCH, LIFTOFF
+from vibroplat.hybrid.modes import CHATTER, IMPACT, LIFTOFF
 from vibroplat.hybrid.state import EVENT, state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
-from vibroplat.model.sensitivity import Course, flat, with_values
+from vibroplat.model.sensitivity import ParameterInterpolant, flat, with_values
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.motion.recorder import Recorder
@@ -92,14 +92,14 @@ class Shot:
         for kind, mode in zip(self.events["kind"].tolist(), self.events["mode_after"].tolist(), strict=True):
             if kind == LIFTOFF:
                 letters += "L"
-            elif kind in (IMPACT, LATCH):
+            elif kind in (IMPACT, CHATTER):
                 letters += "S" if mode == Mode.ATTACHED else "I"
         return _shortened(letters, self.restitution)
 
     @property
     def landing_force(self) -> float:
         """Least F_c after an event with which contact begins (N); inf without one."""
-        began = (self.events["kind"] == IMPACT) | (self.events["kind"] == LATCH)
+        began = (self.events["kind"] == IMPACT) | (self.events["kind"] == CHATTER)
         forces = self.events["force_after"][began & (self.events["mode_after"] == Mode.ATTACHED)]
         return float(forces.min()) if forces.size else math.inf
 
@@ -198,7 +198,9 @@ class Shooter:
         self._variation = Variation([self.p.copy()] * len(self.keys))
         self._statistics, self._near = Statistics(0.0, points=0, named=len(scene.output.points)), GuardMargins()
         self._nothing = self._statistics.measures
-        self._course = None if course is None or len(self.keys) != 1 else Course(scene, self.keys[0], *course)
+        self._course = (
+            None if course is None or len(self.keys) != 1 else ParameterInterpolant(scene, self.keys[0], *course)
+        )
 
     def close(self) -> None:
         """Free what the engine holds."""
@@ -217,7 +219,7 @@ class Shooter:
         course = self._known(next(iter(values), math.nan))
         self.motion.set_parameters(parameters(self.scene_at(held)) if course is None else course.at(values[0]))
 
-    def _known(self, value: float) -> Course | None:
+    def _known(self, value: float) -> ParameterInterpolant | None:
         """Return the parameters' course if it has those at a value of its key."""
         return self._course if self._course is not None and self._course.exact and self._course.covers(value) else None
 

@@ -12,7 +12,7 @@ from contextlib import closing
 
 import numpy as np
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import COUNT, FLAG, Column, Columns
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.local import Local
 from vibroplat.continuation.newton import MissedError
@@ -33,11 +33,11 @@ HALVINGS = 6
 LOST = 10.0
 
 EVALUATIONS: Columns = {
-    "start": Column("number of the search"),
+    "start": Column("number of the search", kind=COUNT),
     "objective": Column("the measure that is minimized, in the worst scene of the spread", "in its own unit"),
     "violation": Column("largest violation of a bound", "over the bound, in the worst scene of the spread"),
-    "feasible": Column("whether all bounds are kept"),
-    "best": Column("whether this is the best design"),
+    "feasible": Column("whether all bounds are kept", kind=FLAG),
+    "best": Column("whether this is the best design", kind=FLAG),
 }
 PARETO: Columns = {
     "bound": Column("value of the bound that varies"),

@@ -11,27 +11,9 @@ from vibroplat.columns import words_in_place
 from vibroplat.config.questions import DesignPlan
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
+from vibroplat.results import picture
 from vibroplat.results.labels import is_number, key_name, sweep_parameters
-from vibroplat.results.picture import (
-    GREEN,
-    VERMILION,
-    Facet,
-    Line,
-    Mark,
-    Orbits,
-    Panel,
-    Picture,
-    Series,
-    Shown,
-    attractor_colours,
-    axes_of,
-    fills,
-    finite,
-    measures,
-    palette,
-    rows_of,
-    states_of,
-)
+from vibroplat.results.result import Result
 
 #: Pictures by their names, which are those of the tables that they show.
 KINDS = ("sensitivities", "samples", "evaluations")
@@ -42,7 +24,7 @@ MOST, LETTERS = 10, 88
 WIDE = 5.0
 
 
-def pictures(results: Sequence[Shown], kinds: Sequence[str] = ()) -> list[Picture]:
+def pictures(results: Sequence[Result], kinds: Sequence[str] = ()) -> list[picture.Picture]:
     """Return the pictures of each result: those that its tables have, or these kinds."""
     found = []
     for result in results:
@@ -55,28 +37,28 @@ def pictures(results: Sequence[Shown], kinds: Sequence[str] = ()) -> list[Pictur
     return found
 
 
-def _told(result: Shown, plan: DesignPlan, told: str = "") -> str:
+def _told(result: Result, plan: DesignPlan, told: str = "") -> str:
     """Return the parameters of a scene, without keys whose best values are not those of the scene, and more."""
     varied = [] if plan.minimize is None else list(plan.keys)
-    return "\n".join(filter(None, (sweep_parameters(result.scene, varied), told)))
+    return "\n".join(filter(None, (sweep_parameters(result.known_scene, varied), told)))
 
 
-def _elastic(result: Shown) -> pd.DataFrame:
+def _elastic(result: Result) -> pd.DataFrame:
     """Return the rows of the measures that depend on keys; others are round-off."""
-    found = finite(result.columns("sensitivities", ("measure", "key"), ("elasticity",)))
+    found = picture.finite(result.columns("sensitivities", ("measure", "key"), ("elasticity",)))
     return found.dropna(subset=["elasticity"])
 
 
-def _sensitivities(result: Shown, plan: DesignPlan) -> Picture:
+def _sensitivities(result: Result, plan: DesignPlan) -> picture.Picture:
     """Return bars of the elasticities of each measure, the largest first."""
-    table = finite(result.columns("sensitivities", ("measure", "key"), ("elasticity",)))
+    table = picture.finite(result.columns("sensitivities", ("measure", "key"), ("elasticity",)))
     known = _elastic(result)
     series, facets = [], []
     for number, measure in enumerate(known["measure"].unique()):
         own = known.loc[known["measure"] == measure, "elasticity"].abs().sort_values(ascending=False, kind="stable")
-        series.append(Series("", own.index.to_numpy()))
-        facets.append(Facet(words_in_place(measure), [number]))
-    return Picture(
+        series.append(picture.Series("", own.index.to_numpy()))
+        facets.append(picture.Facet(words_in_place(measure), [number]))
+    return picture.Picture(
         name="sensitivities",
         heading="Elasticities",
         title=result.name,
@@ -84,7 +66,7 @@ def _sensitivities(result: Shown, plan: DesignPlan) -> Picture:
         table_name="sensitivities",
         axes=["elasticity"],
         panels=[
-            Panel(
+            picture.Panel(
                 "key",
                 kind="bars",
                 label="change in %, for 1 % of the key",
@@ -94,34 +76,34 @@ def _sensitivities(result: Shown, plan: DesignPlan) -> Picture:
         series=series,
         facets=facets,
         choice="measure",
-        told=sweep_parameters(result.scene, []),
+        told=sweep_parameters(result.known_scene, []),
         meaning="Relative change of the measure over that of a key. Blue: both grow together, orange: one falls as the "
         "other grows.",
     )
 
 
-def _samples(result: Shown, plan: DesignPlan) -> Picture:
+def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
     """Return the measures that vary of samples, in the colours of their regimes."""
-    table = finite(result.rows("samples", ("regime",)))
+    table = picture.finite(picture.rows_in(result, "samples", ("regime",)))
     told = [m for m in _elastic(result)["measure"].unique() if m in table and table[m].max() > table[m].min()]
     nominal = _nominal(result, plan)
-    panels = [panel for panel in measures(table, told) if panel.column in told]
-    colours = attractor_colours(table["regime"].fillna("lost"))
+    panels = [panel for panel in picture.measures(table, told) if panel.column in told]
+    colours = picture.attractor_colours(table["regime"].fillna("lost"))
     classes = {name: (colour, name) for name, colour in colours.items()}
     spread = [f"{key_name(key)} ±{100.0 * share:g} %" for key, share in list(plan.spread.items())[:MOST]]
     spread += [f"{len(plan.spread) - MOST} more"] if len(plan.spread) > MOST else []
-    return Picture(
+    return picture.Picture(
         name="samples",
         heading="Tolerances",
         title=result.name,
         table=table,
         table_name="samples",
         drawn=table.assign(regime=table["regime"].fillna("lost")),
-        axes=axes_of(table, (*plan.spread, *told)) or ["sample"],
-        panels=[Panel(panel.column, by="regime", classes=classes, least=panel.least) for panel in panels]
-        or [Panel("sample", title="no measure varies")],
-        series=[Series("", np.arange(len(table)) if panels else np.zeros(0, dtype=int), mode="dots")],
-        lines=[Line(name, [nominal[name]], "nominal") for name in told if pd.notna(nominal.get(name))],
+        axes=picture.axes_of(table, (*plan.spread, *told)) or ["sample"],
+        panels=[picture.Panel(panel.column, by="regime", classes=classes, least=panel.least) for panel in panels]
+        or [picture.Panel("sample", title="no measure varies")],
+        series=[picture.Series("", np.arange(len(table)) if panels else np.zeros(0, dtype=int), mode="dots")],
+        lines=[picture.Line(name, [nominal[name]], "nominal") for name in told if pd.notna(nominal.get(name))],
         told=_told(result, plan, fill(", ".join(part.replace(" ", "\N{NO-BREAK SPACE}") for part in spread), LETTERS)),
         meaning="Each dot is a scene within the spread, in the colour of its regime. A measure drawn over itself shows "
         "how often its values occur.",
@@ -129,45 +111,46 @@ def _samples(result: Shown, plan: DesignPlan) -> Picture:
     )
 
 
-def _nominal(result: Shown, plan: DesignPlan) -> Mapping[str, float]:
+def _nominal(result: Result, plan: DesignPlan) -> Mapping[str, float]:
     """Return the measures about which samples lie: those of the best design, or of the scene as given."""
     if plan.minimize is not None:
         table = result.tables["evaluations"]
         best = table[table["best"].astype(bool)]
-        return {} if best.empty else {name: best[name].iloc[0] for name in table.select_dtypes("number")}
+        return {} if best.empty else {str(name): best[name].iloc[0] for name in table.select_dtypes("number")}
     return dict(zip(*(result.tables["sensitivities"][name] for name in ("measure", "value")), strict=True))
 
 
-def _evaluations(result: Shown, plan: DesignPlan) -> Picture:
+def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
     """Return all that was looked at, with the best design and the Pareto front behind it."""
     aims = [column for column in (plan.minimize, *plan.subject) if column]
-    table = finite(result.columns("evaluations", (), ("start", *aims)))
+    table = picture.finite(result.columns("evaluations", (), ("start", *aims)))
     feasible, best = table["feasible"].astype(bool), table[table["best"].astype(bool)].reset_index(drop=True)
-    front = finite(result.tables["pareto"]) if "pareto" in result.tables else table.iloc[:0].assign(bound=0.0)
+    front = picture.finite(result.tables["pareto"]) if "pareto" in result.tables else table.iloc[:0].assign(bound=0.0)
     lost = ~front["feasible"].astype(bool)
     special = pd.concat([best, front], ignore_index=True) if len(front) else best
     bounded = next(iter([*plan.pareto, *(m for m in plan.subject if m != "margin"), *plan.subject]), "start")
-    numbers = [str(name) for name in table if name not in {"start", "objective"} and fills(table, str(name))]
+    numbers = [str(name) for name in table if name not in {"start", "objective"} and picture.fills(table, str(name))]
     panels = [
-        Panel(panel.column, least=panel.least, scale="log" if _wide(table, panel.column) else "linear")
-        for panel in measures(table, (*aims, *(name for name in numbers if is_number(table[name]))))
+        picture.Panel(panel.column, least=panel.least, scale="log" if _wide(table, panel.column) else "linear")
+        for panel in picture.measures(table, (*aims, *(name for name in numbers if is_number(table[name]))))
     ]
     starts = table["start"].unique()
     series = [
-        Series(f"start {start}", rows_of(table["start"] == start), colour=colour, mode="markers")
-        for start, colour in zip(starts, palette(len(starts)), strict=True)
+        picture.Series(f"start {start}", picture.rows_of(table["start"] == start), colour=colour, mode="markers")
+        for start, colour in zip(starts, picture.palette(len(starts)), strict=True)
     ]
+    mark = picture.Mark("best", "the least that keeps all bounds", "*", [len(table)], picture.VERMILION)
     begin = len(table) + len(best)
     on_front = begin + np.arange(len(front))
     if len(front):
-        series.append(Series("Pareto front", on_front, colour=GREEN, symbol="D"))
+        series.append(picture.Series("Pareto front", on_front, colour=picture.GREEN, symbol="D"))
     # A bound that nothing keeps stands on the axis, where it is.
     bounds = front.assign(**{name: front[name].mask(lost, front["bound"]) for name in plan.pareto})
     drawn = pd.concat([part for part in (table, best, bounds) if len(part)] or [table], ignore_index=True)
-    states = states_of(~feasible).tolist() + [0] * len(best) + states_of(False, lost).tolist()
+    states = picture.states_of(~feasible).tolist() + [0] * len(best) + picture.states_of(False, lost).tolist()
     orbits = pd.concat([table, special], ignore_index=True) if len(special) else table
     outcomes = ["ok"] * begin + ["outside the bounds" if one else "ok" for one in lost]
-    return Picture(
+    return picture.Picture(
         name="evaluations",
         heading="Searches",
         title=result.name,
@@ -176,11 +159,11 @@ def _evaluations(result: Shown, plan: DesignPlan) -> Picture:
         special=special,
         special_name="best design and Pareto front" if len(front) else "best design",
         drawn=drawn,
-        axes=axes_of(drawn, [bounded, *sorted(map(_column, panels), key=aims.__contains__)]),
+        axes=picture.axes_of(drawn, [bounded, *sorted(map(_column, panels), key=aims.__contains__)]),
         panels=panels,
         series=series,
-        marks=[Mark("best", "the least that keeps all bounds", "*", [len(table)], VERMILION)] if len(best) else [],
-        lines=[Line(name, [plan.bound(name)[1]], "bound", ":") for name in plan.subject],
+        marks=[mark] if len(best) else [],
+        lines=[picture.Line(name, [plan.bound(name)[1]], "bound", ":") for name in plan.subject],
         states=np.array(states, dtype=int),
         meanings={
             "full": "keeps all bounds",
@@ -190,14 +173,14 @@ def _evaluations(result: Shown, plan: DesignPlan) -> Picture:
         },
         told=_told(result, plan, ", ".join(f"{key_name(measure)} {bound}" for measure, bound in plan.subject.items())),
         meaning="Filled: all bounds are kept, open: they are not." if len(table) else "Every start lost the orbit.",
-        orbits=Orbits(
+        orbits=picture.Orbits(
             orbits.assign(period=_period(result), outcome=outcomes), range(len(table), len(orbits)),
             words="Orbit of this design.",
         ),
     )  # fmt: skip
 
 
-def _column(panel: Panel) -> str:
+def _column(panel: picture.Panel) -> str:
     return panel.column
 
 
@@ -206,13 +189,13 @@ def _wide(table: pd.DataFrame, column: str) -> bool:
     return bool(table[column].min() > 0.0 and table[column].max() > WIDE * table[column].min())
 
 
-def _period(result: Shown) -> int:
+def _period(result: Result) -> int:
     """Return the period of the orbit that a design is about."""
     table = result.tables["sensitivities"]
     return int(table["period"].iloc[0]) if "period" in table and len(table) else 1
 
 
-_MAKERS: Mapping[str, Callable[[Shown, DesignPlan], Picture]] = {
+_MAKERS: Mapping[str, Callable[[Result, DesignPlan], picture.Picture]] = {
     "sensitivities": _sensitivities,
     "samples": _samples,
     "evaluations": _evaluations,

@@ -4,68 +4,53 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from io import StringIO
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Unpack
 
 import pandas as pd
 from ruamel.yaml import YAML
 
 from vibroplat.columns import Column, Columns
-from vibroplat.config.keys import key_of
 from vibroplat.config.scene import Scene
 from vibroplat.designs import optimum
 from vibroplat.designs import samples as of_samples
 from vibroplat.designs import sensitivities as of_keys
 from vibroplat.errors import ConfigError
-from vibroplat.extensions import figure_of
-from vibroplat.frames import labelled
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of
-from vibroplat.results.files import Command
-from vibroplat.study import WAIT
+from vibroplat.results.result import Answer, Result
+from vibroplat.study.branches import study_table
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
-from vibroplat.study.question import Answer, Progress, Repeat, ask
 from vibroplat.study.store import Record, Store
+from vibroplat.study.study import CrossCheckCase, Options, Progress, Study, run_study
 from vibroplat.study.sweep import SWEEP
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Most keys that are printed of each measure.
 SHOWN = 4
 
 
-class DesignTables(NamedTuple):
-    """What an orbit depends on, what tolerances do to it, and which values of keys are best.
-
-    Attributes
-    ----------
-    scene
-        Whose orbit it is.
-    tables
-        By name: ``sensitivities``; with a spread ``samples`` and ``shares``; with a measure to minimize
-        ``evaluations``, ``pareto``.
-    lines, text
-        The answer: labels and texts, and plain lines below.
-    notes
-        What deserves a second look.
-    configurations
-        With a best design its configuration ``best``, as YAML.
-    """
-
-    scene: Scene
-    tables: Mapping[str, pd.DataFrame]
-    lines: Mapping[str, str]
-    text: Sequence[str]
-    notes: Sequence[str]
-    configurations: Mapping[str, str]
-
-    def plot(self, kind: Literal["sensitivities", "samples", "evaluations"] = "sensitivities") -> Figure:
-        """Draw elasticities, measures of samples, or what a search looked at with the Pareto front."""
-        return figure_of(self, kind)
+_VARIED: Columns = {"…": Column("the keys that vary, by their dotted names", "see configuration.md")}
+_MEASURED: Columns = {"measures": Column("the measures that were asked for", "by their names, as in sweep")}
+#: The tables of a design: what their rows are, and their columns.
+TABLES: dict[str, tuple[str, Columns]] = {
+    "sensitivities": ("`vibroplat design`: a row for each measure and key.", of_keys.SENSITIVITIES),
+    "samples": (
+        "`vibroplat design` with `spread`: a row for each sample.",
+        {**_VARIED, **of_samples.SAMPLES, **_MEASURED},
+    ),
+    "shares": ("`vibroplat design` with `spread`: what the variance of a measure comes from.", of_samples.SHARES),
+    "evaluations": (
+        "`vibroplat design` with `minimize`: a row for each point that was looked at.",
+        {**_VARIED, **_MEASURED, **optimum.EVALUATIONS},
+    ),
+    "pareto": (
+        "`vibroplat design` with `pareto`: a row for each bound.",
+        {**_VARIED, **_MEASURED, **optimum.PARETO},
+    ),
+}
 
 
-class Design:
-    """The question of section ``design``; see :class:`vibroplat.study.question.Question`.
+class DesignStudy(Study):
+    """Sensitivities, tolerances and best values of a section ``design``.
 
     Raises
     ------
@@ -73,9 +58,9 @@ class Design:
         The scene has no such section, or it names keys, measures or values that the scene does not have.
     """
 
-    command: Command = "design"
+    kind = "design"
+    described = TABLES
     counted = "steps"
-    absent = frozenset({"samples", "shares", "evaluations", "pareto"})
 
     def __init__(self, scene: Scene) -> None:
         if scene.design is None:
@@ -98,13 +83,12 @@ class Design:
         allowed = of_keys.measured_names(scene)
         self.names = [n for n in dict.fromkeys((*of_keys.USUAL, *self.plan.named)) if n in allowed]
         self.aims = [n for n in (self.plan.minimize, *self.plan.subject) if n is not None]
-        self.chains = max(self.plan.samples // of_samples.CHUNK, self.plan.starts)
 
-    def scenes(self) -> Iterable[Scene]:
-        """Yield the scenes on whose input there may be notes."""
-        return [self.scene]
+    def chains(self, store: Store) -> int:
+        """Return how many parts of samples, or searches, run side by side."""
+        return max(self.plan.samples // of_samples.CHUNK, self.plan.starts)
 
-    def answer(self, store: Store, workers: Pool, progress: Progress) -> Answer:
+    def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
         """Find the orbit, differentiate it, search for the best values, and measure samples around what was found."""
         run = _Runner(store, workers, progress)
         known = run.one("settled", of_keys.settled, self.scene)
@@ -120,32 +104,42 @@ class Design:
         lines = {"motion": f"{home}, multipliers up to {1.0 - margin:.6g}"}
         text = list(_told_of_keys(found, self.names))
         if self.plan.minimize is None:
-            return self._with_samples(run, self.scene, known, Answer(tables, lines, text))
+            return self._with_samples(run, self.scene, known, self._result(tables, Answer(lines, text)))
         best, found = self._best(run, known, tables)
-        answer = Answer(tables, lines | found, text)
+        lines |= found
         if best is None:
-            return answer
+            return self._result(tables, Answer(lines, text))
         scene = self.scene.replace(best["values"])
         row = run.one("confirmed", optimum.confirmed, self.scene, known, best["values"])
         told = [f"{name} {row['row'][name]:.6g}" for name in self.aims if row["row"].get(name) is not None]
-        lines = {"from rest": ", ".join([row["regime"], *told])}
+        lines |= {"from rest": ", ".join([row["regime"], *told])}
         notes = [] if row["same"] else [f"from rest the best design comes to {row['regime']}, not to its orbit"]
         if notes and self.plan.spread and self.plan.samples:
             notes = [f"{notes[0]}, so its tolerances were not sampled"]
-        answer = answer._replace(lines={**answer.lines, **lines}, notes=notes, configurations={"best": _written(scene)})
+        result = self._result(tables, Answer(lines, text, notes), {"best": _written(scene)})
         if not (row["same"] and self.plan.spread):
-            return answer
-        return self._with_samples(run, scene, run.one("settled there", of_keys.settled, scene), answer)
+            return result
+        return self._with_samples(run, scene, run.one("settled there", of_keys.settled, scene), result)
 
-    def repeats(self, answer: Answer, other: Callable[[Scene], Scene]) -> list[Repeat]:
+    def _result(
+        self,
+        tables: Mapping[str, pd.DataFrame],
+        answer: Answer,
+        configurations: Mapping[str, str] | None = None,
+    ) -> Result:
+        return Result("design", self.scene, tables, answer, configurations=configurations)
+
+    def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
         """Choose the orbit of the scene as given, and that of the best design that was looked at."""
-        told = answer.tables["sensitivities"].dropna(subset=["elasticity"])  # others are round-off
+        told = result.sensitivities.dropna(subset=["elasticity"])  # others are round-off
         nominal: Record = dict(zip(told["measure"], told["value"].tolist(), strict=True))
         found = [("at the values of the scene", Record(), nominal)]
-        tried = answer.tables.get("evaluations")
+        tried = result.tables.get("evaluations")
         for _, best in () if tried is None else tried[tried["best"]].iterrows():
             found.append(("at the best design", {k: best[k] for k in self.plan.keys}, {n: best[n] for n in nominal}))
-        return [Repeat(place, Task(of_keys.measured_at, (other(self.scene), at)), row) for place, at, row in found]
+        return [
+            CrossCheckCase(place, Task(of_keys.measured_at, (other(self.scene), at)), row) for place, at, row in found
+        ]
 
     def _best(
         self, run: _Runner, known: Record, tables: dict[str, pd.DataFrame]
@@ -187,22 +181,23 @@ class Design:
     def _table(self, rows: Sequence[Record], meant: Columns, first: Sequence[str], last: Sequence[str]) -> pd.DataFrame:
         """Make a table of the plan's keys and measures with some columns before and behind them."""
         columns = [*first, *self.plan.keys, *self.names, *last]
-        return _labelled(rows, columns, meant)
+        return study_table(rows, columns, {**SWEEP, **of_samples.SAMPLES, **meant})
 
-    def _with_samples(self, run: _Runner, scene: Scene, known: Record, answer: Answer) -> Answer:
+    def _with_samples(self, run: _Runner, scene: Scene, known: Record, result: Result) -> Result:
         """Add the samples of a scene's tolerances, if there are any."""
         if not (self.plan.spread and self.plan.samples):
-            return answer
+            return result
         plan, home = self.plan, of_samples.regime(known["sync"], "periodic", known["period"])
-        keys, found = list(plan.spread), answer.tables["sensitivities"].dropna(subset=["elasticity"])
+        keys, found = list(plan.spread), result.sensitivities.dropna(subset=["elasticity"])
         places = of_samples.within(plan.seed, len(keys), 0, plan.samples)
         table = self._samples(run, scene, known, places)
         shares = of_samples.shares(table, keys, found["measure"].unique().tolist())
-        return answer._replace(
-            tables={**answer.tables, "samples": table, "shares": shares},
-            lines={**answer.lines, **_lines_of_samples(table, home), **self._kept(table)},
-            text=[*answer.text, *_told_of_samples(table, shares)],
+        answer = result.answer._replace(
+            lines={**result.answer.lines, **_lines_of_samples(table, home), **self._kept(table)},
+            text=[*result.answer.text, *_told_of_samples(table, shares)],
         )
+        tables = {**result.tables, "samples": table, "shares": shares}
+        return self._result(tables, answer, result.configurations)
 
     def _kept(self, table: pd.DataFrame) -> dict[str, str]:
         """Tell how many samples of the best design keep all bounds: several tolerances may break one together."""
@@ -224,7 +219,7 @@ class Design:
         rows = [row for part in run.all(parts) for row in part["rows"]]
         measures = [name for name in self.names if name != "margin"]
         columns = ["sample", *self.plan.spread, "stable", "regime", "margin", *measures]
-        return _labelled(rows, columns, of_samples.SAMPLES)
+        return study_table(rows, columns, {**SWEEP, **of_samples.SAMPLES})
 
 
 class _Runner:
@@ -248,19 +243,6 @@ class _Runner:
 
         chains = [StoredChain(_single(Task(task[0], task[1:])), self._store, name) for name, task in tasks.items()]
         return run_stored(chains, self._workers, tell)
-
-
-def _labelled(rows: Sequence[Record], columns: Sequence[str], meant: Columns) -> pd.DataFrame:
-    """Make a table whose types do not depend on what was found."""
-    kinds = {
-        "sample": "int64",
-        "start": "int64",
-        "regime": "str",
-        **dict.fromkeys(("stable", "feasible", "best"), "bool"),
-    }
-    types: dict[str, Any] = {name: kinds.get(name, "float64") for name in columns}
-    about = {key: Column(key_of(key).meaning) for key in columns if "." in key}
-    return labelled(pd.DataFrame(rows, columns=list(columns)).astype(types), {**SWEEP, **about, **meant})
 
 
 def _values(found: Mapping[str, float], names: Sequence[str]) -> str:
@@ -318,33 +300,30 @@ def _told_of_samples(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[str]
         yield f"  {name} {low:.5g} {middle:.5g} {high:.5g}: {told or 'no variance'}{explained}"
 
 
-def design(
-    scene: Scene,
-    jobs: int = 1,
-    scheduler: str | None = None,
-    wait: float = WAIT,
-    progress: Progress = lambda done, known: None,
-) -> DesignTables:
+STUDY = DesignStudy
+
+
+def design(scene: Scene, **options: Unpack[Options]) -> Result:
     """Answer the question of a scene's section ``design``: sensitivities, tolerances, best values of keys.
 
     Parameters
     ----------
     scene
         With a section ``design``.
-    jobs, scheduler, wait, progress
-        As in :func:`vibroplat.sweep`.
+    options
+        As of :func:`vibroplat.sweep`; ``progress`` is called with the numbers of finished and of known steps.
 
     Returns
     -------
-    DesignTables
-        Its ``tables`` by name, as ``vibroplat design`` writes them, and its printed ``lines`` and ``text``.
+    Result
+        Its tables: ``sensitivities``; with a spread ``samples`` and ``shares``; with a measure to minimize
+        ``evaluations`` and ``pareto``, and the best design's configuration ``configurations["best"]`` as YAML.
 
     Raises
     ------
     ConfigError
         The section is missing, or names what the scene does not have.
     OrbitError
-        The motion comes to no periodic orbit.
+        The motion converges to no periodic orbit.
     """
-    found = ask(Design(scene), jobs, scheduler, wait, progress)
-    return DesignTables(scene, found.tables, found.lines, found.text, found.notes, found.configurations)
+    return run_study(DesignStudy(scene), **options)

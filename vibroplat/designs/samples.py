@@ -13,13 +13,13 @@ from contextlib import closing
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import COUNT, FLAG, TEXT, Column, Columns
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import MissedError
 from vibroplat.designs.sensitivities import begun, settling
-from vibroplat.frames import labelled
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.study.branches import study_table
 from vibroplat.study.point import measure_point
 from vibroplat.study.store import Record
 
@@ -33,16 +33,18 @@ QUANTILES = (0.05, 0.5, 0.95)
 SETTLING, MEASURING, AWAY = 128.0, 6.0, 1e-3
 
 SAMPLES: Columns = {
-    "sample": Column("number of the scene within the spread"),
-    "stable": Column("whether the orbit of the scene as given is stable there", "also if it is lost: no"),
+    "sample": Column("number of the scene within the spread", kind=COUNT),
+    "stable": Column("whether the orbit of the scene as given is stable there", "also if it is lost: no", kind=FLAG),
     "regime": Column(
-        "synchronization and kind of motion", "of the orbit if it is stable, otherwise of what its motion comes to"
+        "synchronization and kind of motion",
+        "of the orbit if it is stable, otherwise of what its motion comes to",
+        kind=TEXT,
     ),
     "margin": Column("1 less the size of the orbit's largest Floquet multiplier", "empty if the orbit is lost"),
 }
 SHARES: Columns = {
-    "measure": Column("a column of a sweep, or margin"),
-    "key": Column("dotted key of the spread"),
+    "measure": Column("a column of a sweep, or margin", kind=TEXT),
+    "key": Column("dotted key of the spread", kind=TEXT),
     "regression": Column("share of the key in the variance of the measure", "by linear regression over the samples"),
     "explained": Column("share of the variance that linear regression explains", "the same for all keys"),
 }
@@ -105,9 +107,11 @@ def shares(table: pd.DataFrame, keys: Sequence[str], measures: Sequence[str]) ->
         if not table[name].count():
             continue
         own, explained = _regression(table, keys, name)
-        rows += [(name, key, share, explained) for key, share in zip(keys, own.tolist(), strict=True)]
-    found = pd.DataFrame(rows, columns=list(SHARES))
-    return labelled(found.astype({name: "str" if place < 2 else float for place, name in enumerate(SHARES)}), SHARES)
+        rows += [
+            dict(zip(SHARES, (name, key, share, explained), strict=True))
+            for key, share in zip(keys, own.tolist(), strict=True)
+        ]
+    return study_table(rows, list(SHARES), SHARES)
 
 
 def _regression(table: pd.DataFrame, keys: Sequence[str], measure: str) -> tuple[FloatArray, float]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import TEXT, Column, Columns
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
@@ -17,10 +17,10 @@ from vibroplat.continuation.local import Local
 from vibroplat.continuation.newton import MissedError
 from vibroplat.continuation.orbit import Orbit, OrbitError
 from vibroplat.errors import ConfigError
-from vibroplat.frames import labelled
 from vibroplat.model.parameters import parameters
 from vibroplat.model.sensitivity import SECTIONS, flat, value_of, with_value
 from vibroplat.observe.sheet import columns
+from vibroplat.study.branches import study_table
 from vibroplat.study.point import MEASURED, measure_point
 from vibroplat.study.store import Record
 
@@ -34,8 +34,10 @@ NOTHING = 1e-7
 _CHANGE = 1e-6
 
 SENSITIVITIES: Columns = {
-    "measure": Column("a column of a sweep, or margin", "margin: 1 less the size of the largest Floquet multiplier"),
-    "key": Column("dotted key of the scene"),
+    "measure": Column(
+        "a column of a sweep, or margin", "margin: 1 less the size of the largest Floquet multiplier", kind=TEXT
+    ),
+    "key": Column("dotted key of the scene", kind=TEXT),
     "value": Column("value of the measure", "in its own unit"),
     "derivative": Column("derivative of the measure by the key, along the orbit", "in the unit of one over the other"),
     "elasticity": Column(
@@ -184,8 +186,7 @@ def sensitivities(
 
 def table(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     """Make the table of sensitivities."""
-    types: dict[str, Any] = {"measure": "str", "key": "str", "value": float, "derivative": float, "elasticity": float}
-    return labelled(pd.DataFrame(rows, columns=list(types)).astype(types), SENSITIVITIES)
+    return study_table(rows, list(SENSITIVITIES), SENSITIVITIES)
 
 
 def largest(table: Sequence[dict[str, Any]], measure: str, most: int) -> list[dict[str, Any]]:

@@ -1,7 +1,7 @@
 """The loop of a run: how it begins, how a segment begins and what follows its end, for every integrator.
 
-An engine calls :func:`begin`, integrates from the start that is prepared there, adds its steps to ``steps``, and
-calls :func:`conclude` with the reason why it stopped.
+An engine calls :func:`begin_segment`, integrates from the start that is prepared there, adds its steps to ``steps``,
+and calls :func:`end_segment` with the reason why it stopped.
 """
 
 from __future__ import annotations
@@ -11,21 +11,21 @@ import math
 import numpy as np
 
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.jumps import (
+from vibroplat.hybrid.modes import ATTACHED, BARE, FLIGHT
+from vibroplat.hybrid.resets import (
+    apply_chatter,
+    apply_impact,
+    apply_liftoff,
     close_piece,
     contact_force,
+    contact_holds_at_start,
     forget_starts,
+    is_beyond_model,
     last_end,
-    latch_impacts,
-    lift_off,
     move_to,
-    prepare,
-    pressing,
+    prepare_consistent_start,
     start_callback,
-    strike,
-    turned_far,
 )
-from vibroplat.hybrid.modes import ATTACHED, BARE, FLIGHT
 from vibroplat.hybrid.state import (
     BEYOND_MODEL,
     CONSISTENT,
@@ -105,7 +105,7 @@ def automaton(
 AT_GUARD, AT_TIME, AT_TARGET, FAILED, NOT_FINITE = range(5)
 
 #: Farthest that the end of contact is moved, over the last two steps.
-REFINED = 0.1
+MAX_LIFTOFF_SHIFT = 0.1
 
 _TURN = 2.0 * math.pi
 
@@ -119,20 +119,20 @@ def first_mode(h: Automaton) -> None:
     elif run.state[GAP] > 0.0 or run.state[GAP_RATE] > 0.0:
         run.mode = FLIGHT
         run.zeros = 1 if run.state[GAP] == 0.0 else 0
-    elif prepare(h, ATTACHED, DIFFERENTIATED):
-        run.mode = ATTACHED if pressing(h) else FLIGHT
+    elif prepare_consistent_start(h, ATTACHED, DIFFERENTIATED):
+        run.mode = ATTACHED if contact_holds_at_start(h) else FLIGHT
         run.zeros = 2 if run.mode == FLIGHT else 0
 
 
 @compiled
-def fly(h: Automaton) -> None:
+def begin_in_flight(h: Automaton) -> None:
     """Begin in flight with a gap of 0, as at the end of a run that has just lifted off."""
     h.run.mode = FLIGHT
     h.run.zeros = 2
 
 
 @compiled
-def begin(h: Automaton) -> bool:
+def begin_segment(h: Automaton) -> bool:
     """Prepare a segment: its consistent start, its tolerances and how long it may take.
 
     Returns False, with the outcome set, where the run ends instead.
@@ -140,21 +140,21 @@ def begin(h: Automaton) -> bool:
     run = h.run
     if run.accumulating == 1:  # the run was to stop at the impact before
         run.accumulating = 0
-        latch_impacts(h)
+        apply_chatter(h)
         if run.outcome != RUNNING:
             return False
     if run.now >= run.end:  # the last event was at the very end
         run.outcome = OK
         return False
-    most = h.recent.size
-    oldest = run.restarts % most  # all restarts count, so that nothing can go on for ever
-    if run.restarts >= most and run.now - h.recent[oldest] < run.period:
+    max_restarts = h.recent.size
+    oldest = run.restarts % max_restarts  # all restarts count, so that nothing can go on for ever
+    if run.restarts >= max_restarts and run.now - h.recent[oldest] < run.period:
         run.outcome = EVENT_STORM
         return False
     h.recent[oldest] = run.now
     run.restarts += 1
     mode = run.mode
-    if not prepare(h, mode, CONSISTENT):
+    if not prepare_consistent_start(h, mode, CONSISTENT):
         return False
     for exciter in range(2):  # whole turns of its angle
         whole = _TURN * math.floor(run.state[3 + exciter] / _TURN)
@@ -171,13 +171,13 @@ def begin(h: Automaton) -> bool:
 
 
 @compiled
-def conclude(h: Automaton, stop: int) -> None:
-    """Close the open piece and make the jump at its end; ``stop`` is why the integrator has stopped."""
+def end_segment(h: Automaton, stop: int) -> None:
+    """Close the open piece and apply the reset at its end; ``stop`` is why the integrator has stopped."""
     run, last = h.run, h.steps.used.steps - 1
     if last >= h.steps.used.first:
         run.now = last_end(h)
     if stop == AT_GUARD and run.mode == ATTACHED:
-        refine(h)
+        refine_liftoff_time(h)
     elif stop == AT_GUARD:
         h.steps.ends[last, GAP] = 0.0  # the root is found to round-off
     final = stop == AT_TIME and run.final == 1
@@ -191,17 +191,17 @@ def conclude(h: Automaton, stop: int) -> None:
     elif stop == AT_TIME:
         run.joined = RESTARTED
     elif stop == FAILED:
-        run.outcome = BEYOND_MODEL if turned_far(h) else SOLVER_FAILURE
+        run.outcome = BEYOND_MODEL if is_beyond_model(h) else SOLVER_FAILURE
     elif stop == NOT_FINITE:
-        run.outcome = BEYOND_MODEL if turned_far(h) else NON_FINITE
+        run.outcome = BEYOND_MODEL if is_beyond_model(h) else NON_FINITE
     elif run.mode == ATTACHED:
-        lift_off(h)
+        apply_liftoff(h)
     else:
-        strike(h)
+        apply_impact(h)
 
 
 @inlined
-def refine(h: Automaton) -> None:
+def refine_liftoff_time(h: Automaton) -> None:
     """Move the end of contact to where F_c by the algebra is 0.
 
     The integrator finds the root of F_c as it interpolates it, which satisfies the equations only to its tolerance;
@@ -210,21 +210,22 @@ def refine(h: Automaton) -> None:
     run, steps = h.run, h.steps
     system, last = run.systems[ATTACHED], steps.used.steps - 1
     move_to(h, system, steps.ends[last])
-    if not prepare(h, ATTACHED, DIFFERENTIATED):
+    if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED):
         return
     force, rate = contact_force(h)
     shift = -force / rate if rate < 0.0 else 0.0
     length = steps.length[last] + shift
     # a longer way is none of the integrator's error: F_c and its rate by the algebra do not belong together, as
     # where a stiff layer turns an error of its rate, which the tolerance allows, into a force
-    near = REFINED * (steps.length[last] + (steps.length[last - 1] if last > steps.used.first else 0.0))
-    if abs(shift) > near or min(length, steps.length[last]) <= 0.0 or steps.start[last] + length > run.until:
+    max_shift = MAX_LIFTOFF_SHIFT * (steps.length[last] + (steps.length[last - 1] if last > steps.used.first else 0.0))
+    if abs(shift) > max_shift or min(length, steps.length[last]) <= 0.0 or steps.start[last] + length > run.until:
         return
     run.now += shift
     for i in range(DIFFERENTIAL[system]):
         run.state[PLACES[system, i]] += shift * (run.yp[ATTACHED, i] + 0.5 * shift * run.ypp[ATTACHED, i])
     forget_starts(h)
-    if not prepare(h, ATTACHED, DIFFERENTIATED) or abs(contact_force(h)[0]) > abs(force):  # no better there
+    # no better there
+    if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED) or abs(contact_force(h)[0]) > abs(force):
         run.outcome = RUNNING
         run.now -= shift
         move_to(h, system, steps.ends[last])

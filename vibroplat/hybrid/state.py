@@ -25,13 +25,13 @@ from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import stretch
 from vibroplat.model.systems import FULL_SIZE, System
 
-#: Steps that one segment may need after its last one: that of a latch, and one to spare.
+#: Steps that one segment may need after its last one: that of chatter, and one to spare.
 MARGIN = 2
 
 #: Columns of polynomials: as many as the largest system has unknowns, made up to whole vectors of the processor.
 WIDTH = 16
 
-#: Least degree of the polynomials, that of a latch.
+#: Least degree of the polynomials, that of chatter.
 CUBIC = 3
 
 # How a piece goes on from the one before.
@@ -76,7 +76,7 @@ class Steps(NamedTuple):
         return self.c.shape[1] - 1
 
 
-def no_steps(rows: int, degree: int) -> Steps:
+def empty_steps(rows: int, degree: int) -> Steps:
     """Make room for steps with polynomials of a degree."""
     return Steps(
         np.zeros(rows),
@@ -149,7 +149,7 @@ RUN = np.dtype(
         ("awaited", np.int64),  # kind of event that ends the run, or −1
         ("joined", np.int64),  # how the piece goes on from the one before
         ("zeros", np.int64),  # of the guard at the segment's start that are known
-        ("accumulating", np.int64),  # whether impacts are to be latched before the next segment
+        ("accumulating", np.int64),  # whether chatter is to be summed up before the next segment
         ("events", np.int64),  # rows in the event list
         ("restarts", np.int64),
         ("state", np.float64, FULL_SIZE),  # full state
@@ -191,21 +191,21 @@ class Automaton(NamedTuple):
     recent: FloatArray  # times of the last restarts (s), as many as may lie within a period
     events: npt.NDArray[np.void]  # since the list was read, records of EVENT
     steps: Steps  # since they were read
-    start: int  # address of :func:`vibroplat.hybrid.jumps.start_callback`
+    start: int  # address of :func:`vibroplat.hybrid.resets.start_callback`
     parameters: int  # address of p
 
 
 #: Local tolerance of F_c in units of its scale, over the tolerance of the run. Ten costs no accuracy of
 #: F_c, whose error is that of the state it follows from; less takes more steps where it is in the error test.
-FORCE_SHARE = 10.0
+FORCE_TOLERANCE_RATIO = 10.0
 
 #: Local tolerance of rates in units of their scales, over the tolerance of the run. At equal errors of
 #: coordinates, F_c and event times 2 takes a tenth fewer steps than 1; 4 gains nothing more.
-RATE_SHARE = 2.0
+RATE_TOLERANCE_RATIO = 2.0
 
 #: Local tolerances in flight, over those of the other modes. A landing turns an error of the gap into one of
 #: time by its speed, which may be small: at equal errors of event times this takes a tenth fewer steps than 1.
-FLIGHT_SHARE = 0.1
+FLIGHT_TOLERANCE_RATIO = 0.1
 
 #: Relative error that round-off leaves of what is integrated: the least relative tolerance.
 ROUND_OFF = 100.0 * float(np.finfo(float).eps)
@@ -214,7 +214,7 @@ ROUND_OFF = 100.0 * float(np.finfo(float).eps)
 FORCE_NOISE, FORCE_ERROR = 1e-12, 0.05
 
 #: Most halvings of a tolerance in low flights; those lower than 4⁻³⁰ of the scale are not followed.
-MOST_HALVINGS = 30
+MAX_HALVINGS = 30
 
 
 def state_scales(scene: Scene) -> FloatArray:
@@ -236,10 +236,10 @@ def absolute_tolerances(scene: Scene, system: System) -> FloatArray:
     """Absolute tolerances of a system's unknowns, shape (size,)."""
     atol = np.empty(system.size)
     atol[: system.differential] = state_scales(scene)[system.places]
-    atol[system.differential // 2 : system.differential] *= RATE_SHARE
-    atol[system.differential :] = FORCE_SHARE * scene.force_scale
+    atol[system.differential // 2 : system.differential] *= RATE_TOLERANCE_RATIO
+    atol[system.differential :] = FORCE_TOLERANCE_RATIO * scene.force_scale
     if system.mode is Mode.FLIGHT:
-        atol *= FLIGHT_SHARE
+        atol *= FLIGHT_TOLERANCE_RATIO
     return scene.solver.tolerance * atol
 
 
@@ -251,7 +251,7 @@ def force_spread(scene: Scene) -> float:
     machine, scales = scene.machine, state_scales(scene)
     lower, upper = scene.layer_masses
     stiffness, damping = scene.layer_spring
-    rates = RATE_SHARE * scales[7:]
+    rates = RATE_TOLERANCE_RATIO * scales[7:]
     layers = upper * (stiffness * scales[6] + damping * rates[6])
     springs = machine.stiffness_y_n_per_m * scales[1] + scene.damping_y * rates[1]
     motors = max(scene.unbalances) * scene.fastest_decay * rates[3]
@@ -277,8 +277,8 @@ def halvings(tolerance: float, height: float, scale: float, sure: bool) -> int:
     flight is; one that may rise higher than expected must not be asked for more than round-off leaves of it: ``sure``
     says whether the flight is known to be that low (m).
     """
-    share = max(height / scale, 4.0**-MOST_HALVINGS if sure else ROUND_OFF / tolerance)
-    return min(int(-0.5 * math.log2(share)), MOST_HALVINGS) if share < 1.0 else 0
+    share = max(height / scale, 4.0**-MAX_HALVINGS if sure else ROUND_OFF / tolerance)
+    return min(int(-0.5 * math.log2(share)), MAX_HALVINGS) if share < 1.0 else 0
 
 
 def static_rest(scene: Scene) -> FloatArray:
@@ -316,7 +316,7 @@ def initial_state(scene: Scene, initial: Initial | None = None) -> FloatArray:
     return state
 
 
-def perturbed(state: FloatArray, scene: Scene, share: float, key: tuple[int, ...]) -> FloatArray:
+def perturb_state(state: FloatArray, scene: Scene, share: float, key: tuple[int, ...]) -> FloatArray:
     """Return a state, shape (14,), with the rates of platform and exciters changed by normal random numbers.
 
     Their standard deviation is ``share`` in the scales of the scene; the numbers of ``key`` determine them. A symmetric

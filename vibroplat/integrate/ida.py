@@ -1,4 +1,4 @@
-"""IDA from compiled code: what it calls back, and the loop of segments, steps and jumps without the interpreter.
+"""IDA from compiled code: what it calls back, and the loop of segments, steps and resets without the interpreter.
 
 The callbacks are C functions: residual, Jacobian and its solutions, weights, guard. Their user data are a record of
 addresses and what else a callback must know of its system. The kernels are those of :mod:`vibroplat.model`; a callback
@@ -14,9 +14,9 @@ import numpy.typing as npt
 from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.hybrid import loop
-from vibroplat.hybrid.jumps import cut_piece
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
 from vibroplat.hybrid.modes import GUARDS
+from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import MARGIN, ROUND_OFF, RUNNING, Automaton, Steps, end_at, rewind
 from vibroplat.integrate.multistep import Past, add_step, begin_steps, calm, no_past, prepare_first_step, stop_within
 from vibroplat.kernels.compiled import (
@@ -208,13 +208,13 @@ def nothing() -> Native:
 
 @compiled
 def drive(owned_h: Automaton, owned_n: Native) -> None:
-    """Go through segments and jumps until there is no room for more steps or the run has ended."""
+    """Go through segments and resets until there is no room for more steps or the run has ended."""
     h, n = borrow(owned_h), borrow(owned_n)
     rewind(h.steps)
     while h.run.outcome == RUNNING:
         if n.status.open == 0:
             full = h.steps.used.steps + 1 + MARGIN > h.steps.start.size or h.run.events + 2 > h.events.size
-            if full or not loop.begin(h) or not start(h, n):
+            if full or not loop.begin_segment(h) or not start(h, n):
                 return
         stop = advance(h, n)
         if ALGEBRAIC[h.run.systems[h.run.mode]]:
@@ -228,7 +228,7 @@ def drive(owned_h: Automaton, owned_n: Native) -> None:
         n.status.errors += n.number[0]
         call_int(n.functions.newton_failures, (memory, number))
         n.status.newtons += n.number[0]
-        loop.conclude(h, stop)
+        loop.end_segment(h, stop)
 
 
 @compiled

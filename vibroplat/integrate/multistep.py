@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.hybrid.jumps import derivatives, prepare
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET
 from vibroplat.hybrid.modes import FLIGHT
+from vibroplat.hybrid.resets import derivatives, prepare_consistent_start
 from vibroplat.hybrid.state import CUBIC, CUT, DIFFERENTIATED, ROUND_OFF, Automaton, Steps, end_at, halvings
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
-from vibroplat.kernels.polynomial import crossing, first_fall, slope, values
+from vibroplat.kernels.polynomial import crossing, first_downcrossing, slope, values
 from vibroplat.model.systems import FULL_SIZE, GAP, SIZES
 
 #: First step over the time until the gap closes again, by its Taylor polynomial.
@@ -130,7 +130,7 @@ def stop_within(
         and not found
         and (y[guard] < 0.0 or (yp[guard] > 0.0 and c[1, guard] < 0.0 < slope(c, CUBIC, guard, 1.0)))
     ):
-        share = first_fall(c, CUBIC, guard, 0)
+        share = first_downcrossing(c, CUBIC, guard, 0)
         fall = share if share >= 0.0 else np.inf
     if passed < fall:
         return AT_TARGET, passed
@@ -191,7 +191,7 @@ def prepare_first_step(h: Automaton) -> float:
     """
     run = h.run
     mode = run.mode
-    if not prepare(h, mode, DIFFERENTIATED):
+    if not prepare_consistent_start(h, mode, DIFFERENTIATED):
         return -1.0
     size = SIZES[run.systems[mode]]
     step = min(0.1 * run.period, curvature_step(run.ypp[mode, :size], run.atol[:size]))

@@ -20,11 +20,11 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.modes import GUARDS
-from vibroplat.hybrid.state import CUBIC, OK, Automaton, no_steps
+from vibroplat.hybrid.state import CUBIC, OK, Automaton, empty_steps
 from vibroplat.integrate import ida
 from vibroplat.integrate.sundials import Library, UnavailableError
 from vibroplat.kernels.compiled import FloatArray, same_types
-from vibroplat.model.parameters import Parameters, address, parameters
+from vibroplat.model.parameters import Parameters, parameters, record_address
 from vibroplat.model.systems import System, systems
 
 #: Steps between two returns to Python: many against what a return costs, few against the processor's cache.
@@ -156,7 +156,7 @@ class NativeEngine:
         lib, n = self._lib, self._n
         links, user = n.links[mode], int(n.links[mode : mode + 1].ctypes.data)
         links["vector"] = lib.address("N_VGetArrayPointer")
-        links["parameters"] = address(self._p)
+        links["parameters"] = record_address(self._p)
         links["tolerances"] = n.atol[mode].ctypes.data
         links["solver"] = links["condensed"].ctypes.data
         links["system"], links["size"], links["guard"] = system.index, system.size, GUARDS[system.index]
@@ -215,7 +215,7 @@ def self_check(library: Library) -> None:
     scene = Scene().replace({"solver.tolerance": 1e-11})
     p = parameters(scene)
     with closing(NativeEngine(scene, p, library)) as engine:
-        h = automaton(scene, p, no_steps(engine.rows, engine.degree), engine.turns_per_segment)
+        h = automaton(scene, p, empty_steps(engine.rows, engine.degree), engine.turns_per_segment)
         loop.first_mode(h)
         h.run["end"] = duration
         engine.advance(h)

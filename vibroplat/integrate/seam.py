@@ -1,8 +1,8 @@
 """The seam: what a run asks of an integrator.
 
-An *engine* drives the automaton of :mod:`vibroplat.hybrid`: for each segment it calls ``begin``, integrates from the
-consistent state prepared there until the guard falls through zero or the segment's time is up, adds its steps, each
-with a polynomial, to ``h.steps``, and calls ``conclude``. Whoever reads the steps knows no method.
+An *engine* drives the automaton of :mod:`vibroplat.hybrid`: for each segment it calls ``begin_segment``, integrates
+from the consistent state prepared there until the guard falls through zero or the segment's time is up, adds its steps,
+each with a polynomial, to ``h.steps``, and calls ``end_segment``. Whoever reads the steps knows no method.
 
 To add an integrator, implement :class:`Integrator`, some fifty lines for a library's own, as
 ``tests/integrate/dop853.py`` does for scipy's. :class:`vibroplat.integrate.stepwise.Stepwise` makes an engine of it,
@@ -16,15 +16,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import COUNT, Column, Columns
 from vibroplat.hybrid.state import Automaton
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import System
 
 #: What engines count, in the order of the summary.
 WORK: Columns = {
-    "steps": Column("steps of the integrator"),
-    "residual_calls": Column("evaluations of the residual"),
+    "steps": Column("steps of the integrator", kind=COUNT),
+    "residual_calls": Column("evaluations of the residual", kind=COUNT),
     "jacobian_calls": Column("evaluations of the Jacobian"),
     "error_test_failures": Column("steps repeated because their error was too large"),
     "newton_failures": Column("steps repeated because Newton's iteration failed"),

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.hybrid.jumps import cut_piece
-from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE, begin, conclude
+from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE, begin_segment, end_segment
 from vibroplat.hybrid.modes import GUARDS
+from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import CUBIC, MARGIN, RUNNING, Automaton, Steps, rewind
 from vibroplat.integrate.seam import IntegrationError, Integrator
 from vibroplat.kernels.compiled import FloatArray, compiled
-from vibroplat.kernels.polynomial import Fit, crossing, first_fall, fit, fit_column, stretch, values
+from vibroplat.kernels.polynomial import Fit, crossing, first_downcrossing, fit, fit_column, stretch, values
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.equations import finite
 from vibroplat.model.parameters import Parameters
@@ -34,7 +34,7 @@ class Stepwise:
 
     def __init__(self, integrator: Integrator, p: Parameters) -> None:
         self.name = integrator.name
-        self.degree = max(integrator.degree, CUBIC)  # a latch is a cubic
+        self.degree = max(integrator.degree, CUBIC)  # chatter is a cubic
         self.detail = ""
         self._integrator, self._p = integrator, p
         self._fit = fit(self.degree)
@@ -63,11 +63,11 @@ class Stepwise:
                 cut_piece(h)
                 return
             self._open = False
-            conclude(h, stop)
+            end_segment(h, stop)
 
     def _begin(self, h: Automaton) -> bool:
         """Begin a segment; whether there is one."""
-        if not begin(h):
+        if not begin_segment(h):
             return False
         run = h.run
         system = SYSTEMS[run["systems"][run["mode"]]]
@@ -148,7 +148,7 @@ def add_step(
     if size > differential and not add_force(system, run.origin + start, length, c, fit, p):
         return NOT_FINITE
     guard, target = GUARDS[system], run.target - run.turns[0]
-    fall = first_fall(c, degree, guard, run.zeros) if guard >= 0 else -1.0
+    fall = first_downcrossing(c, degree, guard, run.zeros) if guard >= 0 else -1.0
     run.zeros = 0  # they were of the segment's start
     if fall >= 0.0:
         stop = AT_GUARD

@@ -17,9 +17,9 @@ os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 
 from sksundae.ida import IDA
 
-from vibroplat.hybrid.jumps import cut_piece
-from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, FAILED, NOT_FINITE, begin, conclude
+from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, FAILED, NOT_FINITE, begin_segment, end_segment
 from vibroplat.hybrid.modes import GUARDS
+from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import CUBIC, MARGIN, ROUND_OFF, Automaton, rewind
 from vibroplat.integrate.multistep import begin_steps, calm, no_past, prepare_first_step, transcribe
 from vibroplat.integrate.seam import WORK
@@ -116,7 +116,7 @@ class SundaeEngine:
         """Carry a run on for one segment, or part of it; see :class:`vibroplat.integrate.seam.Engine`."""
         rewind(h.steps)
         if self._pending is None:
-            first_step = prepare_first_step(h) if begin(h) else -1.0
+            first_step = prepare_first_step(h) if begin_segment(h) else -1.0
             if first_step < 0.0:
                 return
             self._pending = self._integrate(h, first_step)
@@ -133,7 +133,7 @@ class SundaeEngine:
             cut_piece(h)
         else:
             self._pending = None
-            conclude(h, ends.stop if stop < 0 else stop)
+            end_segment(h, ends.stop if stop < 0 else stop)
 
     def _integrate(self, h: Automaton, first_step: float) -> _Ends:
         """Integrate the segment that begins."""

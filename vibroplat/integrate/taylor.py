@@ -19,18 +19,18 @@ import numpy as np
 
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid import loop
-from vibroplat.hybrid.jumps import cut_piece
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
 from vibroplat.hybrid.modes import GUARDS
+from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import MARGIN, RUNNING, WIDTH, Automaton, rewind
 from vibroplat.integrate.seam import WORK
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, inlined, same_types
 from vibroplat.kernels.lanes import horner_8, in_lines, put_step, sizes_16
-from vibroplat.kernels.polynomial import crossing, first_fall
+from vibroplat.kernels.polynomial import crossing, first_downcrossing
 from vibroplat.model.equations import finite
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import holds
-from vibroplat.model.series import FORCE, HIGHEST, expand, room
+from vibroplat.model.platform import is_definite
+from vibroplat.model.series import FORCE, MAX_DEGREE, expand, room
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, FULL_SIZE
 
 #: Degree of the series at tolerance 1e-6, and degrees more for each power of ten below it. At equal errors degrees from
@@ -45,7 +45,7 @@ MAX_STEPS, STEPS_PER_EVENT = 300_000, 60
 
 def degree_of(tolerance: float) -> int:
     """Choose the degree of the series for a tolerance."""
-    return min(max(round(DEGREE - MORE * (math.log10(tolerance) + 6.0)), LEAST), HIGHEST)
+    return min(max(round(DEGREE - MORE * (math.log10(tolerance) + 6.0)), LEAST), MAX_DEGREE)
 
 
 class TaylorEngine:
@@ -113,8 +113,8 @@ STATUS = np.dtype(
         ("y", float, FULL_SIZE),  # unknowns at the beginning of a step, and at its end
         ("ahead", float, FULL_SIZE),
         ("weights", float, 8),  # one over the tolerances of rates, then 0, and in column FORCE of F_c
-        ("guard", float, (HIGHEST + 1, 1)),  # a guard's polynomial, and one that bounds it
-        ("bound", float, (HIGHEST + 1, 1)),
+        ("guard", float, (MAX_DEGREE + 1, 1)),  # a guard's polynomial, and one that bounds it
+        ("bound", float, (MAX_DEGREE + 1, 1)),
         ("done", float),  # time of the segment (s)
         ("counted_from", float),  # when the counted steps began (s)
         ("open", int),  # whether a segment is
@@ -144,13 +144,13 @@ def nothing() -> Expansion:
 
 @compiled
 def drive(owned_h: Automaton, owned_e: Expansion) -> None:
-    """Go through segments and jumps until there is no room for more steps or the run has ended."""
+    """Go through segments and resets until there is no room for more steps or the run has ended."""
     h, e = borrow(owned_h), borrow(owned_e)
     rewind(h.steps)
     while h.run.outcome == RUNNING:
         if e.status.open == 0:
             full = h.steps.used.steps + 1 + MARGIN > h.steps.start.size or h.run.events + 2 > h.events.size
-            if full or not loop.begin(h):
+            if full or not loop.begin_segment(h):
                 return
             start(h, e)
         stop = _ON
@@ -160,7 +160,7 @@ def drive(owned_h: Automaton, owned_e: Expansion) -> None:
             cut_piece(h)
             return
         e.status.open = 0
-        loop.conclude(h, stop)
+        loop.end_segment(h, stop)
 
 
 @compiled
@@ -282,10 +282,10 @@ def guard_fall(c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bo
 
     A guard is its polynomial of degree d and a remainder, which is taken to be within T sᵈ at fraction s of the step; T
     is the sum of the sizes of the last four coefficients, as much as is left where coefficients halve every four. No
-    fall of the polynomial is missed (:func:`vibroplat.kernels.polynomial.first_fall`). Whether the guard falls in the
-    step is sure, within these bounds, if polynomial − T sᵈ does not fall, or polynomial + T sᵈ does as well. If it is
-    not, as near a touch, a shorter step will be, for T shrinks with sᵈ; where T is round-off the polynomial decides.
-    Where a step holds a touch and then a fall, the polynomial alone says which is first: T sᵈ is least there.
+    fall of the polynomial is missed (:func:`vibroplat.kernels.polynomial.first_downcrossing`). Whether the guard falls
+    in the step is sure, within these bounds, if polynomial − T sᵈ does not fall, or polynomial + T sᵈ does as well. If
+    it is not, as near a touch, a shorter step will be, for T shrinks with sᵈ; where T is round-off the polynomial
+    decides. Where a step holds a touch and then a fall, the polynomial alone says which is first: T sᵈ is least there.
     """
     used = degree - 2 if algebraic else degree
     rest, first = 0.0, 0
@@ -303,11 +303,11 @@ def guard_fall(c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bo
         return -1.0, True
     for k in range(used + 1):
         e.status.guard[k, 0] = e.status.bound[k, 0] = c[k, guard]
-    fall = first_fall(e.status.guard, used, 0, zeros)
+    fall = first_downcrossing(e.status.guard, used, 0, zeros)
     if rest <= _NOTHING * (abs(c[0, guard]) + e.status.sizes[guard]) or (fall >= 0.0 and at_end < -rest):
         return fall, True
     e.status.bound[used, 0] += rest if fall >= 0.0 else -rest
-    return fall, (first_fall(e.status.bound, used, 0, zeros) >= 0.0) == (fall >= 0.0)
+    return fall, (first_downcrossing(e.status.bound, used, 0, zeros) >= 0.0) == (fall >= 0.0)
 
 
 @compiled
@@ -319,7 +319,7 @@ def comes_to_rest(c: FloatArray, degree: int, j: int, room: FloatArray) -> float
     sense = 1.0 if c[first, j] > 0.0 else -1.0
     for k in range(degree + 1):
         room[k, 0] = sense * c[k, j]
-    return first_fall(room, degree, 0, first)
+    return first_downcrossing(room, degree, 0, first)
 
 
 @inlined
@@ -333,7 +333,7 @@ def confirmed(h: Automaton, e: Expansion, system: int, stop: int, length: float)
         ahead[i], ahead[n + i] = at_end[0, i], at_end[1, i]
     if e.status.resting >= 0:
         ahead[n + 3 + e.status.resting] = 0.0
-    if not (finite(ahead[: 2 * n]) and holds(ahead, h.p)):
+    if not (finite(ahead[: 2 * n]) and is_definite(ahead, h.p)):
         return False
     degree = e.status.degree
     force = at_end[0, FORCE]

@@ -73,11 +73,11 @@ def _digest(reading: Callable[[bytes], bytes]) -> str:
     """Digest of all that determines machine code: the compiler, its settings, the processor, each source as read."""
     settings = {name: getattr(config, name, None) for name in SETTINGS}
     versions = (sys.implementation.cache_tag, numba.__version__, llvmlite.__version__)
-    found = hashlib.sha256(f"{versions} {settings} {llvm.get_process_triple()} {processor()}".encode())
+    digest = hashlib.sha256(f"{versions} {settings} {llvm.get_process_triple()} {processor()}".encode())
     sources = [file for room in ROOMS for file in (PACKAGE / room).glob("*.py")]
     for source in sorted((*sources, *(PACKAGE / name for name in SHARED))):
-        found.update(source.relative_to(PACKAGE).as_posix().encode() + reading(source.read_bytes()))
-    return found.hexdigest()
+        digest.update(source.relative_to(PACKAGE).as_posix().encode() + reading(source.read_bytes()))
+    return digest.hexdigest()
 
 
 def _code(source: bytes) -> bytes:
@@ -116,7 +116,7 @@ def _temporary() -> Path:
     return Path(tempfile.gettempdir()) / f"numba-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
 
 
-def _stranger(folder: Path) -> str:
+def _other_writer(folder: Path) -> str:
     """Say in a clause who else can write to a resolved folder, or put another in its place; empty if nobody can.
 
     With ``sudo`` it may be another user's, who could then write what root runs, and not what root leaves there.
@@ -125,14 +125,14 @@ def _stranger(folder: Path) -> str:
         return ""
     for path in (folder, *folder.parents):
         try:
-            found = path.stat()
+            status = path.stat()
         except (FileNotFoundError, NotADirectoryError):
             continue
         # in a sticky folder, such as /tmp, nobody can replace what belongs to another
-        shared = stat.S_IWOTH | (0 if _is_users_own(found.st_gid) else stat.S_IWGRP)
-        if found.st_uid not in (0, os.getuid()):
+        shared = stat.S_IWOTH | (0 if _is_users_own(status.st_gid) else stat.S_IWGRP)
+        if status.st_uid not in (0, os.getuid()):
             return f"{path} belongs to another user"
-        if found.st_mode & shared and (path == folder or not found.st_mode & stat.S_ISVTX):
+        if status.st_mode & shared and (path == folder or not status.st_mode & stat.S_ISVTX):
             return f"others can write to {path}"
     return ""
 
@@ -144,10 +144,10 @@ def _is_users_own(group: int) -> bool:
         import pwd  # noqa: PLC0415
 
         name = pwd.getpwuid(os.getuid()).pw_name
-        found = grp.getgrgid(group)
+        entry = grp.getgrgid(group)
     except (ImportError, KeyError):
         return False
-    return found.gr_name == name and set(found.gr_mem) <= {name}
+    return entry.gr_name == name and set(entry.gr_mem) <= {name}
 
 
 @cache
@@ -156,7 +156,7 @@ def _name() -> str:
     for place in (PACKAGE / SHIPPED, *_folders()):
         with suppress(OSError):
             for state in place.glob(f"kernels-*/{_state()}"):
-                if not _stranger(state.parent.resolve()):
+                if not _other_writer(state.parent.resolve()):
                     return state.parent.name
     return f"kernels-{_digest(_code)[:16]}"
 
@@ -184,10 +184,10 @@ def folder() -> Path | None:
 
 def _is_safe(folder: Path) -> bool:
     """Whether nobody else can write to a folder; if somebody can, this process says so unless it is a worker."""
-    stranger = _stranger(folder)
-    if stranger and multiprocessing.current_process().name == "MainProcess":
-        _LOG.warning("machine code in %s is not used: %s", folder.parent, stranger)
-    return not stranger
+    other_writer = _other_writer(folder)
+    if other_writer and multiprocessing.current_process().name == "MainProcess":
+        _LOG.warning("machine code in %s is not used: %s", folder.parent, other_writer)
+    return not other_writer
 
 
 @cache

@@ -136,9 +136,9 @@ class Kernel(_Dispatcher):
         # numba keeps a function by its name
         twin.__module__, twin.__qualname__ = function.__module__, f"{function.__qualname__}.inside"
         options = self._options | {"no_cpython_wrapper": True, "forceinline": self._inline}
-        found = _Dispatcher(twin, targetoptions=options, pipeline_class=_InsideCompiler)
-        found.enable_caching()
-        return found
+        dispatcher = _Dispatcher(twin, targetoptions=options, pipeline_class=_InsideCompiler)
+        dispatcher.enable_caching()
+        return dispatcher
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Say how other kernels call it, and compile it for them, for all numbers of a type at once.
@@ -228,16 +228,16 @@ def same_types(kernel: Callable[P, T]) -> Callable[P, T]:
     compiled for several types does not say which these are, and is called as it is.
     """
     dispatcher: Any = kernel
-    found: Any = None
+    entry_point: Any = None
 
     def call(*arguments: Any) -> Any:
-        nonlocal found
-        if found is not None:
-            return found(*arguments)
+        nonlocal entry_point
+        if entry_point is not None:
+            return entry_point(*arguments)
         result = dispatcher(*arguments)
         # the values of numba's ordered dictionary as its own method gives them take a hash of all types each
         known = [overload.entry_point for overload in dict.values(dispatcher.overloads)]
-        found = known[0] if len(known) == 1 else dispatcher
+        entry_point = known[0] if len(known) == 1 else dispatcher
         return result
 
     return cast("Callable[P, T]", call)

@@ -12,7 +12,7 @@ from numba.core import types
 from numba.extending import intrinsic
 
 from vibroplat.kernels.compiled import FloatArray, fused, inlined
-from vibroplat.kernels.lanes import INDEX, Rows, loop, multiplied, repeated
+from vibroplat.kernels.lanes import INDEX, Rows, loop, multiply_add, repeat
 from vibroplat.kernels.linear import pivot_row
 
 #: Numbers of a row that are reduced at once.
@@ -31,7 +31,7 @@ def _reduce(typing_context: Any, a: Any, first: Any, last: Any, one: Any, other:
             row = rows.load(i, column)
             for k, pivot in enumerate(pivots):
                 factor = builder.fneg(shares.load_one(ir.Constant(INDEX, k), i))
-                row = multiplied(builder, repeated(builder, factor, rows.vector), pivot, row)
+                row = multiply_add(builder, repeat(builder, factor, rows.vector), pivot, row)
             rows.store(i, row, column)
             return totals
 
@@ -49,9 +49,9 @@ def _blend(
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         _, row, column, a, b, _, other, begin = values
         result, source = (Rows(context, builder, signature.args[i], values[i], LANE // 2) for i in (0, 5))
-        a, b = (repeated(builder, share, source.vector) for share in (a, b))
+        a, b = (repeat(builder, share, source.vector) for share in (a, b))
         first = builder.fmul(a, source.load(other, ir.Constant(INDEX, 0)))
-        result.store(row, multiplied(builder, b, source.load(other, begin), first), column)
+        result.store(row, multiply_add(builder, b, source.load(other, begin), first), column)
         return context.get_dummy_value()
 
     index, number = types.int64, types.float64
@@ -68,11 +68,11 @@ def _combine(
         shares, zero = Rows(context, builder, signature.args[3], values[3], 1), ir.Constant(INDEX, 0)
 
         def body(i: Any, totals: list[Any]) -> list[Any]:
-            share = repeated(builder, shares.load_one(zero, i), source.vector)
-            return [multiplied(builder, share, source.load(i, begin), totals[0])]
+            share = repeat(builder, shares.load_one(zero, i), source.vector)
+            return [multiply_add(builder, share, source.load(i, begin), totals[0])]
 
-        begun = ir.Constant(source.vector, [0.0] * LANE)
-        result.store(row, loop(builder, zero, last, 1, [begun], body)[1], column)
+        zeros = ir.Constant(source.vector, [0.0] * LANE)
+        result.store(row, loop(builder, zero, last, 1, [zeros], body)[1], column)
         return context.get_dummy_value()
 
     index = types.int64

@@ -69,7 +69,7 @@ class Rows:
         self._builder.store(numbers, self._place(row, column, numbers.type), align=_BYTES)
 
 
-def repeated(builder: Any, number: Any, vector: Any) -> Any:
+def repeat(builder: Any, number: Any, vector: Any) -> Any:
     """Make a vector of one number."""
     single = builder.insert_element(ir.Constant(vector, ir.Undefined), number, ir.Constant(PLACE, 0))
     first = ir.Constant(ir.VectorType(PLACE, vector.count), [0] * vector.count)
@@ -82,7 +82,7 @@ def elementwise(builder: Any, name: str, vector: Any) -> Any:
     return cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{vector.count}f64")
 
 
-def loop(builder: Any, first: Any, last: Any, step: int, begun: list[Any], body: Any) -> list[Any]:
+def loop(builder: Any, first: Any, last: Any, step: int, initial: list[Any], body: Any) -> list[Any]:
     """Compile a loop over k from ``first`` to ``last``; ``body(k, totals)`` gives the totals after it.
 
     Returns k and the totals behind the loop, which are ``begun`` where it is not run.
@@ -92,21 +92,21 @@ def loop(builder: Any, first: Any, last: Any, step: int, begun: list[Any], body:
     order = "<=" if step > 0 else ">="
     builder.cbranch(builder.icmp_signed(order, first, last), loop, end)
     builder.position_at_end(loop)
-    before = [first, *begun]
+    before = [first, *initial]
     phis = [builder.phi(number.type) for number in before]
     after = [*body(phis[0], phis[1:])]
     after.insert(0, builder.add(phis[0], ir.Constant(INDEX, step)))
     builder.cbranch(builder.icmp_signed(order, after[0], last), loop, end)
     builder.position_at_end(end)
     results = [builder.phi(number.type) for number in before]
-    for phi, result, number, found in zip(phis, results, before, after, strict=True):
+    for phi, result, number, next_number in zip(phis, results, before, after, strict=True):
         for merged in (phi, result):
             merged.add_incoming(number, entry)
-            merged.add_incoming(found, loop)
+            merged.add_incoming(next_number, loop)
     return results
 
 
-def multiplied(builder: Any, a: Any, b: Any, c: Any) -> Any:
+def multiply_add(builder: Any, a: Any, b: Any, c: Any) -> Any:
     """Return a b + c."""
     return builder.fadd(builder.fmul(a, b, flags=_FUSED), c, flags=_FUSED)
 
@@ -122,22 +122,22 @@ def _cauchy(numbers: int) -> Any:
             one, two = ir.Constant(INDEX, 1), ir.Constant(INDEX, 2)
             zero = ir.Constant(first_rows.vector, [0.0] * numbers)
 
-            def added(total: Any, j: Any) -> Any:
-                return multiplied(builder, first_rows.load(j), second_rows.load(builder.sub(n, j)), total)
+            def add_product(total: Any, j: Any) -> Any:
+                return multiply_add(builder, first_rows.load(j), second_rows.load(builder.sub(n, j)), total)
 
             # two sums side by side: an addition need not wait for the one before
             j, even, odd = loop(
                 *(builder, two, builder.sub(last, one), 2, [zero, zero]),
-                lambda j, sums: (added(sums[0], j), added(sums[1], builder.add(j, one))),
+                lambda j, sums: (add_product(sums[0], j), add_product(sums[1], builder.add(j, one))),
             )
             total, before = builder.fadd(even, odd, flags=_FUSED), builder.block
             with builder.if_then(builder.icmp_signed("==", j, last)):
-                whole, within = added(total, j), builder.block
-            found = builder.phi(total.type)
-            found.add_incoming(total, before)
-            found.add_incoming(whole, within)
-            numbers_found = [builder.extract_element(found, ir.Constant(PLACE, i)) for i in range(numbers)]
-            pairs = [pair_of(builder, *numbers_found[i : i + 2]) for i in range(0, numbers, 2)]
+                whole, within = add_product(total, j), builder.block
+            vector = builder.phi(total.type)
+            vector.add_incoming(total, before)
+            vector.add_incoming(whole, within)
+            sums = [builder.extract_element(vector, ir.Constant(PLACE, i)) for i in range(numbers)]
+            pairs = [pair_of(builder, *sums[i : i + 2]) for i in range(0, numbers, 2)]
             return context.make_tuple(builder, signature.return_type, pairs)
 
         return types.UniTuple(PAIR, numbers // 2)(a, b, types.int64, types.int64), generate
@@ -164,18 +164,18 @@ def _put_row(typing_context: Any, a: Any, row: Any, numbers: Any) -> Any:
 
 def _horner(builder: Any, rows: Rows, degree: Any, places: list[Any], derivatives: int = 0) -> list[Any]:
     """Evaluate the polynomials at each place; what follows are their derivatives there, each over its factorial."""
-    shares = [repeated(builder, place, rows.vector) for place in places]
-    begun = [rows.load(degree), *[ir.Constant(rows.vector, [0.0] * rows.vector.count)] * derivatives]
+    shares = [repeat(builder, place, rows.vector) for place in places]
+    initial = [rows.load(degree), *[ir.Constant(rows.vector, [0.0] * rows.vector.count)] * derivatives]
     one, zero = ir.Constant(INDEX, 1), ir.Constant(INDEX, 0)
 
     def body(k: Any, totals: list[Any]) -> list[Any]:
         row, after = rows.load(k), []
         for i, share in enumerate(shares):
-            mine = totals[i * len(begun) : (i + 1) * len(begun)]
-            after += [multiplied(builder, t, share, added) for t, added in zip(mine, [row, *mine], strict=False)]
+            mine = totals[i * len(initial) : (i + 1) * len(initial)]
+            after += [multiply_add(builder, t, share, addend) for t, addend in zip(mine, [row, *mine], strict=False)]
         return after
 
-    return loop(builder, builder.sub(degree, one), zero, -1, begun * len(shares), body)[1:]
+    return loop(builder, builder.sub(degree, one), zero, -1, initial * len(shares), body)[1:]
 
 
 def _horner_at_one(numbers: int, derivatives: int) -> Any:
@@ -185,9 +185,9 @@ def _horner_at_one(numbers: int, derivatives: int) -> Any:
     def evaluate(typing_context: Any, c: Any, degree: Any, s: Any, out: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             rows, out_rows = (Rows(context, builder, signature.args[i], values[i], numbers) for i in (0, 3))
-            for i, found in enumerate(_horner(builder, rows, values[1], [values[2]], derivatives)):
+            for i, total in enumerate(_horner(builder, rows, values[1], [values[2]], derivatives)):
                 times = ir.Constant(rows.vector, [float(math.factorial(i))] * numbers)
-                out_rows.store(ir.Constant(INDEX, i), builder.fmul(found, times))
+                out_rows.store(ir.Constant(INDEX, i), builder.fmul(total, times))
             return context.get_dummy_value()
 
         return types.void(c, types.int64, types.float64, out), generate
@@ -199,20 +199,20 @@ def _horner_at_one(numbers: int, derivatives: int) -> Any:
 def _horner_pair(typing_context: Any, c: Any, degree: Any, s: Any, following: Any, out: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         rows, out_rows = (Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 4))
-        for i, found in enumerate(_horner(builder, rows, values[1], [values[2], values[3]])):
-            out_rows.store(ir.Constant(INDEX, i), found)
+        for i, total in enumerate(_horner(builder, rows, values[1], [values[2], values[3]])):
+            out_rows.store(ir.Constant(INDEX, i), total)
         return context.get_dummy_value()
 
     return types.void(c, types.int64, types.float64, types.float64, out), generate
 
 
-def _loads(builder: Any, springs: list[Any], places: Any, rates: Any, acceleration: Any) -> Any:
+def _load_sizes(builder: Any, springs: list[Any], places: Any, rates: Any, acceleration: Any) -> Any:
     """Make a vector of the sizes of three forces, then of the squares of an acceleration and of its second component.
 
     Springs and dampers give the forces from x, y, φ and their rates; the fourth number of each has no meaning.
     """
     stiffness, damping = springs
-    force = multiplied(builder, rates, damping, builder.fmul(places, stiffness))
+    force = multiply_add(builder, rates, damping, builder.fmul(places, stiffness))
     force = builder.call(elementwise(builder, "fabs", force.type), [force])
     square = builder.fmul(acceleration, acceleration)
     along = builder.shuffle_vector(square, square, ir.Constant(ir.VectorType(PLACE, 4), [1] * 4))
@@ -220,7 +220,7 @@ def _loads(builder: Any, springs: list[Any], places: Any, rates: Any, accelerati
     return builder.shuffle_vector(force, builder.fadd(across, along), ir.Constant(ir.VectorType(PLACE, 8), [*range(8)]))
 
 
-def _turned(builder: Any, known: list[Any], after: Any) -> list[Any]:
+def _next_sample(builder: Any, known: list[Any], after: Any) -> list[Any]:
     """Go on to the next sample of a screened step.
 
     What is known is the last sample, the way to it from the one before, and the largest and the least value that may
@@ -239,9 +239,9 @@ def _turned(builder: Any, known: list[Any], after: Any) -> list[Any]:
 
 
 @intrinsic
-def _reaching(
+def _exceeds_limits(
     typing_context: Any,
-    begun: Any,
+    beginning: Any,
     samples: Any,
     nodes: Any,
     end: Any,
@@ -258,28 +258,32 @@ def _reaching(
         four = quarters[0].vector
         springs = [Rows(context, builder, kinds[5], values[5], 4).load(row) for row in (zero, one)]
         shares = Rows(context, builder, kinds[6], values[6], 1)
-        inverse = repeated(builder, values[7], four)
+        inverse = repeat(builder, values[7], four)
 
-        def taken(which: int, row: Any, k: Any, known: list[Any]) -> list[Any]:
-            rates, share = quarters[which].load(row, n), repeated(builder, shares.load_one(zero, k), four)
+        def take_sample(which: int, row: Any, k: Any, known: list[Any]) -> list[Any]:
+            rates, share = quarters[which].load(row, n), repeat(builder, shares.load_one(zero, k), four)
             acceleration = builder.fmul(builder.fsub(rates, known[8]), builder.fmul(share, inverse))
-            after = _loads(builder, springs, quarters[which].load(row), rates, acceleration)
-            return [*_turned(builder, known[:4], rows[which].load(row)), *_turned(builder, known[4:8], after), rates]
+            after = _load_sizes(builder, springs, quarters[which].load(row), rates, acceleration)
+            return [
+                *_next_sample(builder, known[:4], rows[which].load(row)),
+                *_next_sample(builder, known[4:8], after),
+                rates,
+            ]
 
         rates = quarters[0].load(zero, n)
         gap = builder.fdiv(ir.Constant(ir.DoubleType(), 1.0), shares.load_one(zero, zero))
-        slope = builder.fmul(rows[0].load(one), repeated(builder, gap, rows[0].vector))
+        slope = builder.fmul(rows[0].load(one), repeat(builder, gap, rows[0].vector))
         acceleration = builder.fmul(quarters[0].load(one, n), inverse)
-        starting = _loads(builder, springs, quarters[0].load(zero), rates, acceleration)
+        starting = _load_sizes(builder, springs, quarters[0].load(zero), rates, acceleration)
         known: list[Any] = []
         for sample, way in ((rows[0].load(zero), slope), (starting, ir.Constant(starting.type, [0.0] * 8))):
             known += [sample, way, sample, sample]
         last = builder.sub(nodes, one)
-        found = loop(builder, zero, last, 1, [*known, rates], lambda k, known: taken(1, k, k, known))[1:]
-        found = taken(2, zero, nodes, found)
+        known = loop(builder, zero, last, 1, [*known, rates], lambda k, known: take_sample(1, k, k, known))[1:]
+        known = take_sample(2, zero, nodes, known)
         flags = ir.Constant(INDEX, 0)
         for first, count, column in ((0, 16, zero), (4, 8, ir.Constant(INDEX, 16))):
-            _, _, top, low = _turned(builder, found[first : first + 4], found[first])
+            _, _, top, low = _next_sample(builder, known[first : first + 4], known[first])
             bounds = Rows(context, builder, kinds[8], values[8], count)
             beyond = builder.fcmp_ordered(">", top, bounds.load(one, column))
             beyond = builder.or_(beyond, builder.fcmp_ordered("<", low, bounds.load(zero, column)))
@@ -287,7 +291,9 @@ def _reaching(
             flags = builder.or_(flags, builder.shl(bits, ir.Constant(INDEX, first * 4)))
         return flags
 
-    return types.int64(begun, samples, types.int64, end, types.int64, springs, gaps, types.float64, limits), generate
+    return types.int64(
+        beginning, samples, types.int64, end, types.int64, springs, gaps, types.float64, limits
+    ), generate
 
 
 @intrinsic
@@ -315,17 +321,17 @@ def _means(typing_context: Any, samples: Any, weights: Any, nodes: Any, n: Any, 
 
         def body(i: Any, totals: list[Any]) -> list[Any]:
             row, single = rows.load(i), shares.load_one(zero, i)
-            weight = repeated(builder, single, rows.vector)
+            weight = repeat(builder, single, rows.vector)
             weighed = builder.fmul(row, weight)
-            rates = builder.fmul(quarters.load(i, values[3]), repeated(builder, single, quarters.vector))
+            rates = builder.fmul(quarters.load(i, values[3]), repeat(builder, single, quarters.vector))
             parts = (row, weight), (row, weighed), (builder.call(size, [row]), weight), (quarters.load(i), rates)
-            return [multiplied(builder, *part, total) for part, total in zip(parts, totals, strict=True)]
+            return [multiply_add(builder, *part, total) for part, total in zip(parts, totals, strict=True)]
 
         last = builder.sub(values[2], ir.Constant(INDEX, 1))
-        begun = [ir.Constant(rows.vector, [0.0] * 16)] * 3 + [ir.Constant(quarters.vector, [0.0] * 4)]
-        found = loop(builder, zero, last, 1, begun, body)[1:]
-        for i, total in enumerate(found):
-            (out_rows if i < len(found) - 1 else out_quarters).store(ir.Constant(INDEX, i), total)
+        zeros = [ir.Constant(rows.vector, [0.0] * 16)] * 3 + [ir.Constant(quarters.vector, [0.0] * 4)]
+        totals = loop(builder, zero, last, 1, zeros, body)[1:]
+        for i, total in enumerate(totals):
+            (out_rows if i < len(totals) - 1 else out_quarters).store(ir.Constant(INDEX, i), total)
         return context.get_dummy_value()
 
     return types.void(samples, weights, types.int64, types.int64, out), generate
@@ -340,8 +346,8 @@ def _put_step(typing_context: Any, q: Any, degree: Any, length: Any, n: Any, c: 
         last = builder.add(n, n)
 
         def body(k: Any, powers: list[Any]) -> list[Any]:
-            following, scale = builder.add(k, one), repeated(builder, powers[0], rows.vector)
-            order = repeated(builder, builder.fmul(powers[0], builder.sitofp(following, ir.DoubleType())), rows.vector)
+            following, scale = builder.add(k, one), repeat(builder, powers[0], rows.vector)
+            order = repeat(builder, builder.fmul(powers[0], builder.sitofp(following, ir.DoubleType())), rows.vector)
             coordinates, rates = builder.fmul(rows.load(k), scale), builder.fmul(rows.load(following), order)
             out_rows.store(k, coordinates, zero)
             out_rows.store(k, rates, n)
@@ -371,8 +377,8 @@ if TYPE_CHECKING:
     def horner_pair_16(c: FloatArray, degree: int, s: float, following: float, out: FloatArray) -> None:
         """Evaluate them at two places, in the time of one; degree above 0, ``out`` of shape (2, 16)."""
 
-    def reaching(
-        begun: FloatArray,
+    def exceeds_limits(
+        beginning: FloatArray,
         samples: FloatArray,
         nodes: int,
         end: FloatArray,
@@ -433,5 +439,5 @@ if TYPE_CHECKING:
 else:
     products_2, products_16 = _cauchy(2), _cauchy(16)
     put_row, put_step, horner_pair_16, sizes_16 = _put_row, _put_step, _horner_pair, _sizes
-    reaching, means_16 = _reaching, _means
+    exceeds_limits, means_16 = _exceeds_limits, _means
     horner_16, horner_8 = _horner_at_one(16, derivatives=1), _horner_at_one(8, derivatives=2)

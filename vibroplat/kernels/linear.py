@@ -133,25 +133,25 @@ def solve_condensed(condensed: FloatArray, cj: float, right: FloatArray, solutio
 
 
 @compiled
-def take_scaled(derivative: FloatArray, places: Any, columns: Any, sizes: FloatArray, found: FloatArray) -> None:
+def take_scaled(derivative: FloatArray, places: Any, columns: Any, sizes: FloatArray, out: FloatArray) -> None:
     """Take some rows and columns of a derivative, times the sizes."""
     for i in range(places.size):
         for j in range(columns.size):
-            found[i, j] = derivative[places[i], columns[j]] * sizes[i, j]
+            out[i, j] = derivative[places[i], columns[j]] * sizes[i, j]
 
 
 @compiled
-def project(derivative: FloatArray, along: FloatArray, phase: int, found: FloatArray) -> None:
+def project_to_section(derivative: FloatArray, along: FloatArray, phase: int, out: FloatArray) -> None:
     """Project the derivative of an end along the motion to where the unknown ``phase`` stays, and leave that out."""
     for i in range(along.size):
-        late = along[i] / along[phase]
+        delay = along[i] / along[phase]
         for j in range(along.size):
             if phase not in (i, j):
-                found[i - (i > phase), j - (j > phase)] = derivative[i, j] - late * derivative[phase, j]
+                out[i - (i > phase), j - (j > phase)] = derivative[i, j] - delay * derivative[phase, j]
 
 
 @compiled
-def subtract(
+def closing_residual(
     end: FloatArray, start: FloatArray, change: FloatArray, places: Any, scales: FloatArray, residual: FloatArray
 ) -> None:
     """Fill how far the end of a motion is from its start and a change, at some places in scales."""
@@ -160,17 +160,17 @@ def subtract(
 
 
 @compiled
-def largest(values: FloatArray) -> float:
+def largest_size(values: FloatArray) -> float:
     """Largest size of some values; inf if one of them is not a number."""
-    found = 0.0
+    maximum = 0.0
     for value in values:
-        if not abs(value) <= found:
-            found = abs(value) if abs(value) >= 0.0 else np.inf
-    return found
+        if not abs(value) <= maximum:
+            maximum = abs(value) if abs(value) >= 0.0 else np.inf
+    return maximum
 
 
 @compiled
-def improve(jacobian: FloatArray, step: FloatArray, change: FloatArray) -> None:
+def broyden_update(jacobian: FloatArray, step: FloatArray, change: FloatArray) -> None:
     """Change a Jacobian as little as possible to fit the change of the residual over a step (Broyden 1965)."""
     square = 0.0
     for part in step:

@@ -77,7 +77,7 @@ def _kind_of_pairs(kind: Any) -> Any:
 
 
 @intrinsic
-def _paired(typing_context: Any, first: Any, second: Any) -> Any:
+def _pack_pair(typing_context: Any, first: Any, second: Any) -> Any:
     def joined(context: Any, builder: Any, kind: Any, a: Any, b: Any) -> Any:
         if kind == PAIR:
             return pair_of(builder, a, b)
@@ -93,7 +93,7 @@ def _paired(typing_context: Any, first: Any, second: Any) -> Any:
 
 
 @intrinsic
-def _parted(typing_context: Any, both: Any) -> Any:
+def _unpack_pair(typing_context: Any, both: Any) -> Any:
     def generate(context: Any, builder: Any, sig: Any, values: Any) -> Any:
         return context.make_tuple(builder, sig.return_type, [builder.extract_element(values[0], i) for i in _PLACES])
 
@@ -104,11 +104,11 @@ if TYPE_CHECKING:
     #: One number for each exciter.
     Pair = float
 
-    def paired(first: T, second: T) -> T:
+    def pack_pair(first: T, second: T) -> T:
         """Join two numbers, or two tuples of them number by number, to pairs."""
 
-    def parted(both: Pair) -> tuple[float, float]:
+    def unpack_pair(both: Pair) -> tuple[float, float]:
         """Take a pair apart."""
 else:
     Pair = Any
-    paired, parted = _paired, _parted
+    pack_pair, unpack_pair = _pack_pair, _unpack_pair

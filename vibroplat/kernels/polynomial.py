@@ -15,9 +15,9 @@ from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused, fused_
 #: Halvings until a fraction of a step is found to round-off.
 HALVINGS = 54
 #: Step of Newton's iteration after which its square, the error, is below round-off; round-off may keep it from less.
-SETTLED = 2.0**-40
+NEWTON_TOLERANCE = 2.0**-40
 #: Part of a step within which Taylor polynomials of degree 2 and 3 are exact nearly to round-off.
-CLOSE, COVERED = 1e-4, 1e-3
+QUADRATIC_RANGE, CUBIC_RANGE = 1e-4, 1e-3
 
 
 @inlined
@@ -59,7 +59,7 @@ def stretch(c: FloatArray, degree: int, share: float) -> None:
 
 
 @compiled
-def first_fall(c: FloatArray, degree: int, j: int, zeros: int) -> float:
+def first_downcrossing(c: FloatArray, degree: int, j: int, zeros: int) -> float:
     """Fraction of a step at which unknown j first falls through zero, or −1 if it does not.
 
     Nothing escapes: a polynomial has no more zeros in an interval than its Bernstein coefficients there have changes
@@ -89,7 +89,7 @@ def first_fall(c: FloatArray, degree: int, j: int, zeros: int) -> float:
         bernstein[i] = total
     begin = 0.0
     if bernstein[0] < 0.0:
-        begin = first_change(bernstein, -1.0)
+        begin = first_zero(bernstein, -1.0)
         if begin < 0.0:
             return -1.0 if bernstein[n] > bernstein[0] else at_highest(c, degree, j)
         begin = min(begin + 2.0**-HALVINGS, 1.0)
@@ -97,12 +97,12 @@ def first_fall(c: FloatArray, degree: int, j: int, zeros: int) -> float:
             for i in range(n + 1 - level):
                 bernstein[i] += begin * (bernstein[i + 1] - bernstein[i])
         bernstein[0] = max(bernstein[0], 0.0)  # it has just risen, up to round-off
-    found = first_change(bernstein, 1.0)
-    return -1.0 if found < 0.0 else begin + found * (1.0 - begin)
+    zero = first_zero(bernstein, 1.0)
+    return -1.0 if zero < 0.0 else begin + zero * (1.0 - begin)
 
 
 @compiled
-def first_change(b: FloatArray, sign: float) -> float:
+def first_zero(b: FloatArray, sign: float) -> float:
     """Least fraction behind which ``sign`` times the polynomial is below zero, or −1 if that is nowhere.
 
     The polynomial is not below zero at 0. Its Bernstein coefficients ``b`` are kept.
@@ -118,7 +118,7 @@ def first_change(b: FloatArray, sign: float) -> float:
         if leading < 0.0 or (changes > 0 and size <= 2.0**-HALVINGS):
             return low
         if changes == 1:
-            return low + size * only_change(part, room)
+            return low + size * single_zero(part, room)
         if changes > 1:  # halve: its left half first
             size *= 0.5
             lows[parts], sizes[parts] = low + size, size
@@ -159,7 +159,7 @@ def halve(b: FloatArray, right: FloatArray) -> None:
 
 
 @compiled
-def only_change(b: FloatArray, room: FloatArray) -> float:
+def single_zero(b: FloatArray, room: FloatArray) -> float:
     """Fraction at which a polynomial falls through zero whose Bernstein coefficients change their sign once, to −.
 
     By Newton's iteration, and halving where it leaves the interval.
@@ -176,21 +176,21 @@ def only_change(b: FloatArray, room: FloatArray) -> float:
             for k in range(n - level):
                 room[k] += s * (room[k + 1] - room[k])
         rate = room[1] - room[0]
-        found = room[0] + s * rate
-        if found >= 0.0:
+        here = room[0] + s * rate
+        if here >= 0.0:
             low = s
         else:
             high = s
         rate *= n - 1
-        following = s - found / rate if rate < 0.0 else low
-        if abs(following - s) <= SETTLED:
+        following = s - here / rate if rate < 0.0 else low
+        if abs(following - s) <= NEWTON_TOLERANCE:
             return following
         s = following if low < following < high else 0.5 * (low + high)
     return s
 
 
 @inlined
-def bend(c: FloatArray, degree: int, j: int) -> float:
+def chord_deviation_bound(c: FloatArray, degree: int, j: int) -> float:
     """Bound of the distance between unknown j and the straight line between its values at both ends of a step.
 
     c₀ + s Σ cₖ is that line, and |sᵏ − s| is at most 1/4 for k = 2 and below 1 for all k.
@@ -214,11 +214,11 @@ def extremes(
     at_least = at_largest = first
     for i in range(1, points + 1):
         s = first + (last - first) * i / points
-        found = value(c, degree, j, s) if i < points else ends[1]
-        if found < least:
-            least, at_least = found, s
-        if found > largest:
-            largest, at_largest = found, s
+        here = value(c, degree, j, s) if i < points else ends[1]
+        if here < least:
+            least, at_least = here, s
+        if here > largest:
+            largest, at_largest = here, s
     apart = 0.5 / degree
     around_least = max(at_least - apart, first), min(at_least + apart, last)
     around_largest = max(at_largest - apart, first), min(at_largest + apart, last)
@@ -237,9 +237,9 @@ def at_highest(c: FloatArray, degree: int, j: int) -> float:
     points = 2 * degree
     best, largest = 0.0, c[0, j]
     for i in range(1, points + 1):
-        found = value(c, degree, j, i / points)
-        if found > largest:
-            best, largest = i / points, found
+        here = value(c, degree, j, i / points)
+        if here > largest:
+            best, largest = i / points, here
     low, high = max(best - 1.0 / points, 0.0), min(best + 1.0 / points, 1.0)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
@@ -259,23 +259,23 @@ def turning_point(
     By Halley's iteration between ``low`` and ``high``, up to a way that its Taylor polynomial covers to round-off; at
     the ends of the step there is nothing to look for.
     """
-    begun = s
+    start = s
     for _ in range(4):
-        found, rate, half, sixth = c[degree, j], 0.0, 0.0, 0.0  # derivatives over their factorials
+        here, rate, half, sixth = c[degree, j], 0.0, 0.0, 0.0  # derivatives over their factorials
         for k in range(degree - 1, -1, -1):
             sixth = sixth * s + half
             half = half * s + rate
-            rate = rate * s + found
-            found = found * s + c[k, j]
+            rate = rate * s + here
+            here = here * s + c[k, j]
         if half == 0.0:
-            return otherwise, begun
+            return otherwise, start
         bent = 2.0 * half * half - 1.5 * rate * sixth
         way = -rate * half / bent if bent > half * half else -0.5 * rate / half
         s += way
-        if abs(way) <= COVERED and 0.0 < s < 1.0:
-            return found + way * (rate + way * (half + way * sixth)), s
+        if abs(way) <= CUBIC_RANGE and 0.0 < s < 1.0:
+            return here + way * (rate + way * (half + way * sixth)), s
         s = min(max(s, low), high)
-    return (value(c, degree, j, s), s) if 0.0 < s < 1.0 else (otherwise, begun)
+    return (value(c, degree, j, s), s) if 0.0 < s < 1.0 else (otherwise, start)
 
 
 @fused
@@ -289,13 +289,13 @@ def crossing(c: FloatArray, degree: int, j: int, level: float) -> float:
     rising = begin < end
     s = min(max((level - begin) / (end - begin), 0.0), 1.0) if begin != end else 0.5
     for _ in range(HALVINGS):
-        found, rate = value(c, degree, j, s), slope(c, degree, j, s)
-        if (found < level) == rising:
+        here, rate = value(c, degree, j, s), slope(c, degree, j, s)
+        if (here < level) == rising:
             low = s
         else:
             high = s
-        following = s - (found - level) / rate if rate != 0.0 else -1.0
-        if abs(following - s) <= SETTLED:
+        following = s - (here - level) / rate if rate != 0.0 else -1.0
+        if abs(following - s) <= NEWTON_TOLERANCE:
             return min(max(following, 0.0), 1.0)
         s = following if low < following < high else 0.5 * (low + high)
     return s
@@ -326,14 +326,14 @@ def fit(degree: int) -> Fit:
 
 
 @compiled
-def fit_column(fit: Fit, found: FloatArray, c: FloatArray, j: int) -> None:
+def fit_column(fit: Fit, values: FloatArray, c: FloatArray, j: int) -> None:
     """Let unknown j be the polynomial with the given values at the nodes."""
-    n = found.size
+    n = values.size
     for k in range(n):
         c[k, j] = 0.0
     for i in range(n):
         coefficient = 0.0
         for k in range(n):
-            coefficient += fit.chebyshev[i, k] * found[k]
+            coefficient += fit.chebyshev[i, k] * values[k]
         for k in range(i + 1):
             c[k, j] += fit.powers[k, i] * coefficient

@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from vibroplat.kernels.lanes import INDEX, PLACE, elementwise, multiplied
+from vibroplat.kernels.lanes import INDEX, PLACE, elementwise, multiply_add
 
 #: π/2 in three parts, the first ones with so many zeros at their ends that their products with a number of quarter
 #: turns are exact, and coefficients of sine and cosine on [−π/4, π/4], highest first (Moshier, Cephes, 1989).
@@ -32,7 +32,7 @@ _COSINE = (
 
 
 @intrinsic
-def _sines(typing_context: Any, first: Any, second: Any) -> Any:
+def _sincos_pair(typing_context: Any, first: Any, second: Any) -> Any:
     four = ir.VectorType(ir.DoubleType(), 4)
     whole = ir.VectorType(INDEX, 4)
 
@@ -43,7 +43,7 @@ def _sines(typing_context: Any, first: Any, second: Any) -> Any:
         def polynomial(z: Any, coefficients: tuple[float, ...]) -> Any:
             total = constant(coefficients[0])
             for coefficient in coefficients[1:]:
-                total = multiplied(builder, total, z, constant(coefficient))
+                total = multiply_add(builder, total, z, constant(coefficient))
             return total
 
         x = ir.Constant(four, ir.Undefined)
@@ -53,19 +53,19 @@ def _sines(typing_context: Any, first: Any, second: Any) -> Any:
         quarters = builder.call(rint, [builder.fmul(x, constant(0.63661977236758134308))])
         r = x
         for part in _QUARTER:
-            r = multiplied(builder, quarters, constant(-part), r)
+            r = multiply_add(builder, quarters, constant(-part), r)
         z = builder.fmul(r, r)
-        sine = multiplied(builder, builder.fmul(r, z), polynomial(z, _SINE), r)
-        flat = multiplied(builder, z, constant(-0.5), constant(1.0))
-        cosine = multiplied(builder, builder.fmul(z, z), polynomial(z, _COSINE), flat)
+        sine = multiply_add(builder, builder.fmul(r, z), polynomial(z, _SINE), r)
+        flat = multiply_add(builder, z, constant(-0.5), constant(1.0))
+        cosine = multiply_add(builder, builder.fmul(z, z), polynomial(z, _COSINE), flat)
         # the cosine is the sine a quarter turn later
         turn = builder.add(builder.fptosi(quarters, whole), ir.Constant(whole, [0, 1, 0, 1]))
         none = ir.Constant(whole, [0] * 4)
         odd = builder.icmp_signed("!=", builder.and_(turn, ir.Constant(whole, [1] * 4)), none)
         below = builder.icmp_signed("!=", builder.and_(turn, ir.Constant(whole, [2] * 4)), none)
-        found = builder.select(odd, cosine, sine)
-        found = builder.select(below, builder.fmul(found, constant(-1.0)), found)
-        numbers = [builder.extract_element(found, ir.Constant(PLACE, i)) for i in range(4)]
+        rotated = builder.select(odd, cosine, sine)
+        rotated = builder.select(below, builder.fmul(rotated, constant(-1.0)), rotated)
+        numbers = [builder.extract_element(rotated, ir.Constant(PLACE, i)) for i in range(4)]
         return context.make_tuple(builder, signature.return_type, numbers)
 
     return types.UniTuple(types.float64, 4)(types.float64, types.float64), generate
@@ -73,7 +73,7 @@ def _sines(typing_context: Any, first: Any, second: Any) -> Any:
 
 if TYPE_CHECKING:
 
-    def sines(first: float, second: float) -> tuple[float, float, float, float]:
+    def sincos_pair(first: float, second: float) -> tuple[float, float, float, float]:
         """Sine and cosine of an angle, then of another, in the time of one of them; to round-off below 1e5 rad."""
 else:
-    sines = _sines
+    sincos_pair = _sincos_pair

@@ -13,7 +13,7 @@ from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlin
 from vibroplat.model.equations import Coupled, coupled_rows, dynamic_jacobian, finite, jacobian, mass_matrix
 from vibroplat.model.motor import torque_rate
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import Compliance, Five, Three, compliance, holds, solve_platform, unbalances
+from vibroplat.model.platform import Compliance, Five, Three, compliance, is_definite, solve_platform, unbalances
 from vibroplat.model.systems import ALGEBRAIC, LAYERS
 
 
@@ -91,7 +91,7 @@ def accelerations(system: int, t: float, y: FloatArray, yp: FloatArray, p: Param
     to 0. Returns False if anything is not finite, or the mass matrix is not positive definite.
     """
     accelerate(system, t, y, yp, unbalances(y, p), p)
-    return finite(yp) and finite(y) and holds(y, p)
+    return finite(yp) and finite(y) and is_definite(y, p)
 
 
 @inlined
@@ -172,11 +172,11 @@ def explicit(system: int, t: float, y: FloatArray, p: Parameters) -> FloatArray:
     This is what solvers of ordinary differential equations ask for.
     """
     size = y.size + 1 if ALGEBRAIC[system] else y.size
-    unknowns, found = np.empty(size), np.empty(size)
+    unknowns, rates = np.empty(size), np.empty(size)
     for i in range(y.size):
         unknowns[i] = y[i]
-    if not accelerations(system, t, unknowns, found, p):
-        found[:] = np.nan
+    if not accelerations(system, t, unknowns, rates, p):
+        rates[:] = np.nan
     elif ALGEBRAIC[system]:
-        found[y.size] = unknowns[y.size]
-    return found
+        rates[y.size] = unknowns[y.size]
+    return rates

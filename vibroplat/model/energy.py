@@ -10,14 +10,19 @@ from __future__ import annotations
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
-from vibroplat.kernels.sines import sines
+from vibroplat.kernels.sines import sincos_pair
 from vibroplat.model.motor import resistance
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import Three, couplings, inertial, unbalance
+from vibroplat.model.springs import DAMPERS, slopes
+from vibroplat.model.systems import GAP
 
 #: Powers in the order of :func:`powers`; those of motor and truncation feed the system, the dissipations
 #: after them take from it.
-POWERS = ("motor", "truncation", "damping_x", "damping_y", "damping_phi", "damping_layers", "resistance")
+POWERS = ("motor", "truncation", *DAMPERS, "resistance")
+
+#: Places of the dampers' coordinates among the relative ones, and of the first damper among the powers.
+_DAMPED, DISSIPATIONS = tuple(place for place, _ in DAMPERS.values()), 2
 
 #: Places after the powers in :func:`powers`: vertical force from outside, and the sum of its terms' sizes.
 FORCE, FORCE_SIZE = len(POWERS), len(POWERS) + 1
@@ -45,13 +50,16 @@ def powers(exciters: Three, means: FloatArray, n: int, layers: int, out: FloatAr
     means
         Means of the unknowns, of their squares and of their sizes, shape (3, 2n or more).
     """
-    squares, sizes = means[1], means[2]
-    out[0], out[1], out[6] = exciters
-    out[2], out[3], out[4] = p.damping_x * squares[n], p.damping_y * squares[n + 1], p.damping_phi * squares[n + 2]
-    out[5] = p.upper_mass * p.layer_damping * squares[2 * n - 1] if layers == 2 else 0.0
+    squares, sizes, (stiffness, damping) = means[1], means[2], slopes(p)
+    gap = damping[3] * squares[n + GAP] if n == GAP + layers > GAP else 0.0
+    upper = p.upper_mass * damping[4] * squares[2 * n - 1] if layers == 2 else 0.0
+    taken = damping[0] * squares[n], damping[1] * squares[n + 1], damping[2] * squares[n + 2], gap, upper
+    out[0], out[1], out[FORCE - 1] = exciters
+    for i in range(len(_DAMPED)):
+        out[DISSIPATIONS + i] = taken[_DAMPED[i]]
     weight = p.gravity * (p.mass + p.lower_mass + p.upper_mass)
-    out[FORCE] = -p.stiffness_y * means[0, 1] - p.damping_y * means[0, n + 1] - weight
-    out[FORCE_SIZE] = p.stiffness_y * sizes[1] + p.damping_y * sizes[n + 1] + weight
+    out[FORCE] = -stiffness[1] * means[0, 1] - damping[1] * means[0, n + 1] - weight
+    out[FORCE_SIZE] = stiffness[1] * sizes[1] + damping[1] * sizes[n + 1] + weight
 
 
 @inlined
@@ -63,7 +71,7 @@ def truncation(y: FloatArray, n: int, beside: float, p: Parameters) -> float:
         largest += p.unbalance[i] * (abs(p.axis_x[i]) + abs(p.axis_y[i])) * abs(y[n + 3 + i])
     if abs(turning) * largest <= 1e-16 * beside:
         return 0.0  # a platform that does not rock pays for no sines
-    s1, c1, s2, c2 = sines(y[3], y[4])
+    s1, c1, s2, c2 = sincos_pair(y[3], y[4])
     return turning * (w1 * couplings(0, phi, s1, c1, p).phi_still + w2 * couplings(1, phi, s2, c2, p).phi_still)
 
 
@@ -82,16 +90,19 @@ def inertia_product(state: FloatArray, u: FloatArray, v: FloatArray, p: Paramete
 def energies(state: FloatArray, p: Parameters) -> tuple[float, float, float, float, float]:
     """Return kinetic and elastic energy, that in gravity (J), vertical momentum and the unbalances' momenta (N·s).
 
-    Elastic energy includes that of the spring between the layers. The last number is the sum of the sizes of both
-    unbalances' momenta beside their axes; only forces from outside change the vertical momentum.
+    The last number is the sum of the sizes of both unbalances' momenta beside their axes; only forces from outside
+    change the vertical momentum.
     """
-    springs = p.stiffness_x * state[0] ** 2 + p.stiffness_y * state[1] ** 2 + p.stiffness_phi * state[2] ** 2
+    stiffness, elastic = slopes(p)[0], 0.0
+    for i in range(3):
+        elastic += stiffness[i] * state[i] ** 2
+    elastic += stiffness[3] * state[GAP] ** 2 + p.upper_mass * stiffness[4] * state[6] ** 2
     lower, upward = state[1] + state[5], np.zeros(7)
     heights = p.mass * state[1] + p.lower_mass * lower + p.upper_mass * (lower + state[6])
     upward[1] = 1.0
     return (
         0.5 * inertia_product(state, state[7:], state[7:], p),
-        0.5 * (springs + p.upper_mass * p.layer_stiffness * state[6] ** 2),
+        0.5 * elastic,
         p.gravity * (heights - unbalance(0, state, p).x - unbalance(1, state, p).x),
         inertia_product(state, upward, state[7:], p),
         p.unbalance[0] * abs(state[10]) + p.unbalance[1] * abs(state[11]),

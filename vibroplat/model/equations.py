@@ -18,10 +18,11 @@ its equation (paper (5), (6); there the damper of (6b) has the wrong sign).
 
 from __future__ import annotations
 
-from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.model.motor import net_slope
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import Unbalance, forces, holds, inertial, unbalances
+from vibroplat.model.platform import Unbalance, forces, inertial, is_definite, unbalances
+from vibroplat.model.springs import Relative, relative, restoring, slopes
 from vibroplat.model.systems import ALGEBRAIC, LAYERS
 
 #: The couplings of both exciters.
@@ -42,10 +43,10 @@ def residual(system: int, t: float, y: FloatArray, yp: FloatArray, res: FloatArr
     """Fill F(t, y, y′) of the system with this number.
 
     Returns False, which an integrator must not pass over, if anything is not finite or if the platform has turned to
-    where the mass matrix is not positive definite (:func:`vibroplat.model.platform.holds`).
+    where the mass matrix is not positive definite (:func:`vibroplat.model.platform.is_definite`).
     """
     rows(system, t, y, yp, res, p)
-    return finite(res) and holds(y, p)
+    return finite(res) and is_definite(y, p)
 
 
 @compiled
@@ -68,29 +69,22 @@ def coupled_rows(
     n = y.size // 2
     layers, attached = LAYERS[system], ALGEBRAIC[system]
     force = y[2 * n] if attached else 0.0
+    held = restoring(relative(system, y, 0, n), relative(system, y, n, n), p)
     lower = yp[n + 1] + p.gravity
     if not attached and layers > 0:
         lower += yp[n + 5]
     upper = lower + yp[2 * n - 1]
     first, second = coupled
     inertias = inertial(yp, n, first, second, p)
-    acting = forces(t, y, n, first, second, force, p)
+    acting = forces(t, y, n, first, second, held, force, p)
     for i in range(n):
         res[i] = yp[i] - y[n + i]
     for i in range(5):
         res[n + i] = inertias[i] - acting[i]
     if layers > 0:
-        spring = 0.0 * p.layer_stiffness
         if layers == 2:
-            spring = layer_spring(y[n - 1], y[2 * n - 1], p)
-            res[2 * n - 1] = upper + spring
-        res[2 * n if attached else n + 5] = p.lower_mass * lower - p.upper_mass * spring - force
-
-
-@fused_inline
-def layer_spring(y: float, rate: float, p: Parameters) -> float:
-    """S/m_w2 of the spring and damper between the layers (N/kg); linear, so that it gives terms of series as well."""
-    return p.layer_stiffness * y + p.layer_damping * rate
+            res[2 * n - 1] = upper + held[4]
+        res[2 * n if attached else n + 5] = p.lower_mass * lower - (p.upper_mass * held[4] - held[3]) - force
 
 
 @compiled
@@ -114,13 +108,14 @@ def dynamic_jacobian(
     for i in range(n, y.size):
         for j in range(y.size):
             jac[i, j] = 0.0
-    jac[n, 0], jac[n, n] = p.stiffness_x, p.damping_x + cj * p.mass
-    jac[n + 1, 1], jac[n + 1, n + 1] = p.stiffness_y, p.damping_y + cj * p.mass
-    jac[n + 2, 2], jac[n + 2, n + 2] = p.stiffness_phi, p.damping_phi + cj * p.inertia
+    stiffness, damping = slopes(p)
+    inertia = p.mass, p.mass, p.inertia
+    for i in range(3):
+        jac[n + i, i], jac[n + i, n + i] = stiffness[i], damping[i] + cj * inertia[i]
     for i in range(2):
         exciter_jacobian(i, n, t, y, yp, cj, jac, coupled[i], p)
     if LAYERS[system] > 0:
-        layer_jacobian(system, n, cj, jac, p)
+        layer_jacobian(system, n, cj, jac, stiffness, damping, p)
 
 
 @compiled
@@ -165,18 +160,21 @@ def mass_matrix(system: int, n: int, mass: FloatArray, coupled: Coupled, p: Para
 
 
 @compiled
-def layer_jacobian(system: int, n: int, cj: float, jac: FloatArray, p: Parameters) -> None:
-    """Fill the layers' rows, and the column of F_c."""
+def layer_jacobian(
+    system: int, n: int, cj: float, jac: FloatArray, stiffness: Relative, damping: Relative, p: Parameters
+) -> None:
+    """Fill the layers' rows, the column of F_c, and what the gap's spring and damper do to the platform."""
     attached = ALGEBRAIC[system]
     lower, upper = 2 * n if attached else n + 5, 2 * n - 1
     jac[lower, n + 1] = cj * p.lower_mass
     if attached:
         jac[lower, 2 * n], jac[n + 1, 2 * n] = -1.0, 1.0
     else:
-        jac[lower, n + 5] = cj * p.lower_mass
+        jac[lower, 5], jac[lower, n + 5] = stiffness[3], damping[3] + cj * p.lower_mass
+        jac[n + 1, 5], jac[n + 1, n + 5] = 0.0 - stiffness[3], 0.0 - damping[3]
     if LAYERS[system] == 2:
-        jac[lower, n - 1], jac[lower, upper] = -p.upper_mass * p.layer_stiffness, -p.upper_mass * p.layer_damping
-        jac[upper, n - 1], jac[upper, upper] = p.layer_stiffness, p.layer_damping + cj
+        jac[lower, n - 1], jac[lower, upper] = -p.upper_mass * stiffness[4], -p.upper_mass * damping[4]
+        jac[upper, n - 1], jac[upper, upper] = stiffness[4], damping[4] + cj
         jac[upper, n + 1] = cj
         if not attached:
             jac[upper, n + 5] = cj

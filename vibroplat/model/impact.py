@@ -1,4 +1,4 @@
-"""The impact of the lower layer on the platform, and the latch of impacts that accumulate.
+"""The impact of the lower layer on the platform, and chatter: impacts that accumulate in finite time.
 
 Both act on the full state (14 numbers) and are pure compiled functions. Three laws share them:
 
@@ -10,7 +10,8 @@ Both act on the full state (14 numbers) and are pure compiled functions. Three l
   layer's momentum.
 
 Real restitution falls with speed. Here it does so in one step: impacts slower than the sticking speed are inelastic.
-For these the callers of :func:`impact` pass parameters without restitution; :func:`latch` ends with the first of them.
+For these the callers of :func:`impact` pass parameters without restitution; :func:`chatter_map` ends with the first of
+them.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ def impact(state: FloatArray, after: FloatArray, p: Parameters) -> tuple[float, 
 
 
 @compiled
-def impacts_left(rebound: float, p: Parameters) -> float:
+def remaining_impacts(rebound: float, p: Parameters) -> float:
     """Count the impacts to come after a rebound v under a constant acceleration, R < 1.
 
     They approach at v, Rv, R²v, …; the first below the sticking speed is the last. Without a sticking speed the
@@ -94,7 +95,7 @@ def impacts_left(rebound: float, p: Parameters) -> float:
 
 
 @compiled
-def latch_time(rebound: float, gap_acceleration: float, restitution: float, tail: float) -> float:
+def chatter_duration(rebound: float, gap_acceleration: float, restitution: float, tail: float) -> float:
     """Duration 2v(1−Rⁿ)/((1−R)|a|) of the n impacts to come after a rebound v under a constant a < 0 (s).
 
     The flights last 2 v Rᵏ/|a|; the sum over k < n is geometric. ``tail`` is Rⁿ, which is 0 for infinitely many
@@ -104,7 +105,9 @@ def latch_time(rebound: float, gap_acceleration: float, restitution: float, tail
 
 
 @compiled
-def latch(state: FloatArray, accelerations: FloatArray, after: FloatArray, p: Parameters) -> tuple[float, float, float]:
+def chatter_map(
+    state: FloatArray, accelerations: FloatArray, after: FloatArray, p: Parameters
+) -> tuple[float, float, float]:
     """Sum up impacts that accumulate: carry the state to t∞, where they end, under constant accelerations.
 
     With the flight's accelerations constant, the impulses left sum to P = m_red (|a|τ − v) and their moment about
@@ -131,9 +134,9 @@ def latch(state: FloatArray, accelerations: FloatArray, after: FloatArray, p: Pa
     response = np.empty(7, after.dtype)
     reduced = impulse_response(state, response, p)
     rebound = state[GAP_RATE]
-    left = impacts_left(rebound, p)
-    tail = restitution**left if left < np.inf else 0.0 * restitution
-    duration = latch_time(rebound, accelerations[GAP], restitution, tail)
+    remaining = remaining_impacts(rebound, p)
+    tail = restitution**remaining if remaining < np.inf else 0.0 * restitution
+    duration = chatter_duration(rebound, accelerations[GAP], restitution, tail)
     impulse = reduced * rebound * (1.0 + restitution - 2.0 * tail) / (1.0 - restitution)
     moment = reduced * rebound * duration * (restitution - tail) / (1.0 - restitution)
     for i in range(7):

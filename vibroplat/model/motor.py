@@ -24,7 +24,7 @@ def kloss_torque(slip: float, critical: float, torque: float) -> float:
     return 2.0 * torque * critical * slip / square
 
 
-class Motor(NamedTuple):
+class MotorTerms(NamedTuple):
     """What the terms of a motor's torque are made of: slip speed u and critical slip speed Δ, linear in time."""
 
     slip: float  # u and Δ now (rad/s)
@@ -36,15 +36,15 @@ class Motor(NamedTuple):
 
 
 @inlined
-def motor_at(i: int, t: float, speed: float, p: Parameters) -> Motor:
+def motor_at(i: int, t: float, speed: float, p: Parameters) -> MotorTerms:
     """Prepare the terms of exciter i's torque at a time and a speed (rad/s)."""
     slip, critical = slip_speeds(i, t, speed, p)
     square = critical * critical + slip * slip
-    return Motor(slip, critical, p.speed_ramp[i], p.slip_ramp[i], square, 1.0 / square if square > 0.0 else 0.0)
+    return MotorTerms(slip, critical, p.speed_ramp[i], p.slip_ramp[i], square, 1.0 / square if square > 0.0 else 0.0)
 
 
 @inlined
-def square_term(k: int, slip_square: float, motor: Motor) -> float:
+def square_term(k: int, slip_square: float, motor: MotorTerms) -> float:
     """Term k of Δ² + u² from that of u²."""
     if k == 0:
         return motor.square
@@ -54,7 +54,7 @@ def square_term(k: int, slip_square: float, motor: Motor) -> float:
 
 
 @inlined
-def kloss_term(slip: float, slip_before: float, products: float, motor: Motor, torque: float) -> float:
+def kloss_term(slip: float, slip_before: float, products: float, motor: MotorTerms, torque: float) -> float:
     """Term k of :func:`kloss_torque`, by (Δ² + u²) L = 2 M_c Δ u, from terms k and k − 1 of u.
 
     ``products`` is the sum of the terms j of Δ² + u² times k − j of L, j from 1 to k; ``torque`` is M_c (N·m).
@@ -90,11 +90,11 @@ def motor_torque(i: int, t: float, speed: float, p: Parameters) -> float:
 @compiled
 def motor_powers(times: FloatArray, speeds: FloatArray, p: Parameters) -> FloatArray:
     """Power of both motors (W), shape (n, 2), at times (s) and speeds (rad/s) of shape (n,) and (n, 2)."""
-    found = np.empty(speeds.shape)
+    power = np.empty(speeds.shape)
     for k in range(times.size):
         for i in range(2):
-            found[k, i] = motor_torque(i, times[k], speeds[k, i], p) * speeds[k, i] + 0.0  # never −0
-    return found
+            power[k, i] = motor_torque(i, times[k], speeds[k, i], p) * speeds[k, i] + 0.0  # never −0
+    return power
 
 
 @compiled

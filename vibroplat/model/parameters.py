@@ -63,27 +63,27 @@ IMPACT_LAWS = ("conservative", "central", "printed")
 CONSERVATIVE, CENTRAL, PRINTED = range(3)
 
 
-def blank() -> Parameters:
+def blank_record() -> Parameters:
     """Make a record of zeros: the element of an array of one, its ``base``, which has an address."""
     record: Parameters = np.zeros(1, PARAMETERS).view(np.recarray)[0]
     return record
 
 
-def words(p: Parameters) -> FloatArray:
+def record_words(p: Parameters) -> FloatArray:
     """View a record, whole, as numbers of 8 bytes: to copy it, which is slow field by field."""
-    found: FloatArray = np.asarray(p).reshape(1).view(np.float64)
-    return found
+    view: FloatArray = np.asarray(p).reshape(1).view(np.float64)
+    return view
 
 
-def address(p: Parameters) -> int:
-    """Address of a record that :func:`blank` has made."""
+def record_address(p: Parameters) -> int:
+    """Address of a record that :func:`blank_record` has made."""
     assert isinstance(p.base, np.ndarray)
     return int(p.base.ctypes.data)
 
 
 def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     """Fill the record of a scene, with the supply as it is at a time (s)."""
-    machine, p = scene.machine, blank()
+    machine, p = scene.machine, blank_record()
     p["mass"] = scene.platform_mass
     p["inertia"] = scene.body.inertia
     p["stiffness_x"] = machine.stiffness_x_n_per_m

@@ -18,9 +18,10 @@ import numpy as np
 from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
 from vibroplat.model.motor import motor_torque, resistance
 from vibroplat.model.parameters import Parameters
+from vibroplat.model.springs import Relative
 
 #: Least share of an exciter's own inertia that the platform's yielding may leave of it.
-DEFINITE = 1e-3
+MIN_INERTIA_RATIO = 1e-3
 
 #: One number for each of x, y, φ.
 Three = tuple[float, float, float]
@@ -61,33 +62,21 @@ def couplings(i: int, phi: float, sine: float, cosine: float, p: Parameters) -> 
     return Unbalance(-sine, cosine, b + phi * d, d - phi * b, b, d)
 
 
-@fused_inline
-def suspension(q: Three, v: Three, p: Parameters) -> Three:
-    """Evaluate the forces of springs and dampers on x, y, φ at their coordinates and rates (N, N, N·m).
-
-    Linear, so that it gives the terms of their series as well.
-    """
-    return (
-        -p.damping_x * v[0] - p.stiffness_x * q[0],
-        -p.damping_y * v[1] - p.stiffness_y * q[1],
-        -p.damping_phi * v[2] - p.stiffness_phi * q[2],
-    )
-
-
 @inlined
-def forces(t: float, y: FloatArray, n: int, first: Unbalance, second: Unbalance, load: float, p: Parameters) -> Five:
+def forces(
+    t: float, y: FloatArray, n: int, first: Unbalance, second: Unbalance, held: Relative, load: float, p: Parameters
+) -> Five:
     """Generalized forces on x, y, φ, φ₁, φ₂: all of the paper's (2), (3) without accelerations (N, N·m).
 
-    ``load`` is the vertical force with which the material presses down on the platform (N). The signs are those of
-    Lagrange's equations (`model.md`, departures).
+    ``held`` holds :func:`vibroplat.model.springs.restoring` forces; ``load`` is the vertical force with which the
+    material presses down on the platform (N). The signs are those of Lagrange's equations (`model.md`, departures).
     """
     vphi, w1, w2 = y[n + 2], y[n + 3], y[n + 4]
     q1, q2, turning = w1 * w1, w2 * w2, vphi * vphi
-    held = suspension((y[0], y[1], y[2]), (y[n], y[n + 1], vphi), p)
     return (
-        first.y * q1 + second.y * q2 + held[0],
-        -first.x * q1 - second.x * q2 + held[1] - p.mass * p.gravity - load,
-        first.lever * q1 + second.lever * q2 + held[2],
+        first.y * q1 + second.y * q2 - held[0],
+        -first.x * q1 - second.x * q2 - (held[1] - held[3]) - p.mass * p.gravity - load,
+        first.lever * q1 + second.lever * q2 - held[2],
         motor_torque(0, t, w1, p) - resistance(w1, p.friction[0]) - first.y * p.gravity - first.lever * turning,
         motor_torque(1, t, w2, p) - resistance(w2, p.friction[1]) - second.y * p.gravity - second.lever * turning,
     )
@@ -159,7 +148,7 @@ def solve_platform(b: Five, c: Compliance) -> Five:
 
 
 @compiled
-def holds(y: FloatArray, p: Parameters) -> bool:
+def is_definite(y: FloatArray, p: Parameters) -> bool:
     """Whether the mass matrix is positive definite, by some margin, as every real body's is.
 
     With axes that turn to first order in φ it loses this where the platform has turned far; the motion would
@@ -170,5 +159,5 @@ def holds(y: FloatArray, p: Parameters) -> bool:
     mobility = (1.0 / p.mass, 1.0 / p.mass, 1.0 / p.inertia)
     first, second = unbalances(y, p)
     m11, m12, m22 = exciter_masses(first, second, mobility, p)
-    least_1, least_2 = DEFINITE * p.exciter_inertia[0], DEFINITE * p.exciter_inertia[1]
+    least_1, least_2 = MIN_INERTIA_RATIO * p.exciter_inertia[0], MIN_INERTIA_RATIO * p.exciter_inertia[1]
     return bool(m11 > least_1 and m22 > least_2 and m11 * m22 - m12 * m12 > least_1 * least_2)

@@ -16,7 +16,7 @@ import numpy as np
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.parameters import PARAMETERS, Parameters, blank, parameters
+from vibroplat.model.parameters import PARAMETERS, Parameters, blank_record, parameters
 
 #: Names of the fields that enter the equations as numbers; the others are choices, or say where the equations hold.
 CHOICES = ("safe_rotation", "impact_law")
@@ -34,7 +34,7 @@ COMPLEX = np.dtype(
 SECTIONS = ("machine", "motor", "motors", "exciters", "drive", "material", "contact")
 
 #: Nodes of the polynomials in a key, as many as are needed, and their largest error over the largest value.
-NODES, EXACT = (4, 32), 1e-14
+NODES, INTERPOLATION_TOLERANCE = (4, 32), 1e-14
 
 #: Size h of the imaginary part: its square vanishes beside 1.
 IMAGINARY = 1e-30
@@ -62,7 +62,7 @@ def parameter_direction(scene: Scene, key: str) -> Parameters:
             f"in {', '.join(SECTIONS)}"
         )
     step = STEP * abs(value) or STEP
-    dp = blank()
+    dp = blank_record()
     for n, weight in _WEIGHTS:
         above, below = (with_value(scene, path, value + side * n * step) for side in (1, -1))
         if not above.layers == below.layers == scene.layers:
@@ -103,13 +103,13 @@ def with_values(section: Any, values: Mapping[str, float]) -> Any:
         return [with_values(one, everywhere | inside.get(str(i), {})) for i, one in enumerate(section)]
     return section.model_copy(
         update={
-            name: found[""] if "" in found else with_values(getattr(section, name), found)
-            for name, found in inside.items()
+            name: changed[""] if "" in changed else with_values(getattr(section, name), changed)
+            for name, changed in inside.items()
         }
     )
 
 
-class Course:
+class ParameterInterpolant:
     """The parameters of a scene over a range of one key, by Chebyshev's polynomials: a fiftieth of the work of each.
 
     ``exact`` says whether they agree with :func:`vibroplat.model.parameters.parameters` to round-off.
@@ -118,7 +118,7 @@ class Course:
     def __init__(self, scene: Scene, key: str, low: float, high: float) -> None:
         self._low, self._high = low, high
         self._at = parameters(scene)
-        self._numbers = flat(self._at), flat(blank())
+        self._numbers = flat(self._at), flat(blank_record())
         path = key.split(".")
         self.exact = any(self._through(scene, path, nodes) for nodes in NODES)
 
@@ -126,12 +126,12 @@ class Course:
         """Find the polynomials through so many nodes; whether they are exact."""
         self._orders = np.arange(count)
         nodes: FloatArray = np.cos(np.pi * (self._orders + 0.5) / count)
-        found = np.array([self._of(scene, path, x) for x in nodes])
-        self._c: FloatArray = np.linalg.solve(np.polynomial.chebyshev.chebvander(nodes, count - 1), found)
+        at_nodes = np.array([self._of(scene, path, x) for x in nodes])
+        self._c: FloatArray = np.linalg.solve(np.polynomial.chebyshev.chebvander(nodes, count - 1), at_nodes)
         self._rates: Any = np.polynomial.chebyshev.chebder(self._c) * 2.0 / (self._high - self._low)  # by the key
         between = np.cos(np.pi * np.arange(1, 6) / 6.0)
         apart = [np.abs(flat(self.at(self._value(x))) - self._of(scene, path, x)) for x in between]
-        return bool((np.array(apart) <= EXACT * np.abs(found).max(axis=0)).all())
+        return bool((np.array(apart) <= INTERPOLATION_TOLERANCE * np.abs(at_nodes).max(axis=0)).all())
 
     def at(self, value: float) -> Parameters:
         """Return the parameters at a value of the key: one record, which the next call changes."""

@@ -28,27 +28,27 @@ import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, fused, inlined
 from vibroplat.kernels.lanes import in_lines, products_2, products_16, put_row
-from vibroplat.kernels.pairs import Pair, paired, parted
-from vibroplat.kernels.sines import sines
+from vibroplat.kernels.pairs import Pair, pack_pair, unpack_pair
+from vibroplat.kernels.sines import sincos_pair
 from vibroplat.model.accelerations import mobility, solve_rows
-from vibroplat.model.equations import layer_spring
-from vibroplat.model.motor import Motor, kloss_term, motor_at, resistance_term, square_term
+from vibroplat.model.motor import MotorTerms, kloss_term, motor_at, resistance_term, square_term
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import Five, Unbalance, compliance, couplings, suspension
+from vibroplat.model.platform import Five, Unbalance, compliance, couplings
+from vibroplat.model.springs import relative, restoring
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS
 
 #: Highest degree of a series.
-HIGHEST = 32
+MAX_DEGREE = 32
 
 #: Column of F_c among the coefficients; coordinates stand before it in the order of the system's unknowns.
 FORCE = 7
 
-_ROWS = HIGHEST + 2
+_ROWS = MAX_DEGREE + 2
 
 Four = tuple[float, float, float, float]
 
 #: 1/k; of k = 0 nothing is asked.
-_SHARE = np.concatenate([[0.0], 1.0 / np.arange(1.0, HIGHEST + 2.0)])
+_SHARE = np.concatenate([[0.0], 1.0 / np.arange(1.0, MAX_DEGREE + 2.0)])
 
 
 #: Where a series is formed. Row k + 2 of ``early`` and row k of ``late`` hold what is known after order k. Columns 0–1:
@@ -74,7 +74,7 @@ def room() -> Any:
     return in_lines((ROOM.itemsize // 8,)).view(ROOM)[0]
 
 
-class Fixed(NamedTuple):
+class Constants(NamedTuple):
     """What of an exciter, or in pairs, is the same in all orders; σ, k_R k and M_c are those of the parameters."""
 
     x0: Pair  # its axis in the platform, not turned and turned (m)
@@ -89,10 +89,10 @@ class Fixed(NamedTuple):
     critical_torque: Pair  # M_c
     unbalance: Pair  # k (kg·m)
     couplings: Unbalance  # how it pulls at the platform
-    motor: Motor
+    motor: MotorTerms
 
 
-class Newest(NamedTuple):
+class Coefficients(NamedTuple):
     """The newest coefficients of both exciters' series at the beginning of order k."""
 
     sine: Pair  # of order k + 1
@@ -109,7 +109,7 @@ class Newest(NamedTuple):
     square_1: Pair  # Δ² + u² of order 1, 0 while k < 2
 
 
-class Known(NamedTuple):
+class Terms(NamedTuple):
     """What lower orders say of both exciters' terms of order k."""
 
     sine: Pair  # s″ and c″ without φ̈ᵢ
@@ -133,19 +133,18 @@ class Rotation(NamedTuple):
 def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Parameters) -> None:
     """Fill ``room.q`` with the coefficients of a motion at a state, coordinates to this degree and F_c to degree − 2.
 
-    The degree is from 2 to HIGHEST; of the unknowns the differential ones are read. Where an exciter is at rest, its
+    The degree is from 2 to MAX_DEGREE; of the unknowns the differential ones are read. Where an exciter is at rest, its
     resistance is that of the sense in which it is about to turn.
     """
     n = DIFFERENTIAL[system] // 2
     attached, layers = ALGEBRAIC[system], LAYERS[system]
-    s1, c1, s2, c2 = sines(y[3], y[4])
-    fixed_1, fixed_2 = fixed(0, t, y, n, s1, c1, p), fixed(1, t, y, n, s2, c2, p)
+    s1, c1, s2, c2 = sincos_pair(y[3], y[4])
+    fixed_1, fixed_2 = constants_of(0, t, y, n, s1, c1, p), constants_of(1, t, y, n, s2, c2, p)
     inverse = compliance(fixed_1.couplings, fixed_2.couplings, mobility(attached, p), p)
-    f = paired(fixed_1, fixed_2)
-    e, sense = at_order_0(f), paired(sense_of(y[n + 3]), sense_of(y[n + 4]))
+    f = pack_pair(fixed_1, fixed_2)
+    e, sense = at_order_0(f), pack_pair(sense_of(y[n + 3]), sense_of(y[n + 4]))
     at_rest = y[n + 3] == 0.0 or y[n + 4] == 0.0
-    q, rate = (y[0], y[1], y[2]), (y[n], y[n + 1], y[n + 2])
-    upper, upper_rate = (y[n - 1], y[2 * n - 1]) if layers == 2 else (0.0, 0.0)
+    q, rate = relative(system, y, 0, n), relative(system, y, n, n)
     phi_1, unbalances, turning, square = 0.0, 0.0, 0.0, 0.0
     for i in range(FORCE):
         room.q[0, i], room.q[1, i] = (y[i], y[n + i]) if i < n else (0.0, 0.0)
@@ -153,38 +152,35 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Para
         sums = products_16(room.early, room.late, k, k)
         torques = products_2(room.squares, room.torques, k, k - 1)[0]
         weight, twice = (p.gravity, 1.0) if k == 0 else (0.0, 2.0)
-        (moment, centre), (lifted, squares) = parted(sums[6]), parted(sums[7])
+        (moment, centre), (lifted, squares) = unpack_pair(sums[6]), unpack_pair(sums[7])
         moment, centre, lifted = moment + phi_1 * unbalances, centre + phi_1 * turning, lifted + phi_1 * square
         square = squares + twice * y[n + 2] * rate[2]
         rotation = Rotation(centre + square, lifted + y[2] * square, weight)
         known = from_lower_orders(k, twice, rotation, e, sense, f, sums, torques)
-        held, (moment_1, moment_2) = suspension(q, rate, p), parted(known.moment)
+        held, (moment_1, moment_2) = restoring(q, rate, p), unpack_pair(known.moment)
         b = (
-            held[0] - total(f.unbalance * known.cosine),
-            held[1] - total(f.unbalance * known.sine) - p.mass * weight,
-            held[2] - total(f.unbalance * (f.x * known.sine - f.y * known.cosine)) + moment,  # k (X s″ − Y c″)
+            -held[0] - total(f.unbalance * known.cosine),
+            -(held[1] - held[3]) - total(f.unbalance * known.sine) - p.mass * weight,
+            -held[2] - total(f.unbalance * (f.x * known.sine - f.y * known.cosine)) + moment,  # k (X s″ − Y c″)
             moment_1,
             moment_2,
         )
-        spring = layer_spring(upper, upper_rate, p) if layers == 2 else 0.0
-        lower = p.upper_mass * spring - p.lower_mass * weight
-        a, contact, above = solve_rows(attached, b, lower, -weight - spring, inverse, p)
+        lower = p.upper_mass * held[4] - p.lower_mass * weight - held[3]
+        a, contact, above = solve_rows(attached, b, lower, -weight - held[4], inverse, p)
         share = _SHARE[k + 1]
         twofold = share * _SHARE[k + 2]
-        q = (rate[0] * share, rate[1] * share, rate[2] * share)
-        rate = (a[0] * share, a[1] * share, a[2] * share)
-        if layers == 2:
-            upper, upper_rate = upper_rate * share, above * share
-        gap, layer = (contact * twofold if layers > 0 else 0.0), (above * twofold if layers == 2 else 0.0)
-        material = (layer, 0.0) if attached else (gap, layer)
+        opening, above = (contact if layers > 0 and not attached else 0.0), (above if layers == 2 else 0.0)
+        q = (rate[0] * share, rate[1] * share, rate[2] * share, rate[3] * share, rate[4] * share)
+        rate = (a[0] * share, a[1] * share, a[2] * share, opening * share, above * share)
+        material = (above * twofold, 0.0) if attached else (opening * twofold, above * twofold)
         moved = (a[0] * twofold, a[1] * twofold, a[2] * twofold, a[3] * twofold, a[4] * twofold)
         put_row(room.q, k + 2, (*moved, *material, 0.0))
         room.q[k, FORCE] = contact if attached else 0.0
         if k == 0:
             phi_1 = y[n + 2]
-        own = paired(a[3], a[4])
+        own = pack_pair(a[3], a[4])
         unbalances, turning = total(curvature(own, known, f)), a[2]
-        e = following(k, share, a, own, known, e, f)
+        e = advance(k, share, a, own, known, e, f)
         if at_rest:
             sense = about_to_turn(sense, e.speed)
         put_factors(room, k, e, a[2] * twofold, (unbalances, turning, square, rate[2]))
@@ -193,7 +189,7 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Para
 
 
 @inlined
-def put_factors(room: Any, k: int, e: Newest, phi: float, turned: Four) -> None:
+def put_factors(room: Any, k: int, e: Coefficients, phi: float, turned: Four) -> None:
     """Store what is known after order k for products to come; ``turned`` is columns 12 to 15 of ``late``."""
     c, s, u, w = e.cosine, e.sine, e.slip, e.speed
     put_row(room.early, k + 2, (c, s, s, c, u, w, phi, phi, phi, turned[3]))
@@ -203,7 +199,7 @@ def put_factors(room: Any, k: int, e: Newest, phi: float, turned: Four) -> None:
 @inlined
 def total(both: Pair) -> float:
     """Add up what both exciters contribute."""
-    first, second = parted(both)
+    first, second = unpack_pair(both)
     return first + second
 
 
@@ -216,31 +212,42 @@ def sense_of(speed: float) -> float:
 @inlined
 def about_to_turn(sense: Pair, speed: Pair) -> Pair:
     """Senses in which exciters turn, where all lower coefficients of φ̇ᵢ are 0 by the sign of this one."""
-    (first, second), (first_speed, second_speed) = parted(sense), parted(speed)
-    return paired(first if first != 0.0 else sense_of(first_speed), second if second != 0.0 else sense_of(second_speed))
+    (first, second), (first_speed, second_speed) = unpack_pair(sense), unpack_pair(speed)
+    return pack_pair(
+        first if first != 0.0 else sense_of(first_speed), second if second != 0.0 else sense_of(second_speed)
+    )
 
 
 @inlined
-def fixed(i: int, t: float, y: FloatArray, n: int, sine: float, cosine: float, p: Parameters) -> Fixed:
+def constants_of(i: int, t: float, y: FloatArray, n: int, sine: float, cosine: float, p: Parameters) -> Constants:
     """Gather what of an exciter is the same in all orders."""
     phi, speed, x0, y0 = y[2], y[n + 3 + i], p.axis_x[i], p.axis_y[i]
     axis = (x0, y0, x0 - phi * y0, y0 + phi * x0)
     own = (p.direction[i], p.friction[i], p.torque[i], p.unbalance[i])
     coupled, motor = couplings(i, phi, sine, cosine, p), motor_at(i, t, speed, p)
-    return Fixed(*axis, sine, cosine, speed, *own, coupled, motor)
+    return Constants(*axis, sine, cosine, speed, *own, coupled, motor)
 
 
 @inlined
-def at_order_0(f: Fixed) -> Newest:
+def at_order_0(f: Constants) -> Coefficients:
     """Begin both exciters' series."""
-    w, none = f.speed, paired(0.0, 0.0)
-    return Newest(f.cosine * w, -1.0 * f.sine * w, none, none, w, f.motor.slip, none, none, none, none, none, none)
+    w, none = f.speed, pack_pair(0.0, 0.0)
+    return Coefficients(
+        f.cosine * w, -1.0 * f.sine * w, none, none, w, f.motor.slip, none, none, none, none, none, none
+    )
 
 
 @inlined
 def from_lower_orders(
-    k: int, twice: float, rotation: Rotation, e: Newest, sense: Pair, f: Fixed, sums: tuple[Pair, ...], torques: Pair
-) -> Known:
+    k: int,
+    twice: float,
+    rotation: Rotation,
+    e: Coefficients,
+    sense: Pair,
+    f: Constants,
+    sums: tuple[Pair, ...],
+    torques: Pair,
+) -> Terms:
     """Terms of order k of the exciters, without those of the accelerations of order k.
 
     ``twice`` is how often a product of a series with itself has its first and last term: 1 if they are the same.
@@ -258,17 +265,17 @@ def from_lower_orders(
     resistance = resistance_term(sums[5] + twice * f.speed * e.speed, sense, f.friction)
     # what is known last is added last: all waits for it
     moment = f.direction * torque - (resistance + f.couplings.x * ax + f.couplings.y * ay) - f.unbalance * pulled
-    return Known(sine, cosine, ax, ay, moment, square, torque)
+    return Terms(sine, cosine, ax, ay, moment, square, torque)
 
 
 @inlined
-def curvature(a: Pair, known: Known, f: Fixed) -> Pair:
+def curvature(a: Pair, known: Terms, f: Constants) -> Pair:
     """Terms of k (Y₀ s″ + X₀ c″) under accelerations φ̈ᵢ."""
     return f.unbalance * (f.y0 * (known.sine + f.cosine * a) + f.x0 * (known.cosine - f.sine * a))
 
 
 @inlined
-def following(k: int, share: float, a: Five, own: Pair, known: Known, e: Newest, f: Fixed) -> Newest:
+def advance(k: int, share: float, a: Five, own: Pair, known: Terms, e: Coefficients, f: Constants) -> Coefficients:
     """Newest coefficients of the exciters at the beginning of order k + 1, under accelerations of order k."""
     twofold = share * _SHARE[k + 2]
     speed = own * share
@@ -281,4 +288,4 @@ def following(k: int, share: float, a: Five, own: Pair, known: Known, e: Newest,
         square_1 = known.square
     unit = (known.sine + f.cosine * own) * twofold, (known.cosine - f.sine * own) * twofold
     ax, ay = known.ax + a[0] - f.y * a[2], known.ay + a[1] + f.x * a[2]
-    return Newest(*unit, sine_1, cosine_1, speed, slip, e.slip, ax, ay, known.torque, torque_0, square_1)
+    return Coefficients(*unit, sine_1, cosine_1, speed, slip, e.slip, ax, ay, known.torque, torque_0, square_1)

@@ -12,11 +12,11 @@ from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import LARGEST_ANGLE
 from vibroplat.errors import ConfigError, TableError
-from vibroplat.hybrid.state import initial_state, perturbed, state_scales
+from vibroplat.hybrid.state import initial_state, perturb_state, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP
 from vibroplat.observe.tables import state_places
-from vibroplat.results.files import Result
+from vibroplat.results.files import SavedFiles
 
 #: Largest coordinates and rates, in the scales of the scene, that the end of a run may have to be gone on from; the
 #: exciters' angles grow for ever and have a limit of their own. Round-off of its time may turn an exciter in step by at
@@ -58,7 +58,7 @@ def initial_condition(scene: Scene) -> Start:
     source, share = scene.run.initial.from_, scene.start_perturbation
     start = Start(initial_state(scene)) if source is None else end_of(Path(source), scene)
     key = (scene.run.seed, 0, round(1e6 * scene.drive.largest_frequency))  # as the first point of a sweep
-    start = start._replace(state=perturbed(start.state, scene, share, key))
+    start = start._replace(state=perturb_state(start.state, scene, share, key))
     if scene.drive.program is not None and scene.drive.program[0].t_s > start.time:
         raise ConfigError(
             f"drive.program.0.t_s = {scene.drive.program[0].t_s} but the run begins at {start.time:g} s; "
@@ -77,7 +77,7 @@ def end_of(directory: Path, scene: Scene) -> Start:
     """
     key = f"run.initial.from = {str(directory)!r}"
     try:
-        result = Result(directory, "run")
+        result = SavedFiles(directory, "run")
         origin, summary = result.provenance, result.document("summary")
         table = deque(result.parts("trajectory", last=True), maxlen=1)[0]  # its last rows
     except TableError as error:

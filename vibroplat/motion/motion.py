@@ -12,14 +12,14 @@ from vibroplat.config.coordinates import Mode
 from vibroplat.config.drive import interval_at
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid import state as hy
-from vibroplat.hybrid.jumps import join, turn_corner
-from vibroplat.hybrid.loop import automaton, first_mode, fly
+from vibroplat.hybrid.loop import automaton, begin_in_flight, first_mode
 from vibroplat.hybrid.modes import KINDS
-from vibroplat.hybrid.state import no_steps, rewind
+from vibroplat.hybrid.resets import apply_supply_corner, record_restart_events
+from vibroplat.hybrid.state import empty_steps, rewind
 from vibroplat.integrate.seam import Engine
 from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.accelerations import accelerations
-from vibroplat.model.parameters import Parameters, supply, words
+from vibroplat.model.parameters import Parameters, record_words, supply
 from vibroplat.model.systems import SYSTEMS, System
 from vibroplat.observe.measures import Measures
 from vibroplat.observe.statistics import Statistics
@@ -90,7 +90,7 @@ class Motion:
         self.engine = engine
         self.events = 0
         self._lack = ""
-        steps = no_steps(engine.rows, engine.degree)
+        steps = empty_steps(engine.rows, engine.degree)
         self._p = p
         self._intervals = scene.drive.intervals
         self._interval = interval_at(self._intervals, time)
@@ -100,19 +100,20 @@ class Motion:
         self._run = np.asarray(self.automaton.run).reshape(1)
         # several times as quick to reach as the fields of a record
         self._field = {name: self._run[name] for name in ("now", "outcome", "mode", "awaited", "events", "systems")}
-        self._held = words(p), words(self.automaton.p), words(self.automaton.inelastic)
+        self._held = record_words(p), record_words(self.automaton.p), record_words(self.automaton.inelastic)
         self._given = p, self._held[0]  # what they were set to, and its view
         self._first_mode, self._rewind = same_types(first_mode), same_types(rewind)
         self._first_mode(self.automaton)
         if mode is Mode.FLIGHT and self.automaton.run["mode"] == Mode.ATTACHED:
-            fly(self.automaton)
+            begin_in_flight(self.automaton)
         if mode is not None:
-            join(self.automaton, mode is Mode.ATTACHED, self._interval.start == time and self._interval.corner)
+            at_corner = self._interval.start == time and self._interval.corner
+            record_restart_events(self.automaton, mode is Mode.ATTACHED, at_corner)
 
     def set_parameters(self, p: Parameters) -> None:
         """Change the parameters for all who hold them: of another scene of the same modes, with the same tolerances."""
         if p is not self._given[0]:
-            self._given = p, words(p)
+            self._given = p, record_words(p)
         for held in self._held:
             held[:] = self._given[1]
         self.automaton.inelastic["restitution"] = 0.0
@@ -183,7 +184,7 @@ class Motion:
         while end < time and self.outcome == "ok" and waiting.item() == awaited and self.now >= end:
             if time > self.now >= self._interval.end:
                 self._change_supply()
-                turn_corner(h, self._interval.corner)
+                apply_supply_corner(h, self._interval.corner)
                 self._rewind(h.steps)  # they have been read
                 self._tell(observers)
                 continue  # the corner may be what the motion waits for

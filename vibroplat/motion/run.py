@@ -8,11 +8,11 @@ from contextlib import closing
 from importlib import import_module
 from typing import Any
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import COUNT, TEXT, Column, Columns
 from vibroplat.config.plausibility import notes_on_input
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import automaton
-from vibroplat.hybrid.state import CUBIC, Automaton, force_noise, no_steps, static_rest
+from vibroplat.hybrid.state import CUBIC, Automaton, empty_steps, force_noise, static_rest
 from vibroplat.integrate import make_engine
 from vibroplat.integrate.seam import WORK, Engine
 from vibroplat.kernels.cache import LOOPS
@@ -29,18 +29,18 @@ from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import INACCURATE, MEASURES, Part, inaccuracy, measured, synchronization
 from vibroplat.observe.tables import named_derivative, require_room
 from vibroplat.observe.variation import Variation
-from vibroplat.results.run import Trajectory
+from vibroplat.results.run import RunResult
 
 #: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
 SETTLE_SHARE = 0.5
 
 #: The summary of a run.
 SUMMARY: Columns = {
-    "name": Column("name of the scene"),
-    "outcome": Column("ok, or why the run ended early or is inaccurate"),
-    "detail": Column("where and why, unless the outcome is ok"),
+    "name": Column("name of the scene", kind=TEXT),
+    "outcome": Column("ok, or why the run ended early or is inaccurate", kind=TEXT),
+    "detail": Column("where and why, unless the outcome is ok", kind=TEXT),
     "simulated_s": Column("simulated time"),
-    "rotation": Column("counter-rotating or co-rotating exciters"),
+    "rotation": Column("counter-rotating or co-rotating exciters", kind=TEXT),
     "perturbation": Column("random change of the rates at the start", "in the scales of the scene"),
     "static_sag_m": Column(
         "static sag of the springs", "the machine rests at y = -static_sag_m; figures show y from there"
@@ -48,6 +48,7 @@ SUMMARY: Columns = {
     "period": Column(
         "turns of exciter 1 after which the motion repeats",
         f"0: none found up to {MAX_PERIOD}, or not settled; means are of whole periods",
+        kind=COUNT,
     ),
     **MEASURES,
     "contact_force_noise_n": Column("contact forces up to this size, of either sign, are noise"),
@@ -56,7 +57,7 @@ SUMMARY: Columns = {
     **WORK,
     "restarts": Column("starts of the integrator", "the first one, and one after each event"),
     "wall_s": Column("time that the computation took"),
-    "notes": Column("what deserves a second look"),
+    "notes": Column("what deserves a second look", kind=TEXT),
     **SHEET,
     **WHOLE,
 }
@@ -71,7 +72,7 @@ def simulate(
     variation: bool | str | Sequence[str] = False,
     start: Start | None = None,
     engine: Callable[[Scene, Parameters], Engine] = make_engine,
-) -> Trajectory:
+) -> RunResult:
     """Integrate a scene in time.
 
     Parameters
@@ -87,8 +88,8 @@ def simulate(
         Two functions that are given the trajectory table and the event table part by part while the run goes on,
         whatever it keeps; or two files, :class:`vibroplat.results.tables.TableFile`.
     variation
-        ``True``: find the derivative of the end by the start too, :attr:`Trajectory.monodromy`; keys as in
-        :func:`vibroplat.motion.variation.variation`: also by these, :attr:`Trajectory.variation`.
+        ``True``: find the derivative of the end by the start too, :attr:`RunResult.monodromy`; keys as in
+        :func:`vibroplat.motion.variation.variation`: also by these, :attr:`RunResult.variation`.
     start
         Where it begins, if that is known already. Default: as the scene says.
     engine
@@ -96,8 +97,8 @@ def simulate(
 
     Returns
     -------
-    Trajectory
-        What was computed, also if the run ended early; see :attr:`Trajectory.outcome`.
+    RunResult
+        What was computed, also if the run ended early; see :attr:`RunResult.outcome`.
 
     Raises
     ------
@@ -121,7 +122,7 @@ def simulate(
 
 def _run(
     motion: Motion, start: Start, recorder: Recorder, keys: Sequence[str] | None, others: Sequence[Observer]
-) -> Trajectory:
+) -> RunResult:
     """Carry a motion on to the end of its run; with its derivative by keys and by its start, unless they are None."""
     scene, duration = motion.scene, motion.scene.run.duration_s
     varied = [] if keys is None else [Variation(directions(scene, keys))]
@@ -130,7 +131,7 @@ def _run(
     derivative = None
     if keys is not None and motion.outcome == "ok":
         derivative = named_derivative(varied[0].derivative(motion.automaton), scene, keys)
-    return Trajectory(
+    return RunResult(
         scene=scene,
         summary=_summary(motion, part, start.time),
         origin=start.origin,
@@ -218,4 +219,4 @@ def _any_motion(engine: str) -> tuple[Scene, Parameters, Automaton]:
     """Make a scene that takes all kernels, its parameters and its automaton, with room for no steps."""
     scene = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}, "solver.engine": engine})
     p = parameters(scene)
-    return scene, p, automaton(scene, p, no_steps(1, CUBIC), 1.0)
+    return scene, p, automaton(scene, p, empty_steps(1, CUBIC), 1.0)

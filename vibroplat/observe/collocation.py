@@ -14,6 +14,7 @@ from vibroplat.kernels.compiled import FloatArray, compiled, fused, fused_inline
 from vibroplat.kernels.elimination import LANE, blend_8, combine_16, eliminate_lanes, whole_lanes
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.model.parameters import Parameters
+from vibroplat.model.springs import slopes
 from vibroplat.model.systems import FULL_SIZE
 
 #: Longest step of the collocation, as a part of a turn of the synchronous speed and times the quickest natural
@@ -72,14 +73,13 @@ def steps_of(p: Parameters, period: float) -> tuple[float, float]:
     The longest resolves turns of a period (s) and the oscillations of platform and layers, each taken alone; what is
     damped too strongly to oscillate does not shorten it.
     """
-    layers = 1.0 + p.upper_mass / p.lower_mass if p.lower_mass > 0.0 else 0.0
+    stiffnesses, dampings = slopes(p)
+    lower = p.lower_mass if p.lower_mass > 0.0 else p.mass
+    masses = p.mass, p.mass, p.inertia, lower, 1.0
+    shares = 1.0, 1.0, 1.0, 1.0 + lower / p.mass, 1.0 + p.upper_mass / lower
     quickest, decay = 0.0, 0.0
-    for stiffness, damping in (
-        (p.stiffness_x / p.mass, p.damping_x / p.mass),
-        (p.stiffness_y / p.mass, p.damping_y / p.mass),
-        (p.stiffness_phi / p.inertia, p.damping_phi / p.inertia),
-        (layers * p.layer_stiffness, layers * p.layer_damping),
-    ):
+    for i in range(5):
+        stiffness, damping = shares[i] * stiffnesses[i] / masses[i], shares[i] * dampings[i] / masses[i]
         bend = stiffness - 0.25 * damping**2
         quickest = max(quickest, math.sqrt(max(bend, 0.0)))
         decay = max(decay, 0.5 * damping + math.sqrt(max(-bend, 0.0)))

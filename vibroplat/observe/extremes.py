@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from vibroplat.config.coordinates import MOST_POINTS
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined, same_types
-from vibroplat.kernels.polynomial import bend, extremes, slope, turning_point
+from vibroplat.kernels.polynomial import chord_deviation_bound, extremes, slope, turning_point
 
 #: Degree of polynomials up to which there are too few samples of them to find extremes by.
 FEW_SAMPLES = 8
@@ -157,7 +157,7 @@ def cover(
     """Let extremes k cover polynomial j in a part of a step.
 
     Polynomials of low degree have few samples and are looked through. Of the others see
-    :func:`vibroplat.kernels.lanes.reaching`.
+    :func:`vibroplat.kernels.lanes.exceeds_limits`.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ def looked_through(
     peaks: Any, k: int, c: FloatArray, degree: int, j: int, ends: tuple[float, float], span: Span
 ) -> None:
     """Do as :func:`cover` for any degree."""
-    reach = bend(c, degree, j)
+    reach = chord_deviation_bound(c, degree, j)
     if not (peaks.least[k] < min(ends) - reach and max(ends) + reach < peaks.largest[k]):
         low, high, at_low, at_high = extremes(c, degree, j, span.first, span.last, ends)
         remember(peaks, k, low, at_low, span)

@@ -13,8 +13,8 @@ import numpy as np
 from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.hybrid.state import WIDTH
 from vibroplat.kernels.compiled import FloatArray, call_int, compiled, fused_inline, inlined
-from vibroplat.kernels.lanes import reaching
-from vibroplat.kernels.polynomial import CLOSE, values
+from vibroplat.kernels.lanes import exceeds_limits
+from vibroplat.kernels.polynomial import QUADRATIC_RANGE, values
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import DIFFERENTIAL, GAP, SIZES
 from vibroplat.observe.extremes import (
@@ -52,7 +52,7 @@ _PULLS, _SHAKING = WIDTH, WIDTH + 4
 
 
 class Equations(NamedTuple):
-    """Where the equations are: addresses of :func:`vibroplat.hybrid.jumps.start_callback` and of the parameters."""
+    """Where the equations are: addresses of :func:`vibroplat.hybrid.resets.start_callback` and of the parameters."""
 
     start: int
     parameters: int
@@ -148,14 +148,7 @@ def mean_squares(
 
 @fused_inline
 def steepest(
-    c: FloatArray,
-    degree: int,
-    n: int,
-    spot: tuple[float, float],
-    sideways: float,
-    s: float,
-    low: float,
-    high: float,
+    c: FloatArray, degree: int, n: int, spot: tuple[float, float], sideways: float, s: float, low: float, high: float
 ) -> tuple[float, float]:
     """Fraction of a step near s at which the square of a point's acceleration is largest, and that square (1/step⁴).
 
@@ -181,7 +174,7 @@ def steepest(
             break
         following = min(max(s - rate / half, low), high)
         way = following - s
-        if abs(way) <= CLOSE:
+        if abs(way) <= QUADRATIC_RANGE:
             return following, found + way * (2.0 * rate + half * way)
         s = following
     return begun, square
@@ -189,13 +182,7 @@ def steepest(
 
 @compiled
 def exact_size(
-    s: float,
-    system: int,
-    sideways: float,
-    spot: tuple[float, float],
-    room: Any,
-    span: Span,
-    equations: Equations,
+    s: float, system: int, sideways: float, spot: tuple[float, float], room: Any, span: Span, equations: Equations
 ) -> float:
     """Size of the acceleration of a point of the platform at a fraction of a step, by the equations (m/s²)."""
     y, yp, n = room.y, room.yp, DIFFERENTIAL[system] // 2
@@ -245,14 +232,7 @@ def put_limits(peaks: Any, room: Any, system: int, p: Parameters) -> None:
 
 @inlined
 def widen(
-    peaks: Any,
-    begun: FloatArray,
-    room: Any,
-    nodes: int,
-    system: int,
-    span: Span,
-    equations: Equations,
-    p: Parameters,
+    peaks: Any, begun: FloatArray, room: Any, nodes: int, system: int, span: Span, equations: Equations, p: Parameters
 ) -> None:
     """Let the extremes cover a step or a part of it.
 
@@ -271,26 +251,19 @@ def widen(
         put_limits(peaks, room, system, p)
         room.limited = system
     n, inverse = DIFFERENTIAL[system] // 2, 1.0 / (span.length * (span.last - span.first))
-    flags = reaching(begun, room.samples, nodes, span.end, n, room.springs, GAPS[nodes], inverse, room.limits)
+    flags = exceeds_limits(begun, room.samples, nodes, span.end, n, room.springs, GAPS[nodes], inverse, room.limits)
     if flags != 0 or room.named > 0:
         cover_columns(peaks, room, nodes, system, span, flags, equations, p)
 
 
 @compiled
 def cover_columns(
-    peaks: Any,
-    room: Any,
-    nodes: int,
-    system: int,
-    span: Span,
-    flags: int,
-    equations: Equations,
-    p: Parameters,
+    peaks: Any, room: Any, nodes: int, system: int, span: Span, flags: int, equations: Equations, p: Parameters
 ) -> None:
     """Let the extremes of columns whose bits are set cover a step.
 
-    Bits are those of :func:`vibroplat.kernels.lanes.reaching`: of the unknowns, of three forces into the foundation and
-    of the acceleration, with and without its part along x. Named points are looked at in any case.
+    Bits are those of :func:`vibroplat.kernels.lanes.exceeds_limits`: of the unknowns, of three forces into the
+    foundation and of the acceleration, with and without its part along x. Named points are looked at in any case.
     """
     samples, force, n = room.samples, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
     for k, j, group in in_columns(force):
@@ -316,13 +289,7 @@ def cover_columns(
 
 @compiled
 def cover_points(
-    peaks: Any,
-    room: Any,
-    nodes: int,
-    system: int,
-    span: Span,
-    equations: Equations,
-    p: Parameters,
+    peaks: Any, room: Any, nodes: int, system: int, span: Span, equations: Equations, p: Parameters
 ) -> None:
     """Let the extremes of named points cover a step."""
     for i in range(room.named):
@@ -334,14 +301,7 @@ def cover_points(
 
 
 @compiled
-def cover_shaking(
-    peaks: Any,
-    room: Any,
-    nodes: int,
-    system: int,
-    span: Span,
-    equations: Equations,
-) -> None:
+def cover_shaking(peaks: Any, room: Any, nodes: int, system: int, span: Span, equations: Equations) -> None:
     """Let the extremes of the acceleration of the centre of mass cover a step.
 
     In antiphase the platform moves along y alone but for round-off. Its acceleration is then that along y, found once:

@@ -16,7 +16,6 @@ from vibroplat.observe.extremes import PEAKS, joined, no_peaks
 
 N_POWERS = len(POWERS)
 N_WORK = FORCE_SIZE + 1
-DISSIPATIONS = 2  # first of the powers that dampers take
 
 #: Integrals over a part of a run (s, and the units of what is integrated times s).
 SUMS = (

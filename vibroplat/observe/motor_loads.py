@@ -41,15 +41,7 @@ def drive_at(peaks: Any, i: int, speed: float, s: float, span: Span, p: Paramete
 
 
 @inlined
-def cover_motor(
-    peaks: Any,
-    i: int,
-    samples: FloatArray,
-    nodes: int,
-    n: int,
-    span: Span,
-    p: Parameters,
-) -> None:
+def cover_motor(peaks: Any, i: int, samples: FloatArray, nodes: int, n: int, span: Span, p: Parameters) -> None:
     """Let the extremes of speed, torque and power of motor i cover a step.
 
     At a constant supply torque and power depend on the speed alone: they have extremes at new extremes of the speed
@@ -77,15 +69,7 @@ def cover_motor(
 
 
 @compiled
-def pass_levels(
-    peaks: Any,
-    i: int,
-    j: int,
-    synchronous: float,
-    critical: float,
-    span: Span,
-    p: Parameters,
-) -> None:
+def pass_levels(peaks: Any, i: int, j: int, synchronous: float, critical: float, span: Span, p: Parameters) -> None:
     """Let the extremes of motor i cover the slips of largest torque and power that a step passes."""
     ratio = critical / synchronous if synchronous != 0.0 else 0.0
     root = np.sqrt(1.0 + ratio * ratio)

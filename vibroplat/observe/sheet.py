@@ -146,8 +146,8 @@ def whole_columns(described: Columns) -> Columns:
     found: dict[str, Column] = {}
     for name in _peaked(described):
         base = split(name)[0]
-        meaning, told = described[name]
-        found[f"whole_{name}"] = Column(f"{meaning} in the whole run", told)
+        column = described[name]
+        found[f"whole_{name}"] = column._replace(meaning=f"{column.meaning} in the whole run")
         if not name.startswith(TIMED):
             continue
         found[f"whole_{base}_at_s"] = Column(

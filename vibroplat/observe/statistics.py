@@ -17,17 +17,17 @@ from vibroplat.hybrid.state import WIDTH, Automaton, Steps
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, same_types
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16
 from vibroplat.kernels.polynomial import crossing, slope, value
-from vibroplat.kernels.sines import sines
-from vibroplat.model.energy import exciter_powers, powers
+from vibroplat.kernels.sines import sincos_pair
+from vibroplat.model.energy import DISSIPATIONS, exciter_powers, powers
 from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.series import HIGHEST
+from vibroplat.model.series import MAX_DEGREE
+from vibroplat.model.springs import slopes
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, LAYERS, PLACES, SIZES
 from vibroplat.observe.extremes import IMPULSE, MOST_NODES, NODES, WEIGHTS, Span, give_pace
 from vibroplat.observe.loads import COLUMNS, Equations, add_forces, widen
 from vibroplat.observe.measures import (
     COSINE,
-    DISSIPATIONS,
     EARLY,
     FASTEST,
     FLYING,
@@ -74,7 +74,7 @@ ROOM = np.dtype(
         ("power", float, N_WORK),
         ("phases", float, MOST_NODES),
         ("springs", float, (2, 4)),
-        ("form", float, (HIGHEST + 1, 1)),
+        ("form", float, (MAX_DEGREE + 1, 1)),
         ("form_samples", float, (MOST_NODES, 1)),
         ("squares", float, MOST_NODES + 1),
         ("y", float, FULL_SIZE),
@@ -151,10 +151,10 @@ def add_pieces(
     """Add all closed pieces and events in the order of time; ``room`` is overwritten."""
     ms, steps, events = borrow(owned_ms), borrow(owned_steps), borrow(owned_events)
     counted, degree, full, room.limited = 0, steps.c.shape[1] - 1, room.full, -1
-    dampings = (p.damping_x, p.suspension_damping_y, p.damping_phi)
-    stiffnesses = (p.stiffness_x, p.stiffness_y, p.stiffness_phi)
+    stiffness, damping = slopes(p)
     for j in range(3):
-        room.springs[0, j], room.springs[1, j] = stiffnesses[j], dampings[j]
+        room.springs[0, j], room.springs[1, j] = stiffness[j], damping[j]
+    room.springs[1, 1] = p.suspension_damping_y
     for i in range(steps.used.pieces):
         piece = steps.pieces[i]
         while counted < piece.events:
@@ -385,13 +385,13 @@ def add_phase(sums: FloatArray, room: Any, n: int, duration: float, nodes: int, 
     cosine, sine, variance = 0.0, 0.0, 0.0
     if drift > STILL:
         for i in range(nodes):
-            sine_i, cosine_i, _, _ = sines(phases[i], 0.0)
+            sine_i, cosine_i, _, _ = sincos_pair(phases[i], 0.0)
             cosine += WEIGHTS[nodes, i] * cosine_i
             sine += WEIGHTS[nodes, i] * sine_i
     else:
         for i in range(nodes):
             variance += WEIGHTS[nodes, i] * (phases[i] - mean) ** 2
-        sine, cosine, _, _ = sines(mean, 0.0)
+        sine, cosine, _, _ = sincos_pair(mean, 0.0)
         cosine, sine = (1.0 - 0.5 * variance) * cosine, (1.0 - 0.5 * variance) * sine
     sums[COSINE] += duration * cosine
     sums[SINE] += duration * sine

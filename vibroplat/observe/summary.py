@@ -9,15 +9,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import COUNT, Column, Columns
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.modes import IMPACT, LATCH
+from vibroplat.hybrid.modes import CHATTER, IMPACT
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.energy import DISSIPATIONS, FORCE_SIZE, POWERS, energies
 from vibroplat.model.energy import FORCE as VERTICAL
-from vibroplat.model.energy import FORCE_SIZE, POWERS, energies
 from vibroplat.model.parameters import Parameters
+from vibroplat.model.springs import DAMPERS
 from vibroplat.observe.extremes import FORCE, HEIGHT, IMPULSE, OPENING, ROTATION, joined
-from vibroplat.observe.measures import DISSIPATIONS, N_POWERS, TIME, Measures, between, measured_peaks
+from vibroplat.observe.measures import N_POWERS, TIME, Measures, between, measured_peaks
 from vibroplat.observe.sheet import data_sheet, means
 
 #: Phase coherence below which exciters are not synchronous: their phase difference has no mean that says anything.
@@ -45,10 +46,7 @@ AUDIT: Columns = {
     "truncation_work_j": Column(
         "work without a physical source", "the exciter axes turn with the platform to first order in phi only"
     ),
-    "damping_x_work_j": Column("energy taken by the damper along x"),
-    "damping_y_work_j": Column("energy taken by the damper along y"),
-    "damping_phi_work_j": Column("energy taken by the damper of the rotation"),
-    "damping_layers_work_j": Column("energy taken by the damper between the layers"),
+    **{f"{name}_work_j": Column(f"energy taken by the {damper}") for name, (_, damper) in DAMPERS.items()},
     "resistance_work_j": Column("energy taken by the resistance of both exciters"),
     "gravity_work_j": Column("work of gravity"),
     "impact_loss_j": Column("energy lost in impacts and latches"),
@@ -107,7 +105,7 @@ MEASURES: Columns = {
     "liftoffs": Column("liftoffs in the whole run"),
     "impacts": Column("impacts in the whole run", "without those of latches, as impacts_per_period"),
     "latches": Column("latches in the whole run", "impacts that accumulate and end in contact"),
-    "events": Column("liftoffs, impacts and latches in the whole run", "impacts without those of latches"),
+    "events": Column("liftoffs, impacts and latches in the whole run", "impacts without those of latches", kind=COUNT),
     "measured_liftoffs": Column("liftoffs in that time"),
     "measured_impacts": Column("impacts in that time", "without those of latches, as impacts_per_period"),
     "measured_latches": Column("latches in that time"),
@@ -191,7 +189,7 @@ def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, 
     """
     parts = [*blocks[:1], *(between(a, b) for a, b in pairwise(blocks))]
     found = [statistics(part, peaks) | extremes(peaks) for part in parts for peaks in [measured_peaks(part)]]
-    latches = sum(part.marks["last"][3 + LATCH] - part.marks["first"][3 + LATCH] for part in parts)
+    latches = sum(part.marks["last"][3 + CHATTER] - part.marks["first"][3 + CHATTER] for part in parts)
     errors: dict[str, float | None] = {}
     for name in names:
         if name in COUNTED and latches > 0.0:

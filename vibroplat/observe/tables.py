@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import TEXT, Column, Columns
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import State
@@ -50,7 +50,7 @@ TRAJECTORY: Columns = {
 #: Columns of the event table.
 EVENTS: Columns = {
     "t_s": Column("time"),
-    "kind": Column("liftoff, impact, latch or drive", "drive: a corner of the supply's program"),
+    "kind": Column("liftoff, impact, latch or drive", "drive: a corner of the supply's program", kind=TEXT),
     "gap_rate_before_m_per_s": Column(
         "rate of the gap before the event", "of a latch: before the first of the impacts it stands for"
     ),

@@ -14,14 +14,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.hybrid.modes import ATTACHED, IMPACT, LATCH
+from vibroplat.hybrid.modes import ATTACHED, CHATTER, IMPACT
 from vibroplat.hybrid.state import Automaton, Steps
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, same_types
 from vibroplat.kernels.elimination import whole_lanes
 from vibroplat.kernels.polynomial import values
 from vibroplat.model.accelerations import accelerations, linearize
 from vibroplat.model.equations import rows
-from vibroplat.model.impact import impact, latch
+from vibroplat.model.impact import chatter_map, impact
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.sensitivity import CHOICES, COMPLEX, IMAGINARY, flat
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, FULL_SIZE, GAP, GAP_RATE, PLACES, SIZES, gather, scatter
@@ -181,7 +181,7 @@ def follow(owned_h: Automaton, owned_v: Carried) -> None:
         piece = steps.pieces[k]
         after = steps.pieces[k + 1].events if k + 1 < steps.used.pieces else count
         event = piece.events
-        if event < after and h.events[event].kind == LATCH:
+        if event < after and h.events[event].kind == CHATTER:
             through_latch(steps, piece, h.p, v)
             event += 1
         else:
@@ -405,7 +405,7 @@ def by_latch(system: int, t: float, state: FloatArray, first: int, p: Parameters
             moved[i] = state[i] + 1j * IMAGINARY * v.s[i, j]
         for i in range(FULL_SIZE // 2):
             turned[i] = rates[7 + i] + 1j * IMAGINARY * change[7 + i]
-        duration, _, _ = latch(moved, turned, after, v.turned[0, max(j - FULL_SIZE + 1, 0)])
+        duration, _, _ = chatter_map(moved, turned, after, v.turned[0, max(j - FULL_SIZE + 1, 0)])
         v.late[j] += duration.imag / IMAGINARY
         for i in range(FULL_SIZE):
             v.s[i, j] = after[i].imag / IMAGINARY

@@ -99,9 +99,7 @@ def picture_data(number: int, picture: Picture, motions: Motions) -> dict[str, A
         "axes": [_column(name) | {"log": picture.log(name)} for name in picture.axes],
         "measures": [_panel(panel, points) for panel in picture.panels],
         "series": [_series(one, renumbered) for one in picture.series],
-        "states": []
-        if picture.states is None
-        else finite(pd.Series(picture.states)).reindex(places, fill_value=0).tolist(),
+        "states": [] if picture.states is None else np.append(picture.states, [0] * len(points))[places].tolist(),
         "facets": [
             {"label": one.label.replace("$", ""), "series": [*one.series], "behind": [*one.behind]}
             for one in (picture.facets if len(picture.facets) > 1 else ())
@@ -141,9 +139,8 @@ def _panel(panel: Panel, points: pd.DataFrame) -> dict[str, Any]:
     of = _column(panel.by) if panel.by else None
     if of is not None and not panel.classes:
         known = points[panel.by].dropna().astype(float)
-        ends = (
-            [0.0, panel.least] if panel.least is not None else [known.min(), known.max()] if len(known) else [0.0, 1.0]
-        )
+        least, largest = (known.min(), known.max()) if len(known) else (0.0, 1.0)
+        ends = [least, largest] if panel.least is None else [0.0, panel.least]
         of |= {"ends": [*map(float, ends)], "white": panel.least is not None}
     return (
         found
@@ -212,8 +209,8 @@ class Motions:
         Returns
         -------
         dict
-            ``motions``: what :meth:`_computed` returns; ``owner``: for each place the row whose orbit it has; ``owned``:
-            whether these are rows of another table; ``words`` about them.
+            ``motions``: what :meth:`_computed` returns; ``owner``: for each place the row whose orbit it has;
+            ``owned``: whether these are rows of another table; ``words`` about them.
         """
         orbits = picture.orbits
         if orbits is None:

@@ -15,10 +15,11 @@ from typing import Any
 
 import pandas as pd
 
+from vibroplat.config.kinds import KINDS
 from vibroplat.page import run, static
 from vibroplat.page.pictures import MOST_SAMPLES, Motions, Mover, Progress, picture_data, table_data
 from vibroplat.page.results import differences, find_results, parameters, remarks, summary_rows
-from vibroplat.plots.reading import Saved, ends_of, pictures_of
+from vibroplat.plots.reading import Saved, ends_of
 from vibroplat.results.picture import finite
 from vibroplat.results.tables import replace_file, require_replaceable
 
@@ -222,5 +223,5 @@ def _events(one: Saved) -> pd.DataFrame:
 
 def _pictures(number: int, one: Saved, motions: Motions) -> list[dict[str, Any]]:
     """Return the pictures of a result, with their tables and what moves when a point is clicked."""
-    shown = [picture for picture in pictures_of(one.command, [one.shown]) if "page" in picture.places]
+    shown = [picture for picture in KINDS[one.command].pictures.pictures([one]) if "page" in picture.places]
     return [picture_data(number, picture, motions) for picture in shown]

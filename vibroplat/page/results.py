@@ -8,13 +8,12 @@ from typing import Any
 
 from vibroplat.columns import shown_in, unit_of, words
 from vibroplat.config.keys import Key, key_of
+from vibroplat.config.kinds import KINDS, unused_sections
 from vibroplat.errors import TableError
-from vibroplat.plots.reading import Saved, has_result
-from vibroplat.results.files import Command
-from vibroplat.results.labels import UNUSED, differing, leaves, shortened, value_words
+from vibroplat.plots.reading import Saved
+from vibroplat.results.files import commands_in
+from vibroplat.results.labels import differing, leaves, shortened, value_words
 
-#: The commands whose results the page shows, in their order in one directory.
-COMMANDS: tuple[Command, ...] = ("run", "sweep", "orbits", "basins", "find", "design")
 #: Keys of a summary that are shown first.
 FIRST = (
     *("outcome", "simulated_s", "excitation_frequency_hz", "frequency_split_hz", "phase_difference_rad"),
@@ -55,9 +54,9 @@ def find_results(directories: Sequence[Path]) -> list[Saved]:
 
 
 def _in(directory: Path) -> Iterator[Saved]:
-    commands = [command for command in COMMANDS if has_result(directory, command)]
+    commands = [command for command in commands_in(directory) if command != "paper"]
     if not commands:
-        names = f"{', '.join(COMMANDS[:-1])} or {COMMANDS[-1]}"
+        names = f"run, {', '.join(list(KINDS)[:-1])} or {list(KINDS)[-1]}"
         raise TableError(f"{directory} holds no finished {names}; allowed: a directory with one of them")
     for command in commands:
         result = Saved(directory, command)
@@ -74,7 +73,7 @@ def _in(directory: Path) -> Iterator[Saved]:
 def parameters(commands: Sequence[str], configurations: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return a row for each parameter of some results: its section, words, unit, meaning, default and values."""
     used = [
-        {section: value for section, value in tree.items() if section not in ("name", *UNUSED.get(command, ()))}
+        {section: value for section, value in tree.items() if section not in ("name", *unused_sections(command))}
         for command, tree in zip(commands, configurations, strict=True)
     ]
     sections = list(dict.fromkeys(section for tree in used for section in tree))

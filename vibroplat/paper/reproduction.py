@@ -8,31 +8,28 @@ results alone.
 
 from __future__ import annotations
 
+import itertools
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from vibroplat.config.reader import configurations, load_list
 from vibroplat.config.scene import Scene
-from vibroplat.integrate import engine_name
 from vibroplat.paper.claims import cut, is_of_models, judge, scoreboard
 from vibroplat.paper.evidence import Evidence
 from vibroplat.paper.judges import Claim
 from vibroplat.paper.root_finding import match_beta, matched_frequency, narrow
 from vibroplat.paper.scenes import BETA, IMPACT, NON_IMPACT, QUICK, SEED, claims, paper_scene
-from vibroplat.paper.tables import histories, sync_bands
-from vibroplat.results.files import write_result
-from vibroplat.results.provenance import provenance
+from vibroplat.paper.tables import TABLES, histories, sync_bands
+from vibroplat.results.result import Answer, Result
 from vibroplat.study.branches import Branch, branches
-from vibroplat.study.fingerprint import arithmetic
 from vibroplat.study.pool import Pool, StoredChain, run_stored
 from vibroplat.study.store import Record, Store
-from vibroplat.study.sweep import Progress, branch_records, conditions, run_sweeps, tables
+from vibroplat.study.study import CrossCheckCase, Progress, Study, conditions
+from vibroplat.study.sweep import branch_records, run_sweeps, sweep_table
 
 #: Sweeps of the impact model from which figures are drawn or claims judged.
 SWEEPS = ("fig2", *IMPACT)
@@ -41,52 +38,6 @@ COUNTED = ["outcome", "simulated_s", "events"]
 #: Settings of the sweeps with further seeds: upward only, as claims are judged by these branches, and without other
 #: motions beside them, as no table shows these.
 REPEATED: dict[str, Any] = {"sweep.supply_frequency_hz.direction": ["up"], "sweep.coexists": False}
-
-
-@dataclass(frozen=True)
-class Reproduction:
-    """The results of one machine.
-
-    Attributes
-    ----------
-    tables
-        By name: curves, time histories, claims.
-    beta, matched_hz
-        β of the non-impact model (1/s) and the frequency (Hz) at which it makes RMS y of both models equal; None if
-        there is none.
-    points
-        Outcome, simulated time (s) and events of all points of sweeps, of curves that figures share once.
-    """
-
-    tables: dict[str, pd.DataFrame]
-    beta: float | None
-    matched_hz: float | None
-    points: pd.DataFrame
-
-    def write(self, numbers: Mapping[str, Any], directory: Path) -> None:
-        """Write the tables, and their provenance with the machine's numbers.
-
-        Wall times are left out, so that a repeated reproduction gives the same files.
-        """
-        scene = paper_scene(SWEEPS[0], numbers)
-        beta = {"beta_per_s": self.beta, "beta_matched_hz": self.matched_hz}
-        written = {name: table.drop(columns="wall_s", errors="ignore") for name, table in self.tables.items()}
-        origin = provenance(scene, engine_name(scene)) | beta
-        write_result(directory, "paper", origin, written, form="csv")
-
-    def overview(self, machine: str, seconds: float) -> Iterator[str]:
-        """Yield the lines that summarize claims, machine and work; ``seconds`` is the wall time."""
-        for _, row in self.tables["claims"].iterrows():
-            yield f"{row['id']:<24}{row['verdict']:<32}{row['seeds']:<16}{row['measured']}"
-        matched = "no β: 30.9 Hz is not reached in antiphase"
-        if self.beta is not None:
-            matched = f"β = {self.beta:.2f} 1/s makes RMS y equal at f = {self.matched_hz:.2f} Hz"
-        yield f"{'machine':<24}{machine}; {matched}"
-        count, simulated, events = len(self.points), self.points["simulated_s"].sum(), self.points["events"].sum()
-        yield f"{'computed':<24}{count} points, {simulated:.6g} s of motion, {events} events"
-        failed = (self.points["outcome"] != "ok").sum()
-        yield f"{'not ok':<24}{failed} points, counted in the claims that they concern"
-        yield f"{'wall time':<24}{seconds:.3g} s, {count / seconds:.3g} points per s"
 
 
 class SharedRecords:
@@ -122,7 +73,7 @@ class Trial:
     Attributes
     ----------
     name
-        Name of its directory.
+        Its name among the trials.
     numbers, changes, settings
         Numbers of the machine, changes of unprinted ones, settings of the sweeps.
     names
@@ -168,57 +119,58 @@ def trials_of(numbers: Mapping[str, Any], seeds: Sequence[int]) -> Trials:
     return machine, others
 
 
-def planned(numbers: Mapping[str, Any], seeds: Sequence[int] = (0,)) -> tuple[int, int]:
-    """Return the numbers of branches and points of the first stage."""
-    machine, _ = trials_of(numbers, seeds)
-    found = [b for trial in machine for name in trial.names for b in branches(trial.scene(name))]
-    distinct = {curve_of(branch): len(branch.along) for branch in found}
-    return len(distinct), sum(distinct.values())
-
-
-def reproduce(
-    numbers: Mapping[str, Any],
-    directory: Path,
-    workers: Pool,
-    *,
-    seeds: Sequence[int] = (0,),
-    resume: bool = False,
-    overwrite: bool = False,
-    progress: Progress | None = None,
-) -> Reproduction:
-    """Reproduce the paper with a machine.
+class PaperStudy(Study):
+    """The reproduction of the paper with a machine.
 
     Parameters
     ----------
     numbers
         Dotted keys and values of the machine, which are laid over the paper's scenes.
-    directory
-        Where finished points are stored.
-    workers
-        Where points are simulated.
     seeds
         Seeds of the perturbations; figures are drawn with the first, claims are judged with each.
-    resume, overwrite
-        Whether to continue an unfinished reproduction, or to discard its points.
-    progress
-        Called after each point of the first stage with the numbers of finished branches, points and events.
+    machine
+        Name of the machine.
 
     Raises
     ------
     ConfigError
-        A number is not allowed, or unfinished work would be lost.
-    TableError
-        Points cannot be stored.
+        A number is not allowed.
     """
-    trials = machine, others = trials_of(numbers, seeds)
-    main, every = machine[0], [*machine, *others]
-    with ExitStack() as stack:
-        for trial in every:
-            place = directory / trial.name
-            place.mkdir(parents=True, exist_ok=True)
-            wanted = {name: conditions(trial.scene(name)) for name in (*trial.names, NON_IMPACT)}
-            trial.store = stack.enter_context(Store(place, wanted, resume=resume, overwrite=overwrite))
-            trial.store.require("arithmetic", arithmetic(engine_name(trial.scene(NON_IMPACT))))
+
+    kind = "paper"
+    described = TABLES
+
+    def __init__(self, numbers: Mapping[str, Any], seeds: Sequence[int] = (0,), machine: str = "machine") -> None:
+        self.numbers, self.seeds, self.machine = numbers, seeds, machine
+        self.scene = paper_scene(SWEEPS[0], numbers)
+        for trial in self.trials()[0]:
+            for name in trial.names:
+                trial.scene(name)
+
+    def trials(self) -> Trials:
+        """List the trials."""
+        return trials_of(self.numbers, self.seeds)
+
+    @property
+    def conditions(self) -> dict[str, Any]:
+        """What the records of each trial's sweeps depend on."""
+        every = itertools.chain(*self.trials())
+        return {t.name: {name: conditions(t.scene(name)) for name in (*t.names, NON_IMPACT)} for t in every}
+
+    def chains(self, store: Store) -> int:
+        """Return the number of branches of the first stage, of curves that figures share once."""
+        found = [b for trial in self.trials()[0] for name in trial.names for b in branches(trial.scene(name))]
+        return len({curve_of(branch) for branch in found})
+
+    def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
+        """Run all stages, and judge the claims.
+
+        Wall times are left out of the tables, so that a repeated reproduction gives the same files.
+        """
+        trials = machine, others = self.trials()
+        main = machine[0]
+        for trial in (*machine, *others):
+            trial.store = store.part(trial.name)
         _sweep([(trial, name) for trial in machine for name in trial.names], workers, progress=progress)
         _narrow(machine, workers)
         _add_non_impact(machine, workers)
@@ -227,17 +179,43 @@ def reproduce(
         _sweep([(trial, name) for trial in others for name in trial.names], workers, failing)
         if any(map(is_of_models, failing)):
             _add_non_impact(others, workers)
-        shown = histories(numbers, main.evidence.beta, main.store.part("histories"), workers)
-        for trial in every:
-            trial.store.finish()
-        return _results(trials, shown)
+        shown = histories(self.numbers, main.evidence.beta, main.store.part("histories"), workers)
+        tables = {**_tables(trials), **shown}
+        beta, matched = main.evidence.beta, matched_frequency(main.evidence)
+        written = {name: table.drop(columns="wall_s", errors="ignore") for name, table in tables.items()}
+        facts = {"beta_per_s": beta, "beta_matched_hz": matched}
+        answer = Answer(self._lines(trials, beta, matched), list(_verdicts(tables["claims"])))
+        return Result("paper", self.scene, written, answer, facts=facts)
+
+    def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
+        """Choose nothing: sweeps of the paper are checked as sweeps."""
+        return []
+
+    def _lines(self, trials: Trials, beta: float | None, matched_hz: float | None) -> dict[str, str]:
+        """Summarize the machine and the work."""
+        points = pd.DataFrame([point for trial in itertools.chain(*trials) for point in trial.points], columns=COUNTED)
+        matched = "no β: 30.9 Hz is not reached in antiphase"
+        if beta is not None:
+            matched = f"β = {beta:.2f} 1/s makes RMS y equal at f = {matched_hz:.2f} Hz"
+        simulated, events = points["simulated_s"].sum(), points["events"].sum()
+        return {
+            "machine": f"{self.machine}; {matched}",
+            "computed": f"{len(points)} points, {simulated:.6g} s of motion, {events} events",
+            "not ok": f"{(points['outcome'] != 'ok').sum()} points, counted in the claims that they concern",
+        }
+
+
+def _verdicts(table: pd.DataFrame) -> Iterator[str]:
+    """Yield a line for each claim."""
+    for _, row in table.iterrows():
+        yield f"{row['id']:<24}{row['verdict']:<32}{row['seeds']:<16}{row['measured']}"
 
 
 def _sweep(
     wanted: Sequence[tuple[Trial, str]],
     workers: Pool,
     asked: Sequence[Claim] | None = None,
-    progress: Progress | None = None,
+    progress: Progress = lambda done, known: None,
 ) -> None:
     """Run sweeps of trials side by side, as far as claims ask for them, and add their branches to the evidence."""
     homes, sweeps = dict[str, tuple[Branch, Store]](), []
@@ -275,14 +253,12 @@ def _narrow(machine: Sequence[Trial], workers: Pool) -> None:
     narrow([(trial.evidence, trial.store.part("boundaries")) for trial in machine], workers)
 
 
-def _results(trials: Trials, shown: Mapping[str, pd.DataFrame]) -> Reproduction:
-    """Judge the claims and return all tables, and how much was simulated for them."""
+def _tables(trials: Trials) -> dict[str, pd.DataFrame]:
+    """Judge the claims, and return all tables but the time histories."""
     machine, others = trials
     main = machine[0]
-    points = pd.DataFrame([point for trial in (*machine, *others) for point in trial.points], columns=COUNTED)
-    results = {name: pd.concat(tables(*found), ignore_index=True) for name, found in main.swept.items()}
-    results["sync-bands"] = sync_bands(main.evidence)
+    tables = {name: sweep_table(*found) for name, found in main.swept.items()}
+    tables["sync-bands"] = sync_bands(main.evidence)
     seeds = {int(trial.settings[SEED]): trial.evidence for trial in machine}
-    results["claims"] = scoreboard(seeds, [(trial.changes, trial.evidence) for trial in others])
-    beta, matched = main.evidence.beta, matched_frequency(main.evidence)
-    return Reproduction({**results, **shown}, beta, matched, points)
+    tables["claims"] = scoreboard(seeds, [(trial.changes, trial.evidence) for trial in others])
+    return tables

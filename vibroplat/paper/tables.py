@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import COUNT, TEXT, Column, Columns
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import static_rest
 from vibroplat.motion.run import simulate
+from vibroplat.paper.claims import CLAIMS
 from vibroplat.paper.evidence import Evidence, F
 from vibroplat.paper.scenes import BETA, paper_scene
 from vibroplat.results.provenance import configuration_hash
@@ -36,9 +37,9 @@ SHOWN, RATE = 8, 2000.0
 
 #: The tables of Figs. 4, 5 and 7, a row for each time.
 HISTORY: Columns = {
-    "panel": Column("the paper's excitation frequency of the panel, in Hz"),
-    "curve": Column("number of the curve in the paper"),
-    "scene": Column("name of the scene"),
+    "panel": Column("the paper's excitation frequency of the panel, in Hz", kind=TEXT),
+    "curve": Column("number of the curve in the paper", kind=COUNT),
+    "scene": Column("name of the scene", kind=TEXT),
     "excitation_frequency_hz": Column("mean speed of both exciters"),
     "t_s": Column("time", "from a whole turn of exciter 1"),
     "y_m": Column("displacement along y", "from the static rest"),
@@ -48,16 +49,26 @@ HISTORY: Columns = {
 SYNC_BANDS: Columns = {
     "mass_ratio": Column("mass of the material over that of the machine"),
     "restitution": Column("coefficient of restitution"),
-    "model": Column("contact model"),
-    "law": Column("impact law"),
-    "direction": Column("direction of the branch"),
-    "sync": Column("synchronization of the exciters"),
-    "points": Column("points of the stretch"),
+    "model": Column("contact model", kind=TEXT),
+    "law": Column("impact law", kind=TEXT),
+    "direction": Column("direction of the branch", kind=TEXT),
+    "sync": Column("synchronization of the exciters", kind=TEXT),
+    "points": Column("points of the stretch", kind=COUNT),
     "first_hz": Column("excitation frequency of its first point"),
     "last_hz": Column("excitation frequency of its last point"),
     "first_supply_hz": Column("supply frequency of its first point"),
     "last_supply_hz": Column("supply frequency of its last point"),
     "rms_y_largest_m": Column("largest RMS of y"),
+}
+
+#: The tables of a reproduction: what their rows are, and their columns.
+TABLES: dict[str, tuple[str, Columns]] = {
+    "claims": ("`vibroplat paper`: a row for each claim.", CLAIMS),
+    "fig4, fig5, fig7": (
+        "`vibroplat paper`: time histories. Its other tables, `fig2`, `fig3` and `fig6`, are as `sweep`.",
+        HISTORY,
+    ),
+    "sync-bands": ("`vibroplat paper`: where the exciters synchronize how.", SYNC_BANDS),
 }
 
 

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from importlib import import_module
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from vibroplat.columns import QUANTITIES
+from vibroplat.config.kinds import KINDS, noun_of
 from vibroplat.errors import VibroplatError
 from vibroplat.plots import run
 from vibroplat.plots.paper import paper_figures
 from vibroplat.plots.pictures import draw_picture
-from vibroplat.plots.reading import PICTURES, RESULTS, Saved, has_result, pictures_of
 from vibroplat.plots.style import Saving, save, styled
 from vibroplat.plots.timelines import read_measured
-from vibroplat.results.files import Command
+from vibroplat.results.files import commands_in
 from vibroplat.results.labels import ABSCISSAE
+from vibroplat.results.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,38 +39,47 @@ class Family(NamedTuple):
         directory and the name of each.
     """
 
-    command: Command
+    command: str
     kinds: Collection[str]
     options: Collection[str]
     draw: Callable[..., Iterator[tuple[Path, str, Figure]]]
 
 
-def _family(command: Command) -> Family:
-    """Return the family of a command whose figures are pictures."""
-    module = import_module(PICTURES[command])
-
-    def draw(
-        directories: Sequence[Path], kinds: Sequence[str] = (), *, data: Path | None = None, **options: Any
-    ) -> Iterator[tuple[Path, str, Figure]]:
-        shown = [Saved(directory, command).shown for directory in directories]
-        for group in [shown] if command in _COMPARED else [[one] for one in shown]:
-            for picture in (one for one in pictures_of(command, group, kinds, **options) if "print" in one.places):
-                x = picture.axes[0] if options.get("x") is None else ABSCISSAE[options["x"]]
-                others = [column for column in (*ABSCISSAE.values(), *picture.axes) if column != x]
-                measured = None if data is None else read_measured(data, x, QUANTITIES, others)
-                yield group[0].directory or Path(), picture.name, draw_picture(picture, x, measured)
-
-    return Family(command, module.KINDS, module.OPTIONS, draw)
-
-
-#: Families whose results can be laid over each other.
+#: Commands whose results can be laid over each other.
 _COMPARED = ("sweep", "run")
-#: In the order of drawing. The last one is tried if no table is found, and its reader says what is missing.
-FAMILIES = (
-    Family("paper", (), (), paper_figures),
-    *map(_family, PICTURES),
-    Family("run", run.FIGURES, ("start", "stop", "data"), run.run_figures),
-)
+
+
+def families() -> list[Family]:
+    """Return all families in the order of drawing; the last one is tried if there is no result of any."""
+    return [
+        Family("paper", (), (), paper_figures),
+        *(
+            Family(name, kind.pictures.KINDS, kind.pictures.OPTIONS, partial(_draw, name))
+            for name, kind in KINDS.items()
+        ),
+        Family("run", run.FIGURES, ("start", "stop", "data"), run.run_figures),
+    ]
+
+
+def _draw(
+    command: str, directories: Sequence[Path], kinds: Sequence[str] = (), **options: Any
+) -> Iterator[tuple[Path, str, Figure]]:
+    """Draw the pictures of results of studies, those that can be laid over each other at once."""
+    for places in [directories] if command in _COMPARED else [[place] for place in directories]:
+        results = [Result.read(place, command) for place in places]
+        yield from ((places[0], *drawn) for drawn in draw_study(command, results, kinds, **options))
+
+
+def draw_study(
+    command: str, results: Sequence[Result], kinds: Sequence[str] = (), *, data: Path | None = None, **options: Any
+) -> Iterator[tuple[str, Figure]]:
+    """Draw the pictures of results of one kind of study; yield the name and the figure of each."""
+    for picture in KINDS[command].pictures.pictures(results, kinds, **options):
+        if "print" in picture.places:
+            x = picture.axes[0] if options.get("x") is None else ABSCISSAE[options["x"]]
+            others = [column for column in (*ABSCISSAE.values(), *picture.axes) if column != x]
+            measured = None if data is None else read_measured(data, x, QUANTITIES, others)
+            yield picture.name, draw_picture(picture, x, measured)
 
 
 def plot_results(
@@ -97,23 +107,28 @@ def plot_results(
     TableError
         Their tables are missing or damaged.
     """
-    found = [family for family in FAMILIES if all(has_result(place, family.command) for place in directories)]
+    every_family = families()
+    found = [family for family in every_family if all(family.command in commands_in(place) for place in directories)]
     first, every = directories[0], ", ".join(map(str, directories))
-    if not found and len(directories) > 1 and any(has_result(d, f.command) for f in FAMILIES for d in directories):
+    if (
+        not found
+        and len(directories) > 1
+        and any(f.command in commands_in(d) for f in every_family for d in directories)
+    ):
         raise VibroplatError(f"{every} hold no results of one command; allowed: several runs, or several sweeps")
-    found = found or [FAMILIES[-1]]
+    found = found or [every_family[-1]]
     allowed = [kind for family in found for kind in family.kinds]
-    for family in FAMILIES:
+    for family in every_family:
         for kind in kinds:
             if kind in family.kinds and kind not in allowed:
                 names = ", ".join(allowed) or "no --kind"
-                held, other = (RESULTS[one.command][0] for one in (found[0], family))
+                held, other = (noun_of(one.command) for one in (found[0], family))
                 raise VibroplatError(f"--kind {kind} shows {other}, but {first} holds {held}; allowed: {names}")
     chosen = [family for family in found if not kinds or {*family.kinds} & {*kinds}]
     given = {option: value for option, value in options.items() if value is not None}
     for option, value in given.items():
         if not any(option in family.options for family in chosen):
-            able = " and ".join(RESULTS[family.command][0] for family in FAMILIES if option in family.options)
+            able = " and ".join(noun_of(family.command) for family in every_family if option in family.options)
             raise VibroplatError(f"--{option} {value}: no figure of {first} uses it; allowed: with {able}")
     written = []
     with styled():

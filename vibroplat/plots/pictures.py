@@ -107,8 +107,8 @@ def _draw(axis: Axes, drawn: _Drawn, y: FloatArray, *, wraps: bool = False, colo
         "zorder": 2.4 if series.pale else 2.5,
     }
     style |= {"alpha": 0.5} if series.pale else {}
-    line = {"ls": series.dash if series.mode in ("lines", "both") else "", "lw": 0.9 * series.width}
-    marker = {"marker": series.symbol, "ms": 3.2 * series.size, "mew": 0.7}
+    line: dict[str, Any] = {"ls": series.dash if series.mode in ("lines", "both") else "", "lw": 0.9 * series.width}
+    marker: dict[str, Any] = {"marker": series.symbol, "ms": 3.2 * series.size, "mew": 0.7}
     if series.mode == "dots":
         axis.plot(x, y, ls="", marker="o", ms=1.6, mew=0.0, rasterized=len(x) > 2000, **style | {"zorder": 2.0})
         return
@@ -116,12 +116,12 @@ def _draw(axis: Axes, drawn: _Drawn, y: FloatArray, *, wraps: bool = False, colo
     alone = len(shown) == 1 and series.mode == "both" and len(drawn.states) == 1
     if line["ls"] != "":
         gaps = np.flatnonzero(np.abs(np.diff(y)) > np.pi) + 1 if wraps else ()
-        gapped = (np.insert(values, gaps, np.nan) if len(gaps) else values for values in (x, y))
-        more = marker | {"fillstyle": _FILLINGS[shown[0][0]]} if alone else {}
-        axis.add_line(Line2D(*gapped, **line, **style, **more))
+        gapped = [np.insert(values, gaps, np.nan) if len(gaps) else values for values in (x, y)]
+        more: dict[str, Any] = marker | {"fillstyle": _FILLINGS[shown[0][0]]} if alone else {}
+        axis.add_line(Line2D(gapped[0], gapped[1], **line, **style, **more))
     lone = series.mode == "lines" and np.isfinite(x).sum() == 1  # no line
     for name, chosen in shown if lone or (series.mode != "lines" and not alone) else ():
-        look = {"fillstyle": _FILLINGS[name], "markerfacecoloralt": "white"}
+        look: dict[str, Any] = {"fillstyle": _FILLINGS[name], "markerfacecoloralt": "white"}
         axis.add_line(Line2D(x[chosen], y[chosen], ls="", **style, **marker, **look))
     for _, chosen in (one for one in drawn.states if one[0] == "failed" and np.isfinite(x[one[1]]).any()):
         across = axis.get_xaxis_transform()
@@ -244,8 +244,8 @@ def _coloured(panel: Panel, points: pd.DataFrame) -> tuple[FloatArray, Any, Norm
     if panel.classes:
         numbers = points[panel.by].map({name: float(i) for i, name in enumerate(panel.classes)})
         colours: Any = ListedColormap([colour for colour, _ in panel.classes.values()])
-        return numbers.to_numpy(float), colours, Normalize(-0.5, len(panel.classes) - 0.5)
-    values = points[panel.by].to_numpy(dtype=float, na_value=np.nan)
+        return np.asarray(numbers, dtype=float), colours, Normalize(-0.5, len(panel.classes) - 0.5)
+    values = np.asarray(points[panel.by].to_numpy(dtype=float, na_value=np.nan))
     known = values[np.isfinite(values)]
     dark = colormaps["viridis_r"](np.linspace(0.05, 1.0, 256))  # from small values, pale, to large ones, dark
     if panel.least is not None:  # what is none is white
@@ -266,7 +266,12 @@ def _tiles(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[S
     for series in (series for series in shown if series.mode == "lines"):
         places = np.interp(up[series.rows], levels, np.arange(len(levels)), left=np.nan, right=np.nan)
         outlined = [Stroke(linewidth=2.3 * series.width, foreground="white"), Normal()]
-        look = {"color": series.colour, "lw": 0.9 * series.width, "ls": series.dash, "path_effects": outlined}
+        look: dict[str, Any] = {
+            "color": series.colour,
+            "lw": 0.9 * series.width,
+            "ls": series.dash,
+            "path_effects": outlined,
+        }
         axis.plot(across[series.rows], places, scalex=False, scaley=False, **look)
 
 
@@ -311,7 +316,7 @@ def _plane(axis: Axes, picture: Picture, panel: Panel, _: str, shown: Sequence[S
     real, imaginary, by = (own[name].to_numpy(float) for name in (panel.x, panel.column, panel.by))
     far = (np.abs(real) > frame) | (np.abs(imaginary) > frame)
     norm = Normalize(float(points[panel.by].min()), float(points[panel.by].max()))
-    look = {"s": 7.0, "cmap": "viridis", "norm": norm, "linewidths": 0.0}
+    look: dict[str, Any] = {"s": 7.0, "cmap": "viridis", "norm": norm, "linewidths": 0.0}
     axis.scatter(real[~far], imaginary[~far], c=by[~far], **look)
     if far.any():
         told = f"{int(far.sum()) // 2} farther away"  # each is there with its conjugate
@@ -467,8 +472,14 @@ def _curves(axis: Axes, picture: Picture, panel: Panel, x: str, shown: list[_Dra
     for one in shown:
         _draw(axis, one, y, wraps=panel.column == PHASE_COLUMN)
     for mark in picture.marks:
-        look = {"mfc": mark.colour or "white", "mec": mark.colour or BLACK, "mew": 1.1, "zorder": 4.0, "ls": ""}
-        places = picture.points[x].iloc[mark.rows]
+        look: dict[str, Any] = {
+            "mfc": mark.colour or "white",
+            "mec": mark.colour or BLACK,
+            "mew": 1.1,
+            "zorder": 4.0,
+            "ls": "",
+        }
+        places = picture.points[x].iloc[[*mark.rows]]
         axis.plot(places, y[mark.rows], marker=mark.symbol, ms=11.0 if mark.colour else 5.0, **look)
     axis.autoscale_view()
 
@@ -506,14 +517,14 @@ def _dots(axis: Axes, picture: Picture, panel: Panel, x: str, series: Sequence[S
     axis.grid(visible=False)
 
 
-_DRAWERS = {"counts": _histogram, "tiles": _tiles, "bars": _bars, "stack": _stack, "plane": _plane}
+_DRAWERS: Mapping[str, Any] = {"counts": _histogram, "tiles": _tiles, "bars": _bars, "stack": _stack, "plane": _plane}
 
 
 def _references(axis: Axes, picture: Picture, panel: Panel, x: str) -> None:
     """Draw lines of reference and shade intervals."""
     over = panel.column if picture.counted else panel.x or x
     for line in picture.lines:
-        draw = axis.axvline if line.column == over else axis.axhline if line.column == panel.column else None
+        draw: Any = axis.axvline if line.column == over else axis.axhline if line.column == panel.column else None
         for value in in_units(list(line.at), line.column) if draw else ():
             draw(value, color=REFERENCE, lw=0.9, ls=line.dash, zorder=1.5)
     for one in picture.ranges:

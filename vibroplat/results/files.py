@@ -13,11 +13,12 @@ from __future__ import annotations
 
 import hashlib
 import uuid
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
+from vibroplat.config.kinds import KINDS
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
 from vibroplat.results.locks import replacing
@@ -28,6 +29,7 @@ from vibroplat.results.tables import (
     json_writer,
     new_file,
     one_line_errors,
+    opened,
     put_in_place,
     read_json,
     read_parts,
@@ -37,20 +39,20 @@ from vibroplat.results.tables import (
     text_writer,
 )
 
-Command = Literal["run", "sweep", "orbits", "basins", "find", "design", "paper"]
+#: The commands that write results, in the order in which results of one directory are told.
+COMMANDS = ("run", *KINDS, "paper")
 #: Version of the contents of result directories; increased when an older reader would misread them.
 SCHEMA = 1
 
 
 def write_result(
     directory: Path,
-    command: Command,
+    command: str,
     origin: Mapping[str, Any],
     tables: Mapping[str, Table | TableFile],
     documents: Mapping[str, Any] | None = None,
     *,
     form: Format,
-    absent: Iterable[str] = (),
     configurations: Mapping[str, str] | None = None,
 ) -> None:
     """Write the result of a command: all of its files or none.
@@ -70,8 +72,6 @@ def write_result(
         last.
     form
         Format of the tables.
-    absent
-        Tables of former results that this one does not have.
     configurations
         Contents of YAML files, by name.
 
@@ -94,8 +94,6 @@ def write_result(
                 put_in_place(files | {last: temporary})
             for name in tables:
                 remove_table(directory, name, kept=form)
-            for name in absent:
-                remove_table(directory, name)
             for name in old:
                 remove_file(directory / name)
 
@@ -126,8 +124,8 @@ def _written(
     return files
 
 
-class Result:
-    """The result of a command in a directory. All that is read belongs together.
+class SavedFiles:
+    """The files of a command's result in a directory. All that is read belongs together.
 
     Parameters
     ----------
@@ -149,7 +147,7 @@ class Result:
         There is no such result, or it has another schema.
     """
 
-    def __init__(self, directory: Path, command: Command) -> None:
+    def __init__(self, directory: Path, command: str) -> None:
         self.directory = directory
         self.provenance = read_provenance(directory, command)
         if self.provenance.get("command", command) != command:
@@ -157,6 +155,11 @@ class Result:
         files = self.provenance.get("files")
         # results of former versions have no digests
         self._digests = {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else None
+
+    def names(self, *forms: str) -> list[str]:
+        """Return the names of the files that have one of these endings."""
+        files = [path.name for path in self.directory.iterdir()] if self._digests is None else self._digests
+        return [Path(name).stem for name in files if Path(name).suffix.removeprefix(".") in forms]
 
     def table(self, name: str) -> pd.DataFrame:
         """Read a table; raises :class:`TableError` if it is missing, damaged or of another result."""
@@ -170,8 +173,25 @@ class Result:
         """Read a JSON file; raises :class:`TableError` if it is missing, damaged or of another result."""
         return read_json(self.directory, name, self._digests)
 
+    def configuration(self, name: str) -> str:
+        """Read a YAML file, as :meth:`document`."""
+        with opened(self.directory / f"{name}.yaml", self._digests) as file:
+            return file.read().decode("utf-8")
 
-def read_provenance(directory: Path, command: Command) -> dict[str, Any]:
+
+def store_file(command: str) -> str:
+    """Return the name of the file with the records of a command, which are kept for ``--resume``."""
+    return f"points-{command}.sqlite"
+
+
+def commands_in(directory: Path) -> list[str]:
+    """Return the commands whose finished results a directory holds, as its provenance says."""
+    first = read_json(directory, "provenance") if (directory / "provenance.json").exists() else None
+    known = first.get("command") if isinstance(first, dict) else None
+    return [command for command in COMMANDS if command == known or _own(directory, command).exists()]
+
+
+def read_provenance(directory: Path, command: str) -> dict[str, Any]:
     """Return the provenance of a command's result, or that of another one if it has none; refuse other schemas."""
     own = _own(directory, command)
     origin = read_json(directory, own.stem if own.exists() else "provenance")
@@ -181,22 +201,22 @@ def read_provenance(directory: Path, command: Command) -> dict[str, Any]:
     return dict(origin)
 
 
-def _former(path: Path, command: Command) -> set[str]:
-    """Return the names of the configurations in the result of a command that is about to be replaced."""
+def _former(path: Path, command: str) -> set[str]:
+    """Return the names of the files in the result of a command that is about to be replaced."""
     try:
         found = read_json(path.parent, path.stem)
     except TableError:
         return set()
     own = isinstance(found, dict) and found.get("command") == command and isinstance(found.get("files"), dict)
-    return {name for name in found["files"] if name == f"{Path(name).stem}.yaml"} if own else set()
+    return {name for name in found["files"] if name == Path(name).name} if own else set()
 
 
-def _own(directory: Path, command: Command) -> Path:
+def _own(directory: Path, command: str) -> Path:
     """Return where the provenance of a command is if ``provenance.json`` belongs to another one."""
     return directory / f"{command}-provenance.json"
 
 
-def _place_to_write(directory: Path, command: Command) -> Path:
+def _place_to_write(directory: Path, command: str) -> Path:
     """Return where the provenance of a command is to be written."""
     try:
         found = read_json(directory, "provenance")

@@ -10,6 +10,7 @@ import numpy as np
 
 from vibroplat.columns import PHASE, place_of, unit_of, words, words_in_place
 from vibroplat.config.drive import Drive, Entry
+from vibroplat.config.kinds import unused_sections
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
@@ -50,15 +51,6 @@ SPECIAL_POINTS = {
     LIFTOFF: "contact is lost for the first time",
     "end-of-sticking": "the material no longer stays on the platform after it lands",
     "grazing": "an impact appears or vanishes with zero speed",
-}
-#: Sections that a command does not use.
-UNUSED: dict[str, tuple[str, ...]] = {
-    "run": ("sweep", "orbits", "basins", "find", "design"),
-    "sweep": ("run", "output", "orbits", "basins", "find", "design"),
-    "orbits": ("sweep", "output", "basins", "find", "design"),
-    "basins": ("sweep", "output", "orbits", "find", "design"),
-    "find": ("output", "orbits", "basins", "design"),
-    "design": ("output", "orbits", "basins", "find"),
 }
 #: What the axes and curves of a figure show themselves.
 _SHOWN = ("sweep.supply_frequency_hz.", "sweep.over.", "sweep.grid.", "orbits.")
@@ -193,7 +185,7 @@ def differing(command: str, configurations: Sequence[Mapping[str, Any]]) -> list
     """
     trees = []
     for tree in configurations:
-        used = {key: value for key, value in tree.items() if key not in ("name", "output", *UNUSED[command])}
+        used = {key: value for key, value in tree.items() if key not in ("name", "output", *unused_sections(command))}
         supply = {DRIVE: used.pop(DRIVE)} if DRIVE in used else {}
         own = _varied(command, tree)
         trees.append({key: value for key, value in (supply | leaves(used)).items() if key not in own})

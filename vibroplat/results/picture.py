@@ -10,18 +10,16 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from vibroplat.columns import PHASE_COLUMN
-from vibroplat.config.reader import flat
-from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
-from vibroplat.results.files import Command, Result
+from vibroplat.results.files import SavedFiles
 from vibroplat.results.labels import in_ratios, is_number
+from vibroplat.results.result import Result
 
 #: Colours of curves: those of Okabe and Ito, without their yellow, which is too pale for lines on white.
 CURVES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -343,98 +341,16 @@ def rows_of(chosen: Any) -> Places:
     return np.flatnonzero(np.asarray(chosen, dtype=bool))
 
 
-def checked(
-    table: pd.DataFrame,
-    what: str,
-    texts: Collection[str],
-    numbers: Collection[str] = (),
-    optional: Collection[str] = (),
-) -> pd.DataFrame:
-    """Return a table that has these columns of texts and of numbers, and numbers in optional ones it has.
-
-    Raises
-    ------
-    TableError
-        It does not; ``what`` says which table it is.
-    """
-    for column in (*numbers, *(column for column in optional if column in table)):
-        if column not in table or not _holds_numbers(table[column]):
-            raise TableError(f"{what} has no numbers in column {column}")
-    for column in texts:
-        if column not in table:
-            raise TableError(f"{what} has no column {column}")
-        if pd.api.types.is_numeric_dtype(table[column]) and table[column].notna().any():
-            raise TableError(f"{what} has no names in column {column}")
+def rows_in(result: Result, name: str, *columns: Collection[str]) -> pd.DataFrame:
+    """Return a table of a result, with these columns as :meth:`Result.columns` has them, and one row or more."""
+    table = result.columns(name, *columns)
+    if table.empty:
+        where = result.directory or result.name
+        raise TableError(f"{where} holds an empty {name} table; there is nothing to plot")
     return table
 
 
-def _holds_numbers(column: pd.Series) -> bool:
-    """Whether a column has real numbers, or nothing at all."""
-    types = pd.api.types
-    real = not (types.is_bool_dtype(column) or types.is_complex_dtype(column))
-    return (types.is_numeric_dtype(column) and real) or column.empty
-
-
-# -- results -----------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Shown:
-    """A result as pictures are made of it.
-
-    Attributes
-    ----------
-    command, name
-        The command that made it, and what it is called.
-    scene
-        What was simulated; None where the configuration is of another version.
-    configuration, tables
-        The whole configuration, and tables by their names.
-    directory
-        Where it is, None for one in memory.
-    """
-
-    command: Command
-    name: str
-    scene: Scene | None
-    configuration: Mapping[str, Any]
-    tables: Mapping[str, pd.DataFrame]
-    directory: Path | None = None
-
-    @property
-    def place(self) -> str:
-        """What an error says of where it is."""
-        return self.name if self.directory is None else str(self.directory)
-
-    def given(self, *path: str) -> Any:
-        """Return a section or value of the configuration; raises TableError if it is not there."""
-        found: Any = self.configuration
-        for name in path:
-            found = found.get(name) if isinstance(found, Mapping) else None
-        if found is None:
-            raise TableError(f"{self.place} has no {'.'.join(path)} in its configuration")
-        return found
-
-    def columns(
-        self, name: str, texts: Collection[str], numbers: Collection[str] = (), optional: Collection[str] = ()
-    ) -> pd.DataFrame:
-        """Return a table that has rows, and columns as in :func:`checked`."""
-        return checked(self.tables[name], f"the {name} table in {self.place}", texts, numbers, optional)
-
-    def rows(self, name: str, *columns: Collection[str]) -> pd.DataFrame:
-        """Return a table as :meth:`columns`, of one row or more."""
-        table = self.columns(name, *columns)
-        if table.empty:
-            raise TableError(f"{self.place} holds an empty table {name}; there is nothing to plot")
-        return table
-
-    def beside(self, command: Command, name: str) -> pd.DataFrame | None:
-        """Return a table of another command in the same directory, None if there is none."""
-        if self.directory is None or not any(self.directory.glob(f"{name}.*")):
-            return None
-        return Result(self.directory, command).table(name)
-
-    @property
-    def made(self) -> dict[str, Any]:
-        """All parameters, by their dotted keys."""
-        return flat(self.configuration)
+def beside(result: Result, command: str, name: str) -> pd.DataFrame | None:
+    """Return a table of another command in the directory of a result, None if there is none."""
+    place = result.directory
+    return SavedFiles(place, command).table(name) if place and any(place.glob(f"{name}.*")) else None

@@ -5,8 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import io
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -18,7 +17,6 @@ import numpy.typing as npt
 from vibroplat.columns import split, unit_of
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.extensions import figure_of
 from vibroplat.frames import PlainTable, pd
 from vibroplat.hybrid.state import EVENT
 from vibroplat.kernels.compiled import FloatArray
@@ -39,27 +37,25 @@ from vibroplat.observe.tables import (
     require_room,
     state_places,
 )
-from vibroplat.results.card import results
-from vibroplat.results.files import Result, write_result
+from vibroplat.results.card import results, sheet, whole
+from vibroplat.results.files import commands_in
 from vibroplat.results.provenance import provenance
-from vibroplat.results.tables import Format, replace_file, require_replaceable, result_directory
+from vibroplat.results.result import LABELS, Answer, Result
+from vibroplat.results.tables import replace_file, require_replaceable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: ``all``: two rows at each event, before and after it. ``unique``: the one after it only, so that times ascend.
 Sample = Literal["all", "unique"]
-#: Figures of a run.
-Kind = Literal["motion", "force", "exciters", "loads"]
 
 
-@dataclass(repr=False, kw_only=True)
-class Trajectory:
-    """A finished run.
+class RunResult(Result):
+    """A finished run: a result with its trajectory and dense output.
 
     One that was read from its files has scene, summary and tables, but no dense output and no Poincaré section.
 
-    Attributes
+    Parameters
     ----------
     scene
         What was simulated.
@@ -81,27 +77,51 @@ class Trajectory:
         Largest values in the measured part of the trajectory table, by column, if that was made while the run went on.
     derivative
         Of the state at the end by that at the beginning and by keys, if it was asked for and the run did not end early.
-    saved
-        Its files, if it was read from them.
     """
 
-    scene: Scene
-    summary: dict[str, Any]
-    origin: dict[str, Any] | None = None
-    segments: list[Segment] = field(default_factory=list)
-    event_rows: Records = field(default_factory=lambda: np.zeros(0, EVENT))
-    end: FloatArray | None = None
+    command = "run"
+    segments: Sequence[Segment] = ()
     measures: Measures | None = None
-    table: pd.DataFrame | None = None
-    peaks: Mapping[str, float] | None = None
     derivative: pd.DataFrame | None = None
-    saved: Result | None = None
+    _end: FloatArray | None = None
+
+    def __init__(
+        self,
+        scene: Scene,
+        summary: dict[str, Any],
+        *,
+        origin: dict[str, Any] | None = None,
+        segments: Sequence[Segment] = (),
+        event_rows: Records | None = None,
+        end: FloatArray | None = None,
+        measures: Measures | None = None,
+        table: pd.DataFrame | None = None,
+        peaks: Mapping[str, float] | None = None,
+        derivative: pd.DataFrame | None = None,
+    ) -> None:
+        self.__dict__ |= {"scene": scene, "summary": summary, "origin": origin, "configurations": {}}
+        self.segments, self.measures, self.derivative, self._end = segments, measures, derivative, end
+        self.event_rows = np.zeros(0, EVENT) if event_rows is None else event_rows
+        self._table, self._peaks = table, peaks
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """Outcome, measures and notes."""
+        found = self._read.document("summary")
+        if not isinstance(found, dict):
+            raise TableError(f"{self._read.directory / 'summary.json'} is not the summary of a run")
+        return found
+
+    @cached_property
+    def origin(self) -> dict[str, Any] | None:
+        """What provenance says of the run that it goes on from, if any."""
+        return self._read.provenance.get("begins_from")
 
     # -- tables -------------------------------------------------------------------------------------
 
     @cached_property
     def trajectory(self) -> pd.DataFrame:
-        """Trajectory table at ``output.sample_rate_hz``, with two rows at each event.
+        """RunResult table at ``output.sample_rate_hz``, with two rows at each event.
 
         Raises
         ------
@@ -109,9 +129,9 @@ class Trajectory:
             It was not made while the run went on, and does not fit into memory.
         """
         if self.saved is not None:
-            return self.saved.table("trajectory")
-        if self.table is not None:
-            return self.table
+            return self.tables["trajectory"]
+        if self._table is not None:
+            return self._table
         if self.segments:
             require_room(self.scene)
         parts: list[pd.DataFrame] = []
@@ -124,7 +144,17 @@ class Trajectory:
     @cached_property
     def events(self) -> pd.DataFrame:
         """Event table."""
-        return event_table(self.event_rows).frame if self.saved is None else self.saved.table("events")
+        return event_table(self.event_rows).frame if self.saved is None else self.tables["events"]
+
+    @property
+    def tables(self) -> Mapping[str, pd.DataFrame]:
+        """RunResult and events by name."""
+        return {"trajectory": self.trajectory, "events": self.events} if self.saved is None else super().tables
+
+    @property
+    def documents(self) -> Mapping[str, Any]:
+        """The summary, as its file holds it."""
+        return {"summary": self.summary | {"notes": self.notes}}
 
     @cached_property
     def section(self) -> pd.DataFrame:
@@ -167,11 +197,11 @@ class Trajectory:
     @property
     def final_state(self) -> FloatArray:
         """Full state at the end, shape (14,), its exciter angles with all their turns."""
-        if self.end is None:
-            self.end = np.zeros(FULL_SIZE)
+        if self._end is None:
+            self._end = np.zeros(FULL_SIZE)
             for name, place in state_places(self.scene).items():
-                self.end[place] = self.trajectory[name].iloc[-1]
-        return self.end
+                self._end[place] = self.trajectory[name].iloc[-1]
+        return self._end
 
     def __call__(self, times: npt.ArrayLike) -> pd.DataFrame:
         """Dense output at any times of the run, as rows of the trajectory table.
@@ -257,13 +287,21 @@ class Trajectory:
             return self.saved.provenance
         return provenance(self.scene, str(self.summary["engine"]), self.origin)
 
+    @property
+    def answer(self) -> Answer:
+        """What ``vibroplat run`` prints."""
+        lines = results(self.scene, self.summary, self.origin)
+        lines |= sheet(self.scene, self.summary) | whole(self.summary)
+        detail = str(self.summary["detail"])
+        return Answer(lines, notes=self.notes, failures=[] if self.outcome == "ok" else [f"{self.outcome}: {detail}"])
+
     @cached_property
     def notes(self) -> list[str]:
         """What deserves a second look, peaks that the trajectory table misses included; it is made for that."""
         notes: list[str] = self.summary["notes"]
         if self.saved is not None:
             return notes
-        peaks = self.peaks
+        peaks = self._peaks
         if peaks is None:
             assert self.measures is not None  # of a run that was not read from its files
             peaks = peaks_of(self.trajectory, float(self.measures.marks["window"]))
@@ -271,7 +309,7 @@ class Trajectory:
 
     def __repr__(self) -> str:
         """Return a card of a few lines."""
-        lines = [f"{label:<28}{text}" for label, text in self._card().items()]
+        lines = [f"{label:<{LABELS}}{text}" for label, text in self._card().items()]
         return "\n".join([f"vibroplat run {self.scene.name}", *lines])
 
     def _repr_html_(self) -> str:
@@ -293,35 +331,20 @@ class Trajectory:
         notes = {"notes": f"{len(self.notes)}, see run.notes"} if self.summary["notes"] else {}
         return results(self.scene, self.summary, self.origin) | detail | notes
 
-    def plot(self, kind: Kind = "motion", start: float | None = None, stop: float | None = None) -> Figure:
+    def plot(self, kind: str | None = None, **options: Any) -> Figure:
         """Draw a figure: ``motion`` (platform, gap), ``force`` (contact), ``exciters`` (speeds, phase difference).
 
         Parameters
         ----------
         kind
-            Which one.
-        start, stop
-            Interval shown (s). Default: the whole run, and the last ten turns of the exciters in detail.
+            Which one. Default: ``motion``.
+        options
+            ``start`` and ``stop`` of the interval shown (s). Default: the whole run, and the last ten turns of the
+            exciters in detail.
         """
-        return figure_of(self, kind, start, stop)
+        return super().plot(kind, **options)
 
     # -- to hand on ---------------------------------------------------------------------------------
-
-    def save(self, directory: str | Path, form: Format = "parquet") -> Path:
-        """Write the result into a directory, as ``vibroplat run`` does; :func:`vibroplat.load` reads it.
-
-        Raises
-        ------
-        TableError
-            A file cannot be written.
-        """
-        place = Path(directory)
-        result_directory(place.parent, place.name)
-        tables = {"trajectory": self.trajectory, "events": self.events}
-        summary = self.summary | {"notes": self.notes}
-        origin = provenance(self.scene, str(summary["engine"]), self.origin)
-        write_result(place, "run", origin, tables, {"summary": summary}, form=form)
-        return place
 
     def to_xarray(self, sample: Sample = "unique") -> Any:
         """Return the trajectory as a Dataset over ``t_s``, with units and meanings as attributes; needs xarray."""
@@ -367,22 +390,24 @@ def _plain(column: pd.Series) -> Any:
     return column.to_numpy() if pd.api.types.is_numeric_dtype(column) else column.astype(object).to_numpy()
 
 
-def load(directory: str | Path) -> Trajectory | pd.DataFrame:
-    """Read the result of ``vibroplat run`` or :meth:`Trajectory.save`, or the table of ``vibroplat sweep``.
+def load(directory: str | Path, command: str | None = None) -> Result:
+    """Read a result from its directory: a :class:`RunResult` of a run, a :class:`Result` of any other command.
 
-    Where a directory holds both, the run is read; ``pandas.read_parquet`` reads any table.
+    Parameters
+    ----------
+    directory
+        Where it is.
+    command
+        The command that wrote it. Default: the first of run, sweep, orbits, … that the directory has a result of.
 
     Raises
     ------
     TableError
-        There is neither, or a file is missing, damaged or of another result.
+        There is none, or a file is missing, damaged or of another result.
     """
     place = Path(directory)
-    if any(place.glob("trajectory.*")):
-        saved = Result(place, "run")
-        scene = Scene.from_tree(saved.provenance["configuration"])
-        origin = saved.provenance.get("begins_from")
-        return Trajectory(scene=scene, summary=saved.document("summary"), origin=origin, saved=saved)
-    if any(place.glob("sweep.*")):
-        return Result(place, "sweep").table("sweep")
-    raise TableError(f"{place} holds neither a run nor a sweep; allowed: a result directory of vibroplat")
+    written = commands_in(place)
+    if command is None and not written:
+        raise TableError(f"{place} holds no finished result; allowed: a result directory of vibroplat")
+    chosen = command or written[0]
+    return RunResult.read(place, chosen) if chosen == "run" else Result.read(place, chosen)

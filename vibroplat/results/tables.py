@@ -29,6 +29,8 @@ Writer = Callable[[Path], object]
 #: A table, or its parts, with one of them in memory at a time.
 Table: TypeAlias = "pd.DataFrame | Iterable[pd.DataFrame]"
 FORMATS: tuple[Format, ...] = ("parquet", "csv")
+#: Most rows of a group in a Parquet file that is made of whole tables.
+GROUP = 2000
 #: Most rows that are read at a time.
 PART = 2**15
 #: Age (s) at which a temporary file is removed whosever it is: its owner may be on another machine. A writer that is
@@ -160,25 +162,25 @@ def _opened_table(directory: Path, name: str, digests: Mapping[str, str] | None)
     with ExitStack() as stack:
         for file in files:
             with suppress(FileNotFoundError):
-                opened = stack.enter_context(_opened(directory / file, digests))
+                table = stack.enter_context(opened(directory / file, digests))
                 break
         else:
             raise TableError(f"{directory} holds no {name} table; allowed: a result directory of vibroplat")
-        yield opened
+        yield table
 
 
 def read_json(directory: Path, name: str, digests: Mapping[str, str] | None = None) -> Any:
     """Read ``name.json`` of a result; raises :class:`TableError` like :func:`read_table`."""
     path = directory / f"{name}.json"
     try:
-        with _opened(path, digests) as file:
+        with opened(path, digests) as file:
             return json.loads(file.read().decode("utf-8"))
     except FileNotFoundError:
         raise TableError(f"{directory} holds no {name}.json") from None
 
 
 @contextmanager
-def _opened(path: Path, digests: Mapping[str, str] | None) -> Iterator[BufferedReader]:
+def opened(path: Path, digests: Mapping[str, str] | None) -> Iterator[BufferedReader]:
     """Open a file of a result; what is wrong with its contents becomes one line.
 
     What is compared with the digest is what is read, even if the file is replaced meanwhile.
@@ -239,7 +241,11 @@ class TableFile:
     def extend(self, table: Table) -> None:
         """Write a table, whole or in parts; raises :class:`TableError`."""
         for part in [table] if isinstance(table, pd.DataFrame) else table:
-            self.append(part)
+            if isinstance(part, PlainTable) or len(part) <= GROUP:
+                self.append(part)
+                continue
+            for row in range(0, len(part), GROUP):
+                self.append(part[row : row + GROUP])
 
     def _append_rows(self, part: pd.DataFrame | PlainTable, place: Path) -> None:
         """Append a row group; units and meanings in the ``attrs`` become metadata of the fields."""

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import SHAKING, Column, Columns, unit_of, words, words_in_place
+from vibroplat.columns import COUNT, SHAKING, TEXT, Column, Columns, unit_of, words, words_in_place
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.study.branches import EXCITATION, SUPPLY, study_table
+from vibroplat.study.branches import BRANCH, EXCITATION, SUPPLY, study_table
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 #: Columns of a table, or of a part of it.
@@ -46,9 +46,12 @@ BANDS: Columns = {
         "amplitude changes by more than 4 times both changes next to it. A jump takes two points on each side; a finer "
         "sweep may show a steep change instead. liftoff and flight-end: from the last point before to the first one "
         "after, both with material that can lift off; largest: the largest RMS of y; failed: points that failed",
+        kind=TEXT,
     ),
-    "name": Column("synchronization", "of a jump, before and after it; of failed points, their outcome instead"),
-    "points": Column("points from end to end"),
+    "name": Column(
+        "synchronization", "of a jump, before and after it; of failed points, their outcome instead", kind=TEXT
+    ),
+    "points": Column("points from end to end", kind=COUNT),
     **ENDS,
 }
 
@@ -144,7 +147,9 @@ def bands(table: pd.DataFrame) -> pd.DataFrame:
         name.replace(SUPPLY, key): column._replace(meaning=column.meaning.replace(words(SUPPLY), words_in_place(key)))
         for name, column in BANDS.items()
     }
-    return study_table(found, [*place, *meant], {key: table[key] for key in place[:-2]}, {**meanings, **meant})
+    return study_table(
+        found, [*place, *meant], {**meanings, **BRANCH, **meant}, {key: table[key] for key in place[:-2]}
+    )
 
 
 def _bands_of(rows: Rows, key: str) -> Iterator[dict[str, Any]]:

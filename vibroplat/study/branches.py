@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import Column, Columns, unit_of, words_in_place
+from vibroplat.columns import COUNT, FLAG, NUMBER, TEXT, Column, Columns, unit_of, words_in_place
 from vibroplat.config.keys import key_of, keys, number_of
 from vibroplat.config.plans import FREQUENCY, Over, SweepPlan
 from vibroplat.config.scene import Scene
@@ -24,23 +24,15 @@ from vibroplat.results import labels
 #: Columns of supply and excitation frequency.
 SUPPLY, EXCITATION = labels.SUPPLY, labels.EXCITATION
 
-#: Columns of text, of whole numbers, and of yes and no, in tables of studies; all others hold floating-point numbers.
-TEXTS = {
-    "direction",
-    "rotation",
-    "sync",
-    "motion",
-    "outcome",
-    "detail",
-    "notes",
-    "kind",
-    "name",
-    "coexists",
-} | {*("sequence", "below", "above", "attractor")}
-COUNTS = {"branch", "parent", "curve", "point", "points", "period", "steps", "residual_calls", "events"} | {
-    *("unstable", "count", "ellipsoids", "within_turns")
+#: Columns of a branch, after the keys of the grid.
+BRANCH: Columns = {
+    "direction": Column(
+        "direction of the branch", "up or down: each point starts where the one before ended", kind=TEXT
+    ),
+    "branch": Column("number of the branch", kind=COUNT),
 }
-ANSWERS = {"stable"}
+#: Types of columns in a DataFrame.
+TYPES = {NUMBER: "float64", TEXT: "str", COUNT: "Int64", FLAG: "bool"}
 
 
 @dataclass(frozen=True)
@@ -184,14 +176,16 @@ def place_words(key: str, *values: float) -> str:
 
 
 def study_table(
-    rows: Sequence[Mapping[str, Any]], columns: Sequence[str], grid: Mapping[str, Any], meant: Columns
+    rows: Sequence[Mapping[str, Any]],
+    columns: Sequence[str],
+    meant: Columns,
+    grid: Mapping[str, Any] | None = None,
 ) -> pd.DataFrame:
     """Make a table whose types do not depend on what was found.
 
-    ``grid`` holds the values of those columns that are swept keys, which have the type of these values.
+    Columns that ``meant`` does not have are keys of the configuration; those of ``grid`` have the type of its values.
     """
-    kinds = ((TEXTS, "str"), (COUNTS, "Int64"), (ANSWERS, "bool"))
-    types: dict[Any, Any] = {c: next((kind for names, kind in kinds if c in names), "float64") for c in columns}
-    types |= {key: pd.Series(values).dtype for key, values in grid.items()}
-    swept = {key: Column(key_of(key).meaning) for key in columns if "." in key and key not in meant}
-    return labelled(pd.DataFrame(rows, columns=list(columns)).astype(types), {**swept, **meant})
+    about = {name: meant.get(name) or Column(key_of(name).meaning) for name in columns}
+    types: dict[Any, Any] = {name: TYPES[column.kind] for name, column in about.items()}
+    types |= {key: pd.Series(values).dtype for key, values in (grid or {}).items()}
+    return labelled(pd.DataFrame(rows, columns=list(columns)).astype(types), about)

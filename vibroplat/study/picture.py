@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from vibroplat.columns import PHASE_COLUMN, QUANTITIES, with_shaking
 from vibroplat.config.plans import FREQUENCY
+from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
 from vibroplat.hybrid.state import static_rest
+from vibroplat.results import picture
 from vibroplat.results.labels import (
     ABSCISSAE,
     SPECIAL_POINTS,
@@ -25,32 +28,7 @@ from vibroplat.results.labels import (
     sweep_parameters,
     value_words,
 )
-from vibroplat.results.picture import (
-    BLACK,
-    BLUE,
-    BROKEN,
-    GREEN,
-    NOT_SYNCHRONOUS,
-    ORANGE,
-    PURPLE,
-    SKY,
-    SYNC,
-    VERMILION,
-    Facet,
-    Orbits,
-    Panel,
-    Picture,
-    Series,
-    Shown,
-    axes_of,
-    finite,
-    in_groups,
-    measures,
-    motions_of,
-    palette,
-    rows_of,
-    shades,
-)
+from vibroplat.results.result import Result
 from vibroplat.study.bands import jumps
 from vibroplat.study.branches import EXCITATION, SUPPLY, column_of
 
@@ -64,13 +42,19 @@ DISTINCT = 5
 DIRECTIONS = {"up": "^", "down": "v"}
 _LOOKS: dict[bool, dict[str, Any]] = {True: {}, False: {"dash": "--", "width": 2.4, "size": 1.4, "pale": True}}
 #: Colours of the directions of a bifurcation diagram.
-_COLOURS = {"up": BLUE, "down": VERMILION}
+_COLOURS = {"up": picture.BLUE, "down": picture.VERMILION}
 #: Classes of periods: upper limits and labels; after them the motions that do not repeat, and their colours.
 _ENDS = ((1, "1"), (2, "2"), (4, "3, 4"), (8, "5 … 8"), (64, "9 … 64"))
 _APERIODIC = {"quasi-periodic": "quasi-periodic", "chaotic": "chaotic", "undecided": "not periodic"}
 PERIODS = {
-    **dict(zip((name for _, name in _ENDS), (BLUE, SKY, GREEN, ORANGE, VERMILION), strict=True)),
-    "quasi-periodic": PURPLE,
+    **dict(
+        zip(
+            (name for _, name in _ENDS),
+            (picture.BLUE, picture.SKY, picture.GREEN, picture.ORANGE, picture.VERMILION),
+            strict=True,
+        )
+    ),
+    "quasi-periodic": picture.PURPLE,
     "chaotic": "#5c2a4d",
     "not periodic": "#d4d4d4",
 }
@@ -96,7 +80,7 @@ class Sweeps:
         The horizontal axis in print.
     """
 
-    results: Sequence[Shown]
+    results: Sequence[Result]
     names: Sequence[str]
     table: pd.DataFrame
     key: str
@@ -123,7 +107,7 @@ class Sweeps:
     @cached_property
     def branches(self) -> list[pd.DataFrame]:
         """The rows of each branch, in the order of the table."""
-        return [*in_groups(self.table, [*self.grid, "branch"])]
+        return [*picture.in_groups(self.table, [*self.grid, "branch"])]
 
     def label(self, row: pd.Series) -> str:
         """Return what a combination of the grid's values is called in a legend; results differ by their labels."""
@@ -131,7 +115,7 @@ class Sweeps:
 
     def scene_of(self, rows: pd.DataFrame, keys: Sequence[str]) -> Scene | None:
         """Return the scene of a single result, if it is known, with the values of keys that some rows share."""
-        scene = self.results[0].scene if len(self.results) == 1 else None
+        scene = self.results[0].known_scene if len(self.results) == 1 else None
         return scene and scene.replace({key: rows[key].astype(object).iloc[0] for key in keys})
 
     @property
@@ -149,8 +133,8 @@ class Sweeps:
 
 
 def pictures(
-    results: Sequence[Shown], kinds: Sequence[str] = (), *, x: str | None = None, measure: Sequence[str] = ()
-) -> list[Picture]:
+    results: Sequence[Result], kinds: Sequence[str] = (), *, x: str | None = None, measure: Sequence[str] = ()
+) -> list[picture.Picture]:
     """Return the pictures of a sweep, or of several laid over each other.
 
     ``response`` shows measures over the key, ``bifurcation`` points of the Poincaré section and impact speeds, ``map``
@@ -170,37 +154,37 @@ def pictures(
     if len(results) > 1 and {*kinds} != {"response"}:
         other = next(kind for kind in kinds if kind != "response")
         raise TableError(f"--kind {other} shows one sweep; allowed with {len(results)} of them: response")
-    sweeps = read(results, x=None if x is None else ABSCISSAE[x], measures=measure)
+    sweeps = read(results, x=None if x is None else ABSCISSAE[x], columns=measure)
     return [_MAKERS[kind](sweeps, measure) for kind in kinds]
 
 
-def read(results: Sequence[Shown], *, x: str | None = None, measures: Sequence[str] = ()) -> Sweeps:
+def read(results: Sequence[Result], *, x: str | None = None, columns: Sequence[str] = ()) -> Sweeps:
     """Read the table of a sweep, or those of several as one."""
     tables: list[pd.DataFrame] = []
     keys = [swept(result) for result in results]
     for key, result in zip(keys, results, strict=True):
         if key != keys[0]:
-            raise TableError(f"{result.place} is over {key}, not {keys[0]}; allowed: several sweeps over one key")
-        numbers = (key, "branch", *_NUMBERS, *measures, *([x] if x else []))
-        tables.append(result.rows("sweep", _TEXTS, numbers, list(QUANTITIES)))
+            raise TableError(f"{result.directory} is over {key}, not {keys[0]}; allowed: several sweeps over one key")
+        numbers = (key, "branch", *_NUMBERS, *columns, *([x] if x else []))
+        tables.append(picture.rows_in(result, "sweep", _TEXTS, numbers, list(QUANTITIES)))
     grid = list(dict.fromkeys(key for table in tables for key in grid_of(table)))
-    made = [result.made for result in results]
+    made = [flat(result.given()) for result in results]
     tables = [
         table.assign(**{key: own[key] for key in grid if key not in table and key in own})
         for table, own in zip(tables, made, strict=True)
     ]
-    names = distinct([result.name for result in results], [result.directory for result in results])
+    names = distinct([result.name for result in results], [result.directory or Path() for result in results])
     if len(tables) > 1:
         tables = [table.assign(**{RESULT: name}) for name, table in zip(names, tables, strict=True)]
-    table = finite(pd.concat(tables, ignore_index=True))
+    table = picture.finite(pd.concat(tables, ignore_index=True))
     found = Sweeps(results, names, table, keys[0], [RESULT, *grid][len(tables) == 1 :], x or abscissa(keys[0]), {})
-    labels = compared("sweep", names, [result.scene for result in results], found.varied)
+    labels = compared("sweep", names, [result.known_scene for result in results], found.varied)
     return replace(found, labels=dict(zip(names, labels, strict=True)))
 
 
-def swept(result: Shown) -> str:
+def swept(result: Result) -> str:
     """Return the column of the key along the branches of a sweep."""
-    return column_of(str(result.made.get("sweep.over.key", FREQUENCY)))
+    return column_of(str(flat(result.given()).get("sweep.over.key", FREQUENCY)))
 
 
 def key_of(table: pd.DataFrame) -> str:
@@ -222,15 +206,15 @@ def abscissa(key: str) -> str:
 # -- response ----------------------------------------------------------------------------------------------------------
 
 
-def branch_series(rows: pd.DataFrame, label: str = "", colour: str = BLUE, size: float = 1.0) -> Series:
+def branch_series(rows: pd.DataFrame, label: str = "", colour: str = picture.BLUE, size: float = 1.0) -> picture.Series:
     """Return the points of a branch, whose line is broken where the motion jumps."""
     behind = np.flatnonzero(jumps(rows)) + 1
     direction = str(rows["direction"].iloc[0])
     look = {"width": 1.0, "size": 1.0} | _LOOKS[direction != "down"]
     look |= {name: size * look[name] for name in ("width", "size")}
     symbol = DIRECTIONS["down" if direction == "down" else "up"]
-    places = np.insert(rows.index.to_numpy(), behind, BROKEN)
-    return Series(label, places, f"{key_name(key_of(rows))} {direction}", colour, "both", symbol, **look)
+    places = np.insert(rows.index.to_numpy(), behind, picture.BROKEN)
+    return picture.Series(label, places, f"{key_name(key_of(rows))} {direction}", colour, "both", symbol, **look)
 
 
 def failed_places(rows: pd.DataFrame, x: str) -> Any:
@@ -249,7 +233,7 @@ def failed_places(rows: pd.DataFrame, x: str) -> Any:
     return expected[failed] * np.interp(over[failed], over[known], ratio[known])
 
 
-def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> Picture:
+def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     """Return all measures of a sweep that say something, or these, along its branches.
 
     Where all points failed none has an excitation frequency, and the values of the key show where they are.
@@ -259,30 +243,30 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> Picture:
     numbers, names = pd.factorize(np.array(labels, dtype=object))
     scale = sweeps.scale if len(names) > DISTINCT else ""
     shown = table.groupby([*sweeps.varied], sort=False)[scale].first() if scale else ()
-    colours = shades(list(map(float, shown))) if scale else palette(len(names))
+    colours = picture.shades(list(map(float, shown))) if scale else picture.palette(len(names))
     series = []
     for number, rows in zip(numbers, sweeps.branches, strict=True):
         series.append(branch_series(rows, names[number], colours[number], _size(int(number), len(names))))
         if "outcome" in rows and sweeps.x == EXCITATION and (rows["outcome"] != "ok").any():
             drawn.loc[rows.index[rows["outcome"] != "ok"], EXCITATION] = failed_places(rows, EXCITATION)
     known = sweeps.x if drawn[sweeps.x].notna().any() else sweeps.key
-    return Picture(
+    return picture.Picture(
         name="response",
         heading="Sweep",
         title=", ".join(sweeps.names),
         table=table,
         table_name="sweep",
         drawn=drawn,
-        axes=list(dict.fromkeys([known, *axes_of(table, (sweeps.x, EXCITATION, sweeps.key, *sweeps.grid))])),
-        panels=[Panel(column) for column in columns] or measures(table),
+        axes=list(dict.fromkeys([known, *picture.axes_of(table, (sweeps.x, EXCITATION, sweeps.key, *sweeps.grid))])),
+        panels=[picture.Panel(column) for column in columns] or picture.measures(table),
         series=series,
-        states=motions_of(table),
+        states=picture.motions_of(table),
         rotation=sweeps.rotation,
         scale=scale,
         told=sweeps.told,
         meaning="▲ up, ▼ down; filled: periodic, open: not periodic, with a dot: undecided, ×: failed. Where the "
         f"motion jumps, a line is broken.{sweeps.meaning}",
-        orbits=Orbits(table),
+        orbits=picture.Orbits(table),
     )
 
 
@@ -297,7 +281,7 @@ def _size(number: int, count: int) -> float:
 # -- bifurcation diagram -----------------------------------------------------------------------------------------------
 
 
-def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> Picture:
+def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> picture.Picture:
     """Return the Poincaré section and impact speeds, a facet for each branch.
 
     Behind the points of a branch are those of the other direction: where both are alike, none is hidden.
@@ -309,33 +293,35 @@ def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> Picture:
     )
     rest = _rests(sweeps, section)
     table = pd.concat([section.assign(y_m=section["y_m"] - rest), impacts], ignore_index=True)
-    name = "y from rest" if sweeps.results[0].scene else "y"
-    panels = [Panel("y_m", label=f"${name[0]}${name[1:]} at whole turns of exciter 1 (mm)")]
-    panels += [Panel("impact_speed_m_per_s")] if len(impacts) else []
+    name = "y from rest" if sweeps.results[0].known_scene else "y"
+    panels = [picture.Panel("y_m", label=f"${name[0]}${name[1:]} at whole turns of exciter 1 (mm)")]
+    panels += [picture.Panel("impact_speed_m_per_s")] if len(impacts) else []
     first = [rows.iloc[0] for rows in sweeps.branches]
     series = [
-        Series(
-            f"{key_name(sweeps.key)} {row['direction']}", rows_of(table["branch"] == row["branch"]), mode="dots",
-            colour=_COLOURS.get(row["direction"], BLUE),
+        picture.Series(
+            f"{key_name(sweeps.key)} {row['direction']}",
+            picture.rows_of(table["branch"] == row["branch"]),
+            colour=_COLOURS.get(row["direction"], picture.BLUE),
+            mode="dots",
         )
         for row in first
-    ]  # fmt: skip
+    ]
     labels = [sweeps.label(row) for row in first]
     facets = [
-        Facet(
+        picture.Facet(
             ", ".join(filter(None, (labels[number], row["direction"]))),
             [number],
             [n for n, label in enumerate(labels) if label == labels[number] and n != number],
         )
         for number, row in enumerate(first)
     ]
-    return Picture(
+    return picture.Picture(
         name="bifurcation",
         heading="Bifurcation diagram",
         title=result.name,
         table=table,
         table_name="section and impacts",
-        axes=axes_of(table, (x, sweeps.key)),
+        axes=picture.axes_of(table, (x, sweeps.key)),
         panels=panels,
         series=series,
         facets=facets,
@@ -369,20 +355,20 @@ def period_classes(table: pd.DataFrame) -> pd.Series:
     return pd.Series(names, table.index, dtype=object).where(np.isfinite(period))
 
 
-def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> Picture:
+def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     """Return maps of synchronization, period and flight, or of measures, over the key and one of the grid."""
     key, table, (result,) = sweeps.scale, sweeps.table, sweeps.results
     if not key:
-        raise TableError(f"{result.place} varies {sweeps.varied}; a map needs one grid key with several numbers")
-    curves = result.beside("orbits", "boundaries")
+        raise TableError(f"{result.directory} varies {sweeps.varied}; a map needs one grid key with several numbers")
+    curves = picture.beside(result, "orbits", "boundaries")
     if curves is None or not {sweeps.key, key} <= {*curves.columns}:
         curves = pd.DataFrame()
     drawn = pd.concat([table.assign(period_class=period_classes(table)), curves], ignore_index=True)
     directions = list(dict.fromkeys(table["direction"]))
-    series = [Series("", rows_of(table["direction"] == name), mode="dots") for name in directions]
-    lines = boundary_series(curves, len(table), [BLACK]) if len(curves) else []
+    series = [picture.Series("", picture.rows_of(table["direction"] == name), mode="dots") for name in directions]
+    lines = boundary_series(curves, len(table), [picture.BLACK]) if len(curves) else []
     behind = [len(series) + number for number in range(len(lines))]
-    return Picture(
+    return picture.Picture(
         name="map",
         heading="Map",
         title=result.name,
@@ -394,47 +380,49 @@ def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> Picture:
         axes=[sweeps.key],
         panels=[*(_map_panels(sweeps, key) if not columns else (_tiles(key, column) for column in columns))],
         series=[*series, *lines],
-        facets=[Facet(name, [number, *behind]) for number, name in enumerate(directions)],
+        facets=[picture.Facet(name, [number, *behind]) for number, name in enumerate(directions)],
         choice="direction",
         rotation=sweeps.rotation,
-        states=motions_of(table),
+        states=picture.motions_of(table),
         told=sweeps.told,
         meaning="Each tile is a point of the sweep; white: failed.",
-        orbits=Orbits(table) if not len(curves) else None,
+        orbits=picture.Orbits(table) if not len(curves) else None,
         high=True,
     )
 
 
-def _tiles(key: str, by: str, title: str = "", **look: Any) -> Panel:
-    return Panel(key, kind="tiles", by=by, title=title, **look)
+def _tiles(key: str, by: str, title: str = "", **look: Any) -> picture.Panel:
+    return picture.Panel(key, kind="tiles", by=by, title=title, **look)
 
 
-def _map_panels(sweeps: Sweeps, key: str) -> Iterator[Panel]:
+def _map_panels(sweeps: Sweeps, key: str) -> Iterator[picture.Panel]:
     """Yield what maps show: classes, and flight if there is any."""
-    sync = {name: (colour, with_shaking(name, sweeps.rotation)) for name, colour in SYNC.items()}
-    sync["none"] = (SYNC["none"], NOT_SYNCHRONOUS)
+    sync = {name: (colour, with_shaking(name, sweeps.rotation)) for name, colour in picture.SYNC.items()}
+    sync["none"] = (picture.SYNC["none"], picture.NOT_SYNCHRONOUS)
     yield _tiles(key, "sync", "synchronization", classes=sync)
     yield _tiles(key, "period_class", "period (turns)", classes={name: (c, name) for name, c in PERIODS.items()})
     if "flight_fraction" in sweeps.table and bool((sweeps.table["flight_fraction"] > 0.0).any()):
         yield _tiles(key, "flight_fraction", "flight", label="flight fraction; white: no flight", least=1.0)
 
 
-def boundary_series(curves: pd.DataFrame, begin: int, colours: Sequence[str]) -> list[Series]:
+def boundary_series(curves: pd.DataFrame, begin: int, colours: Sequence[str]) -> list[picture.Series]:
     """Return boundaries of orbits by kind, from a place on; those of orbits that no motion comes to are thin."""
     reached = (curves.groupby("curve")["unstable"].transform("min") == 0).astype(bool)
     kinds, series = list(SPECIAL_POINTS), []
     for (kind, is_reached), rows in curves.groupby(["kind", reached], sort=False):
         number = kinds.index(str(kind)) if kind in kinds else len(kinds)
-        places = [place for own in in_groups(rows, ["curve"]) for place in [*(begin + own.index), BROKEN]]
+        places = [
+            place for own in picture.in_groups(rows, ["curve"]) for place in [*(begin + own.index), picture.BROKEN]
+        ]
         look: dict[str, Any] = {"colour": colours[number % len(colours)]}
         look |= {"dash": _DASHES[number % len(_DASHES)]} if len(colours) == 1 else {}
         look |= {"width": 1.4} if is_reached else {"width": 0.6, "look": UNREACHED}
         label = ": ".join(filter(None, (str(kind), SPECIAL_POINTS.get(str(kind), ""))))
-        series.append(Series(label, np.array(places), mode="lines", **look))
+        series.append(picture.Series(label, np.array(places), mode="lines", **look))
     return series
 
 
-_MAKERS: Mapping[str, Callable[[Sweeps, Sequence[str]], Picture]] = {
+_MAKERS: Mapping[str, Callable[[Sweeps, Sequence[str]], picture.Picture]] = {
     "response": response,
     "bifurcation": bifurcation,
     "map": regimes,

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import COUNT, TEXT, Column, Columns
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.extensions import provided
 from vibroplat.hybrid.modes import IMPACT
-from vibroplat.hybrid.state import Automaton, initial_state, perturbed, state_scales
+from vibroplat.hybrid.state import Automaton, initial_state, perturb_state, state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
@@ -57,11 +57,15 @@ BRIEF, SHORTER = 20.0, 1.0 / 3.0
 SHOWN = 64
 
 #: Measures of a point in the order of the table.
-MEASURED = (
+MOTION_MEASURES = (
     *("excitation_frequency_hz", "frequency_split_hz", "rms_x_m", "rms_y_m", "rms_phi_rad", "amplitude_y_m"),
-    *("phase_difference_rad", "phase_coherence", "flight_fraction", "impacts_per_period", "gap_max_m"),
+    *("phase_difference_rad", "phase_coherence"),
+)
+LOAD_MEASURES = (
+    *("flight_fraction", "impacts_per_period", "gap_max_m"),
     *("contact_force_max_n", "impulse_max_n_s", "motor_power_w", "energy_residual"),
 )
+MEASURED = (*MOTION_MEASURES, *LOAD_MEASURES)
 #: Measures that have a standard error if the motion does not repeat, and the columns of these errors.
 ERRORS = {
     "excitation_frequency_hz": "excitation_frequency_error_hz",
@@ -80,19 +84,21 @@ ERRORS = {
 
 #: Columns that a point has besides :data:`vibroplat.observe.summary.MEASURES`.
 POINT: Columns = {
-    "rotation": Column("counter-rotating or co-rotating exciters"),
+    "rotation": Column("counter-rotating or co-rotating exciters", kind=TEXT),
     "sync": Column(
         "synchronization of the exciters",
         "antiphase or in-phase: phase difference within pi/3 of pi or 0; intermediate: between; none: it drifts or is "
         "incoherent. Counter-rotating exciters in antiphase shake along y, in phase along x and rocking, with what is "
         "left over where they differ",
+        kind=TEXT,
     ),
     "motion": Column(
         "kind of motion",
         "periodic: repeats after period turns; otherwise chaotic or quasi-periodic by the largest Lyapunov exponent, "
         "undecided, or non-periodic where it was not asked for",
+        kind=TEXT,
     ),
-    "period": Column("turns of exciter 1 until the motion repeats", "0: none found"),
+    "period": Column("turns of exciter 1 until the motion repeats", "0: none found", kind=COUNT),
     "multiplier_max": Column(
         "size of the largest Floquet multiplier", "of motion that repeats, but the 1 along it; empty without its orbit"
     ),
@@ -101,6 +107,7 @@ POINT: Columns = {
         "stable orbits near it, and attractors that other initial conditions lead to; of a chaotic one, for how long "
         "neither changed into the other. 'not found' says how far the search went: there may still be others. Empty: "
         "not searched for",
+        kind=TEXT,
     ),
     "lyapunov_per_s": Column("largest Lyapunov exponent", "of motion that does not repeat"),
     "lyapunov_error_per_s": Column("standard error of lyapunov_per_s"),
@@ -113,9 +120,9 @@ POINT: Columns = {
         for name, error in ERRORS.items()
     },
     "settle_s": Column("time before the point was measured"),
-    "outcome": Column("ok, or why the point ended early or is inaccurate"),
-    "detail": Column("where and why, unless the outcome is ok; or why the motion is undecided"),
-    "notes": Column("what deserves a second look"),
+    "outcome": Column("ok, or why the point ended early or is inaccurate", kind=TEXT),
+    "detail": Column("where and why, unless the outcome is ok; or why the motion is undecided", kind=TEXT),
+    "notes": Column("what deserves a second look", kind=TEXT),
     "simulated_s": Column("simulated time"),
     "wall_s": Column("time that the computation took"),
 }
@@ -181,7 +188,7 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
 def _measured_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
     began = time.perf_counter()
     start = initial_state(scene) if state is None else np.array(state)
-    start = perturbed(start, scene, plan.perturbation, (plan.seed, *key))
+    start = perturb_state(start, scene, plan.perturbation, (plan.seed, *key))
     if plan.settle == "motion":
         point = _followed(scene, plan, start)
     else:
@@ -284,7 +291,7 @@ def _coexisting(scene: Scene, plan: SweepPlan, part: Part, end: FloatArray, seek
     class_of = block_values(part.blocks)
     told = set() if hunt.orbit is None else {_told(on_orbit(scene, hunt.orbit, 0.0, seeker.work).row)}
     for number, start in enumerate(starts):
-        begun = perturbed(start, scene, plan.perturbation, (plan.seed, number))
+        begun = perturb_state(start, scene, plan.perturbation, (plan.seed, number))
         other = _sought(scene, brief, begun, seeker)
         if other.state is None or other.row["period"] is None:
             continue

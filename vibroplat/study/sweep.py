@@ -3,38 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import islice
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol, Unpack
 
 import pandas as pd
 
 from vibroplat.columns import PHASE_COLUMN, SHAKING, Column, Columns
 from vibroplat.config.plans import FREQUENCY
-from vibroplat.config.plausibility import notes_on_inputs
 from vibroplat.config.scene import Scene
-from vibroplat.integrate import engine_name
 from vibroplat.integrate.seam import WORK
 from vibroplat.observe.sheet import SHEET, of_points
 from vibroplat.observe.summary import MEASURES
-from vibroplat.results.files import write_result
-from vibroplat.results.provenance import provenance
-from vibroplat.results.tables import Format, Table
-from vibroplat.study import WAIT
-from vibroplat.study.bands import bands
-from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, column_of, place_words, study_table
-from vibroplat.study.fingerprint import package
-from vibroplat.study.point import ERRORS, MEASURED, POINT, Point, lost, measure_point, point_task
-from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, pool, run_stored
-from vibroplat.study.question import ALLOWED, COMPARED, Repeat, spread
+from vibroplat.results.result import Answer, Result
+from vibroplat.study.bands import BANDS, band_lines, bands
+from vibroplat.study.branches import BRANCH, EXCITATION, SUPPLY, Branch, branches, column_of, place_words, study_table
+from vibroplat.study.point import ERRORS, LOAD_MEASURES, MOTION_MEASURES, POINT, Point, lost, measure_point, point_task
+from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.store import Record, SpoiledError, Store
+from vibroplat.study.study import ALLOWED, COMPARED, CrossCheckCase, Options, Progress, Study, run_study, spread
 
 #: Columns of the table after the swept keys.
 COLUMNS = (
     *("direction", "branch", "rotation"),
-    *MEASURED[:8],
+    *MOTION_MEASURES,
     *("sync", "motion", "period", "multiplier_max", "coexists"),
-    *MEASURED[8:],
+    *LOAD_MEASURES,
     *("lyapunov_per_s", "lyapunov_error_per_s"),
     *ERRORS.values(),
     *("settle_s", "outcome", "detail", "notes", "steps", "residual_calls", "events", "simulated_s", "wall_s"),
@@ -42,8 +36,7 @@ COLUMNS = (
 #: What they mean; the swept keys come first, each as in a configuration.
 SWEEP: Columns = {
     SUPPLY: Column("supply frequency"),
-    "direction": Column("direction of the branch", "up or down: each point starts where the one before ended"),
-    "branch": Column("number of the branch"),
+    **BRANCH,
     **{name: column for name, column in {**MEASURES, **POINT, **WORK}.items() if name in COLUMNS},
     **SHEET,
 }
@@ -54,40 +47,122 @@ DIAGRAM: Columns = {
     "impact_speed_m_per_s": Column("speed of an impact", "rate at which the gap closes"),
 }
 
+_KEYS: Columns = {
+    SUPPLY: SWEEP[SUPPLY],
+    "…": Column("the key of sweep.over in place of the supply, and those of the grid, by their dotted names"),
+}
+_DIAGRAM: Columns = {**_KEYS, **{name: DIAGRAM[name] for name in ("direction", "branch", EXCITATION)}}
+#: Tables of a bifurcation diagram: the numbers in records that they hold, and the column of these.
+_DIAGRAMS = {"section": ("section_y", "y_m"), "impacts": ("impact_speeds", "impact_speed_m_per_s")}
 #: How many rows of a table are made at a time.
 CHUNK = 2000
+#: The tables of a sweep: what their rows are, and their columns.
+TABLES: dict[str, tuple[str, Columns]] = {
+    "sweep": (
+        "`vibroplat sweep`: a row for each point.",
+        {**_KEYS, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **of_points(["NAME"])},
+    ),
+    "bands": (
+        "`vibroplat sweep`: where each branch synchronizes how, jumps, lifts off, is largest along y, and fails. Over "
+        "another key than the supply, `from_` and `to_` stand before its name.",
+        {"…": _KEYS["…"], **BRANCH, **BANDS},
+    ),
+    "section": (
+        "`vibroplat sweep` with `kind: bifurcation`: the last turns of each point.",
+        {**_DIAGRAM, "y_m": DIAGRAM["y_m"]},
+    ),
+    "impacts": (
+        "`vibroplat sweep` with `kind: bifurcation`: the last impacts of each point.",
+        {**_DIAGRAM, "impact_speed_m_per_s": DIAGRAM["impact_speed_m_per_s"]},
+    ),
+}
 
-#: Called after each point with the numbers of finished branches, points and events.
-Progress = Callable[[int, int, int], None]
+
+class SweepStudy(Study):
+    """A sweep over the supply frequencies, or another key, and the grid of a section ``sweep``.
+
+    Raises
+    ------
+    ConfigError
+        The scene has no sweep, or a value of its grid is not allowed.
+    """
+
+    kind = "sweep"
+    described = TABLES
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.branches = scene, branches(scene)
+
+    def scenes(self) -> Iterator[Scene]:
+        """Yield the scenes at the ends of branches; small supply frequencies are usual."""
+        for branch in self.branches:
+            if branch.direction == self.branches[0].direction:  # those of the other direction have the same ends
+                for end in (max,) if branch.swept == FREQUENCY else (min, max):
+                    yield branch.scene.replace({branch.swept: end(branch.along)})
+
+    def chains(self, store: Store) -> int:
+        """Return the number of branches whose points are not all stored."""
+        stored = store.lengths()
+        return sum(stored.get(branch.number, 0) < len(branch.along) for branch in self.branches)
+
+    def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
+        """Measure the points of all branches."""
+        run_sweeps([(self.branches, store)], workers, progress)
+        points = sweep_table(self.branches, store)
+        diagram = {
+            name: partial(diagram_parts, self.branches, store, values, column)
+            for name, (values, column) in _DIAGRAMS.items()
+            if self.branches[0].plan.kind == "bifurcation"
+        }
+        banded = bands(points)
+        text = band_lines(banded, "".join(points["rotation"].dropna().unique()))
+        answer = Answer(overview(points), list(text), notes_on_points(points), failures(points))
+        return Result("sweep", self.scene, {**diagram, "bands": banded, "sweep": points}, answer)
+
+    def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
+        """Choose points, as far from each other as they can be, that start as they did and must give the same motion.
+
+        Left out are points that are undecided, and chaotic ones beside which other motions are known.
+        """
+        rows = enumerate(row for *_, row in _begun(self.branches, store))
+        decided = [n for n, row in rows if row.get("motion") not in (None, "undecided") and not row["coexists"]]
+        chosen = {*spread(decided)}
+        cases = []
+        for number, (branch, place, state, row) in enumerate(_begun(self.branches, store)):
+            if number in chosen:
+                value, plan = branch.along[place], branch.plan.model_copy(update={"coexists": False})
+                task = point_task(other(branch.at(place)), plan, state, branch.key(value))
+                swept = ", ".join(
+                    f"{key} = {at}" for key, at in {column_of(branch.swept): value, **branch.grid}.items()
+                )
+                known = {name: row[name] for name in (*COMPARED, PHASE_COLUMN)}
+                # a motion that was not measured on its orbit is as far from it as settling leaves it
+                left = 0.0 if row.get("multiplier_max") is not None else plan.settle_tolerance
+                where = f"at {swept}, branch {branch.number} ({branch.direction})"
+                cases.append(CrossCheckCase(where, task, known, max(ALLOWED, 10.0 * left)))
+        return cases
 
 
-def sweep(
-    scene: Scene,
-    *,
-    jobs: int = 1,
-    scheduler: str | None = None,
-    wait: float = WAIT,
-    progress: Progress | None = None,
-) -> pd.DataFrame:
+STUDY = SweepStudy
+
+
+def sweep(scene: Scene, **options: Unpack[Options]) -> Result:
     """Sweep a scene over the supply frequencies, or another key, and the grid of its ``sweep`` section.
 
     Parameters
     ----------
     scene
         A scene with a section ``sweep``.
-    jobs
-        Worker processes; with 1 the points are measured in this process.
-    scheduler
-        Address of a dask scheduler; its workers are used instead.
-    wait
-        Seconds after which a scheduler without workers is given up.
-    progress
-        Called after each point with the numbers of finished branches, points and events.
+    options
+        As of :class:`vibroplat.study.study.Options`: ``jobs``: worker processes; ``scheduler``: address of a dask
+        scheduler, whose workers are used instead; ``wait``: seconds after which a scheduler without workers is given
+        up; ``progress``: called with the numbers of finished and of all points.
 
     Returns
     -------
-    DataFrame
-        A row for each point, in the order of branches and of points in them; columns as in ``COLUMNS``.
+    Result
+        Its table ``sweep`` has a row for each point, in the order of branches and of points in them; ``bands`` one for
+        each band; with ``kind: bifurcation`` there are ``section`` and ``impacts``.
 
     Raises
     ------
@@ -102,13 +177,10 @@ def sweep(
     --------
     >>> from vibroplat import Scene, sweep
     >>> scene = Scene().replace({"sweep.supply_frequency_hz": {"start": 45.0, "stop": 46.0}})
-    >>> sweep(scene)["outcome"].tolist()
+    >>> sweep(scene).sweep["outcome"].tolist()
     ['ok', 'ok', 'ok']
     """
-    planned = branches(scene)
-    with Store(None, {}) as store, pool(jobs, scheduler, wait=wait, chains=len(planned)) as workers:
-        run_sweeps([(planned, store)], workers, progress)
-        return pd.concat(tables(planned, store), ignore_index=True)
+    return run_study(SweepStudy(scene), **options)
 
 
 class Records(Protocol):
@@ -118,19 +190,10 @@ class Records(Protocol):
         """Yield places and records of a branch by its number, in their order."""
 
 
-def unfinished(planned: Sequence[Branch], store: Store) -> int:
-    """Return the number of branches whose points are not all stored."""
-    stored = store.lengths()
-    return sum(stored.get(branch.number, 0) < len(branch.along) for branch in planned)
-
-
-def conditions(scene: Scene) -> dict[str, Any]:
-    """Return what the points of a sweep depend on: code, engine and configuration."""
-    return package() | {"engine": engine_name(scene), "configuration": scene.to_tree()}
-
-
 def run_sweeps(
-    sweeps: Sequence[tuple[Sequence[Branch], Store]], workers: Pool, progress: Progress | None = None
+    sweeps: Sequence[tuple[Sequence[Branch], Store]],
+    workers: Pool,
+    progress: Progress = lambda done, known: None,
 ) -> None:
     """Run sweeps side by side and store their points; points that are stored already are not repeated.
 
@@ -141,17 +204,16 @@ def run_sweeps(
     workers
         Where points are measured.
     progress
-        Called after each point with the numbers of finished branches, points and events.
+        Called with the numbers of finished and of all points.
     """
-    points = events = 0
+    points, planned_points = 0, sum(len(branch.along) for planned, _ in sweeps for branch in planned)
 
-    def count(record: Record) -> None:
-        nonlocal points, events
-        points, events = points + 1, events + record["row"].get("events", 0)
+    def count(_: Record) -> None:
+        nonlocal points
+        points += 1
 
-    def tell(done: int) -> None:
-        if progress is not None:
-            progress(done, points, events)
+    def tell(_: int) -> None:
+        progress(points, planned_points)
 
     chains = [
         StoredChain(branch_points(branch, count), store, branch.number)
@@ -196,28 +258,6 @@ def branch_records(branch: Branch, store: Records) -> Iterator[Record]:
         raise SpoiledError(f"point {found} of branch {branch.number} is not stored; --resume computes it")
 
 
-def repeats(planned: Sequence[Branch], store: Store, other: Callable[[Scene], Scene]) -> list[Repeat]:
-    """Choose points, as far from each other as they can be, that begin as they did and must give the same motion.
-
-    Left out are points that are undecided, and chaotic ones beside which other motions are known.
-    """
-    rows = enumerate(row for *_, row in _begun(planned, store))
-    decided = [n for n, row in rows if row.get("motion") not in (None, "undecided") and not row["coexists"]]
-    chosen = {*spread(decided)}
-    found = []
-    for number, (branch, place, state, row) in enumerate(_begun(planned, store)):
-        if number in chosen:
-            value, plan = branch.along[place], branch.plan.model_copy(update={"coexists": False})
-            task = point_task(other(branch.at(place)), plan, state, branch.key(value))
-            swept = ", ".join(f"{key} = {at}" for key, at in {column_of(branch.swept): value, **branch.grid}.items())
-            known = {name: row[name] for name in (*COMPARED, PHASE_COLUMN)}
-            # a motion that was not measured on its orbit is as far from it as settling leaves it
-            left = 0.0 if row.get("multiplier_max") is not None else plan.settle_tolerance
-            where = f"at {swept}, branch {branch.number} ({branch.direction})"
-            found.append(Repeat(where, task, known, max(ALLOWED, 10.0 * left)))
-    return found
-
-
 def _begun(planned: Sequence[Branch], store: Store) -> Iterator[tuple[Branch, int, list[float] | None, Record]]:
     """Yield each point of a finished sweep: its branch and place, the state with which it began, and its row."""
     for branch in planned:
@@ -231,25 +271,25 @@ def _begun(planned: Sequence[Branch], store: Store) -> Iterator[tuple[Branch, in
 # -- tables -----------------------------------------------------------------------------------------------
 
 
-def tables(planned: Sequence[Branch], store: Records) -> Iterator[pd.DataFrame]:
-    """Yield the sweep table in parts, in the order of branches and points."""
-    columns = (*COLUMNS, *SHEET, *of_points(planned[0].scene.output.points))
-    yield from _parts(planned, store, columns, lambda record: [record["row"]])
+def sweep_table(planned: Sequence[Branch], store: Records) -> pd.DataFrame:
+    """Make the table of a sweep, in the order of branches and points.
 
-
-def diagram_tables(planned: Sequence[Branch], store: Store) -> dict[str, Iterator[pd.DataFrame]]:
-    """Return the tables of a bifurcation diagram in parts, by name.
-
-    ``section`` holds the heights y (m) at whole turns of exciter 1, ``impacts`` the impact speeds (m/s).
+    Raises
+    ------
+    SpoiledError
+        A record is missing or damaged.
     """
+    columns = (*COLUMNS, *SHEET, *of_points(planned[0].scene.output.points))
+    return pd.concat(_parts(planned, store, columns, lambda record: [record["row"]]), ignore_index=True)
 
-    def parts(values: str, column: str) -> Iterator[pd.DataFrame]:
-        def rows(record: Record) -> list[Record]:
-            return [{EXCITATION: record["row"].get(EXCITATION), column: value} for value in record[values]]
 
-        return _parts(planned, store, ("direction", "branch", EXCITATION, column), rows)
+def diagram_parts(planned: Sequence[Branch], store: Records, values: str, column: str) -> Iterator[pd.DataFrame]:
+    """Yield the parts of a table of a bifurcation diagram; ``values`` names the numbers in records of points."""
 
-    return {"section": parts("section_y", "y_m"), "impacts": parts("impact_speeds", "impact_speed_m_per_s")}
+    def rows(record: Record) -> list[Record]:
+        return [{EXCITATION: record["row"].get(EXCITATION), column: value} for value in record[values]]
+
+    return _parts(planned, store, ("direction", "branch", EXCITATION, column), rows)
 
 
 def _parts(
@@ -266,35 +306,8 @@ def _parts(
     )
     part, first = list(islice(rows, CHUNK)), True
     while part or first:
-        yield study_table(part, [key, *grid, *columns], grid, meant)
+        yield study_table(part, [key, *grid, *columns], meant, grid)
         part, first = list(islice(rows, CHUNK)), False
-
-
-def write_sweep(
-    scene: Scene,
-    planned: Sequence[Branch],
-    store: Store,
-    directory: Path,
-    form: Format,
-    check: dict[str, Any] | None = None,
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Write the tables and the provenance of a finished sweep; return the table of its points and that of its bands.
-
-    ``check`` is what another engine has found.
-
-    Raises
-    ------
-    SpoiledError
-        A record is missing or damaged; nothing is written.
-    """
-    points = pd.concat(tables(planned, store), ignore_index=True)
-    parts = (points[place : place + CHUNK] for place in range(0, len(points), CHUNK))
-    diagram = diagram_tables(planned, store) if planned[0].plan.kind == "bifurcation" else {}
-    banded = bands(points)
-    found: dict[str, Table] = {**diagram, "bands": banded, "sweep": parts}
-    origin = provenance(scene, engine_name(scene)) | ({} if check is None else {"check": check})
-    write_result(directory, "sweep", origin, found, form=form, absent={"section", "impacts"} - found.keys())
-    return points, banded
 
 
 # -- for the user -----------------------------------------------------------------------------------------
@@ -340,16 +353,6 @@ def failures(table: pd.DataFrame) -> list[str]:
         f"{row['outcome']} at {', '.join(f'{key} {row[key]}' for key in swept)}: {row['detail']}"
         for _, row in table[table["outcome"] != "ok"].iterrows()
     ]
-
-
-def notes_on_branches(planned: Sequence[Branch]) -> list[str]:
-    """Return the notes on the input of a sweep at the ends of branches; small supply frequencies are usual."""
-    return notes_on_inputs(
-        branch.scene.replace({branch.swept: end(branch.along)})
-        for branch in planned
-        if branch.direction == planned[0].direction  # those of the other direction have the same ends
-        for end in ((max,) if branch.swept == FREQUENCY else (min, max))
-    )
 
 
 def notes_on_points(table: pd.DataFrame) -> list[str]:

@@ -39,21 +39,6 @@ def run_progress(name: str, seconds: float) -> Iterator[Callable[[float, int], N
 
 
 @contextmanager
-def sweep_progress(name: str, branches: int, points: int) -> Iterator[Callable[[int, int, int], None] | None]:
-    """Show the number of finished branches, points and events, and the remaining time."""
-    counts = "{task.fields[done]}/{task.fields[branches]} branches, {task.fields[events]} events"
-    with _bar(name, points, "points", counts, done=0, branches=branches, events=0) as update:
-        yield update and (lambda done, finished, events: update(finished, done=done, events=events))
-
-
-@contextmanager
-def orbits_progress(name: str, branches: int) -> Iterator[Callable[[int, int, int], None] | None]:
-    """Show the numbers of finished and of known branches, of which there are more and more, and of points."""
-    with _bar(name, branches, "branches", "{task.fields[points]} points", points=0) as update:
-        yield update and (lambda finished, known, points: update(finished, total=known, points=points))
-
-
-@contextmanager
 def points_progress(name: str, counted: str = "points") -> Iterator[Callable[[int, int], None] | None]:
     """Show the number of finished points, or of what else is counted, of at most so many."""
     with _bar(name, 1, counted, "") as update:

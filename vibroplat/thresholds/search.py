@@ -27,8 +27,8 @@ from vibroplat.study.bands import jumps
 from vibroplat.study.branches import carried, column_of
 from vibroplat.study.point import lost
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
-from vibroplat.study.question import Progress
 from vibroplat.study.store import Record, Store
+from vibroplat.study.study import Progress
 from vibroplat.thresholds.evidence import PAIRS, ROUNDS, Places, Threshold, Zone, open_ends, zones
 from vibroplat.thresholds.values import Value, apart, closed, constant, evaluate, scatters, size
 
@@ -58,7 +58,7 @@ class Search:
     scene, plan
         A scene and its section.
     store, workers, progress
-        As :meth:`vibroplat.study.question.Question.answer` gets them.
+        As :meth:`vibroplat.study.study.Question.answer` gets them.
     seen
         All values that were looked at besides those of the scan, in the order of chains.
     """

@@ -1,16 +1,15 @@
-"""The question ``find`` of a scene, the tables of its answer, and what is printed of it."""
+"""The study ``find`` of a scene: its tables, and what is printed of them."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Unpack
 
 import pandas as pd
 
-from vibroplat.columns import Column, Columns, unit_of
+from vibroplat.columns import COUNT, FLAG, TEXT, Column, Columns, unit_of
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.questions import FindPlan
@@ -18,22 +17,17 @@ from vibroplat.config.scene import Scene
 from vibroplat.config.schema import meant
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import ConfigError
-from vibroplat.extensions import figure_of
 from vibroplat.observe.sheet import SHEET, of_points
-from vibroplat.results.files import Command
-from vibroplat.study import WAIT
-from vibroplat.study.branches import COUNTS, SUPPLY, TEXTS, column_of, study_table
+from vibroplat.results.result import Answer, Result
+from vibroplat.study.branches import SUPPLY, column_of, study_table
 from vibroplat.study.point import lost
 from vibroplat.study.pool import Pool, Task
-from vibroplat.study.question import COMPARED, Answer, Progress, Repeat, ask
 from vibroplat.study.store import Store
+from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, run_study
 from vibroplat.study.sweep import COLUMNS, SWEEP
 from vibroplat.thresholds.evidence import DISTANCES, PAIRS, Clear, Threshold, Zone, facts, wanted
 from vibroplat.thresholds.search import Search, start_key
 from vibroplat.thresholds.values import Value, evaluate
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: How kinds are told where their names alone say too little.
 TOLD = {"depends on how long": "what the motion does depends on how long it is followed"}
@@ -52,14 +46,18 @@ KINDS_OF_CHANGE = {
 }
 #: What the columns mean.
 THRESHOLDS: Columns = {
-    "key": Column("the key"),
+    "key": Column("the key", kind=TEXT),
     "below": Column("value of the key below the threshold where the motion was measured"),
     "above": Column("the same above it"),
     "value": Column("the threshold", "where an orbit loses its stability, the special point; else the middle"),
-    "kind": Column("kind of change", "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS_OF_CHANGE.items())),
-    "special_point": Column("special point of the orbit", f"{', '.join(KINDS)}; empty if it is none"),
+    "kind": Column(
+        "kind of change", "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS_OF_CHANGE.items()), kind=TEXT
+    ),
+    "special_point": Column("special point of the orbit", f"{', '.join(KINDS)}; empty if it is none", kind=TEXT),
     "fractal": Column(
-        "whether the border is fractal", "pairs of values in the mixed interval differ, however near they are"
+        "whether the border is fractal",
+        "pairs of values in the mixed interval differ, however near they are",
+        kind=FLAG,
     ),
     "mixed_low": Column(
         "smallest value of the mixed interval",
@@ -68,10 +66,12 @@ THRESHOLDS: Columns = {
     ),
     "mixed_high": Column("largest value of the mixed interval"),
     "tried_below": Column(
-        "number of values evaluated below the threshold or mixed interval", "all of them with the same outcome"
+        "number of values evaluated below the threshold or mixed interval",
+        "all of them with the same outcome",
+        kind=COUNT,
     ),
     "tried_down_to": Column("smallest of these values", "the next threshold or the end of the range is below it"),
-    "tried_above": Column("number of values evaluated above", "as tried_below"),
+    "tried_above": Column("number of values evaluated above", "as tried_below", kind=COUNT),
     "tried_up_to": Column("largest of these values"),
     **{f"{side}_{name}": SWEEP[name] for side in ("below", "above") for name in SIDES},
 }
@@ -81,53 +81,51 @@ VALUES: Columns = {
         "why the value was looked at",
         "scan; orbit, of a branch; beside a special point; bisection; twice as long, of an end; near a threshold; "
         "beyond a mixed interval; pair, in a mixed interval",
+        kind=TEXT,
     ),
-    "seed": Column("seed of the perturbation of the start", "run.seed, or another one beyond a mixed interval"),
+    "seed": Column(
+        "seed of the perturbation of the start", "run.seed, or another one beyond a mixed interval", kind=COUNT
+    ),
     **{name: SWEEP[name] for name in (*_POINT, *SHEET)},
 }
 
 
-class Thresholds(NamedTuple):
-    """What has been found of the section ``find``.
+#: The tables of a search: what their rows are, and their columns.
+TABLES: dict[str, tuple[str, Columns]] = {
+    "thresholds": ("`vibroplat find`: a row for each threshold.", THRESHOLDS),
+    "scan": (
+        "`vibroplat find`: a row for each value that was looked at.",
+        {"…": Column("the key"), **VALUES, **of_points(["NAME"])},
+    ),
+}
 
-    Attributes
-    ----------
-    scene
-        Whose thresholds they are.
-    thresholds
-        A row for each threshold, in ascending order.
-    scan
-        A row for each value that was looked at, in ascending order.
-    text
-        The answer in plain lines.
+
+class ThresholdStudy(Study):
+    """A search for thresholds, of a section ``find``.
+
+    Raises
+    ------
+    ConfigError
+        There is none; its key has no numbers, or a value that is not allowed; the expression has no column of a sweep;
+        the drive's program does not end with both exciters on.
     """
 
-    scene: Scene
-    thresholds: pd.DataFrame
-    scan: pd.DataFrame
-    text: Sequence[str]
+    kind = "find"
+    described = TABLES
+    counted = "values"
 
-    def plot(self) -> Figure:
-        """Draw the measures over the key, with the thresholds."""
-        return figure_of(self)
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.plan = scene, _required(scene)
 
-
-@dataclass
-class Find:
-    """The question of a section ``find``; see :class:`vibroplat.study.question.Question`."""
-
-    scene: Scene
-    plan: FindPlan
-    chains: int
-    command: Command = "find"
-    counted: str = "values"
-    absent: frozenset[str] = frozenset()
+    def chains(self, store: Store) -> int:
+        """Return how many values are evaluated side by side."""
+        return self.plan.scan if self.plan.from_ == "initial" else 2
 
     def scenes(self) -> Iterator[Scene]:
         """Yield the scenes at both ends."""
         return (self.scene.replace({self.plan.key: end}) for end in (self.plan.start, self.plan.stop))
 
-    def answer(self, store: Store, workers: Pool, progress: Progress) -> Answer:
+    def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
         """Scan the key, narrow each change, and make the tables."""
         search = Search(self.scene, self.plan, store, workers, progress)
         scan, found = search.thresholds()
@@ -137,14 +135,15 @@ class Find:
         lines = {"values": f"{len(scan)} of the scan, {len(search.seen)} more", "thresholds": str(len(found))}
         failed = [f"{v.row['outcome']} at {self.plan.key} = {v.at:g}: {v.row['detail']}" for v in every if v.failed]
         text = list(self._text(zones)) if found else [self._unchanged(scan)]
-        return Answer(tables, lines, text, list(self._notes(every, zones)), failed)
+        answer = Answer(lines, text, list(self._notes(every, zones)), failed)
+        return Result("find", self.scene, tables, answer)
 
-    def repeats(self, answer: Answer, other: Callable[[Scene], Scene]) -> list[Repeat]:
+    def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
         """Choose the values beside each threshold, and those farthest from a mixed interval, where engines differ."""
-        found: dict[float, Repeat] = {}
-        values = answer.tables["scan"]
+        cases: dict[float, CrossCheckCase] = {}
+        values = result.scan
         values = values[values["outcome"] == "ok"]
-        for _, row in answer.tables["thresholds"].iterrows():
+        for _, row in result.thresholds.iterrows():
             mixed = pd.notna(row["mixed_low"])
             if self.plan.from_ == "neighbour" or (row["kind"] == "depends on how long" and not mixed):
                 continue
@@ -159,8 +158,8 @@ class Find:
                     seed, known = int(rows["seed"].iloc[0]), {name: rows[name].iloc[0] for name in COMPARED}
                 scene = other(self.scene.replace({self.plan.key: at}))
                 task = Task(evaluate, (scene, self.plan, None, 1, start_key(self.scene, seed)), lost)
-                found[at] = Repeat(f"at {self.plan.key} = {at:.12g}", task, known)
-        return list(found.values())
+                cases[at] = CrossCheckCase(f"at {self.plan.key} = {at:.12g}", task, known)
+        return list(cases.values())
 
     # -- tables --------------------------------------------------------------------------------------------------------
 
@@ -177,18 +176,13 @@ class Find:
             for zone in zones
             for one in zone.thresholds
         ]
-        types: dict[str, Any] = {name: [0.0] for name in own} | {"tried_below": [0], "tried_above": [0]}
-        types |= {"key": ["k"], "kind": ["k"], "special_point": ["k"], "fractal": [True]}
-        for name in beside:
-            last = name.partition("_")[2]
-            types[name] = ["k"] if last in TEXTS else pd.array([0], "Int64") if last in COUNTS else [0.0]
-        return study_table(rows, [*own, *beside], types, {**THRESHOLDS, **beside})
+        return study_table(rows, [*own, *beside], {**THRESHOLDS, **beside})
 
     def _scan(self, values: Sequence[Value]) -> pd.DataFrame:
         key, columns = column_of(self.plan.key), _columns(self.scene)
         rows = [{key: value.at, "stage": value.stage, "seed": value.seed, **value.row} for value in values]
         names = [key, "stage", "seed", *_POINT, *SHEET, *of_points(self.scene.output.points)]
-        return study_table(rows, names, {"stage": ["k"], "seed": [0]}, {**columns, **VALUES, SUPPLY: SWEEP[SUPPLY]})
+        return study_table(rows, names, {**columns, **VALUES, SUPPLY: SWEEP[SUPPLY]})
 
     # -- in words ------------------------------------------------------------------------------------------------------
 
@@ -301,15 +295,8 @@ def _columns(scene: Scene) -> Columns:
     return {**VALUES, **of_points(scene.output.points)}
 
 
-def question(scene: Scene) -> Find:
-    """Read the section ``find`` of a scene, and validate it.
-
-    Raises
-    ------
-    ConfigError
-        There is none; its key has no numbers, or a value that is not allowed; the expression has no column of a sweep;
-        the drive's program does not end with both exciters on.
-    """
+def _required(scene: Scene) -> FindPlan:
+    """Return the plan of a scene; see :class:`ThresholdStudy` for what is refused."""
     plan = scene.find
     if plan is None:
         raise ConfigError("this configuration has no find section; add find: {key: …, start: …, stop: …}")
@@ -330,31 +317,32 @@ def question(scene: Scene) -> Find:
     if last.frequency <= 0.0 or last.driven != (True, True):
         raise ConfigError("drive.program ends without supply; allowed: with both exciters on, for a steady motion")
     if plan.compared is not None:
-        numbers = [name for name in _columns(scene) if name not in (*TEXTS, "stage", "seed", "wall_s")]
+        numbers = [name for name, column in _columns(scene).items() if column.kind != TEXT]
+        numbers = [name for name in numbers if name not in ("seed", "wall_s")]
         if plan.compared[0] not in numbers:
             hint = meant(plan.compared[0], numbers, 3)
             raise ConfigError(f"find.expression: no column {plan.compared[0]}; {hint}allowed: numbers of a sweep")
-    return Find(scene, plan, plan.scan if plan.from_ == "initial" else 2)
+    return plan
 
 
-def find(
-    scene: Scene,
-    *,
-    jobs: int = 1,
-    scheduler: str | None = None,
-    wait: float = WAIT,
-    progress: Progress = lambda done, known: None,
-) -> Thresholds:
+STUDY = ThresholdStudy
+
+
+def find(scene: Scene, **options: Unpack[Options]) -> Result:
     """Find the values of a key at which an outcome changes, as the section ``find`` of a scene says.
 
     Parameters
     ----------
     scene
         A scene with a section ``find``.
-    jobs, scheduler, wait
-        As of :func:`vibroplat.sweep`.
-    progress
-        Called with the numbers of chains of values that are done, and of all that are known.
+    options
+        As of :func:`vibroplat.sweep`; ``progress`` is called with the numbers of finished and of known values.
+
+    Returns
+    -------
+    Result
+        Its table ``thresholds`` has a row for each threshold, ``scan`` one for each evaluated value, both in ascending
+        order.
 
     Raises
     ------
@@ -365,8 +353,8 @@ def find(
     --------
     >>> from vibroplat import Scene, find
     >>> plan = {"key": "drive.supply_frequency_hz", "start": 40.0, "stop": 50.0, "scan": 5}
-    >>> find(Scene().replace({"find": plan | {"expression": "excitation_frequency_hz > 22", "tolerance": 0.01}})).text
+    >>> plan |= {"expression": "excitation_frequency_hz > 22", "tolerance": 0.01}
+    >>> find(Scene().replace({"find": plan})).answer.text
     ['drive.supply_frequency_hz = 44.40 Hz: level crossing; below excitation_frequency_hz = 21.996; above ...']
     """
-    found = ask(question(scene), jobs, scheduler, wait, progress)
-    return Thresholds(scene, found.tables["thresholds"], found.tables["scan"], found.text)
+    return run_study(ThresholdStudy(scene), **options)

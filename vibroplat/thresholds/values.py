@@ -17,7 +17,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import NEUTRAL
 from vibroplat.continuation.orbit import TOLERANCE, orbit_near
 from vibroplat.errors import VibroplatError
-from vibroplat.hybrid.state import initial_state, perturbed
+from vibroplat.hybrid.state import initial_state, perturb_state
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
@@ -175,7 +175,7 @@ def evaluate(scene: Scene, plan: FindPlan, state: list[float] | None, times: int
     """
     began, share = time.perf_counter(), scene.start_perturbation
     if state is None:  # as a run of the scene begins
-        begun = _followed(scene, perturbed(initial_state(scene), scene, share, key))
+        begun = _followed(scene, perturb_state(initial_state(scene), scene, share, key))
         if isinstance(begun, Point):
             return begun
         state, share = begun, 0.0

@@ -6,14 +6,14 @@ import math
 from typing import Any
 
 from vibroplat.kernels.compiled import compiled
-from vibroplat.model.impact import impacts_left, latch_time
+from vibroplat.model.impact import chatter_duration, remaining_impacts
 
 #: What follows an impact.
 ATTACH, FLY, ACCUMULATE = range(3)
 
 
 @compiled
-def presses(force: float, force_rate: float, noise: float, speed: float) -> bool:
+def contact_holds(force: float, force_rate: float, noise: float, speed: float) -> bool:
     """Whether contact holds: F_c > 0 (N), or F_c = 0 up to its round-off ``noise`` and not about to fall.
 
     At a root of F_c that does not fall, this tells a touch, after which contact goes on, from a liftoff.
@@ -25,23 +25,23 @@ def presses(force: float, force_rate: float, noise: float, speed: float) -> bool
 
 
 @compiled
-def accumulates(
+def is_chatter(
     rebound: float, acceleration: float, jerk: float, resolved: bool, tolerance: float, speed: float, p: Any
 ) -> bool:
-    """Whether the impacts to come may be latched, that is summed up as a geometric series.
+    """Whether the impacts to come are chatter that may be summed up as a geometric series.
 
     The sum takes the gap's acceleration a as constant over their duration τ = 2v(1−Rⁿ)/((1−R)|a|), n the number
-    of impacts until one sticks; the jerk j changes it by jτ, which shifts t∞ by at most |j|τ²/|a|. Impacts are latched
-    once this shift and τ² ω₀ itself are below the tolerance in units of 1/ω₀: ω₀τ ≤ √tol and ω₀ |j| τ² ≤ tol |a|.
+    of impacts until one sticks; the jerk j changes it by jτ, which shifts t∞ by at most |j|τ²/|a|. They are summed
+    up once this shift and τ² ω₀ itself are below the tolerance in units of 1/ω₀: ω₀τ ≤ √tol and ω₀ |j| τ² ≤ tol |a|.
     The error in time is then below tol/ω₀ and that of rates and coordinates, by the same neglected
     jerk, below tol in the scales of the scene. An impact whose speed is the sticking speed up to such errors may
-    stick or rebound, as it may when it is followed. Impacts too slow to be ``resolved`` are latched where a changes
+    stick or rebound, as it may when it is followed. Impacts too slow to be ``resolved`` are summed up where a changes
     by less than a hundredth until t∞. R = 1 does not accumulate.
     """
     if rebound < 0.0 or acceleration >= 0.0 or p.restitution >= 1.0:
         return False
     restitution = p.restitution
-    duration = latch_time(rebound, acceleration, restitution, restitution ** impacts_left(rebound, p))
+    duration = chatter_duration(rebound, acceleration, restitution, restitution ** remaining_impacts(rebound, p))
     if not resolved:
         return speed * duration <= 0.1 and abs(jerk) * duration <= 0.01 * -acceleration
     return (
@@ -74,4 +74,4 @@ def after_impact(
     """
     if rebound == 0.0:
         return ATTACH if pressed else FLY
-    return ACCUMULATE if accumulates(rebound, acceleration, jerk, resolved, tolerance, speed, p) else FLY
+    return ACCUMULATE if is_chatter(rebound, acceleration, jerk, resolved, tolerance, speed, p) else FLY

@@ -1,4 +1,4 @@
-"""The answer of a study is checked: another engine repeats some of the motions that it comes from.
+"""The result of a study is checked: another engine repeats some of the motions that it comes from.
 
 Which these are, and what each must give, the study itself says. Motions that repeat are compared by their measures too,
 others by their class alone: of those two engines have no more in common.
@@ -7,7 +7,7 @@ others by their class alone: of those two engines have no more in common.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import pandas as pd
@@ -18,14 +18,15 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.integrate import engine_name
 from vibroplat.model.systems import GAP, GAP_RATE
+from vibroplat.results.result import Result
 from vibroplat.study.classification import same_phase
 from vibroplat.study.pool import Pool, StoredChain, Tasks, run_stored
-from vibroplat.study.question import Progress, Repeat
 from vibroplat.study.store import Record, Store
+from vibroplat.study.study import CrossCheckCase, Progress, Study
 
 
-class AnswerCheck(NamedTuple):
-    """What the check of an answer has found.
+class CrossCheck(NamedTuple):
+    """What the check of a result has found.
 
     Attributes
     ----------
@@ -60,23 +61,21 @@ class AnswerCheck(NamedTuple):
         return self._asdict()
 
 
-def check_motions(
-    scene: Scene,
-    repeats: Callable[[Other], Sequence[Repeat]],
+def cross_check(
+    study: Study,
+    result: Result,
     store: Store,
     workers: Pool,
     progress: Progress = lambda done, known: None,
     *,
     other: Other = by_other_engine,
-) -> AnswerCheck:
+) -> CrossCheck:
     """Repeat motions of a study with another engine.
 
     Parameters
     ----------
-    scene
-        Of the study.
-    repeats
-        Chooses the motions that are repeated in other scenes, and says what each must give.
+    study, result
+        The study, and its result.
     store, workers
         As the study had them; repetitions are stored in a part of their own.
     progress
@@ -84,30 +83,30 @@ def check_motions(
     other
         Makes the scene that checks a scene; by default the same one with another engine.
     """
-    wanted = repeats(other)
+    wanted, scene = study.cross_check_cases(result, store, other), study.scene
 
-    def chain(repeat: Repeat) -> Tasks[Record]:
-        return (yield repeat.task)
+    def chain(case: CrossCheckCase) -> Tasks[Record]:
+        return (yield case.task)
 
-    chains = [StoredChain(chain(repeat), store.part("check"), repeat.place) for repeat in wanted]
+    chains = [StoredChain(chain(case), store.part("check"), case.place) for case in wanted]
     found = run_stored(chains, workers, lambda done: progress(done, len(wanted)))
     engines, scales = (engine_name(scene), engine_name(other(scene))), scales_of(scene)
     largest, disagreements = 0.0, list[str]()
-    for repeat, record in zip(wanted, found, strict=True):
-        known = {name: None if pd.isna(value) else value for name, value in repeat.row.items()}
+    for case, record in zip(wanted, found, strict=True):
+        known = {name: None if pd.isna(value) else value for name, value in case.row.items()}
         names = [name for name in known if name != PHASE_COLUMN]
         if not known.get("period", 1):
             names = ["period"] if same_phase(known, record["row"]) else ["period", "sync"]
         apart = {name: _apart(known[name], record["row"].get(name), scales.get(name, 0.0)) for name in names}
         worst = max((size, name) for name, size in apart.items())
-        if worst[0] <= repeat.allowed:
+        if worst[0] <= case.allowed:
             largest = max(largest, worst[0])
             continue
         one, two = (_told(row.get(worst[1])) for row in (known, record["row"]))
         disagreements.append(
-            f"engines disagree {repeat.place}: {worst[1]} = {one} ({engines[0]}) and {two} ({engines[1]})"
+            f"engines disagree {case.place}: {worst[1]} = {one} ({engines[0]}) and {two} ({engines[1]})"
         )
-    return AnswerCheck(engines[1], len(wanted), largest, disagreements)
+    return CrossCheck(engines[1], len(wanted), largest, disagreements)
 
 
 def _apart(one: Any, two: Any, scale: float) -> float:

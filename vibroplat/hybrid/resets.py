@@ -1,4 +1,4 @@
-"""Jumps of the automaton: liftoff, impact, latch, and a corner of the drive's program.
+"""Resets of the automaton: liftoff, impact, chatter, and a corner of the supply's program.
 
 Before them what they need: the consistent start of a mode at the present state, and the piece that ends there.
 """
@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numba import carray  # type: ignore[attr-defined]
 
-from vibroplat.hybrid.modes import ATTACHED, DRIVE, FLIGHT, IMPACT, LATCH, LIFTOFF
-from vibroplat.hybrid.rules import ACCUMULATE, ATTACH, FLY, after_impact, presses
+from vibroplat.hybrid.modes import ATTACHED, CHATTER, FLIGHT, IMPACT, LIFTOFF, SUPPLY
 from vibroplat.hybrid.state import (
     AFTER_EVENT,
     BEYOND_MODEL,
@@ -27,9 +26,10 @@ from vibroplat.hybrid.state import (
     Automaton,
     fill_cubic,
 )
+from vibroplat.hybrid.transitions import ACCUMULATE, ATTACH, FLY, after_impact, contact_holds
 from vibroplat.kernels.compiled import FloatArray, call_int, callback, compiled, copy, inlined
 from vibroplat.model.accelerations import accelerations, second_derivatives
-from vibroplat.model.impact import impact, impacts_left, latch
+from vibroplat.model.impact import chatter_map, impact, remaining_impacts
 from vibroplat.model.parameters import PARAMETERS
 from vibroplat.model.systems import FULL_SIZE, GAP, GAP_RATE, SIZES, gather, scatter
 
@@ -55,7 +55,7 @@ def derivatives(h: Automaton, system: int, y: FloatArray, yp: FloatArray, ypp: F
 
 
 @compiled
-def prepare(h: Automaton, mode: int, order: int) -> bool:
+def prepare_consistent_start(h: Automaton, mode: int, order: int) -> bool:
     """Prepare the start of a mode at the present state; False, with the outcome set, if there is none.
 
     ``order`` is CONSISTENT (F_c and first derivatives) or DIFFERENTIATED (second derivatives as well).
@@ -67,7 +67,7 @@ def prepare(h: Automaton, mode: int, order: int) -> bool:
     if run.fresh[mode] == STALE:
         gather(system, run.state, run.y[mode])
     if not derivatives(h, system, run.y[mode], run.yp[mode], run.ypp[mode], order):
-        run.outcome = BEYOND_MODEL if turned_far(h) else INCONSISTENT
+        run.outcome = BEYOND_MODEL if is_beyond_model(h) else INCONSISTENT
         return False
     run.fresh[mode] = order
     return True
@@ -88,7 +88,7 @@ def forget_starts(h: Automaton) -> None:
 
 
 @inlined
-def turned_far(h: Automaton) -> bool:
+def is_beyond_model(h: Automaton) -> bool:
     """Whether the platform has turned so far that the model may have no motion there."""
     return abs(h.run.state[2]) > h.p.safe_rotation
 
@@ -101,10 +101,10 @@ def contact_force(h: Automaton) -> tuple[float, float]:
 
 
 @inlined
-def pressing(h: Automaton) -> bool:
+def contact_holds_at_start(h: Automaton) -> bool:
     """Whether contact holds at the prepared start of it."""
     force, rate = contact_force(h)
-    return presses(force, rate, h.run.force_noise, h.run.speed)
+    return contact_holds(force, rate, h.run.force_noise, h.run.speed)
 
 
 @inlined
@@ -148,11 +148,11 @@ _EPS = float(np.finfo(float).eps)
 
 
 @inlined
-def lift_off(h: Automaton) -> None:
+def apply_liftoff(h: Automaton) -> None:
     """End contact where F_c has fallen through zero, or go on if it only touched."""
-    if not prepare(h, ATTACHED, DIFFERENTIATED):
+    if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED):
         return
-    if contact_force(h)[1] >= 0.0 and pressing(h):
+    if contact_force(h)[1] >= 0.0 and contact_holds_at_start(h):
         h.run.joined = RESTARTED
         h.run.zeros = 1
         return
@@ -162,7 +162,7 @@ def lift_off(h: Automaton) -> None:
 
 
 @inlined
-def strike(h: Automaton) -> None:
+def apply_impact(h: Automaton) -> None:
     """Let the lower layer strike where the gap has fallen through zero."""
     run = h.run
     run.state[GAP] = 0.0
@@ -184,7 +184,7 @@ def strike(h: Automaton) -> None:
     force = contact_force(h)[0] if following == ATTACH else 0.0
     add_event(h, IMPACT, before, rebound, impulse, loss, force, _ONE)
     if following == ACCUMULATE and run.outcome == RUNNING:
-        latch_impacts(h)
+        apply_chatter(h)
     elif following == ACCUMULATE:  # the run stops here
         run.accumulating = 1
 
@@ -197,16 +197,18 @@ def rebound_from(h: Automaton, struck: FloatArray, p: Any, resolved: bool) -> tu
     impulse, loss = impact(struck, after, p)
     copy(after, run.state)
     forget_starts(h)
-    if not (prepare(h, ATTACHED, DIFFERENTIATED) and prepare(h, FLIGHT, DIFFERENTIATED)):
-        return impulse, loss, -1
+    for mode in (ATTACHED, FLIGHT):
+        if not prepare_consistent_start(h, mode, DIFFERENTIATED):
+            return impulse, loss, -1
     place = SIZES[run.systems[FLIGHT]] // 2 + GAP
     acceleration, jerk = run.yp[FLIGHT, place], run.ypp[FLIGHT, place]
-    following = after_impact(after[GAP_RATE], acceleration, jerk, resolved, pressing(h), run.tolerance, run.speed, h.p)
+    pressed, rate = contact_holds_at_start(h), after[GAP_RATE]
+    following = after_impact(rate, acceleration, jerk, resolved, pressed, run.tolerance, run.speed, h.p)
     return impulse, loss, following
 
 
 @compiled
-def latch_impacts(h: Automaton) -> None:
+def apply_chatter(h: Automaton) -> None:
     """Sum up the impacts that accumulate, and carry the run to where they end."""
     run, steps = h.run, h.steps
     system = run.systems[FLIGHT]
@@ -214,7 +216,7 @@ def latch_impacts(h: Automaton) -> None:
     after, rates = np.empty(FULL_SIZE), np.empty(FULL_SIZE)
     end, slope = np.empty(size), np.empty(size)
     scatter(system, run.yp[FLIGHT], rates)
-    duration, impulse, loss = latch(run.state.copy(), rates[7:], after, h.p)
+    duration, impulse, loss = chatter_map(run.state.copy(), rates[7:], after, h.p)
     if run.now + duration >= run.end:
         return  # the run ends before they do: follow them
     rebound = run.state[GAP_RATE]
@@ -232,17 +234,17 @@ def latch_impacts(h: Automaton) -> None:
     close_piece(h, run.now + duration)
     copy(after, run.state)
     forget_starts(h)
-    if not prepare(h, ATTACHED, DIFFERENTIATED):
+    if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED):
         return
-    run.mode = ATTACHED if pressing(h) else FLIGHT
+    run.mode = ATTACHED if contact_holds_at_start(h) else FLIGHT
     run.zeros = 2 if run.mode == FLIGHT else 0
     force = contact_force(h)[0] if run.mode == ATTACHED else 0.0
-    skipped = math.ceil(min(impacts_left(rebound, h.p), math.log(_EPS) / math.log(h.p.restitution)))
-    add_event(h, LATCH, -rebound, 0.0, impulse, loss, force, skipped)
+    skipped = math.ceil(min(remaining_impacts(rebound, h.p), math.log(_EPS) / math.log(h.p.restitution)))
+    add_event(h, CHATTER, -rebound, 0.0, impulse, loss, force, skipped)
 
 
 @compiled
-def turn_corner(h: Automaton, listed: bool) -> None:
+def apply_supply_corner(h: Automaton, listed: bool) -> None:
     """Go on under another supply, which the parameters hold already: torques may jump, and with them F_c.
 
     ``listed`` says whether the corner is an event of the list.
@@ -251,13 +253,13 @@ def turn_corner(h: Automaton, listed: bool) -> None:
     forget_starts(h)
     force, lifts = 0.0, False
     if run.mode == ATTACHED:
-        if not prepare(h, ATTACHED, DIFFERENTIATED):
+        if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED):
             return
-        lifts = not pressing(h)
+        lifts = not contact_holds_at_start(h)
         force = 0.0 if lifts else contact_force(h)[0]
     if listed:
         run.joined = AFTER_EVENT
-        add_event(h, DRIVE, 0.0, 0.0, 0.0, 0.0, force, _NONE)
+        add_event(h, SUPPLY, 0.0, 0.0, 0.0, 0.0, force, _NONE)
     if lifts:
         run.joined = AFTER_EVENT
         run.mode = FLIGHT
@@ -266,13 +268,13 @@ def turn_corner(h: Automaton, listed: bool) -> None:
 
 
 @compiled
-def join(h: Automaton, attached: bool, corner: bool) -> None:
+def record_restart_events(h: Automaton, attached: bool, corner: bool) -> None:
     """List what happens where a run goes on from another: a corner of the supply, the end of contact."""
     run = h.run
     lifts = attached and run.mode == FLIGHT
     force = contact_force(h)[0] if run.mode == ATTACHED else 0.0
     if corner:
-        add_event(h, DRIVE, 0.0, 0.0, 0.0, 0.0, force, _NONE)
+        add_event(h, SUPPLY, 0.0, 0.0, 0.0, 0.0, force, _NONE)
     if lifts:
         add_event(h, LIFTOFF, 0.0, 0.0, 0.0, 0.0, 0.0, _NONE)
 

@@ -1,0 +1,95 @@
+"""The command ``run``: a scene in time."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from vibroplat.cli import common
+from vibroplat.errors import ConfigError
+from vibroplat.system.terminal import run_progress
+
+if TYPE_CHECKING:
+    from vibroplat.check.runs import RunCheck
+    from vibroplat.config.scene import Scene
+    from vibroplat.motion.initial_condition import Start
+    from vibroplat.motion.recorder import Files
+    from vibroplat.results.run import RunResult
+
+
+def run(
+    config: Annotated[Path, typer.Argument(help="Configuration file (YAML).")],
+    set_: common.Settings = None,
+    engine: common.EngineName = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Run the scene with another engine too, and compare both; six runs in all.")
+    ] = False,
+    out: common.Out = Path("results"),
+    format_: common.Format = "parquet",
+) -> None:
+    """Simulate one scene in time.
+
+    Writes trajectory, events, summary and provenance to OUT/NAME and prints the summary. With --check, exit code 1 says
+    that two engines disagree.
+    """
+    from vibroplat.motion.initial_condition import initial_condition
+    from vibroplat.results.tables import TableFile, result_directory
+
+    scene = common.scene_of(config, set_, engine)
+    with common.about(config):
+        start = initial_condition(scene)  # refuses before anything is written or compiled
+        source = scene.run.initial.from_
+        if source is not None and Path(source).resolve() == (out / scene.name).resolve():
+            raise ConfigError(
+                f"run.initial.from = {source!r} is where this run would be written; allowed: another name"
+            )
+    directory = result_directory(out, scene.name)
+    common.tell_of_compilation(scene.solver.engine)
+    from vibroplat.observe.tables import require_room
+
+    require_room(scene, directory, format_)
+    from vibroplat.config.plausibility import notes_on_input
+
+    common.print_notes(told := notes_on_input(scene))
+    common.load_kernels(scene.solver.engine)
+    from vibroplat.results.files import write_result
+    from vibroplat.results.provenance import provenance
+
+    trajectory, events = (TableFile(directory, name, format_) for name in ("trajectory", "events"))
+    with trajectory, events:
+        result, found = _simulate(scene, start, (trajectory, events), check=check)
+        summary = result.summary | {"notes": result.notes} | ({} if found is None else {"check": found.to_tree()})
+        origin = provenance(scene, summary["engine"], result.origin)
+        tables = {"trajectory": trajectory, "events": events}
+        write_result(directory, "run", origin, tables, {"summary": summary}, form=format_)
+    common.print_lines({**result.answer.lines, "tables": str(directory)})
+    common.print_notes([note for note in result.notes if note not in told])
+    if found is not None:
+        common.print_lines(found.lines())
+    if result.outcome != "ok":
+        why, state, _ = result.summary["detail"].partition(", state [")
+        more = f"; the state then is in {directory / 'summary.json'}" if state else ""
+        print(f"vibroplat: {result.outcome}: {why}{more}", file=sys.stderr)
+    if found is not None and not found.agrees:
+        print(f"vibroplat: engines disagree {found.disagreement}", file=sys.stderr)
+    if result.outcome != "ok" or (found is not None and not found.agrees):
+        raise typer.Exit(1)
+
+
+def _simulate(scene: Scene, start: Start, files: Files, *, check: bool) -> tuple[RunResult, RunCheck | None]:
+    """Simulate a scene; with ``check``, compare the finished run with that of another engine."""
+    with run_progress(scene.name, scene.run.duration_s) as report:
+        from vibroplat.motion.run import simulate
+
+        if not check:
+            return simulate(scene, keep="summary", sink=files, progress=report, start=start), None
+        from vibroplat.check.runs import RUNS, Course, compared
+
+        course = Course(scene, report, (files[0].append, files[1].append), start)
+    if course.result.outcome == "out-of-memory":
+        return course.result, None
+    with run_progress(f"{scene.name}, check", RUNS * scene.run.duration_s) as report:
+        return course.result, compared(course, progress=report)

@@ -1,0 +1,123 @@
+"""The kinds of studies, said once: commands, configuration, results, figures, page and dictionary read this list.
+
+A kind names the module of its study and that of its pictures, in subpackages above this one, as an entry point does:
+they are loaded when they are first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any, NamedTuple
+
+
+class Kind(NamedTuple):
+    """A kind of study.
+
+    Attributes
+    ----------
+    name
+        Of its command, of its section of a configuration, of its function in Python.
+    noun
+        What its result is called.
+    table
+        The table that every result of it has.
+    study, picture
+        Modules of its study and of its pictures.
+    summary
+        What its command does, in at most 60 characters.
+    about
+        Further help of the command.
+    uses
+        Sections of a configuration, besides that of its name, that its result depends on and others' results do not.
+    """
+
+    name: str
+    noun: str
+    table: str
+    study: str
+    picture: str
+    summary: str
+    about: str
+    uses: tuple[str, ...] = ()
+
+    def load(self) -> Any:
+        """Return the class of its study, ``STUDY`` in its module."""
+        return import_module(f"vibroplat.{self.study}").STUDY
+
+    @property
+    def pictures(self) -> Any:
+        """The module of its pictures."""
+        return import_module(f"vibroplat.{self.picture}")
+
+
+#: All kinds, in the order in which commands, results and pages have them. The last two have commands of their own.
+KINDS = {
+    kind.name: kind
+    for kind in (
+        Kind(
+            "sweep",
+            "a sweep",
+            "sweep",
+            "study.sweep",
+            "study.picture",
+            "Sweep over supply frequencies or another key, and a grid.",
+            "Writes a table with a row for each point, and one of bands, to OUT/NAME.",
+        ),
+        Kind(
+            "orbits",
+            "branches of orbits",
+            "branches",
+            "continuation.study",
+            "continuation.picture",
+            "Continue branches of periodic orbits over a key.",
+            "Writes tables of their points, of special points and of boundaries to OUT/NAME.",
+            ("run",),
+        ),
+        Kind(
+            "find",
+            "thresholds",
+            "thresholds",
+            "thresholds.tables",
+            "thresholds.picture",
+            "Find the values of a key at which the motion changes.",
+            "Writes the thresholds and all evaluated values to OUT/NAME. It is not an error if nothing changes.",
+            ("run", "sweep"),
+        ),
+        Kind(
+            "basins",
+            "basins of attraction",
+            "attractors",
+            "basin.question",
+            "basin.picture",
+            "Find the attractors of a scene and their basins.",
+            "Writes tables of the attractors and of all initial conditions to OUT/NAME.",
+            ("run",),
+        ),
+        Kind(
+            "design",
+            "a design",
+            "sensitivities",
+            "designs.question",
+            "designs.picture",
+            "Find sensitivities, effects of tolerances, best values.",
+            "Writes tables of sensitivities, samples, shares and evaluations to OUT/NAME, and the best design as "
+            "best.yaml.",
+            ("run", "sweep"),
+        ),
+    )
+}
+#: What all other results are called, and the table that each has.
+OTHERS = {"run": ("a run", "trajectory"), "paper": ("a reproduction of the paper", "claims")}
+#: Sections that only some results depend on.
+_OPTIONAL = (*KINDS, "run", "output")
+
+
+def noun_of(command: str) -> str:
+    """Return what the result of a command is called."""
+    return OTHERS[command][0] if command in OTHERS else KINDS[command].noun
+
+
+def unused_sections(command: str) -> set[str]:
+    """Return the sections of a configuration that the result of a command does not depend on."""
+    used = ("run", "output") if command == "run" else (command, *KINDS[command].uses) if command in KINDS else _OPTIONAL
+    return {*_OPTIONAL} - {*used}

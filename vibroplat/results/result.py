@@ -1,0 +1,340 @@
+"""The result of a command, just computed or read from its files: tables, answer, provenance, figures, files."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+from vibroplat.config.kinds import noun_of
+from vibroplat.config.scene import Scene
+from vibroplat.errors import ConfigError, TableError
+from vibroplat.extensions import figure_of
+from vibroplat.frames import pd
+from vibroplat.integrate import engine_name
+from vibroplat.results.files import SavedFiles, commands_in, store_file, write_result
+from vibroplat.results.provenance import provenance
+from vibroplat.results.tables import FORMATS, Format, result_directory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Width of the labels that are printed (characters).
+LABELS = 28
+
+
+class Answer(NamedTuple):
+    """What a command prints.
+
+    Attributes
+    ----------
+    lines
+        Labels and texts of an overview.
+    text
+        Further lines below it.
+    notes
+        Warnings.
+    failures
+        A line for each motion that failed.
+    """
+
+    lines: Mapping[str, str] = {}
+    text: Sequence[str] = ()
+    notes: Sequence[str] = ()
+    failures: Sequence[str] = ()
+
+    @classmethod
+    def from_tree(cls, tree: object) -> Self:
+        """Return the answer that a provenance holds; an empty one if it holds none."""
+        found = tree if isinstance(tree, Mapping) else {}
+        return cls(dict(found.get("lines", {})), *(list(found.get(name, ())) for name in cls._fields[1:]))
+
+    def to_tree(self) -> dict[str, object]:
+        """Return it as plain values, for a provenance."""
+        return {"lines": dict(self.lines), **{name: list(getattr(self, name)) for name in self._fields[1:]}}
+
+    def __str__(self) -> str:
+        """Return what is printed."""
+        overview = [f"{label:<{LABELS}}{text}" for label, text in self.lines.items()]
+        return "\n".join([*overview, *self.text, *(f"note: {note}" for note in self.notes), *self.failures])
+
+
+class Result:
+    """The result of a command.
+
+    Its tables are attributes by their names, as in ``result.thresholds``; all of them are in :attr:`tables`.
+
+    Parameters
+    ----------
+    command
+        The command, as ``sweep``.
+    scene
+        What was simulated.
+    tables
+        Tables by name, or functions that yield their parts; the last one is written last.
+    answer
+        What is printed.
+    documents, configurations
+        Contents of further JSON and YAML files, by name.
+    facts
+        What provenance has besides.
+
+    Attributes
+    ----------
+    command
+        The command.
+    check
+        What the check by another engine has found, as plain values; None without a check.
+    """
+
+    check: Mapping[str, Any] | None = None
+    #: Its files, if it was read from them.
+    saved: SavedFiles | None = None
+
+    def __init__(
+        self,
+        command: str,
+        scene: Scene,
+        tables: Mapping[str, pd.DataFrame | Callable[[], Iterable[pd.DataFrame]]],
+        answer: Answer,
+        *,
+        documents: Mapping[str, Any] | None = None,
+        configurations: Mapping[str, str] | None = None,
+        facts: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.command, self._facts = command, facts or {}
+        known = {"scene": scene, "tables": Tables(tables), "answer": answer, "documents": documents or {}}
+        self.__dict__ |= known | {"configurations": configurations or {}}
+
+    @classmethod
+    def read(cls, directory: str | Path, command: str) -> Self:
+        """Read the result of a command from a directory; tables are read when they are first asked for.
+
+        Raises
+        ------
+        TableError
+            There is none, it is unfinished, or it has another schema.
+        """
+        place = Path(directory)
+        if not place.is_dir():
+            raise TableError(f"{place} is not a directory; allowed: a result directory of vibroplat")
+        if (place / store_file(command)).exists() and command not in commands_in(place):
+            raise TableError(f"{place} holds unfinished work; continue it with `vibroplat {command} --resume`")
+        found = cls.__new__(cls)
+        found.command, found.saved = command, SavedFiles(place, command)
+        return found
+
+    # -- what it holds ------------------------------------------------------------------------------
+
+    @cached_property
+    def scene(self) -> Scene:
+        """What was simulated; raises TableError if the configuration is lost or of another version."""
+        try:
+            return Scene.from_tree(self.given())
+        except (TypeError, AttributeError, ConfigError) as error:
+            raise TableError(f"the configuration in {self.directory}: {error}") from None
+
+    @property
+    def known_scene(self) -> Scene | None:
+        """What was simulated, if that is known."""
+        try:
+            return self.scene
+        except TableError:
+            return None
+
+    @cached_property
+    def tables(self) -> Mapping[str, pd.DataFrame]:
+        """Tables by name."""
+        saved = self._read
+        return Tables({name: partial(_whole, saved, name) for name in saved.names(*FORMATS)})
+
+    @cached_property
+    def documents(self) -> Mapping[str, Any]:
+        """Contents of its JSON files, by name."""
+        return {name: self._read.document(name) for name in self._read.names("json")}
+
+    @cached_property
+    def configurations(self) -> Mapping[str, str]:
+        """Contents of its YAML files, by name."""
+        return {name: self._read.configuration(name) for name in self._read.names("yaml")}
+
+    @property
+    def _read(self) -> SavedFiles:
+        """The files that were read."""
+        assert self.saved is not None
+        return self.saved
+
+    @cached_property
+    def answer(self) -> Answer:
+        """What was printed."""
+        return Answer.from_tree(self.provenance.get("answer"))
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """How it was made: versions, machine and configuration; with the answer and what a check has found."""
+        if self.saved is not None:
+            return self.saved.provenance
+        more: dict[str, Any] = {**self._facts, "answer": self.answer.to_tree()}
+        if self.check is not None:
+            more["check"] = self.check
+        return provenance(self.scene, engine_name(self.scene)) | more
+
+    @property
+    def directory(self) -> Path | None:
+        """Where it was read."""
+        return None if self.saved is None else self.saved.directory
+
+    @property
+    def name(self) -> str:
+        """What figures call it: the name of its directory, or of its scene."""
+        return self.scene.name if self.directory is None else self.directory.resolve().name
+
+    def __getattr__(self, name: str) -> pd.DataFrame:
+        if name.startswith("_") or name not in self.tables:
+            raise AttributeError(f"{noun_of(self.command)} has no table {name}; allowed: {', '.join(self.tables)}")
+        return self.tables[name]
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self.tables]
+
+    # -- as figures and the page read it ------------------------------------------------------------
+
+    def given(self, *path: str) -> Any:
+        """Return the configuration, or a section or value of it; raises TableError if it is not there."""
+        found: Any = self.provenance.get("configuration")
+        for name in path:
+            found = found.get(name) if isinstance(found, dict) else None
+        if found is None or not (path or isinstance(found, dict)):
+            raise TableError(f"{self.directory}/provenance.json is not the provenance of {noun_of(self.command)}")
+        return found
+
+    def columns(
+        self, name: str, texts: Collection[str], numbers: Collection[str] = (), optional: Collection[str] = ()
+    ) -> pd.DataFrame:
+        """Return a table; it must have these columns of texts and of numbers, and numbers in optional ones it has."""
+        return self._checked(name, self.table(name), texts, numbers, optional)
+
+    def table(self, name: str) -> pd.DataFrame:
+        """Return a table; raises TableError if there is none of that name."""
+        if name not in self.tables:
+            raise TableError(f"{self.directory or self.name} holds no {name} table; allowed: {', '.join(self.tables)}")
+        return self.tables[name]
+
+    def column_parts(
+        self, name: str, texts: Collection[str], numbers: Collection[str], optional: Collection[str] = ()
+    ) -> Iterator[pd.DataFrame]:
+        """Yield these columns of a saved table in parts, which must be as in :meth:`columns`."""
+        for part in self._read.parts(name, (*texts, *numbers, *optional)):
+            yield self._checked(name, part, texts, numbers, optional)
+
+    def _checked(
+        self,
+        name: str,
+        table: pd.DataFrame,
+        texts: Collection[str],
+        numbers: Collection[str],
+        optional: Collection[str],
+    ) -> pd.DataFrame:
+        """Return a table that has columns of texts, of numbers, and maybe optional ones of numbers."""
+        told = f"the {name} table in {self.directory} has no"
+        for column in (*numbers, *(column for column in optional if column in table)):
+            if column not in table or not _holds_numbers(table[column]):
+                raise TableError(f"{told} numbers in column {column}")
+        for column in texts:
+            if column not in table:
+                raise TableError(f"{told} column {column}")
+            if pd.api.types.is_numeric_dtype(table[column]) and table[column].notna().any():
+                raise TableError(f"{told} names in column {column}")
+        return table
+
+    # -- to look at and to hand on ------------------------------------------------------------------
+
+    def __repr__(self) -> str:
+        """Return what the command prints."""
+        return f"vibroplat {self.command} {self.scene.name}\n{self.answer}"
+
+    def _repr_html_(self) -> str:
+        """Return what the command prints, for a notebook."""
+        return f"<pre>{html.escape(repr(self))}</pre>"
+
+    def plot(self, kind: str | None = None, **options: Any) -> Figure:
+        """Draw a figure.
+
+        Parameters
+        ----------
+        kind
+            Which one, as ``--kind`` of ``vibroplat plot``. Default: the first one that the result has.
+        options
+            As ``vibroplat plot`` has them for such a result.
+
+        Raises
+        ------
+        ValueError
+            The result has no such figure or option.
+        TableError
+            There is nothing to draw.
+        """
+        return figure_of(self, kind, **options)
+
+    def save(self, directory: str | Path, form: Format = "parquet") -> Path:
+        """Write the result into a directory, as its command does; :func:`vibroplat.load` reads it.
+
+        Raises
+        ------
+        TableError
+            A file cannot be written.
+        """
+        place = Path(directory)
+        result_directory(place.parent, place.name)
+        own = self.tables
+        tables = {name: own.parts(name) if isinstance(own, Tables) else own[name] for name in own}
+        more = {"documents": self.documents, "configurations": self.configurations}
+        write_result(place, self.command, self.provenance, tables, form=form, **more)
+        return place
+
+
+class Tables(Mapping[str, "pd.DataFrame"]):
+    """Tables by name, each of which is made or read once, when it is first asked for.
+
+    Parameters
+    ----------
+    sources
+        Tables, or functions that yield the parts of one.
+    """
+
+    def __init__(self, sources: Mapping[str, pd.DataFrame | Callable[[], Iterable[pd.DataFrame]]]) -> None:
+        self._sources = sources
+        self._known: dict[str, pd.DataFrame] = {}
+
+    def __getitem__(self, name: str) -> pd.DataFrame:
+        if name not in self._known:
+            first, *others = self.parts(name)
+            self._known[name] = pd.concat([first, *others], ignore_index=True) if others else first
+        return self._known[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._sources
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._sources)
+
+    def __len__(self) -> int:
+        return len(self._sources)
+
+    def parts(self, name: str) -> Iterable[pd.DataFrame]:
+        """Return a table in parts, at least one, which are not kept."""
+        source = self._sources[name]
+        return source() if callable(source) else [source]
+
+
+def _whole(saved: SavedFiles, name: str) -> list[pd.DataFrame]:
+    return [saved.table(name)]
+
+
+def _holds_numbers(column: pd.Series) -> bool:
+    """Whether a column has real numbers, or nothing at all."""
+    types = pd.api.types
+    real = not (types.is_bool_dtype(column) or types.is_complex_dtype(column))
+    return (types.is_numeric_dtype(column) and real) or column.empty

@@ -1,0 +1,149 @@
+"""A study of a scene: many motions that answer one question, computed in chains of stored tasks."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple, TypedDict, Unpack
+
+import numpy as np
+
+from vibroplat.columns import Columns
+from vibroplat.config.scene import Scene
+from vibroplat.integrate import engine_name
+from vibroplat.results.result import Result
+from vibroplat.study import WAIT
+from vibroplat.study.fingerprint import package
+from vibroplat.study.pool import Pool, Task, pool
+from vibroplat.study.store import Record, Store
+
+#: Difference of a measure over the larger of it and its scale that is allowed: ten times what settling leaves. Of 214
+#: points of Figs. 3 and 6 the orbits that ``taylor`` and ``native`` find differ by 2e-7 at most.
+ALLOWED = 1e-3
+#: Motions that are repeated at most to check a result: some from all over it show what an engine does wrong.
+CHECKED = 20
+#: Columns in which a repeated motion must be as it was; what does not repeat has the first of them alone.
+COMPARED = ("sync", "motion", "period", "excitation_frequency_hz", "rms_x_m", "rms_y_m", "motor_power_w")
+
+#: Called with the numbers of what is done and of all that is known.
+Progress = Callable[[int, int], object]
+
+
+class CrossCheckCase(NamedTuple):
+    """A motion of a result that is repeated by another engine.
+
+    Attributes
+    ----------
+    place
+        Where it is, as "at μ = 0.1": no two have the same.
+    task
+        What repeats it; its record has a ``row``.
+    row
+        What its row must have.
+    allowed
+        Difference of a measure, over the larger of it and its scale, that is allowed.
+    """
+
+    place: str
+    task: Task
+    row: Record
+    allowed: float = ALLOWED
+
+
+class Study(ABC):
+    """A study that has been read from the section of its kind, and validated.
+
+    Attributes
+    ----------
+    kind
+        Its name in :data:`vibroplat.config.kinds.KINDS`.
+    described
+        Its tables by name: what their rows are, and their columns.
+    counted
+        What progress counts: ``points``, ``values``, …
+    scene
+        Whose section it is.
+    """
+
+    kind: ClassVar[str]
+    described: ClassVar[Mapping[str, tuple[str, Columns]]]
+    counted: ClassVar[str] = "points"
+    scene: Scene
+
+    @property
+    def conditions(self) -> dict[str, Any]:
+        """What stored records depend on."""
+        return conditions(self.scene)
+
+    def scenes(self) -> Iterable[Scene]:
+        """Return the scenes whose input is checked for plausibility."""
+        return [self.scene]
+
+    @abstractmethod
+    def chains(self, store: Store) -> int:
+        """Return the largest number of unfinished chains of tasks that run side by side."""
+
+    @abstractmethod
+    def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
+        """Run the tasks in chains (:func:`vibroplat.study.pool.run_stored`), and make the result.
+
+        The result depends neither on the order in which workers finish nor on their number.
+        """
+
+    @abstractmethod
+    def cross_check_cases(
+        self, result: Result, store: Store, other: Callable[[Scene], Scene]
+    ) -> Sequence[CrossCheckCase]:
+        """Choose motions of the result that are repeated with other scenes, as by another engine."""
+
+
+def conditions(scene: Scene) -> dict[str, Any]:
+    """Return what the records of a study depend on: code, engine and configuration."""
+    return package() | {"engine": engine_name(scene), "configuration": scene.to_tree()}
+
+
+def spread(places: Sequence[int], most: int = CHECKED) -> list[int]:
+    """Choose some of the places of a table, as far from each other as they can be."""
+    chosen = np.linspace(0, max(len(places) - 1, 0), min(most, len(places))).round().astype(int)
+    return [places[place] for place in np.unique(chosen).tolist()]
+
+
+class Options(TypedDict, total=False):
+    """How a study is run.
+
+    Attributes
+    ----------
+    jobs
+        Worker processes; with 1 the tasks run in this process.
+    scheduler
+        Address of a dask scheduler, whose workers are used instead.
+    wait
+        Seconds after which a scheduler without workers is given up.
+    progress
+        Called with the numbers of what is done and of all that is known.
+    """
+
+    jobs: int
+    scheduler: str | None
+    wait: float
+    progress: Progress
+
+
+def run_study(study: Study, **options: Unpack[Options]) -> Result:
+    """Run a study and store nothing.
+
+    Raises
+    ------
+    ConfigError
+        The scheduler does not answer.
+    LostError
+        The scheduler has no workers, or has gone.
+    ForeignWorkerError
+        A worker would give other bits than this process.
+    """
+    progress = options.pop("progress", lambda done, known: None)
+    jobs, scheduler, wait = options.get("jobs", 1), options.get("scheduler"), options.get("wait", WAIT)
+    with Store(None, {}) as store, pool(jobs, scheduler, wait=wait, chains=study.chains(store)) as workers:
+        result = study.run(store, workers, progress)
+        dict(result.tables)  # all are made while there is a store
+        return result
