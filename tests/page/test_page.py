@@ -13,18 +13,18 @@ import pandas as pd
 import pytest
 from common import handmade
 from common.results import unproven
+from vibroplat.page.points import plain_column, spread
+from vibroplat.plots.orbits import MARKERS
+from vibroplat.plots.studies import read_branches
 
 from vibroplat.columns import unit_of, words
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.rows import motion_of
 from vibroplat.errors import TableError
 from vibroplat.page import points, report, run
-from vibroplat.page.points import plain_column, spread
 from vibroplat.page.results import find_results, parameters
 from vibroplat.page.run import packed, packed_coarsely
-from vibroplat.plots.orbits import MARKERS
 from vibroplat.plots.reading import Ends
-from vibroplat.plots.studies import read_branches
 from vibroplat.plots.style import SYMBOLS
 from vibroplat.results.tables import read_json, read_table, write_table
 

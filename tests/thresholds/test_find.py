@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
+from vibroplat.plots.thresholds import threshold_figures
 
 from vibroplat import find, load_config
 from vibroplat.errors import ConfigError
-from vibroplat.plots.thresholds import threshold_figures
 from vibroplat.thresholds.tables import ThresholdStudy
 
 CONFIGS = Path(__file__).parents[2] / "configs"

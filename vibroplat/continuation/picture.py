@@ -192,7 +192,7 @@ def branches(found: Branches) -> picture.Picture:
     }
     drawn = [
         picture.Series(
-            name if len(names) > 1 else "", np.array(rows), colour=colours[name], mode="lines", size=0.7, **looks[good]
+            name if len(names) > 1 else "", np.array(rows[:-1]), colour=colours[name], mode="lines", size=0.7, **looks[good]
         )
         for (name, good), rows in series.items()
     ]
@@ -208,15 +208,14 @@ def branches(found: Branches) -> picture.Picture:
     everything = pd.concat([table, special], ignore_index=True)
     points, behind = [table, at], picture.beside(result, "sweep", "sweep")
     if behind is not None:
-        begin, ways = len(everything), behind["direction"]
+        begin = len(everything)
         points.append(behind[[name for name in behind if name in table]])
-        drawn[:0] = [
-            picture.Series(
-                "", begin + picture.rows_of(ways == direction), f"sweep, {direction}", picture.BEHIND, "markers", symbol, pale=True
-            )
-            for direction, symbol in DIRECTIONS.items()
-            if (ways == direction).any()
-        ]
+        varied = found.varied if {*found.varied} <= {*behind} else []
+        for own in picture.in_groups(behind.reset_index(drop=True), [*varied, "direction"]):
+            colour = colours[found.label(own.iloc[0])] if varied else picture.BEHIND
+            direction, places = str(own["direction"].iloc[0]), begin + own.index.to_numpy()
+            look = {"symbol": DIRECTIONS.get(direction, "o"), "pale": True}
+            drawn.insert(0, picture.Series("", places, f"sweep, {direction}", colour, "markers", **look))
     return picture.Picture(
         name="branches",
         heading="Orbits",

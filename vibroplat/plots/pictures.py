@@ -45,7 +45,7 @@ from vibroplat.results.picture import (
     Series,
     motions_of,
 )
-from vibroplat.study.picture import branch_series
+from vibroplat.study.picture import branch_series, placed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -100,17 +100,18 @@ def _draw(axis: Axes, drawn: _Drawn, y: FloatArray, *, wraps: bool = False, colo
     """
     series, x = drawn.series, drawn.x
     y = y[series.rows]
+    if not np.isfinite(y).any() and all(name != "failed" for name, _ in drawn.states):
+        return  # of another panel
     # lines are clipped and take no room beside the axes; to ask each of them takes a tenth of the time
-    style: dict[str, Any] = {
-        "color": colour or series.colour,
-        "in_layout": False,
-        "zorder": 2.4 if series.pale else 2.5,
-    }
+    behind = bool(colour) or (series.pale and series.mode == "markers")
+    layer = 1.5 if behind else 2.4 if series.pale else 2.5
+    style: dict[str, Any] = {"color": colour or series.colour, "in_layout": False, "zorder": layer}
     style |= {"alpha": 0.5} if series.pale else {}
     line: dict[str, Any] = {"ls": series.dash if series.mode in ("lines", "both") else "", "lw": 0.9 * series.width}
     marker: dict[str, Any] = {"marker": series.symbol, "ms": 3.2 * series.size, "mew": 0.7}
     if series.mode == "dots":
-        axis.plot(x, y, ls="", marker="o", ms=1.6, mew=0.0, rasterized=len(x) > 2000, **style | {"zorder": 2.0})
+        known = np.isfinite(y)
+        axis.plot(x[known], y[known], ls="", marker="o", ms=1.6, mew=0.0, rasterized=len(x) > 2000, **style)
         return
     shown = [(name, chosen) for name, chosen in drawn.states if name != "failed"]
     alone = len(shown) == 1 and series.mode == "both" and len(drawn.states) == 1
@@ -165,7 +166,7 @@ def draw_response(
         The same axis.
     """
     rows = rows.reset_index(drop=True)
-    drawn = _prepared(branch_series(rows, "", color, size), _ended(rows[x]), motions_of(rows))
+    drawn = _prepared(branch_series(rows, "", color, size), _ended(placed(rows, x)), motions_of(rows))
     count = len(axis.lines)
     _draw(axis, drawn, _ended(in_units(rows[column], column)), wraps=column == PHASE_COLUMN)
     if label is not None:
@@ -405,8 +406,9 @@ def _cells(picture: Picture, x: str) -> tuple[Figure, list[tuple[Axes, Panel, Se
             for row, panel in zip(axes, panels, strict=True)
             for axis, facet in zip(row, facets, strict=True)
         ]
-        for axis, facet in zip(axes[0], facets, strict=True):
-            axis.set_title(facet.label, loc="left")
+        for axis, panel, *_ in cells:
+            if panel.title or axis in axes[0]:
+                axis.set_title(facets[axis.get_subplotspec().colspan.start].label, loc="left")
         for axis in axes[-1]:
             axis.set_xlabel(label)
         return figure, cells

@@ -18,7 +18,7 @@ from vibroplat.columns import PHASE_COLUMN
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
 from vibroplat.results.files import SavedFiles
-from vibroplat.results.labels import in_ratios, is_number
+from vibroplat.results.labels import EXCITATION, in_ratios, is_number
 from vibroplat.results.result import Result
 
 #: Colours of curves: those of Okabe and Ito, without their yellow, which is too pale for lines on white.
@@ -327,7 +327,7 @@ def states_of(open_: Any, failed: Any = False, undecided: Any = False) -> Places
 def motions_of(table: pd.DataFrame) -> Places:
     """Return the states of points by what is known of their motion."""
     motion = table["motion"] if "motion" in table else pd.Series("periodic", table.index)
-    failed = table["outcome"] != "ok" if "outcome" in table else False
+    failed = table["outcome"] != "ok" if "outcome" in table else table.get(EXCITATION, motion).isna()
     return states_of(motion != "periodic", failed, motion == "undecided")
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import PHASE_COLUMN, QUANTITIES, with_shaking
+from vibroplat.columns import PHASE_COLUMN, QUANTITIES, quantity_of, with_shaking
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
@@ -233,12 +233,21 @@ def failed_places(rows: pd.DataFrame, x: str) -> Any:
     return expected[failed] * np.interp(over[failed], over[known], ratio[known])
 
 
+def placed(rows: pd.DataFrame, x: str) -> pd.Series:
+    """Return a column along a branch, with the places of points that failed where it can tell them."""
+    failed = rows["outcome"] != "ok" if "outcome" in rows else rows[EXCITATION].isna()
+    found = rows[x].astype(float)
+    found[failed] = failed_places(rows, x)
+    return found
+
+
 def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     """Return all measures of a sweep that say something, or these, along its branches.
 
     Where all points failed none has an excitation frequency, and the values of the key show where they are.
     """
-    table, drawn = sweeps.table, sweeps.table.copy()
+    table = sweeps.table
+    drawn = table.astype({sweeps.x: float})
     labels = [sweeps.label(rows.iloc[0]) for rows in sweeps.branches]
     numbers, names = pd.factorize(np.array(labels, dtype=object))
     scale = sweeps.scale if len(names) > DISTINCT else ""
@@ -247,8 +256,7 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     series = []
     for number, rows in zip(numbers, sweeps.branches, strict=True):
         series.append(branch_series(rows, names[number], colours[number], _size(int(number), len(names))))
-        if "outcome" in rows and sweeps.x == EXCITATION and (rows["outcome"] != "ok").any():
-            drawn.loc[rows.index[rows["outcome"] != "ok"], EXCITATION] = failed_places(rows, EXCITATION)
+        drawn.loc[rows.index, sweeps.x] = placed(rows, sweeps.x)
     known = sweeps.x if drawn[sweeps.x].notna().any() else sweeps.key
     return picture.Picture(
         name="response",
@@ -378,7 +386,7 @@ def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         special_name="boundaries",
         drawn=drawn,
         axes=[sweeps.key],
-        panels=[*(_map_panels(sweeps, key) if not columns else (_tiles(key, column) for column in columns))],
+        panels=[*(_map_panels(sweeps, key) if not columns else (_tiles(key, column, quantity_of(column).name) for column in columns))],
         series=[*series, *lines],
         facets=[picture.Facet(name, [number, *behind]) for number, name in enumerate(directions)],
         choice="direction",
@@ -414,9 +422,10 @@ def boundary_series(curves: pd.DataFrame, begin: int, colours: Sequence[str]) ->
         places = [
             place for own in picture.in_groups(rows, ["curve"]) for place in [*(begin + own.index), picture.BROKEN]
         ]
-        look: dict[str, Any] = {"colour": colours[number % len(colours)]}
+        look: dict[str, Any] = {"colour": colours[number % len(colours)], "width": 1.4}
         look |= {"dash": _DASHES[number % len(_DASHES)]} if len(colours) == 1 else {}
-        look |= {"width": 1.4} if is_reached else {"width": 0.6, "look": UNREACHED}
+        if not is_reached:
+            look |= {"width": 0.6, "look": UNREACHED} | ({"dash": ":"} if len(colours) > 1 else {})
         label = ": ".join(filter(None, (str(kind), SPECIAL_POINTS.get(str(kind), ""))))
         series.append(picture.Series(label, np.array(places), mode="lines", **look))
     return series
