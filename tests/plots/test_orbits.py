@@ -15,7 +15,6 @@ from vibroplat.continuation.picture import MARKERS
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import TableError
 from vibroplat.plots.command import draw_study
-from vibroplat.results.picture import CURVES
 from vibroplat.results.result import Answer, Result
 from vibroplat.results.tables import read_table, write_table
 

@@ -190,4 +190,7 @@ def test_page_draws_points_over_the_key_first(write):
     (shown,) = page_data(list(find_results([place])))["pictures"]
     assert [(axis["column"], axis["log"]) for axis in shown["axes"]] == [(DAMPING, True), (LAW, False)]
     assert shown["axes"][0]["unit"] == "N·s/m"
-    assert [one["label"] for one in shown["series"]][:2] == ["restitution 0, damping along y up", "restitution 0, damping along y down"]
+    assert [one["label"] for one in shown["series"]][:2] == [
+        "restitution 0, damping along y up",
+        "restitution 0, damping along y down",
+    ]

@@ -192,7 +192,12 @@ def branches(found: Branches) -> picture.Picture:
     }
     drawn = [
         picture.Series(
-            name if len(names) > 1 else "", np.array(rows[:-1]), colour=colours[name], mode="lines", size=0.7, **looks[good]
+            name if len(names) > 1 else "",
+            np.array(rows[:-1]),
+            colour=colours[name],
+            mode="lines",
+            size=0.7,
+            **looks[good],
         )
         for (name, good), rows in series.items()
     ]

@@ -88,7 +88,8 @@ def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
     told = [m for m in _elastic(result)["measure"].unique() if m in table and table[m].max() > table[m].min()]
     nominal = _nominal(result, plan)
     panels = [panel for panel in picture.measures(table, told) if panel.column in told]
-    colours = picture.attractor_colours(table["regime"].fillna("lost"))
+    regimes = table["regime"].fillna("lost").mask(~table["stable"].astype(bool), table["regime"] + ", orbit lost")
+    colours = picture.attractor_colours(regimes.fillna("lost"))
     classes = {name: (colour, name) for name, colour in colours.items()}
     spread = [f"{key_name(key)} ±{100.0 * share:g} %" for key, share in list(plan.spread.items())[:MOST]]
     spread += [f"{len(plan.spread) - MOST} more"] if len(plan.spread) > MOST else []
@@ -98,7 +99,7 @@ def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
         title=result.name,
         table=table,
         table_name="samples",
-        drawn=table.assign(regime=table["regime"].fillna("lost")),
+        drawn=table.assign(regime=regimes.fillna("lost")),
         axes=picture.axes_of(table, (*plan.spread, *told)) or ["sample"],
         panels=[picture.Panel(panel.column, by="regime", classes=classes, least=panel.least) for panel in panels]
         or [picture.Panel("sample", title="no measure varies")],
@@ -129,11 +130,15 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
     lost = ~front["feasible"].astype(bool)
     special = pd.concat([best, front], ignore_index=True) if len(front) else best
     bounded = next(iter([*plan.pareto, *(m for m in plan.subject if m != "margin"), *plan.subject]), "start")
-    numbers = [str(name) for name in table if name not in {"start", "objective"} and picture.fills(table, str(name))]
+    numbers = [
+        str(name) for name in table if name not in {"start", "objective", "period"} and picture.fills(table, str(name))
+    ]
     panels = [
         picture.Panel(panel.column, least=panel.least, scale="log" if _wide(table, panel.column) else "linear")
         for panel in picture.measures(table, (*aims, *(name for name in numbers if is_number(table[name]))))
     ]
+    if table.empty:
+        panels = [picture.Panel(aims[0], title="every start lost the orbit")]
     starts = table["start"].unique()
     series = [
         picture.Series(f"start {start}", picture.rows_of(table["start"] == start), colour=colour, mode="markers")
@@ -148,8 +153,8 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
     bounds = front.assign(**{name: front[name].mask(lost, front["bound"]) for name in plan.pareto})
     drawn = pd.concat([part for part in (table, best, bounds) if len(part)] or [table], ignore_index=True)
     states = picture.states_of(~feasible).tolist() + [0] * len(best) + picture.states_of(False, lost).tolist()
-    orbits = pd.concat([table, special], ignore_index=True) if len(special) else table
     outcomes = ["ok"] * begin + ["outside the bounds" if one else "ok" for one in lost]
+    everything = pd.concat([table, special], ignore_index=True).assign(outcome=outcomes)
     return picture.Picture(
         name="evaluations",
         heading="Searches",
@@ -159,7 +164,7 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
         special=special,
         special_name="best design and Pareto front" if len(front) else "best design",
         drawn=drawn,
-        axes=picture.axes_of(drawn, [bounded, *sorted(map(_column, panels), key=aims.__contains__)]),
+        axes=picture.axes_of(drawn, [bounded, *sorted((panel.column for panel in panels), key=aims.__contains__)]),
         panels=panels,
         series=series,
         marks=[mark] if len(best) else [],
@@ -172,27 +177,14 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
             "failed": "bound that nothing keeps",
         },
         told=_told(result, plan, ", ".join(f"{key_name(measure)} {bound}" for measure, bound in plan.subject.items())),
-        meaning="Filled: all bounds are kept, open: they are not." if len(table) else "Every start lost the orbit.",
-        orbits=picture.Orbits(
-            orbits.assign(period=_period(result), outcome=outcomes), range(len(table), len(orbits)),
-            words="Orbit of this design.",
-        ),
-    )  # fmt: skip
-
-
-def _column(panel: picture.Panel) -> str:
-    return panel.column
+        meaning="Filled: all bounds are kept, open: they are not.",
+        orbits=picture.Orbits(everything, range(len(table), len(everything)), words="Orbit of this design."),
+    )
 
 
 def _wide(table: pd.DataFrame, column: str) -> bool:
     """Whether the numbers of a column are positive and differ by large factors."""
     return bool(table[column].min() > 0.0 and table[column].max() > WIDE * table[column].min())
-
-
-def _period(result: Result) -> int:
-    """Return the period of the orbit that a design is about."""
-    table = result.tables["sensitivities"]
-    return int(table["period"].iloc[0]) if "period" in table and len(table) else 1
 
 
 _MAKERS: Mapping[str, Callable[[Result, DesignPlan], picture.Picture]] = {

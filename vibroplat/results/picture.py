@@ -242,8 +242,9 @@ class Picture:
     @cached_property
     def points(self) -> pd.DataFrame:
         """Where points are, a row for each place."""
+        count = len(self.table) + (0 if self.special is None else len(self.special))
         if self.drawn is not None:
-            return finite(self.drawn)
+            return finite(self.drawn if len(self.drawn) >= count else self.drawn.reindex(range(count)))
         return finite(self.table if self.special is None else pd.concat([self.table, self.special], ignore_index=True))
 
     def log(self, column: str) -> bool:
@@ -306,16 +307,19 @@ def axes_of(table: pd.DataFrame, columns: Iterable[str]) -> list[str]:
     return [name for name in given if len(table[name].dropna().unique()) > 1] or given[:1]
 
 
-def measures(table: pd.DataFrame, columns: Iterable[str] = DRAWN) -> list[Panel]:
-    """Return the panels that a table fills, at least one; what moves by rounding alone has none."""
-    columns = [*dict.fromkeys(columns)]
+def measures(table: pd.DataFrame, columns: Iterable[str] = DRAWN, asked: Sequence[str] = ()) -> list[Panel]:
+    """Return the panels of columns that a table fills, at least one, or of those that are asked for.
+
+    What moves by rounding alone has none, and what is small is drawn small.
+    """
+    columns = [*dict.fromkeys(asked or columns)]
     largest = {name: float(table[name].abs().max()) for name in columns if fills(table, name)}
-    moved = max((size for name, size in largest.items() if name.startswith("rms")), default=0.0)
+    moved = max((float(table[name].abs().max()) for name in table if str(name).startswith("rms_")), default=0.0)
     least = {name: ROUNDING * moved if name.startswith("rms") else 0.0 for name in largest}
     found = [name for name, size in largest.items() if size > least[name]] or columns[:1]
     ends = dict.fromkeys(("gap_max_m", "contact_force_max_n"), 0.0) | {"flight_fraction": 1.0}
-    ends |= {name: LEAST_RANGE * moved for name in found if name.startswith("rms")}
-    return [Panel(name, least=ends.get(name)) for name in found]
+    ends |= {name: LEAST_RANGE * np.nan_to_num(moved) for name in columns if name.startswith("rms")}
+    return [Panel(name, least=ends.get(name)) for name in asked or found]
 
 
 def states_of(open_: Any, failed: Any = False, undecided: Any = False) -> Places:

@@ -266,7 +266,7 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         table_name="sweep",
         drawn=drawn,
         axes=list(dict.fromkeys([known, *picture.axes_of(table, (sweeps.x, EXCITATION, sweeps.key, *sweeps.grid))])),
-        panels=[picture.Panel(column) for column in columns] or picture.measures(table),
+        panels=picture.measures(table, asked=columns),
         series=series,
         states=picture.motions_of(table),
         rotation=sweeps.rotation,
@@ -386,7 +386,7 @@ def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         special_name="boundaries",
         drawn=drawn,
         axes=[sweeps.key],
-        panels=[*(_map_panels(sweeps, key) if not columns else (_tiles(key, column, quantity_of(column).name) for column in columns))],
+        panels=[_tiles(key, column, quantity_of(column).name) for column in columns] or [*_map_panels(sweeps, key)],
         series=[*series, *lines],
         facets=[picture.Facet(name, [number, *behind]) for number, name in enumerate(directions)],
         choice="direction",
@@ -427,7 +427,7 @@ def boundary_series(curves: pd.DataFrame, begin: int, colours: Sequence[str]) ->
         if not is_reached:
             look |= {"width": 0.6, "look": UNREACHED} | ({"dash": ":"} if len(colours) > 1 else {})
         label = ": ".join(filter(None, (str(kind), SPECIAL_POINTS.get(str(kind), ""))))
-        series.append(picture.Series(label, np.array(places), mode="lines", **look))
+        series.append(picture.Series(label, np.array(places[:-1]), mode="lines", **look))
     return series
 
 

@@ -59,7 +59,7 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
         special=found,
         special_name="thresholds",
         axes=picture.axes_of(table, [key]),
-        panels=picture.measures(table, measure or filter(None, (level, *picture.DRAWN))),
+        panels=picture.measures(table, filter(None, (level, *picture.DRAWN)), measure),
         series=series,
         lines=lines,
         ranges=ranges,
