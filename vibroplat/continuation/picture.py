@@ -211,6 +211,8 @@ def branches(found: Branches) -> picture.Picture:
         for kind, rows in special.groupby("kind", sort=False)
     ]
     everything = pd.concat([table, special], ignore_index=True)
+    seconds = everything["period"] / everything[EXCITATION]
+    everything["period_s"] = everything.get("period_s", seconds).fillna(seconds)
     points, behind = [table, at], picture.beside(result, "sweep", "sweep")
     if behind is not None:
         begin = len(everything)
