@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import PHASE_COLUMN, with_shaking
+from vibroplat.columns import PHASE_COLUMN
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
 from vibroplat.results import picture
@@ -20,12 +19,10 @@ from vibroplat.results.labels import (
     LIFTOFF,
     SPECIAL_POINTS,
     is_number,
-    sweep_parameters,
-    value_words,
 )
 from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of
-from vibroplat.study.picture import DIRECTIONS, abscissa, boundary_series
+from vibroplat.study.picture import DIRECTIONS, Sweeps, abscissa, boundary_series
 
 KINDS = ("branches", "multipliers", "boundaries")
 OPTIONS = ("x",)
@@ -37,50 +34,25 @@ _STABLE = {"full": "stable", "open": "unstable", "half": "", "failed": ""}
 
 
 @dataclass(frozen=True)
-class Branches:
-    """Tables of branches over a key; columns of the grid stand before it."""
+class Branches(Sweeps):
+    """Tables of branches over a key, and with boundaries a second one."""
 
-    result: Result
-    table: pd.DataFrame
-    special: pd.DataFrame
-    key: str
-    x: str
+    special: pd.DataFrame = field(default_factory=pd.DataFrame)
     second: str = ""
 
     @property
-    def grid(self) -> list[str]:
-        """Columns that tell branches apart, besides their numbers."""
-        return list(self.table.columns[: list(self.table.columns).index(self.key)])
-
-    @cached_property
-    def varied(self) -> list[str]:
-        """Columns of the grid that have several values."""
-        return [key for key in self.grid if len(self.table[key].unique()) > 1]
-
-    @property
-    def rotation(self) -> str:
-        """How the exciters rotate; "" if that varies or is not known."""
-        scene = self.result.known_scene
-        return "" if scene is None or any("rotation" in key for key in self.grid) else scene.rotation
-
-    def label(self, row: pd.Series) -> str:
-        """Return what a combination of the grid's values is called in a legend."""
-        return ", ".join(value_words(key, row[key]) for key in self.varied)
-
-    def told(self, *more: str) -> str:
-        """Return what a reader wants to know of the scene, without what axes and curves show."""
-        scene, row = self.result.known_scene, self.table.iloc[0]
-        one = {key: row.astype(object)[key] for key in self.grid if key not in self.varied}
-        return sweep_parameters(scene and scene.replace(one), [*self.grid, self.key, *more])
+    def result(self) -> Result:
+        """The result."""
+        return self.results[0]
 
     def curves(self) -> Iterator[tuple[str, pd.DataFrame]]:
         """Yield the rows of each branch with the label of its combination, "" for the only one."""
-        for rows in picture.in_groups(self.table, [*self.grid, "branch"]):
-            yield self.label(rows.iloc[0]), rows
+        yield from ((self.label(rows.iloc[0]), rows) for rows in self.branches)
 
-    def alike(self, table: pd.DataFrame, row: pd.Series, keys: Sequence[str]) -> pd.DataFrame:
-        """Return the rows of a table that share keys with a row."""
-        return table[np.logical_and.reduce([np.full(len(table), True), *(table[key] == row[key] for key in keys)])]
+    def special_of(self, row: pd.Series) -> pd.DataFrame:
+        """Return the special points of the branch of a row."""
+        same = [self.special[key] == row[key] for key in (*self.grid, "branch")]
+        return self.special[np.logical_and.reduce(same)]
 
 
 def pictures(results: Sequence[Result], kinds: Sequence[str] = (), *, x: str | None = None) -> list[picture.Picture]:
@@ -117,7 +89,8 @@ def read(result: Result, x: str | None = None) -> Branches:
         raise TableError(f"the branches table in {result.directory} has no column stable")
     special = result.columns("special", ("kind",), (key, EXCITATION, "branch", "point"))
     points, special = (picture.finite(table).reset_index(drop=True) for table in (points, special))
-    return Branches(result, points, special, key, x or abscissa(key), second)
+    grid = list(points.columns[: list(points.columns).index(key)])
+    return Branches([result], [result.name], points, key, grid, x or abscissa(key), {}, special, second)
 
 
 # -- branches ----------------------------------------------------------------------------------------------------------
@@ -168,65 +141,24 @@ def stretches(stable: Any, shares: Any, rows: Any, special: Any) -> Iterator[tup
 
 def branches(found: Branches) -> picture.Picture:
     """Return measures of branches over a column, with special points at their exact places."""
-    table, special, result = found.table, found.special, found.result
-    at = special.assign(**{name: np.nan for name in (*picture.DRAWN, found.x) if name in table and name not in special})
-    series: dict[tuple[str, bool], list[int]] = {}
-    ends: list[int] = []
-    for label, rows in found.curves():
-        own = found.alike(special, rows.iloc[0], [*found.grid, "branch"])
-        shares = places_of(rows, own)
-        for name in (*picture.DRAWN, found.x):
-            if name in table:
-                at.loc[own.index, name] = between(rows, own, shares, name)
-        name = label if found.varied else f"branch {rows['branch'].iloc[0]}"
-        ends += [int(rows.index[0]), int(rows.index[-1]), *(rows.index[np.round(shares).astype(int)])]
-        for is_stable, part in stretches(
-            rows["stable"].to_numpy(dtype=bool), shares, rows.index.to_numpy(), len(table) + own.index.to_numpy()
-        ):
-            series.setdefault((name, is_stable), []).extend([*part, picture.BROKEN])
-    names = list(dict.fromkeys(name for name, _ in series))
-    colours = dict(zip(names, picture.palette(len(names)), strict=True))
-    looks: dict[bool, dict[str, Any]] = {
-        True: {"look": "stable", "width": 1.6},
-        False: {"look": "unstable", "dash": "--"},
-    }
-    drawn = [
-        picture.Series(
-            name if len(names) > 1 else "",
-            np.array(rows[:-1]),
-            colour=colours[name],
-            mode="lines",
-            size=0.7,
-            **looks[good],
-        )
-        for (name, good), rows in series.items()
-    ]
-    marks = [
-        picture.Mark(
-            str(kind),
-            SPECIAL_POINTS.get(str(kind), ""),
-            MARKERS.get(str(kind), "*"),
-            (len(table) + rows.index).tolist(),
-        )
-        for kind, rows in special.groupby("kind", sort=False)
-    ]
+    table, special = found.table, found.special
     everything = pd.concat([table, special], ignore_index=True)
-    seconds = everything["period"] / everything[EXCITATION]
-    everything["period_s"] = everything.get("period_s", seconds).fillna(seconds)
-    points, behind = [table, at], picture.beside(result, "sweep", "sweep")
+    if "period" in everything:
+        seconds = everything["period"] / everything[EXCITATION]
+        everything["period_s"] = everything.get("period_s", seconds).fillna(seconds)
+    at, series, first = _lines(found)
+    marks = []
+    for kind, rows in special.groupby("kind", sort=False):
+        name, places = str(kind), (len(table) + rows.index).tolist()
+        marks.append(picture.Mark(name, SPECIAL_POINTS.get(name, ""), MARKERS.get(name, "*"), places))
+    points, behind = [table, at], picture.beside(found.result, "sweep", "sweep")
     if behind is not None:
-        begin = len(everything)
         points.append(behind[[name for name in behind if name in table]])
-        varied = found.varied if {*found.varied} <= {*behind} else []
-        for own in picture.in_groups(behind.reset_index(drop=True), [*varied, "direction"]):
-            colour = colours[found.label(own.iloc[0])] if varied else picture.BEHIND
-            direction, places = str(own["direction"].iloc[0]), begin + own.index.to_numpy()
-            look = {"symbol": DIRECTIONS.get(direction, "o"), "pale": True}
-            drawn.insert(0, picture.Series("", places, f"sweep, {direction}", colour, "markers", **look))
+        series = [*_behind(found, behind.reset_index(drop=True)), *series]
     return picture.Picture(
         name="branches",
         heading="Orbits",
-        title=result.name,
+        title=found.result.name,
         table=table,
         table_name="branches",
         special=special,
@@ -234,23 +166,62 @@ def branches(found: Branches) -> picture.Picture:
         drawn=pd.concat([part for part in points if len(part)], ignore_index=True),
         axes=list(dict.fromkeys([found.x, *picture.axes_of(table, [found.x, found.key, EXCITATION])])),
         panels=picture.measures(table),
-        series=drawn,
+        series=series,
         marks=marks,
         states=picture.states_of(~table["stable"].astype(bool)),
         meanings=_STABLE,
         rotation=found.rotation,
         told=found.told(),
         meaning="Solid: stable orbits; dashed, with open points: unstable ones. White marks: special points of "
-        f"branches, at their exact frequency.{_shaking(found)}",
-        orbits=picture.Orbits(everything, [*range(len(table), len(everything)), *ends]),
+        f"branches, at their exact frequency.{found.meaning}",
+        orbits=picture.Orbits(everything, [*range(len(table), len(everything)), *first]),
     )
 
 
-def _shaking(found: Branches) -> str:
-    """Return a sentence on what the machine does in each synchronization, or ""."""
-    syncs = found.table["sync"].dropna().unique() if "sync" in found.table else ()
-    told = "; ".join(text for text in (with_shaking(str(sync), found.rotation) for sync in syncs) if ": " in text)
-    return told and f" {told[0].upper()}{told[1:]}."
+def _lines(found: Branches) -> tuple[pd.DataFrame, list[picture.Series], list[int]]:
+    """Return where special points are, the stable and the unstable parts of branches, and rows at their ends."""
+    table, special = found.table, found.special
+    drawn = [name for name in dict.fromkeys((*picture.DRAWN, found.x)) if name in table]
+    at = special.assign(**{name: np.nan for name in drawn if name not in special})
+    parts: dict[tuple[str, bool], list[int]] = {}
+    ends: list[int] = []
+    for label, rows in found.curves():
+        own = found.special_of(rows.iloc[0])
+        shares, stable = places_of(rows, own), rows["stable"].to_numpy(dtype=bool)
+        for name in drawn:
+            at.loc[own.index, name] = between(rows, own, shares, name)
+        name = label if found.varied else f"branch {rows['branch'].iloc[0]}"
+        ends += [int(rows.index[0]), int(rows.index[-1]), *(rows.index[np.round(shares).astype(int)])]
+        for is_stable, part in stretches(stable, shares, rows.index.to_numpy(), len(table) + own.index.to_numpy()):
+            parts.setdefault((name, is_stable), []).extend([*part, picture.BROKEN])
+    colours, series = _colours(found), list[picture.Series]()
+    for (name, is_stable), places in parts.items():
+        look: dict[str, Any] = {"look": "stable", "width": 1.6} if is_stable else {"look": "unstable", "dash": "--"}
+        label = name if len(colours) > 1 else ""
+        series.append(
+            picture.Series(label, np.array(places[:-1]), colour=colours[name], mode="lines", size=0.7, **look)
+        )
+    return at, series, ends
+
+
+def _colours(found: Branches) -> dict[str, str]:
+    """Return the colours of combinations of the grid's values by their labels, or of branches."""
+    names = [label if found.varied else f"branch {rows['branch'].iloc[0]}" for label, rows in found.curves()]
+    names = list(dict.fromkeys(names))
+    return dict(zip(names, picture.palette(len(names)), strict=True))
+
+
+def _behind(found: Branches, table: pd.DataFrame) -> Iterator[picture.Series]:
+    """Yield the points of a sweep, which stand behind all others, in the colours of their combinations."""
+    varied, begin = found.varied if {*found.varied} <= {*table} else [], len(found.table) + len(found.special)
+    for own in picture.in_groups(table, [*varied, "direction"]):
+        colour, direction = (
+            _colours(found).get(found.label(own.iloc[0])) if varied else None,
+            str(own["direction"].iloc[0]),
+        )
+        look: dict[str, Any] = {"symbol": DIRECTIONS.get(direction, "o"), "pale": True}
+        places = begin + own.index.to_numpy()
+        yield picture.Series("", places, f"sweep, {direction}", colour or picture.BEHIND, "markers", **look)
 
 
 # -- multipliers -------------------------------------------------------------------------------------------------------

@@ -13,7 +13,8 @@ Functions that draw take an axis, return it, and leave everything else to you:
 Figures of studies are drawn from their pictures, which :mod:`vibroplat.results.picture` explains.
 """
 
-from vibroplat.plots.pictures import draw_map, draw_response, draw_section
+from vibroplat.plots.panels import draw_map
+from vibroplat.plots.pictures import draw_response, draw_section
 from vibroplat.plots.style import Saving, styled
 from vibroplat.plots.timelines import (
     draw_contact,

@@ -14,10 +14,10 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.patheffects import Normal, Stroke
-from matplotlib.ticker import FixedLocator, MaxNLocator
+from matplotlib.ticker import MaxNLocator
 
 from vibroplat.columns import PHASE_COLUMN, QUANTITIES, quantity_of
+from vibroplat.plots.panels import DRAWERS, HATCH, coloured, ended, placed_by_size, size_at, tick_sizes
 from vibroplat.plots.style import (
     begin_at_zero,
     entry,
@@ -30,7 +30,7 @@ from vibroplat.plots.style import (
     widen_ticks,
 )
 from vibroplat.plots.timelines import Measured, in_units, name_axis, tell_shaking
-from vibroplat.results.labels import EXCITATION, SUPPLY, in_ratios, is_number, key_label, key_name
+from vibroplat.results.labels import EXCITATION, SUPPLY, is_number, key_label
 from vibroplat.results.picture import (
     BEHIND,
     BLACK,
@@ -39,7 +39,6 @@ from vibroplat.results.picture import (
     FAILED,
     REFERENCE,
     STATES,
-    VERMILION,
     Panel,
     Picture,
     Series,
@@ -52,17 +51,10 @@ if TYPE_CHECKING:
 
     from vibroplat.kernels.compiled import FloatArray
 
-#: Panels beside each other at most, and bars of a panel and of a histogram.
-ACROSS, BARS, BINS = 3, 10, 30
+#: Panels beside each other at most.
+ACROSS = 3
 #: Fillings of markers by the state of a point.
 _FILLINGS = dict(zip(STATES, ("full", "none", "bottom", "none"), strict=True))
-#: Hatch of tiles of points that failed, and most ticks of their vertical axis.
-_HATCH, _TICKS = "xxxx", 12
-#: Largest real and imaginary part on the plane, and the least frame, just around the unit circle.
-FARTHEST, NEAREST = 2.0, 1.1
-#: The axis of sizes of multipliers is linear up to this distance from 1, and logarithmic farther away.
-NEAR_ONE = 1e-3
-_SIZE_TICKS = (1.0, 0.9, 1.1, 0.99, 1.01, 0.0, 2.0, 0.999, 1.001, *(10.0**power for power in range(1, 32)))
 _CROSS: Mapping[str, Any] = {"marker": "x", "ls": "", "color": FAILED, "ms": 5.0, "mew": 1.4}
 #: Opacity of intervals that are shaded.
 _SHADE = 0.15
@@ -79,13 +71,8 @@ class _Drawn(NamedTuple):
     states: list[tuple[str, Any]]
 
 
-def _ended(values: Any) -> FloatArray:
-    """Return numbers with a missing one behind them, which is at the place of :data:`BROKEN`."""
-    return np.append(pd.Series(values).to_numpy(dtype=float, na_value=np.nan), np.nan)
-
-
 def _prepared(series: Series, x: FloatArray, states: Any) -> _Drawn:
-    """Prepare a series for its panels; the numbers of ``x`` end as :func:`_ended` says."""
+    """Prepare a series for its panels; the numbers of ``x`` end as :func:`ended` says."""
     known = np.zeros(len(x), dtype=int)
     known[: len(states)] = states
     own = np.where(series.rows == BROKEN, -1, known[series.rows])
@@ -166,9 +153,9 @@ def draw_response(
         The same axis.
     """
     rows = rows.reset_index(drop=True)
-    drawn = _prepared(branch_series(rows, "", color, size), _ended(placed(rows, x)), motions_of(rows))
+    drawn = _prepared(branch_series(rows, "", color, size), ended(placed(rows, x)), motions_of(rows))
     count = len(axis.lines)
-    _draw(axis, drawn, _ended(in_units(rows[column], column)), wraps=column == PHASE_COLUMN)
+    _draw(axis, drawn, ended(in_units(rows[column], column)), wraps=column == PHASE_COLUMN)
     if label is not None:
         axis.lines[count].set_label(label)
     axis.autoscale_view()
@@ -184,171 +171,6 @@ def draw_section(
     return axis
 
 
-# -- tiles, bars, stacks, planes ---------------------------------------------------------------------------------------
-
-
-def draw_map(
-    axis: Axes, table: pd.DataFrame, key: str, values: pd.Series, colours: Any, norm: Any, *, x: str = SUPPLY
-) -> Axes:
-    """Draw a tile of equal height for each point of one direction of a sweep; failed points are hatched.
-
-    Rows are in the order of the key's values, evenly spaced whatever these are: their ticks say which.
-
-    Parameters
-    ----------
-    axis
-        Where to draw.
-    table
-        The points, each with a value of the horizontal axis and of the key.
-    key
-        The key of the vertical axis.
-    values
-        What is drawn; NaN where a point failed.
-    colours, norm
-        Matplotlib's colour map and norm of these values.
-    x
-        Column of the horizontal axis.
-
-    Returns
-    -------
-    Axes
-        The same axis.
-    """
-    grid = table.assign(value=values).pivot_table(
-        index=key, columns=x, values="value", aggfunc="first", dropna=False, sort=True
-    )
-    found = grid.to_numpy(dtype=float)
-    rows, edges = np.arange(len(grid.index)), _edges(grid.columns.to_numpy(dtype=float))
-    corners = edges, np.arange(len(rows) + 1) - 0.5
-    axis.pcolormesh(*corners, found, cmap=colours, norm=norm, rasterized=True)
-    missing = np.ma.masked_where(np.isfinite(found), np.zeros(found.shape))
-    if missing.count():
-        axis.pcolor(*corners, missing, cmap=ListedColormap(["white"]), hatch=_HATCH, lw=0.0)
-    if in_ratios(grid.columns):
-        in_decades(axis, "x")
-    every = max(1, -(-len(rows) // _TICKS))
-    axis.set_yticks(rows[::every], [f"{value:.4g}" for value in grid.index[::every]])
-    axis.grid(visible=False)
-    return axis
-
-
-def _edges(values: FloatArray) -> FloatArray:
-    """Return the edges of tiles around ascending values: half way, of values in equal ratios by their logarithms."""
-    if in_ratios(values):
-        return np.exp(_edges(np.log(values)))
-    half = 0.5 * np.diff(values) if len(values) > 1 else 0.01 * np.abs(values) + 1e-9
-    return np.concatenate([[values[0] - half[0]], values[:-1] + half[: len(values) - 1], [values[-1] + half[-1]]])
-
-
-def _coloured(panel: Panel, points: pd.DataFrame) -> tuple[FloatArray, Any, Normalize]:
-    """Return the number by which each point is coloured, the colours and their norm."""
-    if panel.classes:
-        numbers = points[panel.by].map({name: float(i) for i, name in enumerate(panel.classes)})
-        colours: Any = ListedColormap([colour for colour, _ in panel.classes.values()])
-        return np.asarray(numbers, dtype=float), colours, Normalize(-0.5, len(panel.classes) - 0.5)
-    values = np.asarray(points[panel.by].to_numpy(dtype=float, na_value=np.nan))
-    known = values[np.isfinite(values)]
-    dark = colormaps["viridis_r"](np.linspace(0.05, 1.0, 256))  # from small values, pale, to large ones, dark
-    if panel.least is not None:  # what is none is white
-        dark[0] = 1.0
-        return values, ListedColormap(dark), Normalize(0.0, panel.least)
-    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
-    return values, ListedColormap(dark), Normalize(low, high)
-
-
-def _tiles(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Series]) -> None:
-    """Draw tiles, and lines over them; beyond the first and the last row there are none."""
-    points, (values, colours, norm) = picture.points, _coloured(panel, picture.points)
-    rows = np.concatenate([series.rows for series in shown if series.mode == "dots"])
-    table = points.iloc[rows]
-    draw_map(axis, table, panel.column, pd.Series(values[rows], table.index), colours, norm, x=x)
-    levels = np.unique(table[panel.column])
-    across, up = _ended(points[x]), _ended(points[panel.column])
-    for series in (series for series in shown if series.mode == "lines"):
-        places = np.interp(up[series.rows], levels, np.arange(len(levels)), left=np.nan, right=np.nan)
-        outlined = [Stroke(linewidth=2.3 * series.width, foreground="white"), Normal()]
-        look: dict[str, Any] = {
-            "color": series.colour,
-            "lw": 0.9 * series.width,
-            "ls": series.dash,
-            "path_effects": outlined,
-        }
-        axis.plot(across[series.rows], places, scalex=False, scaley=False, **look)
-
-
-def _bars(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Series]) -> None:
-    """Draw horizontal bars of the first rows, which are the largest."""
-    own = picture.points.iloc[shown[0].rows[:BARS]] if shown else picture.points.iloc[:0]
-    places, values = np.arange(len(own)), own[x].to_numpy(float)
-    axis.barh(places, values, color=[BLUE if value > 0.0 else VERMILION for value in values], height=0.7)
-    axis.set_yticks(places, [key_name(key) for key in own[panel.column]], fontsize=8.0)
-    axis.set_ylim(max(min(max(len(s.rows) for s in picture.series), BARS) if picture.series else 1, 4) - 0.4, -0.6)
-    axis.axvline(0.0, color=REFERENCE, lw=0.8)
-    axis.grid(visible=False, axis="y")
-
-
-def _stack(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Series]) -> None:
-    """Stack fractions over a key; bars say how well each is known from so many starts."""
-    points, below = picture.points, pd.Series(0.0, np.unique(picture.points[x]))
-    values = below.index.to_numpy(float)
-    for series in shown:
-        own = points.iloc[series.rows].set_index(x).reindex(values)
-        share, low, high = (own[f"{panel.column}{end}"].astype(float) for end in ("", "_low", "_high"))
-        top = below + share.fillna(0.0)
-        if len(values) > 1:
-            axis.fill_between(values, below, top, color=series.colour, alpha=0.55, linewidth=0.0)
-        else:
-            axis.bar(values, top - below, bottom=below, width=0.1, color=series.colour, alpha=0.55)
-        known = (top < 1.0 - 1e-9).to_numpy()  # the uppermost is what the others leave
-        bars = np.array([share - low, high - share])[:, known]
-        look: dict[str, Any] = {"fmt": ".", "markersize": 3.0, "linewidth": 0.8, "capsize": 1.5}
-        axis.errorbar(values[known], top[known], bars, color=series.colour, **look)
-        below = top
-    axis.margins(x=0.0 if len(values) > 1 else None)
-
-
-def _plane(axis: Axes, picture: Picture, panel: Panel, _: str, shown: Sequence[Series]) -> None:
-    """Draw complex numbers and the unit circle; say how many lie farther away than the frame."""
-    points, angle = picture.points, np.linspace(0.0, 2.0 * np.pi, 361)
-    axis.plot(np.cos(angle), np.sin(angle), color=REFERENCE, lw=1.0)
-    farthest = points[[panel.x, panel.column]].abs().max().max()
-    frame = float(np.clip(np.nan_to_num(1.05 * farthest), NEAREST, FARTHEST))
-    own = points.iloc[np.concatenate([series.rows for series in shown if series.mode == "dots"])]
-    real, imaginary, by = (own[name].to_numpy(float) for name in (panel.x, panel.column, panel.by))
-    far = (np.abs(real) > frame) | (np.abs(imaginary) > frame)
-    norm = Normalize(float(points[panel.by].min()), float(points[panel.by].max()))
-    look: dict[str, Any] = {"s": 7.0, "cmap": "viridis", "norm": norm, "linewidths": 0.0}
-    axis.scatter(real[~far], imaginary[~far], c=by[~far], **look)
-    if far.any():
-        told = f"{int(far.sum()) // 2} farther away"  # each is there with its conjugate
-        axis.text(0.02, 0.02, told, transform=axis.transAxes, fontsize=8, color=REFERENCE)
-    axis.set(xlabel=f"{panel.x} part", aspect="equal", xlim=(-frame, frame), ylim=(-frame, frame))
-    if axis.get_subplotspec().is_last_col() or len(picture.facets) < 2:  # type: ignore[union-attr]
-        row = [one for one in axis.figure.axes if one.get_ylim() == axis.get_ylim() and one.get_aspect() == 1.0]
-        axis.figure.colorbar(ScalarMappable(norm, "viridis"), ax=row, pad=0.01).set_label(key_label(panel.by))
-
-
-def _place(size: Any) -> Any:
-    """Return where a multiplier's size is on its axis, on which those near 1, which decide on stability, have room."""
-    return np.arcsinh((size - 1.0) / NEAR_ONE)
-
-
-def _size(place: Any) -> Any:
-    """Return the size of a multiplier at a place of its axis, the inverse of :func:`_place`."""
-    return 1.0 + NEAR_ONE * np.sinh(place)
-
-
-def _near_one(axis: Axes) -> None:
-    """Give an axis ticks of sizes, those near 1 first, as many as there is room for."""
-    (low, high), kept = axis.get_ylim(), list[float]()
-    for tick in _SIZE_TICKS:
-        distances = [abs(_place(tick) - _place(other)) for other in kept]
-        if low <= tick <= high and min(distances, default=np.inf) > 0.05 * (_place(high) - _place(low)):
-            kept.append(tick)
-    axis.yaxis.set_major_locator(FixedLocator(kept))
-    axis.yaxis.set_major_formatter("{x:g}")
-
-
 # -- the figure --------------------------------------------------------------------------------------------------------
 
 
@@ -357,7 +179,7 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
     x = x or picture.axes[0]
     picture = _in_units(picture, x)
     figure, cells = _cells(picture, x)
-    prepared = [_prepared(series, _ended(picture.points[x]), _states(picture)) for series in picture.series]
+    prepared = [_prepared(series, ended(picture.points[x]), _states(picture)) for series in picture.series]
     for axis, panel, series, behind in cells:
         _panel(axis, picture, panel, x, [prepared[n] for n in series], [prepared[n] for n in behind])
         if data is not None:
@@ -443,11 +265,9 @@ def _label(column: str) -> str:
 def _panel(axis: Axes, picture: Picture, panel: Panel, x: str, shown: list[_Drawn], behind: list[_Drawn]) -> None:
     """Draw what a panel shows, and name its axis."""
     points, series = picture.points, [one.series for one in shown]
-    draw: Any = _DRAWERS.get("counts" if picture.counted else panel.kind)
-    if draw is not None:
-        draw(axis, picture, panel, x, series)
-    elif panel.by:
-        _dots(axis, picture, panel, x, series)
+    kind = "counts" if picture.counted else "dots" if panel.by and panel.kind == "points" else panel.kind
+    if kind in DRAWERS:
+        DRAWERS[kind](axis, picture, panel, x, series)
     else:
         _curves(axis, picture, panel, x, shown, behind)
     if not picture.counted and (axis.get_subplotspec().is_first_col() or len(picture.facets) < 2):  # type: ignore[union-attr]
@@ -466,24 +286,23 @@ def _panel(axis: Axes, picture: Picture, panel: Panel, x: str, shown: list[_Draw
 def _curves(axis: Axes, picture: Picture, panel: Panel, x: str, shown: list[_Drawn], behind: list[_Drawn]) -> None:
     """Draw series and marks."""
     if panel.scale == "one":
-        axis.set_yscale("function", functions=(_place, _size))
+        axis.set_yscale("function", functions=(placed_by_size, size_at))
         axis.update_datalim([(0.0, 1.0)], updatex=False)
-    y = _ended(picture.points[panel.column])
+    y = ended(picture.points[panel.column])
     for one in behind:
         _draw(axis, one, y, colour=BEHIND)
     for one in shown:
         _draw(axis, one, y, wraps=panel.column == PHASE_COLUMN)
     for mark in picture.marks:
-        look: dict[str, Any] = {
-            "mfc": mark.colour or "white",
-            "mec": mark.colour or BLACK,
-            "mew": 1.1,
-            "zorder": 4.0,
-            "ls": "",
-        }
-        places = picture.points[x].iloc[[*mark.rows]]
-        axis.plot(places, y[mark.rows], marker=mark.symbol, ms=11.0 if mark.colour else 5.0, **look)
+        places, size = picture.points[x].iloc[[*mark.rows]], 11.0 if mark.colour else 5.0
+        axis.plot(places, y[mark.rows], zorder=4.0, **_marked(mark) | {"ms": size})
     axis.autoscale_view()
+
+
+def _marked(mark: Mark) -> dict[str, Any]:
+    """Return the look of special points."""
+    edge, filling = mark.colour or BLACK, mark.colour or "white"
+    return {"marker": mark.symbol, "ls": "", "mfc": filling, "mec": edge, "mew": 1.1, "ms": 6.0}
 
 
 def _name(axis: Axes, panel: Panel) -> None:
@@ -496,30 +315,6 @@ def _name(axis: Axes, panel: Panel) -> None:
         name_axis(axis, panel.column)
     else:
         axis.set_ylabel(key_label(panel.column))
-
-
-def _histogram(axis: Axes, picture: Picture, panel: Panel, _: str, series: Sequence[Series]) -> None:
-    """Draw how often the values of a measure occur, in the colours of its classes."""
-    own = picture.points.iloc[np.concatenate([one.rows for one in series])]
-    values = own[panel.column].to_numpy(dtype=float, na_value=np.nan)
-    parts = [values[(own[panel.by] == name).to_numpy() & np.isfinite(values)] for name in panel.classes]
-    if any(len(part) for part in parts):
-        axis.hist(parts, bins=BINS, stacked=True, color=[colour for colour, _ in panel.classes.values()])
-    axis.xaxis.set_major_locator(MaxNLocator(5))
-    axis.set_ylabel("samples")
-
-
-def _dots(axis: Axes, picture: Picture, panel: Panel, x: str, series: Sequence[Series]) -> None:
-    """Draw dots in the colours of their classes, or along a scale."""
-    rows = np.concatenate([one.rows for one in series])
-    values, colours, norm = _coloured(panel, picture.points)
-    own, size = picture.points.iloc[rows], float(np.clip(4e4 / max(len(rows), 1), 3.0, 40.0))
-    look: dict[str, Any] = {"cmap": colours.with_extremes(bad="0.85"), "norm": norm, "linewidths": 0.0}
-    axis.scatter(own[x], own[panel.column], c=values[rows], s=size, plotnonfinite=True, **look)
-    axis.grid(visible=False)
-
-
-_DRAWERS: Mapping[str, Any] = {"counts": _histogram, "tiles": _tiles, "bars": _bars, "stack": _stack, "plane": _plane}
 
 
 def _references(axis: Axes, picture: Picture, panel: Panel, x: str) -> None:
@@ -541,7 +336,7 @@ def _limit(axis: Axes, panel: Panel, points: pd.DataFrame) -> None:
     if panel.scale == "log":
         in_decades(axis, "y")
     elif panel.scale == "one":
-        _near_one(axis)
+        tick_sizes(axis)
     elif panel.kind == "stack":
         axis.set_ylim(0.0, 1.0)
     elif panel.least is not None:
@@ -553,7 +348,7 @@ def _limit(axis: Axes, panel: Panel, points: pd.DataFrame) -> None:
 def _explain(axis: Axes, picture: Picture, panel: Panel) -> None:
     """Say what the scale of a panel's colours means; classes of several kinds have a legend below each."""
     if not panel.classes and (axis.get_subplotspec().is_last_col() or len(picture.facets) < 2):  # type: ignore[union-attr]
-        _, colours, norm = _coloured(panel, picture.points)
+        _, colours, norm = coloured(panel, picture.points)
         bar = axis.figure.colorbar(ScalarMappable(norm, colours), ax=axis, aspect=40)
         bar.set_label(panel.label or quantity_of(panel.by).label)
 
@@ -572,14 +367,13 @@ def legend_of(picture: Picture) -> list[Any]:
         rows = np.concatenate([one.rows for one in series if one.mode == "dots"] or [np.zeros(0, dtype=int)])
         known = picture.points[panel.by].iloc[rows] if panel.classes else pd.Series(dtype=object)
         if panel.kind == "tiles" and (_states(picture) == STATES.index("failed")).any():
-            entries.append(Patch(facecolor="white", edgecolor="black", hatch=_HATCH, lw=0.3, label="failed"))
+            entries.append(Patch(facecolor="white", edgecolor="black", hatch=HATCH, lw=0.3, label="failed"))
         entries += [
             Patch(color=colour, label=label) for name, (colour, label) in panel.classes.items() if (known == name).any()
         ]
     entries += _looks(picture)
     for mark in picture.marks:
-        look = {"ls": "", "mfc": mark.colour or "white", "mec": mark.colour or BLACK, "mew": 1.1, "ms": 6.0}
-        entries.append(entry(": ".join(filter(None, (mark.kind, mark.meaning))), marker=mark.symbol, **look))
+        entries.append(entry(": ".join(filter(None, (mark.kind, mark.meaning))), **_marked(mark)))
     entries += [
         entry(line.label, color=REFERENCE, lw=0.9, ls=line.dash) for line in picture.lines if line.label and line.at
     ]

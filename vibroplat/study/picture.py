@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -86,7 +86,7 @@ class Sweeps:
     key: str
     grid: Sequence[str]
     x: str
-    labels: Mapping[str, str]
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def varied(self) -> list[str]:
@@ -101,7 +101,11 @@ class Sweeps:
     @cached_property
     def rotation(self) -> str:
         """How the exciters rotate; "" if that varies or is not known."""
-        found = {*self.table["rotation"].dropna()} if "rotation" in self.table else set()
+        if "rotation" in self.table:
+            found = {*self.table["rotation"].dropna()}
+        else:
+            scenes = [] if any("rotation" in key for key in self.grid) else [one.known_scene for one in self.results]
+            found = {scene.rotation for scene in scenes if scene is not None}
         return str(found.pop()) if len(found) == 1 else ""
 
     @cached_property
@@ -118,16 +122,18 @@ class Sweeps:
         scene = self.results[0].known_scene if len(self.results) == 1 else None
         return scene and scene.replace({key: rows[key].astype(object).iloc[0] for key in keys})
 
-    @property
-    def told(self) -> str:
-        """What a reader wants to know of the scene, without keys that axes and curves show."""
+    def told(self, *more: str) -> str:
+        """Return what a reader wants to know of the scene, without keys that axes and curves show."""
         scene = self.scene_of(self.table, [key for key in self.grid if key not in self.varied])
-        return sweep_parameters(scene, [self.key, *self.varied])
+        return sweep_parameters(scene, [self.key, *self.varied, *more])
 
     @property
     def meaning(self) -> str:
         """A sentence on what the machine does in each synchronization, or ""."""
-        found = [with_shaking(str(sync), self.rotation) for sync in self.table["sync"].dropna().unique()]
+        found = [
+            with_shaking(str(sync), self.rotation)
+            for sync in self.table.get("sync", pd.Series(dtype=str)).dropna().unique()
+        ]
         told = "; ".join(text for text in found if ": " in text)
         return told and f" {told[0].upper()}{told[1:]}."
 
@@ -177,7 +183,7 @@ def read(results: Sequence[Result], *, x: str | None = None, columns: Sequence[s
     if len(tables) > 1:
         tables = [table.assign(**{RESULT: name}) for name, table in zip(names, tables, strict=True)]
     table = picture.finite(pd.concat(tables, ignore_index=True))
-    found = Sweeps(results, names, table, keys[0], [RESULT, *grid][len(tables) == 1 :], x or abscissa(keys[0]), {})
+    found = Sweeps(results, names, table, keys[0], [RESULT, *grid][len(tables) == 1 :], x or abscissa(keys[0]))
     labels = compared("sweep", names, [result.known_scene for result in results], found.varied)
     return replace(found, labels=dict(zip(names, labels, strict=True)))
 
@@ -271,7 +277,7 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         states=picture.motions_of(table),
         rotation=sweeps.rotation,
         scale=scale,
-        told=sweeps.told,
+        told=sweeps.told(),
         meaning="▲ up, ▼ down; filled: periodic, open: not periodic, with a dot: undecided, ×: failed. Where the "
         f"motion jumps, a line is broken.{sweeps.meaning}",
         orbits=picture.Orbits(table),
@@ -334,7 +340,7 @@ def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> picture.Picture:
         series=series,
         facets=facets,
         choice="branch",
-        told=sweeps.told,
+        told=sweeps.told(),
         meaning="Each dot is a point of the Poincaré section, or an impact. Grey: those of the other direction.",
     )
 
@@ -392,7 +398,7 @@ def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         choice="direction",
         rotation=sweeps.rotation,
         states=picture.motions_of(table),
-        told=sweeps.told,
+        told=sweeps.told(),
         meaning="Each tile is a point of the sweep; white: failed.",
         orbits=picture.Orbits(table) if not len(curves) else None,
         high=True,
