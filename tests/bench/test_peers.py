@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from bench import peers
 from common.references import load_reference
 
 from vibroplat.bench import measure, scenes
-
-pytestmark = pytest.mark.peers
 
 #: Tolerance, and bounds of the errors of coordinates over their scales, event times (s) and F_c over its largest:
 #: those of "one impact a period" over 0.8 s, tripled.
@@ -16,6 +15,7 @@ SOLVERS = {
     "scipy DOP853": (1e-6, 3e-6, 8e-9, 6e-7),
     "scipy LSODA": (1e-8, 2e-6, 6e-9, 3e-7),
     "heyoka": (1e-6, 7e-6, 1.2e-8, 1.1e-6),
+    "heyoka, integrator alone": (1e-6, 7e-6, 1.2e-8, 1.1e-6),
 }
 
 
@@ -24,22 +24,23 @@ def case():
     return measure.truth("one", scenes.cases()["one impact a period"].replace({"run.duration_s": 0.8}))
 
 
+@pytest.mark.peers
 @pytest.mark.parametrize("name", SOLVERS)
 def test_solver_finds_the_motion(name, case):
-    if name == "heyoka":
+    if name.startswith("heyoka"):
         pytest.importorskip("heyoka")
     tolerance, *bounds = SOLVERS[name]
-    found = measure.precision([case], [name], [tolerance], 1).iloc[0]
-    assert found["failed"] == ""
+    found = measure.precision([case], [name], [tolerance], 1, peers.solver_of).iloc[0]
+    assert (found["failed"], found["engine"]) == ("", name)
     assert (found[["coordinates", "event_time_s", "contact_force"]] < bounds).all()
-    assert 0.0 < found["integrator_ms_per_s"] <= found["ms_per_s"]
 
 
+@pytest.mark.peers
 @pytest.mark.parametrize("name", ["bare run-up", "attached", "one impact a period"])
 def test_reference_is_the_motion_of_heyoka_at_round_off(name):
     pytest.importorskip("heyoka")
     case = measure.truth(name, scenes.cases()[name])
-    found = measure.precision([case], ["heyoka"], [1e-16], 1).iloc[0]
+    found = measure.precision([case], ["heyoka"], [1e-16], 1, peers.solver_of).iloc[0]
     assert found["coordinates"] < 1e-11
     assert found["event_time_s"] < 1e-13
 
@@ -54,3 +55,25 @@ def test_reference_is_the_motion_of_the_tables(name, table):
     assert errors["event_time_s"] < 1e-12
     rows = known.trajectory.set_index(known.trajectory["t_s"].round(9)).loc[found.trajectory["t_s"].round(9)]
     assert np.abs(rows["y_m"].to_numpy() - found.trajectory["y_m"].to_numpy()).max() < 1e-11
+
+
+def test_storm_of_a_peer_is_an_error(monkeypatch):
+    def storm(system, t, y, until, wanted):
+        end = y.copy()
+        end[-2] = -1.0  # gap rate, with two layers
+        return [t + 1e-9], end[np.newaxis], True
+
+    monkeypatch.setitem(peers.PEERS, "bouncing", lambda *_: storm)
+    scene = scenes.cases()["attached"].replace({"contact.restitution": 0.5})
+    with pytest.raises(RuntimeError, match="event-storm: 5000 restarts within "):
+        peers.solver_of("bouncing", scene, 1e-6).run([])
+
+
+@pytest.mark.peers
+@pytest.mark.usefixtures("kernels")
+def test_long_transients_end_where_basins_say(monkeypatch):
+    pytest.importorskip("heyoka")
+    monkeypatch.setattr(peers, "TRANSIENTS", (1000,))
+    table = peers.basins_and_ensembles(1, 4)
+    assert list(table["what"]) == ["basins", "heyoka, one by one", "heyoka, 4 in a vector"]
+    assert list(table["unlike"]) == [0, 0, 0]

@@ -98,12 +98,11 @@ def test_a_run_that_engines_disagree_on_has_exit_code_1(command, kernels, here, 
     assert (check["agrees"], check["disagreement"] in done.err) == (False, True)
 
 
-@pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.long)])
-def test_a_sweep_is_checked_and_resumed(jobs, command, kernels, here):
+def test_a_sweep_is_checked_and_resumed(command, kernels, here):
     done = command("sweep", QUICKSTART, *SWEEP)
     assert (done.code, done.err) == (0, "")
     assert "checked by" not in done.out
-    done = command("sweep", QUICKSTART, *SWEEP, "--check", "--resume", "--jobs", jobs)
+    done = command("sweep", QUICKSTART, *SWEEP, "--check", "--resume")
     assert (done.code, done.err) == (0, "")
     assert "3 tasks from before" in done.out
     assert ", 3 motions, measures within " in done.out

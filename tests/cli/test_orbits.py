@@ -1,20 +1,20 @@
-"""``vibroplat orbits``: its files and its overview, what it refuses, and going on after a kill."""
+"""``vibroplat orbits``: its files and its overview, what it refuses, and going on with unfinished work."""
 
 import contextlib
 import shutil
-import signal
 import sqlite3
 from pathlib import Path
 
 import pytest
 from common.commands import command as run_command
-from common.commands import ended, not_a_line, sending
+from common.commands import not_a_line
 from common.orbits import traced
 from common.results import bits, left
 
 from vibroplat import load_config, orbit
 from vibroplat.motion.run import load_kernels
 from vibroplat.study.pool import Inline
+from vibroplat.study.store import digest
 
 MACHINE = Path(__file__).parents[1] / "continuation/machine.yaml"
 HEAD = f"extends: {MACHINE}\nname: c\nsolver: {{engine: taylor}}\n"
@@ -205,34 +205,16 @@ def test_run_to_begin_from_is_relative_to_the_directory_of_the_command(command, 
     assert branch.rows[0]["rms_y_m"] == pytest.approx(settled.measures["rms_y_m"], rel=1e-6)
 
 
-# -- killed and resumed ------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("signal_", "code"), [(signal.SIGKILL, -9), (signal.SIGINT, 130)])
-def test_stopped_branches_can_be_resumed(command, config, here, signal_, code):
-    path = config(ORBITS.replace("0.4, largest: 0.5", "0.02, largest: 0.02"))  # several parts a branch
-    assert command("orbits", path, "--out", "alone").code == 0
-    wanted = tables("alone/c")
-    stop = sending(signal_, "vibroplat.study.store:Store.write", 4)
-    assert ended(here, "orbits", path, before=stop).code == code
-    assert results() == {}
-    done = command("orbits", path)
-    assert not_a_line(done) == ""
-    line = "3 parts of branches of unfinished work; allowed: --resume to continue it, --overwrite to start again"
-    assert done.err == f"vibroplat: results/c holds {line}\n"
-    done = command("orbits", path, "--resume")
-    assert (done.code, done.err) == (0, "")
-    assert "3 parts of branches from before" in done.out
-    assert tables() == wanted
-
-
 def test_parts_of_branches_that_are_missing_are_made_again(command, followed):
     wanted = tables()
     with sqlite3.connect("results/c/points-orbits.sqlite") as base:
         kept, last = base.execute("SELECT COUNT(*) - 1, MAX(rowid) FROM records").fetchone()
         base.execute(f"DELETE FROM records WHERE rowid = {last}")
+        base.execute("UPDATE about SET value = '0', digest = ? WHERE key = 'finished'", [digest("finished", "0")])
     base.close()
+    done = command("orbits", "c.yaml")
+    assert not_a_line(done) == ""
+    assert f" holds {kept} tasks of unfinished work; allowed: --resume to continue it, " in done.err
     done = command("orbits", "c.yaml", "--resume")
     assert (done.code, done.err) == (0, "")
     assert f"{kept} tasks from before" in done.out

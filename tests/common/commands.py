@@ -19,8 +19,7 @@ from vibroplat.cli import main
 
 PROGRAM = Path(sys.executable).with_name("vibroplat")
 
-#: Longest time of a refusal (s of processor time), and most characters in it.
-SOON = 1.0
+#: Most characters in a refusal.
 LONGEST = 600
 
 

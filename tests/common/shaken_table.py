@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from vibroplat.config.scene import Scene
 
 GRAVITY = 9.81
@@ -20,6 +22,18 @@ def stable_range(restitution):
     """Range of Γ in which the orbit with one impact a period is stable (Luck and Mehta 1993)."""
     low = math.pi * (1.0 - restitution) / (1.0 + restitution)
     return low, math.hypot(low, 2.0 * (1.0 + restitution**2) / (1.0 + restitution) ** 2)
+
+
+def jacobian(gamma_sine, restitution):
+    """Of the map (impact phase, speed after it) ↦ the next ones, at the period-1 orbit, Γ sin φ given.
+
+    In units of g/ω² and 1/ω: Γ sin θ' = Γ sin θ + w(θ' − θ) − (θ' − θ)²/2, w' = (1 + R)Γ cos θ' − R(w − θ' + θ),
+    and w = π, θ' − θ = 2π, Γ cos θ = π(1 − R)/(1 + R) on the orbit.
+    """
+    gamma_cosine = math.pi * (1.0 - restitution) / (1.0 + restitution)
+    shift = np.array([1.0, 2.0 * math.pi / (math.pi + gamma_cosine)])
+    by_phase = -(1.0 + restitution) * gamma_sine + restitution
+    return np.array([shift, by_phase * shift - restitution])
 
 
 def shaken(gamma, restitution=0.0, gravity=GRAVITY):

@@ -6,7 +6,7 @@ from itertools import pairwise
 import pytest
 
 from vibroplat import Drive, Scene
-from vibroplat.config.drive import FREQUENCY, LEAST_SHARE, interval_at
+from vibroplat.config.drive import LEAST_SHARE, interval_at
 from vibroplat.errors import ConfigError
 from vibroplat.study.branches import branches
 
@@ -23,10 +23,6 @@ def test_sweep_refuses_a_supply_and_a_start_of_its_own(scene_of, here, command):
         assert str(caught.value).startswith(line)
         assert command("sweep", "c.yaml") == (2, "", f"vibroplat: c.yaml: {caught.value}\n")
         assert [path.name for path in here.iterdir()] == ["c.yaml"]
-
-
-def test_default_is_a_constant_supply():
-    assert Scene().drive == Drive() == Drive(supply_frequency_hz=FREQUENCY)
 
 
 def drive(*entries):
@@ -69,6 +65,8 @@ def test_left_out_values_are_those_before():
         (40.0, 0.0, (True, False)),
         (40.0, 0.0, (False, False)),
     ]
+    again = drive((0.0, 20.0, {"off": True}), (1.0, None, {"exciter_1": "on"}), (2.0, None, {"off": False}))
+    assert [i.driven for i in again.intervals] == [(False, False), (True, False), (True, True)]
 
 
 def test_switches(scene_of):
@@ -83,11 +81,6 @@ def test_switches(scene_of):
     ):
         text = f"drive: {{program: [{{t_s: 0, supply_frequency_hz: 50, {switches}}}]}}"
         assert scene_of(text).drive.intervals[0].driven == driven
-
-
-def test_both_may_be_on_again():
-    example = drive((0.0, 20.0, {"off": True}), (1.0, None, {"exciter_1": "on"}), (2.0, None, {"off": False}))
-    assert [i.driven for i in example.intervals] == [(False, False), (True, False), (True, True)]
 
 
 def test_slip_speeds_follow_the_frequency_to_a_thousandth_of_the_largest():

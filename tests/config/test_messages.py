@@ -46,17 +46,17 @@ MESSAGES = {
         "drive.supply_frequency_hz: 50": f"unknown key drive.supply_frequency_hz; allowed: {SECTIONS}",
         "run: {initial: {phi1: 0}}": "unknown key run.initial.phi1 in line 1; did you mean phi1_rad? "
         f"allowed: {INITIAL}",
-        "run: {initial: {form: x}}": f"unknown key run.initial.form in line 1; did you mean from? allowed: {INITIAL}",
         "exciters: [{}, {zzz: 1}]": f"unknown key exciters.1.zzz in line 1; allowed: {EXCITER}",
-        program(f"{START}, exciter_3: off"): "unknown key drive.program.0.exciter_3 in line 1; did you mean exciter_2? "
-        "allowed: t_s, supply_frequency_hz, exciter_1, exciter_2, off",
         "name: a\nplatform_mass_kg: 12": "unknown key platform_mass_kg in line 2; did you mean "
         f"machine.platform_mass_kg? allowed: {SECTIONS}",
         "# machine:\nname: a\nmachine:": f"machine = None in line 3; allowed: {SECTION}",
         "name: a\ncalibration: {}": "unknown key calibration in line 2; it is gone: results/README.md tells how "
         "configs/machines/calibrated.yaml was found",
-        "sweep:\n  confirm: orbits": "unknown key sweep.confirm in line 2; it is gone: with settle = orbits points are "
-        "orbits; `vibroplat orbits` gives their multipliers",
+        "sweep:\n  confirm: orbits": "unknown key sweep.confirm in line 2; it is gone: with settle_by = newton points "
+        "are orbits; `vibroplat orbits` gives their multipliers",
+        "basins:\n  starts: {}": "unknown key basins.starts in line 2; it is now basins.initial_conditions "
+        "(and 1 more)",
+        "design: {spread: {}}": "unknown key design.spread in line 1; it is now design.parameter_tolerances",
     },
     "types": {
         "drive: {supply_frequency_hz: fast}": "drive.supply_frequency_hz = 'fast'; allowed: a number",
@@ -64,27 +64,21 @@ MESSAGES = {
         f"contact: {{restitution: {'x' * 5000}}}": f"contact.restitution = '{'x' * 56}...; allowed: a number",
         "name: 3": "name = 3; allowed: text",
         "motor: {pole_pairs: 2.5}": "motor.pole_pairs = 2.5; allowed: a whole number",
-        "orbits: {key: a, start: 1, stop: 2, period: true}": "orbits.period = True; allowed: a whole number",
         "material: {layers: true}": "material.layers = True; allowed: 1 or 2",
         "contact: {model: Impact}": "contact.model = 'Impact'; allowed: 'impact' or 'non-impact'",
         program(f"{START}, exciter_1: 0"): "drive.program.0.exciter_1 = 0; allowed: 'on' or 'off'",
         program(f"{START}, off: off"): "drive.program.0.off = 'off'; allowed: true or false",
         program("off: true"): "drive.program.0.t_s is missing; allowed: a value",
         "drive: [1]": f"drive = [1]; allowed: {SECTION}",
-        "motors: [{}, 3]": f"motors.1 = 3; allowed: {SECTION}",
         "motors: {a: 1}": "motors = {'a': 1}; allowed: a list",
         "motors: [{}]": "motors = [{}]; allowed: entries, at least 2",
-        "exciters: [{}, {}, {}]": "exciters = [{}, {}, {}]; allowed: entries, at most 2",
     },
     "ranges": {
         "contact: {restitution: 1.2}": "contact.restitution = 1.2; allowed: at most 1.0",
-        "contact: {restitution: -0.1}": "contact.restitution = -0.1; allowed: at least 0.0",
         "run: {duration_s: 0}": "run.duration_s = 0; allowed: more than 0.0",
         "machine: {platform_mass_kg: .nan}": "machine.platform_mass_kg = nan; allowed: a finite number",
         "machine: {platform_mass_kg: 1e31}": "machine.platform_mass_kg = 1e+31; allowed: at most 1e+30",
         "machine: {platform_mass_kg: 1e-31}": "machine.platform_mass_kg = 1e-31; allowed: at least 1e-30",
-        "machine: {exciter_angle_deg: -1e31}": "machine.exciter_angle_deg = -1e+31; allowed: at least -1e+30",
-        "run: {initial: {phi1_rad: 1e20}}": "run.initial.phi1_rad = 1e+20; allowed: at most 10000000000.0",
         f"motor: {{pole_pairs: 1{'0' * 400}}}": f"motor.pole_pairs = 1{'0' * 56}...; allowed: at most 1000",
         program(START, "t_s: 1, supply_frequency_hz: 5e-4"): "drive.program.1: supply_frequency_hz = 0.0005; "
         "allowed: 0, or at least 0.001",
@@ -96,6 +90,8 @@ MESSAGES = {
         "synchronous speed; allowed with engine sundae: at most 5e+07",
         "sweep: {supply_frequency_hz: {start: 1.0, stop: 4.0e9, step: 1e9}, max_settle_s: 0.1}": "sweep.measure_s = "
         "2.0 takes 4e+09 turns at the synchronous speed; allowed: at most 1e+09",
+        f"{GRID}{{contact.restitution: [.nan]}}}}": "sweep: grid.contact.restitution = [nan]; "
+        "allowed: numbers up to 1e+30",
         "name: ../up": f"name = '../up'; allowed: {NAME}",
         'name: "a\\nb"': f"name = 'a\\nb'; allowed: {NAME}",
         "name: ''": "name = ''; allowed: at least 1 character",
@@ -163,7 +159,6 @@ MESSAGES = {
         "- 1\n- 2\n": "holds a list; allowed: keys and values",
         "machine: {1: 2}": "not valid YAML: a key is not text",
         "drive:\n  supply_frequency_hz: 51,5": "a decimal comma in line 2; allowed: a point, as in 51.5",
-        "\nmachine: {platform_mass_kg: 12,4}": "a decimal comma in line 2; allowed: a point, as in 51.5",
         "drive:\n  a$b: 1\n": "the key in line 2 is no name; allowed: letters, digits and _ . -",
         "drive: {}\nrun: {}\ndrive: {}\n": 'duplicate key "drive" in line 3; allowed: each key once',
         "a: [1\n": "not valid YAML in line 2, column 1: expected ',' or ']', but got '<stream end>'",
@@ -197,42 +192,26 @@ def test_too_many_entries_are_told():
 
 
 def test_messages_about_files_name_the_one_that_is_wrong(here):
-    (here / "deep" / "er").mkdir(parents=True)
-    texts = {
-        "a": "extends: b.yaml",
-        "b": "extends: a.yaml",
-        "wrong": "drive: {x: 1}",
-        "list": "- 1",
-        "my scene": "",
-        "above": "extends: wrong.yaml",
-        "higher": "extends: deep/er/up.yaml",
-        "deep/er/up": "extends: ../../list.yaml",
-    }
+    place = here / ("d" * 200) / ("e" * 200)
+    place.mkdir(parents=True)
+    texts = {"a": "extends: b.yaml", "b": "extends: a.yaml", "list": "- 1", "my scene": ""}
     for name, text in texts.items():
         (here / f"{name}.yaml").write_text(text)
+    (place / "up.yaml").write_text("extends: ../../list.yaml")
     messages = {
         "nothing.yaml": "nothing.yaml: no such file",
         ".": ".: cannot be read (Is a directory)",
         "a.yaml/c.yaml": "a.yaml/c.yaml: cannot be read (Not a directory)",
         "a.yaml": "a.yaml: extends itself through b.yaml",
-        "above.yaml": "above.yaml: unknown key drive.x; allowed: supply_frequency_hz, program",
-        "higher.yaml": "deep/er/../../list.yaml: holds a list; allowed: keys and values",
         "my scene.yaml": f"my scene.yaml: name = 'my scene'; allowed: {NAME}",
+        place / "up.yaml": "/../../list.yaml: holds a list; allowed: keys and values",  # its path is cut
     }
-    told = {}
-    for name in messages:
+    for name, line in messages.items():
         with pytest.raises(ConfigError) as caught:
             load_config(name)
-        told[name] = str(caught.value)
-    assert told == messages
-
-
-def test_long_path_does_not_hide_what_is_wrong(here):
-    place = here / ("d" * 200) / ("e" * 200)
-    place.mkdir(parents=True)
-    (place / "c.yaml").write_text("drive: {hertz: 50}")
-    with pytest.raises(ConfigError, match=r"c\.yaml: unknown key drive\.hertz"):
-        load_config(place / "c.yaml")
+        told = str(caught.value)
+        assert (told[-len(line) :], len(told) < 500) == (line, True)
+        assert told == line or name == place / "up.yaml"
 
 
 SETTINGS = [

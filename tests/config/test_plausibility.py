@@ -1,6 +1,5 @@
 """Notes on numbers of a scene that are unusual or taken by default."""
 
-import contextlib
 import pickle
 
 import pytest
@@ -8,7 +7,6 @@ from common.places import QUICKSTART
 
 from vibroplat import Machine, Scene, load_config
 from vibroplat.config.plausibility import notes_on_input
-from vibroplat.errors import ConfigError
 
 SECTIONS = {"machine": load_config(QUICKSTART).machine, "motor": load_config(QUICKSTART).motor}
 
@@ -120,19 +118,6 @@ def test_a_motor_too_weak_to_lift_its_unbalance_is_noted():
         assert notes_on_input(weak.replace(changes)) == []
 
 
-@pytest.mark.parametrize("value", [1e-30, 1e30])
-def test_absurd_numbers_have_notes_too(value):
-    """Every number that a scene accepts, alone and beside the others."""
-    scene, accepted = load_config(QUICKSTART), {}
-    for section, name in ((scene.machine, "machine"), (scene.motor, "motor"), (scene.drive, "drive")):
-        for key in type(section).model_fields:
-            with contextlib.suppress(ConfigError):
-                notes_on_input(scene.replace({f"{name}.{key}": value}))
-                accepted[f"{name}.{key}"] = value
-    assert len(accepted) >= 10
-    assert notes_on_input(scene.replace({**accepted, "run.duration_s": 1e-30})) != []
-
-
 # -- numbers taken by default ---------------------------------------------------------------------------
 
 
@@ -162,7 +147,6 @@ def test_keys_of_a_machine_that_are_left_out_are_noted(left_out, notes, tmp_path
 
 
 def test_each_of_two_motors_is_noted():
-    motors = [{"critical_torque_n_m": 1.0}, SECTIONS["motor"].model_dump()]
-    notes = notes_on_input(load_config(QUICKSTART, {"motors": motors}))
+    scene = load_config(QUICKSTART, {"motors": [{"critical_torque_n_m": 1.0}, MOTOR]})
     left_out = "critical_slip, pole_pairs and friction_radius_m"
-    assert notes == [f"motors.0: {left_out} not given; taken from the paper's test rig"]
+    assert notes_on_input(scene) == [f"motors.0: {left_out} not given; taken from the paper's test rig"]

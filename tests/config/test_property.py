@@ -31,12 +31,17 @@ KEYS = sorted(name.replace(".N", ".1") for name in nodes(Scene))
 EDGES = [0, 1, 2, -1, 0.0, 0.5, 1.0, 1e-320, 1e300, 10**400, float("nan"), float("inf")]
 
 
+#: Characters of texts: Latin ones, controls, and some that change what is around them or cannot be printed. A text of
+#: all of Unicode would take a second to begin with.
+CHARACTERS = "".join(map(chr, (*range(0x180), 0x2028, 0x202E, 0x0301, 0xFEFF, 0xFFFF, 0x1F600)))
+
+
 def numbers(st):
     return st.one_of(st.floats(), st.integers(), st.sampled_from(EDGES))
 
 
 def values(st):
-    plain = st.one_of(st.none(), st.booleans(), numbers(st), st.text(max_size=20), st.just("impact"))
+    plain = st.one_of(st.none(), st.booleans(), numbers(st), st.text(CHARACTERS, max_size=20), st.just("impact"))
     names = st.sampled_from([key.rpartition(".")[2] for key in KEYS])
     return st.one_of(plain, st.lists(plain, max_size=3), st.dictionaries(names, plain, max_size=3))
 
@@ -60,14 +65,16 @@ def test_any_value_is_accepted_or_told_in_a_line(changes, here):
     accepted(lambda: load_config("c.yaml", changes))
 
 
-@given(key=lambda st: st.text(min_size=1, max_size=300))
+@given(key=lambda st: st.text(CHARACTERS, min_size=1, max_size=300))
 def test_any_key_is_told_in_a_line(key, here):
     (here / "c.yaml").write_text("")
     name = f"machine.{key.replace('.', '')}"
     assert not accepted(lambda: load_config("c.yaml", {name: 1.0})) or name in KEYS
 
 
-@given(text=lambda st: st.one_of(st.text(max_size=60), st.text("[]{}:,-&*!|>%#? \n\t'\"aé1.~<", max_size=30)))
+@given(
+    text=lambda st: st.one_of(st.text(CHARACTERS, max_size=60), st.text("[]{}:,-&*!|>%#? \n\t'\"aé1.~<", max_size=30))
+)
 def test_any_text_is_a_setting_or_told_in_a_line(text):
     accepted(lambda: parse_overrides([f"key.sub={text}"]), dict)
 
@@ -102,6 +109,12 @@ def test_any_file_is_a_scene_or_told_in_a_line(at, left_out, put_in, here):
     (here / "c.yaml").write_bytes(TEXT[:at] + put_in + TEXT[at + left_out :])
     accepted(lambda: load_config("c.yaml"))
     assert [path.name for path in here.iterdir()] == ["c.yaml"]
+
+
+def test_odd_file_is_a_scene_or_told_in_a_line(here):
+    for odd in (*ODD, b"extends: " + b"k" * 2000):
+        (here / "c.yaml").write_bytes(odd)
+        accepted(lambda: load_config("c.yaml"))
 
 
 def unusable(key, value):

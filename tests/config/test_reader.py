@@ -2,10 +2,9 @@
 
 import pytest
 from common.limits import cpu_seconds
-from common.places import QUICKSTART, ROOT
+from common.places import ROOT
 
 from vibroplat import Contact, Drive, Exciter, Initial, Material, Motor, Scene, load_config
-from vibroplat.config.drive import FREQUENCY
 from vibroplat.config.plausibility import notes_on_input, notes_on_inputs
 from vibroplat.config.reader import load_tree, parse_overrides
 from vibroplat.study.sweep import SweepStudy
@@ -23,6 +22,8 @@ def test_name_is_that_given_or_the_stem_of_the_file(here, scene_of):
     assert load_config("f25.75-R0.3.yaml").name == "f25.75-R0.3"
     assert scene_of("name: given").name == "given"
     assert scene_of("name: given", {"name": "set"}).name == "set"
+    # anchors may be reused (YAML 1.2, section 3.2.2.2), and no warning may reach the user's terminal
+    assert scene_of("motor: &m {pole_pairs: &m 2}\n").motor.pole_pairs == 2
 
 
 @pytest.mark.parametrize("room", ["", "machines", "templates", "paper", "examples"])
@@ -39,11 +40,6 @@ def test_numbers_of_yaml_are_numbers(scene_of, complaint):
         assert scene_of(f"machine: {{platform_mass_kg: {text}}}").machine.platform_mass_kg == value
     for text in ("yes", "1:30", "'5'", "5 kg"):
         assert complaint(f"drive:\n  supply_frequency_hz: {text}\n").endswith("allowed: a number")
-
-
-def test_anchors_may_be_reused(scene_of):
-    """YAML 1.2, section 3.2.2.2; no warning may reach the user's terminal."""
-    scene_of("motor: &m {pole_pairs: &m 2}\n")
 
 
 def test_settings_are_typed_as_in_yaml():
@@ -94,57 +90,37 @@ def test_files_that_extend_each_other_take_time_in_proportion_to_their_number(tm
         assert load_tree(top)["material"] == {"mass_ratio": 0.1999}
 
 
-START = "[{t_s: 0, supply_frequency_hz: 50}]"
-ONE_ENTRY = Drive(program=[{"t_s": 0, "supply_frequency_hz": 50}])
+PROGRAM = "drive: {program: [{t_s: 0, supply_frequency_hz: 50}]}"
+NATURAL = "material: {natural_frequency_hz: 18.5, damping_ratio: 0.05}"
+#: Files, what is laid over them, and what says the same at once if that is not the upper file alone.
+LAYERS = [
+    (NATURAL, "material: {stiffness_n_per_m: 100}", "material: {stiffness_n_per_m: 100, damping_ratio: 0.05}"),
+    ("material: {stiffness_n_per_m: 100, damping_n_s_per_m: 1}", NATURAL, ""),
+    ("motor: {pole_pairs: 1}", "motors: [{}, {pole_pairs: 3}]", ""),
+    ("motors: [{}, {pole_pairs: 3}]", "motor: {pole_pairs: 1}", ""),
+    ("motors: [{pole_pairs: 1}, {}]", "motors: [{}, {}]", ""),
+    ("drive: {supply_frequency_hz: 44}", PROGRAM, ""),
+    (PROGRAM, "drive: {supply_frequency_hz: 44}", ""),
+    (PROGRAM, "drive: {program: }", "drive: {}"),
+]
+STARTS = [
+    ("phi1_rad: 1, phase_sum_rad: 2, speed_ratio: 0", "from: results/a"),
+    ("state: {x_m: 0.1}", "from: results/a"),
+    ("from: results/a", "speed_ratio: 0.5"),
+    ("phase_sum_rad: 1", "phase_difference_rad: 2"),
+    ("phase_difference_rad: 1", "phase_sum_rad: 2"),
+]
+SWEEP, GRID = "sweep: {supply_frequency_hz: {start: 40, stop: 50}, ", "grid: {contact.restitution: [0.0, 0.5]}"
+LAYERS.append((f"{SWEEP}grid: {{material.layers: [1, 2]}}}}", f"sweep: {{{GRID}}}", f"{SWEEP}{GRID}}}"))
+LAYERS += [(f"run: {{initial: {{{below}}}}}", f"run: {{initial: {{{above}}}}}", "") for below, above in STARTS]
 
 
-@pytest.mark.parametrize(
-    ("below", "above", "expected"),
-    [
-        (
-            "material: {natural_frequency_hz: 18.5, damping_ratio: 0.05}",
-            "material: {stiffness_n_per_m: 100}",
-            {"material": Material(stiffness_n_per_m=100.0, damping_ratio=0.05)},
-        ),
-        (
-            "material: {stiffness_n_per_m: 100, damping_n_s_per_m: 1}",
-            "material: {natural_frequency_hz: 18.5, damping_ratio: 0.05}",
-            {"material": Material(natural_frequency_hz=18.5, damping_ratio=0.05)},
-        ),
-        (
-            "motor: {pole_pairs: 1}",
-            "motors: [{}, {pole_pairs: 3}]",
-            {"motor": None, "motors": [Motor(), Motor(pole_pairs=3)]},
-        ),
-        ("motors: [{}, {pole_pairs: 3}]", "motor: {pole_pairs: 1}", {"motor": Motor(pole_pairs=1), "motors": None}),
-        ("motors: [{pole_pairs: 1}, {}]", "motors: [{}, {}]", {"motors": [Motor(), Motor()]}),
-        ("drive: {supply_frequency_hz: 44}", f"drive: {{program: {START}}}", {"drive": ONE_ENTRY}),
-        (f"drive: {{program: {START}}}", "drive: {supply_frequency_hz: 44}", {"drive": Drive(supply_frequency_hz=44)}),
-        (f"drive: {{program: {START}}}", "drive: {program: }", {"drive": Drive(supply_frequency_hz=FREQUENCY)}),
-    ],
-)
-def test_upper_file_gives_one_of_two_alternatives(below, above, expected, here, scene_of):
-    (here / "base.yaml").write_text(below)
-    scene = scene_of(f"extends: base.yaml\n{above}\n")
-    assert {key: getattr(scene, key) for key in expected} == expected
-
-
-@pytest.mark.parametrize(
-    ("below", "above"),
-    [
-        ("phi1_rad: 1, phase_sum_rad: 2, speed_ratio: 0", "from: results/a"),
-        ("state: {x_m: 0.1}", "from: results/a"),
-        ("from: results/a", "speed_ratio: 0.5"),
-        ("phase_sum_rad: 1", "phase_difference_rad: 2"),
-        ("phase_difference_rad: 1", "phase_sum_rad: 2"),
-    ],
-)
-def test_ways_to_begin_replace_each_other(below, above, here, scene_of):
-    (here / "base.yaml").write_text(f"run: {{duration_s: 2, initial: {{{below}}}}}")
-    scene = scene_of(f"extends: base.yaml\nrun: {{initial: {{{above}}}}}")
-    assert scene.run.initial == scene_of(f"run: {{initial: {{{above}}}}}").run.initial
-    assert scene.run.duration_s == 2.0
-    assert Scene.from_tree(scene.to_tree()) == scene == scene.replace()
+def test_upper_file_gives_one_of_several_alternatives(here, scene_of):
+    for below, above, at_once in LAYERS:
+        (here / "base.yaml").write_text(below)
+        scene = scene_of(f"extends: base.yaml\n{above}\n")
+        assert scene == scene_of(at_once or above)
+        assert Scene.from_tree(scene.to_tree()) == scene == scene.replace()
 
 
 def test_settings_are_laid_over_the_file(scene_of):
@@ -167,18 +143,6 @@ def test_settings_are_laid_over_the_file(scene_of):
     assert scene.run.initial == Initial(state={"x_m": 0.1})
     entries = [{"t_s": 0, "supply_frequency_hz": 50, "exciter_2": "off"}, {"t_s": 2, "supply_frequency_hz": 60}]
     assert scene.drive == Drive(program=entries)
-
-
-def test_grid_of_a_sweep_is_replaced_as_a_whole(here):
-    frequencies = "supply_frequency_hz: {start: 40.0, stop: 50.0}"
-    (here / "base.yaml").write_text(f"sweep: {{{frequencies}, grid: {{material.layers: [1, 2]}}}}\n")
-    (here / "c.yaml").write_text(
-        "extends: base.yaml\nsweep: {grid: {contact.restitution: [0.0, 0.5]}, measure_s: 1.0}\n"
-    )
-    scene = load_config("c.yaml")
-    assert scene.sweep.grid == {"contact.restitution": [0.0, 0.5]}
-    assert scene.sweep.supply_frequency_hz.stop == 50.0
-    assert scene.replace({"sweep.grid": {}}).sweep.grid == {}
 
 
 #: A machine, given by each kind of keys.
@@ -275,29 +239,3 @@ VALUES, BRACKETS, BYTES, DEEP = (
 def test_hostile_file_is_refused_in_a_second(text, line, complaint):
     with cpu_seconds(1.0):
         assert complaint(text).startswith(f"c.yaml: {line}")
-
-
-def test_odd_file_is_refused_in_one_short_printable_line(complaint):
-    for text in (
-        '"a\\nb": 1',
-        '"a\\x1b[31mb": 1',
-        'extends: "a\\nb"',
-        f"? {'k' * 2000}\n: 1",
-        f"extends: {'k' * 2000}",
-        'extends: "a\\0b"',
-        "%YAML 1.3\n---\nname: a\n",
-        "name: 0x" + "f" * 5000,  # read without end, but not written by Python, of more than 4300 decimal digits
-    ):
-        line = complaint(text)
-        assert line.isprintable()
-        assert len(line) < 500
-
-
-@pytest.mark.parametrize("files", [50, pytest.param(3000, marks=pytest.mark.long)])
-def test_long_chain_of_files_is_read_or_refused(files, here, complaint):
-    """Each file lies over the next: far more than anybody has."""
-    for k in range(files):
-        (here / f"{k}.yaml").write_text(f"extends: {k + 1}.yaml\n")
-    (here / f"{files}.yaml").write_text(f"extends: {QUICKSTART}\nrun: {{duration_s: -1}}\n")
-    with cpu_seconds(5.0):
-        assert len(complaint("extends: 0.yaml")) < 500

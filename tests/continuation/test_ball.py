@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from common.orbits import traced
-from common.shaken_table import GRAVITY, shaken, stable_range
+from common.shaken_table import GRAVITY, jacobian, shaken, stable_range
 
 from vibroplat.continuation.orbit import orbit
 
@@ -38,22 +38,10 @@ def test_multipliers_of_the_ball_are_those_of_its_map(restitution, share):
     gamma = low + share * (high - low)
     scene = shaken(gamma, restitution)
     found = orbit(scene, scene.run.initial.state.model_dump(), tolerance=1e-9).multipliers
-    own = [found[np.argmin(np.abs(found - m))] for m in multipliers_of_the_map(gamma, restitution)]
+    expected = np.linalg.eigvals(jacobian(math.sqrt(gamma**2 - low**2), restitution))
+    own = [found[np.argmin(np.abs(found - m))] for m in expected]
     assert np.prod(own) == pytest.approx(restitution**2, abs=1e-9)
-    assert own == pytest.approx(multipliers_of_the_map(gamma, restitution), abs=1e-8)
-
-
-def multipliers_of_the_map(gamma, restitution):
-    """Of (impact phase θ, speed w after it) ↦ the next ones, in units of g/ω and 1/ω.
-
-    Γ sin θ' = Γ sin θ + w(θ' − θ) − (θ' − θ)²/2, w' = (1 + R)Γ cos θ' − R(w − θ' + θ), w the ball's own speed.
-    """
-    cosine = math.pi * (1.0 - restitution) / (1.0 + restitution)
-    sine = math.sqrt(gamma**2 - cosine**2)
-    shift = np.array([1.0, 2.0 * math.pi / (math.pi + cosine)])
-    by_phase = -(1.0 + restitution) * sine + restitution
-    jacobian = np.array([shift, by_phase * shift - restitution])
-    return np.linalg.eigvals(jacobian)
+    assert own == pytest.approx(expected, abs=1e-8)
 
 
 def test_period_two_branches_off_where_period_one_loses_stability():

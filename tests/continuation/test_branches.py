@@ -155,18 +155,6 @@ def farthest(row, mass, seconds, restitution=0.0):
     return float(np.abs(difference).max())
 
 
-@pytest.mark.parametrize("mass", [0.0, pytest.param(0.2, marks=pytest.mark.long)])
-def test_stable_orbits_stay_and_unstable_ones_leave(branches, mass):
-    """Points well inside and outside the unit circle; 60 s are 1200 turns and more."""
-    rows = [row for branch in branches[mass] for row in branch.rows]
-    size = np.array([abs(complex(row["multiplier_1_re"], row["multiplier_1_im"])) for row in rows])
-    stable = [rows[i] for i in np.flatnonzero(size < 0.993)][::12]
-    unstable = [rows[i] for i in np.flatnonzero(size > 1.03)][::12]
-    assert min(len(stable), len(unstable)) >= 3
-    assert max(farthest(row, mass, 60.0) for row in stable) < 1e-5
-    assert min(farthest(row, mass, 60.0) for row in unstable) > 1e-2
-
-
 #: Special points with restitution as far as impacts are few: kind, impacts of the orbit next to it, supply frequency.
 FEW_IMPACTS = [
     ("grazing", 3, 51.437912),
@@ -286,7 +274,7 @@ def test_orbits_and_branches_count_the_same_multipliers_as_unstable(branches):
     found = orbit(scene, row["state"])
     for size, unstable in ((1.0 + 1e-7, 0), (1.0 + 1e-5, 1)):
         assert replace(found, multipliers=np.array([size + 0.0j])).unstable == unstable
-    assert found.unstable == row["unstable"]
+    assert found.unstable == row["n_unstable"]
 
 
 def test_branches_end_where_the_law_of_impact_jumps_and_say_so():

@@ -225,16 +225,6 @@ def test_run_killed_among_its_tables_leaves_no_set_of_two_runs(number, place):
 
 
 @pytest.mark.faults
-def test_sweep_ended_at_a_point_goes_on(place):
-    with Child(place, *SWEEP, "2", before=sending(signal.SIGTERM, WRITE, 10)) as child:
-        assert problem(child.end(), signal.SIGTERM) == ""
-        assert all_gone(child)
-    assert 9 <= finished_points(place / "results/c") < POINTS
-    assert command("sweep", "c.yaml", "--out", "alone").code == command("sweep", "c.yaml", "--resume").code == 0
-    assert tables(place / "results/c") == tables(place / "alone/c")
-
-
-@pytest.mark.faults
 def test_ctrl_c_while_workers_start(place):
     with Child(place, *SWEEP, "2", before=sending(signal.SIGINT, "loky:get_reusable_executor")) as child:
         assert problem(child.end()) == ""

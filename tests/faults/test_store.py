@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import random
 import shutil
 import signal
@@ -15,7 +14,7 @@ from common.commands import Child, command, ended, not_a_line, sending
 from common.places import FLYING
 from common.results import bits, finished_points
 
-from vibroplat.errors import ConfigError
+from vibroplat.errors import ConfigError, TableError
 from vibroplat.results.tables import read_table
 from vibroplat.study import sweep
 from vibroplat.study.fingerprint import package
@@ -134,14 +133,14 @@ def test_points_or_tables_that_are_missing_are_made_again(result, finished, capl
 
 def test_unfinished_sweep_is_begun_anew_only_if_asked(unfinished, here):
     line = (
-        "vibroplat: results/c holds 1 points of unfinished work; "
+        "vibroplat: results/c holds 1 tasks of unfinished work; "
         "allowed: --resume to continue it, --overwrite to start again\n"
     )
     assert command("sweep", "c.yaml") == (2, "", line)
     assert finished_points(unfinished) == 1
     done = command("sweep", "c.yaml", "--overwrite", "--set", "sweep.seed=3")
     assert (done.code, done.err) == (0, "")
-    assert "of the points from before" not in done.out
+    assert "tasks from before" not in done.out
     overwritten = bits(read_table(unfinished, "sweep"))
     # finished work may be begun anew, and what is not there can be resumed
     for option in ("--overwrite", "--resume"):
@@ -150,64 +149,28 @@ def test_unfinished_sweep_is_begun_anew_only_if_asked(unfinished, here):
     assert command("sweep", "c.yaml").code == 0
 
 
-def test_changed_configuration_is_not_resumed_and_the_key_is_named(unfinished, result, monkeypatch):
-    for setting, found, wanted in (
-        ("sweep.measure_s=3.0", "0.3", "3.0"),
-        ("sweep.supply_frequency_hz.stop=51.0", "47.0", "51.0"),
-        ("sweep.grid={contact.restitution: [0.1]}", "{}", None),
-        ("machine.platform_mass_kg=12.5", "12.42", "12.5"),
-        ("solver.tolerance=1e-7", "1e-06", "1e-07"),
-        ("contact.impact_law=central", "conservative", "central"),
-        ("material.layers=1", "2", "1"),
+def test_sweep_under_other_conditions_is_not_resumed_and_the_first_is_named(unfinished, monkeypatch):
+    """Points of other sources or arithmetic look alike and differ."""
+    for setting, found in (
+        ("sweep.measure_s=3.0", "0.3"),
+        ("sweep.grid={contact.restitution: [0.1]}", "{}"),
+        ("machine.platform_mass_kg=12.5", "12.42"),
     ):
         done = command("sweep", "c.yaml", "--resume", "--set", setting)
         assert not_a_line(done) == ""
         assert setting.partition("=")[0] in done.err
         assert f"allowed: {found}" in done.err
-        assert wanted is None or f"= {wanted}; " in done.err
+    others = package() | {"source files": "others"}
+    for what, where, found in (
+        ("arithmetic", "vibroplat.study.fingerprint.arithmetic", lambda _engine: "others"),
+        ("source files", "vibroplat.study.study.package", lambda: others),
+    ):
+        monkeypatch.setattr(where, found)
+        done = command("sweep", "c.yaml", "--resume")
+        assert (done.code, done.out) == (2, "")
+        assert f"cannot resume: {what} = others; allowed: " in done.err
     assert finished_points(unfinished) == 1
-    directory = result()
-    assert "sweep.seed = 1; allowed: 0" in command("sweep", "c.yaml", "--resume", "--set", "sweep.seed=1").err
-    known = package()
-    monkeypatch.setattr("vibroplat.study.study.package", lambda: known | {"vibroplat": "9.9.9"})
-    assert "vibroplat = 9.9.9; allowed: 0." in command("sweep", "c.yaml", "--resume").err
-    assert finished_points(directory) == POINTS
-
-
-def test_file_that_is_no_database_of_ours_is_told_in_a_line_and_left_alone(here):
-    (here / "c.yaml").write_text(CONFIGURATION)
-    (here / "results/c").mkdir(parents=True)
-    (here / STORED).write_text("hello\n" * 1000)
-    for options in ((), ("--overwrite",)):
-        line = f"vibroplat: {STORED} is damaged (file is not a database); remove it to start again\n"
-        assert command("sweep", "c.yaml", *options) == (1, "", line)
-    assert (here / STORED).read_text() == "hello\n" * 1000
-    (here / STORED).unlink()
-    changed(here / "results/c", "CREATE TABLE about (x)")
-    done = command("sweep", "c.yaml")
-    assert not_a_line(done) == ""
-    assert done.err.startswith(f"vibroplat: {STORED} cannot be used: ")
-    (here / STORED).unlink()
-    changed(  # the format of former versions
-        here / "results/c",
-        "CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT)",
-        "CREATE TABLE records (first, second INTEGER, record TEXT, PRIMARY KEY (first, second))",
-    )
-    told = "its format is 0, this version reads 3; remove it to start again\n"
-    assert command("sweep", "c.yaml") == (2, "", f"vibroplat: {STORED} cannot be used: {told}")
-
-
-def test_place_that_cannot_be_written_is_told_in_a_line(here):
-    (here / "c.yaml").write_text(CONFIGURATION)
-    (here / STORED).mkdir(parents=True)
-    line = f"vibroplat: {STORED} cannot be used: unable to open database file\n"
-    assert command("sweep", "c.yaml") == (2, "", line)
-    line = "vibroplat: output c.yaml/c is not writable: Not a directory\n"
-    assert command("sweep", "c.yaml", "--out", "c.yaml") == (2, "", line)
-    (here / "closed").mkdir(mode=0o555)
-    if not os.access(here / "closed", os.W_OK):  # root may write everywhere
-        line = "vibroplat: output closed/c is not writable: Permission denied\n"
-        assert command("sweep", "c.yaml", "--out", "closed") == (2, "", line)
+    assert not_a_line(command("sweep", "c.yaml", "--resume", "--overwrite")) == ""
 
 
 # -- damaged records ------------------------------------------------------------------------------------
@@ -241,18 +204,6 @@ def test_damaged_records_are_computed_again_and_said(kinds, finished, result, ca
     assert f", {POINTS - 3} tasks from before\n" in printed
 
 
-def test_records_in_each_others_places_are_computed_again(finished, result, caplog):
-    directory = result()
-    changed(
-        directory,
-        "UPDATE records SET second = second + 100 WHERE first = 0",
-        "UPDATE records SET second = 102 - second WHERE first = 0",
-    )
-    table, said, _ = resumed(directory, caplog)
-    assert table == finished[1]
-    assert len(said) == 1
-
-
 def test_only_what_follows_from_another_state_is_computed_again(result, caplog, monkeypatch):
     """A record that is made anew is the same, so those after it stay; if it were another one, they would not."""
     directory = result()
@@ -274,25 +225,21 @@ def test_only_what_follows_from_another_state_is_computed_again(result, caplog, 
     ]
 
 
-def test_record_that_is_damaged_before_the_table_is_written_ends_in_a_line(result, monkeypatch):
+def test_point_that_is_lost_before_the_table_is_written_ends_in_a_line(result, monkeypatch):
     directory = result()
     run = sweep.run_sweeps
-    for statement, told in (
-        ("UPDATE records SET record = '{}' WHERE first = 1 AND second = 2", "a record is damaged"),
-        ("DELETE FROM records WHERE first = 1 AND second = 1", "point 1 of branch 1 is not stored"),
-    ):
 
-        def losing(sweeps, *arguments, statement=statement):
-            run(sweeps, *arguments)
-            ((_, store),) = sweeps
-            store._base.execute(statement)
-            store._base.commit()
+    def losing(sweeps, *arguments):
+        run(sweeps, *arguments)
+        ((_, store),) = sweeps
+        store._base.execute("DELETE FROM records WHERE first = 1 AND second = 1")
+        store._base.commit()
 
-        monkeypatch.setattr(sweep, "run_sweeps", losing)
-        done = command("sweep", "c.yaml", "--resume")
-        assert not_a_line(done, codes=(1,)) == ""
-        assert told in done.err
-        assert not list(directory.glob("sweep.*"))
+    monkeypatch.setattr(sweep, "run_sweeps", losing)
+    done = command("sweep", "c.yaml", "--resume")
+    assert not_a_line(done, codes=(1,)) == ""
+    assert "point 1 of branch 1 is not stored" in done.err
+    assert not list(directory.glob("sweep.*"))
 
 
 # -- a damaged file -------------------------------------------------------------------------------------
@@ -311,8 +258,8 @@ def test_store_that_is_damaged_as_a_whole_is_told_in_a_line(finished, result):
             changed(file.parent, "UPDATE about SET value = replace(value, '12.42', '12.43')")
         else:
             file.write_bytes(damage(file.read_bytes()))
-        for options in (("--resume",), ("--overwrite",), ()):
-            done = command("sweep", "c.yaml", *options)
+        for option in ("--resume", "--overwrite"):
+            done = command("sweep", "c.yaml", option)
             assert not_a_line(done, codes=(1,)) == ""
             assert done.err.startswith(f"vibroplat: {STORED} is damaged (")
             assert done.err.endswith("); remove it to start again\n")
@@ -342,6 +289,24 @@ def test_flipped_bit_never_changes_the_table(number, finished, result):
 # -- the store itself -----------------------------------------------------------------------------------
 
 
+def test_file_that_is_no_store_is_told_and_left_alone(tmp_path):
+    file = tmp_path / FILE
+    file.write_text("hello\n" * 1000)
+    for how in ({}, {"overwrite": True}):
+        with pytest.raises(SpoiledError, match=r" is damaged \(file is not a database\); remove it to start again$"):
+            Store(tmp_path, {}, file=FILE, **how)
+    assert file.read_text() == "hello\n" * 1000
+    file.unlink()
+    changed(tmp_path, "CREATE TABLE records (first, second INTEGER, record TEXT)")  # the format of former versions
+    told = f"{file} cannot be used: its format is 0, this version reads 3; remove it to start again"
+    with pytest.raises(TableError, match=f"^{told}$"):
+        Store(tmp_path, {}, file=FILE)
+    file.unlink()
+    file.mkdir()
+    with pytest.raises(TableError, match=f"^{file} cannot be used: unable to open database file$"):
+        Store(tmp_path, {}, file=FILE)
+
+
 def test_records_are_read_in_the_order_of_their_numbers(tmp_path):
     with Store(tmp_path, {}) as store:
         for count, (first, second) in enumerate(((1, 0), (0, 2), (0, 10), (0, 1)), 1):
@@ -350,6 +315,9 @@ def test_records_are_read_in_the_order_of_their_numbers(tmp_path):
         assert [second for second, _ in store.read(0)] == [1, 2, 10]
         assert list(store.read(1)) == [(0, {"at": [1, 0]})]
         assert (list(store.read(2)), len(store)) == ([], 4)
+        for name in ("r", "R"):  # names are not those of files
+            store.write(name, 0, {"of": name})
+        assert [list(store.read(name)) for name in ("r", "R")] == [[(0, {"of": "r"})], [(0, {"of": "R"})]]
 
 
 def test_numbers_are_kept_bit_for_bit(tmp_path):
@@ -382,44 +350,14 @@ def test_first_condition_that_differs_is_named(tmp_path):
     with Store(tmp_path, json.loads(json.dumps(conditions)), resume=True) as store:
         assert len(store) == 1
     for changed_, line in (
-        ({**conditions, "a": {"b": 2, "c": [1, 2]}}, "a.b = 2; allowed: 1, as in the finished points"),
-        ({**conditions, "a": {"b": 1, "c": [1]}}, "a.c = [1]; allowed: [1, 2], as in the finished points"),
-        ({**conditions, "a": {"c": [1]}}, "a.b = None; allowed: 1, as in the finished points (and 1 more)"),
-        ({**conditions, "f": True}, "f = True; allowed: None, as in the finished points"),
+        ({**conditions, "a": {"b": 2, "c": [1, 2]}}, "a.b = 2; allowed: 1, as in the finished tasks"),
+        ({**conditions, "a": {"b": 1, "c": [1]}}, "a.c = [1]; allowed: [1, 2], as in the finished tasks"),
+        ({**conditions, "a": {"c": [1]}}, "a.b = None; allowed: 1, as in the finished tasks (and 1 more)"),
+        ({**conditions, "f": True}, "f = True; allowed: None, as in the finished tasks"),
     ):
         with pytest.raises(ConfigError) as caught:
             Store(tmp_path, changed_, resume=True)
         assert str(caught.value) == f"cannot resume: {line}, or --overwrite instead, to begin anew"
-
-
-def test_condition_that_is_known_later_is_compared_too(tmp_path):
-    with Store(tmp_path, {}) as store:
-        store.require("arithmetic", "here")
-        store.write(0, 0, {})
-    with Store(tmp_path, {}, resume=True) as store:
-        store.require("arithmetic", "here")
-        with pytest.raises(ConfigError, match=r"^cannot resume: arithmetic = there; allowed: here, as in the finished"):
-            store.require("arithmetic", "there")
-    with Store(tmp_path, {}, overwrite=True) as store:
-        store.require("arithmetic", "there")
-
-
-@pytest.mark.parametrize(
-    ("what", "where", "found"),
-    [
-        ("source files", "vibroplat.study.study.package", lambda: package.__wrapped__() | {"source files": "others"}),
-        ("arithmetic", "vibroplat.study.fingerprint.arithmetic", lambda _engine: "others"),
-    ],
-)
-def test_sweep_of_other_sources_or_arithmetic_is_not_resumed(what, where, found, result, monkeypatch):
-    """Points of both look alike and differ."""
-    result()
-    monkeypatch.setattr(where, found)
-    done = command("sweep", "c.yaml", "--resume")
-    assert (done.code, done.out) == (2, "")
-    assert f"cannot resume: {what} = others; allowed: " in done.err
-    assert done.err.endswith(", as in the finished points, or --overwrite instead, to begin anew\n")
-    assert not_a_line(command("sweep", "c.yaml", "--resume", "--overwrite")) == ""
 
 
 def test_store_that_does_not_say_what_its_records_depend_on_is_refused(tmp_path):
@@ -445,19 +383,9 @@ def test_other_code_is_told_after_other_conditions_and_needs_no_refusal_where_no
         Store(tmp_path, changed_, resume=True)
     with Store(tmp_path, begun, overwrite=True) as store:
         assert len(store) == 0
-    with Store(tmp_path, begun | {"source files": "b"}, resume=True):
-        pass
-
-
-def test_names_of_chains_tell_capitals_apart(tmp_path):
-    with Store(tmp_path, {}) as store:
-        for name in ("r", "R"):
-            store.write(name, 0, {"of": name})
-        assert [list(store.read(name)) for name in ("r", "R")] == [[(0, {"of": "r"})], [(0, {"of": "R"})]]
-
-
-def test_store_in_memory_writes_no_file(here):
-    with Store(None, {}) as store:
+        store.require("arithmetic", "here")  # known later
+    with Store(tmp_path, begun | {"source files": "b"}, resume=True) as store:
+        store.require("arithmetic", "there")
         store.write(0, 0, {})
-        assert len(store) == 1
-    assert list(here.iterdir()) == []
+        with pytest.raises(ConfigError, match=r"^cannot resume: arithmetic = here; allowed: there, as in the finished"):
+            store.require("arithmetic", "here")

@@ -1,7 +1,6 @@
 """Commands in poor surroundings: closed streams, narrow encodings, little memory, kernels that may not be compiled."""
 
 import errno
-import json
 import os
 import shlex
 import subprocess
@@ -11,9 +10,8 @@ import pytest
 from common.commands import PROGRAM, Done
 from common.places import FLYING, QUICKSTART
 
-from vibroplat.results.tables import read_table
 from vibroplat.system import memory
-from vibroplat.system.interrupts import KEPT, RESUMABLE
+from vibroplat.system.interrupts import RESUMABLE
 
 SHORT = ("--set", "run.duration_s=0.05")
 SWEEP = FLYING + "name: few\nsweep: {supply_frequency_hz: {start: 50.0, stop: 52.0, step: 1.0}, measure_s: 0.5}\n"
@@ -59,23 +57,6 @@ def test_characters_that_a_stream_does_not_have_are_escaped():
 def test_help_and_refusal_with_closed_streams_keep_their_exit_codes(here):
     assert shell("run", "--help", redirect=">&- 2>&-") == (0, "", "")
     assert shell("run", "nope.yaml", redirect=">&-") == (2, "", "vibroplat: nope.yaml: no such file\n")
-
-
-@pytest.mark.long
-def test_commands_with_closed_streams_do_their_work(here, kernels):
-    redirect = ">&- 2>&-"
-    (here / "few.yaml").write_text(SWEEP)
-    assert shell("run", QUICKSTART, *SHORT, redirect=redirect)[::2] == (0, "")
-    assert shell("sweep", "few.yaml", redirect=redirect)[::2] == (0, "")
-    assert len(read_table(here / "results/few", "sweep")) == 3
-    assert json.loads((here / "results/quickstart/summary.json").read_text())["outcome"] == "ok"
-
-
-@pytest.mark.long
-def test_commands_print_to_narrow_encodings(here, kernels):
-    done = shell("run", QUICKSTART, *SHORT, "--out", "schön", PYTHONIOENCODING="ascii")
-    assert (done.code, done.err, done.out.isascii()) == (0, "", True)
-    assert len(list((here / "schön/quickstart").glob("*.json"))) == 2
 
 
 # -- kernels that may not be compiled -------------------------------------------------------------------
@@ -135,32 +116,6 @@ def test_errors_are_told_apart_from_a_lack_of_memory():
     assert [error for error in others if memory.is_short_of_memory(error)] == []
 
 
-def test_run_that_runs_out_of_memory_exits_1_with_one_line(command, here, kernels, monkeypatch):
-    monkeypatch.setattr("vibroplat.motion.run.simulate", raising(SHORTAGES[0]))
-    assert command("run", QUICKSTART) == (1, "", f"vibroplat: not enough memory; {KEPT}\n")
-
-
-@pytest.mark.long
-def test_sweep_that_runs_out_of_memory_keeps_its_finished_points(command, here, kernels, monkeypatch):
-    from vibroplat.study import sweep
-
-    (here / "few.yaml").write_text(SWEEP)
-    measure, calls = sweep.measure_point, []
-
-    def second_fails(*arguments):
-        calls.append(1)
-        if len(calls) == 2:
-            raise MemoryError
-        return measure(*arguments)
-
-    monkeypatch.setattr(sweep, "measure_point", second_fails)
-    assert command("sweep", "few.yaml") == (1, "", f"vibroplat: not enough memory; {RESUMABLE}\n")
-    done = command("sweep", "few.yaml", "--resume")
-    assert (done.code, done.err) == (0, "")
-    assert "1 tasks from before" in done.out
-    assert len(calls) == 4
-
-
 # -- what the system refuses ----------------------------------------------------------------------------
 
 
@@ -179,11 +134,3 @@ def test_full_output_is_named(unbuffered):
     done = shell("--version", redirect="> /dev/full", PYTHONUNBUFFERED=unbuffered)
     assert (done.code, done.out) == (1, "")
     assert done.err.startswith("vibroplat: standard output cannot be written: No space left on device")
-
-
-@pytest.mark.long
-def test_too_few_open_files_for_workers_are_named(here, kernels):
-    (here / "few.yaml").write_text(SWEEP.replace("measure_s", "grid: {contact.restitution: [0.0, 0.3]}, measure_s"))
-    done = shell("sweep", "few.yaml", "--jobs", "2", before="ulimit -n 20;")
-    told = "worker processes cannot be started: Too many open files; one job needs none"
-    assert (done.code, done.err) == (1, f"vibroplat: {told}; {RESUMABLE}\n")

@@ -68,31 +68,6 @@ print(round(found, 9), sum(crossing.stats.cache_hits.values()), is_second())
 """
 
 
-#: Compiles a kernel as soon as it may begin; prints whether it was loaded.
-AT_ONCE = """
-import sys
-from vibroplat.kernels.compiled import compile_for
-from vibroplat.kernels.polynomial import crossing
-import numpy as np
-
-print("ready", flush=True)
-sys.stdin.readline()
-compile_for(crossing, np.zeros((4, 1)), 3, 0, 1.2)
-print(sum(crossing.stats.cache_hits.values()))
-"""
-
-
-@pytest.mark.long
-def test_kernel_is_compiled_once_by_two_commands_at_once(tmp_path):
-    """Otherwise each would compute with its own, which may differ in the last bits."""
-    several = [script(AT_ONCE, stdin=subprocess.PIPE, NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(3)]
-    assert [process.stdout.readline() for process in several] == ["ready\n"] * 3
-    for process in several:
-        process.stdin.write("\n")
-        process.stdin.flush()
-    assert sorted(process.communicate(timeout=120) for process in several) == [("0\n", ""), ("1\n", ""), ("1\n", "")]
-
-
 @pytest.mark.long
 @pytest.mark.parametrize(("how", "loaded"), [("wait", "1"), ("fail", "0"), ("both", "[01]")])
 def test_kernel_is_compiled_once_by_one_of_them(how, loaded, tmp_path):

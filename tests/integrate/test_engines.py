@@ -2,7 +2,6 @@
 
 import gc
 import logging
-import resource
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -96,18 +95,6 @@ def test_every_handle_is_freed(quickstart, monkeypatch):
     del engine
     gc.collect()
     assert len(calls) == 12
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("engine", ["native", "taylor"])
-def test_engines_leave_no_memory_behind(quickstart, engine):
-    scene = with_engine(quickstart, engine).replace({"run.duration_s": 1e-3})
-    for _ in range(100):
-        simulate(scene, keep="summary")
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    for _ in range(400):
-        simulate(scene, keep="summary")
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1024  # KiB
 
 
 @pytest.mark.parametrize(("engine", "seconds"), [("native", 0.5), ("taylor", 0.5), ("sundae", 0.05)])

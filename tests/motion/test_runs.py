@@ -1,7 +1,6 @@
 """Whole runs: repeatability, scenes that need less, outcomes, memory, continuation."""
 
 import math
-import resource
 from pathlib import Path
 
 import pandas as pd
@@ -82,18 +81,6 @@ def test_state_without_finite_accelerations_is_named(quickstart, monkeypatch):
 
 
 # -- memory ---------------------------------------------------------------------------------------------
-
-
-@pytest.mark.long
-def test_memory_stays_flat_over_1e5_restarts(damped):
-    scene = damped.replace({"material.mass_ratio": 0.1, "drive.supply_frequency_hz": 50.0, "solver.tolerance": 1e-4})
-    simulate(scene.replace({"run.duration_s": 50.0}), keep="summary")
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    summary = simulate(scene.replace({"run.duration_s": 2020.0}), keep="summary").summary
-    grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-    assert summary["outcome"] == "ok"
-    assert summary["restarts"] >= 1e5
-    assert grown < 2048  # KiB
 
 
 def test_a_long_bare_run_is_restarted_seldom(printed):

@@ -47,7 +47,7 @@ def test_closed_forms_of_a_bare_platform_in_antiphase():
         "acceleration_max_top_m_per_s2": amplitude * omega**2,
         "gamma": amplitude * omega**2 / 9.81,
         "slip_1": slip,
-        "torque_share_2": torque / 1.2,
+        "torque_ratio_2": torque / 1.2,
         "motor_torque_1_mean_n_m": torque,
         "motor_torque_2_max_n_m": torque,
         "motor_power_1_mean_w": torque * omega,

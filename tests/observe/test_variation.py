@@ -115,7 +115,7 @@ def by_differences(scene, start, seconds, keys=(), step=None):
                 with closing(Followed(scene, start, seconds, name, side * n * step * value)) as followed:
                     found[:, 14 + k] += side * weight * followed.end(start) / step
     found /= scales[:, np.newaxis]
-    names = ("liftoff", "impact", "latch", "drive")
+    names = ("liftoff", "impact", "chatter", "drive")
     return found, [names[kind] for kind in kinds]
 
 
@@ -267,7 +267,7 @@ def test_through_impacts_with_restitution(setup, law, layers, engine):
 def test_through_impacts_that_accumulate(law, layers, engine):
     scene = scene_of(layers, engine=engine, restitution=0.3, impact_law=law, frequency=46.0)
     kinds = agrees(scene, falling(scene), 0.08, 1e-4, KEYS)
-    assert {"impact", "latch"} <= set(kinds)
+    assert {"impact", "chatter"} <= set(kinds)
 
 
 @pytest.mark.parametrize(("layers", "frequency", "engine"), [(1, 52.0, "taylor"), (2, 50.0, "native")])

@@ -225,13 +225,6 @@ def test_curves_that_differ_are_computed_each():
     assert reproduction.PaperStudy(numbers).chains(None) == len(found) - 3
 
 
-def test_perturbation_follows_from_direction_and_frequency():
-    scene = paper_scene("fig3", machine_numbers("calibrated"))
-    up, down = branches(scene)[4:]
-    assert up.key(61.5) == (0, 61_500_000)
-    assert down.key(61.5) == (1, 61_500_000)
-
-
 def test_sweeps_of_figures_differ_in_their_grid_alone():
     """Settings that differ would make a curve that they share another one."""
     first, second = (paper_scene(name, machine_numbers("printed")).sweep for name in ("fig3", "fig6"))
@@ -314,7 +307,7 @@ def test_unfinished_reproduction_is_refused_before_anything_is_simulated(tmp_pat
 
     with pytest.raises(Interrupted):
         reproduce(coarse, Counting(3))
-    with pytest.raises(ConfigError, match="3 points of unfinished work"):
+    with pytest.raises(ConfigError, match="3 tasks of unfinished work"):
         reproduce(coarse, Refusing())
     changed = {**coarse, "machine.unbalance_radius_m": 0.01}
     with pytest.raises(ConfigError, match=r"cannot resume: .*unbalance_radius_m = 0\.01; allowed: "):

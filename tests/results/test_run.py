@@ -44,13 +44,6 @@ def test_page_has_the_card_and_a_picture(run):
     assert page.count("data:image/png;base64,") == 1
 
 
-def test_figure_shows_the_interval(run):
-    line = run.plot("force", start=0.1, stop=0.2).axes[0].lines[0]
-    assert 0.1 <= line.get_xdata().min() < line.get_xdata().max() <= 0.2
-    with pytest.raises(TableError, match=r"start = 100: the run lasted from 0 to 0\.25 s; allowed: a time within it"):
-        run.plot("force", start=100.0)
-
-
 def test_a_figure_shows_itself_in_a_notebook_and_is_none_of_pyplots(run):
     picture = run.plot("motion")._repr_png_()
     assert picture.startswith(b"\x89PNG")
@@ -77,11 +70,6 @@ def test_saved_run_is_the_same_when_it_is_loaded(run, saved):
     assert found.trajectory.attrs == run.trajectory.attrs
     assert repr(found) == repr(run)
     assert found.plot("force").axes
-
-
-def test_run_can_be_saved_as_csv(run, tmp_path):
-    found = load(run.save(tmp_path / "saved", "csv"))
-    assert (found.trajectory["y_m"].to_numpy() == run.trajectory["y_m"].to_numpy()).all()
 
 
 def test_load_of_a_directory_without_a_result(tmp_path):

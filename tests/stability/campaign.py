@@ -1,8 +1,7 @@
 """Many random scenes by two engines that share no numerics: each ends soundly, and both find the same events.
 
 As a program it writes a table for each hundred of them into a folder, with as many processes as it is told, and goes on
-where it was ended. Then it prints what all tables in the folder say; with ``--scenes 0`` it does only that. With
-``--again`` it also runs failed scenes again::
+where it was ended. Then it prints what all tables in the folder say; with ``--scenes 0`` it does only that::
 
     PYTHONPATH=tests python -m stability.campaign FOLDER --scenes 1000000 --jobs 2
 """
@@ -241,12 +240,10 @@ def _multipliers(scene, state):
 
 def write_part(folder, part):
     """Write the table of a part of all scenes, all of it or nothing."""
-    path = folder / f"{part:06}.parquet"
-    known = pd.read_parquet(path).to_dict("records") if path.exists() else []
-    rows = known or [{"number": number, "failed": "not run"} for number in range(part * PART, (part + 1) * PART)]
     unfinished = folder / f".{part:06}.parquet"
-    pd.DataFrame([_row(row["number"]) if row["failed"] else row for row in rows]).to_parquet(unfinished, index=False)
-    unfinished.rename(path)
+    rows = [_row(number) for number in range(part * PART, (part + 1) * PART)]
+    pd.DataFrame(rows).to_parquet(unfinished, index=False)
+    unfinished.rename(folder / f"{part:06}.parquet")
 
 
 def _row(number):
@@ -279,14 +276,10 @@ def main():
     parser.add_argument("folder", type=Path)
     parser.add_argument("--scenes", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--again", action="store_true")
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
     parts = range(given.scenes // PART)
     missing = [part for part in parts if not (given.folder / f"{part:06}.parquet").exists()]
-    if given.again:
-        tables = sorted(given.folder.glob("[0-9]*.parquet"))
-        missing += [int(path.stem) for path in tables if pd.read_parquet(path, columns=["failed"])["failed"].any()]
     with Pool(given.jobs) as workers:
         for done, _ in enumerate(workers.imap_unordered(partial(write_part, given.folder), missing), start=1):
             print(f"{done} of {len(missing)} parts", end="\r", flush=True)

@@ -25,7 +25,7 @@ GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 POSITIVE, NEGATIVE = Exponent(2.0, 0.3, TURN), Exponent(-2.0, 0.3, TURN)
 NONE, OPEN = Exponent(1e-4, 2e-3, TURN), Exponent(0.5, 0.4, TURN)
-MISSING = Exponent(math.nan, math.nan, math.nan)
+MISSING, MERGING = Exponent(math.nan, math.nan, math.nan), Exponent(-math.inf, 0.0, TURN)
 
 #: How a motion has settled.
 MAXIMUM = Settling("maximum", 150.0)
@@ -106,6 +106,7 @@ MOVING = (
 OPEN_SIGN = Kind("undecided", 0, OPEN, "exponent 0.5 ± 0.4 per s, sign unclear", True)
 DRIFTS = Kind("undecided", 0, NONE, "exponent 0.0001 ± 0.002 per s, the section still drifts", True)
 TOO_FEW = Kind("undecided", None, None, "exciter 1 made fewer than two full turns while measured")
+NO_PERIOD = Kind("undecided", 0, NEGATIVE, "exponent -2 ± 0.3 per s, no period found up to 64", True)
 LAST, NO_EXPONENTS = {"last": True}, {"lyapunov": False}
 
 #: Sections, how they settled, their exponent where it is asked for, and options; the kind, None: must settle longer.
@@ -128,13 +129,28 @@ KINDS = {
         (points, settled(1), None, last, None) for points in (noise(64), torus(64)) for last in ({}, LAST)
     ],
     "repeats but drifts": [(drifting(), settled(2), None, {}, None)],
-    "late period whose neighbours part": [
+    "late period unless neighbours part": [
+        *((repeating(4), settled(4, late=True), e, {}, periodic(4, e)) for e in (NEGATIVE, NONE, MISSING)),
         (repeating(4), settled(4, late=True), POSITIVE, {}, None),  # chaos that passes by
         (repeating(4), settled(4, late=True), POSITIVE, NO_EXPONENTS, periodic(4)),  # not asked for
     ],
-    "neighbours part": [(noise(), MAXIMUM, POSITIVE, {}, Kind("chaotic", 0, POSITIVE))],
+    "neighbours part": [
+        (points, MAXIMUM, POSITIVE, {}, Kind("chaotic", 0, POSITIVE)) for points in (noise(), repeating(34, 400))
+    ],
+    "neighbours draw together without a period": [  # they will repeat; if not at the last time either, nobody knows
+        *((noise(), MAXIMUM, exponent, {}, None) for exponent in (NEGATIVE, MERGING)),
+        (noise(), MAXIMUM, NEGATIVE, LAST, NO_PERIOD),
+        (repeating(65, 400), MAXIMUM, NEGATIVE, LAST, NO_PERIOD),
+    ],
+    "growth that may be slow": [  # with two errors it must stay below what doubles in 350 turns
+        (torus(), MAXIMUM, Exponent(0.02, 0.012, TURN), {}, Kind("quasi-periodic", 0, Exponent(0.02, 0.012, TURN))),
+        *(
+            (torus(), MAXIMUM, e, {}, Kind("undecided", 0, e, f"exponent {e.value} ± 0.012 per s, sign unclear", True))
+            for e in (Exponent(0.03, 0.012, TURN), Exponent(-0.03, 0.012, TURN))
+        ),
+    ],
     "closed curve": [
-        (torus(), MAXIMUM, NONE, {}, Kind("quasi-periodic", 0, NONE)),
+        *((points, MAXIMUM, NONE, {}, Kind("quasi-periodic", 0, NONE)) for points in (torus(), repeating(34, 400))),
         (torus(), MAXIMUM, OPEN, {}, OPEN_SIGN),
         (torus(), MAXIMUM, None, NO_EXPONENTS, Kind("non-periodic", 0)),
         *((points, MAXIMUM, NONE, {}, DRIFTS) for points in MOVING),
@@ -163,43 +179,10 @@ def test_chaos_whose_section_moves_drifts(kind_of):
     assert kind_of(points, exponent=POSITIVE)[::4] == ("chaotic", True)
 
 
-def test_late_period_is_kept_unless_neighbours_part(kind_of):
-    for exponent in (NEGATIVE, NONE, MISSING):
-        assert kind_of(repeating(4), settled(4, late=True), exponent)[:2] == ("periodic", 4)
-
-
-# -- sections that do not ---------------------------------------------------------------------------------
-
-
-def test_growth_that_may_be_slow_is_not_told_as_none(kind_of):
-    """With two errors it must stay below what doubles in 350 turns."""
-    for value, motion in ((0.02, "quasi-periodic"), (0.03, "undecided"), (-0.03, "undecided")):
-        exponent = Exponent(value, 0.012, TURN)
-        assert (exponent.sign, kind_of(torus(), exponent=exponent).motion) == (0, motion)
-
-
 def test_missing_exponent_is_undecided_and_no_number(kind_of):
     found = kind_of(torus(), exponent=MISSING)
-    assert (found.motion, found.period) == ("undecided", 0)
     assert found.why == "no exponent: the motion ended early or exciter 1 stopped turning"
-    assert set(columns_of(found)) == {"motion", "period", "detail"}
-
-
-@pytest.mark.parametrize("exponent", [NEGATIVE, Exponent(-math.inf, 0.0, TURN)])
-def test_neighbours_that_draw_together_without_a_period_must_settle_longer(exponent, kind_of):
-    """They will repeat; if not at the last time either, nobody knows."""
-    assert kind_of(noise(), exponent=exponent) is None
-    found = kind_of(noise(), exponent=exponent, last=True)
-    assert (found.motion, found.period) == ("undecided", 0)
-    assert found.why.endswith("no period found up to 64")
-
-
-def test_long_period_is_not_told_of_what_looks_like_it(kind_of):
-    """Chaos and tori come near themselves after many turns."""
-    points = repeating(34, 400)
-    assert kind_of(points, exponent=POSITIVE).motion == "chaotic"
-    assert kind_of(points, exponent=NONE).motion == "quasi-periodic"
-    assert kind_of(repeating(65, 400), exponent=NEGATIVE, last=True).motion == "undecided"
+    assert columns_of(found) == {"motion": "undecided", "period": 0, "detail": found.why}
 
 
 # -- rows whose truth is known ----------------------------------------------------------------------------
@@ -327,7 +310,7 @@ def test_error_of_a_remainder_that_decays_reaches_down_to_0(decay, share):
 
 @pytest.mark.parametrize("latched", [False, True])
 def test_impacts_per_period_have_no_error_where_latches_end_them(latched):
-    """The tolerance decides how many impacts come before a latch; a single latch in the measured part is enough."""
+    """The tolerance decides how many impacts come before a chatter; a single chatter in the measured part is enough."""
     blocks = [m.empty_accumulators(0.0) for _ in range(BLOCKS)]
     for place, block in enumerate(blocks, 1):
         block.whole[m.TIME] = place

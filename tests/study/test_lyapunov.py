@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from common.divergence import integral_of_divergence
 from common.known import GRAVITY, OMEGA, TURN, ball_on_table
+from common.shaken_table import jacobian
 
 from vibroplat import load_config, lyapunov, simulate, variation
 from vibroplat.errors import ConfigError, MotionError
@@ -36,18 +37,6 @@ from .helpers import CALIBRATED, CHAOTIC, MACHINE
 #: Only gap and gap rate are changed: the table's own motion is undamped, its exponent 0.
 OF_THE_BALL = np.zeros((14, 1))
 OF_THE_BALL[[5, 12], 0] = 1.0, 0.3
-
-
-def jacobian(gamma_sine, restitution):
-    """Of the map (impact phase, speed after it) ↦ the next ones, at the period-1 orbit, Γ sin φ given.
-
-    In units of g/ω² and 1/ω: Γ sin θ' = Γ sin θ + w(θ' − θ) − (θ' − θ)²/2, w' = (1 + R)Γ cos θ' − R(w − θ' + θ),
-    and w = π, θ' − θ = 2π, Γ cos θ = π(1 − R)/(1 + R) on the orbit.
-    """
-    gamma_cosine = math.pi * (1.0 - restitution) / (1.0 + restitution)
-    shift = np.array([1.0, 2.0 * math.pi / (math.pi + gamma_cosine)])
-    by_phase = -(1.0 + restitution) * gamma_sine + restitution
-    return np.array([shift, by_phase * shift - restitution])
 
 
 def on_the_orbit(gamma_sine, restitution):
@@ -253,10 +242,10 @@ def later_state(scene, state, turns):
         return motion.now, motion.state
 
 
-def settled(config, frequency, changes=None):
-    """A scene and its state after thirty seconds."""
+def settled(config, frequency, changes=None, turns=None):
+    """A scene and its state after so many turns, those of thirty seconds if they are not told."""
     scene = load_config(config, {**(changes or {}), "drive.supply_frequency_hz": frequency})
-    return scene, later_state(scene, initial_state(scene), int(15 * frequency))[1]
+    return scene, later_state(scene, initial_state(scene), turns or int(15 * frequency))[1]
 
 
 def test_exponent_of_a_periodic_scene_with_impacts_is_negative():
@@ -276,7 +265,7 @@ def test_no_exponent_where_the_exciter_stands_still():
 
 
 def test_no_exponent_where_the_motion_ends_early():
-    scene, state = settled(MACHINE, 62.5, CHAOTIC)
+    scene, state = settled(MACHINE, 62.5, CHAOTIC, 20)
     scene = scene.replace({"solver.max_events_per_period": 1})
     assert np.isnan(largest_exponent(scene, state)).all()
     with pytest.raises(MotionError, match=r"the motion ended early \(event-storm\)"):
@@ -358,7 +347,7 @@ def test_sum_over_a_chaotic_ball_is_that_of_its_impacts():
 
 def test_sum_over_flights_is_that_of_divergence_and_impacts():
     """Each impact takes R² of the volume of all states; on the section the exciter's speed counts too."""
-    scene, state = settled(MACHINE, 52.0, {**CHAOTIC, "contact.restitution": 0.9, "solver.tolerance": 1e-9})
+    scene, state = settled(MACHINE, 52.0, {**CHAOTIC, "contact.restitution": 0.9, "solver.tolerance": 1e-9}, 400)
     found, motion = spectrum(scene, state, Effort(1, 0, 16, 16))
     begun, seconds = later_state(scene, state, 1)[1], 16 * found[0].turn
     run = run_from(scene, begun, seconds)
@@ -373,7 +362,7 @@ def test_sum_with_latches_is_that_of_the_part_that_is_kept():
     scene, state = settled(MACHINE, 50.0, {**CHAOTIC, "contact.restitution": 0.3})
     found, motion = spectrum(scene, state, Effort(1, 4, 16, 16))
     assert motion.automaton.run["mode"] == ATTACHED
-    assert motion.events > 8 * 16  # a latch takes many impacts
+    assert motion.events > 8 * 16  # a chatter takes many impacts
     turn, values = found[0].turn, np.array([exponent.value for exponent in found])
     places = [place for name, place in state_places(scene).items() if not name.startswith("gap_")]
     whole = variation(scene, motion.state, turn).derivative.to_numpy()[np.ix_(places, places)]

@@ -1,11 +1,12 @@
 """Sweeps over any key: the section ``sweep.over``, states carried from layers to others, tables and bands."""
 
-import sqlite3
+from contextlib import closing
 
 import numpy as np
 import pandas as pd
 import pytest
 from common.handmade import after, branch
+from common.known import motion_of
 from common.places import FLYING, LOADED
 from common.results import bits
 
@@ -87,13 +88,8 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("text", MISTAKES)
-def test_a_mistake_is_told_in_a_line_before_anything_runs(text, command, here):
-    (here / "c.yaml").write_text(f"{FLYING}sweep: {{over: {{{text}}}}}\n")
-    done = command("sweep", "c.yaml")
-    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
-    assert done.err.startswith("vibroplat: c.yaml: sweep")
-    assert MISTAKES[text] in done.err
-    assert [path.name for path in here.iterdir()] == ["c.yaml"]
+def test_a_mistake_is_told_in_a_line(text, complaint):
+    assert MISTAKES[text] in complaint(f"{FLYING}sweep: {{over: {{{text}}}}}\n")
 
 
 def test_one_key_of_a_sweep_is_given_once(complaint):
@@ -131,10 +127,9 @@ def test_the_short_form_gives_the_same_bits():
     assert long.columns[0] == "supply_frequency_hz"
     assert long.attrs == short.attrs
     assert bits(bands(long)) == bits(bands(short))
-
-
-def test_one_form_overrides_the_other():
-    scene = planned(LOADED, 50.0, 51.0).replace({"sweep.over": {"key": MASS, "values": [0.1]}})
+    scene = planned(LOADED, 50.0, 51.0).replace(
+        {"sweep.over": {"key": MASS, "values": [0.1]}}
+    )  # one overrides the other
     assert branches(scene.replace({"sweep.over": {"start": 0.0, "stop": 1.0, "count": 2}}))[0].along == (0.0, 1.0)
     assert branches(scene.replace({"sweep.supply_frequency_hz": {"start": 40, "stop": 40}}))[0].along == (40.0,)
 
@@ -145,29 +140,23 @@ def test_one_form_overrides_the_other():
 def test_layers_that_come_up_lie_on_the_platform_with_their_static_sag():
     scene = load_config(LOADED, {MASS: 0.0, "drive.supply_frequency_hz": 50.0})
     loaded = scene.replace({MASS: 0.01})
-    with_engine = [(one, make_engine(one, parameters(one))) for one in (scene, loaded)]
-    try:
-        bare = Simulator(scene, parameters(scene), with_engine[0][1])
-        bare.to_time(0.4)
-        state = carried(bare.state.tolist(), scene, loaded)
-        motion = Simulator(loaded, parameters(loaded), with_engine[1][1], np.array(state))
+    with motion_of(scene) as motion:
+        motion.to_time(0.4)
+        bare = motion.state.copy()
+    state = carried(bare.tolist(), scene, loaded)
+    with closing(make_engine(loaded, parameters(loaded))) as engine:
+        motion = Simulator(loaded, parameters(loaded), engine, np.array(state))
         assert Mode(int(motion.automaton.run["mode"])) is Mode.ATTACHED
-    finally:
-        for _, engine in with_engine:
-            engine.close()
-    assert state[6] == static_rest(loaded)[6] < 0.0
-    assert [state[place] for place in (5, 12, 13)] == [0.0, 0.0, 0.0]
-    kept = [place for place in range(14) if place not in (5, 6, 12, 13)]
-    assert [state[place] for place in kept] == bare.state[kept].tolist()
+    bare[[5, 6, 12, 13]] = 0.0, static_rest(loaded)[6], 0.0, 0.0
+    assert bare[6] < 0.0
+    assert state == bare.tolist()
 
 
 def test_what_a_scene_has_not_is_left_behind_and_what_it_has_is_kept():
-    scene = load_config(LOADED)
-    state = np.arange(1.0, 15.0).tolist()
-    assert carried(state, scene, scene.replace({MASS: 0.3})) == state
-    assert np.flatnonzero(np.array(carried(state, scene, scene.replace({MASS: 0.0}))) == 0.0).tolist() == [5, 6, 12, 13]
-    thin = carried(state, scene, scene.replace({"material.layers": 1}))
-    assert np.flatnonzero(np.array(thin) == 0.0).tolist() == [6, 13]
+    scene, state = load_config(LOADED), np.arange(1.0, 15.0).tolist()
+    for changes, gone in (({MASS: 0.3}, []), ({MASS: 0.0}, [5, 6, 12, 13]), ({"material.layers": 1}, [6, 13])):
+        left = [0.0 if place in gone else value for place, value in enumerate(state)]
+        assert carried(state, scene, scene.replace(changes)) == left
 
 
 def test_a_branch_hands_on_states_of_its_own_layers():
@@ -181,21 +170,16 @@ def test_a_branch_hands_on_states_of_its_own_layers():
 # -- tables, bands, words --------------------------------------------------------------------------------
 
 
-def test_command_resumes_bit_for_bit_in_processes_and_checks(command, here):
+def test_command_writes_a_table_over_the_key(command, here):
     plan = f"over: {{key: {MASS}, values: [0.0, 0.1, 0.2], direction: [up, down]}}, measure_s: 0.4"
     (here / "c.yaml").write_text(f"{FLYING}sweep: {{{plan}, lyapunov: false}}\n")
-    done = command("sweep", "c.yaml", "--check")
+    done = command("sweep", "c.yaml")
     assert (done.code, done.err) == (0, "")
     table = read_table(here / "results/c", "sweep")
     assert table[MASS].tolist() == [0.0, 0.1, 0.2, 0.2, 0.1, 0.0]
     assert table.columns.tolist()[:3] == [MASS, "direction", "branch"]
     assert table.attrs["meanings"][MASS].startswith("mass of the material over that of the machine")
     assert "supply_frequency_hz" not in table
-    with sqlite3.connect(here / "results/c/points-sweep.sqlite") as store:
-        store.execute("DELETE FROM records WHERE second > 0 AND first = 0")
-    again = command("sweep", "c.yaml", "--resume", "--jobs", "2")
-    assert (again.code, " tasks from before" in again.out) == (0, True)
-    assert bits(read_table(here / "results/c", "sweep")) == bits(table)
 
 
 def test_two_values_show_no_jump_and_the_first_material_no_liftoff():

@@ -3,6 +3,7 @@
 import tracemalloc
 
 import pytest
+from common.limits import cpu_seconds
 from common.places import LOADED
 
 from vibroplat import Scene, load_config
@@ -20,12 +21,9 @@ def upward(start, stop, step):
 # -- frequencies ----------------------------------------------------------------------------------------
 
 
-def test_frequencies_are_as_a_user_would_write_them():
-    assert upward(42.0, 42.6, 0.1) == [42.0, 42.1, 42.2, 42.3, 42.4, 42.5, 42.6]
-    assert upward(42.0, 80.0, 0.05) == [float(f"{42 + i / 20:.2f}") for i in range(761)]
-
-
 def test_stop_is_taken_where_whole_steps_reach_it():
+    """Frequencies are as a user would write them."""
+    assert upward(42.0, 80.0, 0.05) == [float(f"{42 + i / 20:.2f}") for i in range(761)]
     wanted = {
         (42.0, 80.0, 0.5): (80.0, 77),
         (42.0, 42.3, 0.1): (42.3, 4),
@@ -52,7 +50,7 @@ def test_step_is_half_a_hertz_and_direction_up_unless_given():
 
 def test_a_branch_takes_little_memory():
     """20 000 of them took 285 MB; most of a scene is shared with the others."""
-    shares = [i / 40 for i in range(40)]
+    shares = [i / 10 for i in range(10)]
     grid = {"contact.restitution": shares, "material.mass_ratio": shares, "material.layers": [1]}
     over = {"start": 50.0, "stop": 51.0, "direction": ["up", "down"]}
     scene = Scene().replace({"sweep": {"supply_frequency_hz": over, "grid": grid}})
@@ -60,7 +58,7 @@ def test_a_branch_takes_little_memory():
     found = branches(scene)
     used, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert len(found) == 3200
+    assert len(found) == 200
     assert used < 4000 * len(found)
 
 
@@ -83,6 +81,12 @@ def test_points_of_all_branches_are_limited_by_a_key():
     told = r"sweep: 2 × 2 branches of 99991 points are 399964; allowed: at most max_points = 200000$"
     with pytest.raises(ConfigError, match=told):
         Scene().replace(settings)
+    keys = ("contact.restitution", "material.mass_ratio", "material.damping_ratio", "material.lower_share")
+    with (
+        cpu_seconds(5.0),
+        pytest.raises(ConfigError, match=r"100000000 combinations; allowed: at most 10000$"),
+    ):
+        Scene().replace(settings | {"sweep.grid": {key: [0.001 * k for k in range(1, 101)] for key in keys}})
     found = branches(Scene().replace(settings | {"sweep.max_points": 399_964}))
     assert len({id(branch.along) for branch in found}) == 2
 
@@ -150,24 +154,14 @@ def test_mistakes_in_other_keys_are_told_in_a_line(complaint):
 
 
 def test_names_of_keys_are_guessed(complaint):
-    assert complaint(with_plan("measur_s: 3")).startswith(
-        "c.yaml: unknown key sweep.measur_s in line 1; did you mean measure_s? "
-    )
     assert complaint(with_plan("settle_s: 3")) == (
         "c.yaml: unknown key sweep.settle_s in line 1; it is gone: a motion settles until it is known to have settled, "
         "for max_settle_s at most"
     )
-    assert complaint(with_plan("zzzz: 3")).startswith(
-        "c.yaml: unknown key sweep.zzzz in line 1; allowed: supply_frequency_hz, "
-    )
     line = complaint(with_plan("grid: {material.mas_ratio: [0.1]}"))
     assert line.startswith("sweep.grid: unknown key material.mas_ratio; did you mean mass_ratio? allowed: ")
-    assert complaint("swep: {}").startswith("c.yaml: unknown key swep in line 1; did you mean sweep? allowed: ")
-
-
-@pytest.mark.parametrize("values", ["material: [{mass_ratio: 0.1}]", "contact.restitution: []"])
-def test_sections_and_empty_lists_are_no_values_of_a_grid(values, complaint):
-    assert f"grid.{values.partition(':')[0]}" in complaint(with_plan(f"grid: {{{values}}}"))
+    for values in ("material: [{mass_ratio: 0.1}]", "contact.restitution: []"):  # no values of a grid
+        assert f"grid.{values.partition(':')[0]}" in complaint(with_plan(f"grid: {{{values}}}"))
 
 
 # -- run and sweep --------------------------------------------------------------------------------------

@@ -35,7 +35,7 @@ INTERFACE = [
     *("impacts_per_period", "gap_max_m", "contact_force_max_n", "impulse_max_n_s", "motor_power_w", "energy_residual"),
     *("outcome", "steps", "residual_calls", "events", "simulated_s", "wall_s"),
 ]
-TEXTS = {"direction", "rotation", "sync", "motion", "outcome", "detail", "notes", "coexists"}
+TEXTS = {"direction", "rotation", "sync", "motion", "outcome", "detail", "notes", "coexisting"}
 COUNTS = {"branch", "period", "steps", "residual_calls", "events"}
 #: What every row has, also of a point that failed.
 OF_THE_OUTCOME = [*INTERFACE[:2], "detail", *INTERFACE[-6:]]
@@ -46,26 +46,21 @@ STORM = {"solver.max_events_per_period": 1}
 @pytest.fixture(scope="module")
 def table():
     """Two directions of two combinations of values."""
-    return swept(LOADED, 50.0, 51.0, direction=["up", "down"], grid=GRID)
+    return swept(LOADED, 50.0, 51.0, step=1.0, direction=["up", "down"], grid=GRID)
 
 
 # -- rows and columns -----------------------------------------------------------------------------------
 
 
-def test_columns_are_those_of_the_interface(table):
+def test_columns_are_those_of_the_interface_and_have_its_types(table):
     found = list(table.columns)
     assert found[:3] == ["supply_frequency_hz", *GRID]
     assert [column for column in found[3:] if column in INTERFACE] == INTERFACE
     assert len(set(found)) == len(found)
-
-
-def test_types_of_columns(table):
-    assert table["supply_frequency_hz"].dtype == float
-    assert [table[key].dtype.kind for key in GRID] == ["f", "i"]
+    kinds = {"supply_frequency_hz": "float64", **dict(zip(GRID, ("float64", "int64"), strict=True))}
+    kinds |= dict.fromkeys(TEXTS, "str") | dict.fromkeys(COUNTS, "Int64")
+    assert table.dtypes.astype(str).to_dict() == {column: kinds.get(column, "float64") for column in found}
     assert set(table["rotation"]) == {"counter-rotating"}
-    for column in table.columns[3:]:
-        expected = "str" if column in TEXTS else "Int64" if column in COUNTS else "float64"
-        assert str(table[column].dtype) == expected, column
 
 
 def test_types_do_not_depend_on_what_was_found():
@@ -90,7 +85,7 @@ def test_good_points_have_all_measures(table):
 
 def test_measures_are_those_of_a_run():
     """Without a perturbation a point is the end of a run."""
-    plan = {"settle": "motion", "measure_s": 3.0, "perturbation": 0.0}
+    plan = {"settle_by": "section", "measure_s": 3.0, "perturbation": 0.0}
     scene = planned(LOADED, 51.0, changes={"contact.restitution": 0.3}, **plan)
     row = sweep(scene).sweep.iloc[0]
     seconds = row["settle_s"]
@@ -143,7 +138,7 @@ def test_failed_points_are_rows_and_the_branch_goes_on(storming):
 
 
 def test_points_that_do_not_keep_their_balances_are_inaccurate_and_not_gone_on_from(monkeypatch):
-    scene = planned(LOADED, 50.0, 50.5, settle="motion", measure_s=0.1)
+    scene = planned(LOADED, 50.0, 50.5, settle_by="section", measure_s=0.1)
     good = sweep(scene).sweep
     monkeypatch.setattr(summary, "LEAST_ENERGY", 0.0)
     monkeypatch.setattr(summary, "ENERGY", 1e-9)
@@ -230,7 +225,7 @@ def test_exciters_that_drift_apart_are_not_synchronous():
 
 def test_equal_scenes_have_equal_rows_in_any_sweep(table):
     """All curves without restitution are one, whatever else is swept and in whichever order."""
-    masses = swept(LOADED, 50.0, 51.0, direction=["down", "up"], grid={"material.mass_ratio": [0.2]})
+    masses = swept(LOADED, 50.0, 51.0, step=1.0, direction=["down", "up"], grid={"material.mass_ratio": [0.2]})
     places = ["material.mass_ratio", "material.layers", "contact.restitution", "direction", "branch"]
 
     def curve(found, direction):
@@ -241,7 +236,7 @@ def test_equal_scenes_have_equal_rows_in_any_sweep(table):
         assert curve(masses, direction) != curve(table[table["contact.restitution"] == 0.3], direction)
 
 
-def test_perturbation_changes_rates_of_platform_and_exciters_by_its_size():
+def test_perturbation_changes_rates_by_its_size_and_follows_from_its_key():
     scene = planned(LOADED, 50.0, perturbation=0.02, seed=5)
     state, scales = initial_state(scene), state_scales(scene)
     changes = np.array([perturb_state(state, scene, 0.02, (5, 0, k)) - state for k in range(400)]) / scales
@@ -249,16 +244,10 @@ def test_perturbation_changes_rates_of_platform_and_exciters_by_its_size():
     assert changes[:, 7:12].std(axis=0) == pytest.approx([0.02] * 5, rel=0.15)
     assert changes[:, 7:12].mean(axis=0) == pytest.approx([0.0] * 5, abs=0.005)
     assert len(np.unique(changes[:, 7])) == 400
+    draws = [perturb_state(state, scene, 0.01, key)[7] for key in itertools.product((0, 1), repeat=3)]
+    assert len(set(draws)) == len(draws)
+    assert perturb_state(state, scene, 0.01, (0, 0, 1))[7] == draws[1]
     assert np.abs(np.corrcoef(changes[:, 7:12].T) - np.eye(5)).max() < 0.25
-
-
-def test_perturbations_follow_from_seed_direction_and_frequency():
-    scene = planned(LOADED, 50.0)
-    state = initial_state(scene)
-    keys = itertools.product((0, 1), repeat=3)
-    draws = {key: perturb_state(state, scene, 0.01, key)[7] for key in keys}
-    assert len(set(draws.values())) == len(draws)
-    assert perturb_state(state, scene, 0.01, (0, 1, 0))[7] == draws[0, 1, 0]
 
 
 # -- bifurcation ----------------------------------------------------------------------------------------
@@ -270,7 +259,7 @@ def both_tables(scene):
 
 
 def test_bifurcation_tables_show_the_last_turns_and_impacts_of_each_point():
-    plan = {"kind": "bifurcation", "settle": "motion", "grid": {"contact.restitution": [0.0]}}
+    plan = {"kind": "bifurcation", "settle_by": "section", "grid": {"contact.restitution": [0.0]}}
     scene = planned(LOADED, 50.0, 51.0, direction=["up", "down"], **plan)
     rows, section, impacts = both_tables(scene)
     keys = ["supply_frequency_hz", "contact.restitution", "direction", "branch", "excitation_frequency_hz"]
@@ -290,7 +279,7 @@ def test_bifurcation_tables_show_the_last_turns_and_impacts_of_each_point():
 
 
 def test_bifurcation_shows_the_heights_and_speeds_of_a_run():
-    plan = {"settle": "motion", "measure_s": 2.4, "perturbation": 0.0, "kind": "bifurcation"}
+    plan = {"settle_by": "section", "measure_s": 2.4, "perturbation": 0.0, "kind": "bifurcation"}
     scene = planned(LOADED, 51.0, changes={"contact.restitution": 0.3}, **plan)
     points, section, impacts = both_tables(scene)
     seconds, duration = points[["settle_s", "simulated_s"]].iloc[0]
@@ -312,7 +301,7 @@ def done(tmp_path_factory):
     (place / "c.yaml").write_text(
         f"{FLYING}"
         "sweep:\n"
-        "  supply_frequency_hz: {start: 50.0, stop: 51.0, direction: [up, down]}\n"
+        "  supply_frequency_hz: {start: 50.0, stop: 51.0, step: 1.0, direction: [up, down]}\n"
         "  grid: {contact.restitution: [0.0, 0.3], material.layers: [2]}\n"
     )
     with pytest.MonkeyPatch.context() as patch:
@@ -328,8 +317,8 @@ def test_command_writes_what_python_gives(done, table):
     written = {path.name for path in done[1].iterdir()}
     assert {"sweep.parquet", "provenance.json"} <= written
     lines = {line[:28].rstrip(): line[28:] for line in done[0].out.splitlines()}
-    assert (lines["points"], lines["outcomes"]) == ("12 in 4 branches", "ok 12")
-    assert (lines["synchronization"], lines["tables"]) == ("antiphase 12 (shakes along y)", "results/c")
+    assert (lines["points"], lines["outcomes"]) == ("8 in 4 branches", "ok 8")
+    assert (lines["synchronization"], lines["tables"]) == ("antiphase 8 (shakes along y)", "results/c")
     assert not {name for name in written if name.startswith((".", "section", "impacts"))}
 
 
@@ -346,6 +335,9 @@ def test_command_with_failed_points_exits_1_and_names_them(command, here, stormi
     assert second.startswith(f"vibroplat: {place.format(52.0)}")
     assert last == "vibroplat: 2 of the points failed"
     assert read_table(here / "results/c", "sweep")["outcome"].tolist() == ["ok", "event-storm", "event-storm"]
+    done = command("sweep", "c.yaml", "--set", "sweep.supply_frequency_hz.start=52", "--out", "failed")
+    assert (done.code, len(done.err.splitlines()), "nan" in done.out) == (1, 2, False)
+    assert "outcomes                    event-storm 1" in done.out
 
 
 def test_another_kind_removes_what_the_one_before_wrote(command, here):
@@ -358,14 +350,6 @@ def test_another_kind_removes_what_the_one_before_wrote(command, here):
         assert {path.name for path in directory.glob("*.[pc]*")} == written
 
 
-def test_command_with_nothing_but_failed_points_prints_no_nan(command, here):
-    plan = "sweep: {supply_frequency_hz: {start: 52.0, stop: 52.0}}"
-    (here / "c.yaml").write_text(f"{FLYING}solver: {{max_events_per_period: 1}}\n{plan}\n")
-    done = command("sweep", "c.yaml")
-    assert (done.code, len(done.err.splitlines()), "nan" in done.out) == (1, 2, False)
-    assert "outcomes                    event-storm 1" in done.out
-
-
 def test_point_without_memory_has_an_outcome_and_the_next_one_goes_on(monkeypatch):
     made = []
 
@@ -376,18 +360,13 @@ def test_point_without_memory_has_an_outcome_and_the_next_one_goes_on(monkeypatc
         return make_engine(scene, p)
 
     monkeypatch.setattr("vibroplat.study.point.make_engine", without)
-    table = swept(LOADED, 50.0, 51.0, settle="motion", measure_s=0.3)
+    table = swept(LOADED, 50.0, 51.0, settle_by="section", measure_s=0.3)
     assert table["outcome"].tolist() == ["ok", "out-of-memory", "ok"]
     assert table["detail"].tolist()[1].startswith("the system gave no more memory; ")
     assert table["steps"].tolist()[1] == 0
 
 
 # -- notes ----------------------------------------------------------------------------------------------
-
-CAPTURED = "captured by a resonance, overloaded or still running up"
-
-
-# -- the digest -----------------------------------------------------------------------------------------
 
 
 def noted(*notes):
@@ -397,16 +376,13 @@ def noted(*notes):
 
 def test_each_kind_of_note_is_told_once_with_its_points():
     turning = "the platform turns by up to {} rad, where a model of first order in phi is inaccurate"
-    captured = f"exciter {{}} turns at {{}} Hz, 7.6 % below its synchronous speed 33 Hz: {CAPTURED}"
+    captured = "exciter {} turns at {} Hz, 7.6 % below its synchronous speed 33 Hz: overloaded"
     both = f"{captured.format(1, 30.5)}; {captured.format(2, 30.5)}"
     found = notes_on_points(noted("", both, f"{turning.format(0.2)}; {captured.format(2, 1e-5)}", both, None))
     assert found == [
         f"3 points at a supply of 61 … 63 Hz, the first: {captured.format(1, 30.5)}",
         f"1 point at a supply of 62 Hz: {turning.format(0.2)}",
     ]
-
-
-def test_a_table_without_notes_has_no_digest():
     assert notes_on_points(noted("", None, np.nan)) == notes_on_points(noted()) == []
 
 
@@ -475,26 +451,20 @@ def sweep_of(points, directory, **plan):
         SweepStudy(scene).run(store, Inline(), lambda done, known: None).save(directory)
 
 
-def largest_memory(*arguments, **plan):
-    """Python's largest memory while it sweeps."""
-    gc.collect()
-    tracemalloc.start()
-    try:
-        sweep_of(*arguments, **plan)
-        return tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-
-
 @pytest.mark.campaign
 def test_memory_for_each_point_is_that_of_its_row(tmp_path, monkeypatch):
     """Rows are kept, some 1.5 kB each; their sections, 4 kB each, are not."""
     monkeypatch.setattr("vibroplat.study.sweep.measure_point", measured_at_once)
     sweep_of(100, tmp_path / "warm", kind="bifurcation")
-    few = largest_memory(2_000, tmp_path / "few", kind="bifurcation")
-    many = largest_memory(10_000, tmp_path / "many", kind="bifurcation")
-    assert many - few < 2e3 * 8_000
-    assert len(read_table(tmp_path / "many", "sweep")) == 10_000
+    taken = []
+    for points in (2_000, 10_000):
+        gc.collect()
+        tracemalloc.start()
+        sweep_of(points, tmp_path / str(points), kind="bifurcation")
+        taken.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert taken[1] - taken[0] < 2e3 * 8_000
+    assert len(read_table(tmp_path / "10000", "sweep")) == 10_000
 
 
 def test_no_scene_is_made_for_points_that_are_stored(tmp_path, monkeypatch):

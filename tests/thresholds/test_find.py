@@ -7,8 +7,6 @@ import pytest
 from vibroplat import find, load_config
 from vibroplat.errors import ConfigError
 from vibroplat.plots.thresholds import threshold_figures
-from vibroplat.study.pool import pool
-from vibroplat.study.store import Store
 from vibroplat.thresholds.tables import ThresholdStudy
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -64,7 +62,7 @@ def test_a_start_may_be_what_varies():
 def test_a_measure_passes_a_level(begin):
     plan = {"expression": "rms_y_m > 7e-4", "scan": 5, "start": 0.2, "stop": 0.4, "tolerance": 1e-6, "from": begin}
     (row,) = find(loaded(58.0, **plan)).thresholds.to_dict("records")
-    assert (row["kind"], row["value"]) == ("level crossing", pytest.approx(0.3302756, abs=2e-6))
+    assert (row["kind"], row["value"]) == ("level-crossing", pytest.approx(0.3302756, abs=2e-6))
     assert row["below_rms_y_m"] > 7e-4 > row["above_rms_y_m"]
 
 
@@ -75,26 +73,6 @@ def test_what_never_changes_is_an_answer(expression, told):
     assert found.answer.text == [
         f"no threshold: {expression} is {told} at all 2 values tried from material.mass_ratio = 0.2 to 0.3"
     ]
-
-
-def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(tmp_path):
-    study = ThresholdStudy(start())
-
-    def killed(done, known):
-        if done == 5:
-            raise KeyboardInterrupt
-
-    def answered(jobs, progress, *, resume=False):
-        with Store(tmp_path, {}, resume=resume) as store, pool(jobs, chains=study.chains(store)) as workers:
-            return study.run(store, workers, progress).tables
-
-    with pytest.raises(KeyboardInterrupt):
-        answered(1, killed)
-    tables = answered(2, lambda done, known: None, resume=True)
-    whole = find(start())
-    for name, expected in (("thresholds", whole.thresholds), ("scan", whole.scan)):
-        times = [column for column in expected if column == "wall_s"]
-        assert tables[name].drop(columns=times).equals(expected.drop(columns=times))
 
 
 @pytest.mark.parametrize(
@@ -137,7 +115,7 @@ def test_the_command_writes_tables_and_prints_the_answer_and_plot_draws_it(comma
     done = command("find", tmp_path / "c.yaml", "--engine", "taylor", "--out", tmp_path)
     assert done.code == 0
     assert "material.mass_ratio = 0.328" in done.out
-    assert "level crossing" in done.out
+    assert "level-crossing" in done.out
     drawn = command("plot", tmp_path / "c", "--measure", "rms_y_m", "--measure", "motor_power_w")
     assert (drawn.code, drawn.out.split()) == (0, [str(tmp_path / "c/thresholds.png")])
     ((_, name, figure),) = threshold_figures([tmp_path / "c"])

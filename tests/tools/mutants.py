@@ -115,7 +115,7 @@ BY_ROOM = [
         "[self._norm.real, self._norm.imag]))[1], sphere) → [self._norm.real, self._norm.imag]))[1] * 0.0 + np.eye(len(sphere[0])), sphere)",
     ]),
     ("thresholds", [
-        'one.kind != "level crossing" or scatters( → one.kind != "level crossing" and scatters(',
+        'one.kind != "level-crossing" or scatters( → one.kind != "level-crossing" and scatters(',
         "if distances and even < 0.9 * length else → if distances else",
     ]),
     ("observe", [

@@ -2,15 +2,11 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.patches import Circle, Polygon, Rectangle
 
 from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM, Saving, new_figure, save
-
-if TYPE_CHECKING:
-    pass
 
 _GREY = "#555555"
 #: Corners and centres in the units of the sketch.

@@ -218,14 +218,14 @@ def follow_starts(
 
     ``history`` are turns that others have taken.
     """
-    with closing(Follower(scene, plan.longest_turns, known, history)) as follower:
+    with closing(Follower(scene, plan.max_turns, known, history)) as follower:
         starts = [follower.follow(state) for state in states_of(scene, plan, range(first, first + count))]
         return {"starts": starts, "known": len(known), "found": follower.attractors[len(known) :]}
 
 
 def followed_alone(scene: Scene, plan: BasinsPlan, number: int) -> Record:
     """Follow a start without what others have found: the ``row`` of what it comes to."""
-    with closing(Follower(scene, plan.longest_turns, [])) as follower:
+    with closing(Follower(scene, plan.max_turns, [])) as follower:
         found = follower.follow(states_of(scene, plan, [number])[0])
         if found["attractor"] is not None:
             return {"row": follower.attractors[found["attractor"]]["row"]}

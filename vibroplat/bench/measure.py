@@ -1,32 +1,72 @@
-"""Run time beside error: engines and peers by turns, on the same scenes, at several tolerances."""
+"""Run time against error: solvers by turns, on the same scenes, at several tolerances."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
 
-from vibroplat.bench.peers import PEERS, Peer
 from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
-from vibroplat.model.parameters import parameters
+from vibroplat.integrate.interface import Engine
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.motion import Simulator
 from vibroplat.motion.run import SETTLE_FRACTION, simulate
-from vibroplat.observe.summary import INACCURATE
+from vibroplat.observe.summary import INACCURATE, MeasuredInterval
 from vibroplat.results.run import RunResult
+from vibroplat.results.tables import write_table
 
 #: Slower impacts (m/s) are not compared: each integration ends an accumulation at its own threshold.
 SLOWEST = 1e-3
-#: Tolerance of the reference, and the least of the automaton; that of a peer may be lower.
-CLOSEST, FINEST = 1e-13, 1e-12
+#: Tolerance of the reference.
+CLOSEST = 1e-13
 #: Errors of coordinates over their scales at which run times are compared: larger ones where a motion amplifies errors.
-LEVEL, AMPLIFIED = 1e-6, {"latches, R 0.5": 1e-3, "flights of many periods": 1e-2}
+LEVEL, AMPLIFIED = 1e-6, {"chatters, R 0.5": 1e-3, "flights of many periods": 1e-2}
+#: Processor time of a turn (s) up to which a task is repeated.
+SHORT = 0.02
+
+K = TypeVar("K")
+T = TypeVar("T")
+
+
+class Timed(NamedTuple):
+    """Processor times of a task (s), one a turn, and what its last run returned."""
+
+    seconds: FloatArray
+    value: Any
+
+
+def timed(work: Callable[..., T], *arguments: Any, **options: Any) -> tuple[float, T]:
+    """Return the processor time of a call (s), and what the call returned."""
+    began = time.process_time()
+    value = work(*arguments, **options)
+    return time.process_time() - began, value
+
+
+def by_turns(tasks: Mapping[K, Callable[[], tuple[float, Any]]], repeats: int) -> dict[K, Timed]:
+    """Run tasks by turns, so that a machine's drift affects all of them alike.
+
+    A task returns its time (s) and its value, as :func:`timed` does. Within a turn a short task is repeated until its
+    runs have taken :data:`SHORT`; the time of the turn is their median.
+    """
+    seconds: dict[K, list[float]] = {key: [] for key in tasks}
+    values: dict[K, Any] = {}
+    for _ in range(repeats):
+        for key, task in tasks.items():
+            spent: list[float] = []
+            while sum(spent) < SHORT:
+                second, values[key] = task()
+                spent.append(second)
+            seconds[key].append(float(np.median(spent)))
+    return {key: Timed(np.array(seconds[key]), values[key]) for key in tasks}
 
 
 class Reference(NamedTuple):
@@ -68,64 +108,56 @@ def event_errors(mine: pd.DataFrame, theirs: pd.DataFrame) -> dict[str, float]:
 
 
 class Solver:
-    """An engine of the package or a peer, at a tolerance of its own, with a scene to run."""
+    """A scene, and what makes the engine that runs it."""
 
-    def __init__(self, name: str, scene: Scene, tolerance: float) -> None:
-        own = {"solver.tolerance": tolerance, "solver.engine": name}
-        self.scene = scene.replace({"solver.tolerance": max(tolerance, FINEST)} if name in PEERS else own)
-        self.p = parameters(self.scene)
-        self.peer = Peer(name, self.scene, self.p, tolerance) if name in PEERS else None
+    def __init__(self, scene: Scene, make: Callable[[Scene, Parameters], Engine] = make_engine) -> None:
+        self.scene, self.make = scene, make
 
     def run(self, times: Iterable[float]) -> RunResult:
-        """Run the scene, states at these times wanted; RuntimeError if it ends early."""
-        if (peer := self.peer) is not None:
-            peer.wanted = np.asarray(times)
-        run = simulate(self.scene, engine=lambda scene, p: peer or make_engine(scene, p))
-        if run.outcome not in ("ok", INACCURATE):  # the audit knows no more of a peer than its points
+        """Run the scene, whose states at these times are compared; RuntimeError if it ends early."""
+        run = simulate(self.scene, engine=self.make)
+        if run.outcome not in ("ok", INACCURATE):  # the audit knows no more of another solver than its points
             raise RuntimeError(f"{run.outcome}: {run.summary['detail']}")
         return run
 
-    def timed(self) -> tuple[float, float]:
-        """Time of a run with its statistics, and of a peer's integrator in it (s)."""
-        duration = self.scene.run.duration_s
-        with closing(self.peer or make_engine(self.scene, self.p)) as engine:
-            if self.peer is not None:
-                self.peer.wanted, self.peer.alone_s = np.empty(0), 0.0
-            motion = Simulator(self.scene, self.p, engine)
-            began = time.perf_counter()
-            motion.advance(duration, settle=SETTLE_FRACTION * duration)
-            wall = time.perf_counter() - began
-        return wall, wall if self.peer is None else self.peer.alone_s
+    def timed(self) -> tuple[float, MeasuredInterval]:
+        """Return the processor time (s) of a run with its statistics, and what it measured."""
+        duration, p = self.scene.run.duration_s, parameters(self.scene)
+        with closing(self.make(self.scene, p)) as engine:
+            motion = Simulator(self.scene, p, engine)
+            return timed(motion.advance, duration, settle=SETTLE_FRACTION * duration)
+
+
+def of_engine(name: str, scene: Scene, tolerance: float) -> Solver:
+    """Return a solver of a scene by an engine of the package, at a tolerance."""
+    return Solver(scene.replace({"solver.engine": name, "solver.tolerance": tolerance}))
 
 
 def truth(name: str, scene: Scene) -> Reference:
     """Run a scene by the most accurate engine; tests hold it against heyoka at round-off and other integrations."""
     times = np.linspace(0.0, scene.run.duration_s, round(100.0 * scene.run.duration_s) + 1)
-    run = Solver("taylor", scene, CLOSEST).run(times)
+    run = of_engine("taylor", scene, CLOSEST).run(times)
     return Reference(name, scene, run(times), run.events)
 
 
-def medians(solvers: dict[Any, Solver], repeats: int) -> dict[Any, tuple[float, float]]:
-    """Median times of runs and of their integrators (s), by turns, so that a machine's drift affects all alike."""
-    times: dict[Any, list[tuple[float, float]]] = {key: [] for key in solvers}
-    for _ in range(repeats):
-        for key, solver in solvers.items():
-            spent = 0.0
-            while spent < 0.02:  # s; short runs are repeated
-                times[key].append(solver.timed())
-                spent += times[key][-1][0]
-    return {key: tuple(np.median(of, axis=0)) for key, of in times.items()}
+def precision(
+    cases: Iterable[Reference],
+    engines: Sequence[str],
+    tolerances: Sequence[float],
+    repeats: int,
+    solver_of: Callable[[str, Scene, float], Solver] = of_engine,
+) -> pd.DataFrame:
+    """Return a table of errors and run times by case, engine and tolerance; ``failed`` says why a run has none.
 
-
-def precision(cases: Iterable[Reference], engines: Sequence[str], tolerances: Sequence[float], repeats: int) -> Any:
-    """Return a table of errors and run times by case, engine and tolerance; ``failed`` says why a run has none."""
+    ``solver_of`` makes the solver of an engine's name, a scene and a tolerance.
+    """
     rows: list[dict[str, Any]] = []
     for case in cases:
         solvers, found, scales = {}, {}, dict(zip(COORDINATES, state_scales(case.scene), strict=False))
         for key in ((engine, tolerance) for engine in engines for tolerance in tolerances):
             row: dict[str, Any] = {"case": case.name, "engine": key[0], "tolerance": key[1], "failed": ""}
             try:
-                solver = Solver(key[0], case.scene, key[1])
+                solver = solver_of(key[0], case.scene, key[1])
                 run = solver.run(case.trajectory["t_s"])
                 row |= {"engine": run.summary["engine"], "steps": run.summary["steps"]}
                 row |= coordinate_errors(run, case.trajectory) | event_errors(run.events, case.events)
@@ -134,9 +166,8 @@ def precision(cases: Iterable[Reference], engines: Sequence[str], tolerances: Se
             except Exception as reason:  # whatever a library raises is its row's, not the bench's end
                 row["failed"] = f"{type(reason).__name__}: {reason}".splitlines()[0]
             found[key] = row
-        for key, (wall, alone) in medians(solvers, repeats).items():
-            seconds = case.scene.run.duration_s
-            found[key] |= {"ms_per_s": 1e3 * wall / seconds, "integrator_ms_per_s": 1e3 * alone / seconds}
+        for key, times in by_turns({key: solver.timed for key, solver in solvers.items()}, repeats).items():
+            found[key]["ms_per_s"] = 1e3 * np.median(times.seconds) / case.scene.run.duration_s
         rows += found.values()
     return pd.DataFrame(rows)
 
@@ -163,3 +194,19 @@ def at_equal_error(table: pd.DataFrame) -> pd.DataFrame:
                 rows.append((case, error, engine, time_at(of["coordinates"], of["ms_per_s"], error), unit))
     table = pd.DataFrame(rows, columns=["case", "error", "engine", "ms_per_s", "over_taylor"])
     return table.assign(over_taylor=table["ms_per_s"] / table["over_taylor"])
+
+
+def show(table: pd.DataFrame, directory: Path, name: str) -> None:
+    """Write a table to a directory under a name, and print it."""
+    write_table(table, directory, name, "csv")
+    print(f"\n{name}\n{table.to_string(index=False, float_format='%.3g')}", flush=True)
+
+
+def show_precision(table: pd.DataFrame, directory: Path, name: str) -> None:
+    """Write, print and draw a table of :func:`precision`; with engine ``taylor`` also run times at equal errors."""
+    from vibroplat.plots.bench import plot_precision  # noqa: PLC0415  (half a second)
+
+    show(table, directory, name)
+    print(plot_precision(table, directory, name))
+    if "taylor" in set(table["engine"]):
+        show(at_equal_error(table), directory, f"{name}-equal")

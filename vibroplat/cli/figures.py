@@ -49,7 +49,7 @@ def plot(
     dpi: Annotated[int | None, typer.Option(min=10, max=2400, help="Dots per inch. Default: 130.")] = None,
     out: Annotated[Path | None, typer.Option(help="Directory for the figures. Default: the first DIR.")] = None,
 ) -> None:
-    """Draw figures of results, of whatever command.
+    """Draw figures of results, of one or of several directories.
 
     Several runs or sweeps are laid over each other. Only the tables in DIR are read; nothing is simulated.
     """
@@ -75,7 +75,7 @@ def report(
     ] = True,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE even if it is no page.")] = False,
 ) -> None:
-    """Write an HTML page of results, to look at and to hand on.
+    """Write an HTML page of results, to read and to hand on.
 
     One HTML file with curves, tables and the moving machine of all results side by side; it opens offline in a browser.
     """
@@ -97,7 +97,10 @@ def film(
     turns: Annotated[float, typer.Option(min=0.1, max=100.0, help="Turns, if no interval is given.")] = 2.0,
     frames: Annotated[int, typer.Option(min=2, max=1000, help="Pictures of each turn.")] = 40,
 ) -> None:
-    """Film the moving machine of a run in slow motion, as GIF, or MP4 where ffmpeg is installed."""
+    """Film the moving machine of a run in slow motion.
+
+    The film is a GIF, or an MP4 where ffmpeg is installed.
+    """
     from vibroplat.plots.film import write_film
 
     print(write_film(directory, out, start, stop, turns=turns, frames=frames))

@@ -27,7 +27,7 @@ def paper(
     seeds: Annotated[int, typer.Option(min=1, help="Number of perturbation seeds that each claim is judged with.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="The first seed; figures are drawn with it.")] = 0,
 ) -> None:
-    """Reproduce the paper.
+    """Reproduce the figures and claims of the paper.
 
     Computes figures 2-7 and their tables, and compares each claim of the paper with what was measured.
     """

@@ -24,11 +24,27 @@ HELP = ["-h", "--help"]
 OUTPUT = {errno.EPIPE, errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, getattr(errno, "EDQUOT", 0)}
 
 
+#: Commands by what one wants to do.
+GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
+    "Begin": (reference.new,),
+    "Simulate": (run.run, *studies.COMMANDS),
+    "Show results": (figures.plot, figures.report, figures.film),
+    "Verify": (paper.paper, bench.bench),
+    "Look up": (reference.schema, reference.columns),
+}
+
+
 class _Commands(TyperGroup):
     """The group of commands.
 
     The default of its flags, ``--help`` and those of shell completion, is False: typer would load pydantic for None.
     """
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        for title, group in GROUPS.items():
+            found = [self.commands[command.__name__] for command in group]
+            with formatter.section(title):
+                formatter.write_dl([(command.name, command.get_short_help_str(80)) for command in found])
 
     def get_params(self, ctx: Any) -> Any:
         found = super().get_params(ctx)
@@ -111,18 +127,7 @@ def _options(
         require_memory()
 
 
-COMMANDS: tuple[Callable[..., Any], ...] = (
-    reference.new,
-    run.run,
-    *studies.COMMANDS,
-    figures.plot,
-    figures.report,
-    figures.film,
-    paper.paper,
-    bench.bench,
-    reference.schema,
-    reference.columns,
-)
-for command in COMMANDS:
-    command.__annotations__ = get_type_hints(command, include_extras=True)  # typer would evaluate them three times
-    app.command()(command)
+for group in GROUPS.values():
+    for command in group:
+        command.__annotations__ = get_type_hints(command, include_extras=True)  # typer would evaluate them three times
+        app.command()(command)

@@ -43,7 +43,7 @@ def schema(
         bool, typer.Option("--markdown", help="A page for people instead, as results/configuration.md.")
     ] = False,
 ) -> None:
-    """Print all keys of a configuration, as a JSON schema or a page."""
+    """Print all keys of a configuration as JSON schema or page."""
     import json
 
     if markdown:
@@ -57,7 +57,7 @@ def schema(
 
 
 def columns() -> None:
-    """Print what the columns of all tables mean."""
+    """Print the meanings and units of the columns of all tables."""
     from vibroplat.cli.dictionary import columns_page
 
     print(columns_page(), end="")

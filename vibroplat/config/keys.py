@@ -12,6 +12,7 @@ from textwrap import wrap
 from typing import Any, NamedTuple
 
 from vibroplat.columns import unit_of
+from vibroplat.config.kinds import KINDS
 from vibroplat.config.plausibility import given_by_exciters
 from vibroplat.config.reader import configurations, load_tree
 from vibroplat.config.scene import Scene
@@ -29,9 +30,7 @@ _WIDTH = 120
 #: What a template leaves out unless its file gives it: other ways to give the same, and what few ever need.
 _LEFT_OUT = (
     "name",
-    "orbits.",
-    "find.",
-    "basins.",
+    *(f"{kind}." for kind in KINDS if kind not in ("sweep", "design")),
     "drive.program.",
     "sweep.over.",
     "run.initial.state.",

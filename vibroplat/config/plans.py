@@ -9,12 +9,11 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from vibroplat.config.kinds import KINDS
 from vibroplat.config.schema import LARGEST, PERTURBATION, Positive, Real, Section, Share, described, short
 
 #: Key of the supply frequency.
 FREQUENCY = "drive.supply_frequency_hz"
-#: Sections that say what is asked of a scene.
-QUESTIONS = ("sweep", "orbits", "find", "basins")
 #: Most points of a branch of a sweep.
 MAX_POINTS = 100_000
 #: Most combinations of the grid's values, of a sweep and of orbits.
@@ -137,7 +136,7 @@ class Frequencies(Section):
 def may_vary(key: str) -> bool:
     """Whether a sweep may give a key of a scene values of its own."""
     section = key.partition(".")[0]
-    return key == FREQUENCY or section not in (*QUESTIONS, "name", "output", "run", "drive")
+    return key == FREQUENCY or section not in (*KINDS, "name", "output", "run", "drive")
 
 
 class SweepPlan(Section, title="Sweep"):
@@ -151,10 +150,10 @@ class SweepPlan(Section, title="Sweep"):
         description="response: curves over the key; bifurcation: also points of the Poincaré section and impact "
         "speeds; map: regimes over it and one key of the grid",
     )
-    settle: Literal["orbits", "motion"] = Field(
-        "orbits",
-        description="orbits: a motion has settled as soon as it surely comes to a stable periodic "
-        "orbit, found by Newton's method, and is measured there; motion: only once it repeats",
+    settle_by: Literal["newton", "section"] = Field(
+        "newton",
+        description="newton: a motion has settled as soon as it surely comes to a stable periodic "
+        "orbit, found by Newton's method, and is measured there; section: only once it repeats",
     )
     max_settle_s: Positive = described(
         150.0, "", "longest settling time; motion that does not repeat settles this long"
@@ -174,7 +173,7 @@ class SweepPlan(Section, title="Sweep"):
     lyapunov: bool = described(
         True, "", "use the largest Lyapunov exponent to tell chaotic from quasi-periodic motion; false: non-periodic"
     )
-    coexists: bool = described(True, "", "look for other motions beside each chaotic one, half of its time")
+    find_coexisting: bool = described(True, "", "look for other motions beside each chaotic one, half of its time")
 
     max_points: Annotated[int, Field(ge=1, le=10**9)] = Field(200_000, description="most points of all branches")
 
@@ -309,7 +308,7 @@ class OrbitsPlan(_VariedKey, title="Orbits", populate_by_name=True):
         if math.prod(map(len, self.grid.values())) > MAX_FAMILIES:
             raise ValueError(f"grid gives more than {MAX_FAMILIES} combinations")
         for key in self.grid:
-            if key == self.key or key.split(".")[0] in (*QUESTIONS, "name", "output"):
+            if key == self.key or key.split(".")[0] in (*KINDS, "name", "output"):
                 raise ValueError(f"grid.{key} cannot be varied by the grid; allowed: keys of machine, material, …")
             if len(set(self.grid[key])) < len(self.grid[key]):  # 0 and 0.0 are equal
                 raise ValueError(f"grid.{key} = {short(self.grid[key])}; allowed: each value once")

@@ -17,8 +17,8 @@ from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning
 from ruamel.yaml.nodes import MappingNode, ScalarNode
 
 from vibroplat.config.drive import Drive
-from vibroplat.config.plans import Over, SweepPlan
-from vibroplat.config.schema import in_lists, short
+from vibroplat.config.questions import PLANS
+from vibroplat.config.schema import in_lists, sections, short
 from vibroplat.config.sections import OF_EXCITERS, Exciter, Initial, Material, Motor
 from vibroplat.errors import ConfigError
 
@@ -38,6 +38,8 @@ KEY = re.compile(r"[^\W\d][\w .-]{0,79}")
 #: A number that YAML reads as text.
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 
+#: The sections of studies, and those in them.
+_STUDIES = [section for name, plan in PLANS.items() for section in sections(plan, name)]
 #: Pairs of keys that exclude each other, by section: if an upper layer gives one, the lower layer's other is dropped.
 ALTERNATIVES: dict[str, tuple[tuple[str, str], ...]] = {
     "": (("motor", "motors"),),
@@ -47,15 +49,11 @@ ALTERNATIVES: dict[str, tuple[tuple[str, str], ...]] = {
     "material": Material.alternatives,
     "drive": Drive.alternatives,
     "run.initial": Initial.alternatives,
-    "sweep": SweepPlan.alternatives,
-    "sweep.over": Over.alternatives,
-    "basins.over": Over.alternatives,
+    **{place: model.alternatives for place, model in _STUDIES if model is not None},
 }
 
 #: Sections with free keys: they are replaced as a whole, because merging could never remove a key.
-REPLACED = frozenset(
-    {"sweep.grid", "basins.starts", *(f"design.{name}" for name in ("keys", "subject", "pareto", "spread"))}
-)
+REPLACED = frozenset(place for place, model in _STUDIES if model is None)
 
 #: Quotations in messages of the parser: single characters and the parser's own words, or anything else.
 _QUOTED = re.compile(r"""(["'])(?:(?P<harmless>.|\\.|<[a-z ]+>)|.*)\1""", re.DOTALL)

@@ -85,6 +85,7 @@ class Scene(Section):
     run: Run = Field(Run(), description="duration and start of a run")
     solver: Solver = Field(Solver(), description="accuracy and integrator")
     output: Output = Field(Output(), description="tables")
+
     sweep: SweepPlan | None = described(None, "", "what vibroplat sweep does")
     orbits: OrbitsPlan | None = described(None, "", "what vibroplat orbits does")
     find: FindPlan | None = described(None, "", "what vibroplat find does")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cache
-from typing import Annotated, Any, ClassVar, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_origin
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
@@ -50,7 +50,17 @@ GONE = {
     "sweep.period_tolerance": "points of the Poincaré section repeat within 0.01 of the scales of the scene",
     "sweep.settle_s": "a motion settles until it is known to have settled, for max_settle_s at most",
     "orbits.boundaries.check": "a sweep with kind = map shows the motions on both sides",
-    "sweep.confirm": "with settle = orbits points are orbits; `vibroplat orbits` gives their multipliers",
+    "sweep.confirm": "with settle_by = newton points are orbits; `vibroplat orbits` gives their multipliers",
+}
+#: Keys of former versions, and their names now; values of the first are now newton for orbits, section for motion.
+RENAMED = {
+    "sweep.settle": "sweep.settle_by",
+    "sweep.find_coexisting": "sweep.find_coexisting",
+    "find.outcome": "find.compare",
+    "basins.starts": "basins.initial_conditions",
+    "basins.max_turns": "basins.max_turns",
+    "design.subject": "design.constraints",
+    "design.parameter_tolerances": "design.parameter_tolerances",
 }
 
 
@@ -112,6 +122,17 @@ class Section(BaseModel):
                     section.leave_out_replaced(part)
 
 
+def sections(model: type[Section], place: str) -> Iterator[tuple[str, type[Section] | None]]:
+    """Yield a section and those in it by dotted names, with their models; None for sections with free keys."""
+    yield place, model
+    for name, field in model.model_fields.items():
+        for choice in (field.annotation, *get_args(field.annotation)):
+            if get_origin(choice) is dict:
+                yield f"{place}.{name}", None
+            elif isinstance(choice, type) and issubclass(choice, Section):
+                yield from sections(choice, f"{place}.{name}")
+
+
 class Node(NamedTuple):
     """A key of a section, or a section in it.
 
@@ -162,13 +183,15 @@ def in_lists(path: Sequence[str]) -> str:
 def explain(error: ValidationError, model: type[BaseModel]) -> str:
     """Say in one line which key is wrong, what was given and what is allowed.
 
-    Only the first error is described; the number of further errors is appended.
+    Only one error is described, a key of a former version rather than others; the number of further errors is appended.
     """
-    first, *more = error.errors()
+    first, *more = sorted(error.errors(), key=lambda one: ".".join(map(str, one["loc"])) not in RENAMED)
     path = [str(part) for part in first["loc"]]
     key = ".".join(path)
     if first["type"] == "extra_forbidden" and in_lists(path) in GONE:
         line = f"unknown key {key}; it is gone: {GONE[in_lists(path)]}"
+    elif first["type"] == "extra_forbidden" and key in RENAMED:
+        line = f"unknown key {key}; it is now {RENAMED[key]}"
     elif first["type"] == "extra_forbidden":
         *section, wrong = path
         names = [name.rpartition(".") for name in nodes(model)]

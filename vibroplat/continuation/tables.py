@@ -41,7 +41,7 @@ BRANCHES: Columns = {
         "events of a period", "stick: an impact, or several that accumulate, after which contact holds", kind=TEXT
     ),
     "stable": Column("whether disturbances decay", kind=FLAG),
-    "unstable": Column("number of Floquet multipliers outside the unit circle", kind=COUNT),
+    "n_unstable": Column("number of Floquet multipliers outside the unit circle", kind=COUNT),
     **describe_multipliers(MULTIPLIERS),
     "residual": Column("how far the orbit is from closing", "in the scales of the scene"),
     "turns": Column("turns of exciter 1 that were integrated for the point", "with those of special points before it"),
@@ -64,7 +64,7 @@ BOUNDARIES: Columns = {
     "branch": Column("branch whose special point it goes through", kind=COUNT),
     EXCITATION: BRANCHES[EXCITATION],
     "period": BRANCHES["period"],
-    "unstable": Column(
+    "n_unstable": Column(
         "number of Floquet multipliers outside the unit circle, besides those that pass it",
         "above 0: the orbit is unstable on both sides of the curve, and no motion converges to it",
         kind=COUNT,
@@ -109,7 +109,7 @@ def make_tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Bou
     rows = [
         _named(curve.grid)
         | {"curve": number, "kind": curve.kind, "branch": curve.branch}
-        | {**row, "unstable": row["others_outside"]}
+        | {**row, "n_unstable": row["others_outside"]}
         | dict(zip(keys, (row["value"], row["second"]), strict=True))
         for number, curve in enumerate(curves)
         for row in curve.rows
@@ -118,7 +118,7 @@ def make_tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Bou
         "branches": _table(points, plan, [*columns, *state, *SHEET, *named], {**BRANCHES, **named}),
         "special": _table(special, plan, ["branch", "kind", key, EXCITATION, "period", "point", *state], SPECIAL),
         "boundaries": _table(
-            rows, plan, ["curve", "kind", "branch", *keys, EXCITATION, "period", "unstable"], BOUNDARIES
+            rows, plan, ["curve", "kind", "branch", *keys, EXCITATION, "period", "n_unstable"], BOUNDARIES
         ),
     }
     order = ("special", "branches") if plan.boundaries is None else ("boundaries", "special", "branches")

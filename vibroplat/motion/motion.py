@@ -242,7 +242,7 @@ class Simulator:
         Parameters
         ----------
         kind
-            ``liftoff``, ``impact``, ``latch`` or ``drive``.
+            ``liftoff``, ``impact``, ``chatter`` or ``drive``.
         longest
             Time after which it stops in any case (s).
 

@@ -49,7 +49,7 @@ def variation(
 ) -> Varied:
     """Follow a motion for a time, with the derivative of its state by the start and by keys of the scene.
 
-    The derivative goes through liftoffs, impacts and latches; it is that of the state at a fixed time. That by a key
+    The derivative goes through liftoffs, impacts and chatters; it is that of the state at a fixed time. That by a key
     is at a fixed start. A start in contact cannot vary in gap and gap rate: these columns are 0.
 
     Parameters

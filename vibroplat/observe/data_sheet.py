@@ -78,8 +78,8 @@ def _motor_columns() -> Iterator[tuple[str, Column]]:
             yield f"motor_{what}_{i}_mean_{unit}", Column(f"mean {what} of motor {i}", definition)
             yield f"motor_{what}_{i}_max_{unit}", Column(f"largest {what} of motor {i}", "of either sign")
     for i in (1, 2):
-        yield f"torque_share_{i}", Column(f"mean torque of motor {i} over its critical torque")
-        yield f"torque_share_{i}_max", Column(f"largest torque of motor {i} over its critical torque", "of either sign")
+        yield f"torque_ratio_{i}", Column(f"mean torque of motor {i} over its critical torque")
+        yield f"torque_ratio_{i}_max", Column(f"largest torque of motor {i} over its critical torque", "of either sign")
     for i in (1, 2):
         yield f"slip_{i}", Column(f"mean slip of motor {i}", "if its supply is constant")
     for i in (1, 2):
@@ -211,7 +211,7 @@ def data_sheet(ms: Accumulators, extremes: Any, scene: Scene) -> dict[str, float
     for i, exciter in enumerate(scene.exciter_pair):
         n, critical = i + 1, exciter.critical_torque_n_m
         sheet[f"motor_power_{n}_mean_w"], sheet[f"motor_torque_{n}_mean_n_m"] = mean[f"power_{n}"], mean[f"torque_{n}"]
-        sheet[f"torque_share_{n}"] = mean[f"torque_{n}"] / critical if critical > 0.0 else None
+        sheet[f"torque_ratio_{n}"] = mean[f"torque_{n}"] / critical if critical > 0.0 else None
         if speeds is not None and driven[i]:
             sheet[f"slip_{n}"] = 1.0 - exciter.direction * mean[f"speed_{n}"] / speeds[i]
         ripple = extremes["largest"][SPEED_1 + i] - extremes["least"][SPEED_1 + i]
@@ -244,7 +244,7 @@ def _from_extremes(scene: Scene) -> dict[str, Extreme]:
         columns[f"motor_power_{i + 1}_max_w"] = Extreme(POWER_1 + i)
         columns[f"motor_torque_{i + 1}_max_n_m"] = Extreme(TORQUE_1 + i)
         critical = scene.exciter_pair[i].critical_torque_n_m
-        columns[f"torque_share_{i + 1}_max"] = Extreme(TORQUE_1 + i, 1.0 / critical if critical > 0.0 else math.nan)
+        columns[f"torque_ratio_{i + 1}_max"] = Extreme(TORQUE_1 + i, 1.0 / critical if critical > 0.0 else math.nan)
         columns[f"bearing_force_{i + 1}_max_n"] = Extreme(SPEED_1 + i, k, squared=True)
     for i, name in enumerate(scene.output.points):
         first = POINTS + 3 * i

@@ -49,7 +49,7 @@ AUDIT: Columns = {
     **{f"{name}_work_j": Column(f"energy taken by the {damper}") for name, (_, damper) in DAMPERS.items()},
     "resistance_work_j": Column("energy taken by the resistance of both exciters"),
     "gravity_work_j": Column("work of gravity"),
-    "impact_loss_j": Column("energy lost in impacts and latches"),
+    "impact_loss_j": Column("energy lost in impacts and chatters"),
     "kinetic_change_j": Column("change of the kinetic energy"),
     "elastic_change_j": Column("change of the elastic energy"),
     "energy_residual_j": Column(
@@ -79,8 +79,8 @@ MEASURES: Columns = {
     "frequency_split_hz": Column("speed of exciter 1 minus that of exciter 2"),
     "impacts_per_period": Column(
         "impacts per turn of exciter 1",
-        "those that a latch sums up are not counted; solver.tolerance decides how many are counted before a latch, so "
-        "that there is no standard error with latches in the measured part",
+        "those that a chatter sums up are not counted; solver.tolerance decides how many are counted before a chatter, "
+        "so that there is no standard error with chatters in the measured part",
     ),
     "phase_difference_rad": Column(
         "mean phase difference of the exciters",
@@ -103,12 +103,14 @@ MEASURES: Columns = {
     "impulse_max_n_s": Column("largest impulse of an impact"),
     "impulse_sum_n_s": Column("sum of all impulses in the whole run"),
     "liftoffs": Column("liftoffs in the whole run"),
-    "impacts": Column("impacts in the whole run", "without those of latches, as impacts_per_period"),
-    "latches": Column("latches in the whole run", "impacts that accumulate and end in contact"),
-    "events": Column("liftoffs, impacts and latches in the whole run", "impacts without those of latches", kind=COUNT),
+    "impacts": Column("impacts in the whole run", "without those of chatters, as impacts_per_period"),
+    "chatters": Column("chatters in the whole run", "impacts that accumulate and end in contact"),
+    "events": Column(
+        "liftoffs, impacts and chatters in the whole run", "impacts without those of chatters", kind=COUNT
+    ),
     "measured_liftoffs": Column("liftoffs in that time"),
-    "measured_impacts": Column("impacts in that time", "without those of latches, as impacts_per_period"),
-    "measured_latches": Column("latches in that time"),
+    "measured_impacts": Column("impacts in that time", "without those of chatters, as impacts_per_period"),
+    "measured_chatters": Column("chatters in that time"),
     "measured_turns": Column("whole turns of exciter 1 in that time"),
     **{
         name: Column(f"{c.meaning} in the whole run", c.definition) if name.endswith("_j") else c
@@ -258,7 +260,7 @@ def measure(part: MeasuredInterval, scene: Scene, *, brief: bool = False) -> dic
     marks, whole = part.measures.marks, merge_extremes(part.measures.extremes)
     turned = part.measures.whole[TIME] > 0.0
     events = (marks["last"] - marks["first"])[3:] if turned else marks["measured"]
-    kinds = ("liftoffs", "impacts", "latches")  # as KINDS; a corner of the drive is no event of the motion
+    kinds = ("liftoffs", "impacts", "chatters")  # as KINDS; a corner of the drive is no event of the motion
     counts = dict(zip(kinds, marks["counts"].tolist(), strict=False))
     numbers = {
         **shown,

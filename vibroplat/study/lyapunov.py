@@ -1,6 +1,6 @@
 """Lyapunov exponents of a motion, from the derivative of its Poincaré map.
 
-The derivative is carried along the motion (:mod:`vibroplat.observe.variation`), through impacts, latches and liftoffs.
+The derivative is carried along the motion (:mod:`vibroplat.observe.variation`), through impacts, chatters and liftoffs.
 Where exciter 1 completes its turns it is projected along the motion onto the section, which takes out the neutral
 direction, and its columns are made orthogonal again: their growth gives the exponents (Benettin et al. 1980; Müller
 1995).

@@ -102,7 +102,7 @@ POINT: Columns = {
     "multiplier_max": Column(
         "size of the largest Floquet multiplier", "of motion that repeats, but the 1 along it; empty without its orbit"
     ),
-    "coexists": Column(
+    "coexisting": Column(
         "attractors found to coexist with a chaotic or undecided motion",
         "stable orbits near it, and attractors that other initial conditions lead to; of a chaotic one, for how long "
         "neither changed into the other. 'not found' says how far the search went: there may still be others. Empty: "
@@ -189,7 +189,7 @@ def _measured_point(scene: Scene, plan: SweepPlan, state: list[float] | None, ke
     began = time.perf_counter()
     start = initial_state(scene) if state is None else np.array(state)
     start = perturb_state(start, scene, plan.perturbation, (plan.seed, *key))
-    if plan.settle == "motion":
+    if plan.settle_by == "section":
         point = _followed(scene, plan, start)
     else:
         with closing(provided("OrbitSeeker")(scene)) as seeker:
@@ -211,7 +211,7 @@ def on_orbit(scene: Scene, orbit: KnownOrbit, settled: float, work: Mapping[str,
     found = orbit.measures
     row: dict[str, Any] = {
         "rotation": scene.rotation,
-        "coexists": "",
+        "coexisting": "",
         "settle_s": settled,
         "outcome": "ok",
         "detail": "",
@@ -244,7 +244,7 @@ def _followed(
         return on_orbit(scene, settling.orbit, settling.seconds, work, motion.events)
     row: dict[str, Any] = {
         "rotation": scene.rotation,
-        "coexists": "",
+        "coexisting": "",
         "settle_s": settling.seconds,
         "outcome": motion.outcome,
         "detail": motion.detail,
@@ -268,8 +268,8 @@ def _followed(
         errors = {ERRORS[name]: error for name, error in block_errors(blocks, tuple(ERRORS)).items()}
         row |= row_of(found, scene, errors, settling.slip) | columns_of(kind)
         row["notes"] = "; ".join(note for note in (row["notes"], stiff) if note)
-        if plan.coexists and kind.motion in ("chaotic", "undecided") and kind.period == 0 and seeker is not None:
-            row["coexists"] = _coexisting(scene, plan, part, motion.state, seeker)
+        if plan.find_coexisting and kind.motion in ("chaotic", "undecided") and kind.period == 0 and seeker is not None:
+            row["coexisting"] = _coexisting(scene, plan, part, motion.state, seeker)
         if impacts is not None:
             points = section_points(part.measures, scene)
             heights = (points[-SHOWN:, 1] * state_scales(scene)[1]).tolist()

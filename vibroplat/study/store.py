@@ -57,8 +57,8 @@ class Store:
         Whether to keep the records that are found.
     overwrite
         Whether records of unfinished work may be deleted.
-    file, what
-        Name of the file, and what its records are called in messages.
+    file
+        Name of the file.
 
     Attributes
     ----------
@@ -83,10 +83,8 @@ class Store:
         resume: bool = False,
         overwrite: bool = False,
         file: str = FILE,
-        what: str = "points",
     ) -> None:
         self._path = ":memory:" if directory is None else str(directory / file)
-        self._what = what
         self._prefix = ""
         self._departed = False
         self._stack = ExitStack()
@@ -123,7 +121,7 @@ class Store:
                 self._require_same(found, wanted)
             elif not (finished or overwrite) and len(self):
                 raise ConfigError(
-                    f"{Path(self._path).parent} holds {len(self)} {self._what} of unfinished work; "
+                    f"{Path(self._path).parent} holds {len(self)} tasks of unfinished work; "
                     "allowed: --resume to continue it, --overwrite to start again"
                 )
         with self._complaints(), self._base:
@@ -261,7 +259,7 @@ class Store:
             return  # nothing was made by it
         more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
         raise ConfigError(
-            f"cannot resume: {key} = {new.get(key)}; allowed: {old.get(key)}, as in the finished {self._what}"
+            f"cannot resume: {key} = {new.get(key)}; allowed: {old.get(key)}, as in the finished tasks"
             f"{more}, or --overwrite instead, to begin anew"
         )
 

@@ -27,7 +27,7 @@ from vibroplat.study.study import ALLOWED, COMPARED, CrossCheckCase, Options, Pr
 COLUMNS = (
     *("direction", "branch", "rotation"),
     *MOTION_MEASURES,
-    *("sync", "motion", "period", "multiplier_max", "coexists"),
+    *("sync", "motion", "period", "multiplier_max", "coexisting"),
     *LOAD_MEASURES,
     *("lyapunov_per_s", "lyapunov_error_per_s"),
     *ERRORS.values(),
@@ -125,12 +125,12 @@ class SweepStudy(Study):
         Left out are points that are undecided, and chaotic ones beside which other motions are known.
         """
         rows = enumerate(row for *_, row in _begun(self.branches, store))
-        decided = [n for n, row in rows if row.get("motion") not in (None, "undecided") and not row["coexists"]]
+        decided = [n for n, row in rows if row.get("motion") not in (None, "undecided") and not row["coexisting"]]
         chosen = {*spread(decided)}
         cases = []
         for number, (branch, place, state, row) in enumerate(_begun(self.branches, store)):
             if number in chosen:
-                value, plan = branch.along[place], branch.plan.model_copy(update={"coexists": False})
+                value, plan = branch.along[place], branch.plan.model_copy(update={"find_coexisting": False})
                 task = point_task(other(branch.at(place)), plan, state, branch.key(value))
                 swept = ", ".join(
                     f"{key} = {at}" for key, at in {column_of(branch.swept): value, **branch.grid}.items()

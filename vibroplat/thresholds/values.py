@@ -73,7 +73,7 @@ class Value(NamedTuple):
             column, how, number = plan.compared
             return None if self.row.get(column) is None else bool(_COMPARED[how](self.row[column], number))
         sync = self.row["sync"]
-        return sync if plan.outcome == "regime" else (sync, self.row["motion"], self.row["period"], self.leaving)
+        return sync if plan.compare == "regime" else (sync, self.row["motion"], self.row["period"], self.leaving)
 
     @property
     def unsettled(self) -> bool:

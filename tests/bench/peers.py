@@ -1,54 +1,74 @@
 """Other solvers behind the interface: each integrates a mode up to its event, the package's automaton does the rest.
 
-Modes, impacts and latches are the automaton's own, so that solvers differ in how they integrate and in nothing else.
+Modes, impacts and chatters are the automaton's own, so that solvers differ in how they integrate and in nothing else.
+``python tests/bench/peers.py`` compares them with the engines at equal error, and an ensemble of heyoka with basins.
 """
 
-from __future__ import annotations
-
+import math
 import time
-from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from importlib.util import find_spec
+from itertools import starmap
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
+import typer
 
+from vibroplat.basin.question import basins
+from vibroplat.basin.starts import begun, states_of
+from vibroplat.bench.measure import Solver, by_turns, of_engine, precision, show, show_precision, timed, truth
+from vibroplat.bench.scenes import cases
+from vibroplat.bench.studies import basins_scene
+from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.coordinates import Mode
-from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, begin_segment, end_segment
-from vibroplat.hybrid.state import RUNNING, Automaton, rewind, state_scales
+from vibroplat.hybrid.state import RUNNING, rewind, state_scales
 from vibroplat.integrate.interface import WORK
-from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.accelerations import explicit
-from vibroplat.model.parameters import Parameters
-from vibroplat.model.systems import GAP, SYSTEMS, System, systems
+from vibroplat.model.parameters import parameters
+from vibroplat.model.systems import GAP, SYSTEMS, systems
+from vibroplat.results.tables import result_directory
 
+#: Least tolerance of the automaton; that of a peer may be lower.
+FINEST = 1e-12
+#: Turns for which an ensemble follows each start: a fixed transient does not know when a motion has settled.
+TRANSIENTS = (100, 300, 1000)
 #: Gap with which a flight begins (m): a root at its very beginning would hide the landing.
 BARELY = 1e-25
 #: First and longest step of scipy where an event may come, in turns: longer ones could pass over a short flight.
 FIRST, LONGEST = 0.002, 0.05
 
-#: Integrates a system from a time and its unknowns to its guard or to another time; returns the times wanted and that
-#: of the end, the unknowns there, and whether the guard fell through zero. RuntimeError if it fails.
-Leg = Callable[[System, float, FloatArray, float, list[float]], tuple[list[float], FloatArray, bool]]
 
+class Peer(Solver):
+    """A solver by a library that finds events itself; its points at the times ``wanted`` (s) are joined by lines.
 
-class Peer:
-    """An engine of a library that finds events itself; its points at the times ``wanted`` (s) are joined by lines.
-
-    ``alone_s`` is the time spent in the library (s).
+    It is its own engine. Its leg integrates a system from a time and its unknowns to its guard or to another time. The
+    leg returns the times wanted and that of the end, the unknowns there, and whether the guard fell through zero.
     """
 
     detail, degree, rows, turns_per_segment = "", 3, 4096, 50.0
-    work: Mapping[str, int | None] = dict.fromkeys(WORK)
+    work = dict.fromkeys(WORK)
 
-    def __init__(self, name: str, scene: Scene, p: Parameters, tolerance: float) -> None:
-        self.name, self.p, self.leg = name, p, PEERS[name](scene, p, tolerance)
-        self.wanted, self.alone_s = np.empty(0), 0.0
+    def __init__(self, name, scene, tolerance):
+        super().__init__(scene.replace({"solver.tolerance": max(tolerance, FINEST)}), lambda *_: self)
+        self.inside_s = 0.0
+        self.name, self.p = name, parameters(self.scene)
+        self.leg = PEERS[name](self.scene, self.p, tolerance)
 
-    def close(self) -> None:
+    def run(self, times):
+        self.wanted = np.asarray(times)
+        return super().run(times)
+
+    def timed(self):
+        self.wanted, self.inside_s = np.empty(0), 0.0
+        seconds, part = super().timed()
+        return self.inside_s if self.name.endswith(" alone") else seconds, part
+
+    def close(self):
         """Do nothing: Python frees what the library holds."""
 
-    def advance(self, h: Automaton) -> None:
+    def advance(self, h):
         """Carry a run on; see :class:`vibroplat.integrate.interface.Engine`."""
         rewind(h.steps)
         run, used = h.run, h.steps.used
@@ -59,9 +79,9 @@ class Peer:
             if mode is Mode.FLIGHT and y[GAP] == 0.0 < y[y.size // 2 + GAP]:
                 y[GAP] = BARELY
             wanted = self.wanted[(self.wanted > t) & (self.wanted < until)].tolist()
-            began = time.perf_counter()
+            began = time.process_time()
             times, points, fell = self.leg(system, t, y, until, wanted)
-            self.alone_s += time.perf_counter() - began
+            self.inside_s += time.process_time() - began
             points = np.vstack([y, points])
             if system.algebraic:
                 points = np.column_stack([points, [explicit(system.index, t, each, self.p)[-1] for each in points]])
@@ -75,17 +95,22 @@ class Peer:
             end_segment(h, AT_GUARD if fell else AT_TIME)
 
 
-def scipy_leg(scene: Scene, p: Parameters, tolerance: float, method: str) -> Leg:
+def solver_of(name, scene, tolerance):
+    """Return a solver by a peer, or by an engine of the package."""
+    return (Peer if name in PEERS else of_engine)(name, scene, tolerance)
+
+
+def scipy_leg(scene, p, tolerance, method):
     """Use ``solve_ivp`` with an event function; its right-hand side is compiled."""
-    from scipy.integrate import solve_ivp  # noqa: PLC0415
+    from scipy.integrate import solve_ivp
 
     scales, turn = state_scales(scene), 2.0 * np.pi / scene.speed_scale
 
-    def leg(system: System, t: float, y: FloatArray, until: float, wanted: list[float]) -> Any:
-        def guard(t: float, y: FloatArray) -> float:
+    def leg(system, t, y, until, wanted):
+        def guard(t, y):
             return float(y[GAP] if system.mode is Mode.FLIGHT else explicit(system.index, t, y, p)[-1])
 
-        guard.terminal, guard.direction = True, -1  # type: ignore[attr-defined]
+        guard.terminal, guard.direction = True, -1
         bare = system.mode is Mode.BARE
         found = solve_ivp(
             lambda t, y: explicit(system.index, t, y, p)[: y.size],
@@ -110,9 +135,9 @@ def scipy_leg(scene: Scene, p: Parameters, tolerance: float, method: str) -> Leg
     return leg
 
 
-def heyoka_leg(scene: Scene, p: Parameters, tolerance: float) -> Leg:
+def heyoka_leg(scene, p, tolerance):
     """Use adaptive Taylor series with terminal events, compiled for the scene (Biscani and Izzo 2021, 2022)."""
-    import heyoka as hk  # noqa: PLC0415  (optional)
+    import heyoka as hk
 
     made = {}
     for system in systems(scene).values():
@@ -121,7 +146,7 @@ def heyoka_leg(scene: Scene, p: Parameters, tolerance: float) -> Leg:
         events = [hk.t_event(falling, direction=hk.event_direction.negative)] if system.layers else []
         made[system.index] = hk.taylor_adaptive(equations, [0.0] * len(equations), tol=tolerance, t_events=events)
 
-    def leg(system: System, t: float, y: FloatArray, until: float, wanted: list[float]) -> Any:
+    def leg(system, t, y, until, wanted):
         ta = made[system.index]
         ta.time = t
         ta.state[:] = y
@@ -137,35 +162,7 @@ def heyoka_leg(scene: Scene, p: Parameters, tolerance: float) -> Leg:
     return leg
 
 
-def ensemble(system: System, p: Parameters, tolerance: float, batch: int) -> Callable[[FloatArray, float], FloatArray]:
-    """Return what follows unknowns of a system without events, shape (motions, size), for a time by heyoka, on a core.
-
-    ``batch`` motions at a time are in one vector; their number is a multiple of it.
-    """
-    import heyoka as hk  # noqa: PLC0415  (optional)
-
-    equations, _ = _equations(hk, system, p)
-    size = len(equations)
-    if batch == 1:
-        made = hk.taylor_adaptive(equations, [0.0] * size, tol=tolerance)
-    else:
-        made = hk.taylor_adaptive_batch(equations, np.zeros((size, batch)), tol=tolerance)
-
-    def follow(unknowns: FloatArray, seconds: float) -> FloatArray:
-        groups = unknowns.reshape(-1, batch, size).transpose(0, 2, 1)
-
-        def begun(ta: Any, number: int) -> Any:
-            ta.state[:] = groups[number].reshape(ta.state.shape)
-            return ta
-
-        found = hk.ensemble_propagate_until(made, seconds, len(groups), begun, max_workers=1)
-        ends = np.array([ta.state.reshape(size, batch) for ta, *_ in found])
-        return ends.transpose(0, 2, 1).reshape(unknowns.shape)
-
-    return follow
-
-
-def _equations(hk: Any, system: System, p: Parameters) -> tuple[list[Any], Any]:
+def _equations(hk, system, p):
     """Return (unknown, derivative) of a system, and F_c where it is attached, as heyoka's expressions.
 
     Platform and exciters are eliminated as in :func:`vibroplat.model.platform.solve_platform`.
@@ -186,7 +183,7 @@ def _equations(hk: Any, system: System, p: Parameters) -> tuple[list[Any], Any]:
     return [*zip(u, v, strict=True), *zip(v, a, strict=True)], force
 
 
-def _platform(hk: Any, u: Any, v: Any, p: Parameters, lower: float, load: Any) -> list[Any]:
+def _platform(hk, u, v, p, lower, load):
     """Accelerations of platform and exciters, the mass ``lower`` moving with y and ``load`` pressing on it."""
     g, columns, own = p.gravity, [], []  # of each exciter: its column of the mass matrix, and its force
     forces = [
@@ -207,7 +204,7 @@ def _platform(hk: Any, u: Any, v: Any, p: Parameters, lower: float, load: Any) -
         columns.append((-k * sine, k * cosine, k * b))
     inverse = (1.0 / p.mass, 1.0 / (p.mass + lower), 1.0 / p.inertia)
 
-    def through(one: Any, other: Any) -> Any:
+    def through(one, other):
         return sum(w * a * b for w, a, b in zip(inverse, one, other, strict=True))
 
     first, second = columns
@@ -219,9 +216,83 @@ def _platform(hk: Any, u: Any, v: Any, p: Parameters, lower: float, load: Any) -
     return [*(w * (f - c * a1 - e * a2) for w, f, c, e in zip(inverse, forces, first, second, strict=True)), a1, a2]
 
 
-#: Makers of legs, by the names of peers.
-PEERS: dict[str, Callable[[Scene, Parameters, float], Leg]] = {
+#: Makers of legs, by the names of peers; of the last one only the time inside heyoka counts.
+PEERS = {
     "scipy DOP853": partial(scipy_leg, method="DOP853"),
     "scipy LSODA": partial(scipy_leg, method="LSODA"),
     "heyoka": heyoka_leg,
+    "heyoka, integrator alone": heyoka_leg,
 }
+
+
+def ensemble(system, p, tolerance, batch):
+    """Return what follows unknowns of a system without events, shape (motions, size), for a time by heyoka, on a core.
+
+    ``batch`` motions at a time are in one vector; their number is a multiple of it.
+    """
+    import heyoka as hk
+
+    equations, _ = _equations(hk, system, p)
+    size = len(equations)
+    if batch == 1:
+        made = hk.taylor_adaptive(equations, [0.0] * size, tol=tolerance)
+    else:
+        made = hk.taylor_adaptive_batch(equations, np.zeros((size, batch)), tol=tolerance)
+
+    def follow(unknowns, seconds):
+        groups = unknowns.reshape(-1, batch, size).transpose(0, 2, 1)
+
+        def begun(ta, number):
+            ta.state[:] = groups[number].reshape(ta.state.shape)
+            return ta
+
+        found = hk.ensemble_propagate_until(made, seconds, len(groups), begun, max_workers=1)
+        ends = np.array([ta.state.reshape(size, batch) for ta, *_ in found])
+        return ends.transpose(0, 2, 1).reshape(unknowns.shape)
+
+    return follow
+
+
+def basins_and_ensembles(repeats, starts=400):
+    """Measure the processor time of basins, and of ensembles of single starts and of four in one vector.
+
+    ``unlike`` counts starts whose phase difference after the transient is nearer to that of another attractor than the
+    one basins assign.
+    """
+    scene = basins_scene(starts, "taylor")
+    [system] = systems(scene).values()
+    states = states_of(begun(scene, scene.basins), scene.basins, range(starts))[:, system.places]
+    tasks = {("basins", 0): partial(timed, basins, scene)}
+    for batch, what in {1: "heyoka, one by one", 4: "heyoka, 4 in a vector"}.items():
+        follow = ensemble(system, parameters(scene), scene.solver.tolerance, batch)
+        for turns in TRANSIENTS:
+            tasks[what, turns] = partial(timed, follow, states, 2.0 * math.pi * turns / scene.speed_scale)
+    basins(scene.replace({"basins.random": 2}))  # loads the kernels
+    times = by_turns(tasks, repeats)
+    own, found = times.pop(("basins", 0))
+    known = found.attractors[PHASE_COLUMN].to_numpy(float)
+    rows = [("basins", found.starts["turns"].mean(), np.median(own), 0)]
+    for (what, turns), (seconds, ends) in times.items():
+        phases = ends[:, 3:5] @ scene.phase_weights
+        nearest = found.attractors["attractor"].to_numpy()[np.cos(phases[:, np.newaxis] - known).argmax(axis=1)]
+        rows.append((what, turns, np.median(seconds), int((nearest != found.starts["attractor"]).sum())))
+    table = pd.DataFrame(rows, columns=["what", "turns", "processor_s", "unlike"])
+    table["ms_a_start"] = 1e3 * table["processor_s"] / starts
+    return table.assign(times_basins=table["processor_s"] / np.median(own))
+
+
+def main(out: Path = Path("results"), repeats: int = 5):
+    """Write and print tables and a figure of engines and peers, and of basins and ensembles, to OUT/benchmarks."""
+    directory = result_directory(out, "benchmarks")
+    tolerances = [10.0**-n for n in range(3, 13)]
+    known = starmap(truth, cases().items())
+    table = precision(known, ["taylor", "native", *PEERS], tolerances, repeats, solver_of)
+    show_precision(table, directory, "taylor")
+    if find_spec("heyoka") is None:
+        print("left out: ensembles; pip install heyoka")
+        return
+    show(basins_and_ensembles(min(repeats, 3)), directory, "ensembles-cost")
+
+
+if __name__ == "__main__":
+    typer.run(main)
