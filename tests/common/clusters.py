@@ -82,14 +82,6 @@ def other_package(place, name, old, new):
     return place
 
 
-def no_package(place):
-    """A directory that hides this package."""
-    (place / "vibroplat.py").write_text(
-        "raise ModuleNotFoundError(\"No module named 'vibroplat'\", name='vibroplat')\n"
-    )
-    return place
-
-
 def await_workers(address, number):
     """Wait until a scheduler has so many workers."""
     from distributed import Client

@@ -54,8 +54,8 @@ MESSAGES = {
         "configs/machines/calibrated.yaml was found",
         "sweep:\n  confirm: orbits": "unknown key sweep.confirm in line 2; it is gone: with settle_by = newton points "
         "are orbits; `vibroplat orbits` gives their multipliers",
-        "basins:\n  starts: {}": "unknown key basins.starts in line 2; it is now basins.initial_conditions "
-        "(and 1 more)",
+        "basins:\n  starts: {}": "unknown key basins.starts in line 2; it is now "
+        "basins.initial_conditions (and 1 more)",
         "design: {spread: {}}": "unknown key design.spread in line 1; it is now design.parameter_tolerances",
     },
     "types": {

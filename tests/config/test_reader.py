@@ -1,5 +1,9 @@
 """Files and settings: what is read, how files lie over each other, and what hostile files cannot do."""
 
+import os
+import signal
+import socket
+
 import pytest
 from common.limits import cpu_seconds
 from common.places import ROOT
@@ -208,6 +212,16 @@ def test_contents_of_a_file_that_is_no_configuration_are_not_quoted(text, here, 
     told = complaint("extends: secrets\n")
     assert told.startswith("secrets: ")
     assert SECRET not in told
+
+
+@pytest.mark.parametrize("file", ["fifo", "/dev/zero", "socket"])
+def test_file_that_may_never_end_is_not_read(file, here, complaint):
+    os.mkfifo("fifo")
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind("socket")
+        signal.alarm(10)  # which would end the tests
+        assert complaint(f"extends: {file}\n") == f"c.yaml: extends = '{file}': not a file"
+        signal.alarm(0)
 
 
 ALIASES = "a0: &a0 [x, x]\n" + "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]\n" for i in range(1, 12))

@@ -370,15 +370,3 @@ def test_motion_that_settles_to_another_period_is_told():
     """In chaos about an orbit that is too unstable to be met from near returns: its largest multiplier is 19."""
     with pytest.raises(OrbitError, match=r"does not repeat after 1 turns; .*; follow one from where the motion is p"):
         orbit(load_config(CALIBRATED, {"solver.engine": "taylor", MASS: 0.02, KEY: 62.0}))
-
-
-def test_special_points_do_not_depend_on_the_tolerance():
-    """Key and frequency are those of the point itself, not of the orbit next to it where the search has ended."""
-    plan = {"key": KEY, "start": 46.0, "stop": 60.0, "switch": []}
-    scene = load_config(MACHINE, {"solver.engine": "taylor", MASS: 0.2, "orbits": plan})
-    (branch,), (exact,) = (traced(scene.replace({"orbits.tolerance": t})) for t in (1e-8, 1e-10))
-    assert [s["kind"] for s in branch.special] == [s["kind"] for s in exact.special]
-    assert len(branch.special) == 4
-    for name in ("value", "excitation_frequency_hz"):
-        found, known = ([s[name] for s in b.special] for b in (branch, exact))
-        assert found == pytest.approx(known, abs=1e-8), name

@@ -5,7 +5,6 @@ import os
 import resource
 import shutil
 import signal
-import subprocess
 
 import pytest
 from common.commands import command, not_a_line
@@ -107,42 +106,6 @@ def test_points_outlive_tables_that_have_no_room(here, alone, monkeypatch):
     monkeypatch.undo()
     os.chdir(here)
     resumed_after(done, here, alone, kept=22)
-
-
-# -- a small disk ---------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def disk(here):
-    """Mount a disk of its own as directory ``results``."""
-
-    def mount(*options):
-        (here / "results").mkdir(exist_ok=True)
-        line = ["mount", "-t", "tmpfs", "-o", ",".join(("mode=755", *options)), "none", str(here / "results")]
-        try:
-            subprocess.run(line, check=True, capture_output=True)
-        except (OSError, subprocess.CalledProcessError) as error:
-            pytest.skip(f"no disk can be mounted: {getattr(error, 'stderr', error)!r}")
-        return here / "results"
-
-    yield mount
-    subprocess.run(["umount", "-l", str(here / "results")], check=False, capture_output=True)
-
-
-def test_disk_that_is_only_read_is_told_in_a_line(disk, here):
-    (here / "c.yaml").write_text(SWEEP)
-    place = disk("size=4m")
-    assert command("run", "c.yaml").code == 0
-    before = tables(place / "c")
-    subprocess.run(["mount", "-o", "remount,ro", str(place)], check=True)
-    for arguments in (("run", "c.yaml"), ("sweep", "c.yaml", "--resume")):
-        line = "vibroplat: output results/c is not writable: Read-only file system\n"
-        assert command(*arguments) == (2, "", line)
-    assert tables(place / "c") == before
-    assert not_a_line(command("plot", place / "c"), codes=FAILED) == ""
-
-
-# -- a directory that goes away -------------------------------------------------------------------------
 
 
 def test_directory_that_is_removed_in_the_middle_is_told_in_a_line(here, monkeypatch):

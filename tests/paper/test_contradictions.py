@@ -1,4 +1,4 @@
-"""What the paper's numbers contradict of its figures, by the formulas of results/README.md, one of them simulated."""
+"""A formula of results/README.md with which the paper's numbers contradict its figures, beside a simulation."""
 
 import math
 
@@ -17,17 +17,6 @@ def acceleration(scene, mass_ratio, frequency):
     return sum(scene.unbalances) * omega**4 / abs(stiffness + 1j * omega * machine.damping_y_n_s_per_m)
 
 
-@pytest.mark.parametrize(
-    ("mass_ratio", "frequency", "figure", "unbalance"), [(0.1, 20.715, 24.5, 1.258e-3), (0.2, 20.408, 24.0, 1.222e-3)]
-)
-def test_printed_unbalance_lets_a_stiff_layer_go_too_soon(mass_ratio, frequency, figure, unbalance):
-    """The paper has it attached to 24.5 and 24 Hz, which asks for less than a third of the printed 4.05e-3 kg·m."""
-    assert PRINTED.unbalances[0] == pytest.approx(4.05e-3)
-    assert acceleration(PRINTED, mass_ratio, frequency) == pytest.approx(9.81, rel=1e-3)
-    asked = PRINTED.unbalances[0] * 9.81 / acceleration(PRINTED, mass_ratio, figure)
-    assert asked == pytest.approx(unbalance, rel=1e-3)
-
-
 def test_stiff_layer_leaves_the_platform_where_the_formula_says(tmp_path):
     """A layer of 1 kHz is nearly stiff: attached just below, in flight just above."""
     frequency, radius = 24.674, 0.0263
@@ -41,11 +30,3 @@ def test_stiff_layer_leaves_the_platform_where_the_formula_says(tmp_path):
     rows = [swept(machine, 2.0 * (frequency + off), perturbation=0.0).iloc[0] for off in (-0.1, 0.1)]
     assert rows[0]["excitation_frequency_hz"] < frequency < rows[1]["excitation_frequency_hz"]
     assert rows[0]["flight_fraction"] == 0.0 < rows[1]["flight_fraction"]
-
-
-def test_a_third_of_the_unbalance_asks_for_a_torque_that_the_motors_have():
-    """Of each motor at the vertical resonance, (m_r r)²ω³/b_y; ten times the damping does the same."""
-    omega = math.sqrt(PRINTED.machine.stiffness_y_n_per_m / PRINTED.body.mass)
-    torque = PRINTED.unbalances[0] ** 2 * omega**3 / PRINTED.machine.damping_y_n_s_per_m
-    assert torque == pytest.approx(2.99, abs=0.005)
-    assert torque > 1.2 > torque / 9.0

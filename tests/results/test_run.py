@@ -72,6 +72,11 @@ def test_saved_run_is_the_same_when_it_is_loaded(run, saved):
     assert found.plot("force").axes
 
 
+def test_run_can_be_saved_as_csv(run, tmp_path):
+    found = load(run.save(tmp_path / "saved", "csv"))
+    assert (found.trajectory["y_m"].to_numpy() == run.trajectory["y_m"].to_numpy()).all()
+
+
 def test_load_of_a_directory_without_a_result(tmp_path):
     with pytest.raises(TableError, match="holds no finished result; allowed: a result directory of vibroplat"):
         load(tmp_path)

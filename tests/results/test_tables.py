@@ -172,6 +172,15 @@ def test_file_in_place_of_the_directory_is_told_in_a_line(out, name, reason, tmp
     assert str(caught.value) == f"output {tmp_path / out / name} is not writable: {reason}"
 
 
+def test_directory_that_is_only_read_is_told_in_a_line(tmp_path, monkeypatch):
+    def read_only(**_):
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr("tempfile.TemporaryFile", read_only)
+    with pytest.raises(TableError, match=f"^output {tmp_path}/a is not writable: Read-only file system$"):
+        result_directory(tmp_path, "a")
+
+
 def test_result_is_not_written_over_one_whose_name_differs_in_capitals(tmp_path):
     """As it would be on a file system that does not tell them apart: here both names are links to one directory."""
     (result_directory(tmp_path, "rig") / "provenance.json").write_text("{}")

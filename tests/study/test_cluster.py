@@ -4,10 +4,8 @@ import contextlib
 import logging
 import math
 import os
-import shutil
 import signal
 import socket
-import threading
 import time
 
 import pandas as pd
@@ -40,42 +38,16 @@ KEPT = "finished points are kept: continue with --resume"
 # -- addresses where no scheduler is ----------------------------------------------------------------------
 
 
-@contextlib.contextmanager
-def server(answer):
-    """The port of a server that treats connections as a function says."""
-
-    def serve():
-        with contextlib.suppress(OSError):
-            while True:
-                kept.append(listening.accept()[0])
-                answer(kept[-1])
-
-    kept = []
-    with socket.create_server(("127.0.0.1", 0)) as listening:
-        thread = threading.Thread(target=serve, daemon=True)
-        thread.start()
-        yield listening.getsockname()[1]
-        listening.shutdown(socket.SHUT_RDWR)
-        thread.join()
-    for connection in kept:
-        connection.close()
-
-
 #: Dask leaves connections that it gave up to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
 
-SERVERS = {
-    "closed": lambda: contextlib.nullcontext(clusters.free_port()),
-    "silent": lambda: server(lambda connection: None),
-    "ssh": lambda: server(lambda connection: connection.sendall(b"SSH-2.0-OpenSSH_9.2p1\r\n")),
-}
-
-
-@pytest.mark.parametrize(("kind", "place"), [("tcp", "closed"), ("tcp", "ssh"), ("ws", "silent")])
-def test_no_scheduler_at_an_address(kind, place, monkeypatch):
+@pytest.mark.parametrize(("kind", "listens"), [("tcp", False), ("tcp", True), ("ws", True)])
+def test_no_scheduler_at_an_address(kind, listens, monkeypatch):
+    """Nobody is there, or somebody who says nothing."""
     monkeypatch.setattr(cluster, "FIRST_ANSWER", 0.1)
-    with SERVERS[place]() as port:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1] if listens else clusters.free_port()
         address = f"{kind}://127.0.0.1:{port}"
         with pytest.raises(ConfigError) as caught:
             require_scheduler(address)
@@ -225,15 +197,6 @@ def await_points(place, number, child):
     raise AssertionError("no points")
 
 
-def await_text(file, text):
-    """Wait until a command has said something."""
-    for _ in range(1200):
-        if text in file.read_text():
-            return
-        time.sleep(0.05)
-    raise AssertionError(f"no {text!r}")
-
-
 def resumed(place, table):
     """Resume without a cluster: the table is that of a sweep that was never interrupted."""
     done = command("sweep", "c.yaml", "--resume")
@@ -259,26 +222,6 @@ def test_worker_with_other_code_that_joins_late_is_refused(place, table):
     assert (": source files " in done.err, KEPT in done.err) == (True, True)
     assert finished_points(place / "results/c") >= 2
     resumed(place, table)
-
-
-@pytest.mark.long
-def test_two_sweeps_share_workers_that_come_late_and_have_their_package_elsewhere(place, table):
-    """The scheduler needs no package."""
-    empty, same, second = (new(place, name) for name in ("empty", "same", "second"))
-    shutil.copytree(clusters.PACKAGE, same / "vibroplat")
-    (second / "c.yaml").write_text(SWEEP)
-    with (
-        clusters.scheduler(place, path=clusters.no_package(empty)) as (address, _),
-        Child(place, "sweep", "c.yaml", "--scheduler", address) as child,
-        Child(second, "sweep", "c.yaml", "--scheduler", address) as other,
-    ):
-        for place_ in (place, second):
-            await_text(place_ / ".err", "waiting for a worker")
-        with clusters.worker(place, address), clusters.worker(place, address, path=same):
-            ends = child.end(), other.end()
-    told = f"vibroplat: waiting for a worker of the scheduler at {address}, up to 60 s\n"
-    assert {(done.code, done.err) for done in ends} == {(0, told)}
-    assert made(place) == made(second) == table
 
 
 def given_up(done, what, seconds):

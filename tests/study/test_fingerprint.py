@@ -38,11 +38,8 @@ def mine(kernels):
     return fingerprint.fingerprint()
 
 
-def test_same_fingerprint_gives_the_result(mine):
+def test_same_fingerprint_gives_the_result_or_the_error_of_the_task(mine):
     assert fingerprint.checked(mine, work(math.sqrt, 4.0)) == {"result": 2.0}
-
-
-def test_error_of_the_task_is_passed_on(mine):
     error = fingerprint.checked(mine, work(math.sqrt, -1.0))["error"]
     assert (type(error), str(error)) == (ValueError, "math domain error")
 

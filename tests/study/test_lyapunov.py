@@ -248,15 +248,6 @@ def settled(config, frequency, changes=None, turns=None):
     return scene, later_state(scene, initial_state(scene), turns or int(15 * frequency))[1]
 
 
-def test_exponent_of_a_periodic_scene_with_impacts_is_negative():
-    scene, state = settled(MACHINE, 51.0, {"material.mass_ratio": 0.2})
-    found = largest_exponent(scene, state)
-    assert found.sign == -1
-    multipliers = np.linalg.eigvals(variation(scene, state, found.turn).derivative.to_numpy())
-    second = np.sort(np.abs(multipliers))[-2]  # the largest is 1, along the motion
-    assert found.value == pytest.approx(math.log(second) / found.turn, abs=max(3.0 * found.error, 0.02))
-
-
 def test_no_exponent_where_the_exciter_stands_still():
     scene = load_config(MACHINE, {"run.initial.speed_ratio": 0.0, "motor.critical_torque_n_m": 0.0})
     assert np.isnan(largest_exponent(scene, initial_state(scene))).all()

@@ -39,12 +39,6 @@ def test_stop_is_taken_where_whole_steps_reach_it():
         assert (found[0], found[-1], max(found), len(found)) == (case[0], last, last, count)
 
 
-def test_step_is_half_a_hertz_and_direction_up_unless_given():
-    scene = Scene().replace({"sweep.supply_frequency_hz": {"start": 42.0, "stop": 43.0}})
-    (branch,) = branches(scene)
-    assert (branch.direction, branch.along) == ("up", (42.0, 42.5, 43.0))
-
-
 # -- branches -------------------------------------------------------------------------------------------
 
 
@@ -106,8 +100,6 @@ def test_scenes_of_a_branch_have_its_values_and_frequencies():
 FREQUENCIES = {
     "{}": ".start is missing; allowed: a value (and 1 more)",
     "{start: 44, stop: 42}": ": stop = 42.0 is below start = 44.0; allowed: at least start; see direction",
-    "{start: 42, stop: 44, step: 0}": ".step = 0; allowed: more than 0.0",
-    "{start: 42, stop: 44, step: 1e-6}": ": step = 1e-06 gives too many points; allowed: at most 100000 per branch",
     "{start: 42, stop: 44, direction: sideways}": ".direction.0 = 'sideways'; allowed: 'up' or 'down'",
     "{start: 42, stop: 44, direction: [up, up]}": ": direction = ['up', 'up']; allowed: up and down, each once",
 }

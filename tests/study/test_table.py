@@ -83,26 +83,6 @@ def test_good_points_have_all_measures(table):
     assert table["phase_difference_rad"].between(-math.pi, math.pi, inclusive="right").all()
 
 
-def test_measures_are_those_of_a_run():
-    """Without a perturbation a point is the end of a run."""
-    plan = {"settle_by": "section", "measure_s": 3.0, "perturbation": 0.0}
-    scene = planned(LOADED, 51.0, changes={"contact.restitution": 0.3}, **plan)
-    row = sweep(scene).sweep.iloc[0]
-    seconds = row["settle_s"]
-    run = simulate(scene.replace({"drive.supply_frequency_hz": 51.0, "run.duration_s": row["simulated_s"]}))
-    same = ("excitation_frequency_hz", "rms_y_m", "amplitude_y_m", "phase_coherence")
-    for column in (*same, "flight_fraction", "impacts_per_period", "motor_power_w"):
-        assert row[column] == pytest.approx(run.summary[column], rel=1e-3), column
-    assert abs(row["phase_difference_rad"]) == pytest.approx(math.pi, abs=1e-6)
-    late = run.trajectory[run.trajectory["t_s"] >= seconds]
-    assert row["gap_max_m"] == pytest.approx(late["gap_m"].max(), rel=1e-3)
-    assert row["contact_force_max_n"] == pytest.approx(late["contact_force_n"].max(), rel=1e-2)
-    impacts = run.events.query("kind == 'impact' and t_s >= @seconds")
-    assert row["impulse_max_n_s"] == pytest.approx(impacts["impulse_n_s"].max(), rel=1e-3)
-    assert row["simulated_s"] == pytest.approx(seconds + 3.0, abs=0.05)
-    assert row["events"] == pytest.approx(len(run.events), abs=2)
-
-
 def test_branch_goes_on_from_point_to_point():
     """Both ways of turning are stable from 69 Hz on: a branch keeps the one that it comes with."""
     begun = {"run.initial.phase_sum_rad": 0.3}
@@ -260,35 +240,48 @@ def both_tables(scene):
 
 def test_bifurcation_tables_show_the_last_turns_and_impacts_of_each_point():
     plan = {"kind": "bifurcation", "settle_by": "section", "grid": {"contact.restitution": [0.0]}}
-    scene = planned(LOADED, 50.0, 51.0, direction=["up", "down"], **plan)
+    scene = planned(LOADED, 50.0, 51.0, step=1.0, direction=["up", "down"], **plan)
     rows, section, impacts = both_tables(scene)
     keys = ["supply_frequency_hz", "contact.restitution", "direction", "branch", "excitation_frequency_hz"]
     assert list(section.columns) == [*keys, "y_m"]
     assert list(impacts.columns) == [*keys, "impact_speed_m_per_s"]
     turns = section.groupby(["branch", "supply_frequency_hz"])["y_m"]
     assert turns.size().between(48, 64).all()
-    assert len(turns) == len(rows) == 6
+    assert len(turns) == len(rows) == 4
     # period 1: one height, one speed
     assert (turns.max() - turns.min()).max() < 1e-2 * scene.length_scale
     speeds = impacts.groupby(["branch", "supply_frequency_hz"])["impact_speed_m_per_s"]
-    assert (len(speeds), speeds.min().min() > 0.0) == (6, True)
+    assert (len(speeds), speeds.min().min() > 0.0) == (4, True)
     assert ((speeds.max() - speeds.min()) < 0.02 * speeds.min()).all()
     _, section, impacts = both_tables(planned(MACHINE, 50.0, kind="bifurcation"))  # it has no impacts
     assert (len(section) > 0, len(impacts)) == (True, 0)
     assert str(impacts["impact_speed_m_per_s"].dtype) == "float64"
 
 
-def test_bifurcation_shows_the_heights_and_speeds_of_a_run():
-    plan = {"settle_by": "section", "measure_s": 2.4, "perturbation": 0.0, "kind": "bifurcation"}
+def test_rows_and_diagrams_of_a_point_are_those_of_a_run():
+    """Without a perturbation a point is the end of a run."""
+    plan = {"settle_by": "section", "measure_s": 3.0, "perturbation": 0.0, "kind": "bifurcation"}
     scene = planned(LOADED, 51.0, changes={"contact.restitution": 0.3}, **plan)
-    points, section, impacts = both_tables(scene)
-    seconds, duration = points[["settle_s", "simulated_s"]].iloc[0]
-    run = simulate(scene.replace({"drive.supply_frequency_hz": 51.0, "run.duration_s": duration}))
-    late = run.section.loc[run.section["t_s"] > seconds, "y_m"].to_numpy()
-    assert len(section) - len(late) in (0, 1)  # the point ends on the section
-    assert section["y_m"].to_numpy()[: len(late)] == pytest.approx(late, abs=1e-3 * scene.length_scale)
-    struck = run.events.query("kind == 'impact' and t_s > @seconds")["gap_rate_before_m_per_s"]
-    assert impacts["impact_speed_m_per_s"].to_numpy() == pytest.approx(-struck.to_numpy()[-64:], abs=1e-3)
+    rows, section, impacts = both_tables(scene)
+    row = rows.iloc[0]
+    seconds = row["settle_s"]
+    run = simulate(scene.replace({"drive.supply_frequency_hz": 51.0, "run.duration_s": row["simulated_s"]}))
+    same = ("excitation_frequency_hz", "rms_y_m", "amplitude_y_m", "phase_coherence")
+    for column in (*same, "flight_fraction", "impacts_per_period", "motor_power_w"):
+        assert row[column] == pytest.approx(run.summary[column], rel=1e-3), column
+    assert abs(row["phase_difference_rad"]) == pytest.approx(math.pi, abs=1e-6)
+    late = run.trajectory[run.trajectory["t_s"] >= seconds]
+    assert row["gap_max_m"] == pytest.approx(late["gap_m"].max(), rel=1e-3)
+    assert row["contact_force_max_n"] == pytest.approx(late["contact_force_n"].max(), rel=1e-2)
+    struck = run.events.query("kind == 'impact' and t_s > @seconds")
+    assert row["impulse_max_n_s"] == pytest.approx(struck["impulse_n_s"].max(), rel=1e-3)
+    assert row["simulated_s"] == pytest.approx(seconds + 3.0, abs=0.05)
+    assert row["events"] == pytest.approx(len(run.events), abs=2)
+    heights = run.section.loc[run.section["t_s"] > seconds, "y_m"].to_numpy()[-64:]
+    assert len(section) - len(heights) in (0, 1)  # the point ends on the section
+    assert section["y_m"].to_numpy()[: len(heights)] == pytest.approx(heights, abs=1e-3 * scene.length_scale)
+    speeds = -struck["gap_rate_before_m_per_s"].to_numpy()[-64:]
+    assert impacts["impact_speed_m_per_s"].to_numpy() == pytest.approx(speeds, abs=1e-3)
 
 
 # -- the command ----------------------------------------------------------------------------------------

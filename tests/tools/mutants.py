@@ -128,6 +128,17 @@ BY_ROOM = [
         "(np.abs(self.multipliers[nearest].imag) > REAL).all() → (np.abs(self.multipliers[nearest].imag) < REAL).all()",
         "> MOVED * max(1.0, abs(m)) → < MOVED * max(1.0, abs(m))",
     ]),
+    # what is kept on disk
+    ("faults", [
+        "if form != FORMAT: → if form > FORMAT:",
+        "if _is_of_code(key) and not len(self): → if _is_of_code(key):",
+        "if type(found) is not int or found != SCHEMA: → if found != SCHEMA:",
+        "del node.body[0] → pass",
+    ]),
+    ("study", [
+        "wider = np.maximum(most - least → wider = 0.5 * np.maximum(most - least",
+        "for i in {*before.coordinates} ^ {*scene.coordinates}: → for i in {*before.coordinates} - {*scene.coordinates}:",
+    ]),
     # figures
     ("plots page", [
         '(impacts, "impact_speed_m_per_s", 1.0, "impact speed (m/s)") → (impacts, "impact_speed_m_per_s", 1e3, "impact speed (m/s)")',

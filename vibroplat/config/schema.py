@@ -55,12 +55,12 @@ GONE = {
 #: Keys of former versions, and their names now; values of the first are now newton for orbits, section for motion.
 RENAMED = {
     "sweep.settle": "sweep.settle_by",
-    "sweep.find_coexisting": "sweep.find_coexisting",
+    "sweep.coexists": "sweep.find_coexisting",
     "find.outcome": "find.compare",
     "basins.starts": "basins.initial_conditions",
-    "basins.max_turns": "basins.max_turns",
+    "basins.longest_turns": "basins.max_turns",
     "design.subject": "design.constraints",
-    "design.parameter_tolerances": "design.parameter_tolerances",
+    "design.spread": "design.parameter_tolerances",
 }
 
 

@@ -46,14 +46,14 @@ COMMANDS = ("run", *KINDS, "paper")
 SCHEMA = 2
 #: Columns of results with schema 1, and their names now.
 RENAMED = {
-    "chatters": "chatters",
-    "measured_chatters": "measured_chatters",
+    "latches": "chatters",
+    "measured_latches": "measured_chatters",
     "unstable": "n_unstable",
-    "coexisting": "coexisting",
+    "coexists": "coexisting",
     "margin": "stability_margin",
-    "reason": "reason",
+    "stage": "reason",
     **{
-        f"{part}torque_ratio_{n}{end}": f"{part}torque_ratio_{n}{end}"
+        f"{part}torque_share_{n}{end}": f"{part}torque_ratio_{n}{end}"
         for part in ("", "whole_")
         for n in (1, 2)
         for end in ("", "_max")
