@@ -81,11 +81,11 @@ def sticking(phase, gap, rate):
 def test_all_balls_come_to_the_motion_that_the_map_says(number):
     scene = shaken(GAMMA, RESTITUTION)
     box = {GAP: [0.01 * LENGTH, 8.0 * LENGTH], RATE: [-4.0 * SPEED, 4.0 * SPEED]}
-    scene = scene.replace({"basins": {"starts": box, "random": number}})
+    scene = scene.replace({"basins": {"initial_conditions": box, "random": number}})
     tables = basins(scene)
     impacts = tables.attractors.set_index("attractor")["impacts_per_period"]
     assert impacts.min() == 1.0
-    assert impacts.max() > 10.0, "a latch"
+    assert impacts.max() > 10.0, "a chatter"
     assert len(impacts) == 2
     gap, rate = (values_of(scene.basins, range(number)) / (LENGTH, SPEED)).T
     begun = np.full(number, math.acos(math.pi * (1.0 - RESTITUTION) / ((1.0 + RESTITUTION) * GAMMA)))

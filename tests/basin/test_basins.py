@@ -31,7 +31,8 @@ def scene_of(starts, ratio=0.0, **changes):
     keys = {"drive.supply_frequency_hz": 62.3, "material.mass_ratio": ratio, "solver.engine": "taylor"}
     keys |= {f"run.initial.{name}": changes.pop(name) for name in ("state", "from") if name in changes}
     return load_config(
-        Path(__file__).parents[2] / "configs/machines/calibrated.yaml", keys | {"basins": {"starts": starts} | changes}
+        Path(__file__).parents[2] / "configs/machines/calibrated.yaml",
+        keys | {"basins": {"initial_conditions": starts} | changes},
     )
 
 
@@ -83,7 +84,7 @@ def test_rows_of_attractors_are_guesses_for_orbits(found):
 
 
 def test_an_attractor_keeps_its_name_over_a_key_and_counts_without_starts(found):
-    box = found[0].basins.starts
+    box = found[0].basins.initial_conditions
     over = {"key": "drive.supply_frequency_hz", "start": 62.84, "stop": 63.1, "count": 3}
     tables = basins(scene_of(box, random=30, over=over))
     shares = tables.fractions.pivot_table(index="supply_frequency_hz", columns="attractor", values="fraction")
@@ -95,7 +96,7 @@ def test_an_attractor_keeps_its_name_over_a_key_and_counts_without_starts(found)
 
 
 def test_starts_that_come_to_no_orbit_are_one_attractor_of_their_class():
-    starts, more = {PHASE: [-2.0, 2.0, 5], "run.initial.state.phi_rad": [0.0, 1e5, 2]}, {"longest_turns": 200}
+    starts, more = {PHASE: [-2.0, 2.0, 5], "run.initial.state.phi_rad": [0.0, 1e5, 2]}, {"max_turns": 200}
     scene = scene_of(starts, 0.2, **more).replace({"drive.supply_frequency_hz": 60.0})
     result = basins(scene)
     attractors = result.tables["attractors"].set_index("attractor")
@@ -160,7 +161,7 @@ def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(kind, at, requ
 def test_orbits_are_looked_for_after_chaos_too():
     """At 59 Hz no start comes to an orbit; that takes long, and says nothing of other values."""
     over = {"key": "drive.supply_frequency_hz", "values": [58.0, 59.0], "direction": ["down"]}
-    scene = scene_of({PHASE: [-math.pi, math.pi], SPEED: [0.3, 1.1]}, 0.08, random=30, over=over, longest_turns=600)
+    scene = scene_of({PHASE: [-math.pi, math.pi], SPEED: [0.3, 1.1]}, 0.08, random=30, over=over, max_turns=600)
     tables = basins(scene)
     last = tables.attractors[tables.attractors["supply_frequency_hz"] == 58.0]
     assert last["radius"].notna().all()
@@ -189,25 +190,41 @@ def test_bounds_hold_the_share():
         (
             {"run.initial.y": [0, 1]},
             {},
-            "basins: starts.'run.initial.y' is no key of a start; did you mean run.",
+            "basins: initial_conditions.'run.initial.y' is no key of an initial condition; did you mean run.",
         ),
-        ({PHASE: [1, 1]}, {}, f"basins: starts.{PHASE} = [1, 1] is empty; allowed: a low end below the high one"),
-        ({PHASE: [0, 1, 1.5]}, {}, f"basins: starts.{PHASE} = […, 1.5]; allowed: a whole number from 2 as count"),
-        ({PHASE: [0, 1, 5]}, {"random": 5}, "basins: random = 5 but every range of starts has a count"),
-        ({GAP: [-1e-3, 1e-3]}, {"ratio": 0.1}, "basins.starts: run.initial.state.gap_m = -0.001; allowed: at least 0"),
-        ({CLOSING: [-0.1, 0.1]}, {"ratio": 0.1}, f"basins.starts: {CLOSING} = -0.1 closes a gap"),
+        (
+            {PHASE: [1, 1]},
+            {},
+            f"basins: initial_conditions.{PHASE} = [1, 1] is empty; allowed: a low end below the high one",
+        ),
+        (
+            {PHASE: [0, 1, 1.5]},
+            {},
+            f"basins: initial_conditions.{PHASE} = […, 1.5]; allowed: a whole number from 2 as count",
+        ),
+        ({PHASE: [0, 1, 5]}, {"random": 5}, "basins: random = 5 but every range of initial_conditions has a count"),
+        (
+            {GAP: [-1e-3, 1e-3]},
+            {"ratio": 0.1},
+            "basins.initial_conditions: run.initial.state.gap_m = -0.001; allowed: at least 0",
+        ),
+        ({CLOSING: [-0.1, 0.1]}, {"ratio": 0.1}, f"basins.initial_conditions: {CLOSING} = -0.1 closes a gap"),
         ({GAP: [0, 1e-3]}, {}, "this scene has no such coordinate"),
         (
             {SPEED: [0, 1], RATE: [0, 1]},
             {},
-            "basins: starts has speed_ratio and state.phi1_rate_rad_per_s; allowed: one",
+            "basins: initial_conditions has speed_ratio and state.phi1_rate_rad_per_s; allowed: one",
         ),
         (
             {PHASE: [0, 1]},
             {"state": {"y_m": 0.02}},
-            "basins.starts: run.initial.state is given; allowed: keys of state",
+            "basins.initial_conditions: run.initial.state is given; allowed: keys of state",
         ),
-        ({PHASE: [0, 1]}, {"from": "other"}, "basins.starts: run.initial.from is given; allowed: phases, or state"),
+        (
+            {PHASE: [0, 1]},
+            {"from": "other"},
+            "basins.initial_conditions: run.initial.from is given; allowed: phases, or state",
+        ),
         ({PHASE: [0, 1]}, {"over": {"key": "run.duration_s", "start": 1, "stop": 2, "count": 2}}, "cannot be varied"),
     ],
 )
@@ -221,11 +238,11 @@ def test_bad_starts_are_told_in_one_line(starts, more, told):
 
 def test_in_an_ellipsoid_a_motion_is_assigned_only_if_it_comes_nearer():
     """One that was tested in some directions may hold states of another basin, as this one holds all."""
-    scene = scene_of({PHASE: [-3.0, 3.0]}, 0.08, random=1, longest_turns=400)
+    scene = scene_of({PHASE: [-3.0, 3.0]}, 0.08, random=1, max_turns=400)
     plan, scene = scene.basins, scene.replace({"drive.supply_frequency_hz": 59.0, "basins": None})
     everything = {"row": {"period": 1, "multiplier_max": 0.1}, "centres": [[0.0] * 14], "systems": [0]}
     everything |= {"state": [0.0] * 14, "forms": [(1e-6 * np.eye(14)).tolist()]}
-    with closing(Follower(scene, plan.longest_turns, [everything])) as follower:
+    with closing(Follower(scene, plan.max_turns, [everything])) as follower:
         follower._packed = (*follower._packed[:2], np.array([follower._motion.system.index]))
         told = follower.follow(states_of(scene, plan, [0])[0])
         assert told["attractor"] is None
@@ -263,9 +280,7 @@ def test_what_is_printed_says_within_how_many_turns(found):
 
 def test_motions_that_end_early_or_may_escape_from_chaos_are_not_repeated_by_another_engine():
     """Their ends differ from engine to engine."""
-    scene = scene_of({PHASE: [-3.0, 3.0]}, 0.2, random=4, longest_turns=200).replace(
-        {"solver.max_events_per_period": 3}
-    )
+    scene = scene_of({PHASE: [-3.0, 3.0]}, 0.2, random=4, max_turns=200).replace({"solver.max_events_per_period": 3})
     result = basins(scene)
     assert set(result.attractors["outcome"]) == {"event-storm"}
     assert BasinsStudy(scene).cross_check_cases(result, None, lambda other: other) == []
@@ -284,7 +299,7 @@ def test_assigned_starts_stay_on_their_orbit(frequency, ratio, restitution):
     box = {PHASE: [-math.pi, math.pi], SPEED: [0.0, 1.1]}
     keys = {"drive.supply_frequency_hz": frequency, "contact.restitution": restitution}
     keys |= {"material.layers": 2, "contact.sticking_speed_m_per_s": 0.0}
-    scene = scene_of(box, ratio, random=starts, longest_turns=longest).replace(keys)
+    scene = scene_of(box, ratio, random=starts, max_turns=longest).replace(keys)
     plan, scene, assigned = scene.basins, scene.replace({"basins": None}), 0
     with closing(Follower(begun(scene, plan), longest, [])) as follower:
         for state in states_of(scene, plan, range(starts)):

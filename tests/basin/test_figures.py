@@ -15,11 +15,18 @@ basins: {{{plan}}}
 PHASE, SPEED = "run.initial.phase_difference_rad", "run.initial.speed_ratio"
 LEGEND = {"antiphase, period 1", "in-phase, period 1"}
 KINDS = {
-    "grid": (f"starts: {{{PHASE}: [-3.0, 3.0, 4], {SPEED}: [0.9, 1.0, 2]}}", ["phase difference (rad)"] * 2),
-    "random": (f"starts: {{{PHASE}: [-3.0, 3.0], {SPEED}: [0.9, 1.0]}}, random: 8", ["phase difference (rad)"] * 2),
-    "one": (f"starts: {{{PHASE}: [-3.0, 3.0]}}, random: 8", ["phase difference (rad)"]),
+    "grid": (
+        f"initial_conditions: {{{PHASE}: [-3.0, 3.0, 4], {SPEED}: [0.9, 1.0, 2]}}",
+        ["phase difference (rad)"] * 2,
+    ),
+    "random": (
+        f"initial_conditions: {{{PHASE}: [-3.0, 3.0], {SPEED}: [0.9, 1.0]}}, random: 8",
+        ["phase difference (rad)"] * 2,
+    ),
+    "one": (f"initial_conditions: {{{PHASE}: [-3.0, 3.0]}}, random: 8", ["phase difference (rad)"]),
     "over": (
-        f"starts: {{{PHASE}: [-0.1, 3.0, 4]}}, over: {{key: drive.supply_frequency_hz, values: [62.0, 62.1]}}",
+        f"initial_conditions: {{{PHASE}: [-0.1, 3.0, 4]}}, "
+        "over: {key: drive.supply_frequency_hz, values: [62.0, 62.1]}",
         ["supply frequency $f_e$ (Hz)"],
     ),
 }

@@ -1,6 +1,6 @@
-"""Other solvers behind the seam: each integrates a mode up to its event, the package's automaton does the rest.
+"""Other solvers behind the interface: each integrates a mode up to its event, the package's automaton does the rest.
 
-Modes, impacts and latches are the automaton's own, so that solvers differ in how they integrate and in nothing else.
+Modes, impacts and chatters are the automaton's own, so that solvers differ in how they integrate and in nothing else.
 ``python tests/bench/peers.py`` compares them with the engines at equal error, and an ensemble of heyoka with basins.
 """
 
@@ -24,7 +24,7 @@ from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, begin_segment, end_segment
 from vibroplat.hybrid.state import RUNNING, rewind, state_scales
-from vibroplat.integrate.seam import WORK
+from vibroplat.integrate.interface import WORK
 from vibroplat.model.accelerations import explicit
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, SYSTEMS, systems
@@ -69,7 +69,7 @@ class Peer(Solver):
         """Do nothing: Python frees what the library holds."""
 
     def advance(self, h):
-        """Carry a run on; see :class:`vibroplat.integrate.seam.Engine`."""
+        """Carry a run on; see :class:`vibroplat.integrate.interface.Engine`."""
         rewind(h.steps)
         run, used = h.run, h.steps.used
         while run["outcome"] == RUNNING and 2 * used["steps"] < self.rows and begin_segment(h):

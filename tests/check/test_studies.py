@@ -23,7 +23,7 @@ CASES = {
         "above_rms_x_m",
     ),
     "basins": (
-        {"starts": {"run.initial.phase_difference_rad": [2.5, 3.0]}, "random": 2},
+        {"initial_conditions": {"run.initial.phase_difference_rad": [2.5, 3.0]}, "random": 2},
         2,
         "attractors",
         "rms_y_m",
@@ -32,7 +32,7 @@ CASES = {
         {
             "keys": {STIFFNESS: [460e3, 480e3]},
             "minimize": "motor_power_w",
-            "subject": {"rms_y_m": ">= 1e-3"},
+            "constraints": {"rms_y_m": ">= 1e-3"},
             "starts": 1,
         },
         2,
@@ -94,7 +94,7 @@ def loaded(**sections):
 def swept():
     """A sweep up and down, and its points."""
     frequencies = {"start": 48.0, "stop": 56.0, "step": 4.0, "direction": ["up", "down"]}
-    study = KINDS["sweep"].load()(loaded(sweep={"supply_frequency_hz": frequencies, "settle": "motion"}))
+    study = KINDS["sweep"].load()(loaded(sweep={"supply_frequency_hz": frequencies, "settle_by": "section"}))
     with Store(None, {}) as store, pool(1) as workers:
         yield study, study.run(store, workers, lambda done, known: None), store, workers
 

@@ -17,7 +17,7 @@ from common.places import QUICKSTART, ROOT
 from vibroplat import __version__, load_config
 from vibroplat.config.keys import configuration_schema, keys
 from vibroplat.config.scene import Scene
-from vibroplat.integrate import tell_of_compilation
+from vibroplat.integrate import announce_compilation
 from vibroplat.results.provenance import configuration_hash, provenance
 from vibroplat.results.tables import read_json, read_table
 from vibroplat.system.interrupts import KEPT, RESUMABLE
@@ -121,10 +121,10 @@ def test_run_prints_a_summary_and_where_the_tables_are(name, finished_commands):
     if name == "quickstart":
         events = read_table(finished_commands[1] / name, "events")
         measured, whole = (
-            ", ".join(str((part["kind"] == kind).sum()) for kind in ("liftoff", "impact", "latch"))
+            ", ".join(str((part["kind"] == kind).sum()) for kind in ("liftoff", "impact", "chatter"))
             for part in (events[events["t_s"].between(float(begin), float(end))], events)
         )
-        assert lines["liftoffs, impacts, latches"] == f"{measured}; in the whole run {whole}"
+        assert lines["liftoffs, impacts, chatters"] == f"{measured}; in the whole run {whole}"
 
 
 def test_run_prints_and_keeps_its_notes(command, kernels, here):
@@ -192,7 +192,7 @@ def test_provenance_says_where_a_result_came_from(written):
         "schema vibroplat git_commit created configuration_sha256 engine sundials tolerance python platform libraries"
     )
     assert list(found) == [*told.split(), "configuration", "command", "result", "files"]
-    assert (found["schema"], found["vibroplat"]) == (1, __version__)
+    assert (found["schema"], found["vibroplat"]) == (2, __version__)
     assert found["git_commit"] is None or re.fullmatch(r"[0-9a-f]{40}\+?", found["git_commit"])
     age = datetime.now(UTC) - datetime.fromisoformat(found["created"])
     assert 0.0 <= age.total_seconds() < 3600.0
@@ -271,7 +271,7 @@ def test_resume_is_promised_where_there_is_one(name, kept, command, monkeypatch)
     def fail(*_):
         raise MemoryError
 
-    tell_of_compilation.cache_clear()  # a process asks only once
+    announce_compilation.cache_clear()  # a process asks only once
     monkeypatch.setattr("vibroplat.config.scene.load_config", fail)
     monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", fail)
     arguments = [] if name == "bench" else [QUICKSTART]

@@ -91,7 +91,7 @@ def branches():
             "motor_power_w": 10.0,
             "sequence": "liftoff impact",
             "stable": stable,
-            "unstable": np.where(stable, 0, 1),
+            "n_unstable": np.where(stable, 0, 1),
             "multiplier_1_re": np.where(stable, 0.4, 1.3),
             "multiplier_1_im": 0.0,
             "multiplier_2_re": 0.1,
@@ -120,7 +120,7 @@ def boundaries():
     """A boundary of each of two kinds."""
     ratio = np.linspace(0.0, 0.3, 7)
     columns = {"branch": 0, "supply_frequency_hz": 50.0 + 10.0 * ratio, "material.mass_ratio": ratio}
-    more = {"excitation_frequency_hz": 25.0, "period": 1, "unstable": 0}
+    more = {"excitation_frequency_hz": 25.0, "period": 1, "n_unstable": 0}
     kinds = enumerate(("fold", "liftoff"))
     parts = [pd.DataFrame({"curve": curve, "kind": kind, **columns, **more}) for curve, kind in kinds]
     return pd.concat(parts, ignore_index=True)

@@ -8,7 +8,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.config.sections import Contact, Initial, Machine, Material, Motor, Run, Solver, State
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 
 GRAVITY = 9.81
 TURN = 2.0 * math.pi
@@ -21,7 +21,7 @@ def motion_of(scene):
     """A motion of a scene, whose engine is closed at the end."""
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        yield Motion(scene, p, engine)
+        yield Simulator(scene, p, engine)
 
 
 def ball_on_table(

@@ -52,8 +52,11 @@ MESSAGES = {
         "# machine:\nname: a\nmachine:": f"machine = None in line 3; allowed: {SECTION}",
         "name: a\ncalibration: {}": "unknown key calibration in line 2; it is gone: results/README.md tells how "
         "configs/machines/calibrated.yaml was found",
-        "sweep:\n  confirm: orbits": "unknown key sweep.confirm in line 2; it is gone: with settle = orbits points are "
-        "orbits; `vibroplat orbits` gives their multipliers",
+        "sweep:\n  confirm: orbits": "unknown key sweep.confirm in line 2; it is gone: with settle_by = newton points "
+        "are orbits; `vibroplat orbits` gives their multipliers",
+        "basins:\n  starts: {}": "unknown key basins.starts in line 2; it is now "
+        "basins.initial_conditions (and 1 more)",
+        "design: {spread: {}}": "unknown key design.spread in line 1; it is now design.parameter_tolerances",
     },
     "types": {
         "drive: {supply_frequency_hz: fast}": "drive.supply_frequency_hz = 'fast'; allowed: a number",

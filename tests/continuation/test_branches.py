@@ -16,7 +16,7 @@ from vibroplat.continuation.shooting import Shooter
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 
 CALIBRATED = MACHINE.parents[2] / "configs" / "machines" / "calibrated.yaml"
 KEY, MASS, RESTITUTION = "drive.supply_frequency_hz", "material.mass_ratio", "contact.restitution"
@@ -142,7 +142,7 @@ def farthest(row, mass, seconds, restitution=0.0):
     turns = int(seconds / row["period_s"])
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine, begun)
+        motion = Simulator(scene, p, engine, begun)
         motion.to_time(seconds)
         motion.to_section(1, 1.0)
         disturbed = motion.state
@@ -274,7 +274,7 @@ def test_orbits_and_branches_count_the_same_multipliers_as_unstable(branches):
     found = orbit(scene, row["state"])
     for size, unstable in ((1.0 + 1e-7, 0), (1.0 + 1e-5, 1)):
         assert replace(found, multipliers=np.array([size + 0.0j])).unstable == unstable
-    assert found.unstable == row["unstable"]
+    assert found.unstable == row["n_unstable"]
 
 
 def test_branches_end_where_the_law_of_impact_jumps_and_say_so():

@@ -20,7 +20,7 @@ KEY = "supply_frequency_hz"
 
 def test_columns_of_branches_are_those_of_the_interface(found):
     first = [MASS, KEY, "branch", "parent", "point", "excitation_frequency_hz", "period", "period_s"]
-    last = ["sequence", "stable", "unstable", *(f"multiplier_{i}_{p}" for i in range(1, 5) for p in ("re", "im"))]
+    last = ["sequence", "stable", "n_unstable", *(f"multiplier_{i}_{p}" for i in range(1, 5) for p in ("re", "im"))]
     columns = list(found.branches.columns)
     assert columns[: len(first)] == first
     state = [*COORDINATES, *RATES]  # the second combination has material
@@ -44,7 +44,7 @@ def test_rows_are_in_the_order_of_the_grid_and_of_points(found):
 def test_a_row_is_the_orbit_there(found, scene):
     row = found.branches[found.branches[MASS] == 0.1].iloc[-1]
     there = orbit(scene.replace({MASS: 0.1, "drive.supply_frequency_hz": 49.0}))
-    assert (row["sequence"], row["stable"], row["unstable"]) == (there.sequence, True, 0)
+    assert (row["sequence"], row["stable"], row["n_unstable"]) == (there.sequence, True, 0)
     for name in ("rms_y_m", "motor_power_w", "flight_fraction"):
         assert row[name] == pytest.approx(there.measures[name], rel=1e-6)
     assert row["period_s"] == pytest.approx(there.period_s, rel=1e-8)
@@ -88,7 +88,7 @@ def test_types_do_not_depend_on_what_was_found(found, scene):
         assert none.dtypes.equals(some[[*none]].dtypes)
     types = {column: str(kind) for column, kind in found.branches.dtypes.items()}
     assert types["stable"] == "bool"
-    assert {types[name] for name in ("branch", "parent", "point", "period", "unstable")} == {"Int64"}
+    assert {types[name] for name in ("branch", "parent", "point", "period", "n_unstable")} == {"Int64"}
     assert {types[name] for name in ("sequence", "sync", "notes")} == {"str"}
 
 
@@ -105,7 +105,7 @@ def test_columns_of_state_are_those_of_the_scenes():
 def test_boundaries_have_both_keys(scene):
     first, last = (
         [MASS, "curve", "kind", "branch", KEY],
-        ["excitation_frequency_hz", "period", "unstable"],
+        ["excitation_frequency_hz", "period", "n_unstable"],
     )
     second = {"boundaries": {"key": "contact.restitution", "start": 0.0, "stop": 0.5}}
     assert "boundaries" not in make_tables(scene.orbits, [], [])

@@ -33,7 +33,7 @@ def beside(scene, row, column):
     for frequency in (row["value"] - 0.05, row["value"] + 0.05):
         there = scene.replace({MASS: row["second"], KEY: frequency})
         frequencies = {"start": frequency, "stop": frequency}
-        plan = SweepPlan(supply_frequency_hz=frequencies, settle="motion", lyapunov=False)
+        plan = SweepPlan(supply_frequency_hz=frequencies, settle_by="section", lyapunov=False)
         found.append(measure_point(there, plan, row["state"], (0,)).row[column])
     return found
 

@@ -21,8 +21,9 @@ design: {{{plan}}}
 """
 MASS, RADIUS = "machine.platform_mass_kg", "machine.unbalance_radius_m"
 PLANS = {
-    "samples": f"keys: {{{MASS}: [10, 14]}}, spread: {{{MASS}: 0.01}}, samples: 8",
-    "evaluations": f"keys: {{{RADIUS}: [0.018, 0.048]}}, minimize: motor_power_w, subject: {{rms_y_m: '>= 0.5e-3'}}, "
+    "samples": f"keys: {{{MASS}: [10, 14]}}, parameter_tolerances: {{{MASS}: 0.01}}, samples: 8",
+    "evaluations": f"keys: {{{RADIUS}: [0.018, 0.048]}}, minimize: motor_power_w, "
+    "constraints: {rms_y_m: '>= 0.5e-3'}, "
     "starts: 1, pareto: {rms_y_m: [0.4e-3, 0.5e-3, 9e-3]}",
 }
 
@@ -55,7 +56,9 @@ def test_a_result_has_the_figures_of_its_tables(kind, command, figures, tmp_path
 
 def test_many_tolerances_leave_all_panels_their_width():
     keys = [f"machine.{name}_{way}" for name in ("stiffness", "damping") for way in ("x_n_per_m", "y_n_per_m", "phi")]
-    plan = DesignPlan.model_construct(spread=dict.fromkeys([*keys, *(f"{key}_2" for key in keys)], 0.05), minimize=None)
+    plan = DesignPlan.model_construct(
+        parameter_tolerances=dict.fromkeys([*keys, *(f"{key}_2" for key in keys)], 0.05), minimize=None
+    )
     random = np.random.default_rng(0)
     samples = pd.DataFrame({name: random.random(20) for name in ("rms_x_m", "rms_y_m", "motor_power_w")})
     table = pd.DataFrame({"measure": samples.columns, "key": MASS, "value": 0.5, "elasticity": 1.0})
@@ -67,7 +70,7 @@ def test_many_tolerances_leave_all_panels_their_width():
 
 
 def test_a_front_without_lost_bounds_leaves_no_gap_below():
-    plan = DesignPlan(keys={MASS: [1.0, 2.0]}, minimize="motor_power_w", subject={"rms_y_m": ">= 1e-3"})
+    plan = DesignPlan(keys={MASS: [1.0, 2.0]}, minimize="motor_power_w", constraints={"rms_y_m": ">= 1e-3"})
     rows = pd.DataFrame({"rms_y_m": [1e-3, 2e-3], "motor_power_w": [1.0, 2.0], "feasible": True, "best": [True, False]})
     tables = {"evaluations": rows.assign(start=0), "pareto": rows.assign(bound=rows["rms_y_m"])}
     figure = design_figure("d", None, plan, tables, "evaluations")
@@ -79,12 +82,14 @@ def test_what_has_little_to_show_says_so():
     tables = {"sensitivities": table}
     figure = design_figure("d", None, DesignPlan(), tables, "sensitivities")
     assert [text.get_text() for text in figure.axes[0].texts] == ["no measure has elasticities"]
-    samples = pd.DataFrame({"sample": [0], "stable": [False], "margin": [np.nan], "rms_x_m": [np.nan]})
-    figure = design_figure("d", None, DesignPlan(spread={MASS: 0.1}), tables | {"samples": samples}, "samples")
+    samples = pd.DataFrame({"sample": [0], "stable": [False], "stability_margin": [np.nan], "rms_x_m": [np.nan]})
+    figure = design_figure(
+        "d", None, DesignPlan(parameter_tolerances={MASS: 0.1}), tables | {"samples": samples}, "samples"
+    )
     assert [text.get_text() for text in figure.axes[0].texts] == ["no measure varies"]
-    plan = DesignPlan(keys={MASS: [1.0, 2.0]}, minimize="motor_power_w", subject={"margin": ">= 0.1"})
+    plan = DesignPlan(keys={MASS: [1.0, 2.0]}, minimize="motor_power_w", constraints={"stability_margin": ">= 0.1"})
     nothing = pd.DataFrame(
-        {name: np.empty(0) for name in ("start", MASS, "motor_power_w", "margin", "feasible", "best")}
+        {name: np.empty(0) for name in ("start", MASS, "motor_power_w", "stability_margin", "feasible", "best")}
     )
     figure = design_figure("d", None, plan, tables | {"evaluations": nothing}, "evaluations")
     assert "every start lost the orbit" in [text.get_text() for text in figure.axes[0].texts]

@@ -15,7 +15,7 @@ RADIUS, STIFFNESS, SUPPLY = "machine.unbalance_radius_m", "machine.stiffness_y_n
 PLAN = {
     "keys": {RADIUS: [0.018, 0.048], STIFFNESS: [329e3, 611e3], SUPPLY: [46.75, 60.5]},
     "minimize": "motor_power_w",
-    "subject": {"rms_y_m": ">= 1e-3", "margin": ">= 0.005"},
+    "constraints": {"rms_y_m": ">= 1e-3", "stability_margin": ">= 0.005"},
 }
 
 
@@ -65,7 +65,7 @@ def test_more_amplitude_costs_more_power(answer):
 
 def test_the_worst_scene_of_a_tolerance_counts():
     """The mass 5 % off to either side: the nominal machine has amplitude to spare, and takes less power."""
-    plan = {"spread": {"machine.platform_mass_kg": 0.05}, "starts": 1, "samples": 10}
+    plan = {"parameter_tolerances": {"machine.platform_mass_kg": 0.05}, "starts": 1, "samples": 10}
     found = design(scene(**plan))
     assert "motor_power_w 4.37877, rms_y_m 0.00117842" in found.answer.lines["there"]
     assert found.answer.lines["bounds kept"] == "100.0 %"
@@ -83,7 +83,7 @@ def test_the_worst_scene_of_a_tolerance_counts():
 
 
 def test_a_box_without_a_design_is_an_answer():
-    found = design(scene(starts=2, subject={"rms_y_m": ">= 8e-3"}))
+    found = design(scene(starts=2, constraints={"rms_y_m": ">= 8e-3"}))
     assert found.answer.lines["best"].startswith(
         f"the orbit of the scene keeps all bounds nowhere in this box; nearest: {RADIUS} 0.048, "
     )
@@ -93,22 +93,22 @@ def test_a_box_without_a_design_is_an_answer():
 
 def test_tolerances_that_break_a_bound_together_are_told():
     spread = {"machine.platform_mass_kg": 0.03, "machine.stiffness_y_n_per_m": 0.03}
-    found = design(scene(spread=spread, starts=1, samples=40))
+    found = design(scene(parameter_tolerances=spread, starts=1, samples=40))
     kept = found.tables["samples"]["rms_y_m"] >= 1e-3 * (1.0 - 1e-6)
     assert found.answer.lines["bounds kept"] == f"{100.0 * kept.mean():.1f} %"
     assert 0.5 < kept.mean() < 1.0
 
 
 def test_what_has_no_value_cannot_be_made_least():
-    bare = scene(keys={"machine.platform_mass_kg": [10.0, 14.0]}, minimize="contact_force_max_n", subject={})
+    bare = scene(keys={"machine.platform_mass_kg": [10.0, 14.0]}, minimize="contact_force_max_n", constraints={})
     with pytest.raises(ConfigError, match="contact_force_max_n has no value on the motion of this scene"):
         design(bare.replace({"material.mass_ratio": 0.0}))
 
 
 def test_a_tolerance_about_a_key_stays_within_the_model():
-    share = scene(keys={"material.lower_share": [0.5, 0.99]}, spread={"material.lower_share": 0.1})
+    share = scene(keys={"material.lower_share": [0.5, 0.99]}, parameter_tolerances={"material.lower_share": 0.1})
     with pytest.raises(
-        ConfigError, match=r"lower_share = \[0.5, 0.99\] with design.spread.material.lower_share = 0.1: "
+        ConfigError, match=r"lower_share = \[0.5, 0.99\] with design.parameter_tolerances.material.lower_share = 0.1: "
     ):
         design(share)
 

@@ -25,11 +25,16 @@ def scene():
 def test_elasticities_are_those_of_orbits_at_other_values(scene):
     found = orbit(scene)
     table = found.sensitivities(KEYS).set_index(["measure", "key"])
-    assert set(table.index.get_level_values("measure")) >= {"rms_y_m", "motor_power_w", "contact_force_max_n", "margin"}
+    assert set(table.index.get_level_values("measure")) >= {
+        "rms_y_m",
+        "motor_power_w",
+        "contact_force_max_n",
+        "stability_margin",
+    }
     for key, value in zip(KEYS, (12.42, 470e3, 0.1), strict=True):
         shares = (2e-3, -2e-3, 1e-3, -1e-3)
         ends = [orbit(scene.replace({key: value * (1.0 + h)}), found, tolerance=1e-11) for h in shares]
-        for name in ("rms_y_m", "motor_power_w", "contact_force_max_n", "excitation_frequency_hz", "margin"):
+        for name in ("rms_y_m", "motor_power_w", "contact_force_max_n", "excitation_frequency_hz", "stability_margin"):
             nominal, *far, above, below = (measured(end, name) for end in (found, *ends))
             wide, narrow = (far[0] - far[1]) / 4e-3, (above - below) / 2e-3
             row = table.loc[(name, key)]
@@ -39,7 +44,7 @@ def test_elasticities_are_those_of_orbits_at_other_values(scene):
 
 def measured(found, name):
     """Measure of an orbit, with the margin."""
-    return 1.0 - abs(found.multipliers[0]) if name == "margin" else found.measures[name]
+    return 1.0 - abs(found.multipliers[0]) if name == "stability_margin" else found.measures[name]
 
 
 def test_all_keys_that_matter_are_varied_if_none_are_named(scene):
@@ -53,7 +58,7 @@ def test_all_keys_that_matter_are_varied_if_none_are_named(scene):
 @pytest.fixture(scope="module")
 def spread(scene):
     """The same with tolerances."""
-    return scene.replace({"design": {"spread": dict.fromkeys(KEYS, 0.05), "samples": 60}})
+    return scene.replace({"design": {"parameter_tolerances": dict.fromkeys(KEYS, 0.05), "samples": 60}})
 
 
 def test_samples_are_what_motions_settle_to(spread):
@@ -73,8 +78,8 @@ def test_samples_are_what_motions_settle_to(spread):
 
 def test_shares_of_the_variance_are_those_of_the_slopes_where_a_spread_is_small(scene):
     small = dict.fromkeys(KEYS, 1e-4)
-    found = design(scene.replace({"design": {"spread": small, "samples": 64}})).tables
-    slopes, shares = (found[name].set_index(["measure", "key"]) for name in ("sensitivities", "shares"))
+    found = design(scene.replace({"design": {"parameter_tolerances": small, "samples": 64}})).tables
+    slopes, shares = (found[name].set_index(["measure", "key"]) for name in ("sensitivities", "variance_contributions"))
     for measure in ("rms_y_m", "motor_power_w"):
         parts = np.array([slopes.loc[(measure, key), "elasticity"] for key in KEYS]) ** 2
         own = shares.loc[measure].loc[list(KEYS)]
@@ -89,11 +94,17 @@ def test_shares_of_the_variance_are_those_of_the_slopes_where_a_spread_is_small(
             {"keys": {"machine.mass": [1.0, 2.0]}},
             "design.keys: unknown key machine.mass; allowed: ",
         ),
-        ({"spread": {"contact.restitution": 0.1}}, "design.spread.contact.restitution is 0 in this scene; allowed: "),
+        (
+            {"parameter_tolerances": {"contact.restitution": 0.1}},
+            "design.parameter_tolerances.contact.restitution is 0 in this scene; allowed: ",
+        ),
         ({"measures": ["rms_z_m"]}, "design: rms_z_m is no measure of this scene; did you mean rms_"),
         ({"keys": {KEYS[0]: [2.0, 2.0]}}, f"design: keys.{KEYS[0]} = [2.0, 2.0] is empty; allowed: [low, high]"),
-        ({"spread": {"material.lower_share": 0.9}}, "design.spread.material.lower_share = 0.9: material.lower_share ="),
-        ({"subject": {"rms_y_m": "1"}}, "design: subject.rms_y_m = '1' is no bound; allowed: \">= NUMBER\""),
+        (
+            {"parameter_tolerances": {"material.lower_share": 0.9}},
+            "design.parameter_tolerances.material.lower_share = 0.9: material.lower_share =",
+        ),
+        ({"constraints": {"rms_y_m": "1"}}, "design: constraints.rms_y_m = '1' is no bound; allowed: \">= NUMBER\""),
         ({"minimize": "rms_y_m"}, "design: minimize is given without keys; allowed: with keys and their ranges"),
     ],
 )
@@ -110,8 +121,8 @@ def test_a_key_of_both_exciters_has_the_sum_of_their_elasticities(command, tmp_p
     keys = [f"exciters.{place}.static_moment_kg_m" for place in (0, 1, "N")]
     first, second, both = orbit(screen).sensitivities(keys, ["rms_y_m"])["elasticity"]
     assert both == pytest.approx(first + second, rel=1e-6)
-    unequal = screen.replace({keys[0]: 0.8, "design": {"spread": {keys[2]: 0.01}}})
+    unequal = screen.replace({keys[0]: 0.8, "design": {"parameter_tolerances": {keys[2]: 0.01}}})
     with pytest.raises(
-        ConfigError, match=r"design.spread.exciters.N.static_moment_kg_m has two values; allowed: equal"
+        ConfigError, match=r"design.parameter_tolerances.exciters.N.static_moment_kg_m has two values; allowed: equal"
     ):
         DesignStudy(unequal)

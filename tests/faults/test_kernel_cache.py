@@ -17,7 +17,7 @@ import pytest
 
 import vibroplat
 from vibroplat import Scene, simulate
-from vibroplat.integrate import tell_of_compilation
+from vibroplat.integrate import announce_compilation
 from vibroplat.kernels import cache
 from vibroplat.kernels.target import GENERIC, processor
 
@@ -182,7 +182,7 @@ def test_without_any_place_nothing_is_kept_and_the_notice_says_so(why, package, 
 
 @pytest.mark.parametrize("told", ["this happens once for each engine and takes about half a minute", NOWHERE])
 def test_first_engine_says_once_that_it_compiles(told, command, here, monkeypatch, caplog, kernels):
-    tell_of_compilation.cache_clear()
+    announce_compilation.cache_clear()
     monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", lambda engine="auto": False)
     if told == NOWHERE:
         monkeypatch.setattr(cache, "folder", lambda: None)
@@ -191,7 +191,7 @@ def test_first_engine_says_once_that_it_compiles(told, command, here, monkeypatc
     for _ in range(2):
         simulate(Scene().replace({"run.duration_s": 0.001}), keep="summary")
     assert caplog.messages == [f"compiling the numerical kernels; {told}"]
-    tell_of_compilation.cache_clear()
+    announce_compilation.cache_clear()
 
 
 # -- when it is out of date -----------------------------------------------------------------------------

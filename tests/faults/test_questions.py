@@ -18,10 +18,11 @@ QUESTIONS = {
     "find": "drive: {supply_frequency_hz: 58.0}\nfind: {key: material.mass_ratio, start: 0.2, stop: 0.4, scan: 5, "
     "expression: rms_y_m > 7e-4, tolerance: 1.0e-3}\n",
     "basins": "drive: {supply_frequency_hz: 62.3}\nmaterial: {mass_ratio: 0.0}\n"
-    f"basins: {{starts: {{{PHASE}: [-3.0, 3.0, 14], {SPEED}: [0.0, 1.1, 8]}}}}\n",
+    f"basins: {{initial_conditions: {{{PHASE}: [-3.0, 3.0, 14], {SPEED}: [0.0, 1.1, 8]}}}}\n",
     "design": "drive: {supply_frequency_hz: 55.0}\nmaterial: {mass_ratio: 0.1}\ndesign: {keys: "
     "{machine.unbalance_radius_m: [0.018, 0.048], drive.supply_frequency_hz: [46.75, 60.5]}, minimize: motor_power_w, "
-    'subject: {rms_y_m: ">= 0.5e-3"}, spread: {machine.platform_mass_kg: 0.05}, samples: 6, starts: 2}\n',
+    'constraints: {rms_y_m: ">= 0.5e-3"}, parameter_tolerances: {machine.platform_mass_kg: 0.05}, '
+    "samples: 6, starts: 2}\n",
     "orbits": "material: {mass_ratio: 0.2}\norbits: {key: drive.supply_frequency_hz, start: 42.0, stop: 64.0, "
     "switch: [], boundaries: {key: material.mass_ratio, start: 0.19, stop: 0.21, max_points: 4}}\n",
 }

@@ -1,4 +1,4 @@
-"""Transitions in scenes made for them: liftoffs, impacts, latches."""
+"""Transitions in scenes made for them: liftoffs, impacts, chatters."""
 
 import numpy as np
 import pytest

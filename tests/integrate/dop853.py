@@ -1,9 +1,9 @@
-"""scipy's DOP853 behind the seam: all that a one-step method needs."""
+"""scipy's DOP853 behind the interface: all that a one-step method needs."""
 
 import numpy as np
 from scipy.integrate import DOP853
 
-from vibroplat.integrate.seam import WORK, IntegrationError
+from vibroplat.integrate.interface import WORK, IntegrationError
 from vibroplat.model.accelerations import explicit
 
 #: Powers of s in the terms of its dense output: s, s(1 − s), s²(1 − s), … s⁴(1 − s)³.

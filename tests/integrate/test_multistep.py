@@ -10,8 +10,8 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, automaton
 from vibroplat.hybrid.modes import ATTACHED
 from vibroplat.hybrid.state import CUBIC, empty_steps
-from vibroplat.integrate.multistep import begin_steps, calm, excursion, no_past, transcribe
-from vibroplat.kernels.polynomial import extremes
+from vibroplat.integrate.multistep import begin_steps, empty_step, estimate_flight, limit_force_slopes, transcribe
+from vibroplat.kernels.polynomial import value_range
 from vibroplat.model.parameters import parameters
 from vibroplat.observe.tables import sample
 
@@ -22,7 +22,7 @@ OTHERS = 4
 def added(t, y, yp, guard=-1, at_guard=False, target=math.nan):
     """Steps through ends with unknowns y, shape (m, n), and derivatives, and why they stopped."""
     t, y, yp = (np.asarray(a, dtype=float) for a in (t, y, yp))
-    steps, past = empty_steps(len(t) + 2, CUBIC), no_past()
+    steps, past = empty_steps(len(t) + 2, CUBIC), empty_step()
     begin_steps(past, y[0], yp[0])
     return steps, transcribe(steps, past, t[1:], y[1:], yp[1:], guard, at_guard, target)
 
@@ -115,7 +115,7 @@ def calmed(forces, given_slopes):
     h = automaton(ONE_LAYER, parameters(ONE_LAYER), steps, 100.0)
     h.run["mode"] = ATTACHED
     before = steps.c[:, :, :10].copy()
-    calm(h, False)
+    limit_force_slopes(h, False)
     assert (steps.c[:, :, :10] == before).all()
     at_ends = np.array(
         [[np.polynomial.Polynomial(c[:, 10]).deriv()(s) for c in steps.c[: count - 1]] for s in (0.0, 1.0)]
@@ -151,7 +151,7 @@ def test_a_force_that_presses_at_all_steps_presses_between_them(rows):
     forces, slopes_given = zip(*rows, strict=True)
     steps, _, _ = calmed(forces, slopes_given)
     for row in range(len(forces) - 1):
-        least, *_ = extremes(steps.c[row], CUBIC, 10, 0.0, 1.0, (forces[row], forces[row + 1]))
+        least, *_ = value_range(steps.c[row], CUBIC, 10, 0.0, 1.0, (forces[row], forces[row + 1]))
         assert least >= -1e-9 * max(forces)
 
 
@@ -159,8 +159,8 @@ def test_a_force_that_presses_at_all_steps_presses_between_them(rows):
 
 
 def test_excursion_after_rebound_and_release():
-    assert excursion(0.2, -10.0, 5.0, 1.0) == pytest.approx((0.04, 0.002))
-    duration, height = excursion(0.0, 0.0, 6.0, -24.0)  # gap = t³ − t⁴
+    assert estimate_flight(0.2, -10.0, 5.0, 1.0) == pytest.approx((0.04, 0.002))
+    duration, height = estimate_flight(0.0, 0.0, 6.0, -24.0)  # gap = t³ − t⁴
     assert (duration, height) == pytest.approx((1.0, 27.0 / 256.0))
-    assert excursion(0.0, 2.0, -6.0, 0.0) == pytest.approx((1.0, 4.0 / 27.0))  # gap = t² − t³
-    assert excursion(0.0, 0.0, 6.0, 24.0) == (math.inf, math.inf)
+    assert estimate_flight(0.0, 2.0, -6.0, 0.0) == pytest.approx((1.0, 4.0 / 27.0))  # gap = t² − t³
+    assert estimate_flight(0.0, 0.0, 6.0, 24.0) == (math.inf, math.inf)

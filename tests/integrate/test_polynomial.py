@@ -5,7 +5,16 @@ from itertools import product
 import numpy as np
 import pytest
 
-from vibroplat.kernels.polynomial import crossing, extremes, first_downcrossing, fit, fit_column, stretch, value, values
+from vibroplat.kernels.polynomial import (
+    crossing,
+    first_downcrossing,
+    fit,
+    fit_column,
+    stretch,
+    value,
+    value_range,
+    values,
+)
 
 
 def column(coefficients):
@@ -125,7 +134,7 @@ def test_extremes_of_a_step(first, last):
         for _ in range(8):
             c = rng.normal(size=degree + 1) * 0.7 ** np.arange(degree + 1)
             true = np.polynomial.Polynomial(c)(s)
-            least, largest, *_ = extremes(column(c), degree, 0, first, last, (true[0], true[-1]))
+            least, largest, *_ = value_range(column(c), degree, 0, first, last, (true[0], true[-1]))
             assert [least, largest] == pytest.approx([true.min(), true.max()], abs=1e-7)
 
 

@@ -6,12 +6,12 @@ from numpy.polynomial import polynomial
 
 from vibroplat import Scene, simulate
 from vibroplat.integrate.taylor import (
-    LAST,
+    ERROR_COEFFICIENTS,
     TaylorEngine,
-    comes_to_rest,
-    confirmed,
+    accept_step,
     degree_of,
     end_of_step,
+    find_standstill,
     guard_fall,
     longest_step,
     start,
@@ -19,7 +19,7 @@ from vibroplat.integrate.taylor import (
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.model.parameters import parameters
 from vibroplat.model.series import MAX_DEGREE
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 
 TAYLOR = {"solver.engine": "taylor"}
 DEGREE, GUARD = 17, 5
@@ -46,7 +46,7 @@ def with_rest(coefficients, size):
     """The same with so much in the last coefficients, which bound the remainder, and nothing of it in the sum."""
     c = np.zeros(DEGREE + 1)
     c[: len(coefficients)] = coefficients
-    c[-LAST:] = 0.25 * size * np.array([1.0, -1.0, 1.0, -1.0])
+    c[-ERROR_COEFFICIENTS:] = 0.25 * size * np.array([1.0, -1.0, 1.0, -1.0])
     return c
 
 
@@ -81,13 +81,13 @@ def test_rest_of_an_exciter():
     for sense in (1.0, -1.0):
         c[:, 8] = 0.0
         c[:2, 8] = sense, -4.0 * sense
-        assert comes_to_rest(c, DEGREE, 8, room) == pytest.approx(0.25)
+        assert find_standstill(c, DEGREE, 8, room) == pytest.approx(0.25)
         c[:3, 8] = 0.0, sense, -2.0 * sense  # at rest at the beginning, then away and back
-        assert comes_to_rest(c, DEGREE, 8, room) == pytest.approx(0.5)
+        assert find_standstill(c, DEGREE, 8, room) == pytest.approx(0.5)
         c[:3, 8] = 0.0, sense, sense
-        assert comes_to_rest(c, DEGREE, 8, room) == -1.0
+        assert find_standstill(c, DEGREE, 8, room) == -1.0
     c[:, 8] = 0.0
-    assert comes_to_rest(c, DEGREE, 8, room) == -1.0
+    assert find_standstill(c, DEGREE, 8, room) == -1.0
 
 
 def test_degree_follows_the_tolerance():
@@ -103,7 +103,7 @@ def test_a_step_that_its_series_does_not_reach_is_not_taken(longer, taken):
     scene = Scene().replace(TAYLOR)
     p = parameters(scene)
     engine = TaylorEngine(scene, p)
-    motion = Motion(scene, p, engine)
+    motion = Simulator(scene, p, engine)
     motion.to_time(0.01)
     h, e = motion.automaton, engine._e
     start(h, e)
@@ -112,7 +112,7 @@ def test_a_step_that_its_series_does_not_reach_is_not_taken(longer, taken):
     series = e.room["q"][: DEGREE + 1]
     for order in range(3):
         e.status["at_end"][order] = polynomial.polyval(length, polynomial.polyder(series, order))
-    assert confirmed(h, e, int(h.run["systems"][h.run["mode"]]), stop, length) == taken
+    assert accept_step(h, e, int(h.run["systems"][h.run["mode"]]), stop, length) == taken
 
 
 def test_few_steps_a_turn(quickstart):

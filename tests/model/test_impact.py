@@ -1,4 +1,4 @@
-"""The impact map against closed forms, linear solves and conservation laws; the latch against many impacts."""
+"""The impact map against closed forms, linear solves and conservation laws; the chatter against many impacts."""
 
 import numpy as np
 import pytest
@@ -105,7 +105,7 @@ def test_central_law_has_the_printed_effective_mass(machine, layers, restitution
 def follow(state, accelerations, p):
     """Follow impact by impact until one sticks or their speed is 1e-13 of the first.
 
-    The mass matrix stays that of the first state, which is what `latch` assumes. Returns (state, duration, impulse,
+    The mass matrix stays that of the first state, which is what `chatter` assumes. Returns (state, duration, impulse,
     loss).
     """
     state, angles, slowest = state.copy(), state[2:5].copy(), 1e-13 * state[12]

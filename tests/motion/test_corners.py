@@ -61,7 +61,7 @@ def test_corners_are_events(scene, changes):
     attached = told["mode_after"] == "attached"
     assert ((told["contact_force_after_n"] > 0.0) == attached).all()
     assert attached.any() == bool(changes != BARE)
-    assert run.summary["events"] == len(run.events) - len(CORNERS)  # liftoffs, impacts, latches
+    assert run.summary["events"] == len(run.events) - len(CORNERS)  # liftoffs, impacts, chatters
 
 
 def test_two_rows_share_the_time_of_a_corner(scene):

@@ -18,7 +18,7 @@ def with_newer_keys(scene):
 
 def test_runs_and_sweeps_of_equal_exciters_are_bit_for_bit_the_same(quickstart):
     plan = {"supply_frequency_hz": {"start": 50.0, "stop": 50.5, "step": 0.5, "direction": ["up"]}, "grid": {}}
-    plan |= {"settle": "motion", "max_settle_s": 0.3, "measure_s": 0.05, "lyapunov": False}
+    plan |= {"settle_by": "section", "max_settle_s": 0.3, "measure_s": 0.05, "lyapunov": False}
     contact = {"material": {"mass_ratio": 0.1, "layers": 1}, "contact.restitution": 0.5}
     old = quickstart.replace({**contact, "run.duration_s": 0.5, "run.perturbation": 0.01, "sweep": plan})
     new = with_newer_keys(old)

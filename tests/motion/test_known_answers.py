@@ -84,9 +84,9 @@ def test_period_one_orbit_attracts(simulate):
 def test_accumulation_time_of_a_dropped_ball(simulate):
     restitution = 0.8
     events = simulate(dropped_ball(restitution)).events
-    latch = events[events["kind"] == "latch"].iloc[0]
-    assert latch["t_s"] == pytest.approx(accumulation_time(restitution), rel=1e-8)
-    assert latch["mode_after"] == "attached"
+    chatter = events[events["kind"] == "chatter"].iloc[0]
+    assert chatter["t_s"] == pytest.approx(accumulation_time(restitution), rel=1e-8)
+    assert chatter["mode_after"] == "attached"
 
 
 def test_threshold_of_accumulation_follows_the_tolerance(simulate):
@@ -116,14 +116,14 @@ def sticking_ball(restitution, sticking_speed):
 
 @pytest.mark.parametrize(("restitution", "sticking_speed"), [(0.3, 5.0), (0.8, 1e-12)])
 def test_ball_comes_to_rest_at_the_first_impact_that_is_too_slow(simulate, restitution, sticking_speed):
-    """The last is summed by the latch, which counts what it sums."""
+    """The last is summed by the chatter, which counts what it sums."""
     scene = sticking_ball(restitution, sticking_speed)
     run = simulate(scene)
     number, time = rest_of_dropped_ball(restitution, sticking_speed)
     last = run.events.iloc[-1]
     assert run.outcome == "ok"
     assert run.events["impacts"].sum() == number
-    assert last["kind"] == ("impact" if sticking_speed > 1e-7 else "latch")
+    assert last["kind"] == ("impact" if sticking_speed > 1e-7 else "chatter")
     assert last["t_s"] == pytest.approx(time, rel=1e-10)
     assert last["gap_rate_after_m_per_s"] == 0.0
     assert last["mode_after"] == "attached"
@@ -139,11 +139,11 @@ def test_ball_comes_to_rest_at_the_first_impact_that_is_too_slow(simulate, resti
 def test_latch_lasts_until_an_impact_sticks(simulate):
     restitution, sticking_speed = 0.3, 1e-8
     events = simulate(sticking_ball(restitution, sticking_speed)).events
-    before, latch = events.iloc[-2], events.iloc[-1]
-    rebound, count = before["gap_rate_after_m_per_s"], latch["impacts"]
+    before, chatter = events.iloc[-2], events.iloc[-1]
+    rebound, count = before["gap_rate_after_m_per_s"], chatter["impacts"]
     assert restitution ** (count - 1) * rebound < sticking_speed <= restitution ** (count - 2) * rebound
     expected = 2.0 * rebound / GRAVITY * sum(restitution**k for k in range(count))
-    assert latch["t_s"] - before["t_s"] == pytest.approx(expected, abs=1e-15)
+    assert chatter["t_s"] - before["t_s"] == pytest.approx(expected, abs=1e-15)
 
 
 def test_impact_at_the_sticking_speed_rebounds(simulate):

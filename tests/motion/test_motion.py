@@ -93,7 +93,7 @@ def test_the_first_of_an_event_and_an_angle_ends_a_step(scene):
 
 def test_the_first_event_of_a_kind_ends_the_way_to_it(scene):
     whole = simulate(scene)
-    for kind in ("liftoff", "impact", "latch"):
+    for kind in ("liftoff", "impact", "chatter"):
         seen, rows = Recorder(scene, "events"), whole.events[whole.events["kind"] == kind]
         with motion_of(scene) as motion:
             assert motion.to_event(kind, 0.5, [seen]) == (len(rows) > 0)
@@ -110,7 +110,7 @@ def test_the_first_event_of_a_kind_ends_the_way_to_it(scene):
 def test_a_motion_stopped_at_events_goes_on_as_before(scene):
     """An event ends a segment with or without a stop, so nothing at all changes."""
     expected = events_of(scene)
-    for kind in ("liftoff", "impact", "latch"):
+    for kind in ("liftoff", "impact", "chatter"):
         seen, stops = Recorder(scene, "segments"), 0
         with motion_of(scene) as motion:
             while motion.to_event(kind, 0.5 - motion.now, [seen]):
@@ -137,15 +137,15 @@ def test_a_motion_stopped_at_times_and_at_its_section_goes_on_as_before(scene):
 
 
 def test_impacts_that_accumulate_are_latched_after_a_stop_too():
-    """The last impact that is followed is a stop of its own; the latch comes when the motion goes on."""
+    """The last impact that is followed is a stop of its own; the chatter comes when the motion goes on."""
     ball = dropped_ball(0.5).replace({"solver.engine": "taylor"})
     expected, seen = events_of(ball), Recorder(ball, "events")
-    assert KINDS[expected["kind"][-1]] == "latch"
+    assert KINDS[expected["kind"][-1]] == "chatter"
     with motion_of(ball) as motion:
         for row in expected[:-1]:
             assert motion.to_event("impact", 10.0, [seen])
             assert (motion.now, motion.state[GAP_RATE]) == (row["t"], row["rate_after"])
-        assert motion.to_event("latch", 10.0, [seen])
+        assert motion.to_event("chatter", 10.0, [seen])
         assert (motion.now, motion.state[GAP_RATE]) == (expected["t"][-1], 0.0)
     assert (seen.events == expected).all()
 
@@ -170,7 +170,7 @@ class Counter:
     """Counts steps and events, and adds up how long they take."""
 
     def __init__(self):
-        self.steps = self.events = self.latches = 0
+        self.steps = self.events = self.chatters = 0
         self.seconds = 0.0
 
     def read(self, h):
@@ -179,7 +179,7 @@ class Counter:
             self.steps += rows.stop - rows.start
             self.seconds += h.steps.length[rows].sum()
         self.events += int(h.run["events"])
-        self.latches += int((h.events["kind"][: h.run["events"]] == KINDS.index("latch")).sum())
+        self.chatters += int((h.events["kind"][: h.run["events"]] == KINDS.index("chatter")).sum())
 
 
 def test_observers_see_each_step_and_event_once(scene, monkeypatch):
@@ -192,8 +192,8 @@ def test_observers_see_each_step_and_event_once(scene, monkeypatch):
         steps = motion.engine.work["steps"]
     assert counter.seconds == pytest.approx(0.5, abs=1e-12)
     assert counter.events == len(events_of(scene, 0.5))
-    # a latch is a step of its own; where the guard's root is at the very end of a step, another adds nothing
-    assert counter.steps == steps + counter.latches
+    # a chatter is a step of its own; where the guard's root is at the very end of a step, another adds nothing
+    assert counter.steps == steps + counter.chatters
     assert [segment.start for segment in segments.segments[1:]] == [segment.end for segment in segments.segments[:-1]]
 
 

@@ -32,12 +32,12 @@ TIME_BOUND = 2e-7
 SPEED_BOUND = 1e-5
 FORCE_BOUND = 3e-5
 
-#: Until when coordinates are compared where errors of latches grow: their bounds hold until the motion has amplified
+#: Until when coordinates are compared where errors of chatters grow: their bounds hold until the motion has amplified
 #: an error of the first liftoff 20 times (s).
 UNTIL = {"onelayer-R03-mu01-fe48": 0.2, "restitution05-mu02-fe51.5": 0.15}
 
-#: How an error of time at the liftoff after the first latch has grown at each event, measured with an impulse that was
-#: wrong there by a known amount.
+#: How an error of time at the liftoff after the first chatter has grown at each event, measured with an impulse that
+#: was wrong there by a known amount.
 GROWTH = {
     "onelayer-R03-mu01-fe48": "0 0 0 0 0 0 0.4 0.4 0.69 1.2 8.4 8.4 11 17 20 22 22 22 22 22 40 74 90",
     "restitution05-mu02-fe51.5": (
@@ -104,7 +104,7 @@ def test_events_with_latches(runs, name):
     impacts = early & (mine["kind"] == "impact")
     speeds, expected = (e["gap_rate_before_m_per_s"][impacts] for e in (mine, theirs))
     assert (np.abs(speeds - expected) <= SPEED_BOUND * np.maximum(np.abs(expected), 0.1)).all()
-    # latches carry the momentum on: with it lost, the liftoff after the first is 1.5e-9 s off
+    # chatters carry the momentum on: with it lost, the liftoff after the first is 1.5e-9 s off
     first, second = (e[e["kind"] == "liftoff"]["t_s"].iloc[1] for e in (mine, theirs))
     assert abs(first - second) <= 5e-10
 

@@ -4,7 +4,7 @@ import pytest
 from common.places import QUICKSTART
 
 from vibroplat import load_config, simulate
-from vibroplat.observe.notes import capture, notes_on_samples, peaks_of
+from vibroplat.observe.notes import capture, largest_samples, notes_on_samples
 
 #: Captured by the vertical resonance: with f_e = 66 Hz and b_y = 40 the motors turn at 30.493 Hz (Sommerfeld).
 CAPTURED = {
@@ -110,7 +110,7 @@ def test_samples_of_the_measured_part_alone_are_compared(quickstart):
     table = run.trajectory
     late = table["t_s"] >= 0.5
     table = table.assign(contact_force_n=table["contact_force_n"].where(~late, 0.5 * table["contact_force_n"]))
-    peaks = peaks_of(table, 0.5)
+    peaks = largest_samples(table, 0.5)
     assert peaks == {name: table.loc[late, name].max() for name in ("contact_force_n", "gap_m")}
     (note,) = notes_on_samples(peaks, run.summary, 2000.0)
     assert "contact force" in note

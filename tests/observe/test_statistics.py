@@ -45,7 +45,7 @@ def test_events_are_counted_in_whole_turns_and_in_the_whole(quickstart, restitut
     run = simulate(quickstart.replace({"run.duration_s": 1.0, "contact.restitution": restitution}))
     late = run.events[run.events["t_s"].between(run.summary["measured_from_s"], run.summary["measured_to_s"])]
     assert 0 < len(late) < len(run.events) == run.summary["events"]
-    for kind, name in (("liftoff", "liftoffs"), ("impact", "impacts"), ("latch", "latches")):
+    for kind, name in (("liftoff", "liftoffs"), ("impact", "impacts"), ("chatter", "chatters")):
         assert run.summary[name] == (run.events["kind"] == kind).sum()
         assert run.summary[f"measured_{name}"] == (late["kind"] == kind).sum()
     assert run.summary["impulse_max_n_s"] == late["impulse_n_s"].max() < run.events["impulse_n_s"].max()
@@ -68,7 +68,7 @@ def test_a_run_that_ends_before_its_measured_part_has_no_extremes_of_it(quicksta
     assert run.summary["events"] > 0
     for name in ("contact_force_max_n", "contact_force_min_n", "rms_y_m", "measured_s"):
         assert run.summary[name] is None
-    assert [run.summary[f"measured_{name}"] for name in ("liftoffs", "impacts", "latches", "turns")] == [0, 0, 0, 0]
+    assert [run.summary[f"measured_{name}"] for name in ("liftoffs", "impacts", "chatters", "turns")] == [0, 0, 0, 0]
 
 
 def test_the_largest_rotation_is_that_of_the_whole_run(quickstart):

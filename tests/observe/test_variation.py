@@ -18,7 +18,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import IMPACT_LAWS, parameters
 from vibroplat.model.sensitivity import with_value
 from vibroplat.model.systems import GAP, GAP_RATE
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.motion.recorder import Recorder
 from vibroplat.observe.tables import state_places
 from vibroplat.observe.variation import Variation
@@ -84,7 +84,7 @@ class Followed:
             scene = with_value(scene, path, section + shift)
         self._scene, self._p = scene, parameters(scene)
         self._engine = make_engine(scene, self._p)
-        self._motion = Motion(scene, self._p, self._engine, start)
+        self._motion = Simulator(scene, self._p, self._engine, start)
         self._seconds = seconds
         self.close = self._engine.close
 
@@ -115,7 +115,7 @@ def by_differences(scene, start, seconds, keys=(), step=None):
                 with closing(Followed(scene, start, seconds, name, side * n * step * value)) as followed:
                     found[:, 14 + k] += side * weight * followed.end(start) / step
     found /= scales[:, np.newaxis]
-    names = ("liftoff", "impact", "latch", "drive")
+    names = ("liftoff", "impact", "chatter", "drive")
     return found, [names[kind] for kind in kinds]
 
 
@@ -233,7 +233,7 @@ def test_impact_too_slow_to_rebound_after_which_flight_goes_on():
 
     def end(state, observers=()):
         with closing(make_engine(scene, p)) as engine:
-            motion = Motion(scene, p, engine, state)
+            motion = Simulator(scene, p, engine, state)
             motion.automaton.run["slowest"] = 10.0
             motion.to_time(0.05, observers)
             return varied.derivative(motion.automaton) if observers else motion.state
@@ -267,7 +267,7 @@ def test_through_impacts_with_restitution(setup, law, layers, engine):
 def test_through_impacts_that_accumulate(law, layers, engine):
     scene = scene_of(layers, engine=engine, restitution=0.3, impact_law=law, frequency=46.0)
     kinds = agrees(scene, falling(scene), 0.08, 1e-4, KEYS)
-    assert {"impact", "latch"} <= set(kinds)
+    assert {"impact", "chatter"} <= set(kinds)
 
 
 @pytest.mark.parametrize(("layers", "frequency", "engine"), [(1, 52.0, "taylor"), (2, 50.0, "native")])

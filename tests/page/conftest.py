@@ -80,14 +80,14 @@ def answered(tmp_path_factory):
     best = {
         "keys": wide,
         "minimize": "motor_power_w",
-        "subject": {"rms_y_m": ">= 1e-3"},
+        "constraints": {"rms_y_m": ">= 1e-3"},
         "pareto": {"rms_y_m": [0.9e-3, 1.1e-3]},
     }
-    spread = {"spread": {radius: 0.05}, "samples": 20}
+    spread = {"parameter_tolerances": {radius: 0.05}, "samples": 20}
     over = {"key": supply, "start": 62.3, "stop": 63.1, "count": 2}
     questions = {
-        "basins": (basins, 62.3, 0.0, {"basins": {"starts": box, "random": 40}}),
-        "over": (basins, 62.3, 0.0, {"basins": {"starts": box, "random": 20, "over": over}}),
+        "basins": (basins, 62.3, 0.0, {"basins": {"initial_conditions": box, "random": 40}}),
+        "over": (basins, 62.3, 0.0, {"basins": {"initial_conditions": box, "random": 20, "over": over}}),
         "thresholds": (find, 60.0, 0.3, {"find": mass}),
         "design": (design, 57.4, 0.1, {"design": spread | {"keys": {radius: [0.02, 0.04]}}}),
         "best": (design, 55.0, 0.1, {"design": best | {"starts": 2}}),

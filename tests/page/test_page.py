@@ -322,7 +322,7 @@ def test_motion_that_is_rounding_has_no_panel(followed):
 def test_boundaries_of_unstable_orbits_are_told(followed, tmp_path):
     copy = unproven(shutil.copytree(followed, tmp_path / "copy"))
     table = read_table(copy, "boundaries")
-    write_table(table.assign(unstable=(table["kind"] == "fold").astype("Int64")), copy, "boundaries", "parquet")
+    write_table(table.assign(n_unstable=(table["kind"] == "fold").astype("Int64")), copy, "boundaries", "parquet")
     (found,) = shown(copy)["boundaries"]
     assert [(one["label"], one["reached"]) for one in found["series"]] == [
         ("fold of unstable orbits", False),

@@ -142,7 +142,7 @@ def test_boundaries_are_drawn_over_two_keys(followed):
     assert "two layers" in words
     assert r"$\mu_w$ =" not in words  # it varies along the curves
     table = read_table(followed, "boundaries")
-    write_table(table.assign(unstable=(table["kind"] == "fold").astype("Int64")), followed, "boundaries", "parquet")
+    write_table(table.assign(n_unstable=(table["kind"] == "fold").astype("Int64")), followed, "boundaries", "parquet")
     figure = drawn(followed, ["boundaries"])["boundaries"]
     assert [line.get_linestyle() for line in figure.axes[0].lines] == [":", "-"]
     assert "thin: of unstable orbits" in [text.get_text() for text in figure.legends[0].get_texts()]

@@ -114,7 +114,7 @@ def test_any_two_keys_make_a_map_with_boundaries_of_orbits_over_both(write):
         place,
         "orbits",
         handmade.origin("swept"),
-        {"boundaries": boundaries.assign(unstable=(boundaries["curve"] == 1).astype("Int64"))},
+        {"boundaries": boundaries.assign(n_unstable=(boundaries["curve"] == 1).astype("Int64"))},
         form="parquet",
     )
     figure = drawn(place, "map")["map"]

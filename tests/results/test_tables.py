@@ -264,7 +264,7 @@ def test_events_have_the_columns_of_the_interface(runs):
     expected = ["t_s", "kind", "gap_rate_before_m_per_s", "gap_rate_after_m_per_s", "impulse_n_s", "energy_loss_j"]
     for run in runs.values():
         assert list(run.events) == [*expected, "contact_force_after_n", "mode_after", "impacts"]
-        assert set(run.events["kind"]) <= {"liftoff", "impact", "latch"}
+        assert set(run.events["kind"]) <= {"liftoff", "impact", "chatter"}
         assert len(run.events) == run.summary["events"]
         assert (len(run.events) > 0) == run.scene.has_contact
 

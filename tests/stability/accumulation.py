@@ -10,14 +10,14 @@ from vibroplat.bench.scenes import base
 from vibroplat.motion.run import simulate
 
 TOLERANCE = 1e-10
-#: Largest relative error of the time of a latch; at the default tolerance 1 − R times that: more of the series is
+#: Largest relative error of the time of a chatter; at the default tolerance 1 − R times that: more of the series is
 #: summed there, and an error would be visible.
 LATCH = 1e-6
 #: The same for layers on the moving platform, compared with a run at a tenth of the tolerance.
 LATCH_MOVING = 1e-7
 #: The same after tens of thousands of impacts, each of which adds its own error.
 LATCH_SLOW = 1e-5
-#: Number of impacts followed one by one before the latch, over the number that the geometric series requires.
+#: Number of impacts followed one by one before the chatter, over the number that the geometric series requires.
 COST = 1.2
 #: Drop height of a ball (m) for which the accumulation ends within a few turns.
 HEIGHT = 1e-3
@@ -37,15 +37,15 @@ def accumulation(count, engine):
 
 
 def _ball(restitution, tolerance, allowed, engine):
-    """Compare the time of a latch with t∞, and momentum and energy with those of the fall."""
+    """Compare the time of a chatter with t∞, and momentum and energy with those of the fall."""
     scene = with_engine(dropped_ball(restitution, HEIGHT, tolerance), engine)
     name = f"ball, R {restitution:.3g}, tolerance {tolerance:g}"
     run = simulate(scene)
     events = run.events
-    latches = events[events["kind"] == "latch"]
-    if latches.empty:
+    chatters = events[events["kind"] == "chatter"]
+    if chatters.empty:
         return row(name, run.outcome, {"latches_missed": (1.0, 0.0)})
-    mass, closed = scene.layer_masses[0], float(latches["t_s"].iloc[0])
+    mass, closed = scene.layer_masses[0], float(chatters["t_s"].iloc[0])
     landed = events[events["t_s"] <= closed]
     # until ω₀τ ≤ √tol, the impacts' duration τ falling with Rⁿ from 2 √(2h/g) R/(1−R)
     first = OMEGA * 2.0 * math.sqrt(2.0 * HEIGHT / GRAVITY) * restitution / (1.0 - restitution)
@@ -54,14 +54,14 @@ def _ball(restitution, tolerance, allowed, engine):
         "latch_time": (abs(closed / accumulation_time(restitution, HEIGHT) - 1.0), allowed),
         "momentum": (abs(landed["impulse_n_s"].sum() / (mass * GRAVITY * closed) - 1.0), allowed),
         "loss": (abs(landed["energy_loss_j"].sum() / (mass * GRAVITY * HEIGHT) - 1.0), allowed),
-        "latches_too_many": (len(latches) - 1, 0.0),
+        "latches_too_many": (len(chatters) - 1, 0.0),
         "impacts_followed": (int((landed["kind"] == "impact").sum()), COST * needed + 2.0),
     }
     return row(name, run.outcome, limits | sound(scene, run.summary))
 
 
 def _moving(restitution, engine):
-    """Let a small drop accumulate on the running machine; a run at a smaller tolerance gives the same latch."""
+    """Let a small drop accumulate on the running machine; a run at a smaller tolerance gives the same chatter."""
     state = {"phi1_rad": 0.3, "phi2_rad": 2.9, "phi1_rate_rad_per_s": 120.0, "phi2_rate_rad_per_s": -120.0}
     scene = with_engine(base(TOLERANCE, 0.2), engine).replace(
         {
@@ -77,8 +77,8 @@ def _moving(restitution, engine):
 
 
 def _latch(run):
-    """Time of the first latch (s); nan if there is none."""
-    times = run.events.loc[run.events["kind"] == "latch", "t_s"]
+    """Time of the first chatter (s); nan if there is none."""
+    times = run.events.loc[run.events["kind"] == "chatter", "t_s"]
     return float(times.iloc[0]) if len(times) else math.nan
 
 

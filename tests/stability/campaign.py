@@ -28,7 +28,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.integrate.native import MAX_STEPS
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.observe.summary import INACCURATE
 from vibroplat.study.fingerprint import package
 
@@ -104,7 +104,7 @@ def _steps(scene, seconds):
     """How many steps a motion takes for a time."""
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        Motion(scene, p, engine).to_time(seconds)
+        Simulator(scene, p, engine).to_time(seconds)
         return engine.work["steps"]
 
 

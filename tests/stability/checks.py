@@ -9,8 +9,8 @@ from vibroplat.hybrid.state import FORCE_ERROR, force_spread, state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP
-from vibroplat.motion.motion import OUTCOMES, Motion
-from vibroplat.observe.summary import INACCURATE, measured
+from vibroplat.motion.motion import OUTCOMES, Simulator
+from vibroplat.observe.summary import INACCURATE, measure
 
 #: Largest residuals of energy and vertical momentum over tolerance and steps: each step may be off by about the
 #: tolerance, and the errors may add up. In a campaign of 10 000 random scenes the largest of energy is 2.8, the median
@@ -55,15 +55,15 @@ def with_engine(scene, engine):
     return scene.replace({"solver.engine": engine})
 
 
-def steady(scene, settle, measure):
+def steady(scene, settle, seconds):
     """Let a scene settle (s) and then measure (s); return the measures with outcome and steps."""
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine)
+        motion = Simulator(scene, p, engine)
         motion.advance(settle)
-        part = motion.advance(measure)
+        part = motion.advance(seconds)
         work = {"outcome": motion.outcome, "detail": motion.detail, "steps": engine.work["steps"] or 0}
-    return measured(part, scene) | work
+    return measure(part, scene) | work
 
 
 def row(name, outcome, limits, *, allowed=("ok",)):

@@ -11,8 +11,8 @@ from vibroplat.bench.scenes import kinds
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
-from vibroplat.observe.summary import measured
+from vibroplat.motion.motion import Simulator
+from vibroplat.observe.summary import measure
 
 #: The scenes: one without events, one attached, one with an impact in each turn.
 SCENES = ("bare, f_e 50", "attached, f_e 46", "impacts, f_e 50")
@@ -60,12 +60,12 @@ def _long(name, scene, turns):
     seconds = turns * TURN / scene.speed_scale / PARTS
     p, parts, memory = parameters(scene), [], []
     with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine)
+        motion = Simulator(scene, p, engine)
         motion.advance(max(10.0, 0.1 * seconds))  # let it settle
         steps = engine.work["steps"]
         for _ in range(PARTS):
             impacts = Impacts()
-            parts.append(measured(motion.advance(seconds, observers=[impacts]), scene) | {"interval": impacts.spread})
+            parts.append(measure(motion.advance(seconds, observers=[impacts]), scene) | {"interval": impacts.spread})
             memory.append(psutil.Process().memory_info().rss / 1024.0)
         steps = (engine.work["steps"] - steps) / PARTS
         outcome, state = motion.outcome, motion.automaton.run["state"]

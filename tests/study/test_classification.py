@@ -10,9 +10,9 @@ from common.places import LOADED
 from vibroplat.hybrid.modes import CHATTER, IMPACT
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.observe import measures as m
-from vibroplat.observe.summary import block_errors, error_of_mean, extremes, half_open
+from vibroplat.observe.summary import batch_means_error, block_errors, largest_values, wrap_angle
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.lyapunov import Exponent
 from vibroplat.study.point import BLOCKS, ERRORS, columns_of
@@ -266,9 +266,9 @@ def test_blocks_add_up_to_the_whole():
     scene = planned(MACHINE, 62.5, changes=CHAOTIC).replace(CHAOTIC)
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        part = Motion(scene, p, engine).advance(2.0, blocks=BLOCKS)
+        part = Simulator(scene, p, engine).advance(2.0, blocks=BLOCKS)
     assert len(part.blocks) == BLOCKS
-    differences = [m.between(*pair) for pair in zip(part.blocks[:-1], part.blocks[1:], strict=True)]
+    differences = [m.block_difference(*pair) for pair in zip(part.blocks[:-1], part.blocks[1:], strict=True)]
     total = part.blocks[0].whole + sum(block.whole for block in differences)
     assert total == pytest.approx(part.measures.whole, rel=1e-12, abs=1e-15)
     turns = part.blocks[0].marks["turns"] + sum(block.marks["turns"] - 1.0 for block in differences)
@@ -276,7 +276,7 @@ def test_blocks_add_up_to_the_whole():
     blocks = [part.blocks[0], *differences]
     events = [(block.marks["last"] - block.marks["first"])[3:] for block in blocks]
     assert (sum(events) == (part.measures.marks["last"] - part.measures.marks["first"])[3:]).all()
-    *of_blocks, whole = (extremes(m.measured_peaks(block)) for block in [*blocks, part.measures])
+    *of_blocks, whole = (largest_values(m.measured_extremes(block)) for block in [*blocks, part.measures])
     for name, largest in whole.items():
         found = [block[name] for block in of_blocks]
         assert min(found) < max(found) <= largest
@@ -293,13 +293,13 @@ def test_error_of_a_mean_counts_what_goes_on_from_block_to_block(kept):
         for k in range(1, bursts.size):
             bursts[k] = kept * bursts[k - 1] + random.exponential()
         means.append(bursts[-24:].mean())
-        errors.append(error_of_mean(bursts[-24:]))
+        errors.append(batch_means_error(bursts[-24:]))
     assert 0.8 < np.mean(np.square(errors)) / np.var(means) < 1.45
 
 
 @pytest.mark.parametrize(("decay", "share"), [(0.0, 0.0), (5.0, 1.0)])
 def test_error_of_a_remainder_that_decays_reaches_down_to_0(decay, share):
-    blocks = [m.no_measures(0.0) for _ in range(BLOCKS)]
+    blocks = [m.empty_accumulators(0.0) for _ in range(BLOCKS)]
     for place, block in enumerate(blocks):
         squares = np.exp(-2.0 * decay * np.arange(place + 1))
         block.whole[[m.TIME, m.XX]] = len(squares), squares.sum()
@@ -310,8 +310,8 @@ def test_error_of_a_remainder_that_decays_reaches_down_to_0(decay, share):
 
 @pytest.mark.parametrize("latched", [False, True])
 def test_impacts_per_period_have_no_error_where_latches_end_them(latched):
-    """The tolerance decides how many impacts come before a latch; a single latch in the measured part is enough."""
-    blocks = [m.no_measures(0.0) for _ in range(BLOCKS)]
+    """The tolerance decides how many impacts come before a chatter; a single chatter in the measured part is enough."""
+    blocks = [m.empty_accumulators(0.0) for _ in range(BLOCKS)]
     for place, block in enumerate(blocks, 1):
         block.whole[m.TIME] = place
         block.marks["turns"], block.marks["last"][0] = 10 * place + 1, place
@@ -328,4 +328,4 @@ def test_impacts_per_period_have_no_error_where_latches_end_them(latched):
 def test_angles_near_minus_pi_are_pi():
     pi = math.pi
     told = {-pi: pi, -pi + 0.9e-3: pi, -pi + 1.1e-3: -pi + 1.1e-3, -pi - 0.1: pi - 0.1, pi: pi, 0.0: 0.0}
-    assert {angle: half_open(angle, 1e-3) for angle in told} == pytest.approx(told, abs=1e-12)
+    assert {angle: wrap_angle(angle, 1e-3) for angle in told} == pytest.approx(told, abs=1e-12)

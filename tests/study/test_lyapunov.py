@@ -16,7 +16,7 @@ from vibroplat.hybrid.modes import ATTACHED
 from vibroplat.hybrid.state import initial_state
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.observe.tables import state_places
 from vibroplat.study.lyapunov import (
     ALL,
@@ -226,7 +226,7 @@ def test_one_event_among_many_turns_says_how_many_directions_are_forgotten(monke
     assert np.isneginf(values).sum() == np.isneginf(values[len(values) - count :]).sum() == count
     kept = np.arange(len(numbers) - max(count, 1))
     assert values[kept] == pytest.approx(numbers[kept] / 0.04, rel=1e-12)
-    few = exponents(Motion(scene, parameters(scene), make_engine(scene, parameters(scene))), section[:, :3], ALL)
+    few = exponents(Simulator(scene, parameters(scene), make_engine(scene, parameters(scene))), section[:, :3], ALL)
     assert np.isfinite([exponent.value for exponent in few]).all()  # what is forgotten may lie outside of these
 
 
@@ -237,7 +237,7 @@ def later_state(scene, state, turns):
     """Time passed and state some turns later."""
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine, state)
+        motion = Simulator(scene, p, engine, state)
         assert motion.to_section(turns, 10.0 * turns * TURN / scene.speed_scale)
         return motion.now, motion.state
 
@@ -270,7 +270,7 @@ def spectrum(scene, state, effort=ALL):
     """All exponents but that along the motion, and the motion at the end."""
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine, state)
+        motion = Simulator(scene, p, engine, state)
         return exponents(motion, whole_section(scene), effort), motion
 
 
@@ -318,7 +318,7 @@ def test_what_directions_had_of_their_neighbours_is_not_counted(monkeypatch):
     monkeypatch.setattr("vibroplat.study.lyapunov._grow", Growing(growth))
     scene = load_config(MACHINE)
     with closing(make_engine(scene, parameters(scene))) as engine:
-        found = exponents(Motion(scene, parameters(scene), engine), whole_section(scene)[:, :2], ALL)
+        found = exponents(Simulator(scene, parameters(scene), engine), whole_section(scene)[:, :2], ALL)
     assert [e.value * 0.04 for e in found] == pytest.approx([-1.0, -1.0 - gap], abs=3e-4)
     turns = np.arange(1, 313)[:, np.newaxis]
     for near, skipped in ((gap, 47), (0.05, 93), (0.04, 0), (0.0, 0)):
@@ -353,7 +353,7 @@ def test_sum_with_latches_is_that_of_the_part_that_is_kept():
     scene, state = settled(MACHINE, 50.0, {**CHAOTIC, "contact.restitution": 0.3})
     found, motion = spectrum(scene, state, Effort(1, 4, 16, 16))
     assert motion.automaton.run["mode"] == ATTACHED
-    assert motion.events > 8 * 16  # a latch takes many impacts
+    assert motion.events > 8 * 16  # a chatter takes many impacts
     turn, values = found[0].turn, np.array([exponent.value for exponent in found])
     places = [place for name, place in state_places(scene).items() if not name.startswith("gap_")]
     whole = variation(scene, motion.state, turn).derivative.to_numpy()[np.ix_(places, places)]

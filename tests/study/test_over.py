@@ -17,7 +17,7 @@ from vibroplat.errors import ConfigError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.results.tables import read_table
 from vibroplat.study.bands import band_lines, bands, jumps
 from vibroplat.study.branches import branches, carried
@@ -145,7 +145,7 @@ def test_layers_that_come_up_lie_on_the_platform_with_their_static_sag():
         bare = motion.state.copy()
     state = carried(bare.tolist(), scene, loaded)
     with closing(make_engine(loaded, parameters(loaded))) as engine:
-        motion = Motion(loaded, parameters(loaded), engine, np.array(state))
+        motion = Simulator(loaded, parameters(loaded), engine, np.array(state))
         assert Mode(int(motion.automaton.run["mode"])) is Mode.ATTACHED
     bare[[5, 6, 12, 13]] = 0.0, static_rest(loaded)[6], 0.0, 0.0
     assert bare[6] < 0.0

@@ -14,11 +14,11 @@ from vibroplat.continuation.seeker import OrbitSeeker
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.observe import statistics as m
-from vibroplat.observe.measures import no_measures
+from vibroplat.observe.measures import empty_accumulators
 from vibroplat.observe.section import MAX_PERIOD, period, section_points, section_rows, spreads
-from vibroplat.observe.summary import measured
+from vibroplat.observe.summary import measure
 from vibroplat.study.branches import branches
 from vibroplat.study.coexisting import BLOCKS, within
 from vibroplat.study.point import ERRORS, measure_point
@@ -42,22 +42,22 @@ def moving(scene):
     """A scene in motion."""
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        yield Motion(scene, p, engine)
+        yield Simulator(scene, p, engine)
 
 
 @pytest.mark.parametrize(
     ("frequencies", "changes"),
     [((50.0, 52.0, 54.0), {}), pytest.param((50.0, 50.5, 51.0), BOUNCING, marks=pytest.mark.long)],
 )
-@pytest.mark.parametrize("how", ["orbits", "motion"])
+@pytest.mark.parametrize("how", ["newton", "section"])
 def test_a_settled_point_is_where_thirty_seconds_lead(how, frequencies, changes):
     """In less time than these."""
     for frequency in frequencies:
-        row = swept(MACHINE, frequency, changes=changes, settle=how).iloc[0]
+        row = swept(MACHINE, frequency, changes=changes, settle_by=how).iloc[0]
         scene = planned(MACHINE, frequency, changes=changes).replace({"drive.supply_frequency_hz": frequency})
         with moving(scene) as motion:
             motion.advance(FIXED)
-            late = measured(motion.advance(2.0), scene)
+            late = measure(motion.advance(2.0), scene)
         tolerance = scene.sweep.settle_tolerance
         assert (row["motion"], row["period"]) == ("periodic", 1)
         assert row["rms_y_m"] == pytest.approx(late["rms_y_m"], abs=tolerance * scene.length_scale)
@@ -68,7 +68,7 @@ def test_a_settled_point_is_where_thirty_seconds_lead(how, frequencies, changes)
 
 
 def test_auto_settles_by_whole_looks_and_measures_whole_turns():
-    row = swept(MACHINE, 50.0, settle="motion").iloc[0]
+    row = swept(MACHINE, 50.0, settle_by="section").iloc[0]
     looks = row["settle_s"] / (BLOCK / 25.0)
     assert looks == pytest.approx(round(looks), abs=1e-9)
     assert looks >= 2 * TURNS / BLOCK
@@ -131,7 +131,7 @@ def test_longest_settling_counts_from_the_beginning_of_the_motion():
 
 def test_motion_that_repeats_at_the_end_of_the_plan_is_measured_over_whole_periods():
     """Here it has not drawn together before; what was measured to find out belongs to the settling."""
-    row = swept(MACHINE, 63.0, changes=IN_PHASE, settle="motion", max_settle_s=0.5).iloc[0]
+    row = swept(MACHINE, 63.0, changes=IN_PHASE, settle_by="section", max_settle_s=0.5).iloc[0]
     assert (row["motion"], row["period"]) == ("periodic", 1)
     assert row["settle_s"] >= 0.5 + BLOCKS * 2.0 - 1e-9
     assert 2.0 <= row["simulated_s"] - row["settle_s"] <= 2.0 + 2.5 / row["excitation_frequency_hz"]
@@ -143,7 +143,7 @@ def test_short_measuring_is_enough_to_confirm_a_period():
 
     No chaotic transient comes before this motion, whose length would hang on the last bits.
     """
-    row = swept(DAMPED, 57.5, changes=MATERIAL, settle="motion", measure_s=0.01).iloc[0]
+    row = swept(DAMPED, 57.5, changes=MATERIAL, settle_by="section", measure_s=0.01).iloc[0]
     assert (row["motion"], row["period"], row["settle_s"] < 60.0) == ("periodic", 4, True)
     turns = (row["simulated_s"] - row["settle_s"]) * row["excitation_frequency_hz"]
     assert 16.0 <= turns <= 21.5
@@ -155,7 +155,7 @@ def test_short_measuring_is_enough_to_confirm_a_period():
 def test_orbits_are_what_motions_settle_to():
     """In antiphase and in phase; no row has what is left of a transient."""
     options = {"changes": {"material.mass_ratio": 0.02, "solver.engine": "taylor"}, "step": 8.0}
-    motion, orbits = (swept(MACHINE, 50.0, 66.0, settle=how, **options) for how in ("motion", "orbits"))
+    motion, orbits = (swept(MACHINE, 50.0, 66.0, settle_by=how, **options) for how in ("section", "newton"))
     assert orbits[["motion", "period", "sync", "outcome"]].equals(motion[["motion", "period", "sync", "outcome"]])
     assert orbits["rms_y_m"].to_numpy() == pytest.approx(motion["rms_y_m"].to_numpy(), rel=1e-3, abs=2e-6)
     apart = orbits["phase_difference_rad"] - motion["phase_difference_rad"]
@@ -163,19 +163,19 @@ def test_orbits_are_what_motions_settle_to():
     assert motion["multiplier_max"].isna().all()
     assert ((orbits["multiplier_max"] > 0.5) & (orbits["multiplier_max"] < 1.0)).all()
     assert orbits["simulated_s"].sum() < 0.5 * motion["simulated_s"].sum()
-    others = swept(MACHINE, 50.0, 66.0, settle="orbits", seed=1, **options)
+    others = swept(MACHINE, 50.0, 66.0, settle_by="newton", seed=1, **options)
     for name in ("rms_y_m", "rms_phi_rad", "excitation_frequency_hz", "multiplier_max"):
         assert orbits[name].to_numpy() == pytest.approx(others[name].to_numpy(), rel=1e-5, abs=1e-9)
 
 
 def test_period_of_an_orbit_is_its_least():
     """Period 4 between chaotic motions, not a multiple of it."""
-    row = swept(DAMPED, 57.5, changes=SERIES, settle="orbits").iloc[0]
+    row = swept(DAMPED, 57.5, changes=SERIES, settle_by="newton").iloc[0]
     assert (row["motion"], row["period"], row["multiplier_max"] < 1.0) == ("periodic", 4, True)
 
 
 def test_diagram_of_an_orbit_has_its_points_once():
-    (branch,) = branches(planned(DAMPED, 57.5, changes=SERIES, settle="orbits", kind="bifurcation"))
+    (branch,) = branches(planned(DAMPED, 57.5, changes=SERIES, settle_by="newton", kind="bifurcation"))
     point = measure_point(branch.at(0), branch.plan, None, branch.key(57.5))
     assert len(set(point.section_y)) == len(point.section_y) == 4
     impacts = point.row["impacts_per_period"] * 4
@@ -190,8 +190,8 @@ def test_diagram_of_an_orbit_has_its_points_once():
 def test_stable_orbit_beside_chaos_of_minutes_is_found(config, frequency, restitution, period, seed):
     """A chaotic transient comes before it: the row waits for it, or names it."""
     changes = {**SERIES, "contact.restitution": restitution}
-    row = swept(config, frequency, changes=changes, settle="orbits", seed=seed).iloc[0]
-    assert row["period"] == period or f"period {period}" in row["coexists"]
+    row = swept(config, frequency, changes=changes, settle_by="newton", seed=seed).iloc[0]
+    assert row["period"] == period or f"period {period}" in row["coexisting"]
 
 
 def test_hunt_finds_the_orbit_near_a_motion_that_does_not_repeat():
@@ -247,20 +247,22 @@ def test_chaos_settles_as_long_as_the_plan_allows():
 def test_a_remainder_that_comes_in_bursts_makes_no_other_motion():
     """At 62.5 Hz what motion from the start leaves of x is 1e-7 m or 1e-10 m, but y is that of the row."""
     changes = {**SERIES, "contact.restitution": 0.5}
-    row = swept(CALIBRATED, 62.5, changes=changes, settle="orbits").iloc[0]
+    row = swept(CALIBRATED, 62.5, changes=changes, settle_by="newton").iloc[0]
     assert row["motion"] == "chaotic"
-    assert "none" not in row["coexists"]
+    assert "none" not in row["coexisting"]
 
 
 def test_stretches_of_one_chaotic_motion_are_one():
     """With R = 0.5 at 59.5 Hz RMS y is 1.164 mm or 1.78 mm for minutes: they change into each other."""
     changes = {**SERIES, "contact.restitution": 0.5}
-    row, alone = (swept(CALIBRATED, 59.5, changes=changes, settle="orbits", coexists=c).iloc[0] for c in (True, False))
+    row, alone = (
+        swept(CALIBRATED, 59.5, changes=changes, settle_by="newton", find_coexisting=c).iloc[0] for c in (True, False)
+    )
     assert row["motion"] == "chaotic"
-    assert row["coexists"].startswith("period 1, in-phase")
-    assert ";" not in row["coexists"]
-    assert alone["coexists"] == ""
-    pd.testing.assert_series_equal(*(r.drop(["coexists", "steps", "wall_s"]) for r in (row, alone)))
+    assert row["coexisting"].startswith("period 1, in-phase")
+    assert ";" not in row["coexisting"]
+    assert alone["coexisting"] == ""
+    pd.testing.assert_series_equal(*(r.drop(["coexisting", "steps", "wall_s"]) for r in (row, alone)))
 
 
 @pytest.mark.parametrize(("shift", "inside"), [(0.0, True), (0.9, True), (1.1, False)])
@@ -287,7 +289,7 @@ def test_motion_that_has_not_settled_has_no_errors_and_is_no_attractor():
     row = slow_row(0.84)
     assert (row["motion"], row["detail"].endswith("the section still drifts")) == ("undecided", True)
     assert row[list(ERRORS.values())].isna().all()
-    assert row["coexists"].startswith("not found: ")
+    assert row["coexisting"].startswith("not found: ")
 
 
 def test_settling_ends_where_the_motion_does():
@@ -315,7 +317,7 @@ def test_exciters_that_stand_still_settle_until_the_maximum():
 
 def test_symmetry_keeps_antiphase_without_a_perturbation():
     """In phase is where the motion goes from everywhere else; who looks at orbits knows that it leaves antiphase."""
-    kept, left = (swept(MACHINE, 66.0, settle="motion", **plan).iloc[0] for plan in ({"perturbation": 0.0}, {}))
+    kept, left = (swept(MACHINE, 66.0, settle_by="section", **plan).iloc[0] for plan in ({"perturbation": 0.0}, {}))
     begun = swept(MACHINE, 66.0, changes=IN_PHASE, perturbation=0.0).iloc[0]
     assert abs(kept["phase_difference_rad"]) == pytest.approx(math.pi, abs=1e-4)  # round-off grows, to some 1e-6 here
     assert (kept["sync"], left["sync"], begun["sync"]) == ("antiphase", "in-phase", "in-phase")
@@ -338,7 +340,7 @@ def repeating(n, turns=64, coordinate=1):
 
 def section_of(states):
     """Points of a section that has seen these states, one a turn."""
-    ms = no_measures(0.0)
+    ms = empty_accumulators(0.0)
     for turn, state in enumerate(states):
         ms.section["state"][turn % m.SECTION_ROWS] = state
     ms.marks["turns"] = len(states)

@@ -35,7 +35,7 @@ INTERFACE = [
     *("impacts_per_period", "gap_max_m", "contact_force_max_n", "impulse_max_n_s", "motor_power_w", "energy_residual"),
     *("outcome", "steps", "residual_calls", "events", "simulated_s", "wall_s"),
 ]
-TEXTS = {"direction", "rotation", "sync", "motion", "outcome", "detail", "notes", "coexists"}
+TEXTS = {"direction", "rotation", "sync", "motion", "outcome", "detail", "notes", "coexisting"}
 COUNTS = {"branch", "period", "steps", "residual_calls", "events"}
 #: What every row has, also of a point that failed.
 OF_THE_OUTCOME = [*INTERFACE[:2], "detail", *INTERFACE[-6:]]
@@ -118,7 +118,7 @@ def test_failed_points_are_rows_and_the_branch_goes_on(storming):
 
 
 def test_points_that_do_not_keep_their_balances_are_inaccurate_and_not_gone_on_from(monkeypatch):
-    scene = planned(LOADED, 50.0, 50.5, settle="motion", measure_s=0.1)
+    scene = planned(LOADED, 50.0, 50.5, settle_by="section", measure_s=0.1)
     good = sweep(scene).sweep
     monkeypatch.setattr(summary, "LEAST_ENERGY", 0.0)
     monkeypatch.setattr(summary, "ENERGY", 1e-9)
@@ -239,7 +239,7 @@ def both_tables(scene):
 
 
 def test_bifurcation_tables_show_the_last_turns_and_impacts_of_each_point():
-    plan = {"kind": "bifurcation", "settle": "motion", "grid": {"contact.restitution": [0.0]}}
+    plan = {"kind": "bifurcation", "settle_by": "section", "grid": {"contact.restitution": [0.0]}}
     scene = planned(LOADED, 50.0, 51.0, step=1.0, direction=["up", "down"], **plan)
     rows, section, impacts = both_tables(scene)
     keys = ["supply_frequency_hz", "contact.restitution", "direction", "branch", "excitation_frequency_hz"]
@@ -260,7 +260,7 @@ def test_bifurcation_tables_show_the_last_turns_and_impacts_of_each_point():
 
 def test_rows_and_diagrams_of_a_point_are_those_of_a_run():
     """Without a perturbation a point is the end of a run."""
-    plan = {"settle": "motion", "measure_s": 3.0, "perturbation": 0.0, "kind": "bifurcation"}
+    plan = {"settle_by": "section", "measure_s": 3.0, "perturbation": 0.0, "kind": "bifurcation"}
     scene = planned(LOADED, 51.0, changes={"contact.restitution": 0.3}, **plan)
     rows, section, impacts = both_tables(scene)
     row = rows.iloc[0]
@@ -353,7 +353,7 @@ def test_point_without_memory_has_an_outcome_and_the_next_one_goes_on(monkeypatc
         return make_engine(scene, p)
 
     monkeypatch.setattr("vibroplat.study.point.make_engine", without)
-    table = swept(LOADED, 50.0, 51.0, settle="motion", measure_s=0.3)
+    table = swept(LOADED, 50.0, 51.0, settle_by="section", measure_s=0.3)
     assert table["outcome"].tolist() == ["ok", "out-of-memory", "ok"]
     assert table["detail"].tolist()[1].startswith("the system gave no more memory; ")
     assert table["steps"].tolist()[1] == 0

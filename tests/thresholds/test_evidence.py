@@ -84,7 +84,7 @@ def test_measures_that_meet_within_their_errors_are_no_clear_threshold():
 
 def test_a_value_that_changes_with_twice_the_time_is_mixed():
     found = values(0, 0, 1, 1)
-    (zone,) = zones([*found, value(20.0, 0, "twice as long")], [between(*found[1:3])], PLAN)
+    (zone,) = zones([*found, value(20.0, 0, "extended")], [between(*found[1:3])], PLAN)
     assert (zone.ends, zone.below.tried, zone.above.tried) == ((20.0, 20.0), 2, 1)
 
 
@@ -298,7 +298,7 @@ def test_lift_off_is_no_jump_even_just_below_a_value_of_the_scan(kernels):
     plan |= {"expression": "flight_fraction > 0"}
     scene = load_config(handmade.QUICKSTART, {"solver.engine": "taylor", "find": plan})
     (row,) = find(scene).thresholds.to_dict("records")
-    assert (row["kind"], row["below_flight_fraction"]) == ("level crossing", 0.0)
+    assert (row["kind"], row["below_flight_fraction"]) == ("level-crossing", 0.0)
 
 
 @pytest.mark.long

@@ -62,7 +62,7 @@ def test_a_start_may_be_what_varies():
 def test_a_measure_passes_a_level(begin):
     plan = {"expression": "rms_y_m > 7e-4", "scan": 5, "start": 0.2, "stop": 0.4, "tolerance": 1e-6, "from": begin}
     (row,) = find(loaded(58.0, **plan)).thresholds.to_dict("records")
-    assert (row["kind"], row["value"]) == ("level crossing", pytest.approx(0.3302756, abs=2e-6))
+    assert (row["kind"], row["value"]) == ("level-crossing", pytest.approx(0.3302756, abs=2e-6))
     assert row["below_rms_y_m"] > 7e-4 > row["above_rms_y_m"]
 
 
@@ -115,7 +115,7 @@ def test_the_command_writes_tables_and_prints_the_answer_and_plot_draws_it(comma
     done = command("find", tmp_path / "c.yaml", "--engine", "taylor", "--out", tmp_path)
     assert done.code == 0
     assert "material.mass_ratio = 0.328" in done.out
-    assert "level crossing" in done.out
+    assert "level-crossing" in done.out
     drawn = command("plot", tmp_path / "c", "--measure", "rms_y_m", "--measure", "motor_power_w")
     assert (drawn.code, drawn.out.split()) == (0, [str(tmp_path / "c/thresholds.png")])
     ((_, name, figure),) = threshold_figures([tmp_path / "c"])

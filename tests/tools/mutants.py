@@ -53,20 +53,20 @@ BY_ROOM = [
     # integrators
     ("integrate", [
         "least = max(least, math.log(largest) / (k - 1)) → least = max(least, math.log(largest) / (k + 1))",
-        "return worst <= AGREED or rounded( → return True or rounded(",
+        "return worst <= MAX_DEFECT or is_round_off( → return True or rounded(",
         "stop, status.resting = AT_TARGET, -1\n            length *= crossing(c, degree, 3, target) → stop, status.resting = AT_TARGET, -1",
         "ahead[n + 3 + e.status.resting] = 0.0 → ahead[n + 3 + e.status.resting] = 1e-3",
     ]),
     # what is observed
     ("observe motion", [
-        '0.5 * (peaks["largest"][HEIGHT] - peaks["least"][HEIGHT]) → peaks["largest"][HEIGHT] - peaks["least"][HEIGHT]',
+        '0.5 * (extremes["largest"][HEIGHT] - extremes["least"][HEIGHT]) → extremes["largest"][HEIGHT] - extremes["least"][HEIGHT]',
         'result["excitation_frequency_hz"] = 0.5 * (first + second) → result["excitation_frequency_hz"] = first',
         'result["frequency_split_hz"] = first - second → result["frequency_split_hz"] = second - first',
         "mean[square] - mean[first] ** 2 → mean[square] + mean[first] ** 2",
         "gravity = before.gravity - after.gravity → gravity = after.gravity - before.gravity",
         'max(0.0, -float(whole["least"][FORCE])) → max(0.0, -float(late["least"][FORCE]))',
         "ms.closed[marks.turns % ms.closed.size] = → ms.closed[(marks.turns + 1) % ms.closed.size] =",
-        "begun[1, j] *= cut - first → begun[1, j] *= cut",
+        "start[1, j] *= cut - first → start[1, j] *= cut",
     ]),
     ("observe study", [
         "total / (count - 1) / count * (1.0 + r) → total / (count - 1) * (1.0 + r)",
@@ -115,11 +115,11 @@ BY_ROOM = [
         "[self._norm.real, self._norm.imag]))[1], sphere) → [self._norm.real, self._norm.imag]))[1] * 0.0 + np.eye(len(sphere[0])), sphere)",
     ]),
     ("thresholds", [
-        'one.kind != "level crossing" or scatters( → one.kind != "level crossing" and scatters(',
+        'one.kind != "level-crossing" or scatters( → one.kind != "level-crossing" and scatters(',
         "if distances and even < 0.9 * length else → if distances else",
     ]),
     ("observe", [
-        'synchronization(found) != "none" and stays( → synchronization(found) != "none" or stays(',
+        'synchronization(measures) != "none" and stays_synchronized( → synchronization(measures) != "none" or stays_synchronized(',
     ]),
     # continuation
     ("continuation cli", [

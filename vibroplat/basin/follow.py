@@ -28,9 +28,9 @@ from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.observe.section import ellipsoid_of, form_of, section_points
-from vibroplat.observe.summary import Part, measured
+from vibroplat.observe.summary import MeasuredInterval, measure
 from vibroplat.study.point import measure_point, on_orbit, row_of
 from vibroplat.study.settling import KnownOrbit
 from vibroplat.study.store import Record
@@ -77,7 +77,7 @@ class Follower:
         p = parameters(scene)
         self._scales, self._turn = state_scales(scene), TURN / scene.speed_scale
         self._seeker, self._engine = OrbitSeeker(scene), make_engine(scene, p)
-        self._motion = Motion(scene, p, self._engine)
+        self._motion = Simulator(scene, p, self._engine)
         self._inside, self._size, self._history = same_types(ellipsoid_of), same_types(form_of), list(history)
         self._pack()
 
@@ -104,7 +104,7 @@ class Follower:
             if motion.outcome != "ok":
                 return {"attractor": None, "turns": turns, "outcome": motion.outcome, "detail": motion.detail}
             if found is None and look <= turns + more < unmeasured - LOOK:
-                found = self._discovered(motion.go_round(LOOK, longest))
+                found = self._discovered(motion.advance_turns(LOOK, longest))
                 more, look = more + LOOK + 1, 2 * look
             if found is not None:
                 self._history.append(turns)
@@ -169,7 +169,7 @@ class Follower:
             np.array(systems, dtype=np.int64),
         )
 
-    def _discovered(self, part: Part) -> int | None:
+    def _discovered(self, part: MeasuredInterval) -> int | None:
         """Return the number of the orbit to which the motion converges after a part of it, or None; add a new one."""
         points = section_points(part.measures, self.scene)
         if self._motion.outcome != "ok" or len(points) <= LONGEST:
@@ -184,7 +184,7 @@ class Follower:
         motion, rows = self._motion, list[dict[str, Any]]()
         for left in range(WINDOWS, 0, -1):
             window = max((self.longest - turns) // left - 1, 1)
-            part = motion.go_round(window, 2.0 * (window + 2) * self._turn)
+            part = motion.advance_turns(window, 2.0 * (window + 2) * self._turn)
             turns += window + 1
             found, more = self._entered()
             found = self._discovered(part) if found is None else found
@@ -193,7 +193,7 @@ class Follower:
             if found is not None:
                 return {"attractor": found, "turns": turns}
             turns += more
-            row = row_of(measured(part, self.scene), self.scene)
+            row = row_of(measure(part, self.scene), self.scene)
             rows.append({name: row[name] for name in (*TOLD, "flight_fraction", "sync", PHASE_COLUMN)})
         end = {"outcome": "ok", "detail": "", "state": motion.state.tolist(), "windows": rows}
         return {"attractor": None, "turns": self.longest, **end}
@@ -201,7 +201,7 @@ class Follower:
     def repeats(self, state: Sequence[float], period: int) -> bool:
         """Whether the motion from a full state repeats after a period already."""
         self._motion.reset(np.array(state))
-        part = self._motion.go_round(2 * period, 4.0 * (2 * period + 2) * self._turn)
+        part = self._motion.advance_turns(2 * period, 4.0 * (2 * period + 2) * self._turn)
         points = section_points(part.measures, self.scene)[-2 * period :]
         return len(points) == 2 * period and bool(np.abs(points[period:] - points[:period]).max() < SAME)
 
@@ -218,14 +218,14 @@ def follow_starts(
 
     ``history`` are turns that others have taken.
     """
-    with closing(Follower(scene, plan.longest_turns, known, history)) as follower:
+    with closing(Follower(scene, plan.max_turns, known, history)) as follower:
         starts = [follower.follow(state) for state in states_of(scene, plan, range(first, first + count))]
         return {"starts": starts, "known": len(known), "found": follower.attractors[len(known) :]}
 
 
 def followed_alone(scene: Scene, plan: BasinsPlan, number: int) -> Record:
     """Follow a start without what others have found: the ``row`` of what it comes to."""
-    with closing(Follower(scene, plan.longest_turns, [])) as follower:
+    with closing(Follower(scene, plan.max_turns, [])) as follower:
         found = follower.follow(states_of(scene, plan, [number])[0])
         if found["attractor"] is not None:
             return {"row": follower.attractors[found["attractor"]]["row"]}

@@ -25,7 +25,7 @@ from vibroplat.config.questions import BasinsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import accurate
 from vibroplat.errors import ConfigError
-from vibroplat.observe.sheet import SHEET, of_points
+from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.results.result import Answer, Result
 from vibroplat.study.branches import column_of, place_words, study_table
 from vibroplat.study.point import ERRORS, MEASURED
@@ -70,7 +70,7 @@ ATTRACTORS: Columns = {
     ),
     "ellipsoids": Column("crossings of the Poincaré section, in a period, that have such an ellipsoid", kind=COUNT),
     **{name: SWEEP[name] for name in MEASURED},
-    **{name: SWEEP[name] for name in (*ERRORS.values(), "coexists", "outcome", "detail", "notes")},
+    **{name: SWEEP[name] for name in (*ERRORS.values(), "coexisting", "outcome", "detail", "notes")},
     **{name: Column(f"{name} of a state of it on the Poincaré section") for name in (*COORDINATES, *RATES)},
     **SHEET,
 }
@@ -89,11 +89,11 @@ _OVER: Columns = {"…": Column("the key of basins.over, by its dotted name")}
 TABLES: dict[str, tuple[str, Columns]] = {
     "attractors": (
         "`vibroplat basins`: a row for each attractor, at each value of a key.",
-        {**_OVER, **ATTRACTORS, **of_points(["NAME"])},
+        {**_OVER, **ATTRACTORS, **point_columns(["NAME"])},
     ),
     "starts": (
         "`vibroplat basins`: a row for each start.",
-        {**_OVER, "… ": Column("the keys of basins.starts, by their dotted names"), **STARTS_TABLE},
+        {**_OVER, "… ": Column("the keys of basins.initial_conditions, by their dotted names"), **STARTS_TABLE},
     ),
     "fractions": ("`vibroplat basins` with `over`: shares of the starts over the key.", {**_OVER, **FRACTIONS}),
 }
@@ -114,7 +114,7 @@ class BasinsStudy(Study):
 
     def __init__(self, scene: Scene) -> None:
         if scene.basins is None:
-            raise ConfigError("this configuration has no basins section; add basins: {starts: …}")
+            raise ConfigError("this configuration has no basins section; add basins: {initial_conditions: …}")
         accurate(scene, 1e-8)  # refuses a program of the drive
         self.scene, self.plan = scene, scene.basins
         over = self.plan.over
@@ -187,7 +187,7 @@ class BasinsStudy(Study):
         attractors, starts = result.attractors, result.starts
         names = ["attractor"] if self.key is None else [column_of(self.key), "attractor"]
         joined = starts[[*names, "turns"]].merge(attractors, on=names, how="left")
-        late = joined["period"].gt(0) & joined["turns"].gt(LATE * self.plan.longest_turns)
+        late = joined["period"].gt(0) & joined["turns"].gt(LATE * self.plan.max_turns)
         kept = joined["period"].gt(0) | joined["rate_per_turn"].eq(0.0) | ~joined["motion"].isin(RESTLESS)
         places = np.flatnonzero(kept & ~late & joined["outcome"].eq("ok"))
         count, order, cases = self.plan.number, self.order, list[CrossCheckCase]()
@@ -232,7 +232,7 @@ class BasinsStudy(Study):
             return []
         ends = self.values[place - 1 : place + 1]
         attractors = [{name: a[name] for name in ("row", "state")} for a in found[-1].attractors]
-        arguments = (self._scenes[place - 1], self._scenes[place], self.key, self.plan.longest_turns, ends, attractors)
+        arguments = (self._scenes[place - 1], self._scenes[place], self.key, self.plan.max_turns, ends, attractors)
         [record] = _run(f"{place} carried", [Task(carried, arguments)], store, workers)
         return list(record["found"])
 
@@ -274,19 +274,19 @@ def _told(question: BasinsStudy, found: Sequence[Found]) -> Result:
     for value, f, labels in zip(question.values, found, names(found), strict=True):
         escaped |= {label: a.get("escaped", 0) for label, a in zip(labels, f.attractors, strict=True)}
         at = dict.fromkeys(column, value)
-        counts, rates = f.counts, rates_of(f.attractors, f.starts, plan.longest_turns)
+        counts, rates = f.counts, rates_of(f.attractors, f.starts, plan.max_turns)
         order = sorted(range(len(counts)), key=lambda k: (-counts[k], k))
         attractors += [at | _row(f.attractors[k], labels[k], counts[k], rates[k], plan) for k in order]
         starts += [
             at
-            | dict(zip(plan.starts, places[k].tolist(), strict=True))
+            | dict(zip(plan.initial_conditions, places[k].tolist(), strict=True))
             | {"attractor": labels[f.starts[k]["attractor"]], "turns": f.starts[k]["turns"]}
             for k in question.order
         ]
-    more = of_points(question.scene.output.points)
+    more = point_columns(question.scene.output.points)
     tables = {
         "attractors": study_table(attractors, [*column, *ATTRACTORS, *more], {**SWEEP, **ATTRACTORS, **more}),
-        "starts": study_table(starts, [*column, *plan.starts, *STARTS_TABLE], {**SWEEP, **STARTS_TABLE}),
+        "starts": study_table(starts, [*column, *plan.initial_conditions, *STARTS_TABLE], {**SWEEP, **STARTS_TABLE}),
     }
     if key is not None:
         tables["fractions"] = tables["attractors"][[*column, *FRACTIONS]]
@@ -303,7 +303,7 @@ def _row(record: Record, label: str, count: int, rate: Rate | None, plan: Basins
     """Return the row of an attractor to which a count of the starts converges, at a rate."""
     low, high = bounds(count, plan.number)
     found: dict[str, Any] = {"attractor": label, "count": count, "fraction": count / plan.number}
-    found |= {"fraction_low": low, "fraction_high": high, "within_turns": plan.longest_turns}
+    found |= {"fraction_low": low, "fraction_high": high, "within_turns": plan.max_turns}
     if rate is not None:
         names = ("rate_per_turn", "rate_low_per_turn", "rate_high_per_turn", "rate_constant_p")
         found |= dict(zip(names, rate, strict=True))
@@ -315,8 +315,8 @@ def _row(record: Record, label: str, count: int, rate: Rate | None, plan: Basins
 def _lines(plan: BasinsPlan, tables: Mapping[str, pd.DataFrame], values: int) -> dict[str, str]:
     """Summarize: the box of starts is part of the answer."""
     ways = [f"{plan.number}"] + ([f"at each of {values} values of {plan.over.key}"] if plan.over else [])
-    lines = {"starts": f"{' '.join(ways)}, each followed for {plan.longest_turns} turns"}
-    for key, (low, high, *count) in plan.starts.items():
+    lines = {"starts": f"{' '.join(ways)}, each followed for {plan.max_turns} turns"}
+    for key, (low, high, *count) in plan.initial_conditions.items():
         lines[words_in_place(key)] = f"{low:g} … {high:g}" + (f", {int(count[0])} values" if count else ", at random")
     turns = tables["starts"]["turns"]
     lines["turns of a start"] = f"{turns.median():.0f} in the median, at most {turns.max():.0f}"
@@ -369,13 +369,13 @@ def _notes(plan: BasinsPlan, table: pd.DataFrame, found: Sequence[Found]) -> lis
     notes = [f"attractors with a share below {bounds(0, plan.number)[1]:.2g} of the box are easily missed"]
     if table["motion"].isin(RESTLESS).any():
         notes.append(
-            f"motions that have converged to no orbit within {plan.longest_turns} turns are told from each other by "
+            f"motions that have converged to no orbit within {plan.max_turns} turns are told from each other by "
             "windows of their last turns, and one of each kind was classified"
         )
     for f in found:
         chaos = [k for k, record in enumerate(f.attractors) if record["row"]["motion"] == CHAOTIC and f.counts[k]]
         if len(chaos) > 1:
-            turns = f.unchanged(plan.longest_turns)
+            turns = f.unchanged(plan.max_turns)
             notes.append(
                 f"no change from one chaotic motion to another was seen in {_turns(turns)} turns: it happens less "
                 f"often than once in {_turns(turns / 3.0)} turns (95 %)"
@@ -385,7 +385,7 @@ def _notes(plan: BasinsPlan, table: pd.DataFrame, found: Sequence[Found]) -> lis
     if escaped:
         notes.append(
             f"{escaped} such motion{'s' * (escaped > 1)} converged to an orbit when followed longer: more starts do so "
-            "with a larger basins.longest_turns"
+            "with a larger basins.max_turns"
         )
     return notes
 
@@ -426,7 +426,7 @@ def basins(scene: Scene, **options: Unpack[Options]) -> Result:
     --------
     >>> from vibroplat import Scene, basins
     >>> starts = {"run.initial.phase_difference_rad": [-3.0, 3.0, 4]}
-    >>> found = basins(Scene().replace({"basins": {"starts": starts}}))
+    >>> found = basins(Scene().replace({"basins": {"initial_conditions": starts}}))
     >>> found.starts["turns"].size
     4
     """

@@ -24,12 +24,12 @@ def values_of(plan: BasinsPlan, numbers: Iterable[int]) -> FloatArray:
     random are the same whatever their number is.
     """
     rows = np.fromiter(numbers, dtype=np.int64)
-    found = np.empty((rows.size, len(plan.starts)))
+    found = np.empty((rows.size, len(plan.initial_conditions)))
     places = np.unravel_index(rows * _stride(plan) % math.prod(plan.shape), plan.shape) if plan.shape else ()
-    random = [key for key, ends in plan.starts.items() if len(ends) == 2]
+    random = [key for key, ends in plan.initial_conditions.items() if len(ends) == 2]
     drawn = np.array([_drawn(plan.seed, len(random), int(row)) for row in rows]).reshape(rows.size, len(random))
     grids, draws = iter(places), iter(drawn.T)
-    for column, (low, high, *count) in enumerate(plan.starts.values()):
+    for column, (low, high, *count) in enumerate(plan.initial_conditions.values()):
         shares = next(grids) / (count[0] - 1.0) if count else next(draws)
         found[:, column] = low + shares * (high - low)
     return found
@@ -51,7 +51,7 @@ def _drawn(seed: int, count: int, number: int) -> FloatArray:
 
 def states_of(scene: Scene, plan: BasinsPlan, numbers: Sequence[int]) -> FloatArray:
     """Return the full states of some starts, shape (starts, 14)."""
-    keys, initial, share = list(plan.starts), scene.run.initial, scene.start_perturbation
+    keys, initial, share = list(plan.initial_conditions), scene.run.initial, scene.start_perturbation
     found = []
     for number, values in zip(numbers, values_of(plan, numbers).tolist(), strict=True):
         given = dict(zip(keys, values, strict=True))
@@ -74,16 +74,16 @@ def begun(scene: Scene, plan: BasinsPlan) -> Scene:
     """
     initial = scene.run.initial
     given = [name for name, value in (("state", initial.state), ("from", initial.from_)) if value is not None]
-    if "from" in given or (given and not plan.starts.keys() <= _STATE.keys()):
+    if "from" in given or (given and not plan.initial_conditions.keys() <= _STATE.keys()):
         allowed = "keys of state" if given == ["state"] else "phases, or state"
-        raise ConfigError(f"basins.starts: run.initial.{given[0]} is given; allowed: {allowed}")
+        raise ConfigError(f"basins.initial_conditions: run.initial.{given[0]} is given; allowed: {allowed}")
     begins = scene
     for end in (0, 1):
-        values = {key: ends[end] for key, ends in plan.starts.items()}
+        values = {key: ends[end] for key, ends in plan.initial_conditions.items()}
         phases = {key: value for key, value in values.items() if key not in _STATE}
         try:
             begins = begins.replace(phases)
             scene.replace({key: value for key, value in values.items() if key in _STATE})
         except ConfigError as error:
-            raise ConfigError(f"basins.starts: {error}") from None
+            raise ConfigError(f"basins.initial_conditions: {error}") from None
     return begins

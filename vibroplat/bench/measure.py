@@ -15,12 +15,12 @@ from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
-from vibroplat.integrate.seam import Engine
+from vibroplat.integrate.interface import Engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
-from vibroplat.motion.motion import Motion
-from vibroplat.motion.run import SETTLE_SHARE, simulate
-from vibroplat.observe.summary import INACCURATE, Part
+from vibroplat.motion.motion import Simulator
+from vibroplat.motion.run import SETTLE_FRACTION, simulate
+from vibroplat.observe.summary import INACCURATE, MeasuredInterval
 from vibroplat.results.run import RunResult
 from vibroplat.results.tables import write_table
 
@@ -29,7 +29,7 @@ SLOWEST = 1e-3
 #: Tolerance of the reference.
 CLOSEST = 1e-13
 #: Errors of coordinates over their scales at which run times are compared: larger ones where a motion amplifies errors.
-LEVEL, AMPLIFIED = 1e-6, {"latches, R 0.5": 1e-3, "flights of many periods": 1e-2}
+LEVEL, AMPLIFIED = 1e-6, {"chatters, R 0.5": 1e-3, "flights of many periods": 1e-2}
 #: Processor time of a turn (s) up to which a task is repeated.
 SHORT = 0.02
 
@@ -120,12 +120,12 @@ class Solver:
             raise RuntimeError(f"{run.outcome}: {run.summary['detail']}")
         return run
 
-    def timed(self) -> tuple[float, Part]:
+    def timed(self) -> tuple[float, MeasuredInterval]:
         """Return the processor time (s) of a run with its statistics, and what it measured."""
         duration, p = self.scene.run.duration_s, parameters(self.scene)
         with closing(self.make(self.scene, p)) as engine:
-            motion = Motion(self.scene, p, engine)
-            return timed(motion.advance, duration, settle=SETTLE_SHARE * duration)
+            motion = Simulator(self.scene, p, engine)
+            return timed(motion.advance, duration, settle=SETTLE_FRACTION * duration)
 
 
 def of_engine(name: str, scene: Scene, tolerance: float) -> Solver:

@@ -20,7 +20,7 @@ _CASES: dict[str, dict[str, Any]] = {
     "bare run-up": {_MASS: 0.0, _SUPPLY: 60.0, "run.initial.speed_ratio": 0.2, _SECONDS: 2.0},
     "attached": {_SUPPLY: 46.0},
     "one impact a period": {_MASS: 0.2, _SUPPLY: 51.5, _SECONDS: 1.5},
-    "latches, R 0.5": {_MASS: 0.2, _SUPPLY: 51.5, _RESTITUTION: 0.5, _SECONDS: 0.6},
+    "chatters, R 0.5": {_MASS: 0.2, _SUPPLY: 51.5, _RESTITUTION: 0.5, _SECONDS: 0.6},
     "flights of many periods": {_SUPPLY: 78.0, _RESTITUTION: 0.3, _SECONDS: 0.6},
 }
 

@@ -33,7 +33,7 @@ def cost_of_orbits(repeats: int, changes: dict[str, Any] | None = None) -> pd.Da
     of the branches just before; ``times_point`` is the same for one point. ``error`` is that of the RMS of y over the
     RMS of (x, y): the median, and what a tenth of the points exceeds.
     """
-    changes = {"solver.engine": "taylor", "sweep.settle": "motion", "sweep.lyapunov": False} | (changes or {})
+    changes = {"solver.engine": "taylor", "sweep.settle_by": "section", "sweep.lyapunov": False} | (changes or {})
     scene = paper_scene("fig3", machine_numbers("calibrated"), changes)
     assert scene.sweep is not None
     plan = scene.sweep.swept.model_dump(include={"key", "start", "stop"}) | {"grid": scene.sweep.grid}
@@ -70,7 +70,7 @@ def basins_scene(starts: int, engine: str) -> Scene:
     box = {"run.initial.phase_difference_rad": [-math.pi, math.pi], "run.initial.speed_ratio": [0.5, 1.1]}
     changes = {"drive.supply_frequency_hz": 62.3, "material.mass_ratio": 0.0, "solver.engine": engine, "sweep": None}
     return paper_scene("fig3", machine_numbers("calibrated"), {}).replace(
-        {**changes, "basins": {"starts": box, "random": starts}}
+        {**changes, "basins": {"initial_conditions": box, "random": starts}}
     )
 
 

@@ -246,7 +246,7 @@ class Course:
 
     @cached_property
     def events(self) -> pd.DataFrame:
-        """Liftoffs and impacts. A latch stands for impacts, whose number depends on when it was found to be one."""
+        """Liftoffs and impacts. A chatter stands for impacts, whose number depends on when it was found to be one."""
         found = pd.concat(self._events)
         return found[found["kind"].isin(["liftoff", "impact"])].reset_index(drop=True)
 

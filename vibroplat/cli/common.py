@@ -85,7 +85,7 @@ def tell_of_compilation(engine: str | None = None) -> bool:
     import vibroplat.kernels.compiled  # noqa: F401  (refuses where compilation is switched off)
     from vibroplat import integrate
 
-    return integrate.tell_of_compilation(engine or "auto")
+    return integrate.announce_compilation(engine or "auto")
 
 
 def load_kernels(*engines: str) -> None:

@@ -12,11 +12,11 @@ from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.keys import keys, yaml
 from vibroplat.config.kinds import KINDS
 from vibroplat.motion.run import SUMMARY
-from vibroplat.observe.sheet import of_points, whole_columns
+from vibroplat.observe.data_sheet import point_columns, whole_columns
 from vibroplat.observe.tables import EVENTS, TRAJECTORY
 from vibroplat.paper.tables import TABLES as PAPER
 
-_POINTS = of_points(["NAME"])
+_POINTS = point_columns(["NAME"])
 #: All result tables but those of benchmarks, by the names of their files, in the order of the commands that write
 #: them: what their rows are, and their columns.
 TABLES: dict[str, tuple[str, Columns]] = {

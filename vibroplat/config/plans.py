@@ -150,10 +150,10 @@ class SweepPlan(Section, title="Sweep"):
         description="response: curves over the key; bifurcation: also points of the Poincaré section and impact "
         "speeds; map: regimes over it and one key of the grid",
     )
-    settle: Literal["orbits", "motion"] = Field(
-        "orbits",
-        description="orbits: a motion has settled as soon as it surely comes to a stable periodic "
-        "orbit, found by Newton's method, and is measured there; motion: only once it repeats",
+    settle_by: Literal["newton", "section"] = Field(
+        "newton",
+        description="newton: a motion has settled as soon as it surely comes to a stable periodic "
+        "orbit, found by Newton's method, and is measured there; section: only once it repeats",
     )
     max_settle_s: Positive = described(
         150.0, "", "longest settling time; motion that does not repeat settles this long"
@@ -173,7 +173,7 @@ class SweepPlan(Section, title="Sweep"):
     lyapunov: bool = described(
         True, "", "use the largest Lyapunov exponent to tell chaotic from quasi-periodic motion; false: non-periodic"
     )
-    coexists: bool = described(True, "", "look for other motions beside each chaotic one, half of its time")
+    find_coexisting: bool = described(True, "", "look for other motions beside each chaotic one, half of its time")
 
     max_points: Annotated[int, Field(ge=1, le=10**9)] = Field(200_000, description="most points of all branches")
 

@@ -29,7 +29,9 @@ RANDOM, MAX_STARTS = 1000, 10_000_000
 class BasinsPlan(Section, title="Basins"):
     """Starts from a box of initial states, and how long the motions from there are followed."""
 
-    starts: Annotated[dict[str, Annotated[list[Real], Field(min_length=2, max_length=3)]], Field(min_length=1)] = Field(
+    initial_conditions: Annotated[
+        dict[str, Annotated[list[Real], Field(min_length=2, max_length=3)]], Field(min_length=1)
+    ] = Field(
         description="keys of run.initial, phases and speed_ratio as well as state.NAME, and their ranges: "
         "[low, high, count] is a grid, [low, high] at random; what is not named is as in run.initial"
     )
@@ -38,38 +40,44 @@ class BasinsPlan(Section, title="Basins"):
     )
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of starts and of their perturbations")
     over: Over | None = Field(None, description="values of another key, at each of which the same starts are followed")
-    longest_turns: Annotated[int, Field(ge=100, le=10_000_000)] = Field(
+    max_turns: Annotated[int, Field(ge=100, le=10_000_000)] = Field(
         6000, description="turns for which each motion is followed at most; fractions are those within them"
     )
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
-        for key, (low, high, *count) in self.starts.items():
+        for key, (low, high, *count) in self.initial_conditions.items():
             if key not in STARTS:
                 hint = f"{meant(key, STARTS)}allowed: {', '.join(STARTS[:5])}, … of run.initial"
-                raise ValueError(f"starts.{key!a} is no key of a start; {hint}")
+                raise ValueError(f"initial_conditions.{key!a} is no key of an initial condition; {hint}")
             if not low < high:
-                raise ValueError(f"starts.{key} = [{low:g}, {high:g}] is empty; allowed: a low end below the high one")
+                raise ValueError(
+                    f"initial_conditions.{key} = [{low:g}, {high:g}] is empty; allowed: a low end below the high one"
+                )
             if count and not (count[0].is_integer() and 2 <= count[0] <= MAX_STARTS):
-                raise ValueError(f"starts.{key} = […, {count[0]:g}]; allowed: a whole number from 2 as count")
+                raise ValueError(
+                    f"initial_conditions.{key} = […, {count[0]:g}]; allowed: a whole number from 2 as count"
+                )
         for one, other in EXCLUSIVE:
-            if {INITIAL + one, INITIAL + other} <= self.starts.keys():
-                raise ValueError(f"starts has {one} and {other}; allowed: one of the two")
-        if self.random is not None and all(len(ends) == 3 for ends in self.starts.values()):
-            raise ValueError(f"random = {self.random} but every range of starts has a count; allowed: [low, high]")
+            if {INITIAL + one, INITIAL + other} <= self.initial_conditions.keys():
+                raise ValueError(f"initial_conditions has {one} and {other}; allowed: one of the two")
+        if self.random is not None and all(len(ends) == 3 for ends in self.initial_conditions.values()):
+            raise ValueError(
+                f"random = {self.random} but every range of initial_conditions has a count; allowed: [low, high]"
+            )
         if self.over is not None and not may_vary(self.over.key):
             raise ValueError(f"over.key = {self.over.key!a} cannot be varied; allowed: keys of machine, material, …")
         if self.over is not None and len(self.over.direction) > 1:
             raise ValueError("over.direction = [up, down]; allowed: one of the two")
         number = self.number * (1 if self.over is None else self.over.number)
         if number > MAX_STARTS:
-            raise ValueError(f"starts are {number}; allowed: at most {MAX_STARTS}")
+            raise ValueError(f"initial_conditions are {number}; allowed: at most {MAX_STARTS}")
         return self
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Numbers of the grid's values; () without a grid."""
-        return tuple(int(ends[2]) for ends in self.starts.values() if len(ends) == 3)
+        return tuple(int(ends[2]) for ends in self.initial_conditions.values() if len(ends) == 3)
 
     @property
     def number(self) -> int:
@@ -93,7 +101,7 @@ class FindPlan(Section, title="Find", populate_by_name=True):
         41, description="number of values at which the motion is looked at first, to see where it changes"
     )
     scale: Literal["linear", "log"] = Field("linear", description="scan values with equal distances, or equal ratios")
-    outcome: Literal["attractor", "regime"] = Field(
+    compare: Literal["attractor", "regime"] = Field(
         "attractor",
         description="what is to change. attractor: the motion that is reached; regime: its synchronization alone",
     )
@@ -116,7 +124,7 @@ class FindPlan(Section, title="Find", populate_by_name=True):
     max_settle_s: Positive = Field(150.0, description="as of a sweep; both ends are also given twice as long")
     measure_s: Positive = Field(2.0, description="as of a sweep")
 
-    alternatives = (("outcome", "expression"),)
+    alternatives = (("compare", "expression"),)
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -144,7 +152,7 @@ class FindPlan(Section, title="Find", populate_by_name=True):
     @property
     def of_motion(self) -> bool:
         """Whether it is the motion that is to change, and not its synchronization or a measure alone."""
-        return self.expression is None and self.outcome == "attractor"
+        return self.expression is None and self.compare == "attractor"
 
     @property
     def narrow(self) -> float:
@@ -169,11 +177,13 @@ class DesignPlan(Section, title="Design"):
     )
     measures: list[str] = Field([], description="columns of a sweep, or margin, besides the usual ones")
     minimize: str | None = Field(None, description="the measure that the best values of keys make least")
-    subject: dict[str, str] = Field({}, description='bounds of measures, as {rms_y_m: ">= 1e-3", margin: ">= 0.005"}')
-    pareto: dict[str, Annotated[list[Real], Field(min_length=2, max_length=100)]] = Field(
-        {}, description="a measure of subject and values of its bound, one after the other: a Pareto front"
+    constraints: dict[str, str] = Field(
+        {}, description='bounds of measures, as {rms_y_m: ">= 1e-3", stability_margin: ">= 0.005"}'
     )
-    spread: dict[str, Annotated[Share, Field(gt=0.0, lt=1.0)]] = Field(
+    pareto: dict[str, Annotated[list[Real], Field(min_length=2, max_length=100)]] = Field(
+        {}, description="a measure of constraints and values of its bound, one after the other: a Pareto front"
+    )
+    parameter_tolerances: dict[str, Annotated[Share, Field(gt=0.0, lt=1.0)]] = Field(
         {},
         description="keys and their tolerances to either side, over their values: {machine.platform_mass_kg: 0.05}; "
         "the best values keep the bounds at both ends of each tolerance, the others at their values",
@@ -191,28 +201,28 @@ class DesignPlan(Section, title="Design"):
         for key, (low, high) in self.keys.items():
             if not low < high:
                 raise ValueError(f"keys.{key} = [{low}, {high}] is empty; allowed: [low, high] with low below high")
-        for measure, text in self.subject.items():
+        for measure, text in self.constraints.items():
             if not (self.bound(measure)[0] and abs(self.bound(measure)[1]) <= LARGEST):
-                raise ValueError(f'subject.{measure} = {text!r} is no bound; allowed: ">= NUMBER" or "<= NUMBER"')
+                raise ValueError(f'constraints.{measure} = {text!r} is no bound; allowed: ">= NUMBER" or "<= NUMBER"')
         if self.minimize is None:
-            for name in ("subject", "pareto"):
+            for name in ("constraints", "pareto"):
                 if getattr(self, name):
                     raise ValueError(f"{name} is given without minimize; allowed: with a measure to minimize")
         elif not self.keys:
             raise ValueError("minimize is given without keys; allowed: with keys and their ranges")
-        if len(self.pareto) > 1 or not self.pareto.keys() <= self.subject.keys():
-            raise ValueError(f"pareto = {', '.join(self.pareto)}; allowed: one measure of subject")
+        if len(self.pareto) > 1 or not self.pareto.keys() <= self.constraints.keys():
+            raise ValueError(f"pareto = {', '.join(self.pareto)}; allowed: one measure of constraints")
         return self
 
     def bound(self, measure: str) -> tuple[float, float]:
         """Return 1 if a bound is the least value of its measure, −1 if the largest, 0 if it is none; and the value."""
-        found = COMPARISON.fullmatch(f"{measure} {self.subject[measure]}")
+        found = COMPARISON.fullmatch(f"{measure} {self.constraints[measure]}")
         return (0.0, 0.0) if found is None else ({">=": 1.0, "<=": -1.0}.get(found[2], 0.0), float(found[3]))
 
     @property
     def named(self) -> list[str]:
         """The measures that the plan names, each once."""
-        given = [*self.measures, *([] if self.minimize is None else [self.minimize]), *self.subject]
+        given = [*self.measures, *([] if self.minimize is None else [self.minimize]), *self.constraints]
         return list(dict.fromkeys(given))
 
 

@@ -50,7 +50,17 @@ GONE = {
     "sweep.period_tolerance": "points of the Poincaré section repeat within 0.01 of the scales of the scene",
     "sweep.settle_s": "a motion settles until it is known to have settled, for max_settle_s at most",
     "orbits.boundaries.check": "a sweep with kind = map shows the motions on both sides",
-    "sweep.confirm": "with settle = orbits points are orbits; `vibroplat orbits` gives their multipliers",
+    "sweep.confirm": "with settle_by = newton points are orbits; `vibroplat orbits` gives their multipliers",
+}
+#: Keys of former versions, and their names now; values of the first are now newton for orbits, section for motion.
+RENAMED = {
+    "sweep.settle": "sweep.settle_by",
+    "sweep.coexists": "sweep.find_coexisting",
+    "find.outcome": "find.compare",
+    "basins.starts": "basins.initial_conditions",
+    "basins.longest_turns": "basins.max_turns",
+    "design.subject": "design.constraints",
+    "design.spread": "design.parameter_tolerances",
 }
 
 
@@ -173,13 +183,15 @@ def in_lists(path: Sequence[str]) -> str:
 def explain(error: ValidationError, model: type[BaseModel]) -> str:
     """Say in one line which key is wrong, what was given and what is allowed.
 
-    Only the first error is described; the number of further errors is appended.
+    Only one error is described, a key of a former version rather than others; the number of further errors is appended.
     """
-    first, *more = error.errors()
+    first, *more = sorted(error.errors(), key=lambda one: ".".join(map(str, one["loc"])) not in RENAMED)
     path = [str(part) for part in first["loc"]]
     key = ".".join(path)
     if first["type"] == "extra_forbidden" and in_lists(path) in GONE:
         line = f"unknown key {key}; it is gone: {GONE[in_lists(path)]}"
+    elif first["type"] == "extra_forbidden" and key in RENAMED:
+        line = f"unknown key {key}; it is now {RENAMED[key]}"
     elif first["type"] == "extra_forbidden":
         *section, wrong = path
         names = [name.rpartition(".") for name in nodes(model)]

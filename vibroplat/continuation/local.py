@@ -23,7 +23,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.sensitivity import flat, value_of, with_values
 from vibroplat.model.systems import FULL_SIZE
-from vibroplat.observe.sheet import columns
+from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.variation import Variation
 
 #: Least part of a step into which it is divided.
@@ -127,7 +127,7 @@ class Local:
     @cached_property
     def measures(self) -> dict[str, Any]:
         """Measures of a sweep over the period, and ``margin``."""
-        return measures_of(self.problem, self.found.shot, self.scene) | {"margin": self.margin}
+        return measures_of(self.problem, self.found.shot, self.scene) | {"stability_margin": self.margin}
 
     @cached_property
     def tangents(self) -> FloatArray:
@@ -232,7 +232,7 @@ class Local:
 
     def _measured(self, near: _Near, u: FloatArray, names: Sequence[str]) -> FloatArray:
         """Measure a period from unknowns on this section in a scene beside this one; the margin but for a constant."""
-        shooter, chart, margin = self.problem.shooter, self.found.chart, "margin" in names
+        shooter, chart, margin = self.problem.shooter, self.found.chart, "stability_margin" in names
         shooter.motion.set_parameters(near.p)
         state, seconds, _ = chart.unpack(u)
         shot = shooter.shot(state, seconds, full=margin, measured=True, events=False)
@@ -240,7 +240,7 @@ class Local:
             raise MissedError(f"{shot.outcome}: {shot.detail}")
         found = measured_over_period(self.problem, shot, near.scene, brief=self._sheet.isdisjoint(names))
         if margin:
-            found["margin"] = -float((self._weights * chart.section_map(shot)).sum())
+            found["stability_margin"] = -float((self._weights * chart.section_map(shot)).sum())
         return np.array([found[name] for name in names], float)
 
     def _scene(self, values: FloatArray) -> Scene:

@@ -29,8 +29,8 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import with_value
 from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
-from vibroplat.observe.sheet import columns
-from vibroplat.observe.summary import Part, measured
+from vibroplat.observe.data_sheet import columns
+from vibroplat.observe.summary import MeasuredInterval, measure
 from vibroplat.results.run import RunResult, load
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.point import ANTIPHASE_OF_ORBITS, MEASURED, row_of
@@ -442,9 +442,9 @@ def measures_of(problem: Problem, shot: Shot, scene: Scene) -> dict[str, Any]:
 
 
 def measured_over_period(problem: Problem, shot: Shot, scene: Scene, *, brief: bool = False) -> dict[str, Any]:
-    """Gather what was measured over the period of a scene's orbit; see :func:`vibroplat.observe.summary.measured`."""
-    assert isinstance(shot.part, Part)
+    """Gather measures over the period of a scene's orbit; see :func:`vibroplat.observe.summary.measure`."""
+    assert isinstance(shot.part, MeasuredInterval)
     first, second = (abs(n) / shot.duration for n in problem.turns)
     speeds = {"excitation_frequency_hz": 0.5 * (first + second), "frequency_split_hz": first - second}
     impacts = float(shot.part.measures.marks["measured"][IMPACT]) / abs(problem.turns[0])
-    return measured(shot.part, scene, brief=brief) | speeds | {"impacts_per_period": impacts}
+    return measure(shot.part, scene, brief=brief) | speeds | {"impacts_per_period": impacts}

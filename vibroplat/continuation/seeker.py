@@ -28,7 +28,7 @@ from vibroplat.continuation.returns import returns
 from vibroplat.continuation.shooting import TURN, Shooter
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.observe.section import section_points
 from vibroplat.study.settling import BLOCK, Hunt, KnownOrbit
 
@@ -77,13 +77,13 @@ class OrbitSeeker:
         self.forget()
         motion = self._shooter.motion
         motion.reset(start)
-        points = section_points(motion.go_round(BLOCK, self._longest(BLOCK)).measures, self._shooter.scene)
+        points = section_points(motion.advance_turns(BLOCK, self._longest(BLOCK)).measures, self._shooter.scene)
         if len(points) <= BLOCK:
             return None
         self.reached = motion.state, motion.now
         return self._look(points, 0)
 
-    def seek(self, motion: Motion, points: FloatArray, period: int) -> KnownOrbit | None:
+    def seek(self, motion: Simulator, points: FloatArray, period: int) -> KnownOrbit | None:
         """Return the orbit that a motion surely comes to, with a period in which it draws together, or 0."""
         own = self._shooter.motion
         if motion.now < self._until:
@@ -162,7 +162,7 @@ class OrbitSeeker:
         """Follow the shooter's motion from a full state for some turns; points of its section, in scales."""
         motion = self._shooter.motion
         motion.reset(state)
-        return section_points(motion.go_round(turns, self._longest(turns)).measures, self._shooter.scene)
+        return section_points(motion.advance_turns(turns, self._longest(turns)).measures, self._shooter.scene)
 
     def _look(self, points: FloatArray, period: int) -> KnownOrbit | None:
         """Return the orbit that the shooter's motion comes to from where it is on the section."""

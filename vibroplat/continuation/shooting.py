@@ -25,12 +25,12 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.model.sensitivity import ParameterInterpolant, flat, with_values
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS
-from vibroplat.motion.motion import Motion, Observer
+from vibroplat.motion.motion import Observer, Simulator
 from vibroplat.motion.recorder import Recorder
 from vibroplat.observe.guard_margins import GuardMargins
-from vibroplat.observe.measures import Measures
+from vibroplat.observe.measures import Accumulators
 from vibroplat.observe.statistics import Statistics
-from vibroplat.observe.summary import Energies, Part
+from vibroplat.observe.summary import Energies, MeasuredInterval
 from vibroplat.observe.variation import Variation
 
 #: What the letters of a word stand for in tables.
@@ -80,7 +80,7 @@ class Shot:
     restitution: float
     rates: FloatArray | None = None
     derivative: FloatArray | None = None
-    part: Part | None = None
+    part: MeasuredInterval | None = None
     pieces: Sequence[tuple[int, float, float]] = ()
     least_force: float = math.inf
     least_gap: float = math.inf
@@ -192,7 +192,7 @@ class Shooter:
         self.scales = state_scales(scene)
         self.p = parameters(scene)
         self.engine = make_engine(scene, self.p)
-        self.motion = Motion(scene, self.p, self.engine)
+        self.motion = Simulator(scene, self.p, self.engine)
         self.turns = 0.0
         self.held: dict[str, float] = {}
         self._variation = Variation([self.p.copy()] * len(self.keys))
@@ -269,7 +269,7 @@ class Shooter:
             observers.append(self._statistics)
             *sums, closed, seen, section = self._nothing
             empty: Any = (*(part.copy() for part in sums), closed, seen, section)  # the last three are not read
-            self._statistics.measures = Measures(*empty)
+            self._statistics.measures = Accumulators(*empty)
             before = Energies.of(h.run["state"], h.p)
         motion.to_time(duration, observers)
         state, ends, restitution = motion.state, motion.system.index, float(h.p["restitution"])
@@ -277,7 +277,7 @@ class Shooter:
         happened = _NONE if recorder is None else recorder.events
         found = Shot(state, begins, ends, duration, motion.outcome, motion.detail, happened, restitution)
         if before is not None:
-            found.part = Part(self._statistics.measures, before, Energies.of(h.run["state"], h.p))
+            found.part = MeasuredInterval(self._statistics.measures, before, Energies.of(h.run["state"], h.p))
         if full:
             found.derivative, found.rates = self._variation.derivative(h), self._variation.rates
             found.pieces, found.least_force, found.least_gap = near.pieces, near.least_force, near.least_gap

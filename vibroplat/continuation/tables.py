@@ -12,12 +12,8 @@ from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.continuation.two_keys import Boundary
-from vibroplat.continuation.worker import (
-    MULTIPLIERS,
-    Traced,
-    describe_multipliers,
-)
-from vibroplat.observe.sheet import SHEET, of_points
+from vibroplat.continuation.worker import MULTIPLIERS, Traced, describe_multipliers
+from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.observe.summary import MEASURES
 from vibroplat.observe.tables import TRAJECTORY
 from vibroplat.results.result import Answer
@@ -45,7 +41,7 @@ BRANCHES: Columns = {
         "events of a period", "stick: an impact, or several that accumulate, after which contact holds", kind=TEXT
     ),
     "stable": Column("whether disturbances decay", kind=FLAG),
-    "unstable": Column("number of Floquet multipliers outside the unit circle", kind=COUNT),
+    "n_unstable": Column("number of Floquet multipliers outside the unit circle", kind=COUNT),
     **describe_multipliers(MULTIPLIERS),
     "residual": Column("how far the orbit is from closing", "in the scales of the scene"),
     "turns": Column("turns of exciter 1 that were integrated for the point", "with those of special points before it"),
@@ -68,7 +64,7 @@ BOUNDARIES: Columns = {
     "branch": Column("branch whose special point it goes through", kind=COUNT),
     EXCITATION: BRANCHES[EXCITATION],
     "period": BRANCHES["period"],
-    "unstable": Column(
+    "n_unstable": Column(
         "number of Floquet multipliers outside the unit circle, besides those that pass it",
         "above 0: the orbit is unstable on both sides of the curve, and no motion converges to it",
         kind=COUNT,
@@ -83,7 +79,7 @@ _KEYS: Columns = {
 TABLES: dict[str, tuple[str, Columns]] = {
     "branches": (
         "`vibroplat orbits`: a row for each point of each branch.",
-        {**_KEYS, **BRANCHES, **of_points(["NAME"])},
+        {**_KEYS, **BRANCHES, **point_columns(["NAME"])},
     ),
     "special": ("`vibroplat orbits`: a row for each special point.", {**_KEYS, **SPECIAL}),
     "boundaries": (
@@ -98,7 +94,7 @@ def make_tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Bou
     key, present = column_of(plan.key), sorted({i for branch in traced for i in branch.family.scene.coordinates})
     state = [names[i] for names in (COORDINATES, RATES) for i in present]  # coordinates that none has are absent
     columns = [key, *(name for name in BRANCHES if name not in STATE and name not in SHEET)]
-    named = of_points(dict.fromkeys(name for branch in traced for name in branch.family.scene.output.points))
+    named = point_columns(dict.fromkeys(name for branch in traced for name in branch.family.scene.output.points))
     points = [
         _columns(branch, row, key) | {"parent": branch.parent, "point": point}
         for branch in traced
@@ -113,7 +109,7 @@ def make_tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Bou
     rows = [
         _named(curve.grid)
         | {"curve": number, "kind": curve.kind, "branch": curve.branch}
-        | {**row, "unstable": row["others_outside"]}
+        | {**row, "n_unstable": row["others_outside"]}
         | dict(zip(keys, (row["value"], row["second"]), strict=True))
         for number, curve in enumerate(curves)
         for row in curve.rows
@@ -122,7 +118,7 @@ def make_tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Bou
         "branches": _table(points, plan, [*columns, *state, *SHEET, *named], {**BRANCHES, **named}),
         "special": _table(special, plan, ["branch", "kind", key, EXCITATION, "period", "point", *state], SPECIAL),
         "boundaries": _table(
-            rows, plan, ["curve", "kind", "branch", *keys, EXCITATION, "period", "unstable"], BOUNDARIES
+            rows, plan, ["curve", "kind", "branch", *keys, EXCITATION, "period", "n_unstable"], BOUNDARIES
         ),
     }
     order = ("special", "branches") if plan.boundaries is None else ("boundaries", "special", "branches")

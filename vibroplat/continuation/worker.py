@@ -240,7 +240,7 @@ def _row(problem: Problem, point: Point) -> Record:
         **measures_of_orbit(problem, point),
         "sequence": spelled(point.word),
         "stable": unstable == 0,
-        "unstable": unstable,
+        "n_unstable": unstable,
         **multiplier_columns(point.multipliers, MULTIPLIERS),
         "residual": point.residuals[-1],
         "turns": turns,

@@ -64,14 +64,19 @@ class Model:
         self.low, self.high = np.array(list(plan.keys.values()), float).T
         self.log = self.low > 0.0
         self._ends = np.where(self.log, self.low, 1.0), np.where(self.log, self.high, 2.0)  # those of logarithms
-        self.local = begun(scene, [*keys, *(k for k in plan.spread if k not in keys)], known)
-        self.size, ends = len(keys), [(k, 1.0 + side * s) for k, s in plan.spread.items() for side in (-1.0, 1.0)]
+        self.local = begun(scene, [*keys, *(k for k in plan.parameter_tolerances if k not in keys)], known)
+        self.size, ends = (
+            len(keys),
+            [(k, 1.0 + side * s) for k, s in plan.parameter_tolerances.items() for side in (-1.0, 1.0)],
+        )
         self.factors = np.array([[f if key == k else 1.0 for key in self.local.keys] for k, f in [("", 1.0), *ends]])
-        bounds = {"margin": (1.0, 0.0), **bounds}  # an unstable orbit is no design
+        bounds = {"stability_margin": (1.0, 0.0), **bounds}  # an unstable orbit is no design
         self._signs, limits = np.array(list(bounds.values())).T
         self._limits, self._bounded = limits, [self.names.index(name) for name in bounds]
         scales = np.abs(limits) + (limits == 0.0)
-        self._scales = np.where([name == "margin" for name in bounds], np.maximum(np.abs(limits), MARGIN), scales)
+        self._scales = np.where(
+            [name == "stability_margin" for name in bounds], np.maximum(np.abs(limits), MARGIN), scales
+        )
         self._least, self._aims = self.names.index(plan.minimize), [self.names.index(plan.minimize), *self._bounded]
         self._unit = abs(self.local.measures[plan.minimize] or 0.0) or 1.0
         self._known: list[Local] = [self.local]

@@ -34,10 +34,13 @@ _MEASURED: Columns = {"measures": Column("the measures that were asked for", "by
 TABLES: dict[str, tuple[str, Columns]] = {
     "sensitivities": ("`vibroplat design`: a row for each measure and key.", of_keys.SENSITIVITIES),
     "samples": (
-        "`vibroplat design` with `spread`: a row for each sample.",
+        "`vibroplat design` with `parameter_tolerances`: a row for each sample.",
         {**_VARIED, **of_samples.SAMPLES, **_MEASURED},
     ),
-    "shares": ("`vibroplat design` with `spread`: what the variance of a measure comes from.", of_samples.SHARES),
+    "variance_contributions": (
+        "`vibroplat design` with `parameter_tolerances`: what the variance of a measure comes from.",
+        of_samples.SHARES,
+    ),
     "evaluations": (
         "`vibroplat design` with `minimize`: a row for each point that was looked at.",
         {**_VARIED, **_MEASURED, **optimum.EVALUATIONS},
@@ -67,22 +70,22 @@ class DesignStudy(Study):
             raise ConfigError("section design is missing; allowed: one, as design: {}")
         self.scene, self.plan = scene, scene.design
         of_keys.require_keys(scene, list(self.plan.keys), "design.keys")
-        of_keys.require_keys(scene, list(self.plan.spread), "design.spread")
+        of_keys.require_keys(scene, list(self.plan.parameter_tolerances), "design.parameter_tolerances")
         of_keys.require_measures(scene, self.plan.named, "design")
-        for key, share in self.plan.spread.items():
+        for key, share in self.plan.parameter_tolerances.items():
             for end in (-share, share):
                 of_keys.require_allowed(
-                    scene, f"design.spread.{key} = {share}", key, value_of(scene, key) * (1.0 + end)
+                    scene, f"design.parameter_tolerances.{key} = {share}", key, value_of(scene, key) * (1.0 + end)
                 )
         for key, ends in self.plan.keys.items():
-            share = self.plan.spread.get(key, 0.0)
-            more = f" with design.spread.{key} = {share}" if share else ""
+            share = self.plan.parameter_tolerances.get(key, 0.0)
+            more = f" with design.parameter_tolerances.{key} = {share}" if share else ""
             for value in (ends[0] * (1.0 - share), ends[1] * (1.0 + share)):
                 of_keys.require_allowed(scene, f"design.keys.{key} = {ends}{more}", key, value)
         self.keys = list(self.plan.keys) or of_keys.varied_keys(scene)
         allowed = of_keys.measured_names(scene)
         self.names = [n for n in dict.fromkeys((*of_keys.USUAL, *self.plan.named)) if n in allowed]
-        self.aims = [n for n in (self.plan.minimize, *self.plan.subject) if n is not None]
+        self.aims = [n for n in (self.plan.minimize, *self.plan.constraints) if n is not None]
 
     def chains(self, store: Store) -> int:
         """Return how many parts of samples, or searches, run side by side."""
@@ -100,7 +103,7 @@ class DesignStudy(Study):
                 )
         tables = {"sensitivities": of_keys.table(found["rows"])}
         home = of_samples.regime(known["sync"], "periodic", known["period"])
-        margin = found["measures"]["margin"]
+        margin = found["measures"]["stability_margin"]
         lines = {"motion": f"{home}, multipliers up to {1.0 - margin:.6g}"}
         text = list(_told_of_keys(found, self.names))
         if self.plan.minimize is None:
@@ -114,10 +117,10 @@ class DesignStudy(Study):
         told = [f"{name} {row['row'][name]:.6g}" for name in self.aims if row["row"].get(name) is not None]
         lines |= {"from rest": ", ".join([row["regime"], *told])}
         notes = [] if row["same"] else [f"from rest the best design comes to {row['regime']}, not to its orbit"]
-        if notes and self.plan.spread and self.plan.samples:
+        if notes and self.plan.parameter_tolerances and self.plan.samples:
             notes = [f"{notes[0]}, so its tolerances were not sampled"]
         result = self._result(tables, Answer(lines, text, notes), {"best": _written(scene)})
-        if not (row["same"] and self.plan.spread):
+        if not (row["same"] and self.plan.parameter_tolerances):
             return result
         return self._with_samples(run, scene, run.one("settled there", of_keys.settled, scene), result)
 
@@ -145,7 +148,7 @@ class DesignStudy(Study):
         self, run: _Runner, known: Record, tables: dict[str, pd.DataFrame]
     ) -> tuple[Record | None, dict[str, str]]:
         """Search for the best values, and along the Pareto front; add the tables, and tell what was found."""
-        bounds = {name: self.plan.bound(name) for name in self.plan.subject}
+        bounds = {name: self.plan.bound(name) for name in self.plan.constraints}
         asked = (optimum.searched, self.scene, self.names, known)
         found = run.all({f"start {n}": (*asked, bounds, n, None) for n in range(self.plan.starts)})
         rows = [row | {"best": False} for part in found for row in part["rows"]]
@@ -174,7 +177,7 @@ class DesignStudy(Study):
             "best": _values(best["values"], list(self.plan.keys)),
             "there": _values(best["measures"], self.aims) + f" ({same} of {self.plan.starts} starts came here)",
         }
-        if self.plan.spread:
+        if self.plan.parameter_tolerances:
             lines["within tolerances"] = f"{self.aims[0]} up to {best['objective']:.6g} (one tolerance at a time)"
         return best, lines
 
@@ -185,10 +188,10 @@ class DesignStudy(Study):
 
     def _with_samples(self, run: _Runner, scene: Scene, known: Record, result: Result) -> Result:
         """Add the samples of a scene's tolerances, if there are any."""
-        if not (self.plan.spread and self.plan.samples):
+        if not (self.plan.parameter_tolerances and self.plan.samples):
             return result
         plan, home = self.plan, of_samples.regime(known["sync"], "periodic", known["period"])
-        keys, found = list(plan.spread), result.sensitivities.dropna(subset=["elasticity"])
+        keys, found = list(plan.parameter_tolerances), result.sensitivities.dropna(subset=["elasticity"])
         places = of_samples.within(plan.seed, len(keys), 0, plan.samples)
         table = self._samples(run, scene, known, places)
         shares = of_samples.shares(table, keys, found["measure"].unique().tolist())
@@ -196,15 +199,15 @@ class DesignStudy(Study):
             lines={**result.answer.lines, **_lines_of_samples(table, home), **self._kept(table)},
             text=[*result.answer.text, *_told_of_samples(table, shares)],
         )
-        tables = {**result.tables, "samples": table, "shares": shares}
+        tables = {**result.tables, "samples": table, "variance_contributions": shares}
         return self._result(tables, answer, result.configurations)
 
     def _kept(self, table: pd.DataFrame) -> dict[str, str]:
         """Tell how many samples of the best design keep all bounds: several tolerances may break one together."""
-        if not self.plan.subject:
+        if not self.plan.constraints:
             return {}
         kept = pd.Series(data=True, index=table.index)
-        for name in self.plan.subject:
+        for name in self.plan.constraints:
             sign, limit = self.plan.bound(name)
             kept &= sign * (table[name] - limit) >= -optimum.VIOLATION * abs(limit)
         return {"bounds kept": f"{100.0 * kept.mean():.1f} %"}
@@ -217,8 +220,8 @@ class DesignStudy(Study):
             for part in [places[first : first + of_samples.CHUNK]]
         }
         rows = [row for part in run.all(parts) for row in part["rows"]]
-        measures = [name for name in self.names if name != "margin"]
-        columns = ["sample", *self.plan.spread, "stable", "regime", "margin", *measures]
+        measures = [name for name in self.names if name != "stability_margin"]
+        columns = ["sample", *self.plan.parameter_tolerances, "stable", "regime", "stability_margin", *measures]
         return study_table(rows, columns, {**SWEEP, **of_samples.SAMPLES})
 
 

@@ -40,10 +40,12 @@ SAMPLES: Columns = {
         "of the orbit if it is stable, otherwise of what its motion comes to",
         kind=TEXT,
     ),
-    "margin": Column("1 less the size of the orbit's largest Floquet multiplier", "empty if the orbit is lost"),
+    "stability_margin": Column(
+        "1 less the size of the orbit's largest Floquet multiplier", "empty if the orbit is lost"
+    ),
 }
 SHARES: Columns = {
-    "measure": Column("a column of a sweep, or margin", kind=TEXT),
+    "measure": Column("a column of a sweep, or stability_margin", kind=TEXT),
     "key": Column("dotted key of the spread", kind=TEXT),
     "regression": Column("share of the key in the variance of the measure", "by linear regression over the samples"),
     "explained": Column("share of the variance that linear regression explains", "the same for all keys"),
@@ -62,8 +64,8 @@ def sampled(scene: Scene, names: Sequence[str], known: Record, first: int, place
     """Measure samples of a scene with a plan, from a number on, at places from −1 to 1; ``rows`` of the table."""
     plan = scene.design
     assert plan is not None
-    spread, rows = np.array(list(plan.spread.values())), []
-    with closing(begun(scene, list(plan.spread), known)) as local:
+    spread, rows = np.array(list(plan.parameter_tolerances.values())), []
+    with closing(begun(scene, list(plan.parameter_tolerances), known)) as local:
         _ = local.tangents  # all samples are predicted by them
         for number, place in enumerate(np.array(places), first):
             values = local.values * (1.0 + spread * place)
@@ -71,7 +73,7 @@ def sampled(scene: Scene, names: Sequence[str], known: Record, first: int, place
             state = local.state
             try:
                 there = local.correct(values)
-                row["margin"], state = there.margin, there.state
+                row["stability_margin"], state = there.margin, there.state
             except MissedError:
                 there = None
             if there is not None and there.margin > 0.0:
@@ -83,7 +85,7 @@ def sampled(scene: Scene, names: Sequence[str], known: Record, first: int, place
                 found, ended = point.row, point.row["outcome"]
                 kind = (found["sync"], found["motion"], found["period"]) if ended == "ok" else ("none", ended, 0)
                 row |= {"stable": False, "regime": regime(*kind)}
-            rows.append(row | {name: found.get(name) for name in names if name != "margin"})
+            rows.append(row | {name: found.get(name) for name in names if name != "stability_margin"})
     return {"rows": rows}
 
 
@@ -91,7 +93,7 @@ def _briefly(scene: Scene) -> SweepPlan:
     """Return how a sample without a stable orbit settles."""
     turn = 2.0 * math.pi / scene.speed_scale
     times = {"max_settle_s": SETTLING * turn, "measure_s": MEASURING * turn}
-    how = {"settle": "motion", "perturbation": AWAY, "lyapunov": False}
+    how = {"settle_by": "section", "perturbation": AWAY, "lyapunov": False}
     return settling(scene).model_copy(update=times | how)
 
 

@@ -19,13 +19,13 @@ from vibroplat.continuation.orbit import Orbit, OrbitError
 from vibroplat.errors import ConfigError
 from vibroplat.model.parameters import parameters
 from vibroplat.model.sensitivity import SECTIONS, flat, value_of, with_value
-from vibroplat.observe.sheet import columns
+from vibroplat.observe.data_sheet import columns
 from vibroplat.study.branches import study_table
 from vibroplat.study.point import MEASURED, measure_point
 from vibroplat.study.store import Record
 
 #: Measures that are told of each orbit, if its scene has them.
-USUAL = ("rms_x_m", "rms_y_m", "excitation_frequency_hz", "motor_power_w", "contact_force_max_n", "margin")
+USUAL = ("rms_x_m", "rms_y_m", "excitation_frequency_hz", "motor_power_w", "contact_force_max_n", "stability_margin")
 #: Residual of orbits whose measures are differentiated.
 TOLERANCE = 1e-9
 #: A measure over the largest of its kind that is round-off, as RMS x where the machine shakes along y.
@@ -35,7 +35,9 @@ _CHANGE = 1e-6
 
 SENSITIVITIES: Columns = {
     "measure": Column(
-        "a column of a sweep, or margin", "margin: 1 less the size of the largest Floquet multiplier", kind=TEXT
+        "a column of a sweep, or stability_margin",
+        "stability_margin: 1 less the size of the largest Floquet multiplier",
+        kind=TEXT,
     ),
     "key": Column("dotted key of the scene", kind=TEXT),
     "value": Column("value of the measure", "in its own unit"),
@@ -94,7 +96,7 @@ def require_allowed(scene: Scene, what: str, key: str, value: float) -> None:
 
 def measured_names(scene: Scene) -> list[str]:
     """List the measures of a scene's orbits."""
-    return ["margin", *MEASURED, *columns(scene)]
+    return ["stability_margin", *MEASURED, *columns(scene)]
 
 
 def require_measures(scene: Scene, names: Sequence[str], where: str) -> None:

@@ -19,5 +19,5 @@ To add
   :data:`vibroplat.model.systems.SYSTEMS`, its rows in :func:`vibroplat.model.equations.rows`, its guard in
   :mod:`~vibroplat.hybrid.modes`, its reset in :mod:`~vibroplat.hybrid.resets`, called by
   :func:`~vibroplat.hybrid.loop.end_segment`.
-* an integrator: see :mod:`vibroplat.integrate.seam`.
+* an integrator: see :mod:`vibroplat.integrate.interface`.
 """

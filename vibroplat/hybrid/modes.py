@@ -34,7 +34,7 @@ ATTACHED, FLIGHT, BARE = (_NUMBERS[mode] for mode in (Mode.ATTACHED, Mode.FLIGHT
 
 #: Kinds of events; that of a drive is a corner of its program.
 LIFTOFF, IMPACT, CHATTER, SUPPLY = _NUMBERS
-KINDS = ("liftoff", "impact", "latch", "drive")
+KINDS = ("liftoff", "impact", "chatter", "drive")
 
 
 def _guard(mode: Mode, size: int) -> int:

@@ -1,4 +1,4 @@
-"""Integrators behind one seam, :mod:`~vibroplat.integrate.seam`, and which of them runs a scene.
+"""Integrators behind one interface, :mod:`~vibroplat.integrate.interface`, and which of them runs a scene.
 
 ``native`` drives IDA from compiled code, ``sundae`` through scikit-sundae; both use
 :mod:`~vibroplat.integrate.multistep`. ``taylor`` is the Taylor series of the model. Any other integrator becomes an
@@ -17,7 +17,7 @@ from vibroplat.system import memory
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
-    from vibroplat.integrate.seam import Engine
+    from vibroplat.integrate.interface import Engine
     from vibroplat.model.parameters import Parameters
 
 # Each engine's module is imported where it is asked for: its kernels are compiled or loaded then.
@@ -31,7 +31,7 @@ def make_engine(scene: Scene, p: Parameters) -> Engine:
 
     The first one whose kernels must be compiled says so, as that takes long.
     """
-    tell_of_compilation(scene.solver.engine)
+    announce_compilation(scene.solver.engine)
     name = engine_name(scene)
     if name == "taylor":
         from vibroplat.integrate.taylor import TaylorEngine  # noqa: PLC0415
@@ -47,7 +47,7 @@ def make_engine(scene: Scene, p: Parameters) -> Engine:
 
 
 @cache
-def tell_of_compilation(engine: str) -> bool:
+def announce_compilation(engine: str) -> bool:
     """Return whether an engine's kernels must be compiled; say so in a line, once, as that takes long.
 
     Raises
@@ -79,12 +79,12 @@ def native_library() -> Library | None:
     from vibroplat.integrate.native import self_check  # noqa: PLC0415
 
     try:
-        found = library()
-        self_check(found)
+        opened = library()
+        self_check(opened)
     except (UnavailableError, MemoryError) as reason:
         _LOG.warning("engine native is not available: %s; engine sundae takes over, ten to twenty times slower", reason)
         return None
-    return found
+    return opened
 
 
 def other_engine(name: str) -> str:

@@ -18,7 +18,15 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINI
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import MARGIN, ROUND_OFF, RUNNING, Automaton, Steps, end_at, rewind
-from vibroplat.integrate.multistep import Past, add_step, begin_steps, calm, no_past, prepare_first_step, stop_within
+from vibroplat.integrate.multistep import (
+    PreviousStep,
+    add_step,
+    begin_steps,
+    empty_step,
+    limit_force_slopes,
+    prepare_first_step,
+    stop_within,
+)
 from vibroplat.kernels.compiled import (
     FloatArray,
     borrow,
@@ -160,7 +168,7 @@ HANDLES = np.dtype([(name, np.int64) for name in ("memory", "y", "yp")], align=T
 
 #: Whether a segment is open, the last flag, what was counted, steps since the time of the run ``counted_from`` (s).
 STATUS = np.dtype(
-    [(name, np.int64) for name in ("open", "flag", "steps", "errors", "newtons", "counted", "most")]
+    [(name, np.int64) for name in ("open", "flag", "steps", "errors", "newtons", "counted", "max_steps")]
     + [("counted_from", np.float64)],
     align=True,
 )
@@ -184,13 +192,13 @@ class Native(NamedTuple):
     y: FloatArray  # what is behind the vectors, shape (3, 14)
     yp: FloatArray
     atol: FloatArray
-    past: Past  # the last end of a step
+    past: PreviousStep  # the last end of a step
     status: Any  # a record of STATUS
     time: FloatArray  # what the library writes times (s) and counters to, shape (1,)
     number: IntArray
 
 
-def nothing() -> Native:
+def empty_records() -> Native:
     """Make what compiled code needs of the engine, empty."""
     return Native(
         functions=np.zeros(1, FUNCTIONS)[0],
@@ -199,7 +207,7 @@ def nothing() -> Native:
         y=np.zeros((3, FULL_SIZE)),
         yp=np.zeros((3, FULL_SIZE)),
         atol=np.ones((3, FULL_SIZE)),
-        past=no_past(),
+        past=empty_step(),
         status=np.zeros(1, STATUS)[0],
         time=np.zeros(1),
         number=np.zeros(1, dtype=np.int64),
@@ -207,7 +215,7 @@ def nothing() -> Native:
 
 
 @compiled
-def drive(owned_h: Automaton, owned_n: Native) -> None:
+def run_loop(owned_h: Automaton, owned_n: Native) -> None:
     """Go through segments and resets until there is no room for more steps or the run has ended."""
     h, n = borrow(owned_h), borrow(owned_n)
     rewind(h.steps)
@@ -218,7 +226,7 @@ def drive(owned_h: Automaton, owned_n: Native) -> None:
                 return
         stop = advance(h, n)
         if ALGEBRAIC[h.run.systems[h.run.mode]]:
-            calm(h, stop == _FULL)
+            limit_force_slopes(h, stop == _FULL)
         if stop == _FULL:
             cut_piece(h)
             return
@@ -284,13 +292,13 @@ def advance(h: Automaton, n: Native) -> int:
         row = used.steps
         add_step(time[0], all_y, all_yp, row, starts, lengths, c, ends, past_t, past_y, past_yp)
         used.steps = row + 1
-        found = flag == _ROOT_RETURN and not ended
+        root_found = flag == _ROOT_RETURN and not ended
         dips = guard >= 0 and (y[guard] < 0.0 or c[row, 1, guard] < 0.0 < yp[guard])
-        if found or y[3] >= target or dips:
-            stop, share = stop_within(steps, guard, found, target, y, yp)
+        if root_found or y[3] >= target or dips:
+            stop, share = stop_within(steps, guard, root_found, target, y, yp)
             if stop == AT_TARGET:
                 end_at_angle(target, share, derivative, handles, steps, y, yp)
-            elif stop == AT_GUARD and not found:
+            elif stop == AT_GUARD and not root_found:
                 # the integrator's polynomial is smooth where slopes at the ends of a step carry errors of a stiff layer
                 interpolate_at(steps.start[row] + share * steps.length[row], derivative, handles)
                 end_at(steps, row, share, y)
@@ -302,7 +310,7 @@ def advance(h: Automaton, n: Native) -> int:
             counted_until = origin + time[0] + period
             status.counted_from = origin + time[0]
             status.counted = 0
-        elif status.counted > status.most:
+        elif status.counted > status.max_steps:
             return FAILED
     if status.flag >= 0:
         return _FULL

@@ -20,13 +20,13 @@ from vibroplat.kernels.polynomial import crossing, first_downcrossing, slope, va
 from vibroplat.model.systems import FULL_SIZE, GAP, SIZES
 
 #: First step over the time until the gap closes again, by its Taylor polynomial.
-RETURN_SHARE = 0.05
+FIRST_STEP_RATIO = 0.05
 
 #: Largest relative change of the gap's acceleration in a flight that is known from its first terms.
-STEADY = 0.1
+MAX_ACCELERATION_CHANGE = 0.1
 
 
-class Past(NamedTuple):
+class PreviousStep(NamedTuple):
     """The last end of a step."""
 
     t: FloatArray  # time in the segment (s), shape (1,)
@@ -34,13 +34,13 @@ class Past(NamedTuple):
     yp: FloatArray
 
 
-def no_past() -> Past:
+def empty_step() -> PreviousStep:
     """Make room for an end."""
-    return Past(np.zeros(1), np.zeros(FULL_SIZE), np.zeros(FULL_SIZE))
+    return PreviousStep(np.zeros(1), np.zeros(FULL_SIZE), np.zeros(FULL_SIZE))
 
 
 @compiled
-def begin_steps(past: Past, y: FloatArray, yp: FloatArray) -> None:
+def begin_steps(past: PreviousStep, y: FloatArray, yp: FloatArray) -> None:
     """Begin a segment at time 0."""
     past.t[0] = 0.0
     copy(y, past.y)
@@ -84,7 +84,14 @@ def add_step(
 
 @compiled
 def transcribe(
-    steps: Steps, past: Past, t: FloatArray, y: FloatArray, yp: FloatArray, guard: int, at_guard: bool, target: float
+    steps: Steps,
+    past: PreviousStep,
+    t: FloatArray,
+    y: FloatArray,
+    yp: FloatArray,
+    guard: int,
+    at_guard: bool,
+    target: float,
 ) -> int:
     """Add steps by their ends, up to where a guard first falls through zero or exciter 1 has an angle.
 
@@ -99,9 +106,9 @@ def transcribe(
         row = steps.used.steps
         add_step(t[k], full, slopes, row, steps.start, steps.length, steps.c, steps.ends, past.t, past.y, past.yp)
         steps.used.steps = row + 1
-        found = at_guard and k == t.size - 1
-        stop, share = stop_within(steps, guard, found, target, y[k], yp[k])
-        if stop == AT_TARGET or (stop == AT_GUARD and not found):
+        root_found = at_guard and k == t.size - 1
+        stop, share = stop_within(steps, guard, root_found, target, y[k], yp[k])
+        if stop == AT_TARGET or (stop == AT_GUARD and not root_found):
             row = steps.used.steps - 1
             values(steps.c[row], CUBIC, share, end)
             if stop == AT_TARGET:
@@ -113,21 +120,21 @@ def transcribe(
 
 @compiled
 def stop_within(
-    steps: Steps, guard: int, found: bool, target: float, y: FloatArray, yp: FloatArray
+    steps: Steps, guard: int, root_found: bool, target: float, y: FloatArray, yp: FloatArray
 ) -> tuple[int, float]:
     """Why a segment ends within its last step, AT_GUARD or AT_TARGET, and at which fraction; −1 if it does not.
 
-    ``found`` says whether the integrator has found the guard's fall itself, at the end of the step; y and y′ are those
-    there. Steps are short against the guard's changes, and rates of F_c carry the errors of a stiff layer: a step is
-    looked into where the guard ends below zero, or falls at its beginning and rises at its end.
+    ``root_found`` says whether the integrator has found the guard's fall itself, at the end of the step; y and y′ are
+    those there. Steps are short against the guard's changes, and rates of F_c carry the errors of a stiff layer: a step
+    is looked into where the guard ends below zero, or falls at its beginning and rises at its end.
     """
     c = steps.c[steps.used.steps - 1]
-    passed, fall = np.inf, 1.0 if found else np.inf
+    passed, fall = np.inf, 1.0 if root_found else np.inf
     if y[3] >= target:
         passed = crossing(c, CUBIC, 3, target)
     if (
         guard >= 0
-        and not found
+        and not root_found
         and (y[guard] < 0.0 or (yp[guard] > 0.0 and c[1, guard] < 0.0 < slope(c, CUBIC, guard, 1.0)))
     ):
         share = first_downcrossing(c, CUBIC, guard, 0)
@@ -138,7 +145,7 @@ def stop_within(
 
 
 @compiled
-def calm(h: Automaton, cut: bool) -> None:
+def limit_force_slopes(h: Automaton, cut: bool) -> None:
     """Limit the slopes of F_c in the open piece, so that its polynomials do not leave what its values say.
 
     F_c is not integrated: a stiff layer or motor turns errors of rates, which the tolerance allows, into larger
@@ -160,26 +167,26 @@ def calm(h: Automaton, cut: bool) -> None:
         rate_0, rate_1 = c[1, force], slope(c, CUBIC, force, 1.0)  # over the fraction of the step, as all rates here
         here = f1 - f0
         limit_0 = limit_1 = 3.0 * abs(here)
-        least_0, most_0 = -3.0 * max(f0, 0.0), np.inf
-        least_1, most_1 = -np.inf, 3.0 * max(f1, 0.0)
+        min_0, max_0 = -3.0 * max(f0, 0.0), np.inf
+        min_1, max_1 = -np.inf, 3.0 * max(f1, 0.0)
         if row > first and steps.length[row - 1] > 0.0:
             ratio = length / steps.length[row - 1]
             limit_0 = max(limit_0, 3.0 * ratio * abs(f0 - steps.c[row - 1, 0, force]))
-            most_0 = 3.0 * ratio * max(f0, 0.0)
+            max_0 = 3.0 * ratio * max(f0, 0.0)
         elif h.run.joined == CUT:
             limit_0 = np.inf
         if row + 1 < end and steps.length[row + 1] > 0.0:
             ratio = length / steps.length[row + 1]
             limit_1 = max(limit_1, 3.0 * ratio * abs(steps.ends[row + 1, force] - f1))
-            least_1 = -3.0 * ratio * max(f1, 0.0)
+            min_1 = -3.0 * ratio * max(f1, 0.0)
         elif cut:
             limit_1 = np.inf
-        calm_0 = max(min(rate_0, most_0, limit_0), -limit_0, least_0)
-        calm_1 = min(max(rate_1, least_1, -limit_1), limit_1, most_1)
-        if calm_0 != rate_0 or calm_1 != rate_1:
-            c[1, force] = calm_0
-            c[2, force] = 3.0 * here - 2.0 * calm_0 - calm_1
-            c[3, force] = calm_0 + calm_1 - 2.0 * here
+        limited_0 = max(min(rate_0, max_0, limit_0), -limit_0, min_0)
+        limited_1 = min(max(rate_1, min_1, -limit_1), limit_1, max_1)
+        if limited_0 != rate_0 or limited_1 != rate_1:
+            c[1, force] = limited_0
+            c[2, force] = 3.0 * here - 2.0 * limited_0 - limited_1
+            c[3, force] = limited_0 + limited_1 - 2.0 * here
 
 
 @compiled
@@ -197,7 +204,7 @@ def prepare_first_step(h: Automaton) -> float:
     step = min(0.1 * run.period, curvature_step(run.ypp[mode, :size], run.atol[:size]))
     if mode == FLIGHT:
         duration, height, sure = expected_flight(h, 1e-3 * step)
-        step = min(step, RETURN_SHARE * duration)
+        step = min(step, FIRST_STEP_RATIO * duration)
         tighter = 2.0 ** -halvings(run.tolerance, height, run.gap_scale, sure)
         run.atol[GAP] *= tighter * tighter
         run.atol[size // 2 + GAP] *= tighter
@@ -221,8 +228,8 @@ def expected_flight(h: Automaton, small: float) -> tuple[float, float, bool]:
             return np.inf, np.inf, False
         return math.sqrt(2.0 * gap / -acceleration), gap + 0.5 * rate * rate / -acceleration, False
     fourth = snap(h, small) if rate == 0.0 else 0.0  # a rebound does not need it
-    duration, height = excursion(rate, acceleration, jerk, fourth)
-    return duration, height, rate > 0.0 and abs(jerk) * duration <= STEADY * -acceleration
+    duration, height = estimate_flight(rate, acceleration, jerk, fourth)
+    return duration, height, rate > 0.0 and abs(jerk) * duration <= MAX_ACCELERATION_CHANGE * -acceleration
 
 
 @inlined
@@ -248,7 +255,7 @@ def curvature_step(ypp: FloatArray, atol: FloatArray) -> float:
 
 
 @compiled
-def excursion(rate: float, acceleration: float, jerk: float, snap: float) -> tuple[float, float]:
+def estimate_flight(rate: float, acceleration: float, jerk: float, snap: float) -> tuple[float, float]:
     """Duration and height of a flight that begins now, by the gap's leading Taylor terms.
 
     After a rebound gap ≈ vt + at²/2; where a > 0 drives the layer off but falls, gap ≈ vt + at²/2 + jt³/6;

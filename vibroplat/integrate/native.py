@@ -85,11 +85,11 @@ class NativeEngine:
         self._finalizer = weakref.finalize(self, _free_all, self._free)
         self._alive: list[Any] = []  # what the library holds addresses of
         self._p = p  # not a copy: a drive's program changes it in place
-        self._drive = same_types(ida.drive)
-        self._n = ida.nothing()
+        self._run_loop = same_types(ida.run_loop)
+        self._n = ida.empty_records()
         for name, function in ida.NAMES.items():
             self._n.functions[name] = library.address(function)
-        self._n.status["most"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
+        self._n.status["max_steps"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
         self._direction = np.array([-1], dtype=np.int32)
         self._context = self._make_context()
         for mode, system in systems(scene).items():
@@ -111,17 +111,17 @@ class NativeEngine:
     def detail(self) -> str:
         """Why the integrator failed."""
         status = self._n.status
-        flag, most = int(status["flag"]), int(status["most"])
+        flag, max_steps = int(status["flag"]), int(status["max_steps"])
         if flag >= 0:
-            stuck = status["counted"] > most
-            return f"SUNDIALS: more than {most} steps within a period" if stuck else "the state is not finite"
+            stuck = status["counted"] > max_steps
+            return f"SUNDIALS: more than {max_steps} steps within a period" if stuck else "the state is not finite"
         if flag == ida.RESIDUAL_FAILURE:
             return "the residual is not finite"
         return f"SUNDIALS: {_MEANINGS.get(flag, 'failure')} (flag {flag})"
 
     def advance(self, h: Automaton) -> None:
-        """Go on with a run; see :class:`vibroplat.integrate.seam.Engine`."""
-        self._drive(h, self._n)
+        """Go on with a run; see :class:`vibroplat.integrate.interface.Engine`."""
+        self._run_loop(h, self._n)
 
     def close(self) -> None:
         """Free solvers, vectors, matrices and the context."""
@@ -192,10 +192,10 @@ class NativeEngine:
         place = np.flatnonzero(head == self._context)  # the table of operations is before it, its place differs
         operations = _words(int(head[place[0] - 1]), _SOLVER_OPERATIONS) if place.size == 1 and place[0] > 1 else head
         for name, ours in (("SUNLinSolSetup_Dense", ida.setup), ("SUNLinSolSolve_Dense", ida.solve)):
-            found = operations == lib.address(name)
-            if found.sum() != 1:
+            places = operations == lib.address(name)
+            if places.sum() != 1:
                 raise UnavailableError(f"{name} is not found among the operations of its dense linear solver")
-            operations[found] = ours.address
+            operations[places] = ours.address
         content = _words(int(head[0]), ida.USER_DATA)
         content[ida.USER_DATA] = user
         head[0], head[place[0] - 1] = content.ctypes.data, operations.ctypes.data

@@ -11,7 +11,7 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINI
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import CUBIC, MARGIN, RUNNING, Automaton, Steps, rewind
-from vibroplat.integrate.seam import IntegrationError, Integrator
+from vibroplat.integrate.interface import IntegrationError, Integrator
 from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.kernels.polynomial import Fit, crossing, first_downcrossing, fit, fit_column, stretch, values
 from vibroplat.model.accelerations import accelerations
@@ -53,7 +53,7 @@ class Stepwise:
         """Do nothing: Python frees what an integrator holds."""
 
     def advance(self, h: Automaton) -> None:
-        """Carry a run on until there is no room for more steps; see :class:`vibroplat.integrate.seam.Engine`."""
+        """Carry a run on until there is no room for more steps; see :class:`vibroplat.integrate.interface.Engine`."""
         rewind(h.steps)
         while h.run["outcome"] == RUNNING:
             if h.steps.used["steps"] + MARGIN >= self.rows or not (self._open or self._begin(h)):
@@ -170,11 +170,11 @@ def add_step(
 def add_force(system: int, t: float, length: float, c: FloatArray, fit: Fit, p: Parameters) -> bool:
     """Fill the column of F_c by the algebra at nodes of a step that begins at t; whether it exists at all of them."""
     degree, force = c.shape[0] - 1, DIFFERENTIAL[system]
-    y, yp, found = np.empty(force + 1), np.empty(force + 1), np.empty(degree + 1)
+    y, yp, forces = np.empty(force + 1), np.empty(force + 1), np.empty(degree + 1)
     for i in range(degree + 1):
         values(c, degree, fit.nodes[i], y)
         if not accelerations(system, t + fit.nodes[i] * length, y, yp, p):
             return False
-        found[i] = y[force]
-    fit_column(fit, found, c, force)
+        forces[i] = y[force]
+    fit_column(fit, forces, c, force)
     return True

@@ -21,8 +21,8 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, FAILED, NOT_FINITE, begin_s
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import CUBIC, MARGIN, ROUND_OFF, Automaton, rewind
-from vibroplat.integrate.multistep import begin_steps, calm, no_past, prepare_first_step, transcribe
-from vibroplat.integrate.seam import WORK
+from vibroplat.integrate.interface import WORK
+from vibroplat.integrate.multistep import begin_steps, empty_step, limit_force_slopes, prepare_first_step, transcribe
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.equations import jacobian as fill_jacobian
 from vibroplat.model.equations import residual as fill_residual
@@ -39,7 +39,7 @@ COUNTED = tuple(WORK)[:3]
 MAX_CALLS, CALLS_PER_SEGMENT = 100_000, 60
 
 #: Share of the way to a failure that is gone again, to have what was before it.
-ALMOST = 0.999
+RETAINED_FRACTION = 0.999
 
 _SOLVING = threading.Lock()
 
@@ -100,7 +100,7 @@ class SundaeEngine:
         self._p = p
         self._budget = _Budget()
         self._integrators: dict[tuple[int, bytes, float], tuple[IDA, Any]] = {}
-        self._past = no_past()
+        self._past = empty_step()
         self._pending: _Ends | None = None
 
     @property
@@ -113,7 +113,7 @@ class SundaeEngine:
         self._integrators.clear()
 
     def advance(self, h: Automaton) -> None:
-        """Carry a run on for one segment, or part of it; see :class:`vibroplat.integrate.seam.Engine`."""
+        """Carry a run on for one segment, or part of it; see :class:`vibroplat.integrate.interface.Engine`."""
         rewind(h.steps)
         if self._pending is None:
             first_step = prepare_first_step(h) if begin_segment(h) else -1.0
@@ -122,12 +122,12 @@ class SundaeEngine:
             self._pending = self._integrate(h, first_step)
         system, ends, room = SYSTEMS[h.run["systems"][h.run["mode"]]], self._pending, self.rows - MARGIN
         target = float(h.run["target"] - h.run["turns"][0])
-        found = ends.stop == AT_GUARD and len(ends.t) <= room
+        root_found = ends.stop == AT_GUARD and len(ends.t) <= room
         taken = (ends.t[:room], ends.y[:room], ends.yp[:room])
-        stop = transcribe(h.steps, self._past, *taken, int(GUARDS[system.index]), found, target)
+        stop = transcribe(h.steps, self._past, *taken, int(GUARDS[system.index]), root_found, target)
         cut = stop < 0 and len(ends.t) > room
         if system.algebraic:
-            calm(h, cut)
+            limit_force_slopes(h, cut)
         if cut:
             self._pending = _Ends(ends.t[room:], ends.y[room:], ends.yp[room:], ends.stop)
             cut_piece(h)
@@ -149,7 +149,7 @@ class SundaeEngine:
             result = self._solve(integrator, float(run["until"]), start, slope)
         except _GivenUpError as error:
             stop, self.detail = error.stop, error.detail
-            until, budget.left = ALMOST * budget.reached, MAX_CALLS
+            until, budget.left = RETAINED_FRACTION * budget.reached, MAX_CALLS
             if until > 0.0:  # what there was until shortly before
                 with suppress(_GivenUpError):
                     result = self._solve(integrator, until, start, slope)

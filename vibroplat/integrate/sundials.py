@@ -111,8 +111,8 @@ class Library:
     """
 
     def __init__(self) -> None:
-        found = configuration()
-        types = {name: found.get(name) for name in _TYPES}
+        settings = configuration()
+        types = {name: settings.get(name) for name in _TYPES}
         if types != _TYPES:
             raise UnavailableError(f"its number types are {', '.join(map(str, types.values()))}; known: double, int")
         opened = _open()

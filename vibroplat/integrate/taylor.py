@@ -23,7 +23,7 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINI
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import MARGIN, RUNNING, WIDTH, Automaton, rewind
-from vibroplat.integrate.seam import WORK
+from vibroplat.integrate.interface import WORK
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, inlined, same_types
 from vibroplat.kernels.lanes import horner_8, in_lines, put_step, sizes_16
 from vibroplat.kernels.polynomial import crossing, first_downcrossing
@@ -35,8 +35,8 @@ from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, FULL_SIZE
 
 #: Degree of the series at tolerance 1e-6, and degrees more for each power of ten below it. At equal errors degrees from
 #: 14 to 22 take equal times within a tenth at this tolerance, and higher ones at tighter tolerances.
-DEGREE, MORE = 17, 1.5
-LEAST = 10
+DEGREE, DEGREES_PER_DECADE = 17, 1.5
+MIN_DEGREE = 10
 
 #: Steps within a period after which the integrator is taken to be stuck, and those for each event that a scene allows
 #: within a period, where that is more.
@@ -45,7 +45,7 @@ MAX_STEPS, STEPS_PER_EVENT = 300_000, 60
 
 def degree_of(tolerance: float) -> int:
     """Choose the degree of the series for a tolerance."""
-    return min(max(round(DEGREE - MORE * (math.log10(tolerance) + 6.0)), LEAST), MAX_DEGREE)
+    return min(max(round(DEGREE - DEGREES_PER_DECADE * (math.log10(tolerance) + 6.0)), MIN_DEGREE), MAX_DEGREE)
 
 
 class TaylorEngine:
@@ -60,10 +60,10 @@ class TaylorEngine:
     def __init__(self, scene: Scene, p: Parameters) -> None:
         self.degree = degree_of(scene.solver.tolerance)
         self._p = p  # not a copy: a drive's program changes it in place
-        self._drive = same_types(drive)
-        self._e = nothing()
+        self._run_loop = same_types(run_loop)
+        self._e = empty_records()
         self._e.status["degree"] = self.degree
-        self._e.status["most"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
+        self._e.status["max_steps"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
 
     @property
     def work(self) -> dict[str, int | None]:
@@ -75,13 +75,13 @@ class TaylorEngine:
     def detail(self) -> str:
         """Why the integrator failed."""
         status = self._e.status
-        if status["counted"] > status["most"]:
-            return f"taylor: more than {int(status['most'])} steps within a period"
+        if status["counted"] > status["max_steps"]:
+            return f"taylor: more than {int(status['max_steps'])} steps within a period"
         return "taylor: no step is short enough" if status["short"] else "the series is not finite"
 
     def advance(self, h: Automaton) -> None:
-        """Go on with a run; see :class:`vibroplat.integrate.seam.Engine`."""
-        self._drive(h, self._e)
+        """Go on with a run; see :class:`vibroplat.integrate.interface.Engine`."""
+        self._run_loop(h, self._e)
 
     def close(self) -> None:
         """Do nothing: Python frees what the engine holds."""
@@ -89,18 +89,18 @@ class TaylorEngine:
 
 #: Coefficients at the end of a series that choose its step. Kloss' torque has complex poles, which let pairs of them
 #: vanish by turns: of the last two, an error of 1e-6 becomes 2e-5.
-LAST = 4
+ERROR_COEFFICIENTS = 4
 
 #: Largest difference of accelerations at the end of a step, times its length over its degree, in tolerances of rates.
-AGREED = 5.0
+MAX_DEFECT = 5.0
 
 #: Round-off of an acceleration over the sum of its polynomial's terms.
 _NOISE = 1e3 * float(np.finfo(float).eps)
 #: Truncation of a guard that is round-off beside the sum of its polynomial's terms.
-_NOTHING = 4.0 * float(np.finfo(float).eps)
+_NO_TRUNCATION = 4.0 * float(np.finfo(float).eps)
 
 #: Shortest step, as a part of a period.
-SHORTEST = 1e-13
+MIN_STEP = 1e-13
 
 #: Why a segment ends, besides the reasons of the loop: it does not; there is no room for more steps.
 _ON, _FULL = -1, 9
@@ -122,7 +122,7 @@ STATUS = np.dtype(
         ("steps", int),
         ("rejected", int),
         ("counted", int),  # steps in this period, and most of them
-        ("most", int),
+        ("max_steps", int),
         ("short", int),  # whether steps have become too short
         ("resting", int),  # exciter that comes to rest at the end of a step, or −1
     ],
@@ -137,13 +137,13 @@ class Expansion(NamedTuple):
     status: Any
 
 
-def nothing() -> Expansion:
+def empty_records() -> Expansion:
     """Make what compiled code needs of the engine, empty."""
     return Expansion(room(), in_lines((STATUS.itemsize // 8,)).view(STATUS)[0])
 
 
 @compiled
-def drive(owned_h: Automaton, owned_e: Expansion) -> None:
+def run_loop(owned_h: Automaton, owned_e: Expansion) -> None:
     """Go through segments and resets until there is no room for more steps or the run has ended."""
     h, e = borrow(owned_h), borrow(owned_e)
     rewind(h.steps)
@@ -188,13 +188,13 @@ def step(h: Automaton, e: Expansion) -> int:
     c = steps.c[row]
     length = longest_step(e.room.q, degree, status.weights)
     while True:
-        if not length >= SHORTEST * run.period:
+        if not length >= MIN_STEP * run.period:
             status.short = 1 if length > 0.0 else 0
             return FAILED if length > 0.0 else NOT_FINITE
         stop, length = end_of_step(h, e, c, min(length, run.until - status.done))
         status.steps += 1
         horner_8(e.room.q, degree, length, status.at_end)
-        if confirmed(h, e, system, stop, length):
+        if accept_step(h, e, system, stop, length):
             break
         status.rejected += 1
         expand(system, run.origin + status.done, status.y, degree, e.room, h.p)
@@ -216,17 +216,17 @@ def step(h: Automaton, e: Expansion) -> int:
     now = run.origin + status.done
     if now - status.counted_from >= run.period:
         status.counted, status.counted_from = 0, now
-    return FAILED if status.counted > status.most else _ON
+    return FAILED if status.counted > status.max_steps else _ON
 
 
 @inlined
 def longest_step(q: FloatArray, degree: int, weights: FloatArray) -> float:
     """Longest step with which none of the last coefficients of rates, and of F_c, is above its tolerance (s)."""
     least = -np.inf
-    for m in range(LAST + 1):
+    for m in range(ERROR_COEFFICIENTS + 1):
         k = degree - m  # rates have k times the coefficient of their coordinate, and the exponent of F_c before it
         largest = 0.0
-        if m < LAST:
+        if m < ERROR_COEFFICIENTS:
             for i in range(FORCE):
                 largest = max(largest, abs(q[k, i]) * weights[i])
             largest *= k
@@ -257,7 +257,7 @@ def end_of_step(h: Automaton, e: Expansion, c: FloatArray, length: float) -> tup
     for i in range(2):
         j = n + 3 + i
         if abs(c[0, j]) <= status.sizes[j]:
-            rest = comes_to_rest(c, degree, j, status.guard)
+            rest = find_standstill(c, degree, j, status.guard)
             if 0.0 <= rest < share:
                 stop, share, status.resting = _ON, rest, i
     if share < 1.0:
@@ -289,7 +289,7 @@ def guard_fall(c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bo
     """
     used = degree - 2 if algebraic else degree
     rest, first = 0.0, 0
-    for k in range(used - LAST + 1, used + 1):
+    for k in range(used - ERROR_COEFFICIENTS + 1, used + 1):
         rest += abs(c[k, guard])
     if c[0, guard] > e.status.sizes[guard] + rest:
         return -1.0, True
@@ -304,14 +304,14 @@ def guard_fall(c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bo
     for k in range(used + 1):
         e.status.guard[k, 0] = e.status.bound[k, 0] = c[k, guard]
     fall = first_downcrossing(e.status.guard, used, 0, zeros)
-    if rest <= _NOTHING * (abs(c[0, guard]) + e.status.sizes[guard]) or (fall >= 0.0 and at_end < -rest):
+    if rest <= _NO_TRUNCATION * (abs(c[0, guard]) + e.status.sizes[guard]) or (fall >= 0.0 and at_end < -rest):
         return fall, True
     e.status.bound[used, 0] += rest if fall >= 0.0 else -rest
     return fall, (first_downcrossing(e.status.bound, used, 0, zeros) >= 0.0) == (fall >= 0.0)
 
 
 @compiled
-def comes_to_rest(c: FloatArray, degree: int, j: int, room: FloatArray) -> float:
+def find_standstill(c: FloatArray, degree: int, j: int, room: FloatArray) -> float:
     """Fraction of a step at which the rate in column j passes zero, −1 if it does not; not at the step's beginning."""
     first = 0
     while first < degree and c[first, j] == 0.0:
@@ -323,7 +323,7 @@ def comes_to_rest(c: FloatArray, degree: int, j: int, room: FloatArray) -> float
 
 
 @inlined
-def confirmed(h: Automaton, e: Expansion, system: int, stop: int, length: float) -> bool:
+def accept_step(h: Automaton, e: Expansion, system: int, stop: int, length: float) -> bool:
     """Whether a step ends where the model holds, with the accelerations and the contact force of the equations there.
 
     Leaves the unknowns there in ``ahead``, and their series.
@@ -344,11 +344,11 @@ def confirmed(h: Automaton, e: Expansion, system: int, stop: int, length: float)
         worst = max(worst, difference * length / degree * weights[i])
         if not difference < np.inf:
             return False
-    return worst <= AGREED or rounded(h.steps.c[h.steps.used.steps], n, worst, e)
+    return worst <= MAX_DEFECT or is_round_off(h.steps.c[h.steps.used.steps], n, worst, e)
 
 
 @compiled
-def rounded(c: FloatArray, n: int, worst: float, e: Expansion) -> bool:
+def is_round_off(c: FloatArray, n: int, worst: float, e: Expansion) -> bool:
     """Whether a difference at the end of a step is round-off of the sums that made it."""
     size = 0.0
     for i in range(n):

@@ -60,7 +60,7 @@ ROOMS = ("kernels", "model", "hybrid", "integrate", "observe")
 #: Files besides, with constants that are compiled into kernels: the numbers of the modes and of the coordinates.
 SHARED = ("config/coordinates.py",)
 #: The kernel that calls most of the others, by engine.
-LOOPS = {"taylor": "integrate.taylor.drive", "native": "integrate.ida.drive"}
+LOOPS = {"taylor": "integrate.taylor.run_loop", "native": "integrate.ida.run_loop"}
 #: Settings of numba that change machine code. With Intel's SVML it calls a library that other machines may lack.
 SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "USING_SVML")
 

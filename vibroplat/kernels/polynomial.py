@@ -202,7 +202,7 @@ def chord_deviation_bound(c: FloatArray, degree: int, j: int) -> float:
 
 
 @compiled
-def extremes(
+def value_range(
     c: FloatArray, degree: int, j: int, first: float, last: float, ends: tuple[float, float]
 ) -> tuple[float, float, float, float]:
     """Least and largest value of unknown j between two fractions of a step, with its values there.

@@ -21,9 +21,9 @@ from vibroplat.results.files import SavedFiles
 #: Largest coordinates and rates, in the scales of the scene, that the end of a run may have to be gone on from; the
 #: exciters' angles grow for ever and have a limit of their own. Round-off of its time may turn an exciter in step by at
 #: most the angle EXACT (rad).
-FARTHEST, EXACT = 1e4, 1e-6
+MAX_SIZE, MAX_ANGLE_ERROR = 1e4, 1e-6
 #: How far below 0 the gap may be there, in its scale: the largest tolerance.
-DEEPEST = 1e-2
+MAX_PENETRATION = 1e-2
 
 
 class Start(NamedTuple):
@@ -92,10 +92,10 @@ def end_of(directory: Path, scene: Scene) -> Start:
         state = _state_of(row, scene, key)
     except (IndexError, KeyError, TypeError, ValueError):
         raise ConfigError(f"{key}: its trajectory is not as vibroplat writes it") from None
-    told = {"directory": str(directory), "t_s": time} | {
+    run = {"directory": str(directory), "t_s": time} | {
         name: origin.get(name) for name in ("result", "configuration_sha256", "created")
     }
-    return Start(state, time, mode if mode in scene.modes else None, told)
+    return Start(state, time, mode if mode in scene.modes else None, run)
 
 
 def _state_of(row: dict[str, Any], scene: Scene, key: str) -> FloatArray:
@@ -111,12 +111,12 @@ def _state_of(row: dict[str, Any], scene: Scene, key: str) -> FloatArray:
             )
     if not np.isfinite([*state, row["t_s"]]).all():
         raise ValueError
-    limits = {name: FARTHEST * scale for name, scale in zip((*COORDINATES, *RATES), state_scales(scene), strict=True)}
+    limits = {name: MAX_SIZE * scale for name, scale in zip((*COORDINATES, *RATES), state_scales(scene), strict=True)}
     limits |= dict.fromkeys(("phi1_rad", "phi2_rad"), LARGEST_ANGLE)
-    limits["t_s"] = EXACT / (np.finfo(float).eps * scene.speed_scale)
+    limits["t_s"] = MAX_ANGLE_ERROR / (np.finfo(float).eps * scene.speed_scale)
     for name, limit in limits.items():
         if abs(row.get(name, 0.0)) > limit:
             raise ConfigError(f"{key} ends with {name} = {row[name]:g}; allowed for this scene: up to {limit:.3g}")
-    if row.get("gap_m", 0.0) < (least := -DEEPEST * float(state_scales(scene)[GAP])):
+    if row.get("gap_m", 0.0) < (least := -MAX_PENETRATION * float(state_scales(scene)[GAP])):
         raise ConfigError(f"{key} ends with gap_m = {row['gap_m']:g}; allowed for this scene: at least {least:.3g}")
     return state

@@ -1,4 +1,4 @@
-"""A scene in motion, carried on to a time, to a point of its section, to an event."""
+"""A simulator: a scene in motion, carried on to a time, to a point of its section, to an event."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from vibroplat.hybrid.loop import automaton, begin_in_flight, first_mode
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.resets import apply_supply_corner, record_restart_events
 from vibroplat.hybrid.state import empty_steps, rewind
-from vibroplat.integrate.seam import Engine
+from vibroplat.integrate.interface import Engine
 from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, record_words, supply
 from vibroplat.model.systems import SYSTEMS, System
-from vibroplat.observe.measures import Measures
+from vibroplat.observe.measures import Accumulators
 from vibroplat.observe.statistics import Statistics
-from vibroplat.observe.summary import Energies, Part
+from vibroplat.observe.summary import Energies, MeasuredInterval
 from vibroplat.system.memory import NO_MORE, OutOfMemoryError
 
 #: Names of outcomes, by the automaton's number.
@@ -51,7 +51,7 @@ class Observer(Protocol):
         """Read the closed pieces of ``h.steps`` and the first ``run.events`` of ``h.events``, before they go."""
 
 
-class Motion:
+class Simulator:
     """A scene in motion.
 
     Parameters
@@ -138,7 +138,7 @@ class Motion:
 
     def advance(
         self, seconds: float, *, settle: float = 0.0, blocks: int = 1, observers: Sequence[Observer] = ()
-    ) -> Part:
+    ) -> MeasuredInterval:
         """Carry the motion on for a time, and measure it.
 
         Parameters
@@ -153,17 +153,17 @@ class Motion:
         observers
             What else reads it.
         """
-        begun, before, ends = self.now, self._energies, list[Measures]()
-        statistics = Statistics(begun + settle, named=len(self.scene.output.points), blocks=blocks)
+        start, before, ends = self.now, self._energies, list[Accumulators]()
+        statistics = Statistics(start + settle, named=len(self.scene.output.points), blocks=blocks)
         for block in range(1, blocks + 1):
-            self.to_time(begun + seconds * block / blocks, (statistics, *observers))
+            self.to_time(start + seconds * block / blocks, (statistics, *observers))
             if self.outcome != "ok":
                 break
             if blocks > 1:
                 ends.append(statistics.end_block())
-        return Part(statistics.measures, before, self._energies, ends)
+        return MeasuredInterval(statistics.measures, before, self._energies, ends)
 
-    def go_round(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> Part:
+    def advance_turns(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> MeasuredInterval:
         """Carry the motion on to the next point of its section and for whole turns of exciter 1 from there; measure it.
 
         Parameters
@@ -175,7 +175,7 @@ class Motion:
         """
         statistics, before = Statistics(self.now, named=len(self.scene.output.points)), self._energies
         self.to_section(turns + 1, longest, (statistics, *observers))
-        return Part(statistics.measures, before, self._energies)
+        return MeasuredInterval(statistics.measures, before, self._energies)
 
     def to_time(self, time: float, observers: Sequence[Observer] = ()) -> None:
         """Carry the motion on to a time (s), unless it ends early, through the corners of the drive's program."""
@@ -242,7 +242,7 @@ class Motion:
         Parameters
         ----------
         kind
-            ``liftoff``, ``impact``, ``latch`` or ``drive``.
+            ``liftoff``, ``impact``, ``chatter`` or ``drive``.
         longest
             Time after which it stops in any case (s).
 
@@ -261,9 +261,9 @@ class Motion:
         run = self.automaton.run
         run["awaited"] = KINDS.index(kind)
         self.to_time(self.now + longest, observers)
-        found = bool(run["awaited"] < 0)
+        reached = bool(run["awaited"] < 0)
         run["awaited"] = -1
-        return found
+        return reached
 
     @property
     def now(self) -> float:
@@ -288,8 +288,8 @@ class Motion:
         h, system = self.automaton, self.system
         y, yp = system.unknowns(h.run["state"]), np.zeros(system.size)
         accelerations(system.index, self.now, y, yp, h.p)
-        found: FloatArray = system.full(yp)
-        return found
+        rates: FloatArray = system.full(yp)
+        return rates
 
     @property
     def _energies(self) -> Energies:

@@ -11,7 +11,7 @@ import numpy as np
 from vibroplat.config.scene import Scene
 from vibroplat.frames import PlainTable, pd
 from vibroplat.hybrid.state import EVENT, Automaton
-from vibroplat.observe.notes import peaks_of
+from vibroplat.observe.notes import largest_samples
 from vibroplat.observe.tables import COPIES, Blocks, Records, Segment, TrajectoryRows, closed, event_table
 from vibroplat.results.tables import TableFile
 from vibroplat.system.memory import Share
@@ -93,7 +93,7 @@ class Recorder:
         if self._sink is not None:
             _hand(part, self._sink[0])
         assert self.peaks is not None
-        for column, largest in peaks_of(part.columns, self._since).items():
+        for column, largest in largest_samples(part.columns, self._since).items():
             self.peaks[column] = max(largest, self.peaks.get(column, -math.inf))
 
     def finish(self) -> None:

@@ -14,25 +14,25 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.state import CUBIC, Automaton, empty_steps, force_noise, static_rest
 from vibroplat.integrate import make_engine
-from vibroplat.integrate.seam import WORK, Engine
+from vibroplat.integrate.interface import WORK, Engine
 from vibroplat.kernels.cache import LOOPS
 from vibroplat.kernels.compiled import compile_for
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.initial_condition import Start, initial_condition
-from vibroplat.motion.motion import Motion, Observer
+from vibroplat.motion.motion import Observer, Simulator
 from vibroplat.motion.recorder import Files, Keep, Recorder, Sink
-from vibroplat.motion.variation import directions, listed
+from vibroplat.motion.variation import key_tuple, parameter_directions
+from vibroplat.observe.data_sheet import SHEET, WHOLE, columns, stays_synchronized, whole_run
 from vibroplat.observe.notes import captures, change, drift, notes_on_measures, stiffness
 from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, whole_periods
-from vibroplat.observe.sheet import SHEET, WHOLE, columns, stays, whole_run
 from vibroplat.observe.statistics import Statistics
-from vibroplat.observe.summary import INACCURATE, MEASURES, Part, inaccuracy, measured, synchronization
+from vibroplat.observe.summary import INACCURATE, MEASURES, MeasuredInterval, inaccuracy, measure, synchronization
 from vibroplat.observe.tables import named_derivative, require_room
 from vibroplat.observe.variation import Variation
 from vibroplat.results.run import RunResult
 
 #: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
-SETTLE_SHARE = 0.5
+SETTLE_FRACTION = 0.5
 
 #: The summary of a run.
 SUMMARY: Columns = {
@@ -111,26 +111,26 @@ def simulate(
     p = parameters(scene)
     began = time.perf_counter()
     with closing(engine(scene, p)) as driver:
-        keys = None if variation is False else listed(() if variation is True else variation)
+        keys = None if variation is False else key_tuple(() if variation is True else variation)
         start = initial_condition(scene) if start is None else start
-        motion = Motion(scene, p, driver, start.state, start.time, start.mode)
-        recorder = Recorder(scene, keep, sink, motion.now + SETTLE_SHARE * scene.run.duration_s)
+        motion = Simulator(scene, p, driver, start.state, start.time, start.mode)
+        recorder = Recorder(scene, keep, sink, motion.now + SETTLE_FRACTION * scene.run.duration_s)
         run = _run(motion, start, recorder, keys, [] if progress is None else [_Progress(progress, motion.now)])
     run.summary["wall_s"] = time.perf_counter() - began
     return run
 
 
 def _run(
-    motion: Motion, start: Start, recorder: Recorder, keys: Sequence[str] | None, others: Sequence[Observer]
+    motion: Simulator, start: Start, recorder: Recorder, keys: Sequence[str] | None, others: Sequence[Observer]
 ) -> RunResult:
     """Carry a motion on to the end of its run; with its derivative by keys and by its start, unless they are None."""
     scene, duration = motion.scene, motion.scene.run.duration_s
-    varied = [] if keys is None else [Variation(directions(scene, keys))]
-    part = motion.advance(duration, settle=SETTLE_SHARE * duration, observers=[recorder, *others, *varied])
+    variations = [] if keys is None else [Variation(parameter_directions(scene, keys))]
+    part = motion.advance(duration, settle=SETTLE_FRACTION * duration, observers=[recorder, *others, *variations])
     recorder.finish()
     derivative = None
     if keys is not None and motion.outcome == "ok":
-        derivative = named_derivative(varied[0].derivative(motion.automaton), scene, keys)
+        derivative = named_derivative(variations[0].derivative(motion.automaton), scene, keys)
     return RunResult(
         scene=scene,
         summary=_summary(motion, part, start.time),
@@ -145,19 +145,19 @@ def _run(
     )
 
 
-def _summary(motion: Motion, part: Part, begun: float) -> dict[str, Any]:
+def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[str, Any]:
     """Summarize a finished run that began at a time (s)."""
-    scene, engine, seconds = motion.scene, motion.engine, motion.now - begun
+    scene, engine, seconds = motion.scene, motion.engine, motion.now - start
     repeats = latest_period(section_points(part.measures, scene))
-    found = measured(part._replace(measures=whole_periods(part.measures, max(repeats, 1))), scene)
-    sheet = {name: found.pop(name) for name in columns(scene)}
-    doubt = inaccuracy(found, scene) if motion.outcome == "ok" else ""
-    locked = synchronization(found) != "none" and stays(part.measures, scene)
+    measures = measure(part._replace(measures=whole_periods(part.measures, max(repeats, 1))), scene)
+    sheet = {name: measures.pop(name) for name in columns(scene)}
+    doubt = inaccuracy(measures, scene) if motion.outcome == "ok" else ""
+    locked = synchronization(measures) != "none" and stays_synchronized(part.measures, scene)
     notes = [
         *notes_on_input(scene),
-        *notes_on_measures(scene, found),
-        drift(found),
-        change(scene, found, begun),
+        *notes_on_measures(scene, measures),
+        drift(measures),
+        change(scene, measures, start),
         stiffness(scene, engine.name, engine.work["steps"], motion.restarts, seconds),
     ]
     return {
@@ -169,7 +169,7 @@ def _summary(motion: Motion, part: Part, begun: float) -> dict[str, Any]:
         "perturbation": scene.start_perturbation,
         "static_sag_m": 0.0 - float(static_rest(scene)[1]),
         "period": repeats,
-        **found,
+        **measures,
         "contact_force_noise_n": force_noise(scene) if scene.has_contact else None,
         "engine": engine.name,
         "tolerance": scene.solver.tolerance,
@@ -178,7 +178,7 @@ def _summary(motion: Motion, part: Part, begun: float) -> dict[str, Any]:
         "wall_s": 0.0,
         "notes": [note for note in notes if note],
         **sheet,
-        **whole_run(part.measures, scene, begun, any(captures(scene, found)), locked),
+        **whole_run(part.measures, scene, start, any(captures(scene, measures)), locked),
     }
 
 
@@ -201,10 +201,10 @@ def load_kernels(engine: str = "auto") -> None:
 
     The engine's loop comes last: a second process may be compiling it, by :func:`compile_loop`.
     """
-    scene, p, h = _any_motion(engine)
+    scene, p, h = _any_automaton(engine)
     Statistics(0.0).read(h)
     with closing(make_engine(scene, p)) as made:
-        Motion(scene, p, made).advance(1e-3)
+        Simulator(scene, p, made).advance(1e-3)
 
 
 def compile_loop(engine: str) -> None:
@@ -212,10 +212,10 @@ def compile_loop(engine: str) -> None:
     if engine != "sundae":
         place, _, name = LOOPS.get(engine, LOOPS["native"]).rpartition(".")
         module = import_module(f"vibroplat.{place}")
-        compile_for(getattr(module, name), _any_motion(engine)[-1], module.nothing())
+        compile_for(getattr(module, name), _any_automaton(engine)[-1], module.empty_records())
 
 
-def _any_motion(engine: str) -> tuple[Scene, Parameters, Automaton]:
+def _any_automaton(engine: str) -> tuple[Scene, Parameters, Automaton]:
     """Make a scene that takes all kernels, its parameters and its automaton, with room for no steps."""
     scene = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}, "solver.engine": engine})
     p = parameters(scene)

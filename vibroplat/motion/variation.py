@@ -18,7 +18,7 @@ from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.sensitivity import parameter_direction
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.motion.initial_condition import Start, initial_condition
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.observe.tables import named_derivative, state_places
 from vibroplat.observe.variation import Variation
 
@@ -49,7 +49,7 @@ def variation(
 ) -> Varied:
     """Follow a motion for a time, with the derivative of its state by the start and by keys of the scene.
 
-    The derivative goes through liftoffs, impacts and latches; it is that of the state at a fixed time. That by a key
+    The derivative goes through liftoffs, impacts and chatters; it is that of the state at a fixed time. That by a key
     is at a fixed start. A start in contact cannot vary in gap and gap rate: these columns are 0.
 
     Parameters
@@ -72,12 +72,12 @@ def variation(
     ValueError
         The state is none of this scene.
     """
-    keys = listed(keys)
-    observer = Variation(directions(scene, keys))
+    keys = key_tuple(keys)
+    observer = Variation(parameter_directions(scene, keys))
     start = initial_condition(scene) if state is None else Start(_full(state, scene))
     p = parameters(scene, start.time)
     with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine, start.state, start.time, start.mode)
+        motion = Simulator(scene, p, engine, start.state, start.time, start.mode)
         motion.to_time(motion.now + (scene.run.duration_s if seconds is None else seconds), [observer])
         if motion.outcome != "ok":
             raise MotionError(f"the motion ended early ({motion.outcome}): {motion.detail}")
@@ -87,12 +87,12 @@ def variation(
         return Varied(end, derivative)
 
 
-def listed(keys: str | Sequence[str]) -> tuple[str, ...]:
+def key_tuple(keys: str | Sequence[str]) -> tuple[str, ...]:
     """Return keys as a tuple, also a single one."""
     return (keys,) if isinstance(keys, str) else tuple(keys)
 
 
-def directions(scene: Scene, keys: Sequence[str]) -> list[Parameters]:
+def parameter_directions(scene: Scene, keys: Sequence[str]) -> list[Parameters]:
     """Differentiate the parameters of a scene by keys that may be varied together.
 
     Raises
@@ -110,14 +110,14 @@ def directions(scene: Scene, keys: Sequence[str]) -> list[Parameters]:
 
 def _full(state: pd.Series[float] | npt.ArrayLike, scene: Scene) -> FloatArray:
     """Return a state of the scene as a full state."""
-    found, places = np.zeros(FULL_SIZE), state_places(scene)
+    full, places = np.zeros(FULL_SIZE), state_places(scene)
     if not isinstance(state, pd.Series):
         given = np.asarray(state, dtype=float)
-        if given.shape != found.shape:
+        if given.shape != full.shape:
             raise ValueError(f"a full state has the shape ({FULL_SIZE},), not {given.shape}")
         return given
     if set(state.index) != set(places):
-        told = ", ".join(map(str, state.index))
-        raise ValueError(f"a state of this scene has the names {', '.join(places)}, not {told}")
-    found[list(places.values())] = state[list(places)]
-    return found
+        names = ", ".join(map(str, state.index))
+        raise ValueError(f"a state of this scene has the names {', '.join(places)}, not {names}")
+    full[list(places.values())] = state[list(places)]
+    return full

@@ -27,7 +27,7 @@ STEP, ANGLE = 1.0 / 10.0, 0.9
 #: critically damped layer of 1000 Hz were wrong by 3 %.
 GROWTH = 2.0
 POINTS = ((1.0 / 40.0, 2), (1.0 / 6.0, 3), (math.inf, 5))
-MOST_POINTS = POINTS[-1][1]
+MAX_POINTS = POINTS[-1][1]
 
 #: Critical slip speed below which a motor's steepness is not followed (rad/s).
 _SLOWEST = 1e-3
@@ -127,11 +127,11 @@ class Linear(NamedTuple):
 def linear(columns: int, keys: int) -> Linear:
     """Make room for the linear system with these whole lanes of right-hand sides."""
     n = FULL_SIZE // 2
-    equations = MOST_POINTS * n
+    equations = MAX_POINTS * n
     return Linear(
-        mass=np.zeros((MOST_POINTS, n, n)),
-        jac=in_lines((MOST_POINTS, FULL_SIZE, LANE)),
-        forced=np.zeros((MOST_POINTS, n, keys)),
+        mass=np.zeros((MAX_POINTS, n, n)),
+        jac=in_lines((MAX_POINTS, FULL_SIZE, LANE)),
+        forced=np.zeros((MAX_POINTS, n, keys)),
         matrix=in_lines((equations, whole_lanes(equations) + columns)),
         factors=np.zeros((2, equations)),
         weights=np.zeros((1, LANE)),
@@ -167,9 +167,9 @@ def collocate(n: int, h: float, method: Radau, e: Linear, s: FloatArray) -> None
             for i in range(points):
                 twice, once = h * h * method.twice[last, i], h * method.once[last, i]
                 for k in range(j, j + LANE):
-                    found = e.matrix[i * n + c, right + k]
-                    s[c, k] += twice * found
-                    s[n + c, k] += once * found
+                    acceleration = e.matrix[i * n + c, right + k]
+                    s[c, k] += twice * acceleration
+                    s[n + c, k] += once * acceleration
 
 
 @fused_inline

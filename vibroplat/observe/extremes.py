@@ -9,19 +9,19 @@ import numpy.typing as npt
 
 from vibroplat.config.coordinates import MOST_POINTS
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined, same_types
-from vibroplat.kernels.polynomial import chord_deviation_bound, extremes, slope, turning_point
+from vibroplat.kernels.polynomial import chord_deviation_bound, slope, turning_point, value_range
 
 #: Degree of polynomials up to which there are too few samples of them to find extremes by.
 FEW_SAMPLES = 8
 #: Gauss nodes and weights on [0, 1], by their number.
-MOST_NODES = 16
-NODES, WEIGHTS = np.zeros((2, MOST_NODES + 1, MOST_NODES))
-for _n in range(1, MOST_NODES + 1):
+MAX_NODES = 16
+NODES, WEIGHTS = np.zeros((2, MAX_NODES + 1, MAX_NODES))
+for _n in range(1, MAX_NODES + 1):
     _nodes, _weights = np.polynomial.legendre.leggauss(_n)
     NODES[_n, :_n], WEIGHTS[_n, :_n] = 0.5 + 0.5 * _nodes, 0.5 * _weights
 #: One over the distances between beginning, nodes and end.
-GAPS = np.zeros((MOST_NODES + 1, MOST_NODES + 1))
-for _n in range(1, MOST_NODES + 1):
+GAPS = np.zeros((MAX_NODES + 1, MAX_NODES + 1))
+for _n in range(1, MAX_NODES + 1):
     GAPS[_n, : _n + 1] = 1.0 / np.diff([0.0, *NODES[_n, :_n], 1.0])
 
 #: What has extremes, before three numbers of each named point: its x, y and the size of its acceleration. Speeds are
@@ -39,49 +39,49 @@ TIE = 1e-11
 #: Extremes, when they were first met (s), and the mean speed of both exciters over the turn around that (rad/s), once
 #: that is complete; of accelerations the largest squares of their polynomials; from when on the supply has held (s);
 #: whether any has changed; when the last new one was met (s).
-PEAKS = np.dtype(
+EXTREMES = np.dtype(
     [(f"{what}{end}", float, _SIZE) for what in ("", "at_", "pace_") for end in ("least", "largest")]
     + [("square", float, _SIZE), ("since", float), ("changed", np.int64), ("latest", float)],
     align=True,
 )
 
 
-def no_peaks(count: int) -> npt.NDArray[np.void]:
+def empty_extremes(count: int) -> npt.NDArray[np.void]:
     """Make records of PEAKS before their first step; the gap is 0 unless a layer flies, an impulse without impacts."""
-    peaks = np.zeros(count, PEAKS)
-    peaks["least"], peaks["largest"], peaks["since"], peaks["latest"] = np.inf, -np.inf, np.nan, -np.inf
+    extremes = np.zeros(count, EXTREMES)
+    extremes["least"], extremes["largest"], extremes["since"], extremes["latest"] = np.inf, -np.inf, np.nan, -np.inf
     for quantity in (OPENING, IMPULSE):
-        peaks["least"][:, quantity] = peaks["largest"][:, quantity] = 0.0
-    return peaks
+        extremes["least"][:, quantity] = extremes["largest"][:, quantity] = 0.0
+    return extremes
 
 
-def joined(*groups: npt.NDArray[np.void]) -> Any:
+def merge_extremes(*groups: npt.NDArray[np.void]) -> Any:
     """Return the extremes over all of some records, with when they are and at which pace: one record."""
-    found = next(peaks[0] for peaks in groups if peaks.size).copy()
-    for peaks in groups:
-        _join(peaks, found)
-    return found
+    merged = next(extremes[0] for extremes in groups if extremes.size).copy()
+    for extremes in groups:
+        _merge(extremes, merged)
+    return merged
 
 
 @compiled
-def join(peaks: Any, found: Any) -> None:
+def merge(extremes: Any, merged: Any) -> None:
     """Let a record have the extremes of some records where these go beyond its own; nan is no extreme.
 
     One that goes beyond it by round-off was reached before: its time and pace stay those of the first.
     """
-    for row in range(peaks.size):
-        other = peaks[row]
+    for row in range(extremes.size):
+        other = extremes[row]
         for k in range(_SIZE):
-            beyond = margin(found, k)
-            if other.least[k] < found.least[k] - beyond:
-                found.at_least[k], found.pace_least[k] = other.at_least[k], other.pace_least[k]
-            if other.largest[k] > found.largest[k] + beyond:
-                found.at_largest[k], found.pace_largest[k] = other.at_largest[k], other.pace_largest[k]
-            found.least[k] = min(found.least[k], other.least[k])
-            found.largest[k] = max(found.largest[k], other.largest[k])
+            beyond = margin(merged, k)
+            if other.least[k] < merged.least[k] - beyond:
+                merged.at_least[k], merged.pace_least[k] = other.at_least[k], other.pace_least[k]
+            if other.largest[k] > merged.largest[k] + beyond:
+                merged.at_largest[k], merged.pace_largest[k] = other.at_largest[k], other.pace_largest[k]
+            merged.least[k] = min(merged.least[k], other.least[k])
+            merged.largest[k] = max(merged.largest[k], other.largest[k])
 
 
-_join = same_types(join)
+_merge = same_types(merge)
 
 
 class Span(NamedTuple):
@@ -97,18 +97,18 @@ class Span(NamedTuple):
     degree: int
     first: float
     last: float
-    begun: FloatArray
+    start: FloatArray
     end: FloatArray
 
 
 @inlined
-def remember(peaks: Any, k: int, found: float, s: float, span: Span) -> None:
+def remember(extremes: Any, k: int, value: float, s: float, span: Span) -> None:
     """Let extremes k cover a value at a fraction of a step."""
     at = span.begin + s * span.length
-    if found < peaks.least[k]:
-        peaks.least[k], peaks.at_least[k], peaks.latest, peaks.changed = found, at, at, 1
-    if found > peaks.largest[k]:
-        peaks.largest[k], peaks.at_largest[k], peaks.latest, peaks.changed = found, at, at, 1
+    if value < extremes.least[k]:
+        extremes.least[k], extremes.at_least[k], extremes.latest, extremes.changed = value, at, at, 1
+    if value > extremes.largest[k]:
+        extremes.largest[k], extremes.at_largest[k], extremes.latest, extremes.changed = value, at, at, 1
 
 
 @compiled
@@ -121,28 +121,28 @@ def pace(since: FloatArray, until: FloatArray) -> float:
 
 
 @compiled
-def give_pace(peaks: Any, since: FloatArray, until: FloatArray) -> None:
+def set_pace(extremes: Any, since: FloatArray, until: FloatArray) -> None:
     """Give the extremes that were met between two marks their pace."""
-    if peaks.latest < since[0]:
+    if extremes.latest < since[0]:
         return
-    found = pace(since, until)
+    speed = pace(since, until)
     for k in range(_SIZE):
-        if since[0] <= peaks.at_least[k] <= until[0]:
-            peaks.pace_least[k] = found
-        if since[0] <= peaks.at_largest[k] <= until[0]:
-            peaks.pace_largest[k] = found
+        if since[0] <= extremes.at_least[k] <= until[0]:
+            extremes.pace_least[k] = speed
+        if since[0] <= extremes.at_largest[k] <= until[0]:
+            extremes.pace_largest[k] = speed
 
 
 @inlined
-def margin(peaks: Any, k: int) -> float:
+def margin(extremes: Any, k: int) -> float:
     """How far a value has to go beyond the extremes of a group to be a new one, of which quantity k is the largest."""
-    size = max(abs(peaks.least[k]), abs(peaks.largest[k]))
+    size = max(abs(extremes.least[k]), abs(extremes.largest[k]))
     return TIE * size if size < np.inf else 0.0
 
 
 @compiled
-def cover(
-    peaks: Any,
+def update_extremes(
+    extremes: Any,
     k: int,
     c: FloatArray,
     degree: int,
@@ -161,8 +161,8 @@ def cover(
 
     Parameters
     ----------
-    peaks, k
-        Record of :data:`PEAKS`, and the place of the quantity in it.
+    extremes, k
+        Record of :data:`EXTREMES`, and the place of the quantity in it.
     c, degree
         Polynomials in the step's fraction, and their degree.
     samples, nodes
@@ -178,12 +178,12 @@ def cover(
     sized
         Whether only the larger of both sizes matters.
     """
-    least, largest = peaks.least[k] - beyond, peaks.largest[k] + beyond
+    least, largest = extremes.least[k] - beyond, extremes.largest[k] + beyond
     if sized:
         largest = max(largest, -least)
         least = -largest
     if degree <= FEW_SAMPLES:
-        looked_through(peaks, k, c, degree, j, ends, span)
+        search_range(extremes, k, c, degree, j, ends, span)
         return
     before, here, bit, lower, higher = ends[0], ends[0], 1, 0, 0
     for i in range(nodes + 2):
@@ -193,12 +193,12 @@ def cover(
         higher |= bit * ((here >= before) & (here >= after) & (here + beside > largest))
         before, here, bit = here, after, 2 * bit
     if lower | higher:
-        turned(peaks, k, c, degree, samples, nodes, j, ends, lower, higher, span)
+        search_samples(extremes, k, c, degree, samples, nodes, j, ends, lower, higher, span)
 
 
 @compiled
-def cover_form(
-    peaks: Any,
+def update_form_extremes(
+    extremes: Any,
     k: int,
     room: Any,
     nodes: int,
@@ -207,7 +207,7 @@ def cover_form(
     beyond: float,
     sized: bool,
 ) -> None:
-    """Do as :func:`cover` for a sum of two unknowns, a form: the first one's column and factor, then the second's.
+    """Do as :func:`update_extremes` for a sum of two unknowns, a form: column and factor of the first, then the second.
 
     A force into the foundation is such a sum, of a coordinate and its rate, and so is a coordinate of a named point, of
     that of the centre of mass and the rotation. Its polynomial and samples are made where a step is searched, in the
@@ -219,25 +219,25 @@ def cover_form(
         room.form[i, 0] = share * c[i, first] + other * c[i, second]
     for i in range(nodes):
         room.form_samples[i, 0] = share * room.samples[i, first] + other * room.samples[i, second]
-    ends = share * span.begun[first] + other * span.begun[second], share * span.end[first] + other * span.end[second]
-    cover(peaks, k, room.form, degree, room.form_samples, nodes, 0, ends, span, beyond, sized)
+    ends = share * span.start[first] + other * span.start[second], share * span.end[first] + other * span.end[second]
+    update_extremes(extremes, k, room.form, degree, room.form_samples, nodes, 0, ends, span, beyond, sized)
 
 
 @compiled
-def looked_through(
-    peaks: Any, k: int, c: FloatArray, degree: int, j: int, ends: tuple[float, float], span: Span
+def search_range(
+    extremes: Any, k: int, c: FloatArray, degree: int, j: int, ends: tuple[float, float], span: Span
 ) -> None:
-    """Do as :func:`cover` for any degree."""
+    """Do as :func:`update_extremes` for any degree."""
     reach = chord_deviation_bound(c, degree, j)
-    if not (peaks.least[k] < min(ends) - reach and max(ends) + reach < peaks.largest[k]):
-        low, high, at_low, at_high = extremes(c, degree, j, span.first, span.last, ends)
-        remember(peaks, k, low, at_low, span)
-        remember(peaks, k, high, at_high, span)
+    if not (extremes.least[k] < min(ends) - reach and max(ends) + reach < extremes.largest[k]):
+        low, high, at_low, at_high = value_range(c, degree, j, span.first, span.last, ends)
+        remember(extremes, k, low, at_low, span)
+        remember(extremes, k, high, at_high, span)
 
 
 @inlined
-def turned(
-    peaks: Any,
+def search_samples(
+    extremes: Any,
     k: int,
     c: FloatArray,
     degree: int,
@@ -254,9 +254,9 @@ def turned(
         if (lower | higher) >> i & 1:
             here = sample(samples, nodes, ends, i, j)
             around = sample(samples, nodes, ends, max(i - 1, 0), j), sample(samples, nodes, ends, i + 1, j)
-            found, s = turning_near(c, degree, nodes, j, i, here, around, -1.0 if lower >> i & 1 else 1.0, span)
-            remember(peaks, k, here, place_of(i, nodes, span), span)
-            remember(peaks, k, found, s, span)
+            extreme, s = extreme_near(c, degree, nodes, j, i, here, around, -1.0 if lower >> i & 1 else 1.0, span)
+            remember(extremes, k, here, place_of(i, nodes, span), span)
+            remember(extremes, k, extreme, s, span)
 
 
 @inlined
@@ -274,7 +274,7 @@ def place_of(i: int, nodes: int, span: Span) -> float:
 
 
 @inlined
-def turning_near(
+def extreme_near(
     c: FloatArray,
     degree: int,
     nodes: int,
@@ -298,10 +298,10 @@ def turning_near(
 
 
 @inlined
-def vertex(places: tuple[float, float, float], found: tuple[float, float, float]) -> float:
+def vertex(places: tuple[float, float, float], values: tuple[float, float, float]) -> float:
     """Place where the parabola through three values has its extreme; the middle one where there are only two."""
     low, s, high = places
-    before, after = (found[1] - found[0]) * (high - s), (found[2] - found[1]) * (s - low)
+    before, after = (values[1] - values[0]) * (high - s), (values[2] - values[1]) * (s - low)
     if not low < s < high or before == after:
         return s
     return 0.5 * (low + s + (high - low) * before / (before - after))

@@ -26,7 +26,7 @@ class GuardMargins:
     """
 
     def __init__(self) -> None:
-        self._look = same_types(look)
+        self._look = same_types(update_minima)
         self._least = np.empty(2)
         self.begin()
 
@@ -54,20 +54,20 @@ class GuardMargins:
 
 
 @compiled
-def look(owned_h: Automaton, least: FloatArray) -> None:
+def update_minima(owned_h: Automaton, least: FloatArray) -> None:
     """Lower the least values by those of the closed pieces."""
     h = borrow(owned_h)
     for k in range(h.steps.used.pieces):
         piece = h.steps.pieces[k]
         mode = MODES[piece.system]
         if mode == ATTACHED:
-            least[0] = min(least[0], least_turn(h.steps, piece, h.p))
+            least[0] = min(least[0], min_at_turn(h.steps, piece, h.p))
         elif mode == FLIGHT:
-            least[1] = min(least[1], least_turn(h.steps, piece, h.p))
+            least[1] = min(least[1], min_at_turn(h.steps, piece, h.p))
 
 
 @compiled
-def least_turn(steps: Steps, piece: Any, p: Parameters) -> float:
+def min_at_turn(steps: Steps, piece: Any, p: Parameters) -> float:
     """Least value of a piece's guard where it turns from falling to rising; inf where it does not.
 
     The contact force is that of the equations at the state there, which is more accurate than its own polynomial.

@@ -32,14 +32,14 @@ from vibroplat.observe.extremes import (
     SIDEWAYS,
     TIE,
     Span,
-    cover,
-    cover_form,
     margin,
     place_of,
     remember,
+    update_extremes,
+    update_form_extremes,
     vertex,
 )
-from vibroplat.observe.motor_loads import cover_motor
+from vibroplat.observe.motor_loads import update_motor_extremes
 
 #: Places of x, y, φ and the gap among the unknowns. Integers of numpy, so that functions are compiled once for all.
 _X, _Y, _PHI, _GAP = np.array([0, 1, 2, GAP])
@@ -48,7 +48,7 @@ _X, _Y, _PHI, _GAP = np.array([0, 1, 2, GAP])
 ALIKE = 1e-6
 #: Columns of forces and squares of accelerations behind those of the unknowns, where steps are screened.
 COLUMNS = WIDTH + 8
-_PULLS, _SHAKING = WIDTH, WIDTH + 4
+_PULLS, _VIBRATION = WIDTH, WIDTH + 4
 
 
 class Equations(NamedTuple):
@@ -62,8 +62,8 @@ class Equations(NamedTuple):
 
 
 @compiled
-def shaken(
-    peaks: Any,
+def update_acceleration_extremes(
+    extremes: Any,
     k: int,
     room: Any,
     nodes: int,
@@ -80,8 +80,8 @@ def shaken(
 
     Parameters
     ----------
-    peaks, k
-        Record of :data:`vibroplat.observe.extremes.PEAKS`, and the place of the quantity in it.
+    extremes, k
+        Record of :data:`vibroplat.observe.extremes.EXTREMES`, and the place of the quantity in it.
     room, nodes
         Record of :data:`vibroplat.observe.statistics.ROOM` with the values at so many nodes; its squares are
         overwritten.
@@ -94,7 +94,7 @@ def shaken(
     span, equations
         The part of the step as the records of extremes know it, and where the equations are.
     """
-    squares, n, known = room.squares, DIFFERENTIAL[system] // 2, (1.0 + 2.0 * TIE) * peaks.square[k]
+    squares, n, known = room.squares, DIFFERENTIAL[system] // 2, (1.0 + 2.0 * TIE) * extremes.square[k]
     inverse = 1.0 / (span.length * (span.last - span.first))
     mean_squares(span, room.samples, nodes, n, sideways, spot, inverse, squares)
     for i in range(nodes + 1):
@@ -107,8 +107,8 @@ def shaken(
             s, square = steepest(span.c, span.degree, n, spot, sideways, s, low, high)
             square /= span.length * span.length
             if square > known:
-                peaks.square[k] = known = square
-                remember(peaks, k, exact_size(s, system, sideways, spot, room, span, equations), s, span)
+                extremes.square[k] = known = square
+                remember(extremes, k, exact_size(s, system, sideways, spot, room, span, equations), s, span)
 
 
 @inlined
@@ -134,10 +134,11 @@ def mean_squares(
 
     A mean is the difference of the point's velocities at both samples over the time between them: it differs from the
     acceleration in the middle by a term of second order in that time. ``inverse`` is one over
-    the part's duration (1/s), n the column of the first rate, ``spot`` the point; ``sideways`` as of :func:`shaken`.
+    the part's duration (1/s), n the column of the first rate, ``spot`` the point; ``sideways`` as of
+    :func:`update_acceleration_extremes`.
     """
-    begun, end = span.begun, span.end
-    x, y = begun[n] - spot[1] * begun[n + 2], begun[n + 1] + spot[0] * begun[n + 2]
+    start, end = span.start, span.end
+    x, y = start[n] - spot[1] * start[n + 2], start[n + 1] + spot[0] * start[n + 2]
     for i in range(nodes + 1):
         after = samples[i] if i < nodes else end
         to_x, to_y = after[n] - spot[1] * after[n + 2], after[n + 1] + spot[0] * after[n + 2]
@@ -157,7 +158,7 @@ def steepest(
     no division is needed they are by the step's fraction. Where the square is no maximum nearby, what was found largest
     on the way is returned.
     """
-    square, begun = -1.0, s
+    square, best = -1.0, s
     for _ in range(4):
         x = x1 = x2 = x3 = y = y1 = y2 = y3 = 0.0  # rates, and their derivatives over their factorials
         for k in range(degree, -1, -1):
@@ -165,9 +166,9 @@ def steepest(
             x2, y2 = x2 * s + x1, y2 * s + y1
             x1, y1 = x1 * s + x, y1 * s + y
             x, y = x * s + (c[k, n] - spot[1] * c[k, n + 2]), y * s + (c[k, n + 1] + spot[0] * c[k, n + 2])
-        found = sideways * x1 * x1 + y1 * y1
-        if found > square:
-            square, begun = found, s
+        size = sideways * x1 * x1 + y1 * y1
+        if size > square:
+            square, best = size, s
         rate = 2.0 * (sideways * x1 * x2 + y1 * y2)
         half = sideways * (4.0 * x2 * x2 + 6.0 * x1 * x3) + 4.0 * y2 * y2 + 6.0 * y1 * y3
         if not half < 0.0:
@@ -175,9 +176,9 @@ def steepest(
         following = min(max(s - rate / half, low), high)
         way = following - s
         if abs(way) <= QUADRATIC_RANGE:
-            return following, found + way * (2.0 * rate + half * way)
+            return following, size + way * (2.0 * rate + half * way)
         s = following
-    return begun, square
+    return best, square
 
 
 @compiled
@@ -204,7 +205,7 @@ def in_columns(force: int) -> tuple[tuple[int, int, int], ...]:
 
 
 @compiled
-def put_limits(peaks: Any, room: Any, system: int, p: Parameters) -> None:
+def put_limits(extremes: Any, room: Any, system: int, p: Parameters) -> None:
     """Fill the limits beyond which a step has new extremes, and forget those of the supply before.
 
     Quantities of one kind share a margin, that of the largest of them: x and φ that are round-off beside y have no
@@ -213,26 +214,33 @@ def put_limits(peaks: Any, room: Any, system: int, p: Parameters) -> None:
     """
     limits, force, n = room.limits, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
     for i in range(2):
-        if peaks.since != p.since or p.speed_ramp[i] != 0.0 or p.slip_ramp[i] != 0.0:
-            peaks.least[DRIVEN_1 + i], peaks.largest[DRIVEN_1 + i] = np.inf, -np.inf
-    peaks.since, peaks.changed = p.since, 0
+        if extremes.since != p.since or p.speed_ramp[i] != 0.0 or p.slip_ramp[i] != 0.0:
+            extremes.least[DRIVEN_1 + i], extremes.largest[DRIVEN_1 + i] = np.inf, -np.inf
+    extremes.since, extremes.changed = p.since, 0
     for j in range(COLUMNS):
         limits[0, j], limits[1, j] = -np.inf, np.inf
     driven = (DRIVEN_1, n + 3, DRIVEN_1), (DRIVEN_1 + 1, n + 4, DRIVEN_1 + 1)
     for k, j, group in in_columns(force) + driven:
         if (j != _GAP or MODES[system] == FLIGHT) and j < SIZES[system]:
-            beyond = margin(peaks, group)
-            limits[0, j], limits[1, j] = peaks.least[k] - beyond, peaks.largest[k] + beyond
+            beyond = margin(extremes, group)
+            limits[0, j], limits[1, j] = extremes.least[k] - beyond, extremes.largest[k] + beyond
     for i in range(3):
         k = PULL_X + i
-        limits[1, _PULLS + i] = max(peaks.largest[k], -peaks.least[k]) + margin(peaks, PULL_Y)
-    limits[1, _SHAKING] = (1.0 + 2.0 * TIE) * peaks.square[ACCELERATION]
-    limits[1, _SHAKING + 1] = (1.0 + 2.0 * TIE) * peaks.square[LIFT]
+        limits[1, _PULLS + i] = max(extremes.largest[k], -extremes.least[k]) + margin(extremes, PULL_Y)
+    limits[1, _VIBRATION] = (1.0 + 2.0 * TIE) * extremes.square[ACCELERATION]
+    limits[1, _VIBRATION + 1] = (1.0 + 2.0 * TIE) * extremes.square[LIFT]
 
 
 @inlined
-def widen(
-    peaks: Any, begun: FloatArray, room: Any, nodes: int, system: int, span: Span, equations: Equations, p: Parameters
+def update_step_extremes(
+    extremes: Any,
+    start: FloatArray,
+    room: Any,
+    nodes: int,
+    system: int,
+    span: Span,
+    equations: Equations,
+    p: Parameters,
 ) -> None:
     """Let the extremes cover a step or a part of it.
 
@@ -241,24 +249,24 @@ def widen(
 
     Parameters
     ----------
-    peaks
+    extremes
         The record; ``room.limited`` is −1 if the step before was one of another.
     room, nodes, system, span, equations
-        As of :func:`shaken`.
+        As of :func:`update_acceleration_extremes`.
     """
     ramps = p.speed_ramp[0] != 0.0 or p.speed_ramp[1] != 0.0 or p.slip_ramp[0] != 0.0 or p.slip_ramp[1] != 0.0
     if room.limited != system or ramps:
-        put_limits(peaks, room, system, p)
+        put_limits(extremes, room, system, p)
         room.limited = system
     n, inverse = DIFFERENTIAL[system] // 2, 1.0 / (span.length * (span.last - span.first))
-    flags = exceeds_limits(begun, room.samples, nodes, span.end, n, room.springs, GAPS[nodes], inverse, room.limits)
+    flags = exceeds_limits(start, room.samples, nodes, span.end, n, room.springs, GAPS[nodes], inverse, room.limits)
     if flags != 0 or room.named > 0:
-        cover_columns(peaks, room, nodes, system, span, flags, equations, p)
+        update_columns(extremes, room, nodes, system, span, flags, equations, p)
 
 
 @compiled
-def cover_columns(
-    peaks: Any, room: Any, nodes: int, system: int, span: Span, flags: int, equations: Equations, p: Parameters
+def update_columns(
+    extremes: Any, room: Any, nodes: int, system: int, span: Span, flags: int, equations: Equations, p: Parameters
 ) -> None:
     """Let the extremes of columns whose bits are set cover a step.
 
@@ -268,40 +276,41 @@ def cover_columns(
     samples, force, n = room.samples, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
     for k, j, group in in_columns(force):
         if flags >> j & 1:
-            ends = span.begun[j], span.end[j]
-            cover(peaks, k, span.c, span.degree, samples, nodes, j, ends, span, margin(peaks, group), False)
+            ends = span.start[j], span.end[j]
+            beyond = margin(extremes, group)
+            update_extremes(extremes, k, span.c, span.degree, samples, nodes, j, ends, span, beyond, False)
     for i in range(2):
         if flags >> (n + 3 + i) & 1:
-            cover_motor(peaks, i, samples, nodes, n, span, p)
+            update_motor_extremes(extremes, i, samples, nodes, n, span, p)
     if flags >> _PULLS & 7:
-        beyond = margin(peaks, PULL_Y)
+        beyond = margin(extremes, PULL_Y)
         for i in range(3):
             if flags >> (_PULLS + i) & 1:
                 form = (i, room.springs[0, i], n + i, room.springs[1, i])
-                cover_form(peaks, PULL_X + i, room, nodes, form, span, beyond, True)
-    if flags >> _SHAKING & 3:
-        cover_shaking(peaks, room, nodes, system, span, equations)
+                update_form_extremes(extremes, PULL_X + i, room, nodes, form, span, beyond, True)
+    if flags >> _VIBRATION & 3:
+        update_vibration(extremes, room, nodes, system, span, equations)
     if room.named > 0:
-        cover_points(peaks, room, nodes, system, span, equations, p)
-    if peaks.changed != 0:
-        put_limits(peaks, room, system, p)
+        update_points(extremes, room, nodes, system, span, equations, p)
+    if extremes.changed != 0:
+        put_limits(extremes, room, system, p)
 
 
 @compiled
-def cover_points(
-    peaks: Any, room: Any, nodes: int, system: int, span: Span, equations: Equations, p: Parameters
+def update_points(
+    extremes: Any, room: Any, nodes: int, system: int, span: Span, equations: Equations, p: Parameters
 ) -> None:
     """Let the extremes of named points cover a step."""
     for i in range(room.named):
-        k, spot, beyond = POINTS + 3 * i, (p.point_x[i], p.point_y[i]), margin(peaks, HEIGHT)
+        k, spot, beyond = POINTS + 3 * i, (p.point_x[i], p.point_y[i]), margin(extremes, HEIGHT)
         for axis, arm in ((_X, -spot[1]), (_Y, spot[0])):
             form = (axis, 1.0, _PHI, arm)
-            cover_form(peaks, k + axis, room, nodes, form, span, beyond, False)
-        shaken(peaks, k + 2, room, nodes, 1.0, system, spot, span, equations)
+            update_form_extremes(extremes, k + axis, room, nodes, form, span, beyond, False)
+        update_acceleration_extremes(extremes, k + 2, room, nodes, 1.0, system, spot, span, equations)
 
 
 @compiled
-def cover_shaking(peaks: Any, room: Any, nodes: int, system: int, span: Span, equations: Equations) -> None:
+def update_vibration(extremes: Any, room: Any, nodes: int, system: int, span: Span, equations: Equations) -> None:
     """Let the extremes of the acceleration of the centre of mass cover a step.
 
     In antiphase the platform moves along y alone but for round-off. Its acceleration is then that along y, found once:
@@ -309,14 +318,15 @@ def cover_shaking(peaks: Any, room: Any, nodes: int, system: int, span: Span, eq
     """
     spot, across, along, n = (0.0, 0.0), 0.0, 0.0, DIFFERENTIAL[system] // 2
     for i in range(nodes):
-        across = max(across, abs(room.samples[i, n] - span.begun[n]))
-        along = max(along, abs(room.samples[i, n + 1] - span.begun[n + 1]))
-    shaken(peaks, LIFT, room, nodes, 0.0, system, spot, span, equations)
+        across = max(across, abs(room.samples[i, n] - span.start[n]))
+        along = max(along, abs(room.samples[i, n + 1] - span.start[n + 1]))
+    update_acceleration_extremes(extremes, LIFT, room, nodes, 0.0, system, spot, span, equations)
     if across > ALIKE * along:
-        shaken(peaks, ACCELERATION, room, nodes, 1.0, system, spot, span, equations)
-    elif peaks.square[LIFT] > peaks.square[ACCELERATION]:
-        peaks.square[ACCELERATION] = peaks.square[LIFT]
-        remember(peaks, ACCELERATION, peaks.largest[LIFT], (peaks.at_largest[LIFT] - span.begin) / span.length, span)
+        update_acceleration_extremes(extremes, ACCELERATION, room, nodes, 1.0, system, spot, span, equations)
+    elif extremes.square[LIFT] > extremes.square[ACCELERATION]:
+        extremes.square[ACCELERATION] = extremes.square[LIFT]
+        s = (extremes.at_largest[LIFT] - span.begin) / span.length
+        remember(extremes, ACCELERATION, extremes.largest[LIFT], s, span)
 
 
 @inlined

@@ -12,7 +12,7 @@ from vibroplat.hybrid.modes import KINDS
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.energy import FORCE_SIZE, POWERS
 from vibroplat.model.systems import FULL_SIZE
-from vibroplat.observe.extremes import PEAKS, joined, no_peaks
+from vibroplat.observe.extremes import EXTREMES, empty_extremes, merge_extremes
 
 N_POWERS = len(POWERS)
 N_WORK = FORCE_SIZE + 1
@@ -28,7 +28,7 @@ TORQUE, SPEED, PULL = 12, 14, 16
 
 #: Into how many sorts phase differences and speeds are put; those of speeds reach to the largest synchronous speed
 #: times FASTEST.
-SORTS, FASTEST = 96, 1.5
+BINS, FASTEST = 96, 1.5
 
 #: A point of the Poincaré section: time (s), full state, F_c (N); events of each kind in the measured part so far, and
 #: sums over whole turns.
@@ -44,7 +44,7 @@ SECTION = np.dtype(
 SECTION_ROWS = 1024
 #: Longest period, in turns of exciter 1, that is searched for at the end of a motion; so many of the last points of the
 #: section have the extremes until then.
-LONGEST_PERIOD = 64
+MAX_FINAL_PERIOD = 64
 
 #: Extremes before the measured part, in it before its first whole turn, and from there on: in one row, or in one for
 #: each block.
@@ -75,7 +75,7 @@ MARKS = np.dtype(
 )
 
 
-class Measures(NamedTuple):
+class Accumulators(NamedTuple):
     """Sums over a run.
 
     Attributes
@@ -87,8 +87,9 @@ class Measures(NamedTuple):
         turns.
     marks
         A record of :data:`MARKS`: counts and what is remembered from step to step.
-    peaks
-        Records of :data:`vibroplat.observe.extremes.PEAKS`: rows EARLY and AHEAD, and from WHOLE on one for each block.
+    extremes
+        Records of :data:`vibroplat.observe.extremes.EXTREMES`: rows EARLY and AHEAD, and from WHOLE on one for each
+        block.
     closed
         What the last row was at whole turns, the last of them, turn n in row n modulo their number.
     seen
@@ -104,25 +105,27 @@ class Measures(NamedTuple):
     open_turn: FloatArray
     whole: FloatArray
     marks: Any
-    peaks: npt.NDArray[np.void]
+    extremes: npt.NDArray[np.void]
     closed: npt.NDArray[np.void]
     seen: FloatArray
     section: npt.NDArray[np.void]
 
 
-def no_measures(window: float, points: int = SECTION_ROWS, blocks: int = 1) -> Measures:
+def empty_accumulators(window: float, points: int = SECTION_ROWS, blocks: int = 1) -> Accumulators:
     """Make empty sums whose measured part begins at a time (s), with room for points of the Poincaré section."""
     marks = np.zeros(1, MARKS)[0]
     marks["window"], marks["until"], marks["passed"] = window, window, math.nan
     marks["row"], marks["due"], marks["turn"] = AHEAD, WHOLE, math.nan
     plain, open_turn, whole = np.zeros((3, len(SUMS)))
-    seen = np.zeros((3, SORTS, 2))
+    seen = np.zeros((3, BINS, 2))
     seen[..., 0] = -math.inf
-    peaks, closed = no_peaks(WHOLE + blocks), np.zeros(min(points, LONGEST_PERIOD), PEAKS)
-    return Measures(np.zeros(N_WORK), plain, open_turn, whole, marks, peaks, closed, seen, np.zeros(points, SECTION))
+    extremes, closed = empty_extremes(WHOLE + blocks), np.zeros(min(points, MAX_FINAL_PERIOD), EXTREMES)
+    return Accumulators(
+        np.zeros(N_WORK), plain, open_turn, whole, marks, extremes, closed, seen, np.zeros(points, SECTION)
+    )
 
 
-def between(earlier: Measures, later: Measures) -> Measures:
+def block_difference(earlier: Accumulators, later: Accumulators) -> Accumulators:
     """Subtract two copies, at the ends of blocks: what is of whole turns of exciter 1 between them; counts are of all.
 
     Extremes are those of the block's row, which begins at the first whole turn after the block has begun.
@@ -130,20 +133,20 @@ def between(earlier: Measures, later: Measures) -> Measures:
     marks, whole = later.marks.copy(), later.whole - earlier.whole
     marks["turns"] += 1 - earlier.marks["turns"]  # the last turn before is the first mark
     marks["first"] = earlier.marks["last"]
-    peaks = later.peaks[sorted({*range(WHOLE), int(marks["row"])})]
-    marks["row"] = len(peaks) - 1
+    extremes = later.extremes[sorted({*range(WHOLE), int(marks["row"])})]
+    marks["row"] = len(extremes) - 1
     plain, open_turn = np.zeros((2, len(SUMS)))
-    return later._replace(plain=plain, open_turn=open_turn, whole=whole, marks=marks, peaks=peaks)
+    return later._replace(plain=plain, open_turn=open_turn, whole=whole, marks=marks, extremes=extremes)
 
 
-def measured_peaks(ms: Measures) -> Any:
+def measured_extremes(ms: Accumulators) -> Any:
     """Return the extremes of the whole turns of exciter 1, or without any those of the whole measured part."""
     if ms.whole[TIME] <= 0.0:
-        return joined(ms.peaks[AHEAD:])
-    return joined(ms.peaks[WHOLE : ms.marks["row"]], last_closed(ms))
+        return merge_extremes(ms.extremes[AHEAD:])
+    return merge_extremes(ms.extremes[WHOLE : ms.marks["row"]], last_closed(ms))
 
 
-def last_closed(ms: Measures) -> npt.NDArray[np.void]:
+def last_closed(ms: Accumulators) -> npt.NDArray[np.void]:
     """Return what the last row of extremes was at the last whole turn: one record."""
     last = int(ms.marks["turns"] - 1) % ms.closed.size
     return ms.closed[last : last + 1]

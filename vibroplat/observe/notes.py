@@ -14,7 +14,7 @@ import numpy as np
 from vibroplat.config.plausibility import rounded
 from vibroplat.config.scene import Scene
 from vibroplat.frames import pd
-from vibroplat.observe.sheet import steady_supply
+from vibroplat.observe.data_sheet import steady_supply
 
 #: Rotation of the platform (rad) beyond which a model of first order in φ is inaccurate.
 LARGE_ROTATION = 0.1
@@ -40,13 +40,13 @@ _SAMPLED = (
 )
 
 
-def notes_on_measures(scene: Scene, found: Mapping[str, Any]) -> list[str]:
+def notes_on_measures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
     """Say where measures of a motion are outside what the model or the motors of its scene are made for."""
-    notes = (rotation(found["phi_max_rad"]), *captures(scene, found), coarseness(scene, found))
+    notes = (rotation(measures["phi_max_rad"]), *captures(scene, measures), coarseness(scene, measures))
     return [note for note in notes if note]
 
 
-def coarseness(scene: Scene, found: Mapping[str, Any]) -> str:
+def coarseness(scene: Scene, measures: Mapping[str, Any]) -> str:
     """Return the note on a tolerance that is coarse for impacts which amplify errors, or an empty text.
 
     Engine ``taylor`` is far more accurate than its tolerance.
@@ -54,7 +54,7 @@ def coarseness(scene: Scene, found: Mapping[str, Any]) -> str:
     tolerance = scene.solver.tolerance
     if not scene.contact.restitution or scene.solver.engine == "taylor" or tolerance <= COARSE:
         return ""
-    if not (found["impacts_per_period"] or 0.0) > 1.0:
+    if not (measures["impacts_per_period"] or 0.0) > 1.0:
         return ""
     return (
         f"several impacts a turn amplify errors, so that measures at tolerance {tolerance:g} may be off by per cents: "
@@ -69,14 +69,14 @@ def rotation(largest: float | None) -> str:
     return f"the platform turns by up to {rounded(largest, 2)} rad, where a model of first order in phi is inaccurate"
 
 
-def drift(found: Mapping[str, Any]) -> str:
+def drift(measures: Mapping[str, Any]) -> str:
     """Return the note on a phase difference that changes while it is measured, or an empty text if it does not.
 
     It is for runs: points of a sweep have settled, and say by their synchronization what did not.
     """
-    if found["impacts_per_period"] is None:  # no whole turn
+    if measures["impacts_per_period"] is None:  # no whole turn
         return ""
-    change = abs(2.0 * math.pi * found["frequency_split_hz"] * found["measured_s"])
+    change = abs(2.0 * math.pi * measures["frequency_split_hz"] * measures["measured_s"])
     if change <= DRIFTING:
         return ""
     return (
@@ -85,14 +85,14 @@ def drift(found: Mapping[str, Any]) -> str:
     )
 
 
-def change(scene: Scene, found: Mapping[str, Any], begun: float) -> str:
+def change(scene: Scene, measures: Mapping[str, Any], start: float) -> str:
     """Return the note on a supply that changes while it is measured, or an empty text; the run began at a time (s)."""
-    last = scene.drive.last_change(found["measured_to_s"])
-    if last <= found["measured_from_s"]:
+    last, begin = scene.drive.last_change(measures["measured_to_s"]), measures["measured_from_s"]
+    if last <= begin:
         return ""
     return (
-        f"the supply changes until {last:g} s, but the measured part begins at {rounded(found['measured_from_s'])} s: "
-        f"means mix what is before and after, and run.duration_s = {2.0 * (last - begun):g} or more avoids that"
+        f"the supply changes until {last:g} s, but the measured part begins at {rounded(begin)} s: "
+        f"means mix what is before and after, and run.duration_s = {2.0 * (last - start):g} or more avoids that"
     )
 
 
@@ -124,23 +124,23 @@ def stiffness(scene: Scene, engine: str, steps: int | None, restarts: int, secon
     )
 
 
-def peaks_of(table: pd.DataFrame | Mapping[str, Any], since: float) -> dict[str, float]:
+def largest_samples(table: pd.DataFrame | Mapping[str, Any], since: float) -> dict[str, float]:
     """Find the largest values in rows of a trajectory table from a time on (s), by column, where there are any."""
     measured = np.asarray(table["t_s"]) >= since
-    found = {
+    largest_by_column = {
         column: float(np.fmax.reduce(np.asarray(table[column])[measured], initial=-math.inf))
         for column, *_ in _SAMPLED
         if column in table
     }
-    return {column: largest for column, largest in found.items() if largest > -math.inf}
+    return {column: largest for column, largest in largest_by_column.items() if largest > -math.inf}
 
 
-def notes_on_samples(peaks: Mapping[str, float], found: Mapping[str, Any], rate: float) -> list[str]:
+def notes_on_samples(sampled: Mapping[str, float], measures: Mapping[str, Any], rate: float) -> list[str]:
     """Say which of the largest values of a run (measures) the samples of its trajectory table (rate in Hz) miss."""
     notes = []
     for column, key, name, unit in _SAMPLED:
-        largest = found[key]
-        missed = 1.0 - peaks[column] / largest if column in peaks and largest else 0.0
+        largest = measures[key]
+        missed = 1.0 - sampled[column] / largest if column in sampled and largest else 0.0
         if missed > MISSED:
             notes.append(
                 f"the trajectory table misses the largest {name}, {rounded(largest)} {unit}, by "
@@ -149,24 +149,24 @@ def notes_on_samples(peaks: Mapping[str, float], found: Mapping[str, Any], rate:
     return notes
 
 
-def captures(scene: Scene, found: Mapping[str, Any]) -> list[str]:
+def captures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
     """List the notes on both exciters, unless their motors are off or their supply changes in the measured part."""
-    supply = steady_supply(scene, found["measured_from_s"], found["measured_to_s"])
+    supply = steady_supply(scene, measures["measured_from_s"], measures["measured_to_s"])
     if supply is None:
         return []
     motors = scene.exciter_pair
     synchronous = [speed / (2.0 * math.pi) for speed in scene.synchronous_speeds_at(supply.frequency)]
     critical = [exciter.critical_slip_speed(supply.frequency) / (2.0 * math.pi) for exciter in motors]
     slips = [c / s if s > 0.0 else math.inf for c, s in zip(critical, synchronous, strict=True)]
-    on = scene.driven(found["measured_from_s"], found["measured_to_s"])
+    on = scene.driven(measures["measured_from_s"], measures["measured_to_s"])
     driven = [i for i in (0, 1) if on[i]]
-    mean, split = found["excitation_frequency_hz"], found["frequency_split_hz"]
+    mean, split = measures["excitation_frequency_hz"], measures["frequency_split_hz"]
     if mean is None:
         return []
     speeds = mean + 0.5 * split, mean - 0.5 * split
-    if found["impacts_per_period"] is not None:
+    if measures["impacts_per_period"] is not None:
         return [capture(i + 1, speeds[i], synchronous[i], slips[i]) for i in driven]
-    seconds = found["measured_to_s"] - found["measured_from_s"]
+    seconds = measures["measured_to_s"] - measures["measured_from_s"]
     return [
         f"exciter {i + 1} hardly turns, though its synchronous speed is {rounded(synchronous[i])} Hz"
         for i in driven

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
-from vibroplat.observe.measures import Measures
+from vibroplat.observe.measures import Accumulators
 
 _TURN = 2.0 * math.pi
 
@@ -19,16 +19,16 @@ MAX_PERIOD = 16
 #: Of a run, in the scales of the scene: largest distance of points that repeat, and the distance up to which they count
 #: as equal. A shorter period is refused if its distance is larger by the factor CLEARLY: what is left of a slow
 #: oscillation may come back to itself after some turns, and differs by less.
-NEAR, EQUAL, CLEARLY = 1e-3, 1e-5, 30.0
+REPEAT_DISTANCE, EQUAL_DISTANCE, DISTANCE_RATIO = 1e-3, 1e-5, 30.0
 
 
-def section_rows(ms: Measures) -> npt.NDArray[np.void]:
+def section_rows(ms: Accumulators) -> npt.NDArray[np.void]:
     """Points of the Poincaré section that are kept, records of :data:`SECTION` in the order of time."""
-    turns, most = int(ms.marks["turns"]), ms.section.size
-    return ms.section[np.arange(max(turns - most, 0), turns) % most]
+    turns, room = int(ms.marks["turns"]), ms.section.size
+    return ms.section[np.arange(max(turns - room, 0), turns) % room]
 
 
-def whole_periods(ms: Measures, turns: int) -> Measures:
+def whole_periods(ms: Accumulators, turns: int) -> Accumulators:
     """Cut what is of whole turns to whole periods of so many turns; where there is none, they stay as they are."""
     done = int(ms.marks["turns"]) - 1
     left = done % turns
@@ -40,7 +40,7 @@ def whole_periods(ms: Measures, turns: int) -> Measures:
     return ms._replace(whole=point["sums"].copy(), marks=marks)
 
 
-def section_points(measures: Measures, scene: Scene) -> FloatArray:
+def section_points(measures: Accumulators, scene: Scene) -> FloatArray:
     """Points of the Poincaré section in the scales of the scene, in chronological order.
 
     Returns
@@ -97,13 +97,13 @@ def spreads(points: FloatArray, first: int = 1, last: int = MAX_PERIOD) -> Float
     A spread is the largest distance, in any coordinate, between points that are a multiple of n turns apart, the last
     one fixed. It is inf if there are fewer than 2 n points.
     """
-    found = np.full(last - first + 1, np.inf)
+    distances = np.full(last - first + 1, np.inf)
     turns = np.arange(first, min(last, len(points) // 2) + 1)
     if turns.size:
         backwards = points[::-1]
         same = np.arange(len(points)) % turns[:, np.newaxis]  # the last point of the same phase as each
-        found[: turns.size] = np.abs(backwards - backwards[same]).max(axis=(1, 2))
-    return found
+        distances[: turns.size] = np.abs(backwards - backwards[same]).max(axis=(1, 2))
+    return distances
 
 
 def period(points: FloatArray, tolerance: float, first: int = 1, last: int = MAX_PERIOD) -> int:
@@ -116,6 +116,6 @@ def latest_period(points: FloatArray) -> int:
     """Smallest number of turns after which the last points repeat about as well as after any other, or 0."""
     ends = range(1, min(MAX_PERIOD, len(points) - MAX_PERIOD) + 1)
     apart = np.array([np.abs(points[-MAX_PERIOD:] - points[-MAX_PERIOD - n : -n]).max() for n in ends])
-    if not apart.size or apart.min() > NEAR:
+    if not apart.size or apart.min() > REPEAT_DISTANCE:
         return 0
-    return int(np.argmax(apart <= max(CLEARLY * apart.min(), EQUAL))) + 1
+    return int(np.argmax(apart <= max(DISTANCE_RATIO * apart.min(), EQUAL_DISTANCE))) + 1

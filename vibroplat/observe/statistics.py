@@ -24,9 +24,10 @@ from vibroplat.model.parameters import Parameters
 from vibroplat.model.series import MAX_DEGREE
 from vibroplat.model.springs import slopes
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, LAYERS, PLACES, SIZES
-from vibroplat.observe.extremes import IMPULSE, MOST_NODES, NODES, WEIGHTS, Span, give_pace
-from vibroplat.observe.loads import COLUMNS, Equations, add_forces, widen
+from vibroplat.observe.extremes import IMPULSE, MAX_NODES, NODES, WEIGHTS, Span, set_pace
+from vibroplat.observe.loads import COLUMNS, Equations, add_forces, update_step_extremes
 from vibroplat.observe.measures import (
+    BINS,
     COSINE,
     EARLY,
     FASTEST,
@@ -37,15 +38,14 @@ from vibroplat.observe.measures import (
     PULL,
     SECTION_ROWS,
     SINE,
-    SORTS,
     SPEED,
     TIME,
     TORQUE,
     XX,
-    Measures,
+    Accumulators,
     X,
+    empty_accumulators,
     last_closed,
-    no_measures,
 )
 
 #: Place of φ₁ among the unknowns. An integer of numpy, so that functions are compiled once for all.
@@ -59,7 +59,7 @@ _TURN = 2.0 * math.pi
 #: Part of a turn that may be missing by round-off.
 _COMPLETE = 1e-12
 #: Turns of exciter 1 within a step beyond which none of them is counted: the motion makes no sense any more.
-_MOST_TURNS = 1000.0
+_MAX_TURNS = 1000.0
 
 #: What is overwritten at each step: unknowns and phase differences at the nodes; means of the unknowns, of their
 #: squares and their sizes, of products with the rates, and of the powers; a full state; stiffnesses and dampings; a sum
@@ -68,18 +68,18 @@ _MOST_TURNS = 1000.0
 #: and how many named points there are.
 ROOM = np.dtype(
     [
-        ("samples", float, (MOST_NODES, WIDTH)),
+        ("samples", float, (MAX_NODES, WIDTH)),
         ("means", float, (4, WIDTH)),
         ("full", float, FULL_SIZE),
         ("power", float, N_WORK),
-        ("phases", float, MOST_NODES),
+        ("phases", float, MAX_NODES),
         ("springs", float, (2, 4)),
         ("form", float, (MAX_DEGREE + 1, 1)),
-        ("form_samples", float, (MOST_NODES, 1)),
-        ("squares", float, MOST_NODES + 1),
+        ("form_samples", float, (MAX_NODES, 1)),
+        ("squares", float, MAX_NODES + 1),
         ("y", float, FULL_SIZE),
         ("yp", float, FULL_SIZE),
-        ("begun", float, (2, WIDTH)),
+        ("start", float, (2, WIDTH)),
         ("at", float, (2, WIDTH)),
         ("limits", float, (2, COLUMNS)),
         ("limited", np.int64),
@@ -91,7 +91,7 @@ ROOM = np.dtype(
 
 
 class Statistics:
-    """Observes a run: reads its steps and events into :class:`Measures`.
+    """Observes a run: reads its steps and events into :class:`Accumulators`.
 
     Parameters
     ----------
@@ -113,14 +113,14 @@ class Statistics:
 
     def begin(self, window: float) -> None:
         """Begin anew; what was measured before stays as it is with those who hold it."""
-        self.measures = no_measures(window, self._points, self._blocks)
+        self.measures = empty_accumulators(window, self._points, self._blocks)
 
-    def end_block(self) -> Measures:
+    def end_block(self) -> Accumulators:
         """Copy what was measured until now; from the next whole turn on, extremes are those of the next block."""
         ms = self.measures
-        found = ms._replace(whole=ms.whole.copy(), marks=ms.marks.copy(), closed=last_closed(ms).copy())
-        ms.marks["due"] = min(ms.marks["row"] + 1, len(ms.peaks) - 1)
-        return found
+        copied = ms._replace(whole=ms.whole.copy(), marks=ms.marks.copy(), closed=last_closed(ms).copy())
+        ms.marks["due"] = min(ms.marks["row"] + 1, len(ms.extremes) - 1)
+        return copied
 
     def read(self, h: Automaton) -> None:
         """Add the steps and events since the last reading.
@@ -129,7 +129,7 @@ class Statistics:
         """
         degree = h.steps.degree
         nodes = (degree + 1) // 2 if degree <= 8 else (degree + 1) // 3
-        nodes = min(nodes + nodes % 2, MOST_NODES)
+        nodes = min(nodes + nodes % 2, MAX_NODES)
         equations = Equations(h.start, h.parameters)
         fastest = FASTEST * float(h.run["speed"])
         self._add_pieces(
@@ -139,7 +139,7 @@ class Statistics:
 
 @compiled
 def add_pieces(
-    owned_ms: Measures,
+    owned_ms: Accumulators,
     owned_steps: Steps,
     owned_events: npt.NDArray[np.void],
     room: Any,
@@ -165,7 +165,8 @@ def add_pieces(
         for row in range(piece.first, piece.end):
             if steps.length[row] > 0.0:
                 add_step(ms, steps, row, piece, degree, nodes, room, equations, p)
-                sort(ms, steps.ends[row], piece.origin + steps.start[row] + steps.length[row], piece.system, fastest, p)
+                now = piece.origin + steps.start[row] + steps.length[row]
+                mark_bins(ms, steps.ends[row], now, piece.system, fastest, p)
         ms.marks.until = piece.until
     while counted < events.size:
         count_event(ms, events[counted])
@@ -173,7 +174,7 @@ def add_pieces(
 
 
 @compiled
-def count_event(ms: Measures, event: Any) -> None:
+def count_event(ms: Accumulators, event: Any) -> None:
     """Add an event to the counts of the whole, and to those of the measured part if it lies there."""
     marks = ms.marks
     marks.counts[event.kind] += 1
@@ -181,13 +182,13 @@ def count_event(ms: Measures, event: Any) -> None:
     marks.impulse_sum += event.impulse
     if event.t >= marks.window:
         marks.measured[event.kind] += 1
-        peaks = ms.peaks[marks.row]
-        peaks.largest[IMPULSE] = max(peaks.largest[IMPULSE], event.impulse)
+        extremes = ms.extremes[marks.row]
+        extremes.largest[IMPULSE] = max(extremes.largest[IMPULSE], event.impulse)
 
 
 @inlined
 def add_step(
-    ms: Measures,
+    ms: Accumulators,
     steps: Steps,
     row: int,
     piece: Any,
@@ -203,7 +204,7 @@ def add_step(
     turn, last = marks.passed, whole_turns(end[3], turns[0])
     if math.isnan(turn):
         turn = whole_turns(c[0, 3], turns[0])
-    if ms.section.size == 0 or not abs(last - turn) <= _MOST_TURNS:
+    if ms.section.size == 0 or not abs(last - turn) <= _MAX_TURNS:
         turn = last
     marks.passed = last
     first, now = 0.0, begin
@@ -215,16 +216,16 @@ def add_step(
             now = begin + cut * length
         if since < marks.window < now:
             cut, way, now = max((marks.window - begin) / length, first), 0.0, marks.window
-        begun, at = c, end
+        start, at = c, end
         if first > 0.0 or cut < 1.0:
-            begun, at = room.begun[0:], room.at[0]
-            horner_16(c, degree, first, begun)
+            start, at = room.start[0:], room.at[0]
+            horner_16(c, degree, first, start)
             horner_16(c, degree, cut, room.at)
             for j in range(WIDTH):
-                begun[1, j] *= cut - first
+                start[1, j] *= cut - first
         if first < cut:
-            span = Span(begin, length, c, degree, first, cut, begun[0], at)
-            add_part(ms, span, begun, since >= marks.window, piece.system, nodes, room, equations, p)
+            span = Span(begin, length, c, degree, first, cut, start[0], at)
+            add_part(ms, span, start, since >= marks.window, piece.system, nodes, room, equations, p)
         first, turn = cut, turn + way
         if way == 0.0:
             continue
@@ -237,7 +238,7 @@ def add_step(
 
 
 @inlined
-def follow_turn(ms: Measures, steps: Steps, row: int, piece: Any, degree: int) -> None:
+def follow_turn(ms: Accumulators, steps: Steps, row: int, piece: Any, degree: int) -> None:
     """Note where a step ends, and complete the present turn of the faster exciter if it ends there."""
     turn, turns, c, end = ms.marks.turn, piece.turns, steps.c[row], steps.ends[row]
     begin, length = piece.origin + steps.start[row], steps.length[row]
@@ -250,7 +251,7 @@ def follow_turn(ms: Measures, steps: Steps, row: int, piece: Any, degree: int) -
 
 
 @compiled
-def complete_turn(ms: Measures, steps: Steps, row: int, piece: Any, degree: int) -> None:
+def complete_turn(ms: Accumulators, steps: Steps, row: int, piece: Any, degree: int) -> None:
     """Complete the present turn of the faster exciter in a step, and give its extremes their pace."""
     marks, turn, turns, c, cut = ms.marks, ms.marks.turn, piece.turns, steps.c[row], 1.0
     length, rates = steps.length[row], DIFFERENTIAL[piece.system] // 2 + 3
@@ -258,24 +259,24 @@ def complete_turn(ms: Measures, steps: Steps, row: int, piece: Any, degree: int)
         way = turn[2, 1 + i] - turn[1, 1 + i]
         if abs(way) >= _TURN:
             level = turn[1, 1 + i] + math.copysign(_TURN * math.floor(abs(way) / _TURN), way)
-            begun, left = c[0, 3 + i] + turns[i], turn[2, 1 + i]
-            cut = min(cut, place_of_angle(level, begun, left, c[1, 3 + i], length * steps.ends[row][rates + i]))
+            angle, angle_after = c[0, 3 + i] + turns[i], turn[2, 1 + i]
+            cut = min(cut, place_of_angle(level, angle, angle_after, c[1, 3 + i], length * steps.ends[row][rates + i]))
     for i in range(3):
         turn[0, i] = turn[1, i]
     turn[1, 0] = piece.origin + steps.start[row] + cut * length
     turn[1, 1], turn[1, 2] = value(c, degree, 3, cut) + turns[0], value(c, degree, 4, cut) + turns[1]
     for i in (EARLY, max(marks.row - 1, EARLY), marks.row):  # a turn may reach from before the measured part into it
-        give_pace(ms.peaks[i], turn[0], turn[1])
+        set_pace(ms.extremes[i], turn[0], turn[1])
 
 
 @inlined
-def place_of_angle(level: float, begun: float, left: float, first: float, last: float) -> float:
+def place_of_angle(level: float, angle: float, angle_after: float, first: float, last: float) -> float:
     """Fraction of a step at which an angle passes a level, from the angle and its rate (rad/step) at both ends.
 
     By the cubic of the fraction over the angle, with slopes that keep it monotone; it is off by less than 1e-4.
     """
-    way = left - begun
-    u = (level - begun) / way
+    way = angle_after - angle
+    u = (level - angle) / way
     if not 0.0 < u < 1.0:
         return 1.0 if u >= 1.0 else 0.0
     slope_0 = min(way / first, 3.0) if way * first > 0.0 else 3.0
@@ -286,9 +287,9 @@ def place_of_angle(level: float, begun: float, left: float, first: float, last: 
 
 @inlined
 def add_part(
-    ms: Measures,
+    ms: Accumulators,
     span: Span,
-    begun: FloatArray,
+    start: FloatArray,
     measured: bool,
     system: int,
     nodes: int,
@@ -296,14 +297,17 @@ def add_part(
     equations: Equations,
     p: Parameters,
 ) -> None:
-    """Add a step, or a part of it that is measured as a whole or not at all; ``begun`` as of :func:`widen`."""
+    """Add a step, or a part of it that is measured as a whole or not at all.
+
+    ``start`` is that of :func:`vibroplat.observe.loads.update_step_extremes`.
+    """
     width, row = span.last - span.first, ms.marks.row if measured else EARLY
     if room.widened != row:
         room.widened, room.limited = row, -1
     for i in range(0, nodes, 2):  # they are even in number
         places = span.first + width * NODES[nodes, i], span.first + width * NODES[nodes, i + 1]
         horner_pair_16(span.c, span.degree, places[0], places[1], room.samples[i : i + 2])
-    widen(ms.peaks[row], begun, room, nodes, system, span, equations, p)
+    update_step_extremes(ms.extremes[row], start, room, nodes, system, span, equations, p)
     begin, duration = span.begin + span.first * span.length, width * span.length
     integrate(ms, begin, duration, system, measured, nodes, room, p)
 
@@ -315,19 +319,19 @@ def whole_turns(angle: float, turns: float) -> float:
 
 
 @inlined
-def sort(ms: Measures, end: FloatArray, now: float, system: int, fastest: float, p: Parameters) -> None:
+def mark_bins(ms: Accumulators, end: FloatArray, now: float, system: int, fastest: float, p: Parameters) -> None:
     """Note that the phase difference and the speeds at the end of a step have been met."""
     n = DIFFERENTIAL[system] // 2
     turns = (end[3] - p.direction[0] * p.direction[1] * end[4]) / _TURN
     which = (turns - math.floor(turns), min(abs(end[n + 3]) / fastest, 1.0), min(abs(end[n + 4]) / fastest, 1.0))
     for i in range(3):
-        place = ms.seen[i, min(int(SORTS * which[i]), SORTS - 1)]
+        place = ms.seen[i, min(int(BINS * which[i]), BINS - 1)]
         place[0], place[1] = now, ms.work[0]
 
 
 @inlined
 def integrate(
-    ms: Measures, begin: float, duration: float, system: int, measured: bool, nodes: int, room: Any, p: Parameters
+    ms: Accumulators, begin: float, duration: float, system: int, measured: bool, nodes: int, room: Any, p: Parameters
 ) -> None:
     """Add a part of a step that begins at a time and takes a duration (s): work and, if it is measured, statistics.
 
@@ -398,7 +402,7 @@ def add_phase(sums: FloatArray, room: Any, n: int, duration: float, nodes: int, 
 
 
 @compiled
-def close_turn(ms: Measures, now: float, turns: FloatArray, at: FloatArray, system: int, room: Any) -> None:
+def close_turn(ms: Accumulators, now: float, turns: FloatArray, at: FloatArray, system: int, room: Any) -> None:
     """Exciter 1 has completed a turn in the measured part, with unknowns ``at``: what was open is whole."""
     marks, full, force = ms.marks, room.full, DIFFERENTIAL[system]
     for j in range(force):
@@ -419,6 +423,6 @@ def close_turn(ms: Measures, now: float, turns: FloatArray, at: FloatArray, syst
         sums[i] += ms.open_turn[i]
         ms.open_turn[i] = 0.0
     copy(ms.whole, point.sums)
-    ms.closed[marks.turns % ms.closed.size] = ms.peaks[marks.row]
+    ms.closed[marks.turns % ms.closed.size] = ms.extremes[marks.row]
     marks.turns += 1
     marks.row = marks.due

@@ -17,16 +17,16 @@ from vibroplat.model.energy import DISSIPATIONS, FORCE_SIZE, POWERS, energies
 from vibroplat.model.energy import FORCE as VERTICAL
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import DAMPERS
-from vibroplat.observe.extremes import FORCE, HEIGHT, IMPULSE, OPENING, ROTATION, joined
-from vibroplat.observe.measures import N_POWERS, TIME, Measures, between, measured_peaks
-from vibroplat.observe.sheet import data_sheet, means
+from vibroplat.observe.data_sheet import data_sheet, means
+from vibroplat.observe.extremes import FORCE, HEIGHT, IMPULSE, OPENING, ROTATION, merge_extremes
+from vibroplat.observe.measures import N_POWERS, TIME, Accumulators, block_difference, measured_extremes
 
 #: Phase coherence below which exciters are not synchronous: their phase difference has no mean that says anything.
 COHERENCE = 0.8
 #: Distance of the phase difference from 0 or π (rad) up to which exciters count as in phase or in antiphase.
 SYNCHRONOUS = math.pi / 3.0
 #: Drift of the phase difference over the measured part (rad) above which exciters are not synchronous.
-WANDER = math.pi / 2.0
+MAX_DRIFT = math.pi / 2.0
 
 #: Outcome of a motion that reached its end but does not keep the balances.
 INACCURATE = "inaccurate"
@@ -35,7 +35,7 @@ INACCURATE = "inaccurate"
 #: scenes (the paper's time histories, the reference runs, each kind of scene) in 2 to 60 s were 0.13, 0.027 and 0.0016
 #: at tolerances 1e-2, 1e-3 and 1e-4, and 7e-10 at 1e-12: a quarter of the limit or less. Of 560 random scenes, none
 #: exceeded it at 1e-6 (largest 0.037) and 2 % at 1e-2, where they had lost half of their energy and more.
-ENERGY, LEAST_ENERGY, LARGEST_ENERGY = 5.0, 0.05, 0.5
+ENERGY, MIN_ENERGY_LIMIT, MAX_ENERGY_LIMIT = 5.0, 0.05, 0.5
 #: Largest momentum residual over the limit of the energy residual. In the same scenes it was at most 0.006 at
 #: tolerance 1e-2 and 7e-4 at 1e-3; of the random ones 0.072 and 0.0046.
 MOMENTUM = 0.2
@@ -49,7 +49,7 @@ AUDIT: Columns = {
     **{f"{name}_work_j": Column(f"energy taken by the {damper}") for name, (_, damper) in DAMPERS.items()},
     "resistance_work_j": Column("energy taken by the resistance of both exciters"),
     "gravity_work_j": Column("work of gravity"),
-    "impact_loss_j": Column("energy lost in impacts and latches"),
+    "impact_loss_j": Column("energy lost in impacts and chatters"),
     "kinetic_change_j": Column("change of the kinetic energy"),
     "elastic_change_j": Column("change of the elastic energy"),
     "energy_residual_j": Column(
@@ -65,8 +65,8 @@ AUDIT: Columns = {
     ),
 }
 
-#: What :func:`measured` gathers: of the whole turns of exciter 1 in the measured part, where there are any; what is of
-#: the whole run or point says so.
+#: What :func:`measure` gathers: of the whole turns of exciter 1 in the measured part, where there are any; what
+#: is of the whole run or point says so.
 MEASURES: Columns = {
     "rms_x_m": Column("RMS of x", "about its mean"),
     "rms_y_m": Column("RMS of y", "about its mean"),
@@ -79,8 +79,8 @@ MEASURES: Columns = {
     "frequency_split_hz": Column("speed of exciter 1 minus that of exciter 2"),
     "impacts_per_period": Column(
         "impacts per turn of exciter 1",
-        "those that a latch sums up are not counted; solver.tolerance decides how many are counted before a latch, so "
-        "that there is no standard error with latches in the measured part",
+        "those that a chatter sums up are not counted; solver.tolerance decides how many are counted before a chatter, "
+        "so that there is no standard error with chatters in the measured part",
     ),
     "phase_difference_rad": Column(
         "mean phase difference of the exciters",
@@ -103,12 +103,14 @@ MEASURES: Columns = {
     "impulse_max_n_s": Column("largest impulse of an impact"),
     "impulse_sum_n_s": Column("sum of all impulses in the whole run"),
     "liftoffs": Column("liftoffs in the whole run"),
-    "impacts": Column("impacts in the whole run", "without those of latches, as impacts_per_period"),
-    "latches": Column("latches in the whole run", "impacts that accumulate and end in contact"),
-    "events": Column("liftoffs, impacts and latches in the whole run", "impacts without those of latches", kind=COUNT),
+    "impacts": Column("impacts in the whole run", "without those of chatters, as impacts_per_period"),
+    "chatters": Column("chatters in the whole run", "impacts that accumulate and end in contact"),
+    "events": Column(
+        "liftoffs, impacts and chatters in the whole run", "impacts without those of chatters", kind=COUNT
+    ),
     "measured_liftoffs": Column("liftoffs in that time"),
-    "measured_impacts": Column("impacts in that time", "without those of latches, as impacts_per_period"),
-    "measured_latches": Column("latches in that time"),
+    "measured_impacts": Column("impacts in that time", "without those of chatters, as impacts_per_period"),
+    "measured_chatters": Column("chatters in that time"),
     "measured_turns": Column("whole turns of exciter 1 in that time"),
     **{
         name: Column(f"{c.meaning} in the whole run", c.definition) if name.endswith("_j") else c
@@ -132,16 +134,16 @@ class Energies(NamedTuple):
         return cls(*energies(state, p))
 
 
-class Part(NamedTuple):
+class MeasuredInterval(NamedTuple):
     """A part of a motion: what was summed over it, the energies at its ends, and the sums at the ends of its blocks."""
 
-    measures: Measures
+    measures: Accumulators
     before: Energies
     after: Energies
-    blocks: Sequence[Measures] = ()
+    blocks: Sequence[Accumulators] = ()
 
 
-def statistics(ms: Measures, peaks: Any) -> dict[str, float | None]:
+def statistics(ms: Accumulators, extremes: Any) -> dict[str, float | None]:
     """RMS about the mean, amplitude, frequencies, phase of the measured part with its extremes; None if too short."""
     marks, mean, turned = ms.marks, means(ms), ms.whole[TIME] > 0.0
     names = ("rms_x_m", "rms_y_m", "rms_phi_rad")
@@ -154,7 +156,7 @@ def statistics(ms: Measures, peaks: Any) -> dict[str, float | None]:
         name: math.sqrt(max(mean[square] - mean[first] ** 2, 0.0))
         for name, first, square in zip(names, ("x", "y", "phi"), ("xx", "yy", "phi_phi"), strict=True)
     }
-    result["amplitude_y_m"] = 0.5 * (peaks["largest"][HEIGHT] - peaks["least"][HEIGHT])
+    result["amplitude_y_m"] = 0.5 * (extremes["largest"][HEIGHT] - extremes["least"][HEIGHT])
     # without a whole turn: of exciters that swing or stand still
     passed = marks["last"] - marks["first"]
     seconds, one, two = passed[:3] if turned else (1.0, mean["speed_1"], mean["speed_2"])
@@ -162,7 +164,7 @@ def statistics(ms: Measures, peaks: Any) -> dict[str, float | None]:
     result["excitation_frequency_hz"] = 0.5 * (first + second)
     result["frequency_split_hz"] = first - second
     result["impacts_per_period"] = passed[3 + IMPACT] / (marks["turns"] - 1.0) if turned else None
-    result["phase_difference_rad"] = half_open(math.atan2(mean["sine"], mean["cosine"]))
+    result["phase_difference_rad"] = wrap_angle(math.atan2(mean["sine"], mean["cosine"]))
     result["phase_coherence"] = math.hypot(mean["sine"], mean["cosine"])
     result["flight_fraction"] = mean["flying"]
     result["motor_power_w"] = mean["power_1"] + mean["power_2"]
@@ -171,39 +173,41 @@ def statistics(ms: Measures, peaks: Any) -> dict[str, float | None]:
 
 
 #: Largest correlation of neighbouring blocks that is counted; 24 blocks cannot tell a larger one.
-STRONGEST = 0.9
+MAX_CORRELATION = 0.9
 #: Measures that are the largest of their values in blocks.
 MAXIMA = ("amplitude_y_m", "contact_force_max_n", "gap_max_m", "impulse_max_n_s")
-#: Measures that follow from how many impacts are counted before a latch. In chaotic motion at 62.5 Hz with restitution
-#: 0.3 impacts_per_period is 0.56 at tolerance 1e-4 and 0.73 at 1e-9, each with a scatter of blocks of 0.02 … 0.05.
+#: Measures that follow from how many impacts are counted before they are summed up as chatter. In chaotic motion at
+#: 62.5 Hz with restitution 0.3 impacts_per_period is 0.56 at tolerance 1e-4 and 0.73 at 1e-9, each with a scatter of
+#: blocks of 0.02 … 0.05.
 COUNTED = ("impacts_per_period",)
 
 
-def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, float | None]:
+def block_errors(blocks: Sequence[Accumulators], names: Sequence[str]) -> dict[str, float | None]:
     """Estimate standard errors of measures from their scatter over blocks; None where a block has none.
 
-    What is COUNTED has none if there are latches in any block: its scatter says nothing of what the tolerance changes.
-    Means of blocks scatter as :func:`error_of_mean` says. The error of an RMS follows from that of its squares, and
+    What is COUNTED has none if there is chatter in any block: its scatter says nothing of what the tolerance changes.
+    Means of blocks scatter as :func:`batch_means_error` says. The error of an RMS follows from that of its squares, and
     reaches down to 0 where one block outweighs the others: a remainder that still decays. The largest of several maxima
     scatters as each of them does (Gumbel's law).
     """
-    parts = [*blocks[:1], *(between(a, b) for a, b in pairwise(blocks))]
-    found = [statistics(part, peaks) | extremes(peaks) for part in parts for peaks in [measured_peaks(part)]]
-    latches = sum(part.marks["last"][3 + CHATTER] - part.marks["first"][3 + CHATTER] for part in parts)
+    parts = [*blocks[:1], *(block_difference(a, b) for a, b in pairwise(blocks))]
+    extremes = [measured_extremes(part) for part in parts]
+    of_blocks = [statistics(part, its) | largest_values(its) for part, its in zip(parts, extremes, strict=True)]
+    chatters = sum(part.marks["last"][3 + CHATTER] - part.marks["first"][3 + CHATTER] for part in parts)
     errors: dict[str, float | None] = {}
     for name in names:
-        if name in COUNTED and latches > 0.0:
+        if name in COUNTED and chatters > 0.0:
             errors[name] = None
             continue
-        told = [part[name] for part in found]
-        values = np.array([math.nan if v is None or math.isinf(v) else v for v in told], dtype=float)
+        block_values = [part[name] for part in of_blocks]
+        values = np.array([math.nan if v is None or math.isinf(v) else v for v in block_values], dtype=float)
         if name == "phase_difference_rad" and len(values):  # about one of them, for angles have no mean
             values = np.angle(np.exp(1j * (values - values[0])))
         if is_rms := name.startswith("rms_"):
             values = values**2
         error = math.nan
         if len(values) > 1:
-            error = float(values.std(ddof=1)) if name in MAXIMA else error_of_mean(values)
+            error = float(values.std(ddof=1)) if name in MAXIMA else batch_means_error(values)
         if is_rms and len(values):
             mean = float(values.mean())
             error = math.sqrt(mean) - math.sqrt(max(mean - error, 0.0))
@@ -211,7 +215,7 @@ def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, 
     return errors
 
 
-def error_of_mean(values: FloatArray) -> float:
+def batch_means_error(values: FloatArray) -> float:
     """Estimate the standard error of the mean of successive blocks' means (method of batch means).
 
     Blocks need not be long against the memory of the motion: what comes in bursts goes on from block to block. With a
@@ -224,23 +228,23 @@ def error_of_mean(values: FloatArray) -> float:
     if not total > 0.0:
         return total  # 0, or nan
     r = float(away[1:] @ away[:-1]) / total
-    r = min(max(r + (1.0 + 3.0 * r) / count, 0.0), STRONGEST)
+    r = min(max(r + (1.0 + 3.0 * r) / count, 0.0), MAX_CORRELATION)
     return math.sqrt(total / (count - 1) / count * (1.0 + r) / (1.0 - r))
 
 
-def extremes(peaks: Any) -> dict[str, float | None]:
+def largest_values(extremes: Any) -> dict[str, float | None]:
     """Largest contact force, gap and impulse; −inf where there is none."""
-    names, largest = ("contact_force_max_n", "gap_max_m", "impulse_max_n_s"), peaks["largest"]
-    found = largest[FORCE], largest[OPENING], largest[IMPULSE]
-    return {name: float(value) for name, value in zip(names, found, strict=True)}
+    names, largest = ("contact_force_max_n", "gap_max_m", "impulse_max_n_s"), extremes["largest"]
+    values = largest[FORCE], largest[OPENING], largest[IMPULSE]
+    return {name: float(value) for name, value in zip(names, values, strict=True)}
 
 
-def half_open(angle: float, near: float = 1e-12) -> float:
+def wrap_angle(angle: float, near: float = 1e-12) -> float:
     """Put an angle into (−π, π]; what is no farther than ``near`` from −π is π."""
     return min(angle + 2.0 * math.pi, math.pi) if angle <= -math.pi + near else angle
 
 
-def measured(part: Part, scene: Scene, *, brief: bool = False) -> dict[str, Any]:
+def measure(part: MeasuredInterval, scene: Scene, *, brief: bool = False) -> dict[str, Any]:
     """Gather what was measured over a part of a scene's motion. What has no finite value is None.
 
     Statistics, extremes of contact force and impulse, the largest gap, and counts that begin with ``measured_`` are of
@@ -249,20 +253,20 @@ def measured(part: Part, scene: Scene, *, brief: bool = False) -> dict[str, Any]
     |φ|, and two checks, the least gap and how far the contact force fell below 0. A ``brief`` one has only the
     statistics and extremes.
     """
-    peaks = measured_peaks(part.measures)
-    shown = statistics(part.measures, peaks) | extremes(peaks)
+    extremes = measured_extremes(part.measures)
+    shown = statistics(part.measures, extremes) | largest_values(extremes)
     if brief:
         return _finite(shown)
-    marks, whole = part.measures.marks, joined(part.measures.peaks)
+    marks, whole = part.measures.marks, merge_extremes(part.measures.extremes)
     turned = part.measures.whole[TIME] > 0.0
     events = (marks["last"] - marks["first"])[3:] if turned else marks["measured"]
-    kinds = ("liftoffs", "impacts", "latches")  # as KINDS; a corner of the drive is no event of the motion
+    kinds = ("liftoffs", "impacts", "chatters")  # as KINDS; a corner of the drive is no event of the motion
     counts = dict(zip(kinds, marks["counts"].tolist(), strict=False))
-    found = {
+    numbers = {
         **shown,
         "measured_from_s": float(marks["first"][0] if turned else marks["window"]),
         "measured_to_s": float(marks["last"][0] if turned else max(marks["until"], marks["window"])),
-        "contact_force_min_n": float(peaks["least"][FORCE]),
+        "contact_force_min_n": float(extremes["least"][FORCE]),
         "contact_pull_n": max(0.0, -float(whole["least"][FORCE])),
         "gap_min_m": float(whole["least"][OPENING]),
         "phi_max_rad": float(max(whole["largest"][ROTATION], -whole["least"][ROTATION])),
@@ -272,16 +276,16 @@ def measured(part: Part, scene: Scene, *, brief: bool = False) -> dict[str, Any]
         **dict(zip((f"measured_{kind}" for kind in kinds), map(int, events), strict=False)),
         "measured_turns": max(int(marks["turns"]) - 1, 0),
         **audit(part.measures, part.before, part.after),
-        **data_sheet(part.measures, peaks, scene),
+        **data_sheet(part.measures, extremes, scene),
     }
-    return _finite(found)
+    return _finite(numbers)
 
 
-def _finite(found: Mapping[str, Any]) -> dict[str, Any]:
-    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in found.items()}
+def _finite(numbers: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in numbers.items()}
 
 
-def audit(ms: Measures, before: Energies, after: Energies) -> dict[str, float]:
+def audit(ms: Accumulators, before: Energies, after: Energies) -> dict[str, float]:
     """Energies of a run (J), and the residuals of the balances of energy and of vertical momentum.
 
     Motor work + gravity's work + truncation = Δ(kinetic + elastic) + dissipation + impact losses;
@@ -312,20 +316,20 @@ def audit(ms: Measures, before: Energies, after: Energies) -> dict[str, float]:
     }
 
 
-def inaccuracy(found: Mapping[str, Any], scene: Scene) -> str:
+def inaccuracy(measures: Mapping[str, Any], scene: Scene) -> str:
     """Say which residual of the audit is beyond its limit, and what to do; empty if none is.
 
     Parameters
     ----------
-    found
+    measures
         Measures of a motion of the scene, ``energy_residual`` and ``momentum_residual`` among them; None has no limit.
     """
     tolerance = scene.solver.tolerance
-    energy = min(max(ENERGY * math.sqrt(tolerance), LEAST_ENERGY), LARGEST_ENERGY)
+    energy = min(max(ENERGY * math.sqrt(tolerance), MIN_ENERGY_LIMIT), MAX_ENERGY_LIMIT)
     # impact law printed does not keep the upper layer's momentum
     momentum = math.inf if scene.contact.impact_law == "printed" else MOMENTUM * energy
     for name, limit in (("energy", energy), ("momentum", momentum)):
-        residual = found[f"{name}_residual"]
+        residual = measures[f"{name}_residual"]
         if residual is not None and residual > limit:
             return (
                 f"{name} residual {residual:.3g} is beyond {limit:.3g}, the limit at tolerance {tolerance:g}; lower "
@@ -334,17 +338,17 @@ def inaccuracy(found: Mapping[str, Any], scene: Scene) -> str:
     return ""
 
 
-def synchronization(found: Mapping[str, Any]) -> str:
+def synchronization(measures: Mapping[str, Any]) -> str:
     """Name the synchronization: ``antiphase``, ``in-phase``, ``intermediate`` or ``none``.
 
     It is ``none`` if the phase difference drifts by more than WANDER over the measured part or is incoherent, or if
     exciter 1 completes no turn.
     """
-    split, seconds, phase = found["frequency_split_hz"], found["measured_s"], found["phase_difference_rad"]
+    split, seconds, phase = measures["frequency_split_hz"], measures["measured_s"], measures["phase_difference_rad"]
     if (
-        found["impacts_per_period"] is None
-        or abs(split) * 2.0 * math.pi * seconds > WANDER
-        or found["phase_coherence"] < COHERENCE
+        measures["impacts_per_period"] is None
+        or abs(split) * 2.0 * math.pi * seconds > MAX_DRIFT
+        or measures["phase_coherence"] < COHERENCE
     ):
         return "none"
     if abs(phase) <= SYNCHRONOUS:

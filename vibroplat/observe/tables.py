@@ -50,17 +50,18 @@ TRAJECTORY: Columns = {
 #: Columns of the event table.
 EVENTS: Columns = {
     "t_s": Column("time"),
-    "kind": Column("liftoff, impact, latch or drive", "drive: a corner of the supply's program", kind=TEXT),
+    "kind": Column("liftoff, impact, chatter or drive", "drive: a corner of the supply's program", kind=TEXT),
     "gap_rate_before_m_per_s": Column(
-        "rate of the gap before the event", "of a latch: before the first of the impacts it stands for"
+        "rate of the gap before the event", "of a chatter: before the first of the impacts it stands for"
     ),
     "gap_rate_after_m_per_s": Column("rate of the gap after the event"),
-    "impulse_n_s": Column("impulse between lower layer and platform", "of a latch: the sum over its impacts"),
-    "energy_loss_j": Column("energy lost at the event", "of a latch: the sum over its impacts"),
+    "impulse_n_s": Column("impulse between lower layer and platform", "of a chatter: the sum over its impacts"),
+    "energy_loss_j": Column("energy lost at the event", "of a chatter: the sum over its impacts"),
     "contact_force_after_n": Column("contact force after the event", "0 in flight"),
     "mode_after": Column("mode after the event", "attached, flight or bare"),
     "impacts": Column(
-        "number of impacts", "1 for an impact, 0 for a liftoff; for a latch counted until round-off of the first speed"
+        "number of impacts",
+        "1 for an impact, 0 for a liftoff; for a chatter counted until round-off of the first speed",
     ),
 }
 #: Fields of :data:`vibroplat.hybrid.state.EVENT` that these columns hold, in the same order.
@@ -304,16 +305,16 @@ def require_room(scene: Scene, directory: Path | None = None, form: str = "parqu
     """
     if directory is None:
         there = available()
-        most, number = takeable(there), COPIES * NUMBER
-        told = f"of memory, where {amount(most)} may be taken of {amount(there)} available"
+        limit, number = takeable(there), COPIES * NUMBER
+        where = f"of memory, where {amount(limit)} may be taken of {amount(there)} available"
     else:
-        most, number = float(shutil.disk_usage(directory).free), NUMBER_IN_CSV if form == "csv" else NUMBER
-        told = f"on disk, where {amount(most)} are free"
+        limit, number = float(shutil.disk_usage(directory).free), NUMBER_IN_CSV if form == "csv" else NUMBER
+        where = f"on disk, where {amount(limit)} are free"
     seconds, rate = scene.run.duration_s, scene.output.sample_rate_hz
     rows, columns = seconds * rate, len(Sampler(scene).table(np.empty(0, ROW)).columns)
     needed = rows * columns * number
-    if needed > most:
+    if needed > limit:
         raise ConfigError(
             f"output.sample_rate_hz = {rate:g} asks for {rows:.3g} rows of {columns} columns in {seconds:g} s: "
-            f"{amount(needed)} {told}; allowed: at most {rate * most / needed:.2g} Hz, or a shorter run.duration_s"
+            f"{amount(needed)} {where}; allowed: at most {rate * limit / needed:.2g} Hz, or a shorter run.duration_s"
         )

@@ -48,14 +48,14 @@ REACH, FAR_REACH = 1.0, 8.0
 _LEFT = 1e-12
 
 
-class Carried(NamedTuple):
+class VariationalState(NamedTuple):
     """What the kernels carry along; what follows ``methods`` is overwritten at each step of the collocation.
 
     Attributes
     ----------
     s
         Derivative of the full state, shape (14, columns) in whole lanes: at a fixed time, or at the last event.
-    late
+    event_time_derivative
         Derivative of that event's time, shape (columns,).
     at_event
         Whether ``s`` is that at the event, shape (1,).
@@ -63,7 +63,7 @@ class Carried(NamedTuple):
         Of the full state where the derivative has last left an event or arrived, shape (14,).
     step
         First and longest step of the collocation in a piece (s), shape (2,).
-    turned
+    perturbed_parameters
         Parameters p + ih dp, shape (2, 1 + keys): the first column is without dp, the second row without restitution.
     methods
         One for each entry of POINTS.
@@ -78,11 +78,11 @@ class Carried(NamedTuple):
     """
 
     s: FloatArray
-    late: FloatArray
+    event_time_derivative: FloatArray
     at_event: Any
     rates: FloatArray
     step: FloatArray
-    turned: Any
+    perturbed_parameters: Any
     methods: tuple[Radau, ...]
     y: FloatArray
     yp: FloatArray
@@ -104,20 +104,20 @@ class Variation:
 
     def __init__(self, directions: Sequence[Parameters] = (), *, rough: bool = False) -> None:
         self._follow, self._arrive = same_types(follow), same_types(arrive)
-        self._of = b""  # the parameters that ``turned`` was made of
+        self._of = b""  # the parameters that ``perturbed_parameters`` was made of
         self._given: tuple[Any, ...] = ()  # their records, and views of their numbers
-        turned = np.zeros((2, 1 + len(directions)), COMPLEX)
-        self._numbers = flat(turned)
+        perturbed = np.zeros((2, 1 + len(directions)), COMPLEX)
+        self._numbers = flat(perturbed)
         self._directions: FloatArray = np.zeros(self._numbers.shape[1:])
         self._columns = FULL_SIZE + len(directions)
         columns = whole_lanes(self._columns)
-        self._carried = Carried(
+        self._carried = VariationalState(
             s=np.zeros((FULL_SIZE, columns)),
-            late=np.zeros(columns),
+            event_time_derivative=np.zeros(columns),
             at_event=np.zeros(1, np.int64),
             rates=np.zeros(FULL_SIZE),
             step=np.ones(2),
-            turned=turned,
+            perturbed_parameters=perturbed,
             methods=ROUGH_METHODS if rough else METHODS,
             y=np.zeros(FULL_SIZE),
             yp=np.zeros(FULL_SIZE),
@@ -133,7 +133,7 @@ class Variation:
         If they are given, directions are other ones, as :func:`vibroplat.model.sensitivity.flat` views them.
         """
         carried = self._carried
-        carried.s[:], carried.late[:], carried.at_event[0] = 0.0, 0.0, 0
+        carried.s[:], carried.event_time_derivative[:], carried.at_event[0] = 0.0, 0.0, 0
         carried.s[:, : start.shape[1]] = start
         for row, direction in enumerate(directions, 1):
             self._directions[row] = direction
@@ -141,39 +141,39 @@ class Variation:
 
     def read(self, h: Automaton) -> None:
         """Go along the closed pieces, and through the events."""
-        self._turn(h)
+        self._update_parameters(h)
         self._follow(h, self._carried)
 
     def derivative(self, h: Automaton) -> FloatArray:
         """Find the derivative of the motion's full state now, shape (14, 14 + keys)."""
-        self._turn(h)
+        self._update_parameters(h)
         self._arrive(h, self._carried)
-        found: FloatArray = self._carried.s[:, : self._columns].copy()
-        return found
+        derivative: FloatArray = self._carried.s[:, : self._columns].copy()
+        return derivative
 
     @property
     def rates(self) -> FloatArray:
         """Rates of the full state, shape (14,), where the last :meth:`derivative` was asked for."""
         return self._carried.rates.copy()
 
-    def _turn(self, h: Automaton) -> None:
+    def _update_parameters(self, h: Automaton) -> None:
         """Follow the parameters, which a drive's program changes."""
         now = h.p.tobytes()
         if now == self._of:
             return
-        self._of, turned = now, self._carried.turned
+        self._of, perturbed = now, self._carried.perturbed_parameters
         self._carried.step[:] = steps_of(h.p, float(h.run["period"]))
         if not self._given or self._given[0] is not h.p:
             self._given = h.p, flat(h.p), flat(h.inelastic)
         self._numbers.imag = IMAGINARY * self._directions
         self._numbers.real[0], self._numbers.real[1] = self._given[1:]
         for name in CHOICES:
-            turned[name] = h.p[name]
-        turned["restitution"][1] = 0.0
+            perturbed[name] = h.p[name]
+        perturbed["restitution"][1] = 0.0
 
 
 @compiled
-def follow(owned_h: Automaton, owned_v: Carried) -> None:
+def follow(owned_h: Automaton, owned_v: VariationalState) -> None:
     """Go along the closed pieces of a motion and through the events between them."""
     h, v = borrow(owned_h), borrow(owned_v)
     steps, count, event = h.steps, h.run.events, 0
@@ -182,12 +182,12 @@ def follow(owned_h: Automaton, owned_v: Carried) -> None:
         after = steps.pieces[k + 1].events if k + 1 < steps.used.pieces else count
         event = piece.events
         if event < after and h.events[event].kind == CHATTER:
-            through_latch(steps, piece, h.p, v)
+            through_chatter(steps, piece, h.p, v)
             event += 1
         else:
-            settle(piece.system, piece.origin + steps.start[piece.first], steps.c[piece.first, 0], h.p, v)
-            along(steps, piece, h.p, v)
-        give_up(v)
+            enter_piece(piece.system, piece.origin + steps.start[piece.first], steps.c[piece.first, 0], h.p, v)
+            carry_along_piece(steps, piece, h.p, v)
+        drop_overflowed_columns(v)
         while event < after:
             if h.events[event].kind == IMPACT:
                 through_impact(steps, piece, h.events[event], h.run.slowest, h.p, v)
@@ -195,12 +195,12 @@ def follow(owned_h: Automaton, owned_v: Carried) -> None:
 
 
 @inlined
-def give_up(v: Carried) -> None:
+def drop_overflowed_columns(v: VariationalState) -> None:
     """Leave no number in columns that have grown beyond sense: imaginary parts would no longer be small at an impact.
 
     A change of 1e-16 has long become larger than the platform by then.
     """
-    for j in range(v.late.size):
+    for j in range(v.event_time_derivative.size):
         largest = 0.0
         for i in range(FULL_SIZE):
             largest = max(largest, abs(v.s[i, j]))
@@ -209,36 +209,38 @@ def give_up(v: Carried) -> None:
 
 
 @compiled
-def arrive(owned_h: Automaton, owned_v: Carried) -> None:
+def arrive(owned_h: Automaton, owned_v: VariationalState) -> None:
     """Leave the last event, if the motion has ended there, with the rates of the end."""
     h, v = borrow(owned_h), borrow(owned_v)
     system = h.run.systems[h.run.mode]
     gather(system, h.run.state, v.yp)
     rates_of(system, h.run.now, v.yp, v.rates, h.p, v)
-    leave(v)
+    to_fixed_time(v)
 
 
 @compiled
-def settle(system: int, t: float, start: FloatArray, p: Parameters, v: Carried) -> None:
+def enter_piece(system: int, t: float, start: FloatArray, p: Parameters, v: VariationalState) -> None:
     """Leave an event, if the derivative is at one, for the piece that begins with these unknowns."""
     if v.at_event[0] == 1:
         rates_of(system, t, start, v.rates, p, v)
-        leave(v)
+        to_fixed_time(v)
 
 
 @compiled
-def leave(v: Carried) -> None:
+def to_fixed_time(v: VariationalState) -> None:
     """Turn a derivative at an event into one at a fixed time, by the rates after the event."""
     if v.at_event[0] == 0:
         return
     v.at_event[0] = 0
     for i in range(FULL_SIZE):
-        for j in range(v.late.size):
-            v.s[i, j] -= v.rates[i] * v.late[j]
+        for j in range(v.event_time_derivative.size):
+            v.s[i, j] -= v.rates[i] * v.event_time_derivative[j]
 
 
 @compiled
-def rates_of(system: int, t: float, unknowns: FloatArray, rates: FloatArray, p: Parameters, v: Carried) -> None:
+def rates_of(
+    system: int, t: float, unknowns: FloatArray, rates: FloatArray, p: Parameters, v: VariationalState
+) -> None:
     """Fill the rates of the full state at a system's unknowns; ``v.y`` and ``v.yp`` are left with them, consistent."""
     size = SIZES[system]
     y, yp = v.y[:size], v.yp[:size]
@@ -249,7 +251,7 @@ def rates_of(system: int, t: float, unknowns: FloatArray, rates: FloatArray, p: 
 
 
 @compiled
-def along(steps: Steps, piece: Any, p: Parameters, v: Carried) -> None:
+def carry_along_piece(steps: Steps, piece: Any, p: Parameters, v: VariationalState) -> None:
     """Carry the derivative along the steps of a piece."""
     system, first, last = piece.system, piece.first, piece.end - 1
     begin = steps.start[first]
@@ -266,7 +268,7 @@ def along(steps: Steps, piece: Any, p: Parameters, v: Carried) -> None:
         copy(v.s[PLACES[system, i]], v.part[i])
     done, step = 0.0, v.step[0]
     while duration - done > _LEFT * duration:
-        length = within_reach(steps, row, last, begin + done, step_of(step, duration - done, v.step[1]))
+        length = limit_to_steps(steps, row, last, begin + done, step_of(step, duration - done, v.step[1]))
         for i in range(method.nodes.size):
             at = begin + done + method.nodes[i] * length
             while row < last and at > steps.start[row] + steps.length[row]:
@@ -278,14 +280,14 @@ def along(steps: Steps, piece: Any, p: Parameters, v: Carried) -> None:
         done += length
         step *= GROWTH
     for i in range(FULL_SIZE):
-        for j in range(v.late.size):
+        for j in range(v.event_time_derivative.size):
             v.s[i, j] = 0.0
     for i in range(2 * n):
         copy(v.part[i], v.s[PLACES[system, i]])
 
 
 @inlined
-def within_reach(steps: Steps, row: int, last: int, now: float, length: float) -> float:
+def limit_to_steps(steps: Steps, row: int, last: int, now: float, length: float) -> float:
     """Shorten a step of the collocation to what the engine's own steps allow, the first of which is ``row`` or later.
 
     These are short where a motion changes quickly, as where a stiff motor passes its critical slip or an exciter turns
@@ -300,16 +302,16 @@ def within_reach(steps: Steps, row: int, last: int, now: float, length: float) -
 
 
 @compiled
-def differentiate(system: int, t: float, point: int, p: Parameters, v: Carried) -> None:
+def differentiate(system: int, t: float, point: int, p: Parameters, v: VariationalState) -> None:
     """Linearize the equations of motion at the unknowns in ``v.y``, and differentiate them by the parameters."""
     size = SIZES[system]
     n = size // 2
     y, yp, e = v.y[:size], v.yp[:size], v.equations
     linearize(system, t, y, yp, e.jac[point], e.mass[point], p)
-    if v.turned.shape[1] == 1:
+    if v.perturbed_parameters.shape[1] == 1:
         return
-    for k in range(v.turned.shape[1] - 1):
-        rows(system, t, y, yp, v.residual, v.turned[0, k + 1])
+    for k in range(v.perturbed_parameters.shape[1] - 1):
+        rows(system, t, y, yp, v.residual, v.perturbed_parameters[0, k + 1])
         for r in range(n):
             e.forced[point, r, k] = -v.residual[n + r].imag / IMAGINARY
         if ALGEBRAIC[system]:
@@ -326,14 +328,14 @@ def is_zero(s: FloatArray, j: int) -> bool:
 
 
 @compiled
-def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Parameters, v: Carried) -> None:
+def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Parameters, v: VariationalState) -> None:
     """Carry the derivative through an impact, to the event.
 
     One too slow to move anything, with contact after it, is contact that goes on; one without speed, none.
     """
     attached = event.mode_after == ATTACHED
     if -event.rate_before < slowest and event.rate_after == 0.0 and attached:
-        for j in range(v.late.size):
+        for j in range(v.event_time_derivative.size):
             v.s[GAP, j] = v.s[GAP_RATE, j] = 0.0
         return
     if event.rate_before == 0.0:
@@ -348,27 +350,27 @@ def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Para
     after: Any = np.empty(FULL_SIZE, np.complex128)
     law = 1 if -event.rate_before < p.sticking_speed or (event.rate_after == 0.0 and p.restitution > 0.0) else 0
     v.at_event[0] = 1
-    for j in range(FULL_SIZE + v.turned.shape[1] - 1):
+    for j in range(FULL_SIZE + v.perturbed_parameters.shape[1] - 1):
         if j < FULL_SIZE and is_zero(v.s, j):
-            v.late[j] = 0.0
+            v.event_time_derivative[j] = 0.0
             continue
-        late = -v.s[GAP, j] / event.rate_before
-        v.late[j] = late
+        delay = -v.s[GAP, j] / event.rate_before
+        v.event_time_derivative[j] = delay
         for i in range(FULL_SIZE):
-            before[i] = state[i] + 1j * IMAGINARY * (v.s[i, j] + rates[i] * late)
+            before[i] = state[i] + 1j * IMAGINARY * (v.s[i, j] + rates[i] * delay)
         before[GAP] = 0.0
-        impact(before, after, v.turned[law, max(j - FULL_SIZE + 1, 0)])
+        impact(before, after, v.perturbed_parameters[law, max(j - FULL_SIZE + 1, 0)])
         for i in range(FULL_SIZE):
             v.s[i, j] = after[i].imag / IMAGINARY
     if law == 0 and event.rate_after == 0.0 and attached:
         # what a restitution beside 0 would add to an inelastic impact: impacts that accumulate at once
         for i in range(FULL_SIZE):
             state[i] = after[i].real
-        by_latch(piece.system, event.t, state, FULL_SIZE, p, v)
+        differentiate_chatter(piece.system, event.t, state, FULL_SIZE, p, v)
 
 
 @compiled
-def through_latch(steps: Steps, piece: Any, p: Parameters, v: Carried) -> None:
+def through_chatter(steps: Steps, piece: Any, p: Parameters, v: VariationalState) -> None:
     """Carry the derivative through impacts that accumulate, from the event at which they begin to where they end."""
     state = np.empty(FULL_SIZE)
     first = piece.first
@@ -376,14 +378,16 @@ def through_latch(steps: Steps, piece: Any, p: Parameters, v: Carried) -> None:
     state[GAP] = 0.0
     if v.at_event[0] == 0:  # the motion began with them
         v.at_event[0] = 1
-        for j in range(v.late.size):
-            v.late[j] = 0.0
-    by_latch(piece.system, piece.origin + steps.start[first], state, 0, p, v)
+        for j in range(v.event_time_derivative.size):
+            v.event_time_derivative[j] = 0.0
+    differentiate_chatter(piece.system, piece.origin + steps.start[first], state, 0, p, v)
 
 
 @compiled
-def by_latch(system: int, t: float, state: FloatArray, first: int, p: Parameters, v: Carried) -> None:
-    """Differentiate a latch, from the event before it to that at its end, in the columns from the first on."""
+def differentiate_chatter(
+    system: int, t: float, state: FloatArray, first: int, p: Parameters, v: VariationalState
+) -> None:
+    """Differentiate chatter, from the event before it to that at its end, in the columns from the first on."""
     n = DIFFERENTIAL[system] // 2
     start, rates = np.empty(FULL_SIZE), np.empty(FULL_SIZE)
     gather(system, state, start)
@@ -394,9 +398,9 @@ def by_latch(system: int, t: float, state: FloatArray, first: int, p: Parameters
     collocate(n, 0.0, POINT, v.equations, v.part)
     moved: Any = np.empty(FULL_SIZE, np.complex128)
     after: Any = np.empty(FULL_SIZE, np.complex128)
-    turned: Any = np.empty(FULL_SIZE // 2, np.complex128)
+    perturbed: Any = np.empty(FULL_SIZE // 2, np.complex128)
     change = np.zeros(FULL_SIZE)
-    for j in range(first, FULL_SIZE + v.turned.shape[1] - 1):
+    for j in range(first, FULL_SIZE + v.perturbed_parameters.shape[1] - 1):
         if j < FULL_SIZE and is_zero(v.s, j):
             continue
         for i in range(n):
@@ -404,8 +408,8 @@ def by_latch(system: int, t: float, state: FloatArray, first: int, p: Parameters
         for i in range(FULL_SIZE):
             moved[i] = state[i] + 1j * IMAGINARY * v.s[i, j]
         for i in range(FULL_SIZE // 2):
-            turned[i] = rates[7 + i] + 1j * IMAGINARY * change[7 + i]
-        duration, _, _ = chatter_map(moved, turned, after, v.turned[0, max(j - FULL_SIZE + 1, 0)])
-        v.late[j] += duration.imag / IMAGINARY
+            perturbed[i] = rates[7 + i] + 1j * IMAGINARY * change[7 + i]
+        duration, _, _ = chatter_map(moved, perturbed, after, v.perturbed_parameters[0, max(j - FULL_SIZE + 1, 0)])
+        v.event_time_derivative[j] += duration.imag / IMAGINARY
         for i in range(FULL_SIZE):
             v.s[i, j] = after[i].imag / IMAGINARY

@@ -60,7 +60,7 @@ def _none() -> dict[str, Any]:
 
 def _thresholds(number: int, one: Saved, motions: Motions) -> list[Study]:
     key, level = one.column("find", "key"), one.given("find").get("expression") or ""
-    scan = one.columns("scan", ("stage", "sync", "motion", "outcome"), (key, "rms_x_m", "rms_y_m"))
+    scan = one.columns("scan", ("reason", "sync", "motion", "outcome"), (key, "rms_x_m", "rms_y_m"))
     found = one.columns("thresholds", ("kind",), ("value", "below"))
     table, compared = thinned(scan), level.replace("<", ">").partition(">")[0].strip()
     looks = {"open": table["motion"] != "periodic", "failed": table["outcome"] != "ok"}
@@ -97,7 +97,7 @@ def _basins(number: int, one: Saved, motions: Motions) -> list[Study]:
     keys = [one.column("basins", "over", "key")] if plan.get("over") else []
     numbers = (*keys, "count", "fraction", "fraction_low", "fraction_high", "rms_x_m", "rms_y_m")
     attractors = one.columns("attractors", ("attractor", "motion", "outcome"), numbers)
-    whole = one.columns("starts", ("attractor",), (*keys, *plan["starts"], "turns"))
+    whole = one.columns("starts", ("attractor",), (*keys, *plan["initial_conditions"], "turns"))
     shown, starts = thinned(attractors), thinned(whole, MOST_STARTS)
     moved = motions.of(None, shown, ())
     moved["special"] = moved["rows"]
@@ -108,11 +108,11 @@ def _basins(number: int, one: Saved, motions: Motions) -> list[Study]:
     study: Study = {
         "title": "Basins",
         "meaning": "Each dot is a start, in the colour of the attractor to which its motion converges "
-        f"within {plan['longest_turns']} turns. "
+        f"within {plan['max_turns']} turns. "
         "A key drawn over itself shows how many starts come to each attractor.",
         "table": table_data("starts", number, whole, MOST_STARTS),
-        "axes": axes(starts, plan["starts"]),
-        "measures": [_measure(name) for name in (*list(plan["starts"])[1:], "turns")],
+        "axes": axes(starts, plan["initial_conditions"]),
+        "measures": [_measure(name) for name in (*list(plan["initial_conditions"])[1:], "turns")],
         "series": sorted(series, key=lambda one_series: order.index(one_series["label"])),
         "owner": [rows.get(name) for name in _named(starts, keys)],
         "high": True,
@@ -122,7 +122,7 @@ def _basins(number: int, one: Saved, motions: Motions) -> list[Study]:
     shares = {
         "title": "Shares",
         "meaning": "The share of the starts that converges to each attractor "
-        f"within {plan['longest_turns']} turns, and below it the motion of each.",
+        f"within {plan['max_turns']} turns, and below it the motion of each.",
         "table": told,
         "axes": axes(shown, keys),
         "measures": [_measure("fraction"), *measures(shown)],
@@ -160,7 +160,7 @@ def _design(number: int, one: Saved, motions: Motions) -> list[Study]:
     if has_table(one.directory, "samples"):
         whole = one.columns("samples", ("regime",))
         table = thinned(whole)
-        found.append(_tolerances(number, whole, table, list(one.given("design", "spread"))))
+        found.append(_tolerances(number, whole, table, list(one.given("design", "parameter_tolerances"))))
     return found + [_search(number, one, name, motions) for name in _SEARCHES if has_table(one.directory, name)]
 
 
@@ -197,7 +197,7 @@ def _search(number: int, one: Saved, name: str, motions: Motions) -> Study:
     """Return the figure of all designs that were looked at, or of a Pareto front."""
     title, mode, first = _SEARCHES[name]
     plan, is_front = one.given("design"), name == "pareto"
-    aims = [column for column in (plan.get("minimize"), *plan.get("subject", {})) if column]
+    aims = [column for column in (plan.get("minimize"), *plan.get("constraints", {})) if column]
     whole = one.columns(name, (), (first, *aims))
     table = thinned(whole)
     feasible = table["feasible"].astype(bool)

@@ -26,7 +26,7 @@ SHEET = {
     "stroke_": "strokes",
     "acceleration_": "accelerations",
     "gamma": "accelerations",
-    **dict.fromkeys(("motor_power_", "motor_torque_", "torque_share", "slip_", "speed_ripple_"), "motors"),
+    **dict.fromkeys(("motor_power_", "motor_torque_", "torque_ratio", "slip_", "speed_ripple_"), "motors"),
     "bearing_": "motors",
     **dict.fromkeys(("synchronized_", "start_"), "start"),
     "whole_": "peaks of the whole run",

@@ -37,7 +37,7 @@ SWEEPS = ("fig2", *IMPACT)
 COUNTED = ["outcome", "simulated_s", "events"]
 #: Settings of the sweeps with further seeds: upward only, as claims are judged by these branches, and without other
 #: motions beside them, as no table shows these.
-REPEATED: dict[str, Any] = {"sweep.supply_frequency_hz.direction": ["up"], "sweep.coexists": False}
+REPEATED: dict[str, Any] = {"sweep.supply_frequency_hz.direction": ["up"], "sweep.find_coexisting": False}
 
 
 class SharedRecords:

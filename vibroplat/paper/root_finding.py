@@ -57,7 +57,7 @@ def _bisected(evidence: Evidence, step: Step) -> Tasks[Boundary]:
     branch, rows = evidence.courses[step.key]
     before, after = (next(row for row in rows if row[SUPPLY] == supply) for supply in (step.before, step.after))
     plan = branch.plan.model_copy(
-        update={"lyapunov": branch.plan.lyapunov and step.regime in MOTIONS, "coexists": False}
+        update={"lyapunov": branch.plan.lyapunov and step.regime in MOTIONS, "find_coexisting": False}
     )
     width = JUMP_WIDTH if step.regime in ("antiphase", "in-phase") else WIDTH
     while abs(after[SUPPLY] - before[SUPPLY]) > width:
@@ -83,7 +83,7 @@ def match_beta(evidence: Evidence) -> Tasks[float | None]:
     impact = float(evidence.curve(IMPACT_KEY, np.array([wanted]))[0][0])
     branch = evidence.courses[IMPACT_KEY].branch
     # antiphase with viscous friction may be unstable near the jump: without perturbation the motion stays there
-    changes = {"measure_s": 1.0, "lyapunov": False, "perturbation": 0.0, "settle": "motion"}
+    changes = {"measure_s": 1.0, "lyapunov": False, "perturbation": 0.0, "settle_by": "section"}
     plan = branch.plan.model_copy(update=changes)
     begin = min(evidence.rows(IMPACT_KEY), key=lambda row: abs(row[F] - wanted + 1.0))[SUPPLY]
     excess: dict[float, float] = {}

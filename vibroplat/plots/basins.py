@@ -41,12 +41,12 @@ def basins_figure(
     name: str, scene: Scene | None, plan: Mapping[str, Any], attractors: pd.DataFrame, starts: pd.DataFrame
 ) -> Figure:
     """Draw the basins of a scene, which has this section ``basins``: starts, or over a key shares of them."""
-    ranges, key = plan["starts"], column_of(plan["over"]["key"]) if plan.get("over") else ""
-    figure = _shares(attractors, key, plan["longest_turns"]) if key else _places(attractors, starts, ranges)
+    ranges, key = plan["initial_conditions"], column_of(plan["over"]["key"]) if plan.get("over") else ""
+    figure = _shares(attractors, key, plan["max_turns"]) if key else _places(attractors, starts, ranges)
     box = ", ".join(_range(start, ranges[start]) for start in (ranges if key else list(ranges)[2:]))
     crowded = not key and starts.duplicated(list(ranges)[:2]).any()
     hidden = "where several starts have one place, the last is seen" if crowded else ""
-    within = "" if key else f"starts followed for {plan['longest_turns']} turns"
+    within = "" if key else f"starts followed for {plan['max_turns']} turns"
     told = (sweep_parameters(scene, [key]), box and f"starts: {box}", within, hidden)
     head(figure, name, "\n".join(filter(None, told)))
     return figure

@@ -149,8 +149,8 @@ def _samples(tables: Mapping[str, pd.DataFrame], plan: DesignPlan) -> tuple[Figu
     entries = [entry(name, color=c, marker="s", ls="") for name, (c, mask) in looks.items() if mask.any()]
     entries += [entry("nominal", color="black", lw=1.0, ls="--")] if nominal and measures else []
     legend_below(figure, entries)
-    spread = [f"{key_name(key)} ±{100.0 * share:g} %" for key, share in list(plan.spread.items())[:MOST]]
-    spread += [f"{len(plan.spread) - MOST} more"] if len(plan.spread) > MOST else []
+    spread = [f"{key_name(key)} ±{100.0 * share:g} %" for key, share in list(plan.parameter_tolerances.items())[:MOST]]
+    spread += [f"{len(plan.parameter_tolerances) - MOST} more"] if len(plan.parameter_tolerances) > MOST else []
     return figure, fill(", ".join(part.replace(" ", "\N{NO-BREAK SPACE}") for part in spread), LETTERS)
 
 
@@ -170,7 +170,9 @@ def _best(table: pd.DataFrame) -> dict[str, float] | None:
 def _evaluations(tables: Mapping[str, pd.DataFrame], plan: DesignPlan) -> tuple[Figure, str]:
     """Draw the objective of all that was looked at over a bounded measure, with the Pareto front."""
     table, objective = tables["evaluations"], plan.minimize or ""
-    across = next(iter([*plan.pareto, *(m for m in plan.subject if m != "margin"), *plan.subject]), "start")
+    across = next(
+        iter([*plan.pareto, *(m for m in plan.constraints if m != "stability_margin"), *plan.constraints]), "start"
+    )
     figure, axes = new_figure(1, 1, (6.4, 4.4))
     axis: Axes = axes[0, 0]
     name_axis(axis, objective)
@@ -189,7 +191,7 @@ def _evaluations(tables: Mapping[str, pd.DataFrame], plan: DesignPlan) -> tuple[
         look = {"marker": "*", "ls": "", "color": VERMILION, "ms": 11.0}
         axis.plot(in_units([best[across]], across), in_units([best[objective]], objective), zorder=4.0, **look)
         entries.append(entry("best", **look))
-    if across in plan.subject:
+    if across in plan.constraints:
         axis.axvline(float(in_units(plan.bound(across)[1], across)), color=REFERENCE, lw=0.9, ls=":")
         entries.append(entry("bound", color=REFERENCE, lw=0.9, ls=":"))
     if "pareto" in tables:
@@ -204,11 +206,11 @@ def _evaluations(tables: Mapping[str, pd.DataFrame], plan: DesignPlan) -> tuple[
         entries += [entry(label, **how) for label, (count, how) in fronts.items() if count]
     if table.empty:
         _nothing(axis, "every start lost the orbit")
-    for name in {across, objective} - {"start", "margin"}:
+    for name in {across, objective} - {"start", "stability_margin"}:
         values = table[name].to_numpy(float)
         if values.size and values.min() > 0.0 and values.max() > WIDE * values.min():  # searches begin far away
             in_decades(axis, "x" if name == across else "y")
     if across == "start":
         axis.xaxis.set_major_locator(MaxNLocator(integer=True))
     legend_below(figure, entries)
-    return figure, ", ".join(f"{key_name(measure)} {bound}" for measure, bound in plan.subject.items())
+    return figure, ", ".join(f"{key_name(measure)} {bound}" for measure, bound in plan.constraints.items())

@@ -133,7 +133,7 @@ class Study:
     def boundaries(self) -> pd.DataFrame:
         """Read the table ``boundaries``; its keys must hold numbers."""
         (result,) = self.results
-        table = result.columns("boundaries", ("kind",), ("curve", "unstable"))
+        table = result.columns("boundaries", ("kind",), ("curve", "n_unstable"))
         if not all(key in table and is_number(table[key]) for key in (self.key, self.second)):
             raise TableError(f"the boundaries table in {result.directory} has no numbers of two keys")
         return table
@@ -141,7 +141,7 @@ class Study:
 
 def reached(boundaries: pd.DataFrame) -> pd.Series:
     """Tell of each point of boundaries whether motion converges to an orbit beside a point of its curve."""
-    return (boundaries.groupby("curve")["unstable"].transform("min") == 0).astype(bool)
+    return (boundaries.groupby("curve")["n_unstable"].transform("min") == 0).astype(bool)
 
 
 # -- sweeps ------------------------------------------------------------------------------------------------------------

@@ -45,7 +45,7 @@ def threshold_figures(
     for directory in directories:
         saved = Saved(directory, "find")
         key = saved.column("find", "key")
-        values = saved.columns("scan", ("stage", "sync", "motion"), (key, *MEASURES, *measure))
+        values = saved.columns("scan", ("reason", "sync", "motion"), (key, *MEASURES, *measure))
         found = saved.columns("thresholds", ("kind",), ("value",), MIXED)
         name, plan = directory.resolve().name, saved.given("find")
         yield directory, "thresholds", threshold_figure(name, saved.known_scene, plan, values, found, measure)
@@ -85,7 +85,7 @@ def threshold_figure(
             axis.axvline(value, color=REFERENCE, lw=0.9, ls="--", zorder=1.5)
         for low, high in intervals:
             axis.axvspan(low, high, color=REFERENCE, alpha=SHADE, lw=0.0, zorder=0.5)
-    scan = values.loc[values["stage"] == "scan", key]
+    scan = values.loc[values["reason"] == "scan", key]
     if in_ratios(scan):
         in_decades(panels[0], "x")
     told = [f"{value_label(plan['key'], float(row['value']))}: {row['kind']}" for _, row in thresholds.iterrows()]

@@ -19,7 +19,7 @@ def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] 
     """
     phases = "phi1-phi2" if scene.co_rotating else "phi1+phi2"
     counts, in_whole = (
-        ", ".join(str(summary[f"{part}{kind}"]) for kind in ("liftoffs", "impacts", "latches"))
+        ", ".join(str(summary[f"{part}{kind}"]) for kind in ("liftoffs", "impacts", "chatters"))
         for part in ("measured_", "")
     )
     return _lines(
@@ -38,7 +38,7 @@ def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] 
         ("gap, largest", _mm(summary["gap_max_m"]) or None, "mm"),
         ("impulse, largest", summary["impulse_max_n_s"] or None, "N·s"),
         ("flight fraction", summary["flight_fraction"] if scene.has_contact else None, ""),
-        ("liftoffs, impacts, latches", f"{counts}; in the whole run {in_whole}", ""),
+        ("liftoffs, impacts, chatters", f"{counts}; in the whole run {in_whole}", ""),
     )
 
 
@@ -89,7 +89,7 @@ def sheet(scene: Scene, summary: Mapping[str, Any]) -> dict[str, str]:
 
 def _motor(summary: Mapping[str, Any], n: int) -> dict[str, str]:
     """Return what a data sheet says of a motor; shares are of its critical torque."""
-    torque, power, share = f"motor_torque_{n}", f"motor_power_{n}", f"torque_share_{n}"
+    torque, power, share = f"motor_torque_{n}", f"motor_power_{n}", f"torque_ratio_{n}"
     shares = {name: summary.get(name) for name in (share, f"{share}_max", f"whole_{share}_max")}
     mean, most, whole = ("" if one is None else f" ({100.0 * one:.3g} %)" for one in shares.values())
     of = " of critical)" if mean else ""

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from vibroplat.config.kinds import KINDS
+from vibroplat.config.schema import RENAMED as KEYS
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
 from vibroplat.results.locks import replacing
@@ -42,7 +43,22 @@ from vibroplat.results.tables import (
 #: The commands that write results, in the order in which results of one directory are told.
 COMMANDS = ("run", *KINDS, "paper")
 #: Version of the contents of result directories; increased when an older reader would misread them.
-SCHEMA = 1
+SCHEMA = 2
+#: Columns of results with schema 1, and their names now.
+RENAMED = {
+    "latches": "chatters",
+    "measured_latches": "measured_chatters",
+    "unstable": "n_unstable",
+    "coexists": "coexisting",
+    "margin": "stability_margin",
+    "stage": "reason",
+    **{
+        f"{part}torque_share_{n}{end}": f"{part}torque_ratio_{n}{end}"
+        for part in ("", "whole_")
+        for n in (1, 2)
+        for end in ("", "_max")
+    },
+}
 
 
 def write_result(
@@ -148,7 +164,7 @@ class SavedFiles:
     """
 
     def __init__(self, directory: Path, command: str) -> None:
-        self.directory = directory
+        self.directory, self.command = directory, command
         self.provenance = read_provenance(directory, command)
         if self.provenance.get("command", command) != command:
             raise TableError(f"{directory} holds a result of {self.provenance['command']}; allowed: one of {command}")
@@ -163,11 +179,18 @@ class SavedFiles:
 
     def table(self, name: str) -> pd.DataFrame:
         """Read a table; raises :class:`TableError` if it is missing, damaged or of another result."""
-        return read_table(self.directory, name, self._digests)
+        return self._renamed(read_table(self.directory, name, self._digests))
 
     def parts(self, name: str, columns: Collection[str] | None = None, *, last: bool = False) -> Iterator[pd.DataFrame]:
         """Read a table in parts; see :func:`vibroplat.results.tables.read_parts`."""
-        return read_parts(self.directory, name, self._digests, columns, last=last)
+        if columns is not None and self.provenance["schema"] == 1:
+            columns = [*columns, *(old for old, new in RENAMED.items() if new in columns)]
+        return map(self._renamed, read_parts(self.directory, name, self._digests, columns, last=last))
+
+    def _renamed(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Return a table with the present names of its columns; the margins of the paper's claims keep theirs."""
+        names = RENAMED if self.command != "paper" else {**RENAMED, "margin": "margin"}
+        return table.rename(columns=names) if self.provenance["schema"] == 1 else table
 
     def document(self, name: str) -> Any:
         """Read a JSON file; raises :class:`TableError` if it is missing, damaged or of another result."""
@@ -196,9 +219,22 @@ def read_provenance(directory: Path, command: str) -> dict[str, Any]:
     own = _own(directory, command)
     origin = read_json(directory, own.stem if own.exists() else "provenance")
     found = origin.get("schema") if isinstance(origin, dict) else None
-    if type(found) is not int or found != SCHEMA:
-        raise TableError(f"{directory} holds results of schema {found}; this version reads schema {SCHEMA}")
+    if type(found) is not int or found not in (1, SCHEMA):
+        raise TableError(f"{directory} holds results of schema {found}; this version reads schemas 1 and {SCHEMA}")
+    if found == 1 and isinstance(origin.get("configuration"), dict):
+        _rename_keys(origin["configuration"])
     return dict(origin)
+
+
+def _rename_keys(configuration: dict[str, Any]) -> None:
+    """Give the keys of a configuration of schema 1 their present names."""
+    values = {"sweep.settle": {"orbits": "newton", "motion": "section"}}
+    for old, new in KEYS.items():
+        section, _, key = old.partition(".")
+        given = configuration.get(section)
+        if isinstance(given, dict) and key in given:
+            value = given.pop(key)
+            given[new.partition(".")[2]] = values[old].get(value, value) if old in values else value
 
 
 def _former(path: Path, command: str) -> set[str]:

@@ -21,10 +21,10 @@ from vibroplat.frames import PlainTable, pd
 from vibroplat.hybrid.state import EVENT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE
-from vibroplat.observe.measures import Measures
-from vibroplat.observe.notes import notes_on_samples, peaks_of
+from vibroplat.observe.data_sheet import columns
+from vibroplat.observe.measures import Accumulators
+from vibroplat.observe.notes import largest_samples, notes_on_samples
 from vibroplat.observe.section import section_rows
-from vibroplat.observe.sheet import columns
 from vibroplat.observe.summary import INACCURATE
 from vibroplat.observe.tables import (
     ROW,
@@ -60,7 +60,7 @@ class RunResult(Result):
     scene
         What was simulated.
     summary
-        Outcome, measures and notes; see :func:`vibroplat.observe.summary.measured`.
+        Outcome, measures and notes; see :func:`vibroplat.observe.summary.measure`.
     origin
         What provenance says of the run that it goes on from, if any.
     segments
@@ -81,7 +81,7 @@ class RunResult(Result):
 
     command = "run"
     segments: Sequence[Segment] = ()
-    measures: Measures | None = None
+    measures: Accumulators | None = None
     derivative: pd.DataFrame | None = None
     _end: FloatArray | None = None
 
@@ -94,7 +94,7 @@ class RunResult(Result):
         segments: Sequence[Segment] = (),
         event_rows: Records | None = None,
         end: FloatArray | None = None,
-        measures: Measures | None = None,
+        measures: Accumulators | None = None,
         table: pd.DataFrame | None = None,
         peaks: Mapping[str, float] | None = None,
         derivative: pd.DataFrame | None = None,
@@ -304,7 +304,7 @@ class RunResult(Result):
         peaks = self._peaks
         if peaks is None:
             assert self.measures is not None  # of a run that was not read from its files
-            peaks = peaks_of(self.trajectory, float(self.measures.marks["window"]))
+            peaks = largest_samples(self.trajectory, float(self.measures.marks["window"]))
         return notes + notes_on_samples(peaks, self.summary, self.scene.output.sample_rate_hz)
 
     def __repr__(self) -> str:

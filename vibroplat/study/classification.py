@@ -19,7 +19,7 @@ from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.model.parameters import FloatArray
-from vibroplat.observe.measures import LONGEST_PERIOD
+from vibroplat.observe.measures import MAX_FINAL_PERIOD
 from vibroplat.observe.section import MAX_PERIOD, period
 from vibroplat.study.lyapunov import Exponent, largest_exponent
 from vibroplat.study.settling import Settling, draws_together
@@ -133,10 +133,10 @@ def _by_exponent(exponent: Exponent, points: FloatArray) -> Kind:
     if exponent.sign > 0:
         return Kind("chaotic", 0, exponent, drifts=not _steady(points, REPEATS, *STEADY_CHAOS))
     if exponent.sign < 0 or not (abs(exponent.value) + 2.0 * exponent.error) * exponent.turn <= ZERO:
-        n = period(points, REPEATS, first=MAX_PERIOD + 1, last=LONGEST_PERIOD)
+        n = period(points, REPEATS, first=MAX_PERIOD + 1, last=MAX_FINAL_PERIOD)
         if n > 0:
             return Kind("periodic", n, exponent)
-        why = f"no period found up to {LONGEST_PERIOD}" if exponent.sign < 0 else "sign unclear"
+        why = f"no period found up to {MAX_FINAL_PERIOD}" if exponent.sign < 0 else "sign unclear"
         return _undecided(exponent, why)
     if not _steady(points, REPEATS):
         return _undecided(exponent, "the section still drifts")

@@ -20,8 +20,8 @@ from vibroplat.config.scene import Scene
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
-from vibroplat.observe.measures import Measures, between, measured_peaks
+from vibroplat.motion.motion import Simulator
+from vibroplat.observe.measures import Accumulators, block_difference, measured_extremes
 from vibroplat.observe.section import section_points
 from vibroplat.observe.summary import statistics
 from vibroplat.study.lyapunov import largest_exponent
@@ -52,10 +52,10 @@ class Compared(NamedTuple):
     apart_s: float = 0.0
 
 
-def block_values(blocks: Sequence[Measures]) -> FloatArray:
+def block_values(blocks: Sequence[Accumulators]) -> FloatArray:
     """TELLING of each block, shape (blocks, 3), from the sums at their ends."""
-    parts = [*blocks[:1], *(between(a, b) for a, b in pairwise(blocks))]
-    found = [statistics(part, measured_peaks(part)) for part in parts]
+    parts = [*blocks[:1], *(block_difference(a, b) for a, b in pairwise(blocks))]
+    found = [statistics(part, measured_extremes(part)) for part in parts]
     return np.array([[values[name] for name in TELLING] for values in found], dtype=float)
 
 
@@ -77,7 +77,9 @@ def compare(
     """Follow a motion of known class, shape (BLOCKS, 3), and another, from full states at their ends."""
     p, length = parameters(scene), BLOCKS * plan.measure_s
     with closing(make_engine(scene, p)) as one, closing(make_engine(scene, p)) as two:
-        motions = [Motion(scene, p, engine, state) for engine, state in zip((two, one), reversed(states), strict=True)]
+        motions = [
+            Simulator(scene, p, engine, state) for engine, state in zip((two, one), reversed(states), strict=True)
+        ]
         classes: list[FloatArray] = [class_of]
         for _ in range(WINDOWS):
             for place, motion in enumerate(motions):

@@ -32,8 +32,8 @@ from vibroplat.config.scene import Scene
 from vibroplat.integrate import make_engine, native_library
 from vibroplat.kernels.target import processor
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
-from vibroplat.observe.summary import measured
+from vibroplat.motion.motion import Simulator
+from vibroplat.observe.summary import measure
 from vibroplat.results.provenance import sundials_version
 
 Fingerprint = Mapping[str, str]
@@ -124,9 +124,9 @@ def _motion(engine: str) -> list[Any]:
     scene = Scene().replace(REFERENCE | {"solver.engine": engine})
     p = parameters(scene)
     with closing(make_engine(scene, p)) as integrator:
-        motion = Motion(scene, p, integrator)
+        motion = Simulator(scene, p, integrator)
         part = motion.advance(FOLLOWED)
-        return [motion.outcome, motion.events, motion.state.tolist(), measured(part, scene)]
+        return [motion.outcome, motion.events, motion.state.tolist(), measure(part, scene)]
 
 
 def _functions() -> list[Any]:

@@ -1,6 +1,6 @@
 """Lyapunov exponents of a motion, from the derivative of its Poincaré map.
 
-The derivative is carried along the motion (:mod:`vibroplat.observe.variation`), through impacts, latches and liftoffs.
+The derivative is carried along the motion (:mod:`vibroplat.observe.variation`), through impacts, chatters and liftoffs.
 Where exciter 1 completes its turns it is projected along the motion onto the section, which takes out the neutral
 direction, and its columns are made orthogonal again: their growth gives the exponents (Benettin et al. 1980; Müller
 1995).
@@ -29,7 +29,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.motion.initial_condition import initial_condition
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.observe.tables import state_places
 from vibroplat.observe.variation import Variation
 
@@ -148,7 +148,9 @@ def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
     start = initial_condition(scene)
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine, *start[:3]) if state is None else Motion(scene, p, engine, np.array(state))
+        motion = (
+            Simulator(scene, p, engine, *start[:3]) if state is None else Simulator(scene, p, engine, np.array(state))
+        )
         if state is None:
             motion.to_time(motion.now + scene.run.duration_s)
         found = exponents(motion, whole_section(scene), ALL)
@@ -184,7 +186,7 @@ def largest_exponent(
     """
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine, state)
+        motion = Simulator(scene, p, engine, state)
         found = exponents(
             motion, whole_section(scene)[:, :FEW] if directions is None else directions, effort, largest=True
         )
@@ -219,7 +221,7 @@ def mixed(growth: FloatArray) -> int:
     return math.ceil(float(waits[waits <= most].max(initial=0.0)))
 
 
-def exponents(motion: Motion, directions: FloatArray, effort: Effort, *, largest: bool = False) -> list[Exponent]:
+def exponents(motion: Simulator, directions: FloatArray, effort: Effort, *, largest: bool = False) -> list[Exponent]:
     """Follow the growth of directions from the next point of the section on; one exponent for each of them.
 
     Growth is added until all errors are small enough, or that of the largest exponent alone, or until the largest
@@ -254,7 +256,7 @@ def exponents(motion: Motion, directions: FloatArray, effort: Effort, *, largest
             return found
 
 
-def _longest(motion: Motion, turns: int) -> float:
+def _longest(motion: Simulator, turns: int) -> float:
     """Time by which exciter 1 completes so many turns, if it turns at all (s)."""
     return (2 * turns + 2) * _TURN / motion.scene.speed_scale
 
@@ -267,7 +269,7 @@ def _on_section(directions: FloatArray) -> FloatArray:
 
 
 def _grow(
-    motion: Motion, variation: Variation, basis: FloatArray, scales: FloatArray, turns: int
+    motion: Simulator, variation: Variation, basis: FloatArray, scales: FloatArray, turns: int
 ) -> tuple[float, FloatArray, FloatArray, int] | None:
     """Carry orthogonal directions on the section, in scales, along with the motion for some turns of exciter 1.
 

@@ -22,19 +22,19 @@ from vibroplat.hybrid.state import Automaton, initial_state, perturb_state, stat
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion, Observer
+from vibroplat.motion.motion import Observer, Simulator
+from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.notes import notes_on_measures, stiffness
 from vibroplat.observe.section import section_points, section_rows, whole_periods
-from vibroplat.observe.sheet import columns
 from vibroplat.observe.summary import (
     INACCURATE,
-    WANDER,
-    Part,
+    MAX_DRIFT,
+    MeasuredInterval,
     block_errors,
-    half_open,
     inaccuracy,
-    measured,
+    measure,
     synchronization,
+    wrap_angle,
 )
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.coexisting import BLOCKS, block_values, compare, telling, within
@@ -102,7 +102,7 @@ POINT: Columns = {
     "multiplier_max": Column(
         "size of the largest Floquet multiplier", "of motion that repeats, but the 1 along it; empty without its orbit"
     ),
-    "coexists": Column(
+    "coexisting": Column(
         "attractors found to coexist with a chaotic or undecided motion",
         "stable orbits near it, and attractors that other initial conditions lead to; of a chaotic one, for how long "
         "neither changed into the other. 'not found' says how far the search went: there may still be others. Empty: "
@@ -189,7 +189,7 @@ def _measured_point(scene: Scene, plan: SweepPlan, state: list[float] | None, ke
     began = time.perf_counter()
     start = initial_state(scene) if state is None else np.array(state)
     start = perturb_state(start, scene, plan.perturbation, (plan.seed, *key))
-    if plan.settle == "motion":
+    if plan.settle_by == "section":
         point = _followed(scene, plan, start)
     else:
         with closing(provided("OrbitSeeker")(scene)) as seeker:
@@ -211,7 +211,7 @@ def on_orbit(scene: Scene, orbit: KnownOrbit, settled: float, work: Mapping[str,
     found = orbit.measures
     row: dict[str, Any] = {
         "rotation": scene.rotation,
-        "coexists": "",
+        "coexisting": "",
         "settle_s": settled,
         "outcome": "ok",
         "detail": "",
@@ -236,7 +236,7 @@ def _followed(
     p = parameters(scene)
     impacts = _Impacts() if plan.kind == "bifurcation" else None
     with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine, start, began)
+        motion = Simulator(scene, p, engine, start, began)
         settling, part, kind = _settled_and_measured(motion, plan, [] if impacts is None else [impacts], seeker)
         work = engine.work
         stiff = stiffness(scene, engine.name, work["steps"], motion.restarts, motion.now - began)
@@ -244,7 +244,7 @@ def _followed(
         return on_orbit(scene, settling.orbit, settling.seconds, work, motion.events)
     row: dict[str, Any] = {
         "rotation": scene.rotation,
-        "coexists": "",
+        "coexisting": "",
         "settle_s": settling.seconds,
         "outcome": motion.outcome,
         "detail": motion.detail,
@@ -256,7 +256,7 @@ def _followed(
     final: list[float] | None = None
     heights: list[float] = []
     measures = whole_periods(part.measures, (kind and kind.period) or 1)
-    found = measured(part._replace(measures=measures), scene)
+    found = measure(part._replace(measures=measures), scene)
     doubt = inaccuracy(found, scene) if kind is not None else ""
     if doubt:
         row |= {"outcome": INACCURATE, "detail": doubt, "energy_residual": found["energy_residual"]}
@@ -268,15 +268,15 @@ def _followed(
         errors = {ERRORS[name]: error for name, error in block_errors(blocks, tuple(ERRORS)).items()}
         row |= row_of(found, scene, errors, settling.slip) | columns_of(kind)
         row["notes"] = "; ".join(note for note in (row["notes"], stiff) if note)
-        if plan.coexists and kind.motion in ("chaotic", "undecided") and kind.period == 0 and seeker is not None:
-            row["coexists"] = _coexisting(scene, plan, part, motion.state, seeker)
+        if plan.find_coexisting and kind.motion in ("chaotic", "undecided") and kind.period == 0 and seeker is not None:
+            row["coexisting"] = _coexisting(scene, plan, part, motion.state, seeker)
         if impacts is not None:
             points = section_points(part.measures, scene)
             heights = (points[-SHOWN:, 1] * state_scales(scene)[1]).tolist()
     return Point(row, final, heights, list(impacts.speeds) if final and impacts else [])
 
 
-def _coexisting(scene: Scene, plan: SweepPlan, part: Part, end: FloatArray, seeker: Seeker) -> str:
+def _coexisting(scene: Scene, plan: SweepPlan, part: MeasuredInterval, end: FloatArray, seeker: Seeker) -> str:
     """Describe other attractors than that of a row that does not repeat, or how far the search for them went.
 
     Searched are stable orbits near its section, and what ``run.initial``, and the same with exciter 2 half a turn
@@ -328,8 +328,8 @@ class _Impacts:
 
 
 def _settled_and_measured(
-    motion: Motion, plan: SweepPlan, observers: Sequence[Observer], seeker: Seeker | None = None
-) -> tuple[Settling, Part, Kind | None]:
+    motion: Simulator, plan: SweepPlan, observers: Sequence[Observer], seeker: Seeker | None = None
+) -> tuple[Settling, MeasuredInterval, Kind | None]:
     """Settle, measure and classify a motion; settle again if it turns out not to have settled.
 
     Motion that does not repeat is measured in blocks, from which the errors of its measures follow. A motion that
@@ -361,19 +361,21 @@ def _settled_and_measured(
     return settling, part, kind if motion.outcome == "ok" else None
 
 
-def _measured_part(motion: Motion, plan: SweepPlan, settling: Settling, observers: Sequence[Observer]) -> Part:
+def _measured_part(
+    motion: Simulator, plan: SweepPlan, settling: Settling, observers: Sequence[Observer]
+) -> MeasuredInterval:
     """Measure a motion: in one part if it repeats; otherwise in blocks."""
     if settling.how != "maximum":
         return _measure(motion, plan.measure_s, settling, observers)
     return motion.advance(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers)
 
 
-def _measure(motion: Motion, least: float, settling: Settling, observers: Sequence[Observer]) -> Part:
+def _measure(motion: Simulator, least: float, settling: Settling, observers: Sequence[Observer]) -> MeasuredInterval:
     """Measure a motion for at least a time (s), and for whole periods if it repeats."""
     if settling.turn == 0.0:
         return motion.advance(least, observers=observers)
     turns = settling.period * max(math.ceil(least / (settling.period * settling.turn)), PERIODS)
-    return motion.go_round(turns, 2.0 * (turns + 1) * settling.turn, observers)
+    return motion.advance_turns(turns, 2.0 * (turns + 1) * settling.turn, observers)
 
 
 def row_of(
@@ -393,9 +395,9 @@ def row_of(
         row["gap_max_m"] = 0.0  # it never flew
     if row["phase_difference_rad"] is not None:
         error = errors.get(ERRORS["phase_difference_rad"]) or 0.0
-        row["phase_difference_rad"] = half_open(row["phase_difference_rad"], max(near, 2.0 * error))
+        row["phase_difference_rad"] = wrap_angle(row["phase_difference_rad"], max(near, 2.0 * error))
     row["notes"] = "; ".join(notes_on_measures(scene, found))
-    row["sync"] = "none" if abs(slip) > WANDER else synchronization(found)
+    row["sync"] = "none" if abs(slip) > MAX_DRIFT else synchronization(found)
     return row
 
 

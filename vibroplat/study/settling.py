@@ -18,7 +18,7 @@ import numpy as np
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.model.parameters import FloatArray
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.observe.section import section_points, section_rows, spreads
 
 #: Turns of exciter 1 that are compared with as many before, and turns between two checks.
@@ -47,7 +47,7 @@ class KnownOrbit(NamedTuple):
     multiplier
         Size of the largest Floquet multiplier but the 1 along the motion.
     measures
-        What :func:`vibroplat.observe.summary.measured` gathers over a period.
+        What :func:`vibroplat.observe.summary.measure` gathers over a period.
     section_y, impact_speeds
         y where it crosses the section (m), and speeds of the impacts in a period (m/s).
     """
@@ -95,12 +95,12 @@ class Seeker(Protocol):
 
     @property
     def work(self) -> Mapping[str, int | None]:
-        """How much was done so far; see :data:`vibroplat.integrate.seam.WORK`."""
+        """How much was done so far; see :data:`vibroplat.integrate.interface.WORK`."""
 
     def first(self, start: FloatArray) -> KnownOrbit | None:
         """Follow a motion for BLOCK turns from a full state, and return the orbit that it surely comes to."""
 
-    def seek(self, motion: Motion, points: FloatArray, period: int) -> KnownOrbit | None:
+    def seek(self, motion: Simulator, points: FloatArray, period: int) -> KnownOrbit | None:
         """Return the orbit that a motion surely comes to.
 
         Its section has these points, in the scales of the scene, and draws together after a period (turns), or 0.
@@ -146,7 +146,7 @@ class Settling(NamedTuple):
         return self.how == "periodic" and self.turn > 0.0 and self.seconds > EARLY_LOOKS * BLOCK * self.turn
 
 
-def settle(motion: Motion, plan: SweepPlan, longest: float, seeker: Seeker | None = None) -> Settling:
+def settle(motion: Simulator, plan: SweepPlan, longest: float, seeker: Seeker | None = None) -> Settling:
     """Advance a motion until it has settled as the plan says, or comes to an orbit that a seeker knows, or ends early.
 
     ``longest`` limits the settling (s). It is counted from the beginning of the motion, so that one that
@@ -181,7 +181,7 @@ def settle(motion: Motion, plan: SweepPlan, longest: float, seeker: Seeker | Non
     return Settling("maximum", motion.now, slip=phases[-1] - phases[0] if phases else 0.0)
 
 
-def phase_difference(motion: Motion) -> float:
+def phase_difference(motion: Simulator) -> float:
     """Phase difference of a motion, with all whole turns (rad)."""
     return float(motion.state[3:5] @ motion.scene.phase_weights)
 

@@ -12,8 +12,8 @@ import pandas as pd
 from vibroplat.columns import PHASE_COLUMN, SHAKING, Column, Columns
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
-from vibroplat.integrate.seam import WORK
-from vibroplat.observe.sheet import SHEET, of_points
+from vibroplat.integrate.interface import WORK
+from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.observe.summary import MEASURES
 from vibroplat.results.result import Answer, Result
 from vibroplat.study.bands import BANDS, band_lines, bands
@@ -27,7 +27,7 @@ from vibroplat.study.study import ALLOWED, COMPARED, CrossCheckCase, Options, Pr
 COLUMNS = (
     *("direction", "branch", "rotation"),
     *MOTION_MEASURES,
-    *("sync", "motion", "period", "multiplier_max", "coexists"),
+    *("sync", "motion", "period", "multiplier_max", "coexisting"),
     *LOAD_MEASURES,
     *("lyapunov_per_s", "lyapunov_error_per_s"),
     *ERRORS.values(),
@@ -60,7 +60,7 @@ CHUNK = 2000
 TABLES: dict[str, tuple[str, Columns]] = {
     "sweep": (
         "`vibroplat sweep`: a row for each point.",
-        {**_KEYS, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **of_points(["NAME"])},
+        {**_KEYS, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **point_columns(["NAME"])},
     ),
     "bands": (
         "`vibroplat sweep`: where each branch synchronizes how, jumps, lifts off, is largest along y, and fails. Over "
@@ -125,12 +125,12 @@ class SweepStudy(Study):
         Left out are points that are undecided, and chaotic ones beside which other motions are known.
         """
         rows = enumerate(row for *_, row in _begun(self.branches, store))
-        decided = [n for n, row in rows if row.get("motion") not in (None, "undecided") and not row["coexists"]]
+        decided = [n for n, row in rows if row.get("motion") not in (None, "undecided") and not row["coexisting"]]
         chosen = {*spread(decided)}
         cases = []
         for number, (branch, place, state, row) in enumerate(_begun(self.branches, store)):
             if number in chosen:
-                value, plan = branch.along[place], branch.plan.model_copy(update={"coexists": False})
+                value, plan = branch.along[place], branch.plan.model_copy(update={"find_coexisting": False})
                 task = point_task(other(branch.at(place)), plan, state, branch.key(value))
                 swept = ", ".join(
                     f"{key} = {at}" for key, at in {column_of(branch.swept): value, **branch.grid}.items()
@@ -279,7 +279,7 @@ def sweep_table(planned: Sequence[Branch], store: Records) -> pd.DataFrame:
     SpoiledError
         A record is missing or damaged.
     """
-    columns = (*COLUMNS, *SHEET, *of_points(planned[0].scene.output.points))
+    columns = (*COLUMNS, *SHEET, *point_columns(planned[0].scene.output.points))
     return pd.concat(_parts(planned, store, columns, lambda record: [record["row"]]), ignore_index=True)
 
 
@@ -297,7 +297,7 @@ def _parts(
 ) -> Iterator[pd.DataFrame]:
     """Yield the rows of all records in parts, at least one, as tables with the swept keys and these columns."""
     key, grid = column_of(planned[0].swept), planned[0].plan.grid
-    meant = {**SWEEP, **DIAGRAM, **of_points(planned[0].scene.output.points)}
+    meant = {**SWEEP, **DIAGRAM, **point_columns(planned[0].scene.output.points)}
     rows = (
         {key: value, **branch.grid, "direction": branch.direction, "branch": branch.number, **row}
         for branch in planned

@@ -186,14 +186,12 @@ class Search:
         meet = yield from self._meet(one, other, seen)
         if meet and self._alike(one, other):
             return None, seen
-        kind = "level crossing" if meet else "jump"
+        kind = "level-crossing" if meet else "jump"
         for end in (one, other):
-            longer = yield from self._value(
-                end.at, "twice as long", first if self.plan.from_ == "neighbour" else None, 2
-            )
+            longer = yield from self._value(end.at, "extended", first if self.plan.from_ == "neighbour" else None, 2)
             seen.append(longer)
             if longer.failed or not self._alike(longer, end):
-                kind = "depends on how long"
+                kind = "unresolved-transient"
         low, high = sorted((one, other), key=lambda value: value.at)
         return Threshold(low, high, 0.5 * (low.at + high.at), kind, ""), seen
 
@@ -264,9 +262,9 @@ class Search:
         if inner.failed or outer.failed or not self._alike(begin, inner) or (lingers and not self.plan.of_motion):
             return None
         gradual = apart(inner, outer, self.plan) < GRADUAL * size(inner, outer, self.plan)
-        kind = "level crossing" if gradual else "jump"
+        kind = "level-crossing" if gradual else "jump"
         low, high = sorted((inner, outer), key=lambda value: value.at)
-        return Threshold(low, high, at, "depends on how long" if lingers else kind, special[0]["kind"])
+        return Threshold(low, high, at, "unresolved-transient" if lingers else kind, special[0]["kind"])
 
     # -- mixed intervals -----------------------------------------------------------------------------------------------
 
@@ -286,7 +284,7 @@ class Search:
         doubtful = [
             one
             for one in thresholds
-            if not one.special and (one.kind != "level crossing" or scatters(one.low, one.high, self.plan))
+            if not one.special and (one.kind != "level-crossing" or scatters(one.low, one.high, self.plan))
         ]
         self._look("near", [at for one in doubtful for at in places.near(one)])
         tried: set[tuple[float, bool]] = set()

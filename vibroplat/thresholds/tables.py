@@ -17,7 +17,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.config.schema import meant
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import ConfigError
-from vibroplat.observe.sheet import SHEET, of_points
+from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.results.result import Answer, Result
 from vibroplat.study.branches import SUPPLY, column_of, study_table
 from vibroplat.study.point import lost
@@ -30,7 +30,7 @@ from vibroplat.thresholds.search import Search, start_key
 from vibroplat.thresholds.values import Value, evaluate
 
 #: How kinds are told where their names alone say too little.
-TOLD = {"depends on how long": "what the motion does depends on how long it is followed"}
+TOLD = {"unresolved-transient": "what the motion does depends on how long it is followed"}
 #: Outcomes of an expression in words.
 HELD = {True: "true", False: "false", None: "empty"}
 #: Columns of what stands on both sides of a threshold.
@@ -41,8 +41,8 @@ SIDES = (
 #: Kinds of thresholds.
 KINDS_OF_CHANGE = {
     "jump": "both sides stay what they were with twice the time, and their measures differ however near they are",
-    "level crossing": "the measures on both sides meet as the interval between them is halved",
-    "depends on how long": "one side is another with twice the time, or still leaves an unstable orbit",
+    "level-crossing": "the measures on both sides meet as the interval between them is halved",
+    "unresolved-transient": "one side is another with twice the time, or still leaves an unstable orbit",
 }
 #: What the columns mean.
 THRESHOLDS: Columns = {
@@ -77,9 +77,10 @@ THRESHOLDS: Columns = {
 }
 _POINT = tuple(name for name in COLUMNS if name not in ("direction", "branch"))
 VALUES: Columns = {
-    "stage": Column(
+    "reason": Column(
         "why the value was looked at",
-        "scan; orbit, of a branch; beside a special point; bisection; twice as long, of an end; near a threshold; "
+        "scan; orbit, of a branch; beside a special point; bisection; extended, an end with twice the settling time; "
+        "near a threshold; "
         "beyond a mixed interval; pair, in a mixed interval",
         kind=TEXT,
     ),
@@ -95,7 +96,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "thresholds": ("`vibroplat find`: a row for each threshold.", THRESHOLDS),
     "scan": (
         "`vibroplat find`: a row for each value that was looked at.",
-        {"…": Column("the key"), **VALUES, **of_points(["NAME"])},
+        {"…": Column("the key"), **VALUES, **point_columns(["NAME"])},
     ),
 }
 
@@ -145,7 +146,7 @@ class ThresholdStudy(Study):
         values = values[values["outcome"] == "ok"]
         for _, row in result.thresholds.iterrows():
             mixed = pd.notna(row["mixed_low"])
-            if self.plan.from_ == "neighbour" or (row["kind"] == "depends on how long" and not mixed):
+            if self.plan.from_ == "neighbour" or (row["kind"] == "unresolved-transient" and not mixed):
                 continue
             for side in ("below", "above"):
                 at, seed = float(row[side]), self.scene.run.seed
@@ -180,8 +181,8 @@ class ThresholdStudy(Study):
 
     def _scan(self, values: Sequence[Value]) -> pd.DataFrame:
         key, columns = column_of(self.plan.key), _columns(self.scene)
-        rows = [{key: value.at, "stage": value.stage, "seed": value.seed, **value.row} for value in values]
-        names = [key, "stage", "seed", *_POINT, *SHEET, *of_points(self.scene.output.points)]
+        rows = [{key: value.at, "reason": value.stage, "seed": value.seed, **value.row} for value in values]
+        names = [key, "reason", "seed", *_POINT, *SHEET, *point_columns(self.scene.output.points)]
         return study_table(rows, names, {**columns, **VALUES, SUPPLY: SWEEP[SUPPLY]})
 
     # -- in words ------------------------------------------------------------------------------------------------------
@@ -207,7 +208,7 @@ class ThresholdStudy(Study):
 
     def _kind(self, one: Threshold) -> str:
         """Return the kind of a change in words; where no level was asked for, none is crossed."""
-        if one.kind == "level crossing" and self.plan.expression is None:
+        if one.kind == "level-crossing" and self.plan.expression is None:
             return "the measures on both sides meet"
         return TOLD.get(one.kind, one.kind)
 
@@ -241,7 +242,7 @@ class ThresholdStudy(Study):
     def _outcome(self, value: Value) -> str:
         """Return the outcome at a value in words."""
         if self.plan.expression is None:
-            return value.row["sync"] if self.plan.outcome == "regime" else value.text
+            return value.row["sync"] if self.plan.compare == "regime" else value.text
         return HELD[value.outcome(self.plan)]
 
     @property
@@ -278,7 +279,7 @@ class ThresholdStudy(Study):
                 if zone.open_ended:
                     yield f"{place} still grew in the last round of values: outcomes may be mixed beyond it"
             for one in zone.thresholds:
-                if one.kind == "depends on how long" and one.special:
+                if one.kind == "unresolved-transient" and one.special:
                     yield (
                         f"beside {self.plan.key} = {one.value:.6g} motion leaves the orbit so slowly that it was still "
                         "near it when it was measured"
@@ -292,7 +293,7 @@ class ThresholdStudy(Study):
 
 
 def _columns(scene: Scene) -> Columns:
-    return {**VALUES, **of_points(scene.output.points)}
+    return {**VALUES, **point_columns(scene.output.points)}
 
 
 def _required(scene: Scene) -> FindPlan:
@@ -355,6 +356,6 @@ def find(scene: Scene, **options: Unpack[Options]) -> Result:
     >>> plan = {"key": "drive.supply_frequency_hz", "start": 40.0, "stop": 50.0, "scan": 5}
     >>> plan |= {"expression": "excitation_frequency_hz > 22", "tolerance": 0.01}
     >>> find(Scene().replace({"find": plan})).answer.text
-    ['drive.supply_frequency_hz = 44.40 Hz: level crossing; below excitation_frequency_hz = 21.996; above ...']
+    ['drive.supply_frequency_hz = 44.40 Hz: level-crossing; below excitation_frequency_hz = 21.996; above ...']
     """
     return run_study(ThresholdStudy(scene), **options)

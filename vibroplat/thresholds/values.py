@@ -21,7 +21,7 @@ from vibroplat.hybrid.state import initial_state, perturb_state
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 from vibroplat.study.point import ERRORS, Point, lost, measure_point
 from vibroplat.study.store import Record
 
@@ -73,7 +73,7 @@ class Value(NamedTuple):
             column, how, number = plan.compared
             return None if self.row.get(column) is None else bool(_COMPARED[how](self.row[column], number))
         sync = self.row["sync"]
-        return sync if plan.outcome == "regime" else (sync, self.row["motion"], self.row["period"], self.leaving)
+        return sync if plan.compare == "regime" else (sync, self.row["motion"], self.row["period"], self.leaving)
 
     @property
     def unsettled(self) -> bool:
@@ -200,7 +200,7 @@ def _followed(scene: Scene, start: FloatArray) -> list[float] | Point:
         return [float(value) for value in start]
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine, start)
+        motion = Simulator(scene, p, engine, start)
         motion.to_time(scene.drive.program[-1].t_s)
         if motion.outcome != "ok":
             return Point(**lost(motion.detail, motion.outcome))

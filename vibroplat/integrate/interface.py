@@ -1,4 +1,4 @@
-"""The seam: what a run asks of an integrator.
+"""The interface: what a run asks of an integrator.
 
 An *engine* drives the automaton of :mod:`vibroplat.hybrid`: for each segment it calls ``begin_segment``, integrates
 from the consistent state prepared there until the guard falls through zero or the segment's time is up, adds its steps,

@@ -1,7 +1,7 @@
 """The data sheet of a motion: loads on foundation, motors and bearings, strokes and accelerations, and how it starts.
 
-What is of a measured interval is found for runs, points of sweeps and orbits alike; peaks of the whole, and the start,
-for runs alone.
+What is of a measured interval is found for runs, points of sweeps and orbits alike; extremes of the whole, and the
+start, for runs alone.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from vibroplat.observe.extremes import (
     SIDEWAYS,
     SPEED_1,
     TORQUE_1,
-    joined,
+    merge_extremes,
 )
-from vibroplat.observe.measures import FASTEST, SORTS, SUMS, TIME, Measures, measured_peaks
+from vibroplat.observe.measures import BINS, FASTEST, SUMS, TIME, Accumulators, measured_extremes
 from vibroplat.observe.section import section_rows
 
 #: Part of its mean by which a speed may differ from it while the motion has its measured speed.
@@ -51,7 +51,7 @@ REMAINING = 0.05
 #: two standard errors, continued over so many measured parts, may make the last value (rad).
 TREND, TREND_BLOCKS, HORIZON, TREND_CHANGE = 3.0, 8, 20.0, 0.5
 #: Distance of a speed from a natural frequency, as a part of it, up to which they are near each other.
-NEAR = 0.1
+RESONANCE_WIDTH = 0.1
 
 #: Columns whose largest value in the whole run has a time and a speed, by the beginnings of their names: loads on the
 #: foundation, strokes, torques and powers, which are largest while a machine starts or stops.
@@ -68,18 +68,18 @@ _AXES = (
 _SUSPENSION = "springs and dampers; impulses of impacts reach it through them alone"
 
 
-def _of_motors() -> Iterator[tuple[str, Column]]:
+def _motor_columns() -> Iterator[tuple[str, Column]]:
     """Yield the columns of both motors, those of one kind side by side."""
-    for what, unit, told in (
+    for what, unit, definition in (
         ("power", "w", "torque times speed"),
         ("torque", "n_m", "in the direction of the drive"),
     ):
         for i in (1, 2):
-            yield f"motor_{what}_{i}_mean_{unit}", Column(f"mean {what} of motor {i}", told)
+            yield f"motor_{what}_{i}_mean_{unit}", Column(f"mean {what} of motor {i}", definition)
             yield f"motor_{what}_{i}_max_{unit}", Column(f"largest {what} of motor {i}", "of either sign")
     for i in (1, 2):
-        yield f"torque_share_{i}", Column(f"mean torque of motor {i} over its critical torque")
-        yield f"torque_share_{i}_max", Column(f"largest torque of motor {i} over its critical torque", "of either sign")
+        yield f"torque_ratio_{i}", Column(f"mean torque of motor {i} over its critical torque")
+        yield f"torque_ratio_{i}_max", Column(f"largest torque of motor {i} over its critical torque", "of either sign")
     for i in (1, 2):
         yield f"slip_{i}", Column(f"mean slip of motor {i}", "if its supply is constant")
     for i in (1, 2):
@@ -115,49 +115,49 @@ SHEET: Columns = {
         "largest acceleration along y of the machine's centre of mass over gravity",
         "of either sign, impulses of impacts do not count; the throw index of a level deck",
     ),
-    **dict(_of_motors()),
+    **dict(_motor_columns()),
 }
 
 
-def of_points(names: Iterable[str]) -> Columns:
+def point_columns(names: Iterable[str]) -> Columns:
     """Return the columns of named points of the platform."""
-    found = {}
+    columns = {}
     for name in names:
         for axis in ("x", "y"):
-            found[f"stroke_{axis}_{name}_m"] = Column(f"stroke of point {name} along {axis}", "largest minus least")
-        found[f"acceleration_max_{name}_m_per_s2"] = Column(
+            columns[f"stroke_{axis}_{name}_m"] = Column(f"stroke of point {name} along {axis}", "largest minus least")
+        columns[f"acceleration_max_{name}_m_per_s2"] = Column(
             f"largest acceleration of point {name}", "as the axes, it turns with the platform to first order in phi"
         )
-    return found
+    return columns
 
 
 def columns(scene: Scene) -> Columns:
     """Return the columns of a scene's data sheet."""
-    return {**SHEET, **of_points(scene.output.points)}
+    return {**SHEET, **point_columns(scene.output.points)}
 
 
-def _peaked(names: Iterable[str]) -> list[str]:
+def _names_of_largest(names: Iterable[str]) -> list[str]:
     """Return those columns that are largest values."""
     return [name for name in names if "_max" in name or name.startswith("stroke_") or name == "gamma"]
 
 
 def whole_columns(described: Columns) -> Columns:
     """Return the columns of the largest values in the whole run of a data sheet's columns."""
-    found: dict[str, Column] = {}
-    for name in _peaked(described):
+    columns_of_run: dict[str, Column] = {}
+    for name in _names_of_largest(described):
         base = split(name)[0]
         column = described[name]
-        found[f"whole_{name}"] = column._replace(meaning=f"{column.meaning} in the whole run")
+        columns_of_run[f"whole_{name}"] = column._replace(meaning=f"{column.meaning} in the whole run")
         if not name.startswith(TIMED):
             continue
-        found[f"whole_{base}_at_s"] = Column(
+        columns_of_run[f"whole_{base}_at_s"] = Column(
             f"when whole_{base} was first reached", "what exceeds it later by less than 1e-11 of it is round-off"
         )
-        found[f"whole_{base}_at_hz"] = Column(
+        columns_of_run[f"whole_{base}_at_hz"] = Column(
             "mean speed of both exciters around then",
             "turns of each over the time of that turn of the faster one; empty if both swing or stand still",
         )
-    return found
+    return columns_of_run
 
 
 #: What is of a whole run.
@@ -177,7 +177,7 @@ WHOLE: Columns = {
 }
 
 
-def means(ms: Measures) -> dict[str, float]:
+def means(ms: Accumulators) -> dict[str, float]:
     """Means over the whole turns of exciter 1, or without any over the whole measured part; empty if that is nothing.
 
     What is called ``time`` is how long that is (s).
@@ -193,33 +193,33 @@ def steady_supply(scene: Scene, begin: float, end: float) -> Interval | None:
     return None if scene.drive.last_change(end) > begin else scene.drive.at(begin)
 
 
-def data_sheet(ms: Measures, peaks: Any, scene: Scene) -> dict[str, float | None]:
+def data_sheet(ms: Accumulators, extremes: Any, scene: Scene) -> dict[str, float | None]:
     """Return the data sheet of a measured interval with its extremes.
 
     It has None where there is nothing, or nothing constant, to measure.
     """
     mean = means(ms)
-    found: dict[str, float | None] = dict.fromkeys(columns(scene))
+    sheet: dict[str, float | None] = dict.fromkeys(columns(scene))
     if not mean:
-        return found
+        return sheet
     for name, _, key, unit in _AXES:
-        found[f"foundation_{name}_rms_{unit}"] = math.sqrt(max(mean[f"{key}_{key}"] - mean[key] ** 2, 0.0))
-    found["foundation_force_y_mean_n"] = mean["force_y"]
+        sheet[f"foundation_{name}_rms_{unit}"] = math.sqrt(max(mean[f"{key}_{key}"] - mean[key] ** 2, 0.0))
+    sheet["foundation_force_y_mean_n"] = mean["force_y"]
     window = float(ms.marks["window"]), float(ms.marks["until"])
     supply, driven = steady_supply(scene, *window), scene.driven(*window)
     speeds = None if supply is None else scene.synchronous_speeds_at(supply.frequency)
     for i, exciter in enumerate(scene.exciter_pair):
         n, critical = i + 1, exciter.critical_torque_n_m
-        found[f"motor_power_{n}_mean_w"], found[f"motor_torque_{n}_mean_n_m"] = mean[f"power_{n}"], mean[f"torque_{n}"]
-        found[f"torque_share_{n}"] = mean[f"torque_{n}"] / critical if critical > 0.0 else None
+        sheet[f"motor_power_{n}_mean_w"], sheet[f"motor_torque_{n}_mean_n_m"] = mean[f"power_{n}"], mean[f"torque_{n}"]
+        sheet[f"torque_ratio_{n}"] = mean[f"torque_{n}"] / critical if critical > 0.0 else None
         if speeds is not None and driven[i]:
-            found[f"slip_{n}"] = 1.0 - exciter.direction * mean[f"speed_{n}"] / speeds[i]
-        ripple = peaks["largest"][SPEED_1 + i] - peaks["least"][SPEED_1 + i]
-        found[f"speed_ripple_{n}_hz"] = float(ripple) / _TURN
-    return found | _largest(peaks, _from_extremes(scene))
+            sheet[f"slip_{n}"] = 1.0 - exciter.direction * mean[f"speed_{n}"] / speeds[i]
+        ripple = extremes["largest"][SPEED_1 + i] - extremes["least"][SPEED_1 + i]
+        sheet[f"speed_ripple_{n}_hz"] = float(ripple) / _TURN
+    return sheet | _largest(extremes, _from_extremes(scene))
 
 
-class Peaked(NamedTuple):
+class Extreme(NamedTuple):
     """How a column follows from extremes: of which quantity, times what, and whether it is their difference.
 
     If not, it is the larger size of both, or if ``squared`` the square of it.
@@ -231,86 +231,86 @@ class Peaked(NamedTuple):
     squared: bool = False
 
 
-def _from_extremes(scene: Scene) -> dict[str, Peaked]:
+def _from_extremes(scene: Scene) -> dict[str, Extreme]:
     """Return the columns of a scene's data sheet that follow from extremes."""
     gravity = scene.machine.gravity_m_per_s2
-    found = {f"foundation_{name}_max_{unit}": Peaked(k) for name, k, _, unit in _AXES} | {
-        "stroke_x_m": Peaked(SIDEWAYS, difference=True),
-        "stroke_y_m": Peaked(HEIGHT, difference=True),
-        "acceleration_max_m_per_s2": Peaked(ACCELERATION),
-        "gamma": Peaked(LIFT, 1.0 / gravity if gravity > 0.0 else math.inf),
+    columns = {f"foundation_{name}_max_{unit}": Extreme(k) for name, k, _, unit in _AXES} | {
+        "stroke_x_m": Extreme(SIDEWAYS, difference=True),
+        "stroke_y_m": Extreme(HEIGHT, difference=True),
+        "acceleration_max_m_per_s2": Extreme(ACCELERATION),
+        "gamma": Extreme(LIFT, 1.0 / gravity if gravity > 0.0 else math.inf),
     }
     for i, k in enumerate(scene.unbalances):
-        found[f"motor_power_{i + 1}_max_w"] = Peaked(POWER_1 + i)
-        found[f"motor_torque_{i + 1}_max_n_m"] = Peaked(TORQUE_1 + i)
+        columns[f"motor_power_{i + 1}_max_w"] = Extreme(POWER_1 + i)
+        columns[f"motor_torque_{i + 1}_max_n_m"] = Extreme(TORQUE_1 + i)
         critical = scene.exciter_pair[i].critical_torque_n_m
-        found[f"torque_share_{i + 1}_max"] = Peaked(TORQUE_1 + i, 1.0 / critical if critical > 0.0 else math.nan)
-        found[f"bearing_force_{i + 1}_max_n"] = Peaked(SPEED_1 + i, k, squared=True)
+        columns[f"torque_ratio_{i + 1}_max"] = Extreme(TORQUE_1 + i, 1.0 / critical if critical > 0.0 else math.nan)
+        columns[f"bearing_force_{i + 1}_max_n"] = Extreme(SPEED_1 + i, k, squared=True)
     for i, name in enumerate(scene.output.points):
         first = POINTS + 3 * i
-        found |= {f"stroke_{axis}_{name}_m": Peaked(first + j, difference=True) for j, axis in enumerate(("x", "y"))}
-        found[f"acceleration_max_{name}_m_per_s2"] = Peaked(first + 2)
-    return found
+        columns |= {f"stroke_{axis}_{name}_m": Extreme(first + j, difference=True) for j, axis in enumerate("xy")}
+        columns[f"acceleration_max_{name}_m_per_s2"] = Extreme(first + 2)
+    return columns
 
 
-def _largest(peaks: Any, columns: Mapping[str, Peaked]) -> dict[str, float | None]:
+def _largest(extremes: Any, columns: Mapping[str, Extreme]) -> dict[str, float | None]:
     """Return the values of columns that follow from extremes; None for what is not finite."""
-    least, largest = peaks["least"].tolist(), peaks["largest"].tolist()
-    found: dict[str, float | None] = {}
+    least, largest = extremes["least"].tolist(), extremes["largest"].tolist()
+    values: dict[str, float | None] = {}
     for name, (k, factor, difference, squared) in columns.items():
         size = largest[k] - least[k] if difference else abs(max(largest[k], -least[k]))
         value = factor * (size * size if squared else size)
-        found[name] = value if math.isfinite(value) else None
-    return found
+        values[name] = value if math.isfinite(value) else None
+    return values
 
 
-def _when(peaks: Any, column: Peaked, turn: FloatArray) -> tuple[float, float | None]:
+def _when(extremes: Any, column: Extreme, turn: FloatArray) -> tuple[float, float | None]:
     """Return when the value of a column was complete (s), and the pace around then (rad/s).
 
     The last turn, with its marks as in :data:`vibroplat.observe.measures.MARKS`, is not complete. Its pace is that
     since the turn before began; none if it takes longer than two of these, as where the unbalances swing.
     """
     k = column.quantity
-    ends = [(float(peaks[f"at_{end}"][k]), float(peaks[f"pace_{end}"][k])) for end in ("least", "largest")]
-    end = ends[0] if -peaks["least"][k] > peaks["largest"][k] else ends[1]
-    at, found = max(ends[::-1], key=lambda end: end[0]) if column.difference else end
+    ends = [(float(extremes[f"at_{end}"][k]), float(extremes[f"pace_{end}"][k])) for end in ("least", "largest")]
+    end = ends[0] if -extremes["least"][k] > extremes["largest"][k] else ends[1]
+    at, speed = max(ends[::-1], key=lambda end: end[0]) if column.difference else end
     if at <= turn[1, 0]:
-        return at, found
-    (before, *_), (begun, *_), (now, *_) = turn
+        return at, speed
+    (before, *_), (turn_start, *_), (now, *_) = turn
     # as pace() in extremes.py, which is for kernels: a call from here would compile it by itself
     mean = float(np.abs(turn[2] - turn[0])[1:].mean()) / (now - before)
-    return at, mean if now - begun <= 2.0 * (begun - before) else None
+    return at, mean if now - turn_start <= 2.0 * (turn_start - before) else None
 
 
-def whole_run(ms: Measures, scene: Scene, begun: float, captured: bool, locked: bool) -> dict[str, Any]:
+def whole_run(ms: Accumulators, scene: Scene, start: float, captured: bool, locked: bool) -> dict[str, Any]:
     """Return what of a data sheet is of a whole run.
 
     Parameters
     ----------
-    begun
+    start
         When it began (s).
     captured
         Whether a motor slips as one does that is captured; see :data:`vibroplat.observe.notes.CAPTURED`.
     locked
         Whether the exciters are synchronized in the measured part.
     """
-    found: dict[str, Any] = {}
-    peaks, columns = joined(ms.peaks), _from_extremes(scene)
-    for name, value in _largest(peaks, columns).items():
-        found[f"whole_{name}"] = value
+    numbers: dict[str, Any] = {}
+    extremes, columns = merge_extremes(ms.extremes), _from_extremes(scene)
+    for name, value in _largest(extremes, columns).items():
+        numbers[f"whole_{name}"] = value
         if not name.startswith(TIMED):
             continue
-        base, (at, speed) = split(name)[0], _when(peaks, columns[name], ms.marks["turn"])
-        found[f"whole_{base}_at_s"] = None if value is None else at
-        found[f"whole_{base}_at_hz"] = None if value is None or speed is None else speed / _TURN
+        base, (at, speed) = split(name)[0], _when(extremes, columns[name], ms.marks["turn"])
+        numbers[f"whole_{base}_at_s"] = None if value is None else at
+        numbers[f"whole_{base}_at_hz"] = None if value is None or speed is None else speed / _TURN
     driven = any(scene.driven(float(ms.marks["window"]), float(ms.marks["until"])))
-    found["synchronized_at_s"], found["start_energy_j"] = (
-        synchronized(ms, scene, begun) if locked and driven else (None, None)
+    numbers["synchronized_at_s"], numbers["start_energy_j"] = (
+        synchronization_time(ms, scene, start) if locked and driven else (None, None)
     )
-    return found | {"captured_by": _captor(ms, scene) if captured else ""}
+    return numbers | {"captured_by": _capturing_axis(ms, scene) if captured else ""}
 
 
-def stays(ms: Measures, scene: Scene) -> bool:
+def stays_synchronized(ms: Accumulators, scene: Scene) -> bool:
     """Whether the section points kept of the measured part show that the exciters stay synchronized.
 
     Their phase difference at whole turns of exciter 1 either converges or fluctuates without a trend. It converges if
@@ -353,14 +353,14 @@ def fluctuates(means: FloatArray) -> bool:
     return abs(trend) <= TREND * error and HORIZON * (abs(trend) + 2.0 * error) <= TREND_CHANGE
 
 
-def synchronized(ms: Measures, scene: Scene, begun: float) -> tuple[float | None, float | None]:
+def synchronization_time(ms: Accumulators, scene: Scene, start: float) -> tuple[float | None, float | None]:
     """Return from when on the exciters turn as in the measured part (s), and the motors' work until then (J).
 
     They are None if the phase difference or a speed left that during the measured part.
     """
     mean, begin = means(ms), ms.marks["first"][0]
-    width, fastest = 1.0 / SORTS, FASTEST * scene.speed_scale
-    middle = (np.arange(SORTS) + 0.5) * width
+    width, fastest = 1.0 / BINS, FASTEST * scene.speed_scale
+    middle = (np.arange(BINS) + 0.5) * width
     away = np.abs(np.angle(np.exp(1j * (_TURN * middle - math.atan2(mean["sine"], mean["cosine"])))))
     outside = [away > math.pi / 3.0]
     for i in (1, 2):
@@ -370,16 +370,17 @@ def synchronized(ms: Measures, scene: Scene, begun: float) -> tuple[float | None
     last, work = met[met[:, 0].argmax()]
     if last > begin:
         return None, None
-    return (float(last), float(work)) if math.isfinite(last) else (begun, 0.0)
+    return (float(last), float(work)) if math.isfinite(last) else (start, 0.0)
 
 
-def _captor(ms: Measures, scene: Scene) -> str:
+def _capturing_axis(ms: Accumulators, scene: Scene) -> str:
     """Name the axis whose natural frequency is near the speed of the exciters, if that is steady; or ""."""
-    mean, machine, mass, peaks = means(ms), scene.machine, scene.platform_mass, measured_peaks(ms)
+    mean, machine, mass, extremes = means(ms), scene.machine, scene.platform_mass, measured_extremes(ms)
     if not mean:
         return ""
     for i in (0, 1):
-        if peaks["largest"][SPEED_1 + i] - peaks["least"][SPEED_1 + i] > NEAR * abs(mean[f"speed_{i + 1}"]):
+        ripple = extremes["largest"][SPEED_1 + i] - extremes["least"][SPEED_1 + i]
+        if ripple > RESONANCE_WIDTH * abs(mean[f"speed_{i + 1}"]):
             return ""
     speed, carried = 0.5 * (abs(mean["speed_1"]) + abs(mean["speed_2"])), mass + sum(scene.layer_masses)
     natural = [
@@ -390,4 +391,4 @@ def _captor(ms: Measures, scene: Scene) -> str:
     ]
     apart = {axis: abs(speed / math.sqrt(square) - 1.0) for axis, square in natural if square > 0.0}
     nearest = min(apart, key=lambda axis: apart[axis])
-    return nearest if apart[nearest] <= NEAR else ""
+    return nearest if apart[nearest] <= RESONANCE_WIDTH else ""

@@ -1,4 +1,4 @@
-"""The seam is whole: DOP853 behind it passes what the package's own integrators pass, and fails as they do."""
+"""The interface is whole: DOP853 behind it passes what the package's own integrators pass, and fails as they do."""
 
 import math
 
@@ -12,10 +12,10 @@ from integrate.dop853 import Dop853
 from vibroplat import load_config, simulate
 from vibroplat.bench.measure import coordinate_errors, event_errors
 from vibroplat.config.reader import load_tree
-from vibroplat.integrate.seam import IntegrationError
+from vibroplat.integrate.interface import IntegrationError
 from vibroplat.integrate.stepwise import Stepwise
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
+from vibroplat.motion.motion import Simulator
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_measured_part_begins_within_a_step(bouncing):
     scene = scene.replace({"motor": {"critical_torque_n_m": 0.0, "friction_radius_m": 0.0}, "run.duration_s": 0.1})
     p = parameters(scene)
     for settle in (0.0123, 0.05, 0.0801):
-        motion = Motion(scene, p, Stepwise(Dop853(p), p))
+        motion = Simulator(scene, p, Stepwise(Dop853(p), p))
         part = motion.advance(0.1, settle=settle)
         assert float(part.measures.plain[0] + part.measures.open_turn[0]) == pytest.approx(0.1 - settle)
 

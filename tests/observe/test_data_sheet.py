@@ -8,8 +8,8 @@ from common.places import QUICKSTART, ROOT
 
 from vibroplat import Scene, load_config, orbit, simulate, sweep
 from vibroplat.columns import split
-from vibroplat.observe.extremes import FORCE, joined, no_peaks
-from vibroplat.observe.sheet import SHEET, columns, converges, fluctuates, whole_columns
+from vibroplat.observe.data_sheet import SHEET, columns, converges, fluctuates, whole_columns
+from vibroplat.observe.extremes import FORCE, empty_extremes, merge_extremes
 from vibroplat.results.card import sheet
 
 POINTS = {"output.points": {"inlet": [-0.2, 0.1], "outlet": [0.25, 0.05], "top": [0.0, 0.3]}}
@@ -47,7 +47,7 @@ def test_closed_forms_of_a_bare_platform_in_antiphase():
         "acceleration_max_top_m_per_s2": amplitude * omega**2,
         "gamma": amplitude * omega**2 / 9.81,
         "slip_1": slip,
-        "torque_share_2": torque / 1.2,
+        "torque_ratio_2": torque / 1.2,
         "motor_torque_1_mean_n_m": torque,
         "motor_torque_2_max_n_m": torque,
         "motor_power_1_mean_w": torque * omega,
@@ -240,11 +240,11 @@ def test_exciters_that_come_into_step_late_have_a_time():
 
 def test_a_peak_that_is_reached_again_keeps_its_first_time():
     """The value is the largest of all, and so is that of the measured part."""
-    peaks = no_peaks(3)
+    peaks = empty_extremes(3)
     for row, value in enumerate((1.0, 1.0 + 1e-13, 0.5)):
         peaks["largest"][row, FORCE], peaks["at_largest"][row, FORCE] = value, row + 1.0
         peaks["least"][row, FORCE], peaks["at_least"][row, FORCE] = -2.0 * value, row + 1.0
-    found = joined(peaks)
+    found = merge_extremes(peaks)
     assert (found["largest"][FORCE], found["at_largest"][FORCE]) == (1.0 + 1e-13, 1.0)
     assert (found["least"][FORCE], found["at_least"][FORCE]) == (-2.0 * (1.0 + 1e-13), 1.0)
 
