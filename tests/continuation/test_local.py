@@ -41,7 +41,7 @@ def test_a_long_step_leads_to_the_orbit_that_settling_finds(local):
     np.testing.assert_array_equal(there.values, values)
     for name in ("rms_y_m", "motor_power_w", "contact_force_max_n"):
         assert there.measures[name] == pytest.approx(settled.measures[name], rel=1e-6)
-    assert there.measures["margin"] == pytest.approx(1.0 - abs(settled.multipliers[0]), rel=1e-4)
+    assert there.measures["stability_margin"] == pytest.approx(1.0 - abs(settled.multipliers[0]), rel=1e-4)
 
 
 def test_an_orbit_that_ends_is_lost(local):

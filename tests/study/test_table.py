@@ -120,7 +120,7 @@ def test_failed_points_are_rows_and_the_branch_goes_on(storming):
 def test_points_that_do_not_keep_their_balances_are_inaccurate_and_not_gone_on_from(monkeypatch):
     scene = planned(LOADED, 50.0, 50.5, settle_by="section", measure_s=0.1)
     good = sweep(scene).sweep
-    monkeypatch.setattr(summary, "LEAST_ENERGY", 0.0)
+    monkeypatch.setattr(summary, "MIN_ENERGY_LIMIT", 0.0)
     monkeypatch.setattr(summary, "ENERGY", 1e-9)
     table = sweep(scene).sweep
     assert good["outcome"].tolist() == ["ok", "ok"]
