@@ -64,7 +64,7 @@ def test_a_run_loads_nothing_that_it_does_not_use(command, tmp_path):
     assert command(*arguments).code == 0  # compiles what is not compiled yet; the compiler needs scipy
     done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.rpartition("loaded")[2].split())
-    unused = {"scipy.linalg", "scipy.optimize", "numba.np.arraymath", "matplotlib", "plotly", "loky", "dask"}
+    unused = {"scipy.linalg", "scipy.optimize", "numba.np.arraymath", "matplotlib", "loky", "dask"}
     assert (unused | {"pandas", "pyarrow"}) & loaded == set()
     assert "numba" in loaded
 
