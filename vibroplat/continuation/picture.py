@@ -198,9 +198,7 @@ def _lines(found: Branches) -> tuple[pd.DataFrame, list[picture.Series], list[in
     for (name, is_stable), places in parts.items():
         look: dict[str, Any] = {"look": "stable", "width": 1.6} if is_stable else {"look": "unstable", "dash": "--"}
         label = name if len(colours) > 1 else ""
-        series.append(
-            picture.Series(label, np.array(places[:-1]), colour=colours[name], mode="lines", size=0.7, **look)
-        )
+        series.append(picture.Series(label, places[:-1], colour=colours[name], mode="lines", size=0.7, **look))
     return at, series, ends
 
 

@@ -108,7 +108,7 @@ class Series:
     """
 
     label: str
-    rows: Places
+    rows: Sequence[int] | Places
     look: str = ""
     colour: str = BLUE
     mode: Literal["lines", "markers", "both", "dots"] = "both"
@@ -117,6 +117,11 @@ class Series:
     width: float = 1.0
     size: float = 1.0
     pale: bool = False
+
+    @cached_property
+    def places(self) -> Places:
+        """The places of its points as an array."""
+        return np.asarray(self.rows, dtype=int)
 
 
 class Mark(NamedTuple):
