@@ -30,7 +30,7 @@ OPTIONS = ("x",)
 MARKERS = dict(zip(SPECIAL_POINTS, "oDsX^vP", strict=True))
 #: What is 0 without flight.
 _OF_FLIGHT = ("flight_fraction", "gap_max_m", "impulse_max_n_s")
-_STABLE = {"full": "stable", "open": "unstable", "half": "", "failed": ""}
+_STABLE = ("stable", "unstable")
 
 
 @dataclass(frozen=True)

@@ -223,7 +223,7 @@ def _cells(picture: Picture, x: str) -> tuple[Figure, list[tuple[Axes, Panel, Se
     high = any(panel.kind in ("tiles", "plane") for panel in panels) or picture.high
     share = not any(panel.kind == "plane" for panel in panels)
     if len(panels) > 1 and (len(facets) > 1 or not share):
-        size = (max(8.0, 1.5 + 4.3 * len(facets)), 1.4 + (3.4 if high else 2.9) * len(panels))
+        size = (max(8.0 if share else 5.8, 1.5 + 4.3 * len(facets)), 1.4 + (3.4 if high else 2.9) * len(panels))
         figure, axes = new_figure(len(panels), len(facets), size, sharex=share, sharey="row")
         cells = [
             (axis, panel, facet.series, facet.behind)
@@ -403,8 +403,19 @@ def _looks(picture: Picture) -> Iterator[Line2D]:
     rows, states = np.concatenate([*marked, np.zeros(0, dtype=int)]), _states(picture)
     found = [name for number, name in enumerate(STATES) if (states[rows[rows < len(states)]] == number).any()]
     for name in found if found != ["full"] else ():
-        look = {"fillstyle": _FILLINGS[name], "markerfacecoloralt": "white", "color": BLACK, "ls": "", "ms": 6.0}
-        yield entry(picture.meanings[name], **(_CROSS if name == "failed" else look | {"marker": "o", "mew": 0.7}))
+        meaning = picture.meanings[STATES.index(name)]
+        look = {
+            "marker": "o",
+            "mew": 0.7,
+            "fillstyle": _FILLINGS[name],
+            "markerfacecoloralt": "white",
+            "color": BLACK,
+            "ls": "",
+            "ms": 6.0,
+        }
+        yield entry(
+            picture.meanings[STATES.index(name)], **(_CROSS if name == "failed" else look | {"marker": "o", "mew": 0.7})
+        )
 
 
 def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:
