@@ -102,7 +102,7 @@ def _picture(result):
         table_name="changes",
         axes=picture.axes_of(table, ["excitation_frequency_hz"]),
         panels=picture.measures(table, picture.DRAWN),
-        series=[picture.Series("motions", list(range(len(table))), mode="markers")],
+        series=[picture.Series("motions", picture.rows_of(table["key"].notna()), mode="markers")],
     )
 ''',
 }
