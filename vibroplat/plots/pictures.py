@@ -39,6 +39,8 @@ from vibroplat.results.picture import (
     FAILED,
     REFERENCE,
     STATES,
+    Facet,
+    Mark,
     Panel,
     Picture,
     Series,
@@ -215,14 +217,14 @@ def _states(picture: Picture) -> Any:
 
 def _cells(picture: Picture, x: str) -> tuple[Figure, list[tuple[Axes, Panel, Sequence[int], Sequence[int]]]]:
     """Return a figure and its panels, each with the numbers of its series and of those behind them."""
-    panels, facets = [p for p in picture.panels if p.column != x or picture.counted], picture.facets
-    whole = range(len(picture.series))
+    panels = [panel for panel in picture.panels if panel.column != x or picture.counted]
+    facets = picture.facets or (Facet("", range(len(picture.series))),)
     label = key_label(x) if x in (EXCITATION, SUPPLY) or "." in x or picture.facets else _label(x)
     high = any(panel.kind in ("tiles", "plane") for panel in panels) or picture.high
-    if len(facets) > 1 and len(panels) > 1:
+    share = not any(panel.kind == "plane" for panel in panels)
+    if len(panels) > 1 and (len(facets) > 1 or not share):
         size = (max(8.0, 1.5 + 4.3 * len(facets)), 1.4 + (3.4 if high else 2.9) * len(panels))
-        share = any(panel.kind == "plane" for panel in panels)
-        figure, axes = new_figure(len(panels), len(facets), size, sharex=not share, sharey="row")
+        figure, axes = new_figure(len(panels), len(facets), size, sharex=share, sharey="row")
         cells = [
             (axis, panel, facet.series, facet.behind)
             for row, panel in zip(axes, panels, strict=True)
@@ -235,8 +237,7 @@ def _cells(picture: Picture, x: str) -> tuple[Figure, list[tuple[Axes, Panel, Se
             axis.set_xlabel(label)
         return figure, cells
     count, many = max(len(panels), len(facets), 1), picture.counted or len(facets) > 1 or high
-    shown = [(panels[0], facet.series, facet.behind) for facet in facets] if len(facets) > 1 else None
-    shown = shown or [(p, facets[0].series if facets else whole, facets[0].behind if facets else ()) for p in panels]
+    shown = [(panel, facet.series, facet.behind) for panel in panels for facet in facets]
     if many:
         across = min(count, ACROSS)
         figure, axes = new_figure(
@@ -252,7 +253,7 @@ def _cells(picture: Picture, x: str) -> tuple[Figure, list[tuple[Axes, Panel, Se
         two = count > 5
         size = (11.0 if two else 8.0, 1.9 + (4.0 if count == 1 else 1.75) * -(-count // (1 + two)))
         figure, grid = panel_grid(count, 1 + two, size, label)
-    for axis, facet in zip(grid, facets, strict=False):
+    for axis, facet in zip(grid, facets if len(facets) > 1 else (), strict=False):
         axis.set_title(facet.label, loc="left")
     return figure, [(axis, *one) for axis, one in zip(grid, shown, strict=False)]
 
@@ -339,7 +340,7 @@ def _limit(axis: Axes, panel: Panel, points: pd.DataFrame) -> None:
         tick_sizes(axis)
     elif panel.kind == "stack":
         axis.set_ylim(0.0, 1.0)
-    elif panel.least is not None:
+    elif panel.least is not None and not axis.dataLim.y1 < 0.0:
         begin_at_zero(axis, max(axis.get_ylim()[1], float(in_units(panel.least, panel.column))))
     elif panel.column != PHASE_COLUMN:
         widen_ticks(axis, "y")

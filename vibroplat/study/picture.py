@@ -342,6 +342,7 @@ def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> picture.Picture:
         choice="branch",
         told=sweeps.told(),
         meaning="Each dot is a point of the Poincaré section, or an impact. Grey: those of the other direction.",
+        high=True,
     )
 
 
