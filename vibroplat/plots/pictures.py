@@ -77,9 +77,9 @@ def _prepared(series: Series, x: FloatArray, states: Any) -> _Drawn:
     """Prepare a series for its panels; the numbers of ``x`` end as :func:`ended` says."""
     known = np.zeros(len(x), dtype=int)
     known[: len(states)] = states
-    own = np.where(series.rows == BROKEN, -1, known[series.rows])
+    own = np.where(series.places == BROKEN, -1, known[series.places])
     found = [(name, own == number) for number, name in enumerate(STATES) if (own == number).any()]
-    return _Drawn(series, x[series.rows], found)
+    return _Drawn(series, x[series.places], found)
 
 
 def _draw(axis: Axes, drawn: _Drawn, y: FloatArray, *, wraps: bool = False, colour: str = "") -> None:
@@ -88,7 +88,7 @@ def _draw(axis: Axes, drawn: _Drawn, y: FloatArray, *, wraps: bool = False, colo
     Lines are added as such, which takes half as long as ``plot``: there may be thousands.
     """
     series, x = drawn.series, drawn.x
-    y = y[series.rows]
+    y = y[series.places]
     if not np.isfinite(y).any() and all(name != "failed" for name, _ in drawn.states):
         return  # of another panel
     # lines are clipped and take no room beside the axes; to ask each of them takes a tenth of the time
@@ -223,7 +223,7 @@ def _cells(picture: Picture, x: str) -> tuple[Figure, list[tuple[Axes, Panel, Se
     high = any(panel.kind in ("tiles", "plane") for panel in panels) or picture.high
     share = not any(panel.kind == "plane" for panel in panels)
     if len(panels) > 1 and (len(facets) > 1 or not share):
-        size = (max(8.0, 1.5 + 4.3 * len(facets)), 1.4 + (3.4 if high else 2.9) * len(panels))
+        size = (max(8.0 if share else 5.8, 1.5 + 4.3 * len(facets)), 1.4 + (3.4 if high else 2.9) * len(panels))
         figure, axes = new_figure(len(panels), len(facets), size, sharex=share, sharey="row")
         cells = [
             (axis, panel, facet.series, facet.behind)
@@ -365,7 +365,7 @@ def legend_of(picture: Picture) -> list[Any]:
     if not picture.scale:
         entries += few([_labelled(labels[name]) for name in names])
     for panel in picture.panels:
-        rows = np.concatenate([one.rows for one in series if one.mode == "dots"] or [np.zeros(0, dtype=int)])
+        rows = np.concatenate([one.places for one in series if one.mode == "dots"] or [np.zeros(0, dtype=int)])
         known = picture.points[panel.by].iloc[rows] if panel.classes else pd.Series(dtype=object)
         if panel.kind == "tiles" and (_states(picture) == STATES.index("failed")).any():
             entries.append(Patch(facecolor="white", edgecolor="black", hatch=HATCH, lw=0.3, label="failed"))
@@ -399,12 +399,23 @@ def _looks(picture: Picture) -> Iterator[Line2D]:
         line = {"ls": one.dash if one.mode in ("lines", "both") else "", "lw": 0.9 * one.width, "color": colour}
         marker = {} if one.mode == "lines" else {"marker": one.symbol, "ms": 4.5 * one.size}
         yield entry(name, alpha=0.5 if one.pale else None, **line, **marker)
-    marked = [one.rows[one.rows != BROKEN] for one in picture.series if one.mode in ("both", "markers")]
+    marked = [one.places[one.places != BROKEN] for one in picture.series if one.mode in ("both", "markers")]
     rows, states = np.concatenate([*marked, np.zeros(0, dtype=int)]), _states(picture)
     found = [name for number, name in enumerate(STATES) if (states[rows[rows < len(states)]] == number).any()]
     for name in found if found != ["full"] else ():
-        look = {"fillstyle": _FILLINGS[name], "markerfacecoloralt": "white", "color": BLACK, "ls": "", "ms": 6.0}
-        yield entry(picture.meanings[name], **(_CROSS if name == "failed" else look | {"marker": "o", "mew": 0.7}))
+        meaning = picture.meanings[STATES.index(name)]
+        look = {
+            "marker": "o",
+            "mew": 0.7,
+            "fillstyle": _FILLINGS[name],
+            "markerfacecoloralt": "white",
+            "color": BLACK,
+            "ls": "",
+            "ms": 6.0,
+        }
+        yield entry(
+            picture.meanings[STATES.index(name)], **(_CROSS if name == "failed" else look | {"marker": "o", "mew": 0.7})
+        )
 
 
 def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:
