@@ -24,6 +24,7 @@ from vibroplat.config.schema import (
     Share,
     described,
 )
+from vibroplat.kernels.engines import ENGINES
 
 #: Least tolerances: what the engines can reach.
 LEAST_TOLERANCE, LEAST_TOLERANCE_SUNDIALS = 1e-14, 1e-12
@@ -378,7 +379,7 @@ class Solver(Section):
         description="local error, relative to the scales of the scene; at least "
         f"{LEAST_TOLERANCE_SUNDIALS:g}, with engine taylor {LEAST_TOLERANCE:g}",
     )
-    engine: Literal["auto", "native", "sundae", "taylor"] = Field(
+    engine: Literal["auto", *ENGINES] = Field(  # type: ignore[valid-type]
         "auto",
         description="native: SUNDIALS driven from compiled code; sundae: through scikit-sundae's Python callbacks; "
         "auto: native, or sundae if the library is not as expected; taylor: Taylor series of high order, several times "
