@@ -158,9 +158,7 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
         special=special,
         special_name="best design and Pareto front" if len(front) else "best design",
         drawn=drawn,
-        axes=picture.axes_of(
-            drawn, [*bounded[:1], *sorted((panel.column for panel in panels), key=aims.__contains__), "start"]
-        ),
+        axes=picture.axes_of(drawn, [*bounded[:1], *sorted(shown, key=aims.__contains__), "start"]),
         panels=panels,
         series=series,
         marks=[mark] if len(best) else [],

@@ -403,19 +403,9 @@ def _looks(picture: Picture) -> Iterator[Line2D]:
     rows, states = np.concatenate([*marked, np.zeros(0, dtype=int)]), _states(picture)
     found = [name for number, name in enumerate(STATES) if (states[rows[rows < len(states)]] == number).any()]
     for name in found if found != ["full"] else ():
-        meaning = picture.meanings[STATES.index(name)]
-        look = {
-            "marker": "o",
-            "mew": 0.7,
-            "fillstyle": _FILLINGS[name],
-            "markerfacecoloralt": "white",
-            "color": BLACK,
-            "ls": "",
-            "ms": 6.0,
-        }
-        yield entry(
-            picture.meanings[STATES.index(name)], **(_CROSS if name == "failed" else look | {"marker": "o", "mew": 0.7})
-        )
+        look = {"marker": "o", "ls": "", "color": BLACK, "ms": 6.0, "mew": 0.7, "markerfacecoloralt": "white"}
+        look = dict(_CROSS) if name == "failed" else look | {"fillstyle": _FILLINGS[name]}
+        yield entry(picture.meanings[STATES.index(name)], **look)
 
 
 def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:
