@@ -31,8 +31,8 @@ def paper(
 ) -> None:
     """Reproduce the figures and claims of the paper.
 
-    Computes figures 2-7 and their tables, and compares each claim of the paper with what was measured. Exit code 1 means
-    that two engines disagree with --check.
+    Computes figures 2-7 and their tables, and compares each claim of the paper with what was measured. Exit code 1
+    means that two engines disagree with --check.
     """
     common.tell_of_compilation(engine)
     from vibroplat.config.reader import parse_overrides
