@@ -10,16 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from vibroplat.cli.common import tell_of_compilation
+from vibroplat.config.kinds import KINDS
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
     from vibroplat.continuation.rows import OrbitMotion
 
-#: Figures: the first four show a run, three a sweep, three orbits, one basins, the last designs.
+#: Figures: those of a run, and of each kind of study.
 Kind = StrEnum(
-    "Kind",
-    "motion force exciters loads response bifurcation map branches multipliers boundaries basins "
-    "sensitivities samples evaluations",
+    "Kind", ["motion", "force", "exciters", "loads", *(n for k in KINDS.values() for n in k.figures.split())]
 )
 
 

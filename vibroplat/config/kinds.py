@@ -19,8 +19,8 @@ class Kind(NamedTuple):
         Of its command, of its section of a configuration, of its function in Python.
     noun
         What its result is called.
-    table
-        The table that every result of it has.
+    figures
+        Names of its figures, the first of which is drawn if none is asked for.
     study
         Module of its study; that of its pictures, ``picture``, is beside it.
     summary
@@ -33,7 +33,7 @@ class Kind(NamedTuple):
 
     name: str
     noun: str
-    table: str
+    figures: str
     study: str
     summary: str
     about: str
@@ -56,7 +56,7 @@ KINDS = {
         Kind(
             "sweep",
             "a sweep",
-            "sweep",
+            "response bifurcation map",
             "study.sweep",
             "Sweep over supply frequencies or another key, and a grid.",
             "Writes a table with a row for each point, and one of bands, to OUT/NAME.",
@@ -64,7 +64,7 @@ KINDS = {
         Kind(
             "orbits",
             "branches of orbits",
-            "branches",
+            "branches multipliers boundaries",
             "continuation.study",
             "Continue branches of periodic orbits over a key.",
             "Writes tables of their points, of special points and of boundaries to OUT/NAME.",
@@ -82,7 +82,7 @@ KINDS = {
         Kind(
             "basins",
             "basins of attraction",
-            "attractors",
+            "basins",
             "basin.question",
             "Find the attractors of a scene and their basins.",
             "Writes tables of the attractors and of all initial conditions to OUT/NAME.",
@@ -91,7 +91,7 @@ KINDS = {
         Kind(
             "design",
             "a design",
-            "sensitivities",
+            "sensitivities samples evaluations",
             "designs.question",
             "Find sensitivities, effects of tolerances, best values.",
             "Writes tables of sensitivities, samples, shares and evaluations to OUT/NAME, and the best design as "
@@ -100,15 +100,15 @@ KINDS = {
         ),
     )
 }
-#: What all other results are called, and the table that each has.
-OTHERS = {"run": ("a run", "trajectory"), "paper": ("a reproduction of the paper", "claims")}
+#: What all other results are called.
+OTHERS = {"run": "a run", "paper": "a reproduction of the paper"}
 #: Sections that only some results depend on.
 _OPTIONAL = (*KINDS, "run", "output")
 
 
 def noun_of(command: str) -> str:
     """Return what the result of a command is called."""
-    return OTHERS[command][0] if command in OTHERS else KINDS[command].noun
+    return OTHERS.get(command) or KINDS[command].noun
 
 
 def unused_sections(command: str) -> set[str]:
