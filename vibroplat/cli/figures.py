@@ -17,9 +17,8 @@ if TYPE_CHECKING:
     from vibroplat.continuation.rows import OrbitMotion
 
 #: Figures: those of a run, and of each kind of study.
-Kind = StrEnum(
-    "Kind", ["motion", "force", "exciters", "loads", *(n for k in KINDS.values() for n in k.figures.split())]
-)
+_FIGURES = " ".join(["motion force exciters loads", *(kind.figures for kind in KINDS.values())])
+Kind = StrEnum("Kind", _FIGURES)  # type: ignore[misc]
 
 
 def plot(
