@@ -60,8 +60,8 @@ KINDS = {
             "sweep",
             "study.sweep",
             "study.picture",
-            "Sweep over supply frequencies or another key, and a grid.",
-            "Writes a table with a row for each point, and one of bands, to OUT/NAME.",
+            "Sweep the supply frequency or another key, for a grid.",
+            "Writes a table of points and a table of bands to OUT/NAME.",
         ),
         Kind(
             "orbits",
@@ -70,7 +70,7 @@ KINDS = {
             "continuation.study",
             "continuation.picture",
             "Continue branches of periodic orbits over a key.",
-            "Writes tables of their points, of special points and of boundaries to OUT/NAME.",
+            "Writes tables of points, of special points and of boundaries to OUT/NAME.",
             ("run",),
         ),
         Kind(
@@ -100,8 +100,8 @@ KINDS = {
             "designs.question",
             "designs.picture",
             "Find sensitivities, effects of tolerances, best values.",
-            "Writes tables of sensitivities, samples, shares and evaluations to OUT/NAME, and the best design as "
-            "best.yaml.",
+            "Writes tables of sensitivities, samples, fractions of the variance and evaluations to OUT/NAME, and "
+            "the best design as best.yaml.",
             ("run", "sweep"),
         ),
     )
