@@ -25,11 +25,7 @@ Kind = StrEnum(
 
 def plot(
     directories: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="DIR...",
-            help="Result directories; several runs or sweeps are overlaid.",
-        ),
+        list[Path], typer.Argument(metavar="DIR...", help="Result directories; several runs or sweeps are overlaid.")
     ],
     kind: Annotated[list[Kind] | None, typer.Option(help="Figures to draw. Default: all.")] = None,
     start: Annotated[float | None, typer.Option(help="Start of the plotted interval of a run (s).")] = None,
@@ -72,8 +68,7 @@ def report(
     start: Annotated[float | None, typer.Option(help="Start of the animated interval (s).")] = None,
     stop: Annotated[float | None, typer.Option(help="End of the animated interval (s).")] = None,
     orbits: Annotated[
-        bool,
-        typer.Option(help="Compute the orbits of sweep and branch points, which a click on a point draws."),
+        bool, typer.Option(help="Compute the orbits of sweep and branch points, which a click on a point draws.")
     ] = True,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace FILE even if it is not a page of vibroplat.")

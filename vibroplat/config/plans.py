@@ -161,9 +161,7 @@ class SweepPlan(Section, title="Sweep"):
         2.0, "", "measuring interval of each point; aperiodic motion is measured 24 times as long"
     )
     perturbation: Share = described(
-        PERTURBATION,
-        "",
-        "random change of the rates of platform and exciters at each point (scaled units)",
+        PERTURBATION, "", "random change of the rates of platform and exciters at each point (scaled units)"
     )
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of the perturbations")
     lyapunov: bool = described(
@@ -172,9 +170,7 @@ class SweepPlan(Section, title="Sweep"):
         "distinguish chaotic from quasi-periodic by the largest Lyapunov exponent; false: both are non-periodic",
     )
     find_coexisting: bool = described(
-        True,
-        "",
-        "search for attractors coexisting with each chaotic one; takes half of its time",
+        True, "", "search for attractors coexisting with each chaotic one; takes half of its time"
     )
 
     max_points: Annotated[int, Field(ge=1, le=10**9)] = Field(200_000, description="maximum total of points")

@@ -127,10 +127,7 @@ class FindPlan(Section, title="Find", populate_by_name=True):
         description="final width of the interval that contains the threshold, in the unit of the key; default: "
         f"{NARROW:g} of the range",
     )
-    max_settle_s: Positive = Field(
-        150.0,
-        description="maximum settling time; both ends are repeated with twice of it",
-    )
+    max_settle_s: Positive = Field(150.0, description="maximum settling time; both ends are repeated with twice of it")
     measure_s: Positive = Field(2.0, description="measuring interval, as in a sweep")
 
     alternatives = (("compare", "expression"),)
@@ -187,12 +184,10 @@ class DesignPlan(Section, title="Design"):
     measures: list[str] = Field([], description="further columns of a sweep to report, or stability_margin")
     minimize: str | None = Field(None, description="measure to minimize over the keys")
     constraints: dict[str, str] = Field(
-        {},
-        description='required bounds of measures, as {rms_y_m: ">= 1e-3", stability_margin: ">= 0.005"}',
+        {}, description='required bounds of measures, as {rms_y_m: ">= 1e-3", stability_margin: ">= 0.005"}'
     )
     pareto: dict[str, Annotated[list[Real], Field(min_length=2, max_length=100)]] = Field(
-        {},
-        description="several values for the bound of one measure of constraints, for a Pareto front",
+        {}, description="several values for the bound of one measure of constraints, for a Pareto front"
     )
     parameter_tolerances: dict[str, Annotated[Share, Field(gt=0.0, lt=1.0)]] = Field(
         {},

@@ -14,16 +14,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from vibroplat.config.coordinates import MOST_POINTS
-from vibroplat.config.schema import (
-    PERTURBATION,
-    Angle,
-    NonNegative,
-    Positive,
-    Real,
-    Section,
-    Share,
-    described,
-)
+from vibroplat.config.schema import PERTURBATION, Angle, NonNegative, Positive, Real, Section, Share, described
 
 #: Least tolerances: what the engines can reach.
 LEAST_TOLERANCE, LEAST_TOLERANCE_SUNDIALS = 1e-14, 1e-12
@@ -139,9 +130,7 @@ class Exciter(Motor):
     )
     rotor_inertia_kg_m2: Positive = described(0.8e-3, "J_d,i", "moment of inertia of the rotor", "0.005 … 0.5")
     rotation: Rotation | None = described(
-        None,
-        "sigma_i",
-        "sense in which the motor drives; default: exciter 1 counter-clockwise, exciter 2 clockwise",
+        None, "sigma_i", "sense in which the motor drives; default: exciter 1 counter-clockwise, exciter 2 clockwise"
     )
 
     alternatives: ClassVar[tuple[tuple[str, str], ...]] = (
@@ -185,10 +174,7 @@ class Machine(Section):
         0.128, "rho", "distance of each exciter axis from the platform's centre of mass", "0.1 … 1.5"
     )
     exciter_angle_deg: Real = described(
-        22.5,
-        "gamma_1",
-        "direction of the axis of exciter 1 from the x axis; exciter 2 is its mirror image",
-        "-90 … 90",
+        22.5, "gamma_1", "direction of the axis of exciter 1 from the x axis; exciter 2 is its mirror image", "-90 … 90"
     )
     stiffness_x_n_per_m: NonNegative = described(
         580e3, "c_x", "stiffness of the springs along x", "natural frequency 1 … 4 Hz"

@@ -32,7 +32,7 @@ KINDS = {
     FOLD: "two orbits merge and vanish",
     DOUBLING: "an orbit of twice the period branches off",
     NEIMARK_SACKER: "quasi-periodic motion branches off",
-    BRANCH_POINT: "another branch crosses, as where symmetry breaks",
+    BRANCH_POINT: "another branch crosses, for example at a loss of symmetry",
     LIFTOFF: "contact is lost for the first time",
     END_OF_STICKING: "the material no longer stays on the platform after it lands",
     GRAZING: "an impact appears or vanishes with zero speed",

@@ -326,8 +326,8 @@ def multiplier_columns(multipliers: NDArray[np.complex128], most: int) -> dict[s
 
 def describe_multipliers(most: int) -> Columns:
     """Describe the columns of :func:`multiplier_columns`."""
-    meanings = dict.fromkeys(range(1, most), "the largest is the first")
-    meanings[most] = "empty where only half of a complex pair would have a place"
+    meanings = dict.fromkeys(range(1, most), "sorted by magnitude, the largest first")
+    meanings[most] = "empty if it is one half of a complex pair whose other half has no column"
     return {
         f"multiplier_{i}_{part}": Column(f"{which} part of Floquet multiplier {i}", meaning)
         for i, meaning in meanings.items()

@@ -28,23 +28,25 @@ from vibroplat.study.store import Record
 USUAL = ("rms_x_m", "rms_y_m", "excitation_frequency_hz", "motor_power_w", "contact_force_max_n", "stability_margin")
 #: Residual of orbits whose measures are differentiated.
 TOLERANCE = 1e-9
-#: A measure over the largest of its kind that is round-off, as RMS x where the machine shakes along y.
+#: A measure over the largest of its kind that is round-off, as RMS x if the machine vibrates along y.
 NOTHING = 1e-7
 #: Change of a key, over its value, that tells whether the equations have it.
 _CHANGE = 1e-6
 
 SENSITIVITIES: Columns = {
     "measure": Column(
-        "a column of a sweep, or stability_margin",
-        "stability_margin: 1 less the size of the largest Floquet multiplier",
+        "name of the measure: a column of a sweep, or stability_margin",
+        "stability_margin: 1 minus the magnitude of the largest Floquet multiplier",
         kind=TEXT,
     ),
     "key": Column("dotted key of the scene", kind=TEXT),
-    "value": Column("value of the measure", "in its own unit"),
-    "derivative": Column("derivative of the measure by the key, along the orbit", "in the unit of one over the other"),
+    "value": Column("value of the measure", "unit of the measure"),
+    "derivative": Column(
+        "derivative of the measure by the key, along the orbit", "unit of the measure / unit of the key"
+    ),
     "elasticity": Column(
-        "relative change of the measure over that of the key",
-        "derivative × key / measure; empty where that is 0",
+        "relative change of the measure divided by the relative change of the key",
+        "derivative × key / measure; empty if the measure is 0",
     ),
 }
 

@@ -37,27 +37,27 @@ SETTLE_FRACTION = 0.5
 #: The summary of a run.
 SUMMARY: Columns = {
     "name": Column("name of the scene", kind=TEXT),
-    "outcome": Column("ok, or why the run ended early or is inaccurate", kind=TEXT),
-    "detail": Column("where and why, unless the outcome is ok", kind=TEXT),
+    "outcome": Column("ok, or the reason why the run ended early or is inaccurate", kind=TEXT),
+    "detail": Column("time, place and cause, unless the outcome is ok", kind=TEXT),
     "simulated_s": Column("simulated time"),
     "rotation": Column("counter-rotating or co-rotating exciters", kind=TEXT),
-    "perturbation": Column("random change of the rates at the start", "in the scales of the scene"),
+    "perturbation": Column("random change of the initial rates", "scaled units"),
     "static_sag_m": Column(
-        "static sag of the springs", "the machine rests at y = -static_sag_m; figures show y from there"
+        "static sag of the springs", "the machine rests at y = -static_sag_m; figures show y relative to this"
     ),
     "period": Column(
-        "turns of exciter 1 after which the motion repeats",
-        f"0: none found up to {MAX_PERIOD}, or not settled; means are of whole periods",
+        "period of the motion, in turns of exciter 1",
+        f"0: none up to {MAX_PERIOD}, or not settled; means are over whole periods",
         kind=COUNT,
     ),
     **MEASURES,
-    "contact_force_noise_n": Column("contact forces up to this size, of either sign, are noise"),
-    "engine": Column("integrator that ran"),
-    "tolerance": Column("its tolerance", "local error relative to the scales of the scene"),
+    "contact_force_noise_n": Column("magnitude up to which contact forces are noise"),
+    "engine": Column("integrator that was used"),
+    "tolerance": Column("tolerance of the integrator", "local error (scaled units)"),
     **WORK,
-    "restarts": Column("starts of the integrator", "the first one, and one after each event"),
-    "wall_s": Column("time that the computation took"),
-    "notes": Column("what deserves a second look", kind=TEXT),
+    "restarts": Column("number of restarts of the integrator", "including the first start; one after each event"),
+    "wall_s": Column("wall-clock time of the computation"),
+    "notes": Column("warnings", kind=TEXT),
     **SHEET,
     **WHOLE,
 }

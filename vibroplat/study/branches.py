@@ -26,7 +26,7 @@ SUPPLY, EXCITATION = "supply_frequency_hz", "excitation_frequency_hz"
 #: Columns of a branch, after the keys of the grid.
 BRANCH: Columns = {
     "direction": Column(
-        "direction of the branch", "up or down: each point starts where the one before ended", kind=TEXT
+        "direction of the branch", "up or down: each point starts from the final state of the previous point", kind=TEXT
     ),
     "branch": Column("number of the branch", kind=COUNT),
 }

@@ -44,12 +44,12 @@ SWEEP: Columns = {
 DIAGRAM: Columns = {
     **{name: SWEEP[name] for name in (SUPPLY, "direction", "branch", EXCITATION)},
     "y_m": Column("y at a whole turn of exciter 1"),
-    "impact_speed_m_per_s": Column("speed of an impact", "rate at which the gap closes"),
+    "impact_speed_m_per_s": Column("speed of an impact", "rate at which the gap closes, before the impact"),
 }
 
 _KEYS: Columns = {
     SUPPLY: SWEEP[SUPPLY],
-    "…": Column("the key of sweep.over in place of the supply, and those of the grid, by their dotted names"),
+    "…": Column("values of the grid's keys and of sweep.over (instead of the supply), by dotted name"),
 }
 _DIAGRAM: Columns = {**_KEYS, **{name: DIAGRAM[name] for name in ("direction", "branch", EXCITATION)}}
 #: Tables of a bifurcation diagram: the numbers in records that they hold, and the column of these.
@@ -59,12 +59,12 @@ CHUNK = 2000
 #: The tables of a sweep: what their rows are, and their columns.
 TABLES: dict[str, tuple[str, Columns]] = {
     "sweep": (
-        "`vibroplat sweep`: a row for each point.",
+        "`vibroplat sweep`: one row per point.",
         {**_KEYS, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **point_columns(["NAME"])},
     ),
     "bands": (
-        "`vibroplat sweep`: where each branch synchronizes how, jumps, lifts off, is largest along y, and fails. Over "
-        "another key than the supply, `from_` and `to_` stand before its name.",
+        "`vibroplat sweep`: bands of synchronization, jumps, liftoffs, the largest amplitude along y, and failed "
+        "points of each branch. If another key is swept, its name follows `from_` and `to_`.",
         {"…": _KEYS["…"], **BRANCH, **BANDS},
     ),
     "section": (
