@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from vibroplat.config.questions import DesignPlan
+from vibroplat import Scene
 from vibroplat.errors import TableError
-from vibroplat.plots.designs import design_figure
+from vibroplat.plots.command import draw_study
+from vibroplat.results.result import Answer, Result
 
 ROOT = Path(__file__).parents[2]
 CONFIG = """
@@ -20,6 +21,13 @@ material: {{mass_ratio: 0.1}}
 design: {{{plan}}}
 """
 MASS, RADIUS = "machine.platform_mass_kg", "machine.unbalance_radius_m"
+NAMES = (
+    *("platform_mass_kg", "platform_inertia_kg_m2", "unbalance_mass_kg", "unbalance_radius_m", "exciter_distance_m"),
+    *("stiffness_x_n_per_m", "stiffness_y_n_per_m", "stiffness_phi_n_m_per_rad", "damping_x_n_s_per_m"),
+    *("damping_y_n_s_per_m", "damping_phi_n_m_s_per_rad", "gravity_m_per_s2"),
+)
+BEST = {"keys": {MASS: [1.0, 2.0]}, "minimize": "motor_power_w", "constraints": {"rms_y_m": ">= 1e-3"}}
+LOST = "bound that nothing keeps"
 PLANS = {
     "samples": f"keys: {{{MASS}: [10, 14]}}, parameter_tolerances: {{{MASS}: 0.01}}, samples: 8",
     "evaluations": f"keys: {{{RADIUS}: [0.018, 0.048]}}, minimize: motor_power_w, "
@@ -43,10 +51,10 @@ def test_a_result_has_the_figures_of_its_tables(kind, command, figures, tmp_path
     (legend,) = figures[kind].legends
     labels = {text.get_text() for text in legend.get_texts()}
     if kind == "samples":
-        assert labels == {"stable", "nominal"}
+        assert labels == {"antiphase, period 1", "nominal"}
         assert sum(patch.get_height() for patch in figures[kind].axes[0].patches) == 8
     else:
-        assert labels >= {"keeps all bounds", "best", "bound", "Pareto front", "bound that nothing keeps"}
+        assert labels >= {"keeps all bounds", "best: the least that keeps all bounds", "bound", "Pareto front", LOST}
     done = command("plot", "c", "--kind", "samples")
     if kind == "samples":
         assert done.code == 0
@@ -54,15 +62,26 @@ def test_a_result_has_the_figures_of_its_tables(kind, command, figures, tmp_path
         assert (done.code, "c holds no table samples; allowed: sensitivities, evaluations" in done.err) == (2, True)
 
 
+def drawn(plan, kind, **tables):
+    """The figure of tables in memory."""
+    scene = Scene().replace({"name": "d", "design": plan})
+    ((_, figure),) = draw_study("design", [Result("design", scene, tables, Answer())], [kind])
+    return figure
+
+
+def elastic(**measures):
+    """A table of sensitivities by one key."""
+    names, values = list(measures), list(measures.values())
+    return pd.DataFrame({"measure": names, "key": MASS, "value": 0.5, "elasticity": values})
+
+
 def test_many_tolerances_leave_all_panels_their_width():
-    keys = [f"machine.{name}_{way}" for name in ("stiffness", "damping") for way in ("x_n_per_m", "y_n_per_m", "phi")]
-    plan = DesignPlan.model_construct(
-        parameter_tolerances=dict.fromkeys([*keys, *(f"{key}_2" for key in keys)], 0.05), minimize=None
-    )
+    keys = [f"machine.{name}" for name in NAMES]
     random = np.random.default_rng(0)
     samples = pd.DataFrame({name: random.random(20) for name in ("rms_x_m", "rms_y_m", "motor_power_w")})
-    table = pd.DataFrame({"measure": samples.columns, "key": MASS, "value": 0.5, "elasticity": 1.0})
-    figure = design_figure("d", None, plan, {"sensitivities": table, "samples": samples.assign(stable=True)}, "samples")
+    table = elastic(**dict.fromkeys(samples, 1.0))
+    samples = samples.assign(sample=range(20), stable=True, regime="antiphase, period 1")
+    figure = drawn({"parameter_tolerances": dict.fromkeys(keys, 0.05)}, "samples", sensitivities=table, samples=samples)
     FigureCanvasAgg(figure).draw()
     assert figure.axes[0].get_title("left").endswith(", 2\N{NO-BREAK SPACE}more")
     gaps = np.diff([axis.get_position().x0 for axis in figure.axes])
@@ -70,28 +89,28 @@ def test_many_tolerances_leave_all_panels_their_width():
 
 
 def test_a_front_without_lost_bounds_leaves_no_gap_below():
-    plan = DesignPlan(keys={MASS: [1.0, 2.0]}, minimize="motor_power_w", constraints={"rms_y_m": ">= 1e-3"})
     rows = pd.DataFrame({"rms_y_m": [1e-3, 2e-3], "motor_power_w": [1.0, 2.0], "feasible": True, "best": [True, False]})
-    tables = {"evaluations": rows.assign(start=0), "pareto": rows.assign(bound=rows["rms_y_m"])}
-    figure = design_figure("d", None, plan, tables, "evaluations")
+    figure = drawn(
+        BEST,
+        "evaluations",
+        sensitivities=elastic(),
+        evaluations=rows.assign(start=0),
+        pareto=rows.assign(bound=rows["rms_y_m"]),
+    )
     assert all(len(line.get_xdata()) for line in figure.axes[0].lines)
 
 
 def test_what_has_little_to_show_says_so():
-    table = pd.DataFrame({"measure": ["rms_x_m"], "key": [MASS], "value": [0.0], "elasticity": [np.nan]})
-    tables = {"sensitivities": table}
-    figure = design_figure("d", None, DesignPlan(), tables, "sensitivities")
-    assert [text.get_text() for text in figure.axes[0].texts] == ["no measure has elasticities"]
-    samples = pd.DataFrame({"sample": [0], "stable": [False], "stability_margin": [np.nan], "rms_x_m": [np.nan]})
-    figure = design_figure(
-        "d", None, DesignPlan(parameter_tolerances={MASS: 0.1}), tables | {"samples": samples}, "samples"
+    table = elastic(rms_x_m=np.nan)
+    figure = drawn({}, "sensitivities", sensitivities=table)
+    assert figure.axes[0].get_title("left").endswith("no measure has elasticities")
+    samples = pd.DataFrame(
+        {"sample": [0], "stable": [False], "regime": "lost", "stability_margin": [np.nan], "rms_x_m": [np.nan]}
     )
-    assert [text.get_text() for text in figure.axes[0].texts] == ["no measure varies"]
-    plan = DesignPlan(keys={MASS: [1.0, 2.0]}, minimize="motor_power_w", constraints={"stability_margin": ">= 0.1"})
-    nothing = pd.DataFrame(
-        {name: np.empty(0) for name in ("start", MASS, "motor_power_w", "stability_margin", "feasible", "best")}
-    )
-    figure = design_figure("d", None, plan, tables | {"evaluations": nothing}, "evaluations")
-    assert "every start lost the orbit" in [text.get_text() for text in figure.axes[0].texts]
-    with pytest.raises(TableError, match="d holds no table pareto; allowed: sensitivities"):
-        design_figure("d", None, plan, tables, "pareto")
+    figure = drawn({"parameter_tolerances": {MASS: 0.1}}, "samples", sensitivities=table, samples=samples)
+    assert "no measure varies" in figure.axes[0].get_title("left")
+    nothing = {name: np.empty(0) for name in ("start", MASS, "motor_power_w", "rms_y_m", "feasible", "best")}
+    figure = drawn(BEST, "evaluations", sensitivities=table, evaluations=pd.DataFrame(nothing))
+    assert "every start lost the orbit" in figure.axes[0].get_title("left")
+    with pytest.raises(TableError, match="d holds no table samples; allowed: sensitivities"):
+        drawn({}, "samples", sensitivities=table)

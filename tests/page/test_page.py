@@ -13,20 +13,18 @@ import pandas as pd
 import pytest
 from common import handmade
 from common.results import unproven
-from plotly.offline import get_plotlyjs
 
 from vibroplat.columns import unit_of, words
 from vibroplat.config.scene import Scene
+from vibroplat.continuation.picture import MARKERS
 from vibroplat.continuation.rows import motion_of
 from vibroplat.errors import TableError
-from vibroplat.page import points, report, run
-from vibroplat.page.points import plain_column, spread
+from vibroplat.page import pictures, report, run
+from vibroplat.page.pictures import SYMBOLS, plain_column, spread
 from vibroplat.page.results import find_results, parameters
 from vibroplat.page.run import packed, packed_coarsely
-from vibroplat.plots.orbits import MARKERS
 from vibroplat.plots.reading import Ends
-from vibroplat.plots.studies import read_branches
-from vibroplat.plots.style import SYMBOLS
+from vibroplat.results.picture import CURVES, STATES, measures
 from vibroplat.results.tables import read_json, read_table, write_table
 
 HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>"
@@ -40,6 +38,10 @@ def shown(*directories, **options):
 def held(page):
     """Data that a page holds."""
     return json.loads(re.search(r'<script id="data"[^>]*>(.*?)</script>', page.read_text(), re.DOTALL).group(1))
+
+
+def column(table, name):
+    return next(one["values"] for one in table["columns"] if one["name"] == name)
 
 
 def opened(text):
@@ -249,56 +251,54 @@ def test_a_failed_run_without_rows_tells_its_notes_and_has_no_curves(moved, tmp_
 # -- points ---------------------------------------------------------------------------------------------
 
 
-def test_a_sweep_is_broken_where_it_jumps():
-    table = handmade.sweep_table()
-    first, *others = points.sweep_series(table)
+def test_a_sweep_is_broken_where_it_jumps(swept):
+    (sweep,) = shown(swept)["pictures"]
+    first, *others = sweep["series"]
     assert first["rows"] == [0, 1, 2, 3, None, 4, 5, 6, 7]
-    assert (first["label"], first["open"], first["failed"]) == ("mass ratio 0, up", [2], [])
-    up, down = "triangle-up", "triangle-down"
+    assert first["label"] == "mass ratio 0, supply frequency up"
+    assert [row for row, state in enumerate(sweep["states"]) if state] == [2, 10, 18, 23, 26, 31]
+    assert [sweep["states"][row] for row in (2, 31)] == [STATES.index(name) for name in ("open", "failed")]
     looks = [(one["colour"], one["symbol"]) for one in (first, *others)]
-    assert looks == [(0, up), (0, down), (1, up), (1, down)]
-    assert others[-1]["failed"] == [31]
+    assert looks == [(colour, f"triangle-{way}") for colour in CURVES[:2] for way in ("up", "down")]
 
 
 def test_orbits_are_solid_where_stable_and_dashed_elsewhere(followed):
-    found = read_branches(followed)
-    table = found.points
-    stable, unstable = points.orbit_series(found, table)
-    assert [(one["label"], one["colour"], one["dash"]) for one in (stable, unstable)] == [
-        ("branch 0", 0, "solid"),
-        ("branch 0", 0, "dash"),
-    ]
-    edges = np.flatnonzero(np.diff(table["stable"])).tolist()
-    assert unstable["rows"] == [*range(edges[0], edges[1] + 1), None]  # joined to the stretch before
-    assert {*stable["rows"], *unstable["rows"]} == {*table.index, None}
-    assert table["stable"][[row for row in stable["rows"] if row not in (None, edges[1])]].all()
+    orbits, _ = shown(followed)["pictures"]
+    stable, unstable = orbits["series"]
+    assert [(one["label"], one["dash"]) for one in (stable, unstable)] == [("stable", "solid"), ("unstable", "dash")]
+    good = column(orbits["table"], "stable")
+    edges = np.flatnonzero(np.diff(good)).tolist()
+    fold, end = orbits["marks"][0]["rows"][0], orbits["marks"][1]["rows"][0]
+    assert unstable["rows"][:2] == [edges[0], edges[0] + 1] or fold in unstable["rows"]
+    assert {*stable["rows"], *unstable["rows"]} == {*range(len(good)), fold, end, None}
+    assert all(good[row] for row in stable["rows"] if row is not None and row < len(good))
 
 
 def test_branches_of_each_combination_are_curves_of_their_own(branched):
     """Numbers of branches begin anew for each combination of the grid's values."""
-    found = read_branches(branched)
-    series = points.orbit_series(found, found.points)
+    orbits, *_ = shown(branched)["pictures"]
+    series, masses, numbers = (
+        orbits["series"],
+        *(column(orbits["table"], n) for n in ("material.mass_ratio", "branch")),
+    )
     assert len({one["label"] for one in series}) == len({one["colour"] for one in series}) == 2
     for one in series:
         for rows in (list(part) for broken, part in groupby(one["rows"], lambda row: row is None) if not broken):
-            assert found.points.iloc[rows][["material.mass_ratio", "branch"]].drop_duplicates().shape[0] == 1
+            assert len({(masses[row], numbers[row]) for row in rows if row < len(masses)}) == 1
 
 
 def test_special_points_stand_where_they_were_found(followed):
-    found = read_branches(followed)
-    fold, grazing = points.special_marks(found, found.special, found.points)
-    assert [(m["kind"], m["rows"], m["nearest"]) for m in (fold, grazing)] == [
-        ("fold", [0], [11]),
-        ("grazing", [1], [30]),
-    ]
-    assert "merge" in fold["meaning"]
-    for mark, row in ((fold, 11), (grazing, 30)):
-        assert mark["at"]["supply_frequency_hz"] == pytest.approx([found.points["supply_frequency_hz"][row]])
-        assert mark["at"]["rms_y_m"] == pytest.approx([found.points["rms_y_m"][row]])
+    orbits, _ = shown(followed)["pictures"]
+    count = orbits["table"]["rows"]
+    assert [(mark["kind"], mark["rows"]) for mark in orbits["marks"]] == [("fold", [count]), ("grazing", [count + 1])]
+    assert "merge" in orbits["marks"][0]["meaning"]
+    for place, row in ((count, 11), (count + 1, 30)):
+        for name in ("supply_frequency_hz", "rms_y_m"):
+            assert orbits["values"][name][place] == pytest.approx(column(orbits["table"], name)[row])
 
 
 def test_points_can_be_drawn_over_each_key(swept, followed):
-    sweep, orbits = shown(swept, followed)["points"]
+    sweep, orbits, _ = shown(swept, followed)["pictures"]
     assert [axis["column"] for axis in sweep["axes"]] == [
         "excitation_frequency_hz",
         "supply_frequency_hz",
@@ -310,38 +310,33 @@ def test_points_can_be_drawn_over_each_key(swept, followed):
 
 def test_motion_that_is_rounding_has_no_panel(followed):
     table = read_table(followed, "branches").assign(rms_y_m=9e-3, rms_x_m=2e-13, rms_phi_rad=4e-9)
-    drawn = [measure["column"] for measure in points.measures(table)]
+    drawn = [panel.column for panel in measures(table)]
     assert {"rms_y_m", "rms_phi_rad"} <= {*drawn}
     assert "rms_x_m" not in drawn
-    (small,) = points.measures(table.assign(rms_x_m=9e-8), ["rms_x_m"])
-    assert small["least"] == 0.0, "nothing is larger"
-    least = {one["column"]: one["least"] for one in points.measures(table.assign(rms_x_m=9e-8))}
-    assert (least["rms_x_m"], least["rms_y_m"]) == (pytest.approx(0.18), 0.0)  # mm
+    least = {panel.column: panel.least for panel in measures(table.assign(rms_x_m=9e-8))}
+    assert least["rms_x_m"] == pytest.approx(0.18e-3)
+    assert least["motor_power_w"] is None
 
 
-def test_boundaries_of_unstable_orbits_are_told(followed, tmp_path):
-    copy = unproven(shutil.copytree(followed, tmp_path / "copy"))
-    table = read_table(copy, "boundaries")
-    write_table(table.assign(n_unstable=(table["kind"] == "fold").astype("Int64")), copy, "boundaries", "parquet")
-    (found,) = shown(copy)["boundaries"]
-    assert [(one["label"], one["reached"]) for one in found["series"]] == [
-        ("fold of unstable orbits", False),
-        ("liftoff", True),
-    ]
-    assert "reached" not in [one["name"] for one in found["table"]["columns"]]
-
-
-def test_boundaries_lie_in_the_plane_of_both_keys_and_an_empty_section_is_not_told(followed):
+def test_boundaries_lie_in_the_plane_of_both_keys_and_an_empty_section_is_not_told(followed, tmp_path):
     data = shown(followed)
     told = {row["words"]: row["values"] for row in data["parameters"] if row["section"] == "orbits"}
     assert told["stop"] == [56.0]
     assert "step" not in told
-    (found,) = data["boundaries"]
-    assert found["keys"] == ["supply_frequency_hz", "material.mass_ratio"]
-    assert [(one["label"], one["rows"]) for one in found["series"]] == [
-        ("fold", [*range(7), None]),
-        ("liftoff", [*range(7, 14), None]),
+    _, found = data["pictures"]
+    assert [found["axes"][0]["column"], found["measures"][0]["column"]] == [
+        "supply_frequency_hz",
+        "material.mass_ratio",
     ]
+    assert [(one["label"].partition(":")[0], one["rows"]) for one in found["series"]] == [
+        ("fold", [*range(7)]),
+        ("liftoff", [*range(7, 14)]),
+    ]
+    copy = unproven(shutil.copytree(followed, tmp_path / "copy"))
+    table = read_table(copy, "boundaries")
+    write_table(table.assign(n_unstable=(table["kind"] == "fold").astype("Int64")), copy, "boundaries", "parquet")
+    _, found = shown(copy)["pictures"]
+    assert ["unstable orbits" in one["label"] for one in found["series"]] == [True, False]
 
 
 def test_the_data_sheet_of_a_run_is_in_groups(moved, tmp_path):
@@ -360,7 +355,7 @@ def test_the_data_sheet_of_a_run_is_in_groups(moved, tmp_path):
 def test_a_quantity_has_one_unit_on_the_whole_page(moved, followed):
     """In the file that is saved from a table, columns have the unit of their names."""
     data = shown(moved["two layers"], followed)
-    (orbits,) = data["points"]
+    orbits, _ = data["pictures"]
     tables = {column["name"]: column for column in orbits["table"]["columns"]}
     for measure in orbits["measures"]:
         column = tables[measure["column"]]
@@ -374,10 +369,10 @@ def test_a_quantity_has_one_unit_on_the_whole_page(moved, followed):
 
 
 def test_symbols_are_those_of_figures_and_flight_begins_at_its_liftoff(branched):
-    (orbits,) = shown(branched)["points"]
+    (orbits,) = shown(branched)["pictures"]
     (liftoff,) = (mark for mark in orbits["marks"] if mark["kind"] == "liftoff")
     assert liftoff["symbol"] == SYMBOLS[MARKERS["liftoff"]] == "triangle-up"
-    assert set(liftoff["at"]["flight_fraction"]) == {0.0}
+    assert {orbits["values"]["flight_fraction"][place] for place in liftoff["rows"]} == {0.0}
     assert len({SYMBOLS[marker] for marker in MARKERS.values()}) == len(MARKERS)
 
 
@@ -393,13 +388,12 @@ def test_the_first_rows_of_a_spread_lie_evenly():
 
 @pytest.mark.long
 def test_points_of_branches_have_their_orbits(branched):
-    (orbits,) = shown(branched, mover=motion_of)["points"]
-    table, motions = read_branches(branched).points, orbits["motions"]
+    (orbits,) = shown(branched, mover=motion_of)["pictures"]
+    table, motions = read_table(branched, "branches"), orbits["motions"]
     assert [*motions["rows"]] != []
-    assert {*motions["rows"]} == {*table.index}
-    assert {*motions["special"]} == {*range(orbits["special"]["rows"])}
+    assert {*motions["rows"]} == {*range(len(table) + orbits["special"]["rows"])}
     assert len(motions["machines"]) == 2  # with material and without
-    for row, place in motions["rows"].items():
+    for row, place in ((row, place) for row, place in motions["rows"].items() if row in table.index):
         found = {name: unpacked(column) for name, column in motions["list"][place]["columns"].items()}
         y = found["y_m"]
         assert motions["list"][place]["end"] == pytest.approx(table["period_s"][row])
@@ -421,7 +415,7 @@ def test_the_orbit_of_another_motion_is_refused(measured, tmp_path):
     table.loc[1, ["motion", "period"]] = ["chaotic", 0]
     table.loc[2, "outcome"] = "solver-failure"
     write_table(table, copy, "sweep", "parquet")
-    rows = shown(copy, mover=motion_of)["points"][0]["motions"]["rows"]
+    rows = shown(copy, mover=motion_of)["pictures"][0]["motions"]["rows"]
     assert "another motion settles" in rows[0]
     assert "does not repeat" in rows[1]
     assert "failed (solver-failure)" in rows[2]
@@ -434,25 +428,24 @@ def test_a_state_that_is_on_no_orbit_is_told(branched, tmp_path):
     table = read_table(copy, "branches")
     table.loc[0, "y_m"] += 1e-3
     write_table(table, copy, "branches", "parquet")
-    rows = shown(copy, mover=motion_of)["points"][0]["motions"]["rows"]
+    rows = shown(copy, mover=motion_of)["pictures"][0]["motions"]["rows"]
     assert "is not on an orbit of period 1" in rows[0]
     assert isinstance(rows[1], int)
 
 
 def test_special_points_and_ends_come_first_where_there_is_little_room(branched, monkeypatch):
-    monkeypatch.setattr(points, "MOST_SAMPLES", 600)
+    monkeypatch.setattr(report, "MOST_SAMPLES", 600)
     told = []
-    (orbits,) = shown(branched, mover=motion_of, progress=lambda *counts: told.append(counts))["points"]
-    found, table = orbits["motions"], read_branches(branched)
+    (orbits,) = shown(branched, mover=motion_of, progress=lambda *counts: told.append(counts))["pictures"]
+    found, count = orbits["motions"], orbits["table"]["rows"]
     assert len(found["list"]) < orbits["table"]["rows"]
-    assert {*found["special"]} == {*range(len(table.special))}
-    assert {*points.ends(table, table.points)} <= {*found["rows"]}
+    assert {*range(count, count + orbits["special"]["rows"]), 0, count - 1} <= {*found["rows"]}
     assert [done for done, _ in told] == [*range(len(told))]
 
 
 def test_a_long_table_loses_rows_evenly_and_says_so(swept, monkeypatch):
-    monkeypatch.setattr(points, "MOST_ROWS", 10)
-    table = shown(swept)["points"][0]["table"]
+    monkeypatch.setattr(pictures, "MOST_ROWS", 10)
+    table = shown(swept)["pictures"][0]["table"]
     assert (table["rows"], table["of"]) == (10, 32)
     assert {len(column["values"]) for column in table["columns"]} == {10}
 
@@ -477,7 +470,7 @@ def test_a_page_needs_nothing_else_and_runs_its_own_scripts_only(moved, swept):
     policy = re.search(r"script-src ([^;]+);", text).group(1)
     packed = re.search(r'<script id="library" type="text/plain">(.*?)</script>', text).group(1)
     library = zlib.decompress(base64.b64decode(packed)).decode()
-    assert library == get_plotlyjs()
+    assert library.startswith("/**\n* plotly.js (cartesian - minified) v")
     scripts = [library, *re.findall(r"<script>(.*?)</script>", text, re.DOTALL)]
     digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
     assert policy == " ".join(f"'sha256-{digest}'" for digest in digests)
@@ -501,13 +494,13 @@ def test_no_more_than_8_mb_for_ten_seconds(moved):
     one["modes"] = "a" * run.ROWS
     one["impacts"] = [[1.2345678901234567, 0.12345678901234567]] * run.IMPACTS
     row = {c["name"]: -0.00123456789 for c in data["tables"][0]["columns"]}
-    data["tables"] = [points.table_data("events", 0, pd.DataFrame([row] * points.MOST_ROWS))]
+    data["tables"] = [pictures.table_data("events", 0, pd.DataFrame([row] * pictures.MOST_ROWS))]
     assert len(report.page(data).encode()) < 8_000_000
 
 
 @pytest.mark.usefixtures("_undrawn")
 def test_a_page_over_8_mb_is_told_with_what_makes_it_smaller(command, moved, swept, tmp_path, monkeypatch, caplog):
-    monkeypatch.setattr(report, "LARGE", 1_000_000)
+    monkeypatch.setattr(report, "LARGE", 600_000)
     command("report", moved["bare"], swept, "--no-orbits", "--out", tmp_path / "both.html")
     size = (tmp_path / "both.html").stat().st_size / 1e6
     (told,) = caplog.messages
@@ -540,7 +533,7 @@ def test_a_page_replaces_no_configuration_and_has_orbits_unless_told_otherwise(m
         done = command("report", branched, moved["bare"], *options, "--out", config)
         assert (done.code, done.err, done.out) == (0, "", f"{config}\n")
         assert config.read_text().startswith("<!DOCTYPE html>")
-        sizes.append(len(held(config)["points"][0]["motions"]["list"]))
+        sizes.append(len(held(config)["pictures"][0]["motions"]["list"]))
     assert sizes[0] == 0
     assert sizes[1] > 10
 

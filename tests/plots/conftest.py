@@ -6,7 +6,14 @@ import pytest
 from common import handmade
 from common.results import unproven
 
+from vibroplat.plots.command import draw_study
 from vibroplat.results.files import write_result
+from vibroplat.results.result import Result
+
+
+def drawn(command, *directories, kinds=(), **options):
+    """Figures of results of a study by name."""
+    return dict(draw_study(command, [Result.read(place, command) for place in directories], kinds, **options))
 
 
 @pytest.fixture(scope="session")

@@ -11,8 +11,9 @@ from common.places import ROOT
 from vibroplat.errors import TableError, VibroplatError
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.paper import FIGURES, MASSES, history
-from vibroplat.plots.sweep import sweep_figures
 from vibroplat.results.files import SavedFiles
+
+from .conftest import drawn
 
 
 @pytest.mark.long
@@ -92,7 +93,7 @@ def test_data_are_laid_over_a_sweep_and_what_is_not_drawn_is_named(signs, write_
     file = tmp_path / "rig.csv"
     text = "excitation_frequency_hz|supply_frequency_hz|rms_y_m|who\n23.0|46|0.0002|me\n"
     file.write_text(text.replace(".", signs[1]).replace("|", signs[0]))
-    ((_, _, figure),) = sweep_figures([write_sweep()], data=file)
+    (figure,) = drawn("sweep", write_sweep(), data=file).values()
     assert figure.axes[0].lines[-1].get_ydata() == pytest.approx([0.2])
     assert figure.legends[0].get_texts()[-1].get_text() == "measured: rig.csv"
     assert caplog.messages == [f"--data {file}: not drawn: who"]

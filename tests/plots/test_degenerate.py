@@ -1,7 +1,6 @@
 """Every figure of every degenerate table: no panel vanishes, nothing is cut off, and what is known is seen."""
 
 from itertools import combinations
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,16 +12,27 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from vibroplat import load_config
+from vibroplat.config.kinds import KINDS
 from vibroplat.errors import TableError
-from vibroplat.plots import bench, histories, orbits, paper, run, sweep
-from vibroplat.plots.reading import ends_of, finite
-from vibroplat.plots.studies import Study, branches_of, grid_of
+from vibroplat.plots import bench, histories, paper, run
+from vibroplat.plots.command import draw_study
+from vibroplat.plots.display import orbit_figure
+from vibroplat.plots.reading import ends_of
 from vibroplat.plots.style import styled
+from vibroplat.results.result import Answer, Result
 
 from .conftest import diagram, sweep_table
 
 MASS, LAW = "material.mass_ratio", "contact.impact_law"
 FREQUENCIES = ["supply_frequency_hz", "excitation_frequency_hz"]
+ORBITS = {
+    "orbits": {
+        "key": "drive.supply_frequency_hz",
+        "start": 50.0,
+        "stop": 56.0,
+        "boundaries": {"key": MASS, "start": 0.0, "stop": 0.3},
+    }
+}
 #: Dots per inch of the pictures that are looked at, and the least width and height of a panel (inch).
 DPI, LEAST = 60, (0.8, 0.4)
 
@@ -180,43 +190,21 @@ def drawn_run(kind, count=1):
     return draw
 
 
-class Found:
-    """A result in memory."""
+def drawn_study(command, kind, keys=()):
+    """Draw a picture of tables in memory."""
 
-    known_scene = load_config(QUICKSTART)
-    directory = Path("results")
-
-    def __init__(self, tables):
-        self.tables = tables
-
-    def columns(self, name, *_):
-        return self.tables[name]
-
-    table = columns
-
-
-def drawn_sweep(kind):
     def draw(change, tables):
-        table = finite(change(tables["sweep"]))
-        if table.empty:
-            raise TableError("refused where it is read")
-        points = {"section": diagram(table, "y_m"), "impacts": diagram(table, "impact_speed_m_per_s")}
-        return sweep.FIGURES[kind](Study([Found(points)], ["sweep"], table, grid_of(table)))
-
-    return draw
-
-
-def drawn_branches(kind):
-    def draw(change, tables):
-        table = change(tables["branches"])
-        if table.empty:
-            raise TableError("refused where it is read")
-        special = change(handmade.special(tables["branches"]))
-        followed = branches_of(table, special[special["point"] < len(table)])
-        found = Study([Found({"boundaries": change(handmade.boundaries())})], **{
-            name: getattr(followed, name) for name in ("names", "points", "grid", "x", "key", "special")
-        }, second=MASS)  # fmt: skip
-        return orbits.FIGURES[kind](found, found.x)
+        scene = load_config(QUICKSTART, dict(keys))
+        held = {name: change(table) for name, table in tables[command].items()}
+        if command == "orbits":
+            held["special"] = held["special"].loc[held["special"]["point"] < len(held["branches"])]
+        else:
+            held |= {
+                "section": diagram(held["sweep"], "y_m"),
+                "impacts": diagram(held["sweep"], "impact_speed_m_per_s"),
+            }
+        ((_, figure),) = draw_study(command, [Result(command, scene, held, Answer())], [kind])
+        return figure
 
     return draw
 
@@ -235,7 +223,7 @@ def drawn_orbit(change, tables):
         def __call__(self, _):
             return table
 
-    return orbits.orbit_figure(SimpleNamespace(**found | {"run": Motion()}))
+    return orbit_figure(SimpleNamespace(**found | {"run": Motion()}))
 
 
 def drawn_paper(name):
@@ -268,8 +256,8 @@ def drawn_precision(change, _):
 FIGURES = {
     **{kind: drawn_run(kind) for kind in run.FIGURES},
     "force of two": drawn_run("force", 2),
-    **{kind: drawn_sweep(kind) for kind in sweep.FIGURES},
-    **{kind: drawn_branches(kind) for kind in orbits.FIGURES},
+    **{kind: drawn_study("sweep", kind) for kind in KINDS["sweep"].pictures.KINDS},
+    **{kind: drawn_study("orbits", kind, ORBITS) for kind in KINDS["orbits"].pictures.KINDS},
     "orbit": drawn_orbit,
     **{name: drawn_paper(name) for name in ("fig4", "fig6")},
     "precision": drawn_precision,
@@ -284,7 +272,9 @@ def tables(runs):
     curves = [{"panel": f, "excitation_frequency_hz": f, "curve": n, "t_s": t} for f in (25.0, 30.0) for n in (1, 2)]
     history = [pd.DataFrame(c | {"y_m": 1e-3 * c["curve"] * np.sin(2.0 * np.pi * c["panel"] * t)}) for c in curves]
     reproduction = {"fig6": laws, "fig4": pd.concat(history, ignore_index=True)}
-    return {"run": runs["two layers"], "sweep": found, "branches": handmade.branches(), "paper": reproduction}
+    branches = handmade.branches()
+    followed = {"branches": branches, "special": handmade.special(branches), "boundaries": handmade.boundaries()}
+    return {"run": runs["two layers"], "sweep": {"sweep": found}, "orbits": followed, "paper": reproduction}
 
 
 # -- what is looked at -------------------------------------------------------------------------------------------------

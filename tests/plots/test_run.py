@@ -13,8 +13,8 @@ from vibroplat import load_config, simulate
 from vibroplat.errors import TableError
 from vibroplat.plots import histories
 from vibroplat.plots.command import plot_results
-from vibroplat.plots.labels import run_parameters
 from vibroplat.plots.run import run_figures
+from vibroplat.results.labels import run_parameters
 from vibroplat.results.tables import read_json, read_table, write_table
 
 from .conftest import data_of, table_line, texts

@@ -1,6 +1,7 @@
 """Figures of sweeps, from their tables alone."""
 
 import json
+from functools import partial
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -13,21 +14,18 @@ from common.results import unproven
 from vibroplat import load_config
 from vibroplat.errors import TableError
 from vibroplat.hybrid.state import static_rest
-from vibroplat.plots import response
 from vibroplat.plots.command import plot_results
-from vibroplat.plots.studies import read_sweeps
 from vibroplat.plots.style import MOST_ENTRIES
-from vibroplat.plots.sweep import FIGURES, PERIODS, SYNC, sweep_figures
+from vibroplat.results.picture import SYNC
 from vibroplat.results.tables import read_json, write_table
+from vibroplat.study import picture
+from vibroplat.study.picture import PERIODS
 
 from .conftest import diagram, sweep_table, texts
+from .conftest import drawn as drawn_of
 
 MASS = "material.mass_ratio"
-
-
-def drawn(*directories, kinds=(), **options):
-    """Figures of sweeps by name."""
-    return {name: figure for _, name, figure in sweep_figures(directories, kinds, **options)}
+drawn = partial(drawn_of, "sweep")
 
 
 def curves(axis):
@@ -79,7 +77,8 @@ def test_response_has_a_curve_for_each_branch(write_sweep):
         lines = curves(axes[label])
         assert len(lines) == 4
         for line, (_, rows) in zip(lines, table.groupby("branch"), strict=True):
-            assert known(line.get_xdata()).tolist() == known(rows["excitation_frequency_hz"]).tolist()
+            seen = line.get_xdata()[np.isfinite(line.get_ydata())]
+            assert known(seen).tolist() == known(rows["excitation_frequency_hz"]).tolist()
             if column is not None:
                 assert known(line.get_ydata()) == pytest.approx(factor * known(rows[column]))
     lines, markers = curves(figure.axes[0]), [line for line in figure.axes[0].lines if line.get_marker() != "None"]
@@ -89,15 +88,15 @@ def test_response_has_a_curve_for_each_branch(write_sweep):
     full = [line.get_marker() for line in markers if line.get_fillstyle() == "full"]
     assert full == ["^", "v", "^", "x", "v", "x"]  # of each direction, and of points that failed
     named = texts(figure.legends[0])
-    assert named[:4] == ["$\\mu_w$ = 0", "$\\mu_w$ = 0.2", "supply frequency up", "supply frequency down"]
+    assert named[:4] == ["mass ratio 0", "mass ratio 0.2", "supply frequency up", "supply frequency down"]
     assert named[4:] == ["periodic", "not periodic", "failed"]
 
 
 def test_what_all_quantities_along_a_branch_share_is_found_once(write_sweep, monkeypatch):
     """With many branches it took most of the time."""
     asked = []
-    found = response.jumps
-    monkeypatch.setattr(response, "jumps", lambda rows: asked.append(rows) or found(rows))
+    found = picture.jumps
+    monkeypatch.setattr(picture, "jumps", lambda rows: asked.append(rows) or found(rows))
     axes = drawn(write_sweep())["response"].axes
     assert len(asked) == sweep_table()["branch"].nunique() < len(axes)
 
@@ -112,7 +111,7 @@ def test_legend_of_hundreds_of_curves_names_some_and_says_how_many_more(write_sw
     assert len(curves(figure.axes[0])) == count
     named = texts(figure.legends[0])
     assert [named[0], *named[MOST_ENTRIES - 1 : MOST_ENTRIES + 2]] == [
-        *("k 0, $\\mu_w$ = 0", "k 9, $\\mu_w$ = 0.09"),
+        *("k 0, mass ratio 0", "k 9, mass ratio 0.09"),
         f"and {count - MOST_ENTRIES} more between them",
         "supply frequency up",
     ]
@@ -121,7 +120,7 @@ def test_legend_of_hundreds_of_curves_names_some_and_says_how_many_more(write_sw
 def test_response_leaves_out_force_and_flight_where_there_is_none_and_is_over_either_frequency(write_sweep):
     table = sweep_table()
     axes = drawn(write_sweep(table[table[MASS] == 0.0]))["response"].axes
-    assert [axis.get_ylabel() for axis in axes][-1] == "motor power (W)"
+    assert "largest $F_c$ (N)" not in [axis.get_ylabel() for axis in axes]
     assert len(axes) == 5
     assert axes[-1].get_xlabel() == "excitation frequency $f$ (Hz)"
     axes = drawn(write_sweep(), x="supply")["response"].axes
@@ -156,7 +155,7 @@ def test_sweeps_are_laid_over_each_other(write_sweep, figures):
     (plain / "provenance.json").write_text(json.dumps(proof))
     (path,) = plot_results([write_sweep(table.assign(**{MASS: 0.1}), name="soft"), plain])
     assert (path.parent.name, path.name) == ("soft", "response-compared.png")
-    assert texts(figures["response"].legends[0])[:2] == [r"soft, $\mu_w$ = 0.1", r"plain, $\mu_w$ = 0.3"]
+    assert texts(figures["response"].legends[0])[:2] == ["soft, mass ratio 0.1", "plain, mass ratio 0.3"]
     assert len(curves(figures["response"].axes[0])) == 4
 
 
@@ -186,24 +185,25 @@ def test_map_colours_a_tile_for_each_point_and_hatches_failed_ones(write_sweep):
     figure = drawn(write_sweep(table, "map"))["map"]
     ends = [1, 2, 4, 8, 64]
     assert len(figure.axes) == 7  # with the colour bar
-    for row, direction in enumerate(("up", "down")):
+    for column, direction in enumerate(("up", "down")):
+        own = figure.axes[column:6:2]
         rows = table[table["direction"] == direction].sort_values([MASS, "supply_frequency_hz"])
         good = (rows["outcome"] == "ok").to_numpy()
-        tiles = [figure.axes[3 * row + k].collections[0].get_array().ravel() for k in range(3)]
+        tiles = [axis.collections[0].get_array().ravel() for axis in own]
         sync, periods, flight = (np.ma.filled(np.ma.asarray(values, dtype=float), np.nan) for values in tiles)
         assert sync[good].tolist() == [list(SYNC).index(name) for name in rows["sync"][good]]
         several = [next(i for i, end in enumerate(ends) if n <= end) for n in rows["period"] if n > 0]
         assert periods[rows["period"] > 0].tolist() == several
         assert {list(PERIODS)[int(i)] for i in periods[rows["period"] == 0]} == {"chaotic"}
         assert flight == pytest.approx(rows["flight_fraction"].to_numpy(dtype=float), nan_ok=True)
-        titles = [figure.axes[3 * row + k].get_title(loc="left").splitlines()[-1] for k in range(3)]
+        titles = [axis.get_title(loc="left").splitlines()[-1] for axis in own]
         assert titles == [f"synchronization, {direction}", f"period (turns), {direction}", f"flight, {direction}"]
-        for axis in figure.axes[3 * row : 3 * row + 3]:
+        for axis in own:
             assert np.isnan(np.ma.filled(axis.collections[0].get_array(), np.nan)).sum() == (~good).sum() == 1
             assert axis.collections[1].get_hatch()
             assert np.ma.count(axis.collections[1].get_array()) == 1
-    named = ["antiphase: shakes along y", "in-phase: shakes along x and rocks"]
-    assert texts(figure.axes[3].get_legend()) == [*named, "failed"]
+    named = ["antiphase: vibrates along y", "in-phase: vibrates along x and rocks"]
+    assert texts(figure.legends[0])[:3] == ["failed", *named]
 
 
 def test_map_has_tiles_of_equal_size_whatever_the_values(write_sweep):
@@ -246,8 +246,7 @@ def test_a_table_may_hold_failed_points_only_but_not_none(write_sweep):
         drawn(write_sweep(table.iloc[:0]))
     measures = table.columns[list(table.columns).index("branch") + 1 :].difference(["outcome", "motion"])
     lost = table.assign(outcome="event-storm", **dict.fromkeys(measures, np.nan))
-    response = read_sweeps([write_sweep(lost.astype({"sync": object}))])
-    axis = FIGURES["response"](response).axes[0]
+    axis = drawn(write_sweep(lost.astype({"sync": object})))["response"].axes[0]
     assert not any(np.isfinite(line.get_ydata()).any() for line in curves(axis))
     crosses = np.concatenate([line.get_xdata() for line in axis.lines if line.get_marker() == "x"])
     assert sorted(crosses) == sorted(table["supply_frequency_hz"])  # no excitation frequency is known
@@ -255,5 +254,5 @@ def test_a_table_may_hold_failed_points_only_but_not_none(write_sweep):
 
 def test_the_only_value_of_a_grid_is_told_instead_of_that_of_the_configuration(write_sweep):
     table = sweep_table()
-    ((_, _, figure),) = sweep_figures([write_sweep(table[table["material.mass_ratio"] == 0.0])], ["response"])
+    (figure,) = drawn(write_sweep(table[table["material.mass_ratio"] == 0.0]), kinds=["response"]).values()
     assert figure.axes[0].get_title(loc="left") == "no material"

@@ -98,6 +98,7 @@ def test_workers_that_join_are_given_tasks(workers, threads, monkeypatch):
     monkeypatch.setattr(workers, "_workers", lambda: {"one": 4, "another": 2})
     list(run_chains([Calls((math.sqrt, (4.0,)))], workers))
     assert workers.slots == 12
+    workers.check()
 
 
 def test_scheduler_that_cannot_count_its_workers_in_time_is_given_tasks(workers, monkeypatch):
@@ -132,6 +133,11 @@ def test_worker_that_cannot_load_the_package_is_named(error, text, workers, thre
         list(run_chains([Calls((math.sqrt, (4.0,)))], workers))
     (worker,) = threads.workers.values()
     assert str(caught.value).startswith(f"worker {worker.address}: {text}")
+    monkeypatch.setattr(workers._client, "_run", None)  # as if it had left before it could be asked
+    lacks = isinstance(error, (ImportError, AttributeError))
+    with pytest.raises(ForeignWorkerError if lacks else RuntimeError) as caught:
+        list(run_chains([Calls((math.sqrt, (4.0,)))], workers))
+    assert str(caught.value).startswith(f"worker that has left: {text}" if lacks else str(error))
 
 
 def test_no_worker_is_told_and_given_up(kernels, monkeypatch, caplog):

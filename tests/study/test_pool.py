@@ -174,8 +174,9 @@ def test_workers_have_one_thread_and_do_not_hear_ctrl_c(processes):
 
 
 def test_error_of_a_task_is_raised(processes):
-    with pytest.raises(ValueError, match="math domain error"):
-        finish([Calls((math.sqrt, (-1.0,)))], processes)
+    for workers in (Inline(), processes):
+        with pytest.raises(ValueError, match="math domain error"):
+            finish([Calls((math.sqrt, (-1.0,)))], workers)
 
 
 # -- workers that die -----------------------------------------------------------------------------------

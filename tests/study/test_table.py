@@ -311,7 +311,7 @@ def test_command_writes_what_python_gives(done, table):
     assert {"sweep.parquet", "provenance.json"} <= written
     lines = {line[:28].rstrip(): line[28:] for line in done[0].out.splitlines()}
     assert (lines["points"], lines["outcomes"]) == ("8 in 4 branches", "ok 8")
-    assert (lines["synchronization"], lines["tables"]) == ("antiphase 8 (shakes along y)", "results/c")
+    assert (lines["synchronization"], lines["tables"]) == ("antiphase 8 (vibrates along y)", "results/c")
     assert not {name for name in written if name.startswith((".", "section", "impacts"))}
 
 

@@ -6,7 +6,8 @@ import pytest
 
 from vibroplat import find, load_config
 from vibroplat.errors import ConfigError
-from vibroplat.plots.thresholds import threshold_figures
+from vibroplat.plots.command import draw_study
+from vibroplat.results.result import Result
 from vibroplat.thresholds.tables import ThresholdStudy
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -118,7 +119,8 @@ def test_the_command_writes_tables_and_prints_the_answer_and_plot_draws_it(comma
     assert "level-crossing" in done.out
     drawn = command("plot", tmp_path / "c", "--measure", "rms_y_m", "--measure", "motor_power_w")
     assert (drawn.code, drawn.out.split()) == (0, [str(tmp_path / "c/thresholds.png")])
-    ((_, name, figure),) = threshold_figures([tmp_path / "c"])
+    columns = ["rms_y_m", "rms_x_m", "phase_difference_rad"]
+    ((name, figure),) = draw_study("find", [Result.read(tmp_path / "c", "find")], measure=columns)
     assert name == "thresholds"
     assert [axis.get_ylabel() for axis in figure.axes] == ["RMS $y$ (mm)", "RMS $x$ (mm)", r"$\Delta\varphi$"]
     levels = [line.get_ydata()[0] for line in figure.axes[0].lines if line.get_linestyle() == ":"]

@@ -21,8 +21,8 @@ class Kind(NamedTuple):
         What its result is called.
     table
         The table that every result of it has.
-    study, picture
-        Modules of its study and of its pictures.
+    study
+        Module of its study; that of its pictures, ``picture``, is beside it.
     summary
         What its command does, in at most 60 characters.
     about
@@ -35,7 +35,6 @@ class Kind(NamedTuple):
     noun: str
     table: str
     study: str
-    picture: str
     summary: str
     about: str
     uses: tuple[str, ...] = ()
@@ -47,7 +46,7 @@ class Kind(NamedTuple):
     @property
     def pictures(self) -> Any:
         """The module of its pictures."""
-        return import_module(f"vibroplat.{self.picture}")
+        return import_module(f"vibroplat.{self.study.rpartition('.')[0]}.picture")
 
 
 #: All kinds, in the order in which commands, results and pages have them. The last two have commands of their own.
@@ -59,7 +58,6 @@ KINDS = {
             "a sweep",
             "sweep",
             "study.sweep",
-            "study.picture",
             "Sweep the supply frequency or another key, for a grid.",
             "Writes a table of points and a table of bands to OUT/NAME.",
         ),
@@ -68,7 +66,6 @@ KINDS = {
             "branches of orbits",
             "branches",
             "continuation.study",
-            "continuation.picture",
             "Continue branches of periodic orbits over a key.",
             "Writes tables of points, of special points and of boundaries to OUT/NAME.",
             ("run",),
@@ -78,7 +75,6 @@ KINDS = {
             "thresholds",
             "thresholds",
             "thresholds.tables",
-            "thresholds.picture",
             "Find the values of a key at which the motion changes.",
             "Writes the thresholds and all evaluated values to OUT/NAME. It is not an error if nothing changes.",
             ("run", "sweep"),
@@ -88,7 +84,6 @@ KINDS = {
             "basins of attraction",
             "attractors",
             "basin.question",
-            "basin.picture",
             "Find the attractors of a scene and their basins.",
             "Writes tables of the attractors and of all initial conditions to OUT/NAME.",
             ("run",),
@@ -98,7 +93,6 @@ KINDS = {
             "a design",
             "sensitivities",
             "designs.question",
-            "designs.picture",
             "Find sensitivities, effects of tolerances, best values.",
             "Writes tables of sensitivities, samples, fractions of the variance and evaluations to OUT/NAME, and "
             "the best design as best.yaml.",

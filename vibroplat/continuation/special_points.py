@@ -24,19 +24,11 @@ from vibroplat.continuation.newton import Chart, MissedError, NewtonResult, Prob
 from vibroplat.continuation.orbit import measures_of_orbit
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.kernels.linear import eliminate
+from vibroplat.results.labels import SPECIAL_POINTS
 
-FOLD, DOUBLING, NEIMARK_SACKER, BRANCH_POINT = "fold", "period-doubling", "neimark-sacker", "branch-point"
-LIFTOFF, END_OF_STICKING, GRAZING = "liftoff", "end-of-sticking", "grazing"
 #: What happens at each kind, for people.
-KINDS = {
-    FOLD: "two orbits merge and vanish",
-    DOUBLING: "an orbit of twice the period branches off",
-    NEIMARK_SACKER: "quasi-periodic motion branches off",
-    BRANCH_POINT: "another branch crosses, for example at a loss of symmetry",
-    LIFTOFF: "contact is lost for the first time",
-    END_OF_STICKING: "the material no longer stays on the platform after it lands",
-    GRAZING: "an impact appears or vanishes with zero speed",
-}
+KINDS = SPECIAL_POINTS
+FOLD, DOUBLING, NEIMARK_SACKER, BRANCH_POINT, LIFTOFF, END_OF_STICKING, GRAZING = KINDS
 
 #: Imaginary part up to which a multiplier is real, but for round-off.
 REAL = 1e-9

@@ -146,12 +146,12 @@ class DesignStudy(Study):
         bounds = {name: self.plan.bound(name) for name in self.plan.constraints}
         asked = (optimum.searched, self.scene, self.names, known)
         found = run.all({f"start {n}": (*asked, bounds, n, None) for n in range(self.plan.starts)})
-        rows = [row | {"best": False} for part in found for row in part["rows"]]
+        rows = [row | {"best": False, "period": known["period"]} for part in found for row in part["rows"]]
         bests = [part["best"] for part in found if part["best"] is not None]
         best = min(bests, key=lambda best: best["objective"], default=None)
         if best is not None:
             next(row for row in rows if best["values"].items() <= row.items())["best"] = True
-        last = ("objective", "violation", "feasible", "best")
+        last = ("objective", "violation", "feasible", "best", "period")
         tables["evaluations"] = self._table(rows, optimum.EVALUATIONS, ("start",), last)
         for name, values in self.plan.pareto.items():
             front, begin = list[Record](), None if best is None else best["values"]
@@ -160,8 +160,8 @@ class DesignStudy(Study):
                 part = run.one(f"{name} {value!r}", *asked, ends, 0, begin)["best"]
                 begin = begin if part is None else part["values"]
                 row = {} if part is None else part["values"] | part["measures"] | {"objective": part["objective"]}
-                front.append({"bound": value, "feasible": part is not None, **row})
-            tables["pareto"] = self._table(front, optimum.PARETO, ("bound",), ("objective", "feasible"))
+                front.append({"bound": value, "feasible": part is not None, "period": known["period"], **row})
+            tables["pareto"] = self._table(front, optimum.PARETO, ("bound",), ("objective", "feasible", "period"))
         if best is None:
             if not rows:
                 return None, {"best": "unknown: the orbit was lost on the way to every starting point of the search"}

@@ -85,7 +85,7 @@ def elementwise(builder: Any, name: str, vector: Any) -> Any:
 def loop(builder: Any, first: Any, last: Any, step: int, initial: list[Any], body: Any) -> list[Any]:
     """Compile a loop over k from ``first`` to ``last``; ``body(k, totals)`` gives the totals after it.
 
-    Returns k and the totals behind the loop, which are ``begun`` where it is not run.
+    Returns k and the totals behind the loop, which are ``initial`` where it is not run.
     """
     entry = builder.block
     loop, end = builder.append_basic_block("loop"), builder.append_basic_block("end")
@@ -395,7 +395,7 @@ if TYPE_CHECKING:
 
         Parameters
         ----------
-        begun, samples, end
+        beginning, samples, end
             Values and, by its fraction, derivatives at its beginning, values at its nodes and at its end: x, y, φ from
             column 0 on, rates from column n on.
         springs

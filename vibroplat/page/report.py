@@ -14,24 +14,22 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from plotly.offline import get_plotlyjs
 
-from vibroplat.page import points, questions, run, static
-from vibroplat.page.points import Motions, Mover, Progress
+from vibroplat.config.kinds import KINDS
+from vibroplat.page import run, static
+from vibroplat.page.pictures import MOST_SAMPLES, Motions, Mover, Progress, picture_data, table_data
 from vibroplat.page.results import differences, find_results, parameters, remarks, summary_rows
-from vibroplat.plots.reading import Saved, ends_of, finite, has_table
-from vibroplat.plots.studies import abscissa, grid_of, reached, read_branches
+from vibroplat.plots.reading import Saved, ends_of
+from vibroplat.results.picture import finite
 from vibroplat.results.tables import replace_file, require_replaceable
 
 _LOG = logging.getLogger("vibroplat")
 
 #: The parts of the script, in the order in which they use each other.
-SCRIPTS = ("text", "tables", "curves", "machine", "player", "orbit", "points", "page")
-#: Columns of texts and of numbers that a table of a sweep needs.
-SWEEP_COLUMNS = (
-    ("direction", "rotation", "sync", "motion", "outcome"),
-    ("branch", points.EXCITATION, "rms_x_m", "rms_y_m", "phase_difference_rad"),
-)
+SCRIPTS = ("text", "tables", "curves", "machine", "player", "orbit", "pictures", "page")
+#: What draws curves: plotly.js 4.1.1 with its traces in Cartesian axes alone, a third of the whole library. It is the
+#: file of npm's package plotly.js-cartesian-dist-min as it is, and its license is ``plotly-LICENSE.txt`` beside it.
+LIBRARY = "plotly-cartesian.min.js"
 #: What the page says about how a result was made.
 _MADE = ("vibroplat", "git_commit", "created", "engine", "tolerance")
 #: Size of a page that is told (bytes): mail takes what is smaller.
@@ -94,7 +92,7 @@ def _smaller(data: Mapping[str, Any]) -> str:
     """Say what would make a page smaller."""
     ways = [
         ("fewer results", len(data["results"]) > 1),
-        ("--no-orbits", any(one["motions"]["list"] for one in data["points"])),
+        ("--no-orbits", any(one["motions"]["list"] for one in data["pictures"])),
         ("a shorter interval, by --start and --stop", bool(data["runs"])),
         ("fewer rows", not data["runs"] and len(data["results"]) == 1),
     ]
@@ -115,7 +113,7 @@ def page_data(
     numbers = [number for number, one in enumerate(found) if one.command == "run"]
     summaries = [found[number] for number in numbers]
     studies = [(number, one) for number, one in enumerate(found) if one.command != "run"]
-    room = points.MOST_SAMPLES // max(len(studies), 1)
+    room = MOST_SAMPLES // max(len(studies), 1)
     commands, trees = [one.command for one in found], [one.given() for one in found]
     different = differences(commands, [one.scene.to_tree() for one in found])
     return {
@@ -131,11 +129,11 @@ def page_data(
         "transient": transient,
         "turns": run.SHOWN_TURNS,
         "panels": run.panels(runs, from_mean=from_mean),
-        "points": [study for n, one in studies for study in _points(n, one, Motions(one.scene, mover, room, progress))],
-        "elasticities": [table for number, one in studies for table in questions.elasticities(number, one)],
+        "pictures": [
+            shown for n, one in studies for shown in _pictures(n, one, Motions(one.scene, mover, room, progress))
+        ],
         "answers": [{"result": n, "told": told} for n, one in studies if (told := _told(one))],
-        "tables": [points.table_data("events", number, _events(found[number])) for number in numbers],
-        "boundaries": [table for number, one in studies for table in _boundaries(number, one)],
+        "tables": [table_data("events", number, _events(found[number])) for number in numbers],
     }
 
 
@@ -146,7 +144,7 @@ def page(data: dict[str, Any], figures: str = "") -> str:
     reads it as HTML. Should it ever do so, the policy of the page still lets no other script run and nothing be loaded.
     """
     ours = "\n".join(_web(f"{name}.js") for name in SCRIPTS)
-    library, script = str(get_plotlyjs()), f'(() => {{\n"use strict";\n{ours}}})();'
+    library, script = _web(LIBRARY), f'(() => {{\n"use strict";\n{ours}}})();'
     parts = {
         "LIBRARY": base64.b64encode(zlib.compress(library.encode(), 9)).decode("ascii"),
         "SCRIPT": script,
@@ -223,58 +221,7 @@ def _events(one: Saved) -> pd.DataFrame:
     return finite(one.columns("events", ("kind",), ("t_s", "impulse_n_s")))
 
 
-def _points(number: int, one: Saved, motions: Motions) -> list[dict[str, Any]]:
-    """Return the figures of a result, with their tables and what moves when a point is clicked."""
-    if one.command not in ("sweep", "orbits"):
-        return questions.studies(number, one, motions)
-    shown = (_sweep if one.command == "sweep" else _orbits)(number, one, motions)
-    return [{"command": one.command, "result": number} | shown]
-
-
-def _sweep(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
-    texts, numbers = SWEEP_COLUMNS
-    whole = one.columns("sweep", texts, (one.swept, *numbers))
-    table = points.thinned(whole)
-    return {
-        "title": "Sweep",
-        "meaning": "▲ up, ▼ down; filled: periodic, open: not periodic, with a dot: undecided, ×: failed. Where the "
-        "motion jumps, a line is broken.",
-        "table": points.table_data("sweep", number, whole),
-        "axes": points.axes(table, dict.fromkeys((abscissa(one.swept), points.EXCITATION, one.swept, *grid_of(table)))),
-        "measures": points.measures(table),
-        "shaking": points.shaking(table, "".join(table["rotation"].dropna().unique())),
-        "series": points.sweep_series(table),
-        "marks": [],
-        "special": None,
-        "motions": motions.of(None, table, ()),
-    }
-
-
-def _orbits(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
-    found = read_branches(one.directory)
-    table, special = points.thinned(found.points), points.thinned(found.special)
-    marks = points.special_marks(found, special, table)
-    return {
-        "title": "Orbits",
-        "meaning": "Solid: stable orbits; dashed, with open points: unstable ones. White marks: special points of "
-        "branches, at their exact frequency.",
-        "table": points.table_data("branches", number, found.points),
-        "axes": points.axes(table, [found.x, found.key, points.EXCITATION]),
-        "measures": points.measures(table),
-        "shaking": points.shaking(table, found.rotation),
-        "series": points.orbit_series(found, table),
-        "marks": marks,
-        "special": points.table_data("special points", number, found.special),
-        "motions": motions.of(special, table, [*points.ends(found, table), *(n for m in marks for n in m["nearest"])]),
-    }
-
-
-def _boundaries(number: int, one: Saved) -> list[dict[str, Any]]:
-    """Return the table of boundaries of orbits in the plane of two keys."""
-    if one.command != "orbits" or not has_table(one.directory, "boundaries"):
-        return []
-    found = read_branches(one.directory)
-    whole = found.boundaries()
-    series = points.boundary_series(found, points.thinned(whole.assign(reached=reached(whole))))
-    data = points.table_data("boundaries", number, whole)
-    return [{"table": data, "keys": [found.key, found.second], "series": series}]
+def _pictures(number: int, one: Saved, motions: Motions) -> list[dict[str, Any]]:
+    """Return the pictures of a result, with their tables and what moves when a point is clicked."""
+    shown = [picture for picture in KINDS[one.command].pictures.pictures([one]) if "page" in picture.places]
+    return [picture_data(number, picture, motions) for picture in shown]

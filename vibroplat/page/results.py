@@ -10,9 +10,9 @@ from vibroplat.columns import shown_in, unit_of, words
 from vibroplat.config.keys import Key, key_of
 from vibroplat.config.kinds import KINDS, unused_sections
 from vibroplat.errors import TableError
-from vibroplat.plots.labels import differing, leaves, shortened, value_words
 from vibroplat.plots.reading import Saved
 from vibroplat.results.files import commands_in
+from vibroplat.results.labels import differing, leaves, shortened, value_words
 
 #: Keys of a summary that are shown first.
 FIRST = (

@@ -15,8 +15,9 @@ from vibroplat.columns import shown_in
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.plots.reading import Cut, Ends, Saved, finite, rest_of
+from vibroplat.plots.reading import Cut, Ends, Saved, rest_of
 from vibroplat.plots.timelines import wrapped
+from vibroplat.results.picture import finite
 
 #: Most rows of all runs together that are kept as they are, each of 80 bytes: 25 s at 2000 Hz with their events.
 ROWS = 52_000

@@ -13,7 +13,7 @@ from html import escape
 from typing import Any
 
 from vibroplat.errors import TableError
-from vibroplat.plots.command import FAMILIES
+from vibroplat.plots.command import families
 from vibroplat.plots.reading import Saved
 from vibroplat.plots.style import styled
 
@@ -157,8 +157,7 @@ def listing(heads: Sequence[str], rows: Sequence[str]) -> str:
 
 def tables(data: Mapping[str, Any]) -> str:
     """Return the first rows of all tables."""
-    studies = [table for one in data["points"] for table in (one["table"], one["special"]) if table]
-    found = [*data["tables"], *studies, *(one["table"] for one in (*data["elasticities"], *data["boundaries"]))]
+    found = [*data["tables"], *(table for one in data["pictures"] for table in (one["table"], one["special"]) if table)]
     return "".join(_table(table, data["results"][table["result"]]["label"]) for table in found)
 
 
@@ -192,7 +191,7 @@ def figures(found: Sequence[Saved]) -> str:
 def _pictures(found: Sequence[Saved]) -> Iterator[tuple[str, str]]:
     """Yield figures by their names, as base64 of PNG; a result without data has none."""
     for one in found:
-        draw = next((family.draw for family in FAMILIES if family.command == one.command), None)
+        draw = next((family.draw for family in families() if family.command == one.command), None)
         if draw is None:
             continue
         with styled():

@@ -10,13 +10,12 @@ Functions that draw take an axis, return it, and leave everything else to you:
 >>> draw_coordinate(axis, table, "y_m").get_ylabel()
 '$y$ (mm)'
 
-Figures of another kind of result have a module of their own here, with a function that yields them for
-:data:`vibroplat.plots.command.FAMILIES`.
+Figures of studies are drawn from their pictures, which :mod:`vibroplat.results.picture` explains.
 """
 
-from vibroplat.plots.response import draw_response
+from vibroplat.plots.panels import draw_map
+from vibroplat.plots.pictures import draw_response, draw_section
 from vibroplat.plots.style import Saving, styled
-from vibroplat.plots.sweep import draw_map, draw_section
 from vibroplat.plots.timelines import (
     draw_contact,
     draw_coordinate,

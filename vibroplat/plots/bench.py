@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from vibroplat.plots.reading import finite
-from vibroplat.plots.style import CURVES, MARKERS, legend_below, new_figure, save, styled
+from vibroplat.plots.style import MARKERS, legend_below, new_figure, save, styled
+from vibroplat.results.picture import CURVES, finite
 
 #: Errors shown, by column.
 ERRORS = {

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from vibroplat.config.kinds import noun_of
+from vibroplat.columns import QUANTITIES
+from vibroplat.config.kinds import KINDS, noun_of
 from vibroplat.errors import VibroplatError
-from vibroplat.plots import basins, designs, orbits, run, sweep
+from vibroplat.plots import run
 from vibroplat.plots.paper import paper_figures
+from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.style import Saving, save, styled
-from vibroplat.plots.thresholds import threshold_figures
+from vibroplat.plots.timelines import read_measured
 from vibroplat.results.files import commands_in
+from vibroplat.results.labels import ABSCISSAE
+from vibroplat.results.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,18 +45,41 @@ class Family(NamedTuple):
     draw: Callable[..., Iterator[tuple[Path, str, Figure]]]
 
 
-#: In the order of drawing. The last one is tried if no table is found, and its reader says what is missing.
-FAMILIES = (
-    Family("paper", (), (), paper_figures),
-    Family("sweep", sweep.FIGURES, ("x", "data", "measure"), sweep.sweep_figures),
-    Family("orbits", orbits.FIGURES, ("x",), orbits.orbit_figures),
-    Family("basins", basins.FIGURES, (), basins.basin_figures),
-    Family("find", (), ("measure",), threshold_figures),
-    Family("design", designs.FIGURES, (), designs.design_figures),
-    Family("run", run.FIGURES, ("start", "stop", "data"), run.run_figures),
-)
-#: Families whose results can be laid over each other.
+#: Commands whose results can be laid over each other.
 _COMPARED = ("sweep", "run")
+
+
+def families() -> list[Family]:
+    """Return all families in the order of drawing; the last one is tried if there is no result of any."""
+    return [
+        Family("paper", (), (), paper_figures),
+        *(
+            Family(name, kind.pictures.KINDS, kind.pictures.OPTIONS, partial(_draw, name))
+            for name, kind in KINDS.items()
+        ),
+        Family("run", run.FIGURES, ("start", "stop", "data"), run.run_figures),
+    ]
+
+
+def _draw(
+    command: str, directories: Sequence[Path], kinds: Sequence[str] = (), **options: Any
+) -> Iterator[tuple[Path, str, Figure]]:
+    """Draw the pictures of results of studies, those that can be laid over each other at once."""
+    for places in [directories] if command in _COMPARED else [[place] for place in directories]:
+        results = [Result.read(place, command) for place in places]
+        yield from ((places[0], *drawn) for drawn in draw_study(command, results, kinds, **options))
+
+
+def draw_study(
+    command: str, results: Sequence[Result], kinds: Sequence[str] = (), *, data: Path | None = None, **options: Any
+) -> Iterator[tuple[str, Figure]]:
+    """Draw the pictures of results of one kind of study; yield the name and the figure of each."""
+    for picture in KINDS[command].pictures.pictures(results, kinds, **options):
+        if "print" in picture.places:
+            x = picture.axes[0] if options.get("x") is None else ABSCISSAE[options["x"]]
+            others = [column for column in (*ABSCISSAE.values(), *picture.axes) if column != x]
+            measured = None if data is None else read_measured(data, x, QUANTITIES, others)
+            yield picture.name, draw_picture(picture, x, measured)
 
 
 def plot_results(
@@ -79,13 +107,18 @@ def plot_results(
     TableError
         Their tables are missing or damaged.
     """
-    found = [family for family in FAMILIES if all(family.command in commands_in(place) for place in directories)]
+    every_family = families()
+    found = [family for family in every_family if all(family.command in commands_in(place) for place in directories)]
     first, every = directories[0], ", ".join(map(str, directories))
-    if not found and len(directories) > 1 and any(f.command in commands_in(d) for f in FAMILIES for d in directories):
+    if (
+        not found
+        and len(directories) > 1
+        and any(f.command in commands_in(d) for f in every_family for d in directories)
+    ):
         raise VibroplatError(f"{every} hold no results of one command; allowed: several runs, or several sweeps")
-    found = found or [FAMILIES[-1]]
+    found = found or [every_family[-1]]
     allowed = [kind for family in found for kind in family.kinds]
-    for family in FAMILIES:
+    for family in every_family:
         for kind in kinds:
             if kind in family.kinds and kind not in allowed:
                 names = ", ".join(allowed) or "no --kind"
@@ -95,7 +128,7 @@ def plot_results(
     given = {option: value for option, value in options.items() if value is not None}
     for option, value in given.items():
         if not any(option in family.options for family in chosen):
-            able = " and ".join(noun_of(family.command) for family in FAMILIES if option in family.options)
+            able = " and ".join(noun_of(family.command) for family in every_family if option in family.options)
             raise VibroplatError(f"--{option} {value}: no figure of {first} uses it; allowed: with {able}")
     written = []
     with styled():

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
+from vibroplat.columns import COORDINATES
+from vibroplat.config.kinds import KINDS
 from vibroplat.continuation.orbit import Orbit
+from vibroplat.hybrid.state import static_rest
 from vibroplat.plots import histories
 from vibroplat.plots import run as drawing
-from vibroplat.plots.basins import basins_figure
-from vibroplat.plots.designs import design_figure
-from vibroplat.plots.orbits import branches_figure, orbit_figure
+from vibroplat.plots.command import draw_study
 from vibroplat.plots.reading import ends_of
-from vibroplat.plots.response import response_figure
-from vibroplat.plots.studies import branches_of, sweep_of
-from vibroplat.plots.style import styled
-from vibroplat.plots.thresholds import threshold_figure
+from vibroplat.plots.style import begin_at_zero, head, new_figure, styled, widen_ticks
+from vibroplat.plots.timelines import FROM_REST, in_units
+from vibroplat.results.labels import run_parameters
+from vibroplat.results.picture import CURVES
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
+
+#: Points of an orbit that are drawn.
+DRAWN = 2000
 
 
 def figure_of(shown: Result | Orbit, kind: str | None = None, **options: Any) -> Figure:
@@ -36,22 +42,18 @@ def figure_of(shown: Result | Orbit, kind: str | None = None, **options: Any) ->
             return orbit_figure(shown)
         if isinstance(shown, RunResult):
             return _run_figure(shown, kind or "motion", **options)
-        return _study_figure(shown, kind)
+        return _study_figure(shown, kind, options)
 
 
-def _study_figure(result: Result, kind: str | None) -> Figure:
-    scene: Any
-    scene, tables = result.scene, result.tables
-    if result.command == "sweep":
-        return response_figure(sweep_of(tables["sweep"]))
-    if result.command == "orbits":
-        found = branches_of(tables["branches"], tables["special"])
-        return branches_figure(found, found.x)
-    if result.command == "find":
-        return threshold_figure(scene.name, scene, scene.find.model_dump(), tables["scan"], tables["thresholds"])
-    if result.command == "basins":
-        return basins_figure(scene.name, scene, scene.basins.model_dump(), tables["attractors"], tables["starts"])
-    return design_figure(scene.name, scene, scene.design, tables, kind or "sensitivities")
+def _study_figure(result: Result, kind: str | None, options: Mapping[str, Any]) -> Figure:
+    """Draw a figure of a study, the first one if none is named."""
+    own = KINDS[result.command].pictures
+    if kind is not None and kind not in own.KINDS:
+        raise ValueError(f"kind = {kind!r}; allowed: {', '.join(own.KINDS)}")
+    if wrong := [name for name in options if name not in own.OPTIONS]:
+        raise ValueError(f"option {wrong[0]} is unknown; allowed: {', '.join(own.OPTIONS) or 'none'}")
+    figures = draw_study(result.command, [result], [] if kind is None else [kind], **options)
+    return next(figure for _, figure in figures)
 
 
 def _run_figure(run: RunResult, kind: str, start: float | None = None, stop: float | None = None) -> Figure:
@@ -64,3 +66,23 @@ def _run_figure(run: RunResult, kind: str, start: float | None = None, stop: flo
     table = run.trajectory
     whole = histories.run_of(run.summary, run.scene, ends_of([table]), [table], [run.events], start, stop)
     return drawing.FIGURES[kind](drawing.Shown([whole]))
+
+
+def orbit_figure(orbit: Orbit) -> Figure:
+    """Draw an orbit: its speed over its height, and the gap over the phase of exciter 1 where there is material."""
+    count = 2 if orbit.scene.has_contact else 1
+    figure, axes = new_figure(1, count, (1.0 + 4.2 * count, 4.0))
+    table = orbit.run(np.linspace(0.0, orbit.run.segments[-1].end, DRAWN))
+    first, heights = axes[0, 0], table["y_m"] - static_rest(orbit.scene)[1]
+    first.plot(in_units(heights, "y_m"), table["y_rate_m_per_s"], color=CURVES[0])
+    first.set(xlabel=FROM_REST, ylabel=r"$\dot y$ (m/s)")
+    widen_ticks(first, "x")
+    first.set_title(f"period {orbit.period}, {'stable' if orbit.stable else 'unstable'}, {orbit.sequence}", loc="left")
+    if count == 2:
+        second, gap = axes[0, 1], COORDINATES["gap_m"]
+        turns = (table["phi1_rad"] - table["phi1_rad"].iloc[0]).abs() / (2.0 * np.pi)
+        second.plot(turns, gap.factor * table["gap_m"], color=CURVES[1])
+        second.set(xlabel="phase of exciter 1 (turns)", ylabel=gap.label)
+        begin_at_zero(second)
+    head(figure, orbit.scene.name, run_parameters(orbit.scene))
+    return figure

@@ -23,8 +23,9 @@ from vibroplat.errors import VibroplatError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.plots.histories import read_run
-from vibroplat.plots.style import CURVES, MATERIAL, PLATFORM, head, new_figure, styled
+from vibroplat.plots.style import MATERIAL, PLATFORM, head, new_figure, styled
 from vibroplat.plots.timelines import FROM_REST
+from vibroplat.results.picture import CURVES
 from vibroplat.results.tables import replace_file, require_replaceable
 
 #: Duration of a frame (ms).

@@ -10,22 +10,12 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN
-from vibroplat.plots.reading import finite, has_table
-from vibroplat.plots.response import draw_response, marker_legend
-from vibroplat.plots.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    REFERENCE,
-    VERMILION,
-    begin_at_zero,
-    entry,
-    new_figure,
-)
+from vibroplat.plots.pictures import draw_response, marker_legend
+from vibroplat.plots.reading import has_table
+from vibroplat.plots.style import begin_at_zero, entry, new_figure
 from vibroplat.plots.timelines import FloatArray, in_units
 from vibroplat.results.files import SavedFiles
+from vibroplat.results.picture import BLACK, BLUE, GREEN, ORANGE, PURPLE, REFERENCE, VERMILION, finite
 from vibroplat.study.bands import jumps
 from vibroplat.study.branches import EXCITATION
 

@@ -5,7 +5,7 @@ Trajectories are read in parts: those of long runs do not fit into memory.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,14 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from vibroplat.config.plans import FREQUENCY
-from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.hybrid.state import static_rest
+from vibroplat.results.picture import finite
 from vibroplat.results.result import Result
-from vibroplat.study.bands import Flags, jumps
-from vibroplat.study.branches import column_of
 
 
 def has_table(directory: Path, name: str) -> bool:
@@ -57,15 +54,6 @@ class Saved(Result):
         """Where it is."""
         return self._read.directory
 
-    def column(self, *path: str) -> str:
-        """Return the column of the key that a value of the configuration names; raises TableError as :meth:`given`."""
-        return column_of(str(self.given(*path)))
-
-    @property
-    def swept(self) -> str:
-        """Column of the key along the branches of a sweep; raises TableError as :meth:`given`."""
-        return column_of(str(flat(self.given()).get("sweep.over.key", FREQUENCY)))
-
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Summary of a run; empty for other commands."""
@@ -73,32 +61,6 @@ class Saved(Result):
         if not isinstance(found, dict):
             raise TableError(f"{self.directory}/summary.json is not the summary of a run")
         return found
-
-
-class Curve(NamedTuple):
-    """A branch in a table: the label and the number of its combination of grid values, and its rows."""
-
-    label: str
-    number: int
-    rows: pd.DataFrame
-
-    @property
-    def direction(self) -> str:
-        """Direction of the branch of a sweep."""
-        return str(self.rows["direction"].iloc[0])
-
-    @property
-    def jumps(self) -> Flags:
-        """Whether the motion jumps between each point of the branch of a sweep and the next."""
-        return jumps(self.rows)
-
-
-def curves_of(table: pd.DataFrame, keys: Sequence[str], label: Callable[[pd.Series], str]) -> list[Curve]:
-    """Return the curves of a table in its order: rows that share keys, numbered by their labels."""
-    groups = [rows for _, rows in table.groupby([*keys], sort=False, dropna=False)]
-    labels = [label(rows.iloc[0]) for rows in groups]
-    numbers = pd.factorize(np.array(labels, dtype=object))[0]
-    return [Curve(name, int(number), rows) for name, number, rows in zip(labels, numbers, groups, strict=True)]
 
 
 class Ends(NamedTuple):
@@ -117,11 +79,6 @@ def ends_of(parts: Iterable[pd.DataFrame]) -> Ends | None:
             rows, first = (0, part.iloc[0]) if found is None else found[:2]
             found = Ends(rows + len(part), first, part.iloc[-1])
     return found
-
-
-def finite(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table whose infinite numbers are missing, as no axis has room for them."""
-    return table.replace([np.inf, -np.inf], np.nan)
 
 
 class Cut:

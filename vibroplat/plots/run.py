@@ -14,19 +14,17 @@ from vibroplat.columns import COORDINATES, FORCES, PHASE
 from vibroplat.errors import TableError
 from vibroplat.plots import timelines
 from vibroplat.plots.histories import Run, read_run
-from vibroplat.plots.labels import compared, distinct, run_parameters
 from vibroplat.plots.style import (
-    BLACK,
-    CURVES,
     FORCE,
     MATERIAL,
     PLATFORM,
-    REFERENCE,
     begin_at_zero,
     head,
     legend_below,
     new_figure,
 )
+from vibroplat.results.labels import compared, distinct, run_parameters
+from vibroplat.results.picture import BLACK, CURVES, REFERENCE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,27 +17,17 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
+from vibroplat.results.labels import plain
+from vibroplat.results.picture import BLUE, GREEN, VERMILION
 from vibroplat.results.tables import replace_file, result_directory
 
 Form = Literal["png", "pdf", "svg"]
 
-#: Colours of curves: those of Okabe and Ito, without their yellow, which is too pale for lines on white.
-CURVES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK = CURVES
 PLATFORM, MATERIAL, FORCE = BLUE, VERMILION, GREEN
-#: Shade of contact, lines of reference, and what failed.
-CONTACT, REFERENCE, FAILED = "#e3eaf0", "#666666", "#a00000"
-#: Markers of the directions of a branch, and of curves that may lie on each other.
-DIRECTIONS = {"up": "^", "down": "v"}
+#: Shade of contact.
+CONTACT = "#e3eaf0"
+#: Markers of curves that may lie on each other.
 MARKERS = "osD^vPX<>hp"
-#: What the page calls them.
-SYMBOLS = dict(
-    zip(
-        f"{MARKERS[:5]}XP*",
-        ("circle", "square", "diamond", "triangle-up", "triangle-down", "x", "cross", "star"),
-        strict=True,
-    )
-)
 #: Most curves that a legend names; hundreds would cover the figure, and setting them takes longer than drawing it.
 MOST_ENTRIES = 24
 #: Share of an axis beyond what is on it, so that markers are whole.
@@ -126,11 +116,6 @@ def panel_grid(count: int, columns: int, size: tuple[float, float], label: str) 
         axis.set_xlabel(label)
         axis.tick_params(labelbottom=True)
     return figure, panels
-
-
-def plain(text: str) -> str:
-    """Return a text of a user's to be drawn as it is: between two dollar signs, matplotlib would read mathematics."""
-    return text.replace("$", r"\$")
 
 
 def begin_at_zero(axis: Axes, end: float | None = None) -> None:

@@ -22,8 +22,9 @@ from vibroplat.config.plausibility import rounded
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import LARGEST
 from vibroplat.errors import TableError
-from vibroplat.plots.labels import is_number, phase_label
-from vibroplat.plots.style import BLACK, CONTACT, CURVES, PLATFORM, REFERENCE, plain
+from vibroplat.plots.style import CONTACT, PLATFORM
+from vibroplat.results.labels import is_number, phase_label, plain
+from vibroplat.results.picture import BLACK, CURVES, REFERENCE
 
 _LOG = logging.getLogger("vibroplat")
 

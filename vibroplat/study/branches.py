@@ -19,9 +19,10 @@ from vibroplat.errors import ConfigError
 from vibroplat.frames import labelled
 from vibroplat.hybrid.state import static_rest
 from vibroplat.model.systems import FULL_SIZE
+from vibroplat.results import labels
 
 #: Columns of supply and excitation frequency.
-SUPPLY, EXCITATION = "supply_frequency_hz", "excitation_frequency_hz"
+SUPPLY, EXCITATION = labels.SUPPLY, labels.EXCITATION
 
 #: Columns of a branch, after the keys of the grid.
 BRANCH: Columns = {

@@ -70,12 +70,7 @@ function tables() {
 }
 
 async function figures() {
-  const label = shownPoints => nameOf(shownPoints.result);
-  // Starts over a key move as their attractors, whose figure stands before theirs.
-  data.points.forEach((one, number) => { if (one.borrows) one.motions = data.points[number - 1].motions; });
-  const all = data.elasticities.map((one, number) => new Elasticities(one, nameOf(one.table.result), number));
-  all.push(...data.points.map((one, number) => new Points(one, label(one), number, data.points.length > 1)));
-  all.push(...data.boundaries.map((one, number) => new Boundaries(one, nameOf(one.table.result), number)));
+  const all = data.pictures.map((one, number) => new Picture(one, nameOf(one.result), number, data.pictures.length > 1));
   for (const figure of all) {
     byId("points").append(figure.section);
     await figure.draw();

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from vibroplat.columns import PHASE, place_of, unit_of, words, words_in_place
 from vibroplat.config.drive import Drive, Entry
@@ -15,9 +14,10 @@ from vibroplat.config.kinds import unused_sections
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
-from vibroplat.plots.style import plain
-from vibroplat.study.branches import EXCITATION, SUPPLY
+from vibroplat.frames import pd
 
+#: Columns of supply and excitation frequency.
+SUPPLY, EXCITATION = "supply_frequency_hz", "excitation_frequency_hz"
 #: What curves of a sweep are drawn over, by the names of option ``--x``.
 ABSCISSAE = {"excitation": EXCITATION, "supply": SUPPLY}
 _FREQUENCIES = {
@@ -41,6 +41,17 @@ _KEYS = {
     "motor.critical_slip": ("critical slip", "$s_c$"),
     "motor.friction_radius_m": ("bearing friction radius", "$k_R$"),
 }
+#: Kinds of special points of branches of orbits, and what happens at each.
+LIFTOFF = "liftoff"
+SPECIAL_POINTS = {
+    "fold": "two orbits merge and vanish",
+    "period-doubling": "an orbit of twice the period branches off",
+    "neimark-sacker": "quasi-periodic motion branches off",
+    "branch-point": "another branch crosses, as where symmetry breaks",
+    LIFTOFF: "contact is lost for the first time",
+    "end-of-sticking": "the material no longer stays on the platform after it lands",
+    "grazing": "an impact appears or vanishes with zero speed",
+}
 #: What the axes and curves of a figure show themselves.
 _SHOWN = ("sweep.supply_frequency_hz.", "sweep.over.", "sweep.grid.", "orbits.")
 #: Least difference of ratios, over that from end to end; values in a table may be rounded.
@@ -52,6 +63,11 @@ DRIVE = "drive"
 
 
 # -- keys and their values ---------------------------------------------------------------------------------------------
+
+
+def plain(text: str) -> str:
+    """Return a text of a user's to be drawn as it is: between two dollar signs, matplotlib would read mathematics."""
+    return text.replace("$", r"\$")
 
 
 def is_number(value: Any) -> bool:

@@ -1,0 +1,312 @@
+"""Pictures of branches of periodic orbits: their measures, their multipliers, and boundaries over two keys."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from vibroplat.columns import PHASE_COLUMN
+from vibroplat.errors import TableError
+from vibroplat.frames import pd
+from vibroplat.results import picture
+from vibroplat.results.labels import (
+    ABSCISSAE,
+    EXCITATION,
+    LIFTOFF,
+    SPECIAL_POINTS,
+    is_number,
+)
+from vibroplat.results.result import Result
+from vibroplat.study.branches import column_of
+from vibroplat.study.picture import DIRECTIONS, Sweeps, abscissa, boundary_series
+
+KINDS = ("branches", "multipliers", "boundaries")
+OPTIONS = ("x",)
+#: Markers of kinds of special points.
+MARKERS = dict(zip(SPECIAL_POINTS, "oDsX^vP", strict=True))
+#: What is 0 without flight.
+_OF_FLIGHT = ("flight_fraction", "gap_max_m", "impulse_max_n_s")
+_STABLE = {"full": "stable", "open": "unstable", "half": "", "failed": ""}
+
+
+@dataclass(frozen=True)
+class Branches(Sweeps):
+    """Tables of branches over a key, and with boundaries a second one."""
+
+    special: pd.DataFrame = field(default_factory=pd.DataFrame)
+    second: str = ""
+
+    @property
+    def result(self) -> Result:
+        """The result."""
+        return self.results[0]
+
+    def curves(self) -> Iterator[tuple[str, pd.DataFrame]]:
+        """Yield the rows of each branch with the label of its combination, "" for the only one."""
+        yield from ((self.label(rows.iloc[0]), rows) for rows in self.branches)
+
+    def special_of(self, row: pd.Series) -> pd.DataFrame:
+        """Return the special points of the branch of a row."""
+        same = [self.special[key] == row[key] for key in (*self.grid, "branch")]
+        return self.special[np.logical_and.reduce(same)]
+
+
+def pictures(results: Sequence[Result], kinds: Sequence[str] = (), *, x: str | None = None) -> list[picture.Picture]:
+    """Return the pictures of branches of orbits of each result.
+
+    ``branches`` shows measures: stable parts solid, unstable ones dashed, special points marked, points of a sweep in
+    the same directory behind; ``multipliers`` those on the plane, and the largest one; ``boundaries`` curves of special
+    points over two keys. Default: all that there are tables of.
+
+    Raises
+    ------
+    TableError
+        Tables are missing, or lack data that a picture needs.
+    """
+    found = []
+    for result in results:
+        branches, has_curves = read(result, None if x is None else ABSCISSAE[x]), "boundaries" in result.tables
+        if branches.x not in branches.table:
+            raise TableError(f"--x {x}: the branches table in {result.directory} has no column {branches.x}")
+        if "boundaries" in kinds and not has_curves:
+            raise TableError(f"{result.directory} holds no boundaries; add orbits.boundaries to its configuration")
+        found += [_MAKERS[kind](branches) for kind in kinds or KINDS[: 3 if has_curves else 2]]
+    return found
+
+
+def read(result: Result, x: str | None = None) -> Branches:
+    """Read the tables of branches."""
+    plan = result.given("orbits")
+    key = column_of(str(plan["key"]))
+    second = column_of(str(plan["boundaries"]["key"])) if plan.get("boundaries") else ""
+    numbers = (key, EXCITATION, "branch", "rms_x_m", "rms_y_m", PHASE_COLUMN, "motor_power_w", "multiplier_1_re")
+    points = picture.rows_in(result, "branches", ("sequence",), numbers, ("contact_force_max_n",))
+    if "stable" not in points:
+        raise TableError(f"the branches table in {result.directory} has no column stable")
+    special = result.columns("special", ("kind",), (key, EXCITATION, "branch", "point"))
+    points, special = (picture.finite(table).reset_index(drop=True) for table in (points, special))
+    grid = list(points.columns[: list(points.columns).index(key)])
+    return Branches([result], [result.name], points, key, grid, x or abscissa(key), {}, special, second)
+
+
+# -- branches ----------------------------------------------------------------------------------------------------------
+
+
+def places_of(points: pd.DataFrame, special: pd.DataFrame) -> Any:
+    """Return where special points lie along a branch: the number of the point before and the share of the step."""
+    before = np.clip(special["point"].to_numpy(dtype=int), 0, max(len(points) - 2, 0))
+    if len(points) < 2:
+        return before.astype(float)
+    values = points[EXCITATION].to_numpy(dtype=float)
+    here, there = values[before], values[before + 1]
+    step = np.where(there == here, 1.0, there - here)
+    return before + np.clip((special[EXCITATION].to_numpy(dtype=float) - here) / step, 0.0, 1.0)
+
+
+def between(points: pd.DataFrame, special: pd.DataFrame, shares: Any, column: str) -> Any:
+    """Return a column at special points: their own values, or those between the points of their branch.
+
+    Phase differences are followed beyond their range; a liftoff begins the flight.
+    """
+    if column in special:
+        return special[column].to_numpy(dtype=float)
+    values = points[column].to_numpy(dtype=float)
+    values = np.unwrap(values) if column == PHASE_COLUMN else values
+    found = np.interp(shares, np.arange(len(points)), values)
+    return np.where(special["kind"] == LIFTOFF, 0.0, found) if column in _OF_FLIGHT else found
+
+
+def stretches(stable: Any, shares: Any, rows: Any, special: Any) -> Iterator[tuple[bool, list[int]]]:
+    """Yield the parts of a branch of one stability, each by the places of its points and of special ones at its ends.
+
+    A piece between two places is as stable as the point at its end, if a special point is at the other one; between two
+    special points nothing is known, and it counts as unstable.
+    """
+    along = np.concatenate([np.arange(len(rows)), shares])
+    order = np.argsort(along, kind="stable")
+    places = np.concatenate([rows, special]).astype(int)[order]
+    whole = order < len(rows)
+    known = np.where(whole, stable[np.minimum(order, len(rows) - 1)], True)
+    pieces = (whole[:-1] | whole[1:]) & known[:-1] & known[1:]
+    if not len(pieces):
+        yield bool(stable[0]), places.tolist()
+    for is_stable, run in itertools.groupby(range(len(pieces)), pieces.__getitem__):
+        part = list(run)
+        yield bool(is_stable), places[part[0] : part[-1] + 2].tolist()
+
+
+def branches(found: Branches) -> picture.Picture:
+    """Return measures of branches over a column, with special points at their exact places."""
+    table, special = found.table, found.special
+    everything = pd.concat([table, special], ignore_index=True)
+    if "period" in everything:
+        seconds = everything["period"] / everything[EXCITATION]
+        everything["period_s"] = everything.get("period_s", seconds).fillna(seconds)
+    at, series, first = _lines(found)
+    marks = []
+    for kind, rows in special.groupby("kind", sort=False):
+        name, places = str(kind), (len(table) + rows.index).tolist()
+        marks.append(picture.Mark(name, SPECIAL_POINTS.get(name, ""), MARKERS.get(name, "*"), places))
+    points, behind = [table, at], picture.beside(found.result, "sweep", "sweep")
+    if behind is not None:
+        points.append(behind[[name for name in behind if name in table]])
+        series = [*_behind(found, behind.reset_index(drop=True)), *series]
+    return picture.Picture(
+        name="branches",
+        heading="Orbits",
+        title=found.result.name,
+        table=table,
+        table_name="branches",
+        special=special,
+        special_name="special points",
+        drawn=pd.concat([part for part in points if len(part)], ignore_index=True),
+        axes=list(dict.fromkeys([found.x, *picture.axes_of(table, [found.x, found.key, EXCITATION])])),
+        panels=picture.measures(table),
+        series=series,
+        marks=marks,
+        states=picture.states_of(~table["stable"].astype(bool)),
+        meanings=_STABLE,
+        rotation=found.rotation,
+        told=found.told(),
+        meaning="Solid: stable orbits; dashed, with open points: unstable ones. White marks: special points of "
+        f"branches, at their exact frequency.{found.meaning}",
+        orbits=picture.Orbits(everything, [*range(len(table), len(everything)), *first]),
+    )
+
+
+def _lines(found: Branches) -> tuple[pd.DataFrame, list[picture.Series], list[int]]:
+    """Return where special points are, the stable and the unstable parts of branches, and rows at their ends."""
+    table, special = found.table, found.special
+    drawn = [name for name in dict.fromkeys((*picture.DRAWN, found.x)) if name in table]
+    at = special.assign(**{name: np.nan for name in drawn if name not in special})
+    parts: dict[tuple[str, bool], list[int]] = {}
+    ends: list[int] = []
+    for label, rows in found.curves():
+        own = found.special_of(rows.iloc[0])
+        shares, stable = places_of(rows, own), rows["stable"].to_numpy(dtype=bool)
+        for name in drawn:
+            at.loc[own.index, name] = between(rows, own, shares, name)
+        name = label if found.varied else f"branch {rows['branch'].iloc[0]}"
+        ends += [int(rows.index[0]), int(rows.index[-1]), *(rows.index[np.round(shares).astype(int)])]
+        for is_stable, part in stretches(stable, shares, rows.index.to_numpy(), len(table) + own.index.to_numpy()):
+            parts.setdefault((name, is_stable), []).extend([*part, picture.BROKEN])
+    colours, series = _colours(found), list[picture.Series]()
+    for (name, is_stable), places in parts.items():
+        look: dict[str, Any] = {"look": "stable", "width": 1.6} if is_stable else {"look": "unstable", "dash": "--"}
+        label = name if len(colours) > 1 else ""
+        series.append(
+            picture.Series(label, np.array(places[:-1]), colour=colours[name], mode="lines", size=0.7, **look)
+        )
+    return at, series, ends
+
+
+def _colours(found: Branches) -> dict[str, str]:
+    """Return the colours of combinations of the grid's values by their labels, or of branches."""
+    names = [label if found.varied else f"branch {rows['branch'].iloc[0]}" for label, rows in found.curves()]
+    names = list(dict.fromkeys(names))
+    return dict(zip(names, picture.palette(len(names)), strict=True))
+
+
+def _behind(found: Branches, table: pd.DataFrame) -> Iterator[picture.Series]:
+    """Yield the points of a sweep, which stand behind all others, in the colours of their combinations."""
+    varied, begin = found.varied if {*found.varied} <= {*table} else [], len(found.table) + len(found.special)
+    for own in picture.in_groups(table, [*varied, "direction"]):
+        colour, direction = (
+            _colours(found).get(found.label(own.iloc[0])) if varied else None,
+            str(own["direction"].iloc[0]),
+        )
+        look: dict[str, Any] = {"symbol": DIRECTIONS.get(direction, "o"), "pale": True}
+        places = begin + own.index.to_numpy()
+        yield picture.Series("", places, f"sweep, {direction}", colour or picture.BEHIND, "markers", **look)
+
+
+# -- multipliers -------------------------------------------------------------------------------------------------------
+
+
+def multipliers(found: Branches) -> picture.Picture:
+    """Return the leading multipliers on the plane, and the largest one over a column, a facet for each combination."""
+    table = found.table
+    parts, facets, series = [], dict[str, list[int]](), list[picture.Series]()
+    labels = list(dict.fromkeys(label for label, _ in found.curves()))
+    begin = 0
+    for label, rows in found.curves():
+        colour = picture.CURVES[labels.index(label) % len(picture.CURVES)]
+        own = [rows.assign(size=np.hypot(rows["multiplier_1_re"], rows["multiplier_1_im"]))]
+        for i in itertools.takewhile(lambda i: f"multiplier_{i}_re" in table, itertools.count(1)):
+            real, imaginary = (rows[f"multiplier_{i}_{part}"].astype(float) for part in ("re", "im"))
+            own += [
+                rows.assign(real=real, imaginary=sign * imaginary) for sign in (1.0, -1.0)
+            ]  # the table may have one
+        count = len(rows)
+        places = begin + np.arange(count * len(own))
+        facets.setdefault(label, []).extend((len(series), len(series) + 1))
+        series += [
+            picture.Series("", places[count:], mode="dots"),
+            picture.Series("", places[:count], "", colour, width=0.6, size=0.9),
+        ]
+        parts += own
+        begin += len(places)
+    melted = pd.concat(parts, ignore_index=True).reindex(columns=[found.x, "stable", "real", "imaginary", "size"])
+    return picture.Picture(
+        name="multipliers",
+        heading="Multipliers",
+        title=found.result.name,
+        table=melted,
+        table_name="multipliers",
+        axes=[found.x],
+        panels=[
+            picture.Panel("imaginary", "real", "plane", by=found.x, label="imaginary part"),
+            picture.Panel("size", label="largest |multiplier|", scale="one"),
+        ],
+        series=series,
+        lines=[picture.Line("size", [1.0], dash="-")],
+        facets=[picture.Facet(label, numbers) for label, numbers in facets.items()],
+        states=picture.states_of(~melted["stable"].astype(bool)),
+        meanings=_STABLE,
+        told=found.told(),
+        places=("print",),  # the page has them beside each point
+    )
+
+
+# -- boundaries --------------------------------------------------------------------------------------------------------
+
+
+def boundaries(found: Branches) -> picture.Picture:
+    """Return curves of special points over two keys: the second one over the first; a colour for each kind."""
+    table = picture.finite(found.result.columns("boundaries", ("kind",), ("curve", "n_unstable")))
+    if not all(key in table and is_number(table[key]) for key in (found.key, found.second)):
+        raise TableError(f"the boundaries table in {found.result.directory} has no numbers of two keys")
+    groups = [*picture.in_groups(table, found.varied)] if found.varied else [table]
+    series, facets = list[picture.Series](), list[picture.Facet]()
+    for rows in groups:
+        own = boundary_series(rows, 0, picture.CURVES)
+        facets.append(
+            picture.Facet(found.label(rows.iloc[0]) if found.varied else "", range(len(series), len(series) + len(own)))
+        )
+        series += own
+    return picture.Picture(
+        name="boundaries",
+        heading="Boundaries",
+        title=found.result.name,
+        table=table,
+        table_name="boundaries",
+        axes=picture.axes_of(table, (found.x, found.key)),
+        panels=[picture.Panel(found.second)],
+        series=series,
+        facets=facets if len(facets) > 1 else (),
+        choice="grid",
+        told=found.told(found.second),
+        meaning="Curves of special points over two keys.",
+        high=True,
+    )
+
+
+_MAKERS: Mapping[str, Callable[[Branches], picture.Picture]] = {
+    "branches": branches,
+    "multipliers": multipliers,
+    "boundaries": boundaries,
+}

@@ -1,0 +1,233 @@
+"""What panels of pictures show in print besides curves: tiles, bars, stacked fractions, complex numbers, dots."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.patheffects import Normal, Stroke
+from matplotlib.ticker import FixedLocator, MaxNLocator
+
+from vibroplat.plots.style import in_decades
+from vibroplat.results.labels import SUPPLY, in_ratios, key_label, key_name
+from vibroplat.results.picture import BLUE, REFERENCE, VERMILION, Panel, Picture, Series
+
+if TYPE_CHECKING:
+    from vibroplat.kernels.compiled import FloatArray
+
+#: Bars of a panel and of a histogram.
+BARS, BINS = 10, 30
+#: Hatch of tiles of points that failed, and most ticks of their vertical axis.
+HATCH, _TICKS = "xxxx", 12
+#: Largest real and imaginary part on the plane, and the least frame, just around the unit circle.
+FARTHEST, NEAREST = 2.0, 1.1
+#: The axis of sizes of multipliers is linear up to this distance from 1, and logarithmic farther away.
+NEAR_ONE = 1e-3
+_SIZE_TICKS = (1.0, 0.9, 1.1, 0.99, 1.01, 0.0, 2.0, 0.999, 1.001, *(10.0**power for power in range(1, 32)))
+
+
+def ended(values: Any) -> FloatArray:
+    """Return numbers with a missing one behind them, which is at the place of :data:`BROKEN`."""
+    return np.append(pd.Series(values).to_numpy(dtype=float, na_value=np.nan), np.nan)
+
+
+# -- tiles, bars, stacks, planes ---------------------------------------------------------------------------------------
+
+
+def draw_map(
+    axis: Axes, table: pd.DataFrame, key: str, values: pd.Series, colours: Any, norm: Any, *, x: str = SUPPLY
+) -> Axes:
+    """Draw a tile of equal height for each point of one direction of a sweep; failed points are hatched.
+
+    Rows are in the order of the key's values, evenly spaced whatever these are: their ticks say which.
+
+    Parameters
+    ----------
+    axis
+        Where to draw.
+    table
+        The points, each with a value of the horizontal axis and of the key.
+    key
+        The key of the vertical axis.
+    values
+        What is drawn; NaN where a point failed.
+    colours, norm
+        Matplotlib's colour map and norm of these values.
+    x
+        Column of the horizontal axis.
+
+    Returns
+    -------
+    Axes
+        The same axis.
+    """
+    grid = table.assign(value=values).pivot_table(
+        index=key, columns=x, values="value", aggfunc="first", dropna=False, sort=True
+    )
+    found = grid.to_numpy(dtype=float)
+    rows, edges = np.arange(len(grid.index)), _edges(grid.columns.to_numpy(dtype=float))
+    corners = edges, np.arange(len(rows) + 1) - 0.5
+    axis.pcolormesh(*corners, found, cmap=colours, norm=norm, rasterized=True)
+    missing = np.ma.masked_where(np.isfinite(found), np.zeros(found.shape))
+    if missing.count():
+        axis.pcolor(*corners, missing, cmap=ListedColormap(["white"]), hatch=HATCH, lw=0.0)
+    if in_ratios(grid.columns):
+        in_decades(axis, "x")
+    every = max(1, -(-len(rows) // _TICKS))
+    axis.set_yticks(rows[::every], [f"{value:.4g}" for value in grid.index[::every]])
+    axis.grid(visible=False)
+    return axis
+
+
+def _edges(values: FloatArray) -> FloatArray:
+    """Return the edges of tiles around ascending values: half way, of values in equal ratios by their logarithms."""
+    if in_ratios(values):
+        return np.exp(_edges(np.log(values)))
+    half = 0.5 * np.diff(values) if len(values) > 1 else 0.01 * np.abs(values) + 1e-9
+    return np.concatenate([[values[0] - half[0]], values[:-1] + half[: len(values) - 1], [values[-1] + half[-1]]])
+
+
+def coloured(panel: Panel, points: pd.DataFrame) -> tuple[FloatArray, Any, Normalize]:
+    """Return the number by which each point is coloured, the colours and their norm."""
+    if panel.classes:
+        numbers = points[panel.by].map({name: float(i) for i, name in enumerate(panel.classes)})
+        colours: Any = ListedColormap([colour for colour, _ in panel.classes.values()])
+        return np.asarray(numbers, dtype=float), colours, Normalize(-0.5, len(panel.classes) - 0.5)
+    values = np.asarray(points[panel.by].to_numpy(dtype=float, na_value=np.nan))
+    known = values[np.isfinite(values)]
+    dark = colormaps["viridis_r"](np.linspace(0.05, 1.0, 256))  # from small values, pale, to large ones, dark
+    if panel.least is not None:  # what is none is white
+        dark[0] = 1.0
+        return values, ListedColormap(dark), Normalize(0.0, panel.least)
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+    return values, ListedColormap(dark), Normalize(low, high)
+
+
+def _tiles(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Series]) -> None:
+    """Draw tiles, and lines over them; beyond the first and the last row there are none."""
+    points, (values, colours, norm) = picture.points, coloured(panel, picture.points)
+    rows = np.concatenate([series.rows for series in shown if series.mode == "dots"])
+    table = points.iloc[rows]
+    draw_map(axis, table, panel.column, pd.Series(values[rows], table.index), colours, norm, x=x)
+    levels = np.unique(table[panel.column])
+    across, up = ended(points[x]), ended(points[panel.column])
+    for series in (series for series in shown if series.mode == "lines"):
+        places = np.interp(up[series.rows], levels, np.arange(len(levels)), left=np.nan, right=np.nan)
+        outlined = [Stroke(linewidth=2.3 * series.width, foreground="white"), Normal()]
+        look: dict[str, Any] = {
+            "color": series.colour,
+            "lw": 0.9 * series.width,
+            "ls": series.dash,
+            "path_effects": outlined,
+        }
+        axis.plot(across[series.rows], places, scalex=False, scaley=False, **look)
+
+
+def _bars(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Series]) -> None:
+    """Draw horizontal bars of the first rows, which are the largest."""
+    own = picture.points.iloc[shown[0].rows[:BARS]] if shown else picture.points.iloc[:0]
+    places, values = np.arange(len(own)), own[x].to_numpy(float)
+    axis.barh(places, values, color=[BLUE if value > 0.0 else VERMILION for value in values], height=0.7)
+    axis.set_yticks(places, [key_name(key) for key in own[panel.column]], fontsize=8.0)
+    axis.set_ylim(max(min(max(len(s.rows) for s in picture.series), BARS) if picture.series else 1, 4) - 0.4, -0.6)
+    axis.axvline(0.0, color=REFERENCE, lw=0.8)
+    axis.grid(visible=False, axis="y")
+
+
+def _stack(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Series]) -> None:
+    """Stack fractions over a key; bars say how well each is known from so many starts."""
+    points, below = picture.points, pd.Series(0.0, np.unique(picture.points[x]))
+    values = below.index.to_numpy(float)
+    for series in shown:
+        own = points.iloc[series.rows].set_index(x).reindex(values)
+        share, low, high = (own[f"{panel.column}{end}"].astype(float) for end in ("", "_low", "_high"))
+        top = below + share.fillna(0.0)
+        if len(values) > 1:
+            axis.fill_between(values, below, top, color=series.colour, alpha=0.55, linewidth=0.0)
+        else:
+            axis.bar(values, top - below, bottom=below, width=0.1, color=series.colour, alpha=0.55)
+        known = (top < 1.0 - 1e-9).to_numpy()  # the uppermost is what the others leave
+        bars = np.array([share - low, high - share])[:, known]
+        look: dict[str, Any] = {"fmt": ".", "markersize": 3.0, "linewidth": 0.8, "capsize": 1.5}
+        axis.errorbar(values[known], top[known], bars, color=series.colour, **look)
+        below = top
+    axis.margins(x=0.0 if len(values) > 1 else None)
+
+
+def _plane(axis: Axes, picture: Picture, panel: Panel, _: str, shown: Sequence[Series]) -> None:
+    """Draw complex numbers and the unit circle; say how many lie farther away than the frame."""
+    points, angle = picture.points, np.linspace(0.0, 2.0 * np.pi, 361)
+    axis.plot(np.cos(angle), np.sin(angle), color=REFERENCE, lw=1.0)
+    farthest = points[[panel.x, panel.column]].abs().max().max()
+    frame = float(np.clip(np.nan_to_num(1.05 * farthest), NEAREST, FARTHEST))
+    own = points.iloc[np.concatenate([series.rows for series in shown if series.mode == "dots"])]
+    real, imaginary, by = (own[name].to_numpy(float) for name in (panel.x, panel.column, panel.by))
+    far = (np.abs(real) > frame) | (np.abs(imaginary) > frame)
+    norm = Normalize(float(points[panel.by].min()), float(points[panel.by].max()))
+    look: dict[str, Any] = {"s": 7.0, "cmap": "viridis", "norm": norm, "linewidths": 0.0}
+    axis.scatter(real[~far], imaginary[~far], c=by[~far], **look)
+    if far.any():
+        told = f"{int(far.sum()) // 2} farther away"  # each is there with its conjugate
+        axis.text(0.02, 0.02, told, transform=axis.transAxes, fontsize=8, color=REFERENCE)
+    axis.set(xlabel=f"{panel.x} part", aspect="equal", xlim=(-frame, frame), ylim=(-frame, frame))
+    if axis.get_subplotspec().is_last_col() or len(picture.facets) < 2:  # type: ignore[union-attr]
+        row = [one for one in axis.figure.axes if one.get_ylim() == axis.get_ylim() and one.get_aspect() == 1.0]
+        axis.figure.colorbar(ScalarMappable(norm, "viridis"), ax=row, pad=0.01).set_label(key_label(panel.by))
+
+
+def placed_by_size(size: Any) -> Any:
+    """Return where a multiplier's size is on its axis, on which those near 1, which decide on stability, have room."""
+    return np.arcsinh((size - 1.0) / NEAR_ONE)
+
+
+def size_at(place: Any) -> Any:
+    """Return the size of a multiplier at a place of its axis, the inverse of :func:`placed_by_size`."""
+    return 1.0 + NEAR_ONE * np.sinh(place)
+
+
+def tick_sizes(axis: Axes) -> None:
+    """Give an axis ticks of sizes, those near 1 first, as many as there is room for."""
+    (low, high), kept = axis.get_ylim(), list[float]()
+    for tick in _SIZE_TICKS:
+        distances = [abs(placed_by_size(tick) - placed_by_size(other)) for other in kept]
+        if low <= tick <= high and min(distances, default=np.inf) > 0.05 * (placed_by_size(high) - placed_by_size(low)):
+            kept.append(tick)
+    axis.yaxis.set_major_locator(FixedLocator(kept))
+    axis.yaxis.set_major_formatter("{x:g}")
+
+
+def _histogram(axis: Axes, picture: Picture, panel: Panel, _: str, series: Sequence[Series]) -> None:
+    """Draw how often the values of a measure occur, in the colours of its classes."""
+    own = picture.points.iloc[np.concatenate([one.rows for one in series])]
+    values = own[panel.column].to_numpy(dtype=float, na_value=np.nan)
+    parts = [values[(own[panel.by] == name).to_numpy() & np.isfinite(values)] for name in panel.classes]
+    if any(len(part) for part in parts):
+        axis.hist(parts, bins=BINS, stacked=True, color=[colour for colour, _ in panel.classes.values()])
+    axis.xaxis.set_major_locator(MaxNLocator(5))
+    axis.set_ylabel("samples")
+
+
+def _dots(axis: Axes, picture: Picture, panel: Panel, x: str, series: Sequence[Series]) -> None:
+    """Draw dots in the colours of their classes, or along a scale."""
+    rows = np.concatenate([one.rows for one in series])
+    values, colours, norm = coloured(panel, picture.points)
+    own, size = picture.points.iloc[rows], float(np.clip(4e4 / max(len(rows), 1), 3.0, 40.0))
+    look: dict[str, Any] = {"cmap": colours.with_extremes(bad="0.85"), "norm": norm, "linewidths": 0.0}
+    axis.scatter(own[x], own[panel.column], c=values[rows], s=size, plotnonfinite=True, **look)
+    axis.grid(visible=False)
+
+
+DRAWERS: Mapping[str, Any] = {
+    "dots": _dots,
+    "counts": _histogram,
+    "tiles": _tiles,
+    "bars": _bars,
+    "stack": _stack,
+    "plane": _plane,
+}
