@@ -40,7 +40,7 @@ def bench(
     Writes tables and plots to OUT/benchmarks. Without NAME, compares two engines at equal error in about ten seconds.
     """
     if names and long:
-        raise VibroplatError(f"{names[0]} --long: --long runs every bench; allowed: names or --long")
+        raise VibroplatError(f"{names[0]} --long: --long runs all benchmarks; allowed: names or --long")
     tell_of_compilation()
     from vibroplat.bench import measure, scenes, studies
     from vibroplat.results.tables import result_directory

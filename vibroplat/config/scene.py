@@ -109,7 +109,7 @@ class Scene(Section):
                 raise ValueError(f"exciters and machine.{name} are both given; allowed: one of the two")
         if self.co_rotating and self.run.initial.phase_sum_rad is not None:
             raise ValueError(
-                f"run.initial.phase_sum_rad = {self.run.initial.phase_sum_rad} but these exciters turn the same way; "
+                f"run.initial.phase_sum_rad = {self.run.initial.phase_sum_rad} but the exciters are co-rotating; "
                 "allowed: phase_difference_rad"
             )
         return self

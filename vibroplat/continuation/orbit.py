@@ -45,7 +45,7 @@ SETTLING = (24, 96, 384)
 #: Residual of a motion that has settled, in the scales of the scene, beyond which it does not repeat.
 UNSETTLED = 1e-3
 #: What helps then.
-ADVICE = "follow one from where the motion is periodic (orbits), or give a guess"
+ADVICE = "continue one from where the motion is periodic (vibroplat orbits), or pass a guess"
 #: The tolerance of the integrator over that of an orbit, at most.
 INTEGRATOR = 0.1
 #: How often a step between two supplies is halved, at most.
@@ -108,7 +108,7 @@ class Orbit:
         largest = abs(self.multipliers[0]) if self.multipliers.size else 0.0
         lines = (
             f"Orbit of {self.scene.name}: period {self.period} ({self.period_s:.9g} s), {kind}",
-            f"  events of a period    {self.sequence}",
+            f"  event sequence        {self.sequence}",
             f"  excitation frequency  {self.excitation_frequency_hz:.9g} Hz",
             f"  RMS x, y              {1e3 * self.measures['rms_x_m']:.6g}, {1e3 * self.measures['rms_y_m']:.6g} mm",
             f"  largest multiplier    {largest:.9g}",
@@ -211,7 +211,7 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
         found = _led(scene, guess, period, tolerance)
     if not found.stable:
         size = abs(found.multipliers[0])
-        _LOG.warning("the orbit is unstable, with a multiplier of size %.4g: motion leaves it", size)
+        _LOG.warning("the orbit is unstable: its largest Floquet multiplier has magnitude %.4g", size)
     return found
 
 
@@ -237,7 +237,7 @@ def _led(scene: Scene, guess: Orbit, period: int, tolerance: float) -> Orbit:
         return reached
     begin = _in_pace(guess.state, guess.scene, scene)
     found = orbit_near(beginning_at(scene, begin), None, period, tolerance)
-    _LOG.warning("no orbit was found near the guess; this one was found while the motion settled from there")
+    _LOG.warning("Newton's method did not converge from the guess; the motion settled from it to this orbit")
     return replace(found, scene=accurate(scene, tolerance))
 
 
@@ -296,7 +296,7 @@ def first_orbit(
     reason = _out_of_step(shooter, state, period)
     if not reason and guess is None and (not missed.residuals or missed.residuals[0] > UNSETTLED):
         reason = f"the motion that settles does not repeat after {period} turns; {missed.why}; {ADVICE}"
-    raise OrbitError(f"no orbit of period {period} near the start: {reason or missed.why}; last residuals: {last}")
+    raise OrbitError(f"no orbit of period {period} near the guess: {reason or missed.why}; last residuals: {last}")
 
 
 def _out_of_step(shooter: Shooter, state: FloatArray, period: int) -> str:
@@ -312,8 +312,8 @@ def _out_of_step(shooter: Shooter, state: FloatArray, period: int) -> str:
     poles = [exciter.pole_pairs for exciter in scene.exciter_pair]
     unequal = f"; their motors have {poles[0]} and {poles[1]} pole pairs" if poles[0] != poles[1] else ""
     return (
-        f"exciters are not in step: exciter 2 makes {abs(turns):.4g} turns in {period} of exciter 1, "
-        f"allowed: whole turns{unequal}"
+        f"exciters are not synchronous: exciter 2 makes {abs(turns):.4g} turns in {period} of exciter 1; allowed: "
+        f"whole turns{unequal}"
     )
 
 
@@ -388,7 +388,7 @@ def read_guess(scene: Scene, guess: Any) -> tuple[Scene, FloatArray | None]:
         state = np.array(guess, dtype=float)
         if state.shape == (len(names),) and np.isfinite(state).all():
             return scene, state
-    raise ConfigError("guess is no state; allowed: 14 numbers, a row of a trajectory or of a sweep, a run, an orbit")
+    raise ConfigError("guess is not a state; allowed: 14 numbers, a row of a trajectory or of a sweep, a run, an orbit")
 
 
 def _in_pace(state: FloatArray, source: Scene, scene: Scene) -> FloatArray:

@@ -197,7 +197,7 @@ def _require_continuous(scene: Scene, place: str, key: str, value: float) -> Non
     """Refuse a key that does not vary continuously, or has no such value."""
     held = value_of(scene, key)
     if held is not None and not isinstance(held, float):
-        raise ConfigError(f"{place} = {key} holds no number that varies continuously; allowed: one that does")
+        raise ConfigError(f"{place} = {key} does not vary continuously; allowed: a key that does")
     try:
         parameter_direction(scene.replace({key: float(value)}), key)
     except ConfigError as error:

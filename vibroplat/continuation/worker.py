@@ -37,7 +37,7 @@ MULTIPLIERS = 4
 SAME_PLACE = 1e-4
 #: Points back within which a branch that meets itself has not gone round, but come back from a corner.
 RETURN = 8
-RETURNED = "no point beyond a corner: the branch came back on itself"
+RETURNED = "lost at a corner: the continuation turned back along the branch"
 #: Measures that tell points apart, and how far that of a point may lie from a former one, as a part of the step between
 #: its neighbours, to be the same. Where impacts accumulate, the parts of a branch between its folds differ in stability
 #: much more than in other measures.

@@ -64,7 +64,7 @@ class DesignStudy(Study):
 
     def __init__(self, scene: Scene) -> None:
         if scene.design is None:
-            raise ConfigError("section design is missing; allowed: one, as design: {}")
+            raise ConfigError("this configuration has no design section; add design: {}")
         self.scene, self.plan = scene, scene.design
         of_keys.require_keys(scene, list(self.plan.keys), "design.keys")
         of_keys.require_keys(scene, list(self.plan.parameter_tolerances), "design.parameter_tolerances")

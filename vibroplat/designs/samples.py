@@ -53,7 +53,7 @@ SHARES: Columns = {
 
 
 def within(seed: int, count: int, first: int, stop: int) -> FloatArray:
-    """Numbers from −1 to 1 for each of so many keys, spread evenly (Sobol 1967), shape (stop − first, count)."""
+    """Return numbers from −1 to 1 for ``count`` keys, evenly distributed (Sobol 1967), shape (stop − first, count)."""
     from scipy.stats import qmc  # noqa: PLC0415  (a second to import)
 
     points = qmc.Sobol(count, seed=seed).random_base2(max(stop - 1, 1).bit_length())

@@ -83,7 +83,7 @@ def require_keys(scene: Scene, keys: Sequence[str], where: str) -> None:
         if number_of(key) is None:
             require_allowed(scene, where, key, 1.0)
         if number_of(key) is float and values == {0.0}:
-            raise ConfigError(f"{where}.{key} is 0 in this scene; allowed: another value, to begin with")
+            raise ConfigError(f"{where}.{key} is 0 in this scene; allowed: another value")
         if not own <= {*allowed}:
             raise ConfigError(f"{where}.{key} cannot be varied; allowed: {', '.join(allowed)}")
 
@@ -107,7 +107,7 @@ def require_measures(scene: Scene, names: Sequence[str], where: str) -> None:
     for name in names:
         if name not in allowed:
             hint = meant(name, allowed)
-            raise ConfigError(f"{where}: {name} is no measure of this scene; {hint}allowed: {', '.join(allowed)}")
+            raise ConfigError(f"{where}: {name} is not a measure of this scene; {hint}allowed: {', '.join(allowed)}")
 
 
 def settling(scene: Scene) -> SweepPlan:
@@ -133,7 +133,9 @@ def settled(scene: Scene) -> Record:
     row = point.row
     if point.state is None or not row["period"]:
         what = row["motion"] if row["outcome"] == "ok" else f"{row['outcome']}: {row['detail']}"
-        raise OrbitError(f"{scene.name} comes to no periodic orbit ({what}); allowed: a scene whose motion repeats")
+        raise OrbitError(
+            f"{scene.name} does not converge to a periodic orbit ({what}); allowed: a scene whose motion is periodic"
+        )
     return {"state": point.state, "period": row["period"], "sync": row["sync"]}
 
 

@@ -359,9 +359,9 @@ def fluctuates(means: FloatArray) -> bool:
 
 
 def synchronization_time(ms: Accumulators, scene: Scene, start: float) -> tuple[float | None, float | None]:
-    """Return from when on the exciters turn as in the measured part (s), and the motors' work until then (J).
+    """Return the time from which the exciters stay synchronized (s), and the work of the motors until then (J).
 
-    They are None if the phase difference or a speed left that during the measured part.
+    Both are None if the phase difference or a speed left its range during the measured part.
     """
     mean, begin = means(ms), ms.marks["first"][0]
     width, fastest = 1.0 / BINS, FASTEST * scene.speed_scale

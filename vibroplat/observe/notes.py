@@ -168,7 +168,7 @@ def captures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
         return [capture(i + 1, speeds[i], synchronous[i], slips[i]) for i in driven]
     seconds = measures["measured_to_s"] - measures["measured_from_s"]
     return [
-        f"exciter {i + 1} hardly turns, though its synchronous speed is {rounded(synchronous[i])} Hz"
+        f"exciter {i + 1} hardly turns, although its synchronous speed is {rounded(synchronous[i])} Hz"
         for i in driven
         if speeds[i] * seconds < 1.0 and capture(i + 1, 2.0 / seconds, synchronous[i], slips[i])
     ]

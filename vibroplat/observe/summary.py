@@ -332,8 +332,8 @@ def inaccuracy(measures: Mapping[str, Any], scene: Scene) -> str:
         residual = measures[f"{name}_residual"]
         if residual is not None and residual > limit:
             return (
-                f"{name} residual {residual:.3g} is beyond {limit:.3g}, the limit at tolerance {tolerance:g}; lower "
-                "solver.tolerance, and check the scene for sizes that are far apart"
+                f"{name} residual {residual:.3g} exceeds {limit:.3g}, the limit at tolerance {tolerance:g}; lower "
+                "solver.tolerance, and check the orders of magnitude in the scene"
             )
     return ""
 

@@ -168,7 +168,7 @@ class RunResult(Result):
             The run was read from its files, which do not hold it.
         """
         if self.measures is None:
-            raise ValueError("this run was read from its files, which hold no Poincaré section; simulate it for one")
+            raise ValueError("this run was read from files, which contain no Poincaré section; simulate it again")
         points = section_rows(self.measures)
         states = points["state"]
         columns = {"t_s": points["t"]} | {name: states[:, i] for name, i in state_places(self.scene).items()}
@@ -218,7 +218,7 @@ class RunResult(Result):
         if wanted.ndim != 1 or not np.isfinite(wanted).all():
             raise ValueError("times must be a number or a one-dimensional list of finite numbers")
         if self.saved is not None:
-            raise ValueError("this run was read from its files, which hold no dense output; simulate it for that")
+            raise ValueError("this run was read from files, which contain no dense output; simulate it again")
         if not self.segments:
             raise ValueError("this run kept no segments; simulate with keep='segments' for dense output")
         first, last = self.segments[0].start, self.segments[-1].end

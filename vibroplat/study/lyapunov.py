@@ -6,9 +6,9 @@ direction, and its columns are made orthogonal again: their growth gives the exp
 1995).
 
 Where contact begins, gap and gap rate are 0 whatever they were: the rank of the derivative falls by two. An inelastic
-impact after which the material flies on fixes the gap rate alone. A motion that does so now and then has forgotten as
-many directions for good: their exponents are −∞. This follows from the events themselves; of a number that should be 0,
-round-off leaves something that could be taken for growth.
+impact after which the material flies on fixes the gap rate alone. Every time this happens, the derivative loses rank
+for good: as many exponents are −∞. They follow from the events themselves, because round-off in a number that should be
+0 could be mistaken for growth.
 """
 
 from __future__ import annotations
