@@ -244,16 +244,18 @@ def coarse(monkeypatch):
 def test_paper_is_reproduced_and_resumed(tmp_path, coarse, figures):
     told = []
     seeds = (2, 3)
-    study = reproduction.PaperStudy(coarse, seeds, "coarse")
+    study, cases = reproduction.PaperStudy(coarse, seeds, "coarse"), []
 
     def reproduce(pool, *, resume=True):
         with Store(tmp_path, study.conditions, resume=resume) as store:
             result = study.run(store, pool, lambda *counts: told.append(counts))
+            cases.extend(study.cross_check_cases(result, store, lambda scene: scene))
             store.finish()
             return result
 
     pool = Counting()
     found = reproduce(pool, resume=False)
+    assert cases[0].task.function(*cases[0].task.arguments).row["rms_y_m"] == cases[0].row["rms_y_m"]
     assert pool.engines == {"taylor"}
     assert told[0] == (0, told[0][1])
     beta = found.provenance["beta_per_s"]

@@ -1,5 +1,6 @@
 """A run at a prompt and in a notebook: card, figure, files."""
 
+import copy
 import sys
 
 import matplotlib.pyplot as plt
@@ -10,6 +11,7 @@ from scipy.io import loadmat
 
 from vibroplat import Scene, load, simulate
 from vibroplat.errors import TableError
+from vibroplat.results.result import Answer, Result
 
 
 @pytest.fixture(scope="module")
@@ -123,3 +125,10 @@ def test_without_xarray_it_says_what_to_install(run, monkeypatch):
     monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(ImportError, match=r"to_xarray needs xarray; pip install 'vibroplat\[xarray\]'"):
         run.to_xarray()
+
+
+def test_a_result_can_be_copied_and_names_its_tables(run):
+    assert copy.copy(run).summary is run.summary
+    assert copy.deepcopy(Result("sweep", run.scene, {"sweep": run.events}, Answer())).sweep.equals(run.events)
+    with pytest.raises(AttributeError, match="a run has no table steps; allowed: trajectory, events"):
+        run.steps  # noqa: B018

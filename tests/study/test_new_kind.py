@@ -1,4 +1,4 @@
-"""What it takes to add a kind of study: a folder of its own and a few lines elsewhere, in a copy of the package."""
+"""What it takes to add a kind of study, and an engine, in a copy of the package."""
 
 import json
 import os
@@ -131,6 +131,9 @@ ADDED = {
         "from vibroplat.config.drive import Drive\n": "from vibroplat.config.changes import ChangesPlan\n",
     },
 }
+#: An engine in a module of its own, and the line that makes it known.
+ENGINE = "from vibroplat.integrate.taylor import TaylorEngine\n\n\nclass Again(TaylorEngine):\n    name = 'again'\n"
+KNOWN = {"ENGINES = {\n": '    "again": EngineKind("integrate.again.Again", "integrate.taylor.run_loop"),\n'}
 #: Its section, which stands beside the others.
 PLAN = '''"""The section ``changes``."""
 
@@ -163,7 +166,8 @@ def vibroplat(tmp_path_factory, kernels):
     for name, text in OWN.items():
         (copy / "vibroplat/changing" / name).write_text(text)
     (copy / "vibroplat/config/changes.py").write_text(PLAN)
-    for name, lines in ADDED.items():
+    (copy / "vibroplat/integrate/again.py").write_text(ENGINE)
+    for name, lines in {**ADDED, "kernels/engines.py": KNOWN}.items():
         path = copy / "vibroplat" / name
         text = path.read_text()
         for before, line in lines.items():
@@ -204,3 +208,13 @@ def test_a_kind_takes_a_folder_and_few_lines_elsewhere(vibroplat):
     python = "from vibroplat import changes, load, load_config; fresh = changes(load_config('toy.yaml'));"
     python += "assert load('results/toy').changes.equals(fresh.changes); print(fresh); fresh.plot()"
     assert "keys                        2" in vibroplat("-c", python)
+
+
+def test_an_engine_takes_its_module_and_a_line(vibroplat):
+    for engine in ("taylor", "again"):
+        vibroplat("run", "configs/quickstart.yaml", "--engine", engine, "--out", engine)
+    tables = (vibroplat.copy / engine / "quickstart/trajectory.parquet" for engine in ("taylor", "again"))
+    pd.testing.assert_frame_equal(*map(pd.read_parquet, tables), check_exact=True)
+    refused = vibroplat("run", "configs/quickstart.yaml", "--engine", "heun", code=2)
+    assert "allowed: 'auto', 'again', 'native'" in refused
+    assert "again" in vibroplat("schema", "--markdown")

@@ -16,6 +16,7 @@ def paper(
     machine: Annotated[
         list[str] | None, typer.Option(help="A machine from configs/machines. Default: printed and calibrated.")
     ] = None,
+    check: common.Check = False,
     set_: common.Settings = None,
     engine: common.EngineName = None,
     out: common.Out = Path("results"),
@@ -24,12 +25,14 @@ def paper(
     overwrite: common.Overwrite = False,
     scheduler: common.Scheduler = None,
     wait: common.Wait = WAIT,
+    format_: common.Format = "csv",
     seeds: Annotated[int, typer.Option(min=1, help="Number of perturbation seeds for each claim.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="First seed; figures are drawn with it.")] = 0,
 ) -> None:
     """Reproduce the figures and claims of the paper.
 
-    Computes figures 2-7 and their tables, and compares each claim of the paper with the simulation.
+    Computes figures 2-7 and their tables, and compares each claim of the paper with the simulation. Exit code 1 means
+    that with --check two engines disagree.
     """
     common.tell_of_compilation(engine)
     from vibroplat.config.reader import parse_overrides
@@ -42,9 +45,12 @@ def paper(
     from vibroplat.plots.command import plot_results
     from vibroplat.results.tables import result_directory
 
+    good = True
     for name, numbers in chosen.items():
         study = PaperStudy(numbers, range(seed, seed + seeds), name)
         directory = result_directory(out / "paper", name)
         kept = common.kept(resume, overwrite)
-        run_and_print(study, directory, jobs, scheduler, wait, "csv", kept, check=False)
+        good &= run_and_print(study, directory, jobs, scheduler, wait, format_, kept, check=check)
         print(f"{'figures':<28}{len(plot_results([directory]))}")
+    if not good:
+        raise typer.Exit(1)

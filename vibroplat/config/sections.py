@@ -15,6 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from vibroplat.config.coordinates import MOST_POINTS
 from vibroplat.config.schema import PERTURBATION, Angle, NonNegative, Positive, Real, Section, Share, described
+from vibroplat.kernels.engines import ENGINES
 
 #: Least tolerances: what the engines can reach.
 LEAST_TOLERANCE, LEAST_TOLERANCE_SUNDIALS = 1e-14, 1e-12
@@ -370,7 +371,7 @@ class Solver(Section):
         description=f"local error (scaled units); at least {LEAST_TOLERANCE_SUNDIALS:g}, or {LEAST_TOLERANCE:g} "
         "with engine taylor",
     )
-    engine: Literal["auto", "native", "sundae", "taylor"] = Field(
+    engine: Literal["auto", *ENGINES] = Field(  # type: ignore[valid-type]
         "auto",
         description="native: SUNDIALS IDA called from compiled code; sundae: SUNDIALS IDA through scikit-sundae's "
         "Python callbacks; auto: native, or sundae if the library has an unexpected version; taylor: Taylor "

@@ -30,7 +30,7 @@ OPTIONS = ("x",)
 MARKERS = dict(zip(SPECIAL_POINTS, "oDsX^vP", strict=True))
 #: What is 0 without flight.
 _OF_FLIGHT = ("flight_fraction", "gap_max_m", "impulse_max_n_s")
-_STABLE = {"full": "stable", "open": "unstable", "half": "", "failed": ""}
+_STABLE = ("stable", "unstable")
 
 
 @dataclass(frozen=True)
@@ -198,9 +198,7 @@ def _lines(found: Branches) -> tuple[pd.DataFrame, list[picture.Series], list[in
     for (name, is_stable), places in parts.items():
         look: dict[str, Any] = {"look": "stable", "width": 1.6} if is_stable else {"look": "unstable", "dash": "--"}
         label = name if len(colours) > 1 else ""
-        series.append(
-            picture.Series(label, np.array(places[:-1]), colour=colours[name], mode="lines", size=0.7, **look)
-        )
+        series.append(picture.Series(label, places[:-1], colour=colours[name], mode="lines", size=0.7, **look))
     return at, series, ends
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +14,7 @@ from vibroplat.config.questions import DesignPlan
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
 from vibroplat.results import picture
-from vibroplat.results.labels import is_number, key_name, sweep_parameters
+from vibroplat.results.labels import key_name, sweep_parameters
 from vibroplat.results.result import Result
 
 #: Pictures by their names, which are those of the tables that they show.
@@ -129,28 +131,18 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
     front = picture.finite(result.tables["pareto"]) if "pareto" in result.tables else table.iloc[:0].assign(bound=0.0)
     lost = ~front["feasible"].astype(bool)
     special = pd.concat([best, front], ignore_index=True) if len(front) else best
-    bounded = next(
-        iter([*plan.pareto, *(m for m in plan.constraints if m != "stability_margin"), *plan.constraints]), "start"
-    )
-    numbers = [
-        str(name) for name in table if name not in {"start", "objective", "period"} and picture.fills(table, str(name))
-    ]
-    panels = [
-        picture.Panel(panel.column, least=panel.least, scale="log" if _wide(table, panel.column) else "linear")
-        for panel in picture.measures(table, (*aims, *(name for name in numbers if is_number(table[name]))))
-    ]
-    if table.empty:
-        panels = [picture.Panel(aims[0], title="every start lost the orbit")]
-    starts = table["start"].unique()
+    bounded = sorted(plan.constraints, key=lambda name: (name not in plan.pareto, name == "stability_margin"))
+    panels, starts = _measures(table, aims), table["start"].unique()
+    shown = [panel.column for panel in panels]
     series = [
         picture.Series(f"start {start}", picture.rows_of(table["start"] == start), colour=colour, mode="markers")
         for start, colour in zip(starts, picture.palette(len(starts)), strict=True)
     ]
     mark = picture.Mark("best", "the least that keeps all bounds", "*", [len(table)], picture.VERMILION)
     begin = len(table) + len(best)
-    on_front = begin + np.arange(len(front))
     if len(front):
-        series.append(picture.Series("Pareto front", on_front, colour=picture.GREEN, symbol="D"))
+        places = range(begin, begin + len(front))
+        series.append(picture.Series("Pareto front", places, colour=picture.GREEN, symbol="D"))
     # A bound that nothing keeps stands on the axis, where it is.
     bounds = front.assign(**{name: front[name].mask(lost, front["bound"]) for name in plan.pareto})
     drawn = pd.concat([part for part in (table, best, bounds) if len(part)] or [table], ignore_index=True)
@@ -166,24 +158,27 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
         special=special,
         special_name="best design and Pareto front" if len(front) else "best design",
         drawn=drawn,
-        axes=picture.axes_of(drawn, [bounded, *sorted((panel.column for panel in panels), key=aims.__contains__)]),
+        axes=picture.axes_of(drawn, [*bounded[:1], *sorted(shown, key=aims.__contains__), "start"]),
         panels=panels,
         series=series,
         marks=[mark] if len(best) else [],
         lines=[picture.Line(name, [plan.bound(name)[1]], "bound", ":") for name in plan.constraints],
         states=np.array(states, dtype=int),
-        meanings={
-            "full": "keeps all bounds",
-            "open": "violates a bound",
-            "half": "",
-            "failed": "bound that nothing keeps",
-        },
-        told=_told(
-            result, plan, ", ".join(f"{key_name(measure)} {bound}" for measure, bound in plan.constraints.items())
-        ),
+        meanings=("keeps all bounds", "violates a bound", "", "bound that nothing keeps"),
+        told=_told(result, plan, ", ".join(f"{key_name(name)} {bound}" for name, bound in plan.constraints.items())),
         meaning="Filled: all bounds are kept, open: they are not.",
         orbits=picture.Orbits(everything, range(len(table), len(everything)), words="Orbit of this design."),
     )
+
+
+def _measures(table: pd.DataFrame, aims: Sequence[str]) -> list[picture.Panel]:
+    """Return the panels of all that was looked at, first of what was asked about."""
+    if table.empty:
+        return [picture.Panel(aims[0], title="every start lost the orbit")]
+    others = [str(name) for name in table if name not in {"start", "objective", "period", "feasible", "best"}]
+    scales: Mapping[bool, Any] = {True: "log", False: "linear"}
+    shown = picture.measures(table, [*aims, *others])
+    return [replace(panel, scale=scales[_wide(table, panel.column)]) for panel in shown]
 
 
 def _wide(table: pd.DataFrame, column: str) -> bool:

@@ -13,6 +13,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from vibroplat.integrate.sundials import Library, UnavailableError, library
+from vibroplat.kernels.engines import ENGINES
 from vibroplat.system import memory
 
 if TYPE_CHECKING:
@@ -32,18 +33,8 @@ def make_engine(scene: Scene, p: Parameters) -> Engine:
     The first one whose kernels must be compiled says so, as that takes long.
     """
     announce_compilation(scene.solver.engine)
-    name = engine_name(scene)
-    if name == "taylor":
-        from vibroplat.integrate.taylor import TaylorEngine  # noqa: PLC0415
-
-        return TaylorEngine(scene, p)
-    if name == "native":
-        from vibroplat.integrate.native import NativeEngine  # noqa: PLC0415
-
-        return NativeEngine(scene, p, library())
-    from vibroplat.integrate.sundae import SundaeEngine  # noqa: PLC0415
-
-    return SundaeEngine(p)
+    engine: Engine = ENGINES[engine_name(scene)].factory(scene, p)
+    return engine
 
 
 @cache
@@ -67,7 +58,7 @@ def announce_compilation(engine: str) -> bool:
 
 def engine_name(scene: Scene) -> str:
     """Name the engine that runs a scene."""
-    if scene.solver.engine in ("taylor", "sundae"):
+    if scene.solver.engine not in ("auto", "native"):
         return scene.solver.engine
     with _FINDING:
         return "sundae" if native_library() is None else "native"

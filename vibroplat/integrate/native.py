@@ -22,7 +22,7 @@ from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.state import CUBIC, OK, Automaton, empty_steps
 from vibroplat.integrate import ida
-from vibroplat.integrate.sundials import Library, UnavailableError
+from vibroplat.integrate.sundials import Library, UnavailableError, library
 from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.parameters import Parameters, parameters, record_address
 from vibroplat.model.systems import System, systems
@@ -240,3 +240,8 @@ def _free_all(stack: list[Callable[[], object]]) -> None:
 def _check(flag: Any) -> None:
     if flag != 0:
         raise MemoryError(f"SUNDIALS refused its setup (flag {flag})")
+
+
+def make_native(scene: Scene, p: Parameters) -> NativeEngine:
+    """Make the engine with the library of scikit-sundae."""
+    return NativeEngine(scene, p, library())

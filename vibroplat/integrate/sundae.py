@@ -17,6 +17,7 @@ os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 
 from sksundae.ida import IDA
 
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, FAILED, NOT_FINITE, begin_segment, end_segment
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.resets import cut_piece
@@ -218,3 +219,8 @@ class SundaeEngine:
             options |= {"eventsfn": guard, "num_events": 1}
         self._integrators[key] = IDA(residual, **options), guard if index >= 0 else None
         return self._integrators[key]
+
+
+def make_sundae(_: Scene, p: Parameters) -> SundaeEngine:
+    """Make the engine, which knows its scene by the parameters alone."""
+    return SundaeEngine(p)

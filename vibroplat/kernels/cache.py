@@ -48,6 +48,7 @@ from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.runtime.nrt import rtsys
 
+from vibroplat.kernels.engines import loop_of
 from vibroplat.kernels.target import processor
 
 _LOG = logging.getLogger("vibroplat")
@@ -59,8 +60,6 @@ SHIPPED = "kernels/machine_code"
 ROOMS = ("kernels", "model", "hybrid", "integrate", "observe")
 #: Files besides, with constants that are compiled into kernels: the numbers of the modes and of the coordinates.
 SHARED = ("config/coordinates.py",)
-#: The kernel that calls most of the others, by engine.
-LOOPS = {"taylor": "integrate.taylor.run_loop", "native": "integrate.ida.run_loop"}
 #: Settings of numba that change machine code. With Intel's SVML it calls a library that other machines may lack.
 SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "USING_SVML")
 
@@ -213,8 +212,7 @@ def _remove_unused(place: Path, current: Path) -> None:
 
 def is_compiled(engine: str = "auto") -> bool:
     """Whether an engine's compiled kernels are on disk, so that a run need not wait; it loads none of them."""
-    name = LOOPS.get(engine, LOOPS["native"])
-    return any(any(place.glob(f"{name}-*")) for place in _readable())
+    return any(any(place.glob(f"{loop_of(engine)}-*")) for place in _readable())
 
 
 def count() -> int:

@@ -15,8 +15,8 @@ from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.state import CUBIC, Automaton, empty_steps, force_noise, static_rest
 from vibroplat.integrate import make_engine
 from vibroplat.integrate.interface import WORK, Engine
-from vibroplat.kernels.cache import LOOPS
 from vibroplat.kernels.compiled import compile_for
+from vibroplat.kernels.engines import ENGINES, loop_of
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Observer, Simulator
@@ -209,8 +209,8 @@ def load_kernels(engine: str = "auto") -> None:
 
 def compile_loop(engine: str) -> None:
     """Compile the loop of an engine that has a compiled one, in a process that calls no kernel."""
-    if engine != "sundae":
-        place, _, name = LOOPS.get(engine, LOOPS["native"]).rpartition(".")
+    if engine == "auto" or ENGINES[engine].loop:
+        place, _, name = loop_of(engine).rpartition(".")
         module = import_module(f"vibroplat.{place}")
         compile_for(getattr(module, name), _any_automaton(engine)[-1], module.empty_records())
 

@@ -156,7 +156,7 @@ def _panel(panel: Panel, points: pd.DataFrame) -> dict[str, Any]:
 
 def _series(series: Series, renumbered: Any) -> dict[str, Any]:
     """Return a series of rows; None stands where its line is broken."""
-    rows = renumbered[series.rows]
+    rows = renumbered[series.places]
     return {
         "label": ", ".join(filter(None, (series.label.replace("$", ""), series.look))),
         "rows": [None if row == BROKEN else row for row in rows[rows >= BROKEN].tolist()],

@@ -29,7 +29,7 @@ from vibroplat.study.branches import Branch, branches
 from vibroplat.study.pool import Pool, StoredChain, run_stored
 from vibroplat.study.store import Record, Store
 from vibroplat.study.study import CrossCheckCase, Progress, Study, conditions
-from vibroplat.study.sweep import branch_records, run_sweeps, sweep_table
+from vibroplat.study.sweep import branch_records, point_cases, run_sweeps, sweep_table
 
 #: Sweeps of the impact model from which figures are drawn or claims judged.
 SWEEPS = ("fig2", *IMPACT)
@@ -181,6 +181,7 @@ class PaperStudy(Study):
             _add_non_impact(others, workers)
         shown = histories(self.numbers, main.evidence.beta, main.store.part("histories"), workers)
         tables = {**_tables(trials), **shown}
+        self._swept = main.swept
         beta, matched = main.evidence.beta, matched_frequency(main.evidence)
         written = {name: table.drop(columns="wall_s", errors="ignore") for name, table in tables.items()}
         facts = {"beta_per_s": beta, "beta_matched_hz": matched}
@@ -188,8 +189,8 @@ class PaperStudy(Study):
         return Result("paper", self.scene, written, answer, facts=facts)
 
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
-        """Choose nothing: sweeps of the paper are checked as sweeps."""
-        return []
+        """Choose points of Fig. 3; see :func:`vibroplat.study.sweep.point_cases`."""
+        return point_cases(*self._swept["fig3"], other)
 
     def _lines(self, trials: Trials, beta: float | None, matched_hz: float | None) -> dict[str, str]:
         """Summarize the machine and the work."""

@@ -112,13 +112,13 @@ def coloured(panel: Panel, points: pd.DataFrame) -> tuple[FloatArray, Any, Norma
 def _tiles(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Series]) -> None:
     """Draw tiles, and lines over them; beyond the first and the last row there are none."""
     points, (values, colours, norm) = picture.points, coloured(panel, picture.points)
-    rows = np.concatenate([series.rows for series in shown if series.mode == "dots"])
+    rows = np.concatenate([series.places for series in shown if series.mode == "dots"])
     table = points.iloc[rows]
     draw_map(axis, table, panel.column, pd.Series(values[rows], table.index), colours, norm, x=x)
     levels = np.unique(table[panel.column])
     across, up = ended(points[x]), ended(points[panel.column])
     for series in (series for series in shown if series.mode == "lines"):
-        places = np.interp(up[series.rows], levels, np.arange(len(levels)), left=np.nan, right=np.nan)
+        places = np.interp(up[series.places], levels, np.arange(len(levels)), left=np.nan, right=np.nan)
         outlined = [Stroke(linewidth=2.3 * series.width, foreground="white"), Normal()]
         look: dict[str, Any] = {
             "color": series.colour,
@@ -126,16 +126,16 @@ def _tiles(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[S
             "ls": series.dash,
             "path_effects": outlined,
         }
-        axis.plot(across[series.rows], places, scalex=False, scaley=False, **look)
+        axis.plot(across[series.places], places, scalex=False, scaley=False, **look)
 
 
 def _bars(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Series]) -> None:
     """Draw horizontal bars of the first rows, which are the largest."""
-    own = picture.points.iloc[shown[0].rows[:BARS]] if shown else picture.points.iloc[:0]
+    own = picture.points.iloc[shown[0].places[:BARS]] if shown else picture.points.iloc[:0]
     places, values = np.arange(len(own)), own[x].to_numpy(float)
     axis.barh(places, values, color=[BLUE if value > 0.0 else VERMILION for value in values], height=0.7)
     axis.set_yticks(places, [key_name(key) for key in own[panel.column]], fontsize=8.0)
-    axis.set_ylim(max(min(max(len(s.rows) for s in picture.series), BARS) if picture.series else 1, 4) - 0.4, -0.6)
+    axis.set_ylim(max(min(max(len(s.places) for s in picture.series), BARS) if picture.series else 1, 4) - 0.4, -0.6)
     axis.axvline(0.0, color=REFERENCE, lw=0.8)
     axis.grid(visible=False, axis="y")
 
@@ -145,7 +145,7 @@ def _stack(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[S
     points, below = picture.points, pd.Series(0.0, np.unique(picture.points[x]))
     values = below.index.to_numpy(float)
     for series in shown:
-        own = points.iloc[series.rows].set_index(x).reindex(values)
+        own = points.iloc[series.places].set_index(x).reindex(values)
         share, low, high = (own[f"{panel.column}{end}"].astype(float) for end in ("", "_low", "_high"))
         top = below + share.fillna(0.0)
         if len(values) > 1:
@@ -166,7 +166,7 @@ def _plane(axis: Axes, picture: Picture, panel: Panel, _: str, shown: Sequence[S
     axis.plot(np.cos(angle), np.sin(angle), color=REFERENCE, lw=1.0)
     farthest = points[[panel.x, panel.column]].abs().max().max()
     frame = float(np.clip(np.nan_to_num(1.05 * farthest), NEAREST, FARTHEST))
-    own = points.iloc[np.concatenate([series.rows for series in shown if series.mode == "dots"])]
+    own = points.iloc[np.concatenate([series.places for series in shown if series.mode == "dots"])]
     real, imaginary, by = (own[name].to_numpy(float) for name in (panel.x, panel.column, panel.by))
     far = (np.abs(real) > frame) | (np.abs(imaginary) > frame)
     norm = Normalize(float(points[panel.by].min()), float(points[panel.by].max()))
@@ -204,7 +204,7 @@ def tick_sizes(axis: Axes) -> None:
 
 def _histogram(axis: Axes, picture: Picture, panel: Panel, _: str, series: Sequence[Series]) -> None:
     """Draw how often the values of a measure occur, in the colours of its classes."""
-    own = picture.points.iloc[np.concatenate([one.rows for one in series])]
+    own = picture.points.iloc[np.concatenate([one.places for one in series])]
     values = own[panel.column].to_numpy(dtype=float, na_value=np.nan)
     parts = [values[(own[panel.by] == name).to_numpy() & np.isfinite(values)] for name in panel.classes]
     if any(len(part) for part in parts):
@@ -215,7 +215,7 @@ def _histogram(axis: Axes, picture: Picture, panel: Panel, _: str, series: Seque
 
 def _dots(axis: Axes, picture: Picture, panel: Panel, x: str, series: Sequence[Series]) -> None:
     """Draw dots in the colours of their classes, or along a scale."""
-    rows = np.concatenate([one.rows for one in series])
+    rows = np.concatenate([one.places for one in series])
     values, colours, norm = coloured(panel, picture.points)
     own, size = picture.points.iloc[rows], float(np.clip(4e4 / max(len(rows), 1), 3.0, 40.0))
     look: dict[str, Any] = {"cmap": colours.with_extremes(bad="0.85"), "norm": norm, "linewidths": 0.0}

@@ -39,6 +39,8 @@ from vibroplat.results.picture import (
     FAILED,
     REFERENCE,
     STATES,
+    Facet,
+    Mark,
     Panel,
     Picture,
     Series,
@@ -75,9 +77,9 @@ def _prepared(series: Series, x: FloatArray, states: Any) -> _Drawn:
     """Prepare a series for its panels; the numbers of ``x`` end as :func:`ended` says."""
     known = np.zeros(len(x), dtype=int)
     known[: len(states)] = states
-    own = np.where(series.rows == BROKEN, -1, known[series.rows])
+    own = np.where(series.places == BROKEN, -1, known[series.places])
     found = [(name, own == number) for number, name in enumerate(STATES) if (own == number).any()]
-    return _Drawn(series, x[series.rows], found)
+    return _Drawn(series, x[series.places], found)
 
 
 def _draw(axis: Axes, drawn: _Drawn, y: FloatArray, *, wraps: bool = False, colour: str = "") -> None:
@@ -86,7 +88,7 @@ def _draw(axis: Axes, drawn: _Drawn, y: FloatArray, *, wraps: bool = False, colo
     Lines are added as such, which takes half as long as ``plot``: there may be thousands.
     """
     series, x = drawn.series, drawn.x
-    y = y[series.rows]
+    y = y[series.places]
     if not np.isfinite(y).any() and all(name != "failed" for name, _ in drawn.states):
         return  # of another panel
     # lines are clipped and take no room beside the axes; to ask each of them takes a tenth of the time
@@ -215,14 +217,14 @@ def _states(picture: Picture) -> Any:
 
 def _cells(picture: Picture, x: str) -> tuple[Figure, list[tuple[Axes, Panel, Sequence[int], Sequence[int]]]]:
     """Return a figure and its panels, each with the numbers of its series and of those behind them."""
-    panels, facets = [p for p in picture.panels if p.column != x or picture.counted], picture.facets
-    whole = range(len(picture.series))
+    panels = [panel for panel in picture.panels if panel.column != x or picture.counted]
+    facets = picture.facets or (Facet("", range(len(picture.series))),)
     label = key_label(x) if x in (EXCITATION, SUPPLY) or "." in x or picture.facets else _label(x)
     high = any(panel.kind in ("tiles", "plane") for panel in panels) or picture.high
-    if len(facets) > 1 and len(panels) > 1:
-        size = (max(8.0, 1.5 + 4.3 * len(facets)), 1.4 + (3.4 if high else 2.9) * len(panels))
-        share = any(panel.kind == "plane" for panel in panels)
-        figure, axes = new_figure(len(panels), len(facets), size, sharex=not share, sharey="row")
+    share = not any(panel.kind == "plane" for panel in panels)
+    if len(panels) > 1 and (len(facets) > 1 or not share):
+        size = (max(8.0 if share else 5.8, 1.5 + 4.3 * len(facets)), 1.4 + (3.4 if high else 2.9) * len(panels))
+        figure, axes = new_figure(len(panels), len(facets), size, sharex=share, sharey="row")
         cells = [
             (axis, panel, facet.series, facet.behind)
             for row, panel in zip(axes, panels, strict=True)
@@ -235,8 +237,7 @@ def _cells(picture: Picture, x: str) -> tuple[Figure, list[tuple[Axes, Panel, Se
             axis.set_xlabel(label)
         return figure, cells
     count, many = max(len(panels), len(facets), 1), picture.counted or len(facets) > 1 or high
-    shown = [(panels[0], facet.series, facet.behind) for facet in facets] if len(facets) > 1 else None
-    shown = shown or [(p, facets[0].series if facets else whole, facets[0].behind if facets else ()) for p in panels]
+    shown = [(panel, facet.series, facet.behind) for panel in panels for facet in facets]
     if many:
         across = min(count, ACROSS)
         figure, axes = new_figure(
@@ -252,7 +253,7 @@ def _cells(picture: Picture, x: str) -> tuple[Figure, list[tuple[Axes, Panel, Se
         two = count > 5
         size = (11.0 if two else 8.0, 1.9 + (4.0 if count == 1 else 1.75) * -(-count // (1 + two)))
         figure, grid = panel_grid(count, 1 + two, size, label)
-    for axis, facet in zip(grid, facets, strict=False):
+    for axis, facet in zip(grid, facets if len(facets) > 1 else (), strict=False):
         axis.set_title(facet.label, loc="left")
     return figure, [(axis, *one) for axis, one in zip(grid, shown, strict=False)]
 
@@ -339,7 +340,7 @@ def _limit(axis: Axes, panel: Panel, points: pd.DataFrame) -> None:
         tick_sizes(axis)
     elif panel.kind == "stack":
         axis.set_ylim(0.0, 1.0)
-    elif panel.least is not None:
+    elif panel.least is not None and not axis.dataLim.y1 < 0.0:
         begin_at_zero(axis, max(axis.get_ylim()[1], float(in_units(panel.least, panel.column))))
     elif panel.column != PHASE_COLUMN:
         widen_ticks(axis, "y")
@@ -364,7 +365,7 @@ def legend_of(picture: Picture) -> list[Any]:
     if not picture.scale:
         entries += few([_labelled(labels[name]) for name in names])
     for panel in picture.panels:
-        rows = np.concatenate([one.rows for one in series if one.mode == "dots"] or [np.zeros(0, dtype=int)])
+        rows = np.concatenate([one.places for one in series if one.mode == "dots"] or [np.zeros(0, dtype=int)])
         known = picture.points[panel.by].iloc[rows] if panel.classes else pd.Series(dtype=object)
         if panel.kind == "tiles" and (_states(picture) == STATES.index("failed")).any():
             entries.append(Patch(facecolor="white", edgecolor="black", hatch=HATCH, lw=0.3, label="failed"))
@@ -398,12 +399,13 @@ def _looks(picture: Picture) -> Iterator[Line2D]:
         line = {"ls": one.dash if one.mode in ("lines", "both") else "", "lw": 0.9 * one.width, "color": colour}
         marker = {} if one.mode == "lines" else {"marker": one.symbol, "ms": 4.5 * one.size}
         yield entry(name, alpha=0.5 if one.pale else None, **line, **marker)
-    marked = [one.rows[one.rows != BROKEN] for one in picture.series if one.mode in ("both", "markers")]
+    marked = [one.places[one.places != BROKEN] for one in picture.series if one.mode in ("both", "markers")]
     rows, states = np.concatenate([*marked, np.zeros(0, dtype=int)]), _states(picture)
     found = [name for number, name in enumerate(STATES) if (states[rows[rows < len(states)]] == number).any()]
     for name in found if found != ["full"] else ():
-        look = {"fillstyle": _FILLINGS[name], "markerfacecoloralt": "white", "color": BLACK, "ls": "", "ms": 6.0}
-        yield entry(picture.meanings[name], **(_CROSS if name == "failed" else look | {"marker": "o", "mew": 0.7}))
+        look = {"marker": "o", "ls": "", "color": BLACK, "ms": 6.0, "mew": 0.7, "markerfacecoloralt": "white"}
+        look = dict(_CROSS) if name == "failed" else look | {"fillstyle": _FILLINGS[name]}
+        yield entry(picture.meanings[STATES.index(name)], **look)
 
 
 def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:

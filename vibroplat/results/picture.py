@@ -36,7 +36,7 @@ _DARK = 0.9
 STATES = ("full", "open", "half", "failed")
 FULL, OPEN, HALF, LOST = range(4)
 #: What states of points of motions mean.
-MOTIONS = {"full": "periodic", "open": "not periodic", "half": "undecided", "failed": "failed"}
+MOTIONS = ("periodic", "not periodic", "undecided", "failed")
 #: The place at which a line is broken.
 BROKEN = -1
 #: What exciters do that are not synchronous.
@@ -108,7 +108,7 @@ class Series:
     """
 
     label: str
-    rows: Places
+    rows: Sequence[int] | Places
     look: str = ""
     colour: str = BLUE
     mode: Literal["lines", "markers", "both", "dots"] = "both"
@@ -117,6 +117,11 @@ class Series:
     width: float = 1.0
     size: float = 1.0
     pale: bool = False
+
+    @cached_property
+    def places(self) -> Places:
+        """The places of its points as an array."""
+        return np.asarray(self.rows, dtype=int)
 
 
 class Mark(NamedTuple):
@@ -228,7 +233,7 @@ class Picture:
     special_name: str = ""
     drawn: pd.DataFrame | None = None
     states: Places | None = None
-    meanings: Mapping[str, str] = field(default_factory=lambda: MOTIONS)
+    meanings: Sequence[str] = MOTIONS
     told: str = ""
     meaning: str = ""
     rotation: str = ""

@@ -145,7 +145,7 @@ class Result:
             return None
 
     @cached_property
-    def tables(self) -> Mapping[str, pd.DataFrame]:
+    def tables(self) -> Tables:
         """Tables by name."""
         saved = self._read
         return Tables({name: partial(_whole, saved, name) for name in saved.names(*FORMATS)})
@@ -192,7 +192,9 @@ class Result:
         return self.scene.name if self.directory is None else self.directory.resolve().name
 
     def __getattr__(self, name: str) -> pd.DataFrame:
-        if name.startswith("_") or name not in self.tables:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        if name not in self.tables:
             raise AttributeError(f"{noun_of(self.command)} has no table {name}; allowed: {', '.join(self.tables)}")
         return self.tables[name]
 
@@ -288,8 +290,7 @@ class Result:
         """
         place = Path(directory)
         result_directory(place.parent, place.name)
-        own = self.tables
-        tables = {name: own.parts(name) if isinstance(own, Tables) else own[name] for name in own}
+        tables = {name: self.tables.parts(name) for name in self.tables}
         more = {"documents": self.documents, "configurations": self.configurations}
         write_result(place, self.command, self.provenance, tables, form=form, **more)
         return place

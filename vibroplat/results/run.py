@@ -40,7 +40,7 @@ from vibroplat.observe.tables import (
 from vibroplat.results.card import results, sheet, whole
 from vibroplat.results.files import commands_in
 from vibroplat.results.provenance import provenance
-from vibroplat.results.result import LABELS, Answer, Result
+from vibroplat.results.result import LABELS, Answer, Result, Tables
 from vibroplat.results.tables import replace_file, require_replaceable
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ class RunResult(Result):
 
     @cached_property
     def trajectory(self) -> pd.DataFrame:
-        """RunResult table at ``output.sample_rate_hz``, with two rows at each event.
+        """Trajectory table at ``output.sample_rate_hz``, with two rows at each event.
 
         Raises
         ------
@@ -147,9 +147,11 @@ class RunResult(Result):
         return event_table(self.event_rows).frame if self.saved is None else self.tables["events"]
 
     @property
-    def tables(self) -> Mapping[str, pd.DataFrame]:
-        """RunResult and events by name."""
-        return {"trajectory": self.trajectory, "events": self.events} if self.saved is None else super().tables
+    def tables(self) -> Tables:
+        """Trajectory and events by name."""
+        if self.saved is not None:
+            return super().tables
+        return Tables({"trajectory": lambda: [self.trajectory], "events": lambda: [self.events]})
 
     @property
     def documents(self) -> Mapping[str, Any]:

@@ -342,6 +342,7 @@ def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> picture.Picture:
         choice="branch",
         told=sweeps.told(),
         meaning="Each dot is a point of the Poincaré section, or an impact. Grey: those of the other direction.",
+        high=True,
     )
 
 
@@ -433,7 +434,7 @@ def boundary_series(curves: pd.DataFrame, begin: int, colours: Sequence[str]) ->
         if not is_reached:
             look |= {"width": 0.6, "look": UNREACHED} | ({"dash": ":"} if len(colours) > 1 else {})
         label = ": ".join(filter(None, (str(kind), SPECIAL_POINTS.get(str(kind), ""))))
-        series.append(picture.Series(label, np.array(places[:-1]), mode="lines", **look))
+        series.append(picture.Series(label, places[:-1], mode="lines", **look))
     return series
 
 

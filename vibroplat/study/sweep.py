@@ -120,27 +120,8 @@ class SweepStudy(Study):
         return Result("sweep", self.scene, {**diagram, "bands": banded, "sweep": points}, answer)
 
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
-        """Choose points, as far from each other as they can be, that start as they did and must give the same motion.
-
-        Left out are points that are undecided, and chaotic ones beside which other motions are known.
-        """
-        rows = enumerate(row for *_, row in _begun(self.branches, store))
-        decided = [n for n, row in rows if row.get("motion") not in (None, "undecided") and not row["coexisting"]]
-        chosen = {*spread(decided)}
-        cases = []
-        for number, (branch, place, state, row) in enumerate(_begun(self.branches, store)):
-            if number in chosen:
-                value, plan = branch.along[place], branch.plan.model_copy(update={"find_coexisting": False})
-                task = point_task(other(branch.at(place)), plan, state, branch.key(value))
-                swept = ", ".join(
-                    f"{key} = {at}" for key, at in {column_of(branch.swept): value, **branch.grid}.items()
-                )
-                known = {name: row[name] for name in (*COMPARED, PHASE_COLUMN)}
-                # a motion that was not measured on its orbit is as far from it as settling leaves it
-                left = 0.0 if row.get("multiplier_max") is not None else plan.settle_tolerance
-                where = f"at {swept}, branch {branch.number} ({branch.direction})"
-                cases.append(CrossCheckCase(where, task, known, max(ALLOWED, 10.0 * left)))
-        return cases
+        """Choose points of all branches; see :func:`point_cases`."""
+        return point_cases(self.branches, store, other)
 
 
 STUDY = SweepStudy
@@ -258,7 +239,30 @@ def branch_records(branch: Branch, store: Records) -> Iterator[Record]:
         raise SpoiledError(f"point {found} of branch {branch.number} is not stored; --resume computes it")
 
 
-def _begun(planned: Sequence[Branch], store: Store) -> Iterator[tuple[Branch, int, list[float] | None, Record]]:
+def point_cases(planned: Sequence[Branch], store: Records, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
+    """Choose points, as far from each other as they can be, that start as they did and must give the same motion.
+
+    Left out are points that are undecided, and chaotic ones beside which other motions are known.
+    """
+    rows = enumerate(row for *_, row in _begun(planned, store))
+    decided = [n for n, row in rows if row.get("motion") not in (None, "undecided") and not row["coexisting"]]
+    chosen = {*spread(decided)}
+    cases = []
+    for number, (branch, place, state, row) in enumerate(_begun(planned, store)):
+        if number in chosen:
+            value, plan = branch.along[place], branch.plan.model_copy(update={"find_coexisting": False})
+            task = point_task(other(branch.at(place)), plan, state, branch.key(value))
+            keys = {column_of(branch.swept): value, **branch.grid}
+            swept = ", ".join(f"{key} = {at}" for key, at in keys.items())
+            known = {name: row[name] for name in (*COMPARED, PHASE_COLUMN)}
+            # a motion that was not measured on its orbit is as far from it as settling leaves it
+            left = 0.0 if row.get("multiplier_max") is not None else plan.settle_tolerance
+            where = f"at {swept}, branch {branch.number} ({branch.direction})"
+            cases.append(CrossCheckCase(where, task, known, max(ALLOWED, 10.0 * left)))
+    return cases
+
+
+def _begun(planned: Sequence[Branch], store: Records) -> Iterator[tuple[Branch, int, list[float] | None, Record]]:
     """Yield each point of a finished sweep: its branch and place, the state with which it began, and its row."""
     for branch in planned:
         state: list[float] | None = None

@@ -1,0 +1,39 @@
+"""The engines, said once: keys of ``solver.engine``, what makes each, and the kernel that calls most of its others."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any, NamedTuple
+
+
+class EngineKind(NamedTuple):
+    """An engine.
+
+    Attributes
+    ----------
+    make
+        Function of scene and parameters, below the package.
+    loop
+        Its compiled loop; "" for none.
+    """
+
+    make: str
+    loop: str = ""
+
+    @property
+    def factory(self) -> Any:
+        """The function that makes it; its module compiles or loads kernels when it is imported."""
+        place, _, name = self.make.rpartition(".")
+        return getattr(import_module(f"vibroplat.{place}"), name)
+
+
+ENGINES = {
+    "native": EngineKind("integrate.native.make_native", "integrate.ida.run_loop"),
+    "sundae": EngineKind("integrate.sundae.make_sundae"),
+    "taylor": EngineKind("integrate.taylor.TaylorEngine", "integrate.taylor.run_loop"),
+}
+
+
+def loop_of(engine: str) -> str:
+    """Return the compiled loop of an engine, or that of ``native``."""
+    return (ENGINES[engine].loop if engine in ENGINES else "") or ENGINES["native"].loop
