@@ -137,16 +137,16 @@ def check_run(scene: Scene, *, other: Other = by_other_engine, progress: Progres
     Parameters
     ----------
     scene
-        What is run.
+        Scene to simulate.
     other
-        Makes the scene that checks it; by default the same one with another engine.
+        Function that makes the scene of the cross-check. Default: the same scene with another engine.
     progress
         Called now and then with the time reached in all runs together (s) and the number of events in this one.
 
     Raises
     ------
     ConfigError
-        The scene cannot begin as it says.
+        The initial condition of the scene is not possible.
 
     Examples
     --------

@@ -73,38 +73,39 @@ def simulate(
     start: Start | None = None,
     engine: Callable[[Scene, Parameters], Engine] = make_engine,
 ) -> RunResult:
-    """Integrate a scene in time.
+    """Integrate a scene in time, from its initial condition for ``run.duration_s``.
+
+    The summary has measures of the second half of the run, loads, and an energy audit of the whole run.
 
     Parameters
     ----------
     scene
-        What to simulate, how long and how accurately.
+        Scene to simulate, with duration and accuracy.
     keep
-        ``segments``: all that tables and dense output need; ``table``: both tables; ``events``: the event table;
-        ``summary``: neither, in memory that does not grow with the length of the run. All have the summary.
+        Data kept in memory besides the summary. ``segments``: data for tables and dense output; ``table``: trajectory
+        and event table; ``events``: event table; ``summary``: nothing, memory does not grow with the length of the run.
     progress
-        Called now and then with the time reached (s) and the number of events so far.
+        Function that is called from time to time with the time reached (s) and the number of events so far.
     sink
-        Two functions that are given the trajectory table and the event table part by part while the run goes on,
-        whatever it keeps; or two files, :class:`vibroplat.results.tables.TableFile`.
+        Two functions, or two files (:class:`vibroplat.results.tables.TableFile`), that receive the trajectory table and
+        the event table part by part during the run, independent of ``keep``.
     variation
-        ``True``: find the derivative of the end by the start too, :attr:`RunResult.monodromy`; keys as in
-        :func:`vibroplat.motion.variation.variation`: also by these, :attr:`RunResult.variation`.
+        True: also compute the derivative of the final state by the initial state, :attr:`RunResult.monodromy`.
+        Dotted keys: also the derivative by these keys, :attr:`RunResult.variation`.
     start
-        Where it begins, if that is known already. Default: as the scene says.
+        Initial condition, if it is known already. Default: the initial condition of the scene.
     engine
-        Makes the engine. Default: that of ``solver.engine``.
+        Function that makes the engine. Default: ``solver.engine``.
 
     Returns
     -------
     RunResult
-        What was computed, also if the run ended early; see :attr:`RunResult.outcome`.
+        The result, also if the run ended early; see :attr:`RunResult.outcome`.
 
     Raises
     ------
     ConfigError
-        The table that is to be kept does not fit into memory, the run cannot begin as the scene says, or a key cannot
-        be varied.
+        The kept table does not fit into memory, the initial condition is not possible, or a key cannot vary.
     """
     if keep == "table":
         require_room(scene)

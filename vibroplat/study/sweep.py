@@ -128,31 +128,37 @@ STUDY = SweepStudy
 
 
 def sweep(scene: Scene, **options: Unpack[Options]) -> Result:
-    """Sweep a scene over the supply frequencies, or another key, and the grid of its ``sweep`` section.
+    """Measure the steady motion of a scene at each value of a key, for each combination of a grid.
+
+    The section ``sweep`` of the scene has the supply frequencies or another key, and the grid. Each point continues the
+    motion of the previous point of its branch, settles and is measured: on its periodic orbit if there is one.
 
     Parameters
     ----------
     scene
-        A scene with a section ``sweep``.
+        Scene with a section ``sweep``.
     options
-        As of :class:`vibroplat.study.study.Options`: ``jobs``: worker processes; ``scheduler``: address of a dask
-        scheduler, whose workers are used instead; ``wait``: seconds after which a scheduler without workers is given
-        up; ``progress``: called with the numbers of finished and of all points.
+        Any of :class:`vibroplat.study.study.Options`:
+
+        * ``jobs``: number of worker processes;
+        * ``scheduler``: address of a dask scheduler, whose workers are used instead;
+        * ``wait``: time after which a scheduler without workers is given up (s);
+        * ``progress``: function that is called with the numbers of finished and of all points.
 
     Returns
     -------
     Result
-        Its table ``sweep`` has a row for each point, in the order of branches and of points in them; ``bands`` one for
-        each band; with ``kind: bifurcation`` there are ``section`` and ``impacts``.
+        Table ``sweep`` has one row per point, ordered by branches and by points of a branch. Table ``bands`` has one
+        row per band. With ``kind: bifurcation`` there are tables ``section`` and ``impacts``.
 
     Raises
     ------
     ConfigError
-        The scene has no sweep, a value of its grid is not allowed, or the scheduler does not answer.
+        The scene has no section ``sweep``, a value of its grid is not allowed, or the scheduler does not answer.
     LostError
-        The scheduler has no workers, or has gone.
+        The scheduler has no workers, or the connection to it is lost.
     ForeignWorkerError
-        A worker would give other bits than this process.
+        A worker has other versions and would compute other bits than this process.
 
     Examples
     --------
