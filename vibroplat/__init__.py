@@ -60,8 +60,7 @@ _HOMES = {
     "orbit": "vibroplat.continuation.orbit",
     **{kind.name: f"vibroplat.{kind.study}" for kind in KINDS.values()},
 }
-# runs, orbits and tables know nothing else of what draws them, sweeps nothing else of orbits,
-# orbits nothing else of designs
+# lower subpackages reach higher ones only through these names
 PROVIDERS |= {
     "figure_of": "vibroplat.plots.display",
     "OrbitSeeker": "vibroplat.continuation.seeker",

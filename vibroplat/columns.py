@@ -150,10 +150,10 @@ PHASE = r"$\Delta\varphi$"
 #: What a machine does, by how its exciters are driven and synchronize. Forces of equal exciters that are mirror images
 #: add so, and cancel otherwise; where exciters differ, something is left over.
 SHAKING = {
-    ("counter-rotating", "antiphase"): "shakes along y",
-    ("counter-rotating", "in-phase"): "shakes along x and rocks",
+    ("counter-rotating", "antiphase"): "vibrates along y",
+    ("counter-rotating", "in-phase"): "vibrates along x and rocks",
     ("co-rotating", "antiphase"): "rocks",
-    ("co-rotating", "in-phase"): "shakes in circles",
+    ("co-rotating", "in-phase"): "moves in circles",
 }
 
 

@@ -1,7 +1,7 @@
-"""What rooms call and rooms above them provide: figures, and the orbits that the motions of a sweep come to.
+"""Functions that lower subpackages call and higher ones provide: figures, orbit detection, sensitivities.
 
-A room knows such a function by its name alone. Where it is, the package's entry says, which knows all rooms; it is
-loaded when it is first called, as entry points are between packages.
+A subpackage refers to such a function by name. The top-level package registers the module that provides it, which is
+imported at the first call, like an entry point.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ PROVIDERS: dict[str, str] = {}
 
 
 def provided(name: str) -> Callable[..., Any]:
-    """Return a function that a room above provides."""
+    """Return a function that a higher subpackage provides."""
     found: Callable[..., Any] = getattr(import_module(PROVIDERS[name]), name)
     return found
 

@@ -121,4 +121,4 @@ def test_where_all_escape_the_motion_is_undecided_and_says_why():
     assert found.counts == [0, 2]
     row = found.attractors[1]["row"]
     assert (row["motion"], row["period"]) == ("undecided", 0)
-    assert row["detail"] == "2 such motions were followed longer, and all converged to an orbit"
+    assert row["detail"] == "2 such motions were continued, and all converged to an orbit"

@@ -120,7 +120,7 @@ def test_run_prints_a_summary_and_where_the_tables_are(name, finished_commands):
     assert (lines["outcome"], lines["simulated"], lines["tables"]) == ("ok", "0.2 s", f"results/{name}")
     begin, end = re.fullmatch(r"(0\.1\d*) … (0\.1\d*) s, [12] whole turns?", lines["measured"]).groups()
     assert re.fullmatch(r"\S+, \S+ mm", lines["RMS x, y"])
-    assert re.fullmatch(r"\S+ rad, antiphase: shakes along y", lines["phase difference phi1+phi2"])
+    assert re.fullmatch(r"\S+ rad, antiphase: vibrates along y", lines["phase difference phi1+phi2"])
     assert ("flight fraction" in lines) == ("contact force, largest" in lines) == (name == "quickstart")
     if name == "quickstart":
         events = read_table(finished_commands[1] / name, "events")
@@ -166,7 +166,7 @@ def test_run_that_ends_early_exits_1_and_keeps_what_it_has(command, tmp_path):
     summary, trajectory = read_json(directory, "summary"), read_table(directory, "trajectory")
     assert summary["outcome"] == "event-storm"
     assert "state [" not in done.err  # 14 numbers that nobody reads on a terminal
-    assert done.err.endswith(f" s; the state then is in {directory / 'summary.json'}\n")
+    assert done.err.endswith(f" s; {directory / 'summary.json'} contains the state at that time\n")
     assert ", state [" in summary["detail"]
     assert trajectory["t_s"].iloc[-1] == summary["simulated_s"] < 1.0
     assert len(read_table(directory, "events")) == summary["events"] >= 3
@@ -312,7 +312,7 @@ def test_new_writes_the_quickstart_with_all_its_keys_or_a_template(command, kern
 def test_new_overwrites_nothing_and_refuses_names_that_cannot_be_used(command, here):
     (here / "mine.yaml").write_text("name: kept\n")
     name = "my machine.yaml: name = 'my machine'; allowed: letters, digits and . _ + -, starting with a letter or digit"
-    lines = {"mine.yaml": "mine.yaml: there is such a file already; allowed: a new one", "my machine.yaml": name}
+    lines = {"mine.yaml": "mine.yaml exists already; allowed: the name of a new file", "my machine.yaml": name}
     lines["nowhere/mine.yaml"] = "nowhere/mine.yaml: cannot be written (No such file or directory)"
     for file, line in lines.items():
         assert command("new", file) == (2, "", f"vibroplat: {line}\n")

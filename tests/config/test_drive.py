@@ -16,7 +16,7 @@ def test_sweep_refuses_a_supply_and_a_start_of_its_own(scene_of, here, command):
     program = "drive: {program: [{t_s: 0, supply_frequency_hz: 50}]}"
     for text, line in (
         (program, "drive.program is given, but a sweep sets the supply itself; "),
-        ("run: {initial: {from: x}}", "run.initial.from is given, but a sweep does not begin with a run; "),
+        ("run: {initial: {from: x}}", "run.initial.from is given, but a sweep cannot start from a run; "),
     ):
         with pytest.raises(ConfigError) as caught:
             branches(scene_of(f"{text}\nsweep: {{supply_frequency_hz: {{start: 40, stop: 50}}}}"))

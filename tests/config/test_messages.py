@@ -50,10 +50,10 @@ MESSAGES = {
         "name: a\nplatform_mass_kg: 12": "unknown key platform_mass_kg in line 2; did you mean "
         f"machine.platform_mass_kg? allowed: {SECTIONS}",
         "# machine:\nname: a\nmachine:": f"machine = None in line 3; allowed: {SECTION}",
-        "name: a\ncalibration: {}": "unknown key calibration in line 2; it is gone: results/README.md tells how "
-        "configs/machines/calibrated.yaml was found",
-        "sweep:\n  confirm: orbits": "unknown key sweep.confirm in line 2; it is gone: with settle_by = newton points "
-        "are orbits; `vibroplat orbits` gives their multipliers",
+        "name: a\ncalibration: {}": "unknown key calibration in line 2; it was removed: results/README.md describes "
+        "how configs/machines/calibrated.yaml was found",
+        "sweep:\n  confirm: orbits": "unknown key sweep.confirm in line 2; it was removed: with settle_by = newton "
+        "points are orbits; `vibroplat orbits` gives their multipliers",
         "basins:\n  starts: {}": "unknown key basins.starts in line 2; it is now "
         "basins.initial_conditions (and 1 more)",
         "design: {spread: {}}": "unknown key design.spread in line 1; it is now design.parameter_tolerances",
@@ -139,7 +139,7 @@ MESSAGES = {
         f"{THIN}run: {{initial: {{state: {{upper_rate_m_per_s: 0.1}}}}}}": "run.initial.state.upper_rate_m_per_s = "
         "0.1 but this scene has no such coordinate; allowed: leave it out",
         "exciters: [{}, {rotation: counter-clockwise}]\nrun: {initial: {phase_sum_rad: 1}}": "run.initial."
-        "phase_sum_rad = 1.0 but these exciters turn the same way; allowed: phase_difference_rad",
+        "phase_sum_rad = 1.0 but the exciters are co-rotating; allowed: phase_difference_rad",
     },
     "programs": {
         program(): "drive: program is empty; allowed: one entry or more",

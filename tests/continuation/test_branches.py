@@ -304,7 +304,7 @@ def test_an_orbit_is_found_from_all_guesses():
     settled = orbit(scene)
     assert (settled.sequence, settled.period, settled.stable) == ("liftoff stick", 1, True)
     assert settled.residual < 1e-8
-    assert repr(settled).splitlines()[1] == "  events of a period    liftoff stick"
+    assert repr(settled).splitlines()[1] == "  event sequence        liftoff stick"
     run = settled.run
     assert run.summary["simulated_s"] == pytest.approx(settled.period_s)
     assert run.final_state[[0, 1, 2]] == pytest.approx(settled.state[[0, 1, 2]], abs=1e-9)
@@ -362,11 +362,11 @@ def test_an_orbit_that_is_not_there_is_told_with_its_residuals():
         orbit(scene, period=2)
     state = orbit(scene).state
     state[7:12] += 30.0 * state_scales(scene)[7:12]
-    with pytest.raises(OrbitError, match=r"no orbit of period 1 near the start: .*; last residuals: \d"):
+    with pytest.raises(OrbitError, match=r"no orbit of period 1 near the guess: .*; last residuals: \d"):
         orbit(scene, state)
 
 
 def test_motion_that_settles_to_another_period_is_told():
     """In chaos about an orbit that is too unstable to be met from near returns: its largest multiplier is 19."""
-    with pytest.raises(OrbitError, match=r"does not repeat after 1 turns; .*; follow one from where the motion is p"):
+    with pytest.raises(OrbitError, match=r"does not repeat after 1 turns; .*; continue one from where the motion is p"):
         orbit(load_config(CALIBRATED, {"solver.engine": "taylor", MASS: 0.02, KEY: 62.0}))

@@ -32,7 +32,7 @@ def answer():
 def test_the_least_power_is_found_from_each_start(answer, tmp_path):
     """3.4307 W, as with derivative-free searches; the file that is written has it."""
     assert "motor_power_w 3.4307," in answer.answer.lines["there"]
-    assert "(2 of 2 starts came here)" in answer.answer.lines["there"]
+    assert "(from 2 of 2 starting points)" in answer.answer.lines["there"]
     assert answer.answer.lines["from rest"] == "antiphase, period 1, motor_power_w 3.4307, rms_y_m 0.001"
     assert answer.answer.notes == []
     (tmp_path / "best.yaml").write_text(answer.configurations["best"], encoding="utf-8")
@@ -52,7 +52,7 @@ def test_all_that_was_looked_at_is_told(answer):
 
 
 def test_what_cannot_settle_is_refused():
-    with pytest.raises(OrbitError, match="comes to no periodic orbit"):
+    with pytest.raises(OrbitError, match="does not converge to a periodic orbit"):
         design(scene().replace({SUPPLY: 60.0, "material.mass_ratio": 0.2}))
 
 
@@ -68,7 +68,7 @@ def test_the_worst_scene_of_a_tolerance_counts():
     plan = {"parameter_tolerances": {"machine.platform_mass_kg": 0.05}, "starts": 1, "samples": 10}
     found = design(scene(**plan))
     assert "motor_power_w 4.37877, rms_y_m 0.00117842" in found.answer.lines["there"]
-    assert found.answer.lines["bounds kept"] == "100.0 %"
+    assert found.answer.lines["constraints satisfied"] == "100.0 %"
     table = found.tables["evaluations"]
     (best,) = table.index[table["best"]]
     assert table.loc[best, "objective"] == table.loc[table["feasible"], "objective"].min()
@@ -85,7 +85,7 @@ def test_the_worst_scene_of_a_tolerance_counts():
 def test_a_box_without_a_design_is_an_answer():
     found = design(scene(starts=2, constraints={"rms_y_m": ">= 8e-3"}))
     assert found.answer.lines["best"].startswith(
-        f"the orbit of the scene keeps all bounds nowhere in this box; nearest: {RADIUS} 0.048, "
+        f"no design in this box satisfies all constraints; the closest one: {RADIUS} 0.048, "
     )
     assert not found.tables["evaluations"]["feasible"].any()
     assert found.configurations == {}
@@ -95,13 +95,13 @@ def test_tolerances_that_break_a_bound_together_are_told():
     spread = {"machine.platform_mass_kg": 0.03, "machine.stiffness_y_n_per_m": 0.03}
     found = design(scene(parameter_tolerances=spread, starts=1, samples=40))
     kept = found.tables["samples"]["rms_y_m"] >= 1e-3 * (1.0 - 1e-6)
-    assert found.answer.lines["bounds kept"] == f"{100.0 * kept.mean():.1f} %"
+    assert found.answer.lines["constraints satisfied"] == f"{100.0 * kept.mean():.1f} %"
     assert 0.5 < kept.mean() < 1.0
 
 
 def test_what_has_no_value_cannot_be_made_least():
     bare = scene(keys={"machine.platform_mass_kg": [10.0, 14.0]}, minimize="contact_force_max_n", constraints={})
-    with pytest.raises(ConfigError, match="contact_force_max_n has no value on the motion of this scene"):
+    with pytest.raises(ConfigError, match="contact_force_max_n has no value for the motion of this scene"):
         design(bare.replace({"material.mass_ratio": 0.0}))
 
 
@@ -115,7 +115,7 @@ def test_a_tolerance_about_a_key_stays_within_the_model():
 
 def test_a_box_to_which_the_orbit_cannot_be_followed_is_no_answer_on_its_designs():
     found = design(scene(keys={"motor.critical_torque_n_m": [0.001, 0.002]}, starts=2))
-    assert found.answer.lines["best"].startswith("unknown: the orbit of the scene as given ends on the way")
+    assert found.answer.lines["best"].startswith("unknown: the orbit was lost on the way")
     assert found.tables["evaluations"].empty
     assert found.plot("evaluations").axes
 

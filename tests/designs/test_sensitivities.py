@@ -98,7 +98,7 @@ def test_shares_of_the_variance_are_those_of_the_slopes_where_a_spread_is_small(
             {"parameter_tolerances": {"contact.restitution": 0.1}},
             "design.parameter_tolerances.contact.restitution is 0 in this scene; allowed: ",
         ),
-        ({"measures": ["rms_z_m"]}, "design: rms_z_m is no measure of this scene; did you mean rms_"),
+        ({"measures": ["rms_z_m"]}, "design: rms_z_m is not a measure of this scene; did you mean rms_"),
         ({"keys": {KEYS[0]: [2.0, 2.0]}}, f"design: keys.{KEYS[0]} = [2.0, 2.0] is empty; allowed: [low, high]"),
         (
             {"parameter_tolerances": {"material.lower_share": 0.9}},

@@ -357,7 +357,7 @@ def test_first_condition_that_differs_is_named(tmp_path):
     ):
         with pytest.raises(ConfigError) as caught:
             Store(tmp_path, changed_, resume=True)
-        assert str(caught.value) == f"cannot resume: {line}, or --overwrite instead, to begin anew"
+        assert str(caught.value) == f"cannot resume: {line}, or --overwrite to start again"
 
 
 def test_store_that_does_not_say_what_its_records_depend_on_is_refused(tmp_path):
@@ -366,7 +366,7 @@ def test_store_that_does_not_say_what_its_records_depend_on_is_refused(tmp_path)
         store._base.execute("DELETE FROM about")
         store._base.commit()
     for how in ({"resume": True}, {}):
-        with pytest.raises(SpoiledError, match="it does not say what its records depend on"):
+        with pytest.raises(SpoiledError, match="it does not contain the conditions of its records"):
             Store(tmp_path, {"a": 1}, **how)
     with Store(tmp_path, {"a": 1}, overwrite=True) as store:
         assert len(store) == 0

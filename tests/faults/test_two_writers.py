@@ -161,7 +161,7 @@ def test_no_flipped_bit_of_a_result_is_read(form, tmp_path):
             (tmp_path / name).write_bytes(data)
             with pytest.raises(TableError) as caught:
                 marks(tmp_path)
-            told = " does not belong to this result: it has been changed, or is of another one; repeat the command that"
+            told = " was changed or belongs to another result; repeat the command that"
             assert str(caught.value) == f"{tmp_path / name}{told} wrote it"
         (tmp_path / name).write_bytes(good)
     assert marks(tmp_path) == {1.0}

@@ -161,7 +161,7 @@ LIBRARY = "vibroplat.integrate.sundials."
 TYPES = "its number types are {}; known: double, int"
 BREAKAGES = {
     "symbol": (f"{LIBRARY}_FUNCTIONS", {"IDANoSuchFunction": "ip"}, "SUNDIALS function IDANoSuchFunction is missing"),
-    "configuration": (f"{LIBRARY}package", lambda: Path("nowhere"), "scikit-sundae does not tell its configuration"),
+    "configuration": (f"{LIBRARY}package", lambda: Path("nowhere"), "scikit-sundae does not report its configuration"),
     "extension module": (f"{LIBRARY}EXTENSION_SUFFIXES", [], "scikit-sundae has no _cy_ida"),
     "version": (f"{LIBRARY}_MAJOR", "6.", "is not known; known: 6.x"),
     "types": (f"{LIBRARY}_TYPES", {"SUNDIALS_INT_TYPE": "long"}, TYPES.format("int")),
@@ -186,7 +186,7 @@ def test_sundae_takes_over_with_one_notice(quickstart, monkeypatch, caplog, fres
     notice = caplog.records[0].getMessage()
     assert notice.startswith("engine native is not available: ")
     assert reason in notice
-    assert notice.endswith("; engine sundae takes over, ten to twenty times slower")
+    assert notice.endswith("; engine sundae is used instead and is ten to twenty times slower")
 
 
 def test_self_check_notices_a_library_that_does_not_integrate():

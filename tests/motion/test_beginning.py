@@ -133,7 +133,7 @@ def test_a_run_that_goes_on_does_not_replace_the_one_before(first, command):
     scene = first({}, seconds=0.05)
     write(going_on(scene), "first")
     done = command("run", "first.yaml")
-    line = "first.yaml: run.initial.from = 'results/first' is where this run would be written; allowed: another name"
+    line = "first.yaml: run.initial.from = 'results/first' is also the directory of the new run; allowed: another name"
     assert (done.code, done.err) == (2, f"vibroplat: {line}\n")
     assert read_table(Path("results/first"), "trajectory")["t_s"].iloc[-1] == 0.05
 
@@ -251,7 +251,7 @@ def test_coordinates_that_the_scene_does_not_have(first, command, here):
 def test_program_that_begins_later(first, command, here):
     scene = first({}, seconds=0.05)
     late = {"drive.program": [{"t_s": 0.1, "supply_frequency_hz": 50.0}]}
-    line = "drive.program.0.t_s = 0.1 but the run begins at 0.05 s; allowed: an entry for its beginning"
+    line = "drive.program.0.t_s = 0.1 but the run starts at 0.05 s; allowed: an entry at or before its start"
     assert lines_of(going_on(scene, **late), command, here) == line
     assert lines_of(scene.replace(late), command, here) == line.replace("0.05", "0")
 

@@ -204,7 +204,7 @@ def test_run_that_would_keep_more_than_its_share_ends_with_what_was_computed(
     monkeypatch.setattr("vibroplat.system.memory.available", lambda: most)
     run = simulate(scene, keep=keep)
     assert run.outcome == "out-of-memory"
-    assert run.summary["detail"].startswith("what the run keeps would take more than ")
+    assert run.summary["detail"].startswith("the data that the run keeps would need more than ")
     assert f", 0.5 of the memory that is available; {advice}; mode " in run.summary["detail"]
     assert 0.0 < run.summary["simulated_s"] < 3.0
     same(run.trajectory, whole.trajectory.iloc[: len(run.trajectory)])
@@ -279,7 +279,7 @@ def test_long_run_under_a_limit_of_memory_ends_with_an_outcome():
     assert (done.returncode, done.stderr) == (0, "")
     outcome, detail, segments, rows = json.loads(done.stdout)
     assert outcome == "out-of-memory"
-    assert detail.startswith("what the run keeps would take more than ")
+    assert detail.startswith("the data that the run keeps would need more than ")
     assert min(segments, rows) > 100
 
 
@@ -305,7 +305,9 @@ def test_share_is_counted_over_all_that_is_kept(monkeypatch):
     monkeypatch.setattr("vibroplat.system.memory.available", lambda: 100.0)
     share = Share("keep less")
     share.take(40)
-    with pytest.raises(OutOfMemoryError, match=r"^what the run keeps would take more than 70 bytes, .*; keep less$"):
+    with pytest.raises(
+        OutOfMemoryError, match=r"^the data that the run keeps would need more than 70 bytes, .*; keep less$"
+    ):
         share.take(40)
     assert share.taken == 40
     Share(bounded=False).take(10**9)

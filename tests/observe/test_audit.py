@@ -66,8 +66,8 @@ def test_run_whose_angles_have_no_digits_left_is_inaccurate(quickstart):
     assert run.outcome == "inaccurate"
     assert run.summary["simulated_s"] == quickstart.run.duration_s
     assert run.summary["detail"] == (
-        f"energy residual {residual:.3g} is beyond 0.05, the limit at tolerance 1e-06; lower solver.tolerance, and "
-        "check the scene for sizes that are far apart"
+        f"energy residual {residual:.3g} exceeds 0.05, the limit at tolerance 1e-06; lower solver.tolerance, and "
+        "check the orders of magnitude in the scene"
     )
     assert run.trajectory["t_s"].iloc[-1] == quickstart.run.duration_s
 

@@ -23,7 +23,7 @@ def of_motion(scene, **changes):
 
 
 def test_a_platform_that_turns_far_is_noted(quickstart):
-    far = ["the platform turns by up to 0.15 rad, where a model of first order in phi is inaccurate"]
+    far = ["the platform turns by up to 0.15 rad: inaccurate in a model of first order in phi"]
     for phi, notes in ((0.15, far), (0.05, [])):
         state = {"phi_rad": phi, "phi1_rate_rad_per_s": 160.0, "phi2_rate_rad_per_s": -160.0}
         assert of_motion(quickstart, **{"run.initial.state": state, "run.duration_s": 0.2}) == notes
@@ -64,7 +64,7 @@ def test_a_motor_too_weak_to_turn_is_noted(printed):
     weak = {"motor.critical_torque_n_m": 0.02, "run.initial": {"speed_ratio": 0.0, "phase_sum_rad": 0.0}}
     notes = of_motion(printed, **weak, **{"run.duration_s": 4.0})
     assert notes[0].startswith("each motor gives 0.00587 N·m at standstill, at most 0.02, where 0.0288 N·m carry")
-    assert notes[1:] == [f"exciter {i} hardly turns, though its synchronous speed is 25 Hz" for i in (1, 2)]
+    assert notes[1:] == [f"exciter {i} hardly turns, although its synchronous speed is 25 Hz" for i in (1, 2)]
 
 
 def test_a_coarse_tolerance_of_sundials_is_noted_where_impacts_amplify_errors():

@@ -202,7 +202,7 @@ def test_map_colours_a_tile_for_each_point_and_hatches_failed_ones(write_sweep):
             assert np.isnan(np.ma.filled(axis.collections[0].get_array(), np.nan)).sum() == (~good).sum() == 1
             assert axis.collections[1].get_hatch()
             assert np.ma.count(axis.collections[1].get_array()) == 1
-    named = ["antiphase: shakes along y", "in-phase: shakes along x and rocks"]
+    named = ["antiphase: vibrates along y", "in-phase: vibrates along x and rocks"]
     assert texts(figure.legends[0])[:3] == ["failed", *named]
 
 

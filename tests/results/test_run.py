@@ -116,7 +116,7 @@ def test_dataset_has_units_and_meanings(run):
     pytest.importorskip("xarray", reason="optional, pip install 'vibroplat[xarray]'")
     found = run.to_xarray()
     assert found["y_m"].attrs["units"] == "m"
-    assert found["gap_m"].attrs["long_name"] == "gap between platform and lower layer; 0 in contact"
+    assert found["gap_m"].attrs["long_name"] == "gap between platform and lower layer; 0: in contact"
     assert found["y_m"].interp(t_s=0.1).item() == pytest.approx(run([0.1])["y_m"].item(), abs=1e-5)
     assert found.attrs == {"name": "quickstart", "outcome": "ok"}
 

@@ -89,7 +89,7 @@ def test_worker_with_another_fingerprint_gives_no_result(workers, threads):
         list(run_chains([chain], workers))
     (worker,) = threads.workers.values()
     assert str(caught.value).startswith(f"worker {worker.address}: numpy ")
-    assert " (here 1.0); all must have what this process has" in str(caught.value)
+    assert " (here 1.0); all workers need the versions of this process" in str(caught.value)
     assert (chain.results, caught.value.exit_code) == ([], 1)
 
 

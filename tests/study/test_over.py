@@ -178,7 +178,7 @@ def test_command_writes_a_table_over_the_key(command, here):
     table = read_table(here / "results/c", "sweep")
     assert table[MASS].tolist() == [0.0, 0.1, 0.2, 0.2, 0.1, 0.0]
     assert table.columns.tolist()[:3] == [MASS, "direction", "branch"]
-    assert table.attrs["meanings"][MASS].startswith("mass of the material over that of the machine")
+    assert table.attrs["meanings"][MASS].startswith("mass of the material divided by the mass of the machine")
     assert "supply_frequency_hz" not in table
 
 

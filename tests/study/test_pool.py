@@ -359,15 +359,15 @@ def test_workers_are_gone_when_the_pool_is_closed_and_another_may_be_opened():
 # -- no more processes than are of use --------------------------------------------------------------------
 
 
-NO_CORES, NO_WORK = "there are no more cores", "there is no work for more at a time"
+NO_CORES, NO_WORK = "there are no more cores", "no more tasks can run at the same time"
 
 
 def test_processes_have_a_core_and_a_chain(monkeypatch, caplog):
     wanted = {
-        (8, 4, 100): (4, f"--jobs 8: 4 processes are used, as {NO_CORES}"),
-        (8, 16, 3): (3, f"--jobs 8: 3 processes are used, as {NO_WORK}"),
-        (2, 16, 1): (1, f"--jobs 2: one process is used, as {NO_WORK}"),
-        (2, 1, 5): (1, f"--jobs 2: one process is used, as {NO_CORES}"),
+        (8, 4, 100): (4, f"--jobs 8: only 4 processes are used, because {NO_CORES}"),
+        (8, 16, 3): (3, f"--jobs 8: only 3 processes are used, because {NO_WORK}"),
+        (2, 16, 1): (1, f"--jobs 2: only one process is used, because {NO_WORK}"),
+        (2, 1, 5): (1, f"--jobs 2: only one process is used, because {NO_CORES}"),
         (8, 16, None): (8, ""),
         (None, 4, 2): (2, ""),
         (3, 4, 0): (1, ""),

@@ -125,7 +125,7 @@ def test_points_that_do_not_keep_their_balances_are_inaccurate_and_not_gone_on_f
     table = sweep(scene).sweep
     assert good["outcome"].tolist() == ["ok", "ok"]
     assert table["outcome"].tolist() == ["inaccurate", "inaccurate"]
-    assert table["detail"].str.match(r"energy residual \S+ is beyond 1e-12, the limit at tolerance 1e-06; lower ").all()
+    assert table["detail"].str.match(r"energy residual \S+ exceeds 1e-12, the limit at tolerance 1e-06; lower ").all()
     assert (table["energy_residual"] > 1e-12).all()
     assert table["energy_residual"][0] == good["energy_residual"][0]
     assert table[["rms_y_m", "sync", "period", "excitation_frequency_hz"]].isna().all(axis=None)
@@ -311,7 +311,7 @@ def test_command_writes_what_python_gives(done, table):
     assert {"sweep.parquet", "provenance.json"} <= written
     lines = {line[:28].rstrip(): line[28:] for line in done[0].out.splitlines()}
     assert (lines["points"], lines["outcomes"]) == ("8 in 4 branches", "ok 8")
-    assert (lines["synchronization"], lines["tables"]) == ("antiphase 8 (shakes along y)", "results/c")
+    assert (lines["synchronization"], lines["tables"]) == ("antiphase 8 (vibrates along y)", "results/c")
     assert not {name for name in written if name.startswith((".", "section", "impacts"))}
 
 

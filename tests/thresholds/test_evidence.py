@@ -203,7 +203,7 @@ def test_the_answer_is_the_value_beyond_which_all_hold_then_the_mixed_interval_t
         in first
     )
     assert " seeds; " in first
-    assert first.endswith(" more have no clear outcome")
+    assert first.endswith(" further values have no clear outcome")
     assert mixed.startswith("mixed from 3")
     assert below.startswith("below 3")
     assert "rms_y_m > 0.5 is false at all" in below

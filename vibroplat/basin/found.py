@@ -27,8 +27,8 @@ from vibroplat.study.store import Record
 #: Motions that repeat are the same if their measures are this near, over themselves; and a window of one, whose turns
 #: need not be a multiple of its period.
 REPEATED, IN_WINDOW = 1e-3, 0.02
-#: Parts of a step from value to value; an orbit has been continued if the longest way in a part is at most so many
-#: times the shortest, and the other number, in the scales of the scene.
+#: A parameter step is divided into PARTS sub-steps. The orbit keeps its identity if its largest displacement in a
+#: sub-step is at most LONGER times the smallest plus SHORT (scaled units).
 PARTS, LONGER, SHORT = 4, 3.0, 0.05
 
 
@@ -144,7 +144,7 @@ class Found:
         left = [start for start in left if start["attractor"] is None]
         if not left:
             return
-        why = f"{len(group.escaped)} such motions were followed longer, and all converged to an orbit"
+        why = f"{len(group.escaped)} such motions were continued, and all converged to an orbit"
         told = {"motion": "undecided", "period": 0, "outcome": "ok", "detail": why}
         record = _record({**left[0]["windows"][-1], **told}, left[0]["state"])
         self._assign(left, self._add(record | {"escaped": len(group.escaped)}))

@@ -34,49 +34,56 @@ from vibroplat.study.store import Record, Store
 from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, run_study, spread
 from vibroplat.study.sweep import SWEEP
 
-#: Starts that a task follows.
+#: Number of initial conditions in a task.
 BLOCK = 100
-#: Motions of a group that are followed longer, at most, until one tells what the group is.
+#: Maximum number of motions of a group that are continued until one of them can be classified.
 TRIES = 3
 #: Columns of the tables after the key that varies.
 ATTRACTORS: Columns = {
     "attractor": Column(
-        "its name", "synchronization, motion and period, and more where these are not enough", kind=TEXT
+        "name of the attractor", "synchronization, motion and period; further words if these are ambiguous", kind=TEXT
     ),
     "motion": SWEEP["motion"],
     "period": SWEEP["period"],
     "sync": SWEEP["sync"],
-    "count": Column("starts that come to it", kind=COUNT),
-    "fraction": Column("share of the starts that converge to it within within_turns"),
-    "fraction_low": Column("lower bound of this share in the box of starts", "95 %, Clopper and Pearson (1934)"),
-    "fraction_high": Column("upper bound", "as the lower one; of an attractor without starts 3 over their number"),
-    "within_turns": Column("turns of exciter 1 for which each start was followed, at most", kind=COUNT),
+    "count": Column("number of initial conditions that converge to the attractor", kind=COUNT),
+    "fraction": Column("fraction of the initial conditions that converge to the attractor within within_turns"),
+    "fraction_low": Column(
+        "lower bound of the basin fraction in the box of initial conditions", "95 %, Clopper and Pearson (1934)"
+    ),
+    "fraction_high": Column(
+        "upper bound of the basin fraction", "see fraction_low; 3/N if none of N initial conditions converges to it"
+    ),
+    "within_turns": Column("maximum number of turns of exciter 1 for each initial condition", kind=COUNT),
     "rate_per_turn": Column(
-        "of an orbit, rate at which chaotic motions converge to it; of a chaotic motion, rate at which it is left",
-        "arrivals after a quarter of within_turns, over all turns after it; its inverse is the mean life of a chaotic "
-        "transient; empty where it is not known",
+        "orbit: rate at which chaotic motions converge to it; chaotic motion: rate at which it is left",
+        "arrivals after within_turns/4, divided by all turns after it; the inverse is the mean life of a chaotic "
+        "transient; empty if it is not known",
     ),
     "rate_low_per_turn": Column("lower bound of rate_per_turn", "95 %, Garwood (1936)"),
-    "rate_high_per_turn": Column("upper bound of rate_per_turn", "as the lower one; without arrivals 3 over the turns"),
+    "rate_high_per_turn": Column(
+        "upper bound of rate_per_turn", "see rate_low_per_turn; without arrivals 3 divided by the turns"
+    ),
     "rate_constant_p": Column(
-        "probability that arrivals at a constant rate are as uneven as these",
-        "tests of Laplace, and of Kolmogorov and Smirnov; below 0.05 the rate is not constant; empty with fewer than "
-        "five arrivals",
+        "p-value of the hypothesis that the rate is constant",
+        "tests of Laplace and of Kolmogorov and Smirnov; below 0.05 the rate is not constant; empty if there are "
+        "fewer than five arrivals",
     ),
     "multiplier_max": SWEEP["multiplier_max"],
     "radius": Column(
-        "radius of the smallest ellipsoid around it in which a start is assigned to it",
-        "distances in left eigenvectors of the return map, in the scales of the scene; 0: none, each start by itself",
+        "radius of the smallest attraction ellipsoid of the orbit",
+        "distance in left eigenvectors of the return map (scaled units); 0: no ellipsoid, each initial condition "
+        "is settled",
     ),
-    "ellipsoids": Column("crossings of the Poincaré section, in a period, that have such an ellipsoid", kind=COUNT),
+    "ellipsoids": Column("crossings of the Poincaré section per period that have an attraction ellipsoid", kind=COUNT),
     **{name: SWEEP[name] for name in MEASURED},
     **{name: SWEEP[name] for name in (*ERRORS.values(), "coexisting", "outcome", "detail", "notes")},
-    **{name: Column(f"{name} of a state of it on the Poincaré section") for name in (*COORDINATES, *RATES)},
+    **{name: Column(f"{name} of a state of the attractor on the Poincaré section") for name in (*COORDINATES, *RATES)},
     **SHEET,
 }
 STARTS_TABLE: Columns = {
     "attractor": ATTRACTORS["attractor"],
-    "turns": Column("turns of exciter 1 until the start was assigned"),
+    "turns": Column("turns of exciter 1 until the initial condition was assigned to an attractor"),
 }
 FRACTIONS: Columns = {
     name: ATTRACTORS[name]
@@ -84,18 +91,18 @@ FRACTIONS: Columns = {
 }
 
 
-_OVER: Columns = {"…": Column("the key of basins.over, by its dotted name")}
+_OVER: Columns = {"…": Column("value of the key of basins.over, by dotted name")}
 #: The tables of basins: what their rows are, and their columns.
 TABLES: dict[str, tuple[str, Columns]] = {
     "attractors": (
-        "`vibroplat basins`: a row for each attractor, at each value of a key.",
+        "`vibroplat basins`: one row per attractor, at each value of a key.",
         {**_OVER, **ATTRACTORS, **point_columns(["NAME"])},
     ),
     "starts": (
-        "`vibroplat basins`: a row for each start.",
-        {**_OVER, "… ": Column("the keys of basins.initial_conditions, by their dotted names"), **STARTS_TABLE},
+        "`vibroplat basins`: one row per initial condition.",
+        {**_OVER, "… ": Column("keys of basins.initial_conditions, by dotted name"), **STARTS_TABLE},
     ),
-    "fractions": ("`vibroplat basins` with `over`: shares of the starts over the key.", {**_OVER, **FRACTIONS}),
+    "fractions": ("`vibroplat basins` with `over`: basin fractions at each value of the key.", {**_OVER, **FRACTIONS}),
 }
 
 
@@ -105,7 +112,7 @@ class BasinsStudy(Study):
     Raises
     ------
     ConfigError
-        There is no such section, a start is outside the model, or the supply is not constant.
+        The scene has no section ``basins``, an initial condition is outside the model, or the supply is not constant.
     """
 
     kind = "basins"
@@ -250,7 +257,7 @@ def _run(
 
 
 def bounds(count: int, number: int) -> tuple[float, float]:
-    """Bounds of a share of which so many of a number were seen, one-sided where none or all were.
+    """Return confidence bounds of a fraction, from ``count`` of ``number`` samples; one-sided for none or all.
 
     Clopper and Pearson (1934), Biometrika 26, 404.
     """
@@ -266,7 +273,7 @@ def bounds(count: int, number: int) -> tuple[float, float]:
 
 
 def _told(question: BasinsStudy, found: Sequence[Found]) -> Result:
-    """Make the tables, and say what they tell."""
+    """Make the tables and the printed answer."""
     plan, key = question.plan, question.key
     column = {} if key is None else {column_of(key): None}
     attractors, starts, places = [], [], values_of(plan, range(plan.number))
@@ -313,20 +320,20 @@ def _row(record: Record, label: str, count: int, rate: Rate | None, plan: Basins
 
 
 def _lines(plan: BasinsPlan, tables: Mapping[str, pd.DataFrame], values: int) -> dict[str, str]:
-    """Summarize: the box of starts is part of the answer."""
+    """Return the overview, which includes the box of initial conditions."""
     ways = [f"{plan.number}"] + ([f"at each of {values} values of {plan.over.key}"] if plan.over else [])
-    lines = {"starts": f"{' '.join(ways)}, each followed for {plan.max_turns} turns"}
+    lines = {"initial conditions": f"{' '.join(ways)}, for at most {plan.max_turns} turns"}
     for key, (low, high, *count) in plan.initial_conditions.items():
-        lines[words_in_place(key)] = f"{low:g} … {high:g}" + (f", {int(count[0])} values" if count else ", at random")
+        lines[words_in_place(key)] = f"{low:g} … {high:g}" + (f", {int(count[0])} values" if count else ", random")
     turns = tables["starts"]["turns"]
-    lines["turns of a start"] = f"{turns.median():.0f} in the median, at most {turns.max():.0f}"
+    lines["turns until assigned"] = f"median {turns.median():.0f}, maximum {turns.max():.0f}"
     return lines
 
 
 def _text(table: pd.DataFrame, key: str | None, escaped: Mapping[str, int]) -> list[str]:
-    """Return a line for each attractor: its share with its bounds, over a key its least and largest share.
+    """Return a line for each attractor: its basin fraction with bounds; over a key its smallest and largest fraction.
 
-    ``escaped`` are numbers of its motions that have converged to an orbit when they were followed longer.
+    ``escaped`` has the number of its motions that converged to an orbit when they were continued.
     """
     lines = []
     for name, rows in table.groupby("attractor", sort=False):
@@ -346,52 +353,53 @@ def _text(table: pd.DataFrame, key: str | None, escaped: Mapping[str, int]) -> l
 
 
 def _life(row: pd.Series, escaped: int) -> str:
-    """Say how long a chaotic motion lasts, with bounds; empty where this is not known."""
+    """Return the mean life of a chaotic motion with bounds, in words; empty if it is not known."""
     if row["motion"] != CHAOTIC or pd.isna(row["rate_high_per_turn"]):
         return ""
     rate, slowest, fastest = (row[f"rate_{name}per_turn"] for name in ("", "low_", "high_"))
     if not rate > 0.0 and escaped:
-        return f"; transient: {escaped} motion{'s' * (escaped > 1)} converged to an orbit when followed longer"
+        return f"; transient: {escaped} motion{'s' * (escaped > 1)} converged to an orbit when continued"
     if not rate > 0.0:
         return f"; mean life above {_turns(1.0 / fastest)} turns"
     if row["rate_constant_p"] < DOUBT:
-        return "; transient, it ends at a rate that is not constant"
+        return "; transient, with a rate that is not constant"
     return f"; transient, mean life {_turns(1.0 / rate)} ({_turns(1.0 / fastest)} … {_turns(1.0 / slowest)}) turns"
 
 
 def _turns(number: float) -> str:
-    """Write a number of turns with two digits that count, thousands apart."""
+    """Write a number of turns with two significant digits and a space between thousands."""
     return f"{float(f'{number:.2g}'):,.0f}".replace(",", " ")
 
 
 def _notes(plan: BasinsPlan, table: pd.DataFrame, found: Sequence[Found]) -> list[str]:
-    """Return what deserves a second look."""
-    notes = [f"attractors with a share below {bounds(0, plan.number)[1]:.2g} of the box are easily missed"]
+    """Return warnings."""
+    least = bounds(0, plan.number)[1]
+    notes = [f"attractors that attract less than {least:.2g} of the initial conditions may have been missed"]
     if table["motion"].isin(RESTLESS).any():
         notes.append(
-            f"motions that have converged to no orbit within {plan.max_turns} turns are told from each other by "
-            "windows of their last turns, and one of each kind was classified"
+            f"motions that did not converge to an orbit within {plan.max_turns} turns were grouped by windows of "
+            "their last turns; one motion of each group was classified"
         )
     for f in found:
         chaos = [k for k, record in enumerate(f.attractors) if record["row"]["motion"] == CHAOTIC and f.counts[k]]
         if len(chaos) > 1:
             turns = f.unchanged(plan.max_turns)
             notes.append(
-                f"no change from one chaotic motion to another was seen in {_turns(turns)} turns: it happens less "
-                f"often than once in {_turns(turns / 3.0)} turns (95 %)"
+                f"no change from one chaotic motion to another occurred in {_turns(turns)} turns: such changes "
+                f"occur less often than once in {_turns(turns / 3.0)} turns (95 %)"
             )
             break
     escaped = sum(record.get("escaped", 0) for f in found for record in f.attractors)
     if escaped:
         notes.append(
-            f"{escaped} such motion{'s' * (escaped > 1)} converged to an orbit when followed longer: more starts do so "
-            "with a larger basins.max_turns"
+            f"{escaped} such motion{'s' * (escaped > 1)} converged to an orbit when continued: a larger "
+            "basins.max_turns assigns more initial conditions to orbits"
         )
     return notes
 
 
 def _failures(found: Found) -> Iterator[str]:
-    """Yield a line for each motion that has ended early."""
+    """Yield a line for each failed simulation."""
     for start in found.starts:
         row = found.attractors[start["attractor"]]["row"]
         if row["outcome"] != "ok":
@@ -402,25 +410,30 @@ STUDY = BasinsStudy
 
 
 def basins(scene: Scene, **options: Unpack[Options]) -> Result:
-    """Find the attractors to which a scene converges from the starts of its ``basins`` section, and their shares.
+    """Find the attractors of a scene and the fractions of initial conditions that converge to them.
+
+    Each initial condition of the section ``basins`` is integrated until its motion enters an ellipsoid around a stable
+    periodic orbit from which convergence has been tested. Newton's method finds the orbits on the way. Motion that has
+    not converged within ``max_turns`` is grouped by its last turns, and one motion of each group is classified.
 
     Parameters
     ----------
     scene
         A scene with a section ``basins``.
     options
-        As of :func:`vibroplat.sweep`; ``progress`` is called with the numbers of finished and of all starts.
+        As in :func:`vibroplat.sweep`; ``progress`` is called with finished and total numbers of initial conditions.
 
     Returns
     -------
     Result
-        Its table ``attractors`` has a row for each attractor, at each value of a key, any of which is a guess for
-        :func:`vibroplat.orbit`; ``starts`` one for each start; over a key ``fractions`` has the share of each.
+        Table ``attractors`` has one row per attractor and value of a key; each row can be a guess for
+        :func:`vibroplat.orbit`. Table ``starts`` has one row per initial condition. With ``over``, table ``fractions``
+        has the basin fractions at each value of the key.
 
     Raises
     ------
     ConfigError
-        There is no such section, a start is outside the model, or the supply is not constant.
+        The scene has no section ``basins``, an initial condition is outside the model, or the supply is not constant.
 
     Examples
     --------

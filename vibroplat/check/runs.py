@@ -116,15 +116,15 @@ class RunCheck:
     def lines(self) -> dict[str, str]:
         """Summarize it in a few lines: label and text."""
         found = {
-            "checked by": f"engine {self.other}, until {self.compared_until_s:.6g} s; "
-            f"errors of the tolerance grow {self.amplification:.2g} times until then"
+            "checked by": f"engine {self.other}, up to {self.compared_until_s:.6g} s; by then, errors the size of "
+            f"the tolerance are amplified {self.amplification:.2g} times"
         }
         states = [d for d in self.largest if d.quantity != EVENT_TIME]
         if states:
             worst = max(states, key=lambda d: d.difference)
             found["largest difference"] = (
-                f"{worst.quantity}, {worst.difference:.2g} of its scale at {worst.t_s:.6g} s; "
-                f"all within {CLOSE:g} until {self.agree_until_s:.6g} s"
+                f"{worst.quantity}, {worst.difference:.2g} of its scaled unit at {worst.t_s:.6g} s; all within "
+                f"{CLOSE:g} up to {self.agree_until_s:.6g} s"
             )
         for d in self.largest[len(states) :]:
             found["events of both"] = f"{self.events}, their times within {abs(d.first - d.other):.2g} s"
@@ -137,16 +137,16 @@ def check_run(scene: Scene, *, other: Other = by_other_engine, progress: Progres
     Parameters
     ----------
     scene
-        What is run.
+        Scene to simulate.
     other
-        Makes the scene that checks it; by default the same one with another engine.
+        Function that makes the scene of the cross-check. Default: the same scene with another engine.
     progress
         Called now and then with the time reached in all runs together (s) and the number of events in this one.
 
     Raises
     ------
     ConfigError
-        The scene cannot begin as it says.
+        The initial condition of the scene is not possible.
 
     Examples
     --------

@@ -53,7 +53,7 @@ class CrossCheck(NamedTuple):
     def lines(self) -> Iterator[tuple[str, str]]:
         """Yield lines that summarize it: label and text."""
         motions = f"{self.checked} motion{'s' * (self.checked != 1)}"
-        told = f"{motions}, measures within {self.largest:.1g}" if self.checked else "no motion that it could repeat"
+        told = f"{motions}, measures within {self.largest:.1g}" if self.checked else "no motion can be repeated"
         yield "checked by" if self.checked else "not checked by", f"engine {self.other}, {told}"
 
     def to_tree(self) -> dict[str, Any]:

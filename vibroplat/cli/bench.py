@@ -17,7 +17,7 @@ from vibroplat.errors import VibroplatError
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
 
-#: The benchmarks, and about how long each takes on two cores; "" is the one without a name.
+#: Approximate duration of each benchmark on two cores; "" is the default benchmark.
 DURATIONS = {
     "": "about ten seconds",
     "precision": "half a minute",
@@ -37,11 +37,10 @@ def bench(
 ) -> None:
     """Measure run time and accuracy on this machine.
 
-    Writes tables and plots to OUT/benchmarks. Without a name it compares both engines at equal error, in about ten
-    seconds.
+    Writes tables and plots to OUT/benchmarks. Without NAME, compares two engines at equal error in about ten seconds.
     """
     if names and long:
-        raise VibroplatError(f"{names[0]} --long: --long runs every bench; allowed: names or --long")
+        raise VibroplatError(f"{names[0]} --long: --long runs all benchmarks; allowed: names or --long")
     tell_of_compilation()
     from vibroplat.bench import measure, scenes, studies
     from vibroplat.results.tables import result_directory

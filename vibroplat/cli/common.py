@@ -1,4 +1,4 @@
-"""What several commands share: their options, what they do before they begin, and how they print."""
+"""Options, preparations and output that several commands share."""
 
 from __future__ import annotations
 
@@ -24,39 +24,37 @@ if TYPE_CHECKING:
 
 
 def _offer(resume: bool) -> bool:
-    """Note that this command can be resumed, whether or not it is now."""
+    """Offer --resume in messages about an interruption, whether or not it was given now."""
     offer_resume(True)
     return resume
 
 
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Override a key, e.g. run.duration_s=2. May be repeated."),
+    typer.Option("--set", metavar="KEY=VALUE", help="Set a key, e.g. run.duration_s=2. May be repeated."),
 ]
 EngineName = Annotated[
     str | None,
     typer.Option(
         "--engine",
         metavar="NAME",
-        help="Integrator: auto, native, sundae, or taylor, which is mostly several times faster. Short for "
-        "--set solver.engine=NAME.",
+        help="Integrator: auto, native, sundae, or taylor, the fastest for nearly all scenes. Same as --set "
+        "solver.engine=NAME.",
     ),
 ]
-Check = Annotated[
-    bool, typer.Option("--check", help="Repeat some of the motions with another engine, and compare both.")
-]
-Out = Annotated[Path, typer.Option(help="Directory for the results.")]
+Check = Annotated[bool, typer.Option("--check", help="Cross-check: repeat some motions with another engine.")]
+Out = Annotated[Path, typer.Option(help="Parent directory of the results.")]
 Format = Annotated[Literal["parquet", "csv"], typer.Option("--format", help="File format of the tables.")]
 Jobs = Annotated[int, typer.Option(min=1, help="Number of worker processes.")]
-Resume = Annotated[bool, typer.Option("--resume", callback=_offer, help="Resume an interrupted command.")]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Discard an unfinished command's points and start over.")]
-Scheduler = Annotated[
-    str | None, typer.Option(help="Run on a dask cluster: address of its scheduler, e.g. tcp://host:8786.")
-]
+Resume = Annotated[bool, typer.Option("--resume", callback=_offer, help="Continue an interrupted command.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Discard the points of an unfinished command.")]
+Scheduler = Annotated[str | None, typer.Option(help="Address of a dask scheduler to use, e.g. tcp://host:8786.")]
 Wait = Annotated[
     float,
     typer.Option(
-        min=0.0, metavar="S", help="With --scheduler: end after S seconds without a worker. After 5 s a line says so."
+        min=0.0,
+        metavar="S",
+        help="With --scheduler: give up after S seconds without a worker. A message appears after 5 s.",
     ),
 ]
 
@@ -64,7 +62,7 @@ Wait = Annotated[
 
 
 def scene_of(config: Path, settings: list[str] | None, engine: str | None) -> Scene:
-    """Read a configuration, with the options ``--set`` and ``--engine`` over it."""
+    """Read a configuration and apply the options ``--set`` and ``--engine``."""
     from vibroplat.config.reader import parse_overrides
     from vibroplat.config.scene import load_config
 
@@ -73,7 +71,7 @@ def scene_of(config: Path, settings: list[str] | None, engine: str | None) -> Sc
 
 @contextmanager
 def about(config: Path) -> Iterator[None]:
-    """Let errors of a configuration name its file, where they are found only after it was read."""
+    """Add the name of the file to configuration errors that are found after it was read."""
     try:
         yield
     except ConfigError as error:
@@ -81,7 +79,7 @@ def about(config: Path) -> Iterator[None]:
 
 
 def tell_of_compilation(engine: str | None = None) -> bool:
-    """Say why the first run on a machine takes long; return whether it is one."""
+    """Announce a compilation on standard error; return whether kernels have to be compiled."""
     import vibroplat.kernels.compiled  # noqa: F401  (refuses where compilation is switched off)
     from vibroplat import integrate
 
@@ -89,17 +87,17 @@ def tell_of_compilation(engine: str | None = None) -> bool:
 
 
 def load_kernels(*engines: str) -> None:
-    """Compile or load what a motion needs by these engines, once, before workers would each do so."""
+    """Compile or load the kernels of these engines once, before workers start."""
     from vibroplat.motion import run
 
     for engine in engines or ("auto",):
         with _compilation(engine) if tell_of_compilation(engine) else nullcontext():
             run.load_kernels(engine)
-    gc.freeze()  # what is loaded stays: the garbage collector need not look at it
+    gc.freeze()  # loaded modules stay: the garbage collector need not visit them
 
 
 def begin(store: Store, engine: str, *others: str) -> None:
-    """Load what a study computes with; refuse to resume one that was begun with another arithmetic."""
+    """Load the kernels of a study; refuse to resume a study that used another arithmetic (ConfigError)."""
     load_kernels(engine, *others)
     from vibroplat.study.fingerprint import arithmetic
 
@@ -107,14 +105,14 @@ def begin(store: Store, engine: str, *others: str) -> None:
 
 
 def kept(resume: bool, overwrite: bool) -> dict[str, Any]:
-    """Return what becomes of the records in a store, in its own words."""
+    """Return the arguments of a store for ``--resume`` and ``--overwrite``, which exclude each other."""
     if overwrite and resume:
-        raise ConfigError("--overwrite beside --resume; allowed: one of them")
+        raise ConfigError("--overwrite with --resume; allowed: one of the two")
     return {"resume": resume, "overwrite": overwrite}
 
 
 def study_directory(out: Path, name: str, command: str, *, resume: bool) -> Path:
-    """Make the directory of a study's results; what cannot be resumed there is refused."""
+    """Create the directory of a study's results; refuse to resume a result of another command."""
     from vibroplat.results.files import read_provenance
     from vibroplat.results.tables import result_directory
 
@@ -126,7 +124,7 @@ def study_directory(out: Path, name: str, command: str, *, resume: bool) -> Path
 
 @contextmanager
 def _compilation(engine: str) -> Iterator[None]:
-    """Let a second process compile an engine's loop, and show how many kernels are compiled."""
+    """Compile an engine's loop in a second process, and show the number of compiled kernels."""
     from vibroplat.kernels import cache
     from vibroplat.motion import run
     from vibroplat.system.two_processes import helped_by
@@ -138,7 +136,7 @@ def _compilation(engine: str) -> Iterator[None]:
 
 
 def require_scheduler(address: str | None) -> None:
-    """Refuse an address without a scheduler before the kernels are loaded, which may take long."""
+    """Refuse an address without a scheduler, before kernels are loaded, which may take long."""
     if address is not None:
         from vibroplat.study import cluster
 
@@ -155,13 +153,13 @@ def print_lines(lines: Mapping[str, str], width: int = 28) -> None:
 
 
 def print_notes(notes: Sequence[str]) -> None:
-    """Print what is to be noted, a line each, at once."""
+    """Print notes, one per line, without buffering."""
     for note in notes:
         print(f"note: {note}", flush=True)
 
 
 def complain_of(lines: Sequence[str], total: str, most: int = 5) -> None:
-    """Print the first of some lines and their total on standard error, if there are any."""
+    """Print the first ``most`` lines and a total on standard error, if there are any lines."""
     for line in lines[:most]:
         print(f"vibroplat: {line}", file=sys.stderr)
     if lines:
@@ -169,7 +167,7 @@ def complain_of(lines: Sequence[str], total: str, most: int = 5) -> None:
 
 
 def print_check(found: CrossCheck | None) -> bool:
-    """Print what the check of a study has found, if there was one; return whether the engines agree."""
+    """Print the result of a cross-check, if there was one; return whether the engines agree."""
     if found is None:
         return True
     print_lines(dict(found.lines()))

@@ -1,4 +1,4 @@
-"""The data dictionary: pages on every key of a configuration and on every column of the result tables.
+"""The data dictionary: pages that describe every key of a configuration and every column of the result tables.
 
 Keys are described where they are defined (:mod:`vibroplat.config.scene`), columns where they are made.
 """
@@ -17,14 +17,14 @@ from vibroplat.observe.tables import EVENTS, TRAJECTORY
 from vibroplat.paper.tables import TABLES as PAPER
 
 _POINTS = point_columns(["NAME"])
-#: All result tables but those of benchmarks, by the names of their files, in the order of the commands that write
-#: them: what their rows are, and their columns.
+#: All result tables except those of benchmarks, by the names of their files, in the order of the commands that write
+#: them: a sentence on their rows, and their columns.
 TABLES: dict[str, tuple[str, Columns]] = {
-    "trajectory": ("`vibroplat run`: a row for each sample; at an event two, before and after it.", TRAJECTORY),
-    "events": ("`vibroplat run`: a row for each event.", EVENTS),
+    "trajectory": ("`vibroplat run`: one row per sample; two rows at an event, before and after it.", TRAJECTORY),
+    "events": ("`vibroplat run`: one row per event.", EVENTS),
     "summary.json": (
-        "`vibroplat run`: numbers of the second half of the run, cut to whole turns or periods; what "
-        "is of the whole run says so.",
+        "`vibroplat run`: values for the second half of the run, cut to whole turns or periods. Meanings that say "
+        '"in the whole run" are the exception.',
         {**SUMMARY, **_POINTS, **whole_columns(_POINTS)},
     ),
     **{name: table for kind in KINDS.values() for name, table in kind.load().described.items()},
@@ -49,13 +49,13 @@ def configuration_page() -> str:
         "# Configuration",
         "",
         "All keys of a configuration, in YAML 1.2. Names end with their unit. `N` is a place in a list. A key that is",
-        "not given has its default; where the default is empty, the meaning says what holds. `extends: FILE`, relative",
-        "to the file itself, takes all keys from another file; those given here override them, and those of `--set`",
-        "all others. Of two keys that exclude each other the one that overrides holds: `--set",
-        "exciters.1.unbalance_radius_m=0.06` takes the place of a static moment in the file. The symbols are those",
-        "of [the model](model.md). Typical values are those of screens and feeders in industry; `vibroplat new FILE",
-        "--template screen` writes such a machine. The scales of the scene are defined in",
-        "[How it works](method.md#scales). This page is written by `vibroplat schema --markdown`.",
+        "not given has its default. If the default is empty, the meaning describes the default. `extends: FILE` takes",
+        "all keys from another file, whose name is relative to the extending file. Keys of the extending file override",
+        "them, and `--set` overrides both. If two keys exclude each other, the overriding key is used: `--set",
+        "exciters.1.unbalance_radius_m=0.06` replaces a static moment in the file. The symbols are those of",
+        "[the model](model.md). Typical values are from screens and feeders in industry; `vibroplat new FILE",
+        "--template screen` writes such a machine. Scaled units are defined in [How it works](method.md#scaled-units).",
+        "This page is written by `vibroplat schema --markdown`.",
     ]
     sections = groupby(keys().values(), key=lambda key: key.name.partition(".")[0] if "." in key.name else "")
     for section, found in sections:
@@ -70,9 +70,10 @@ def columns_page() -> str:
     lines = [
         "# Columns of the result tables",
         "",
-        "Names end with their unit; columns without one are texts, counts or pure numbers. Parquet files carry units",
-        "and meanings in the metadata of their fields, tables in Python in `DataFrame.attrs` (`units`, `meanings`).",
-        "The symbols are those of [the model](model.md). This page is written by `vibroplat columns`.",
+        "Names end with their unit; columns without a unit are texts, counts or pure numbers. Parquet files have units",
+        "and meanings in the metadata of their fields; pandas tables have them in `DataFrame.attrs` (`units`,",
+        "`meanings`). The symbols are those of [the model](model.md), scaled units are defined in",
+        "[How it works](method.md#scaled-units). This page is written by `vibroplat columns`.",
         "",
         "## Read these first",
         "",
@@ -87,12 +88,12 @@ def columns_page() -> str:
 
 
 def _row(name: str, column: Column) -> tuple[str, ...]:
-    """Return what the page says of a column."""
+    """Return the cells of a column's row."""
     return f"`{name}`", unit_of(name), column.meaning, column.definition
 
 
 def _row_of_all_tables(name: str) -> tuple[str, ...]:
-    """Return what the page says of a column in the first table that has it, and all tables that do."""
+    """Return the cells of a column in the first table that has it, and the names of all tables that have it."""
     tables = {table: described[name] for table, (_, described) in TABLES.items() if name in described}
     return *_row(name, next(iter(tables.values()))), ", ".join(tables)
 

@@ -1,4 +1,4 @@
-"""The commands ``plot``, ``report`` and ``film``: figures, a page to hand on and a film, from result tables."""
+"""The commands ``plot``, ``report`` and ``film``: figures, an HTML page and a film of result tables."""
 
 from __future__ import annotations
 
@@ -23,33 +23,29 @@ Kind = StrEnum("Kind", _FIGURES)  # type: ignore[misc]
 
 def plot(
     directories: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="DIR...",
-            help="Result directories; those of runs or sweeps are overlaid.",
-        ),
+        list[Path], typer.Argument(metavar="DIR...", help="Result directories; several runs or sweeps are overlaid.")
     ],
     kind: Annotated[list[Kind] | None, typer.Option(help="Figures to draw. Default: all.")] = None,
-    start: Annotated[float | None, typer.Option(help="Start of the interval that figures of a run show (s).")] = None,
-    stop: Annotated[float | None, typer.Option(help="End of that interval (s).")] = None,
+    start: Annotated[float | None, typer.Option(help="Start of the plotted interval of a run (s).")] = None,
+    stop: Annotated[float | None, typer.Option(help="End of the plotted interval (s).")] = None,
     x: Annotated[
         Literal["excitation", "supply"] | None,
-        typer.Option(help="Horizontal axis of a sweep. Default: excitation, over another key than the supply the key."),
+        typer.Option(help="Horizontal axis of a sweep. Default: excitation, or the swept key."),
     ] = None,
     measure: Annotated[
         list[str] | None,
-        typer.Option(metavar="COLUMN", help="Column that the response or map of a sweep, or thresholds, show instead."),
+        typer.Option(metavar="COLUMN", help="Column to plot in a response, a map or thresholds. May be repeated."),
     ] = None,
     data: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Measured data to lay over: CSV, columns as in the tables.")
+        Path | None, typer.Option(metavar="FILE", help="Measured data to overlay: CSV, columns as in the tables.")
     ] = None,
     format_: Annotated[Literal["png", "pdf", "svg"], typer.Option("--format", help="Format of the figures.")] = "png",
     dpi: Annotated[int | None, typer.Option(min=10, max=2400, help="Dots per inch. Default: 130.")] = None,
     out: Annotated[Path | None, typer.Option(help="Directory for the figures. Default: the first DIR.")] = None,
 ) -> None:
-    """Draw figures of results, of one or of several directories.
+    """Draw figures of one or several results.
 
-    Several runs or sweeps are laid over each other. Only the tables in DIR are read; nothing is simulated.
+    Several runs or sweeps are overlaid. Only the tables in DIR are read; nothing is simulated.
     """
     from vibroplat.plots.command import plot_results
     from vibroplat.plots.style import Saving
@@ -61,21 +57,24 @@ def plot(
 
 
 def report(
-    directories: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Result directories, of all but paper.")],
+    directories: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Result directories of any command but paper.")
+    ],
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="The page. Default: report.html in the first DIR.")
     ] = None,
-    start: Annotated[float | None, typer.Option(help="Start of the interval in which the machine moves (s).")] = None,
-    stop: Annotated[float | None, typer.Option(help="End of that interval (s).")] = None,
+    start: Annotated[float | None, typer.Option(help="Start of the animated interval (s).")] = None,
+    stop: Annotated[float | None, typer.Option(help="End of the animated interval (s).")] = None,
     orbits: Annotated[
-        bool,
-        typer.Option(help="Compute orbits of points of sweeps and branches: a click on such a point draws its orbit."),
+        bool, typer.Option(help="Compute the orbits of sweep and branch points, which a click on a point draws.")
     ] = True,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE even if it is no page.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace FILE even if it is not a page of vibroplat.")
+    ] = False,
 ) -> None:
-    """Write an HTML page of results, to read and to hand on.
+    """Write results as one HTML page that opens offline.
 
-    One HTML file with curves, tables and the moving machine of all results side by side; it opens offline in a browser.
+    The page shows curves, tables and the moving machine of all results side by side.
     """
     from vibroplat.page.report import write_report
     from vibroplat.system.terminal import points_progress
@@ -88,16 +87,16 @@ def report(
 def film(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="Result directory of a run.")],
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The film, .gif or .mp4. Default: machine.gif in DIR.")
+        Path | None, typer.Option(metavar="FILE", help="Film to write, .gif or .mp4. Default: machine.gif in DIR.")
     ] = None,
     start: Annotated[float | None, typer.Option(help="Start of the interval (s). Default: the last turns.")] = None,
-    stop: Annotated[float | None, typer.Option(help="End of that interval (s).")] = None,
-    turns: Annotated[float, typer.Option(min=0.1, max=100.0, help="Turns, if no interval is given.")] = 2.0,
-    frames: Annotated[int, typer.Option(min=2, max=1000, help="Pictures of each turn.")] = 40,
+    stop: Annotated[float | None, typer.Option(help="End of the interval (s).")] = None,
+    turns: Annotated[float, typer.Option(min=0.1, max=100.0, help="Number of turns, if no interval is given.")] = 2.0,
+    frames: Annotated[int, typer.Option(min=2, max=1000, help="Pictures per turn.")] = 40,
 ) -> None:
     """Film the moving machine of a run in slow motion.
 
-    The film is a GIF, or an MP4 where ffmpeg is installed.
+    The film is a GIF, or an MP4 if ffmpeg is installed.
     """
     from vibroplat.plots.film import write_film
 
@@ -105,7 +104,7 @@ def film(
 
 
 def _move(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
-    """Compute the orbit of a row; what computes is loaded when the first one is wanted."""
+    """Compute the orbit of a row; the modules that compute are imported at the first call."""
     from vibroplat.continuation.rows import motion_of
 
     tell_of_compilation(scene.solver.engine)

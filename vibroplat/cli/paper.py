@@ -26,13 +26,13 @@ def paper(
     scheduler: common.Scheduler = None,
     wait: common.Wait = WAIT,
     format_: common.Format = "csv",
-    seeds: Annotated[int, typer.Option(min=1, help="Number of perturbation seeds that each claim is judged with.")] = 3,
-    seed: Annotated[int, typer.Option(min=0, help="The first seed; figures are drawn with it.")] = 0,
+    seeds: Annotated[int, typer.Option(min=1, help="Number of perturbation seeds for each claim.")] = 3,
+    seed: Annotated[int, typer.Option(min=0, help="First seed; figures are drawn with it.")] = 0,
 ) -> None:
     """Reproduce the figures and claims of the paper.
 
-    Computes figures 2-7 and their tables, and compares each claim of the paper with what was measured. Exit code 1
-    means that two engines disagree with --check.
+    Computes figures 2-7 and their tables, and compares each claim of the paper with the simulation. Exit code 1 means
+    that with --check two engines disagree.
     """
     common.tell_of_compilation(engine)
     from vibroplat.config.reader import parse_overrides

@@ -1,4 +1,4 @@
-"""The program: its commands, and what it tells of errors. Exit codes: 0 done, 1 a run failed, 2 bad input."""
+"""The program: its commands and error messages. Exit codes: 0 done, 1 a simulation failed, 2 bad input."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HELP = ["-h", "--help"]
 OUTPUT = {errno.EPIPE, errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, getattr(errno, "EDQUOT", 0)}
 
 
-#: Commands by what one wants to do.
+#: Commands by purpose.
 GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "Begin": (reference.new,),
     "Simulate": (run.run, *studies.COMMANDS),
@@ -56,7 +56,7 @@ class _Commands(TyperGroup):
 
 app = typer.Typer(
     cls=_Commands,
-    help="Simulate a vibrating platform with self-synchronizing exciters and material that may leave it.",
+    help="Simulate a vibrating platform with self-synchronizing exciters, and material that may lift off.",
     invoke_without_command=True,
     context_settings={"help_option_names": HELP},
     pretty_exceptions_enable=False,
@@ -90,7 +90,7 @@ def main() -> None:
 
 
 def _reason(error: OSError) -> str:
-    """Say what an error of the system is about; those of standard output, which has no name, do not say so."""
+    """Describe an operating-system error; errors of standard output do not contain its name."""
     what = error.strerror or str(error)
     if error.errno in OUTPUT and not error.filename:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the rest of the output has nowhere to go

@@ -13,10 +13,10 @@ from vibroplat.errors import ConfigError
 
 
 def new(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write, e.g. mine.yaml.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="File to write, e.g. mine.yaml.")],
     machine: Annotated[
         Literal["rig", "screen", "feeder"],
-        typer.Option("--template", help="The machine: a small test rig, a screen of 1.2 t, or a feeder of 0.6 t."),
+        typer.Option("--template", help="Machine: a small test rig, a 1.2 t screen, or a 0.6 t feeder."),
     ] = "rig",
 ) -> None:
     """Write a commented configuration to start from."""
@@ -31,7 +31,7 @@ def new(
         with file.open("x", encoding="utf-8") as opened:
             opened.write(text)
     except FileExistsError:
-        raise ConfigError(f"{file}: there is such a file already; allowed: a new one") from None
+        raise ConfigError(f"{file} exists already; allowed: the name of a new file") from None
     except OSError as error:
         raise ConfigError(f"{file}: cannot be written ({error.strerror or error})") from None
     commands = (f"`vibroplat {command} {shlex.quote(str(file))}`" for command in ("run", "sweep", "orbits"))
@@ -39,11 +39,9 @@ def new(
 
 
 def schema(
-    markdown: Annotated[
-        bool, typer.Option("--markdown", help="A page for people instead, as results/configuration.md.")
-    ] = False,
+    markdown: Annotated[bool, typer.Option("--markdown", help="Print a page as results/configuration.md.")] = False,
 ) -> None:
-    """Print all keys of a configuration as JSON schema or page."""
+    """Print all keys of a configuration, as JSON schema or page."""
     import json
 
     if markdown:
@@ -57,7 +55,7 @@ def schema(
 
 
 def columns() -> None:
-    """Print the meanings and units of the columns of all tables."""
+    """Print meanings and units of the columns of all tables."""
     from vibroplat.cli.dictionary import columns_page
 
     print(columns_page(), end="")

@@ -24,27 +24,25 @@ def run(
     config: Annotated[Path, typer.Argument(help="Configuration file (YAML).")],
     set_: common.Settings = None,
     engine: common.EngineName = None,
-    check: Annotated[
-        bool, typer.Option("--check", help="Run the scene with another engine too, and compare both; six runs in all.")
-    ] = False,
+    check: Annotated[bool, typer.Option("--check", help="Cross-check with another engine; needs six runs.")] = False,
     out: common.Out = Path("results"),
     format_: common.Format = "parquet",
 ) -> None:
     """Simulate one scene in time.
 
-    Writes trajectory, events, summary and provenance to OUT/NAME and prints the summary. With --check, exit code 1 says
-    that two engines disagree.
+    Writes trajectory, events, summary and provenance to OUT/NAME and prints the summary. Exit code 1 means that the run
+    failed, or with --check that two engines disagree.
     """
     from vibroplat.motion.initial_condition import initial_condition
     from vibroplat.results.tables import TableFile, result_directory
 
     scene = common.scene_of(config, set_, engine)
     with common.about(config):
-        start = initial_condition(scene)  # refuses before anything is written or compiled
+        start = initial_condition(scene)  # errors appear before anything is written or compiled
         source = scene.run.initial.from_
         if source is not None and Path(source).resolve() == (out / scene.name).resolve():
             raise ConfigError(
-                f"run.initial.from = {source!r} is where this run would be written; allowed: another name"
+                f"run.initial.from = {source!r} is also the directory of the new run; allowed: another name"
             )
     directory = result_directory(out, scene.name)
     common.tell_of_compilation(scene.solver.engine)
@@ -71,7 +69,7 @@ def run(
         common.print_lines(found.lines())
     if result.outcome != "ok":
         why, state, _ = result.summary["detail"].partition(", state [")
-        more = f"; the state then is in {directory / 'summary.json'}" if state else ""
+        more = f"; {directory / 'summary.json'} contains the state at that time" if state else ""
         print(f"vibroplat: {result.outcome}: {why}{more}", file=sys.stderr)
     if found is not None and not found.agrees:
         print(f"vibroplat: engines disagree {found.disagreement}", file=sys.stderr)

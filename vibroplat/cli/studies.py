@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def study_command(kind: Kind) -> Callable[..., None]:
-    """Make the command of a kind of study, which reads the section of that name."""
+    """Return the command of a kind of study; the command reads the configuration section of the same name."""
 
     def command(
         config: Annotated[Path, typer.Argument(help="Configuration file with a section of the command's name.")],
@@ -70,9 +70,9 @@ def run_and_print(
     *,
     check: bool,
 ) -> bool:
-    """Run a study, write its result and print its answer; return whether no motion failed and the engines agree.
+    """Run a study, write its result and print its answer; return whether all motions succeeded and the engines agree.
 
-    Finished tasks are stored, so that a command that was killed can be resumed.
+    Finished tasks are stored, so that a killed command can be resumed.
     """
     from vibroplat.config.plausibility import notes_on_inputs
     from vibroplat.integrate import other_engine

@@ -43,12 +43,12 @@ class Entry(Section):
     supply_frequency_hz: NonNegative | None = described(
         None,
         "f_e",
-        "supply frequency then; linear between entries, with a jump where two share a time; scales and tolerances "
-        "follow the largest one, and below a thousandth of it critical slip speeds fall no more",
+        "supply frequency at that time; linear between entries, and a jump between two entries of the same time; the "
+        "maximum frequency defines the scaled units; below 1/1000 of it the critical slip speed stays constant",
     )
-    exciter_1: Switch | None = described(None, "", "exciter 1 on or off from then on; off: no torque, resistance alone")
-    exciter_2: Switch | None = described(None, "", "the same of exciter 2")
-    off: bool | None = described(None, "", "true: both exciters off from then on; false: both on")
+    exciter_1: Switch | None = described(None, "", "exciter 1 on or off from that time; off: no motor torque")
+    exciter_2: Switch | None = described(None, "", "exciter 2 on or off from that time")
+    off: bool | None = described(None, "", "true: both exciters off from that time; false: both on")
 
     alternatives = (("off", "exciter_1"), ("off", "exciter_2"))
 
@@ -105,7 +105,7 @@ class Drive(Section):
     """The common supply of both motors."""
 
     supply_frequency_hz: Positive | None = described(
-        None, "f_e", f"supply frequency of both motors; not given: {FREQUENCY:g}, or as in program", "20 … 60"
+        None, "f_e", f"supply frequency of both motors; default: {FREQUENCY:g}, or as in program", "20 … 60"
     )
     program: Annotated[list[Entry], Field(max_length=MOST_ENTRIES)] | None = Field(
         None, description="supply over time: a list of entries, instead of supply_frequency_hz"

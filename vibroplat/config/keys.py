@@ -36,15 +36,13 @@ _LEFT_OUT = (
     "run.initial.state.",
     "run.initial.phase_sum_rad",
 )
-_HEAD = """\
-# Lines with # are other ways to give something, or keys that are not needed. Typical: screens and feeders in industry.
-"""
+_HEAD = "# Lines with # are alternatives or optional keys. Typical values: screens and feeders in industry.\n"
 _COMMANDS = {
     "vibroplat run {file}": "simulates it, prints a summary, writes results/{name}",
-    "vibroplat sweep {file}": "sweeps over supply frequencies or another key, as section sweep says",
-    "vibroplat orbits {file}": "follows periodic orbits, unstable ones as well, as section orbits says",
-    "vibroplat plot results/{name}": "draws what is in results/{name}",
-    "vibroplat report results/{name}": "writes it into an HTML page",
+    "vibroplat sweep {file}": "sweeps the supply frequency or another key (section sweep)",
+    "vibroplat orbits {file}": "continues periodic orbits, stable and unstable (section orbits)",
+    "vibroplat plot results/{name}": "draws its results",
+    "vibroplat report results/{name}": "writes its results as an HTML page",
     "vibroplat schema --markdown": "lists all keys, also of two unequal motors or exciters",
 }
 #: Stand after the supply frequency, and after those of a sweep.

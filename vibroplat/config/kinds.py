@@ -1,7 +1,6 @@
-"""The kinds of studies, said once: commands, configuration, results, figures, page and dictionary read this list.
+"""The registry of kinds of studies, which commands, configuration, results, figures, page and dictionary read.
 
-A kind names the module of its study and that of its pictures, in subpackages above this one, as an entry point does:
-they are loaded when they are first used.
+A kind names the module of its study, in a higher subpackage. Like an entry point, the module is imported at first use.
 """
 
 from __future__ import annotations
@@ -16,19 +15,19 @@ class Kind(NamedTuple):
     Attributes
     ----------
     name
-        Of its command, of its section of a configuration, of its function in Python.
+        Name of the command, of the section of a configuration and of the function in Python.
     noun
-        What its result is called.
+        Noun for its result.
     figures
-        Names of its figures, the first of which is drawn if none is asked for.
+        Names of its figures; the first is the default.
     study
-        Module of its study; that of its pictures, ``picture``, is beside it.
+        Module of the study; its pictures are in the module ``picture`` beside it.
     summary
-        What its command does, in at most 60 characters.
+        Help of the command in at most 60 characters.
     about
         Further help of the command.
     uses
-        Sections of a configuration, besides that of its name, that its result depends on and others' results do not.
+        Further sections of a configuration on which only some results depend, this one among them.
     """
 
     name: str
@@ -58,8 +57,8 @@ KINDS = {
             "a sweep",
             "response bifurcation map",
             "study.sweep",
-            "Sweep over supply frequencies or another key, and a grid.",
-            "Writes a table with a row for each point, and one of bands, to OUT/NAME.",
+            "Sweep the supply frequency or another key, for a grid.",
+            "Writes a table of points and a table of bands to OUT/NAME.",
         ),
         Kind(
             "orbits",
@@ -67,7 +66,7 @@ KINDS = {
             "branches multipliers boundaries",
             "continuation.study",
             "Continue branches of periodic orbits over a key.",
-            "Writes tables of their points, of special points and of boundaries to OUT/NAME.",
+            "Writes tables of points, of special points and of boundaries to OUT/NAME.",
             ("run",),
         ),
         Kind(
@@ -94,8 +93,8 @@ KINDS = {
             "sensitivities samples evaluations",
             "designs.question",
             "Find sensitivities, effects of tolerances, best values.",
-            "Writes tables of sensitivities, samples, shares and evaluations to OUT/NAME, and the best design as "
-            "best.yaml.",
+            "Writes tables of sensitivities, samples, fractions of the variance and evaluations to OUT/NAME, and "
+            "the best design as best.yaml.",
             ("run", "sweep"),
         ),
     )

@@ -52,20 +52,18 @@ Directions = Annotated[list[Direction], BeforeValidator(_as_list), Field(min_len
 class Over(Section):
     """The values of a key along a branch, and its directions."""
 
-    key: str = Field(
-        description="dotted key with numbers that varies along a branch; with N for a place: of all in the list"
-    )
-    start: Real | None = Field(None, description="its smallest value")
-    stop: Real | None = Field(None, description="its largest value; with step included if whole steps reach it")
-    step: Positive | None = Field(None, description="distance of values")
+    key: str = Field(description="dotted key of a number that varies along a branch; N stands for all places of a list")
+    start: Real | None = Field(None, description="smallest value of the key")
+    stop: Real | None = Field(None, description="largest value of the key; with step, included if whole steps reach it")
+    step: Positive | None = Field(None, description="difference of neighbouring values")
     count: Annotated[int, Field(ge=1, le=MAX_POINTS)] | None = Field(
         None, description="number of values from start to stop, instead of step"
     )
     values: Annotated[list[Real], Field(min_length=1, max_length=MAX_POINTS)] | None = Field(
-        None, description="the values themselves, instead of start, stop, step and count"
+        None, description="list of values, instead of start, stop, step and count"
     )
-    scale: Literal["linear", "log"] = Field("linear", description="count values with equal distances, or equal ratios")
-    direction: Directions = Field(["up"], description="up, down or both, a branch for each")
+    scale: Literal["linear", "log"] = Field("linear", description="count values with equal differences or ratios")
+    direction: Directions = Field(["up"], description="up, down or both; one branch for each direction")
 
     alternatives = (("step", "count"), *((name, "values") for name in ("start", "stop", "step", "count")))
 
@@ -119,8 +117,8 @@ class Frequencies(Section):
 
     start: Positive = described(..., "f_e", "smallest supply frequency")
     stop: Positive = Field(description="largest supply frequency; included if whole steps reach it")
-    step: Positive = described(0.5, "", "distance of supply frequencies")
-    direction: Directions = Field(["up"], description="up, down or both, a branch for each")
+    step: Positive = described(0.5, "", "difference of neighbouring supply frequencies")
+    direction: Directions = Field(["up"], description="up, down or both; one branch for each direction")
 
     @model_validator(mode="after")
     def _finite(self) -> Self:
@@ -143,39 +141,39 @@ class SweepPlan(Section, title="Sweep"):
     """Branches side by side: every combination of the grid's values, in each direction."""
 
     supply_frequency_hz: Frequencies | None = Field(None, description="supply frequencies of each branch")
-    over: Over | None = Field(None, description="values of any other key along each branch, instead")
-    grid: Grid = Field({}, description="dotted keys and their values; a branch for each combination")
+    over: Over | None = Field(None, description="values of another key, instead of supply_frequency_hz")
+    grid: Grid = Field({}, description="dotted keys and their values; one branch for each combination")
     kind: Literal["response", "bifurcation", "map"] = Field(
         "response",
-        description="response: curves over the key; bifurcation: also points of the Poincaré section and impact "
-        "speeds; map: regimes over it and one key of the grid",
+        description="response: curves over the swept key; bifurcation: also points of the Poincaré section and "
+        "impact speeds; map: regimes over the swept key and one key of the grid",
     )
     settle_by: Literal["newton", "section"] = Field(
         "newton",
-        description="newton: a motion has settled as soon as it surely comes to a stable periodic "
-        "orbit, found by Newton's method, and is measured there; section: only once it repeats",
+        description="newton: settled once the motion is shown to converge to a stable periodic orbit, which "
+        "Newton's method finds and which is then measured; section: settled once the Poincaré section repeats",
     )
-    max_settle_s: Positive = described(
-        150.0, "", "longest settling time; motion that does not repeat settles this long"
-    )
+    max_settle_s: Positive = described(150.0, "", "maximum settling time; aperiodic motion settles this long")
     settle_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
-        1e-3, description="distance from the steady motion at which settling ends, in the scales of the scene"
+        1e-3, description="distance from the steady motion at which settling ends (scaled units)"
     )
     measure_s: Positive = described(
-        2.0, "", "measured time of each point; motion that does not repeat is measured 24 times as long"
+        2.0, "", "measuring interval of each point; aperiodic motion is measured 24 times as long"
     )
     perturbation: Share = described(
-        PERTURBATION,
-        "",
-        "random change of the rates of platform and exciters at each point, in the scales of the scene",
+        PERTURBATION, "", "random change of the rates of platform and exciters at each point (scaled units)"
     )
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of the perturbations")
     lyapunov: bool = described(
-        True, "", "use the largest Lyapunov exponent to tell chaotic from quasi-periodic motion; false: non-periodic"
+        True,
+        "",
+        "distinguish chaotic from quasi-periodic by the largest Lyapunov exponent; false: both are non-periodic",
     )
-    find_coexisting: bool = described(True, "", "look for other motions beside each chaotic one, half of its time")
+    find_coexisting: bool = described(
+        True, "", "search for attractors coexisting with each chaotic one; takes half of its time"
+    )
 
-    max_points: Annotated[int, Field(ge=1, le=10**9)] = Field(200_000, description="most points of all branches")
+    max_points: Annotated[int, Field(ge=1, le=10**9)] = Field(200_000, description="maximum total of points")
 
     alternatives = (("supply_frequency_hz", "over"),)
 
@@ -223,9 +221,9 @@ class SweepPlan(Section, title="Sweep"):
 class StepPlan(Section, title="Step"):
     """Steps along a branch, as changes of the key."""
 
-    first: Positive | None = Field(None, description="first step; not given: a 300th of the range")
-    largest: Positive | None = Field(None, description="largest change of the key in a step; not given: a 40th")
-    least: Positive | None = Field(None, description="step below which a branch ends; not given: 1e-8 of the range")
+    first: Positive | None = Field(None, description="first step; default: 1/300 of the range")
+    largest: Positive | None = Field(None, description="largest step; default: 1/40 of the range")
+    least: Positive | None = Field(None, description="step below which a branch ends; default: 1e-8 of the range")
 
     def lengths(self, span: float) -> tuple[float, float, float]:
         """First, largest and least step for a range of the key."""
@@ -264,43 +262,43 @@ class _VariedKey(Section):
 class BoundariesPlan(_VariedKey, title="Boundaries"):
     """Curves of special points over the key and a second one."""
 
-    key: str = Field(description="dotted second key")
-    start: Real = Field(description="one end of its range, which holds the scene's own value")
-    stop: Real = Field(description="the other end")
+    key: str = Field(description="dotted key of the second parameter")
+    start: Real = Field(description="one end of the range of the second key; the range contains the scene's own value")
+    stop: Real = Field(description="other end of the range of the second key")
     kinds: Annotated[list[Boundary], Field(min_length=1)] | None = Field(
-        None, description="kinds of special points that are followed; not given: all that the branches have"
+        None, description="kinds of special points to continue as curves; default: all kinds on the branches"
     )
     step: StepPlan = Field(StepPlan(), description="steps along the curves, as changes of the second key")
-    max_points: Annotated[int, Field(ge=2, le=10_000)] = Field(100, description="most points of a curve to either side")
+    max_points: Annotated[int, Field(ge=2, le=10_000)] = Field(100, description="maximum of points in each direction")
 
 
 class OrbitsPlan(_VariedKey, title="Orbits", populate_by_name=True):
     """Branches of periodic orbits over a key of the scene."""
 
     key: str = Field(description="dotted key that varies along a branch, e.g. drive.supply_frequency_hz")
-    start: Real = Field(description="value of the key where the first branch begins")
-    stop: Real = Field(description="value where branches end, as they do at start")
+    start: Real = Field(description="value of the key from which the first branch starts")
+    stop: Real = Field(description="other end of the range of the key; branches end at start and stop")
     step: StepPlan = StepPlan()
     period: Annotated[int, Field(ge=1, le=64)] = Field(
-        1, description="turns of exciter 1 after which the first orbit repeats"
+        1, description="period of the first orbit, in turns of exciter 1"
     )
     from_: Annotated[str, Field(min_length=1)] = Field(
         "settled",
         alias="from",
-        description="where the search for the first orbit begins: settled (after a transient), "
-        "state (run.initial.state), or the directory of a run",
+        description="initial guess of the first orbit: settled (the motion after a transient), state "
+        "(run.initial.state), or the directory of a run",
     )
-    max_points: Annotated[int, Field(ge=2, le=100_000)] = Field(1000, description="most points of a branch")
+    max_points: Annotated[int, Field(ge=2, le=100_000)] = Field(1000, description="maximum of points of a branch")
     max_branches: Annotated[int, Field(ge=1, le=1000)] = Field(
-        20, description="most branches for each combination of the grid's values"
+        20, description="maximum number of branches for each combination of the grid's values"
     )
     tolerance: Annotated[float, Field(ge=1e-11, le=1e-4, allow_inf_nan=False)] = Field(
-        1e-8, description="residual of an orbit, in the scales of the scene; the solver's tolerance is a tenth or less"
+        1e-8, description="largest residual of an orbit (scaled units); the solver's tolerance is at most a tenth of it"
     )
     switch: list[Literal["branch-point", "period-doubling"]] = Field(
-        ["branch-point"], description="special points at which new branches are followed"
+        ["branch-point"], description="kinds of special points at which new branches are continued"
     )
-    grid: Grid = Field({}, description="dotted keys and their values; branches for each combination")
+    grid: Grid = Field({}, description="dotted keys and their values; branches for each combination of them")
     boundaries: BoundariesPlan | None = None
 
     @model_validator(mode="after")

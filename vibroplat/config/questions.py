@@ -32,16 +32,22 @@ class BasinsPlan(Section, title="Basins"):
     initial_conditions: Annotated[
         dict[str, Annotated[list[Real], Field(min_length=2, max_length=3)]], Field(min_length=1)
     ] = Field(
-        description="keys of run.initial, phases and speed_ratio as well as state.NAME, and their ranges: "
-        "[low, high, count] is a grid, [low, high] at random; what is not named is as in run.initial"
+        description="keys of run.initial (phases, speed_ratio, state.NAME) and their ranges: [low, high, count] "
+        "for a grid, [low, high] for random values; all other keys are as in run.initial"
     )
     random: Annotated[int, Field(ge=1, le=MAX_STARTS)] | None = Field(
-        None, description="number of starts at random, at each point of the grid; not given: 1000, and 1 with a grid"
+        None,
+        description="number of random initial conditions for each point of the grid; default: 1 with, 1000 without "
+        "grid",
     )
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of starts and of their perturbations")
-    over: Over | None = Field(None, description="values of another key, at each of which the same starts are followed")
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(
+        0, description="seed of initial conditions and perturbations"
+    )
+    over: Over | None = Field(None, description="values of another key, with the same initial conditions")
     max_turns: Annotated[int, Field(ge=100, le=10_000_000)] = Field(
-        6000, description="turns for which each motion is followed at most; fractions are those within them"
+        6000,
+        description="maximum number of turns; a motion that has not converged to a periodic orbit by then "
+        "counts as aperiodic",
     )
 
     @model_validator(mode="after")
@@ -94,35 +100,35 @@ COMPARISON = re.compile(r"\s*([A-Za-z]\w*)\s*(>=|<=|>|<)\s*([-+]?(?:\d+\.?\d*|\.
 class FindPlan(Section, title="Find", populate_by_name=True):
     """A key, and what changes at a value of it."""
 
-    key: str = Field(description="dotted key whose value is looked for; with N for a place: of all in the list")
+    key: str = Field(description="dotted key whose threshold is wanted; N stands for all places of a list")
     start: Real = Field(description="smallest value of the key")
-    stop: Real = Field(description="largest value")
+    stop: Real = Field(description="largest value of the key")
     scan: Annotated[int, Field(ge=2, le=10_000)] = Field(
-        41, description="number of values at which the motion is looked at first, to see where it changes"
+        41, description="number of values in a first scan, which shows between which values the motion changes"
     )
-    scale: Literal["linear", "log"] = Field("linear", description="scan values with equal distances, or equal ratios")
+    scale: Literal["linear", "log"] = Field("linear", description="scan values with equal differences or ratios")
     compare: Literal["attractor", "regime"] = Field(
         "attractor",
-        description="what is to change. attractor: the motion that is reached; regime: its synchronization alone",
+        description="outcome whose change counts. attractor: the attractor reached; regime: its synchronization only",
     )
     expression: str | None = Field(
         None,
-        description='instead, a column of a sweep compared with a number, as "rms_y_m > 1e-3": what is to hold, as '
-        "where outcomes are mixed more values are evaluated where it holds",
+        description='wanted outcome, instead of compare: a column of a sweep and a bound, as "rms_y_m > 1e-3"; if '
+        "outcomes are mixed, more values are evaluated on the side where it holds",
     )
     from_: Literal["initial", "neighbour"] = Field(
         "initial",
         alias="from",
-        description="initial: the motion begins anew at each value, with run.initial and the drive's program; "
-        "neighbour: it is carried on from the scene's own value to larger and smaller ones, until it changes",
+        description="initial: each value starts from run.initial and follows the supply program; neighbour: the "
+        "motion is continued from the scene's own value in both directions until it changes",
     )
     tolerance: Positive | None = Field(
         None,
-        description="distance of the values below and above that are left in the end, in the unit of the key; "
-        f"not given: {NARROW:g} of the range",
+        description="final width of the interval that contains the threshold, in the unit of the key; default: "
+        f"{NARROW:g} of the range",
     )
-    max_settle_s: Positive = Field(150.0, description="as of a sweep; both ends are also given twice as long")
-    measure_s: Positive = Field(2.0, description="as of a sweep")
+    max_settle_s: Positive = Field(150.0, description="maximum settling time; both ends are repeated with twice of it")
+    measure_s: Positive = Field(2.0, description="measuring interval, as in a sweep")
 
     alternatives = (("compare", "expression"),)
 
@@ -173,28 +179,28 @@ class DesignPlan(Section, title="Design"):
     """What the orbit of a scene depends on, what tolerances do to it, and which values of keys are best."""
 
     keys: dict[str, Annotated[list[Real], Field(min_length=2, max_length=2)]] = Field(
-        {}, description="dotted keys and their ranges, [low, high]; none: all with a number that the motion depends on"
+        {}, description="dotted keys and their ranges, [low, high]; if empty: all numbers that the motion depends on"
     )
-    measures: list[str] = Field([], description="columns of a sweep, or margin, besides the usual ones")
-    minimize: str | None = Field(None, description="the measure that the best values of keys make least")
+    measures: list[str] = Field([], description="further columns of a sweep to report, or stability_margin")
+    minimize: str | None = Field(None, description="measure to minimize over the keys")
     constraints: dict[str, str] = Field(
-        {}, description='bounds of measures, as {rms_y_m: ">= 1e-3", stability_margin: ">= 0.005"}'
+        {}, description='required bounds of measures, as {rms_y_m: ">= 1e-3", stability_margin: ">= 0.005"}'
     )
     pareto: dict[str, Annotated[list[Real], Field(min_length=2, max_length=100)]] = Field(
-        {}, description="a measure of constraints and values of its bound, one after the other: a Pareto front"
+        {}, description="several values for the bound of one measure of constraints, for a Pareto front"
     )
     parameter_tolerances: dict[str, Annotated[Share, Field(gt=0.0, lt=1.0)]] = Field(
         {},
-        description="keys and their tolerances to either side, over their values: {machine.platform_mass_kg: 0.05}; "
-        "the best values keep the bounds at both ends of each tolerance, the others at their values",
+        description="relative tolerances ± of keys, as {machine.platform_mass_kg: 0.05}; the optimum satisfies the "
+        "bounds at both ends of each tolerance, with all other keys at their nominal values",
     )
     samples: Annotated[int, Field(ge=0, le=100_000)] = Field(
-        200, description="scenes within the spread that are measured, spread evenly; 0: none"
+        200, description="number of scenes to measure, distributed evenly within the tolerances; 0: none"
     )
     starts: Annotated[int, Field(ge=1, le=1000)] = Field(
-        5, description="starts of the search, first the scene's values"
+        5, description="number of starting points of the search; the first has the scene's values"
     )
-    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = Field(0, description="seed of samples and starts")
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = Field(0, description="seed of samples and starting points")
 
     @model_validator(mode="after")
     def _possible(self) -> Self:

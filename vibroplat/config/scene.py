@@ -109,7 +109,7 @@ class Scene(Section):
                 raise ValueError(f"exciters and machine.{name} are both given; allowed: one of the two")
         if self.co_rotating and self.run.initial.phase_sum_rad is not None:
             raise ValueError(
-                f"run.initial.phase_sum_rad = {self.run.initial.phase_sum_rad} but these exciters turn the same way; "
+                f"run.initial.phase_sum_rad = {self.run.initial.phase_sum_rad} but the exciters are co-rotating; "
                 "allowed: phase_difference_rad"
             )
         return self
@@ -212,13 +212,13 @@ class Scene(Section):
 
     @property
     def co_rotating(self) -> bool:
-        """Whether both exciters are driven the same way."""
+        """Whether both exciters are driven in the same sense of rotation."""
         first, second = self.exciter_pair
         return first.direction == second.direction
 
     @property
     def rotation(self) -> str:
-        """How the exciters are driven beside each other: ``counter-rotating`` or ``co-rotating``."""
+        """Relative rotation of the exciters: ``counter-rotating`` or ``co-rotating``."""
         return "co-rotating" if self.co_rotating else "counter-rotating"
 
     @property
@@ -278,7 +278,7 @@ class Scene(Section):
 
     @property
     def start_perturbation(self) -> float:
-        """Perturbation of the start: a motion that is symmetric would stay so for ever, even where it is unstable.
+        """Initial perturbation: without it, a symmetric motion would stay symmetric for ever, even if it is unstable.
 
         By default nothing disturbs a machine whose motors are off.
         """

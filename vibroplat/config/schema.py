@@ -45,10 +45,10 @@ _ALLOWED = {
 
 #: Keys of former versions, and what takes their place.
 GONE = {
-    "calibration": "results/README.md tells how configs/machines/calibrated.yaml was found",
-    "design.indices": "table shares has the shares of the variance by linear regression, and how much they explain",
-    "sweep.period_tolerance": "points of the Poincaré section repeat within 0.01 of the scales of the scene",
-    "sweep.settle_s": "a motion settles until it is known to have settled, for max_settle_s at most",
+    "calibration": "results/README.md describes how configs/machines/calibrated.yaml was found",
+    "design.indices": "table variance_contributions has the fractions of the variance by linear regression",
+    "sweep.period_tolerance": "points of the Poincaré section repeat within 0.01 scaled units",
+    "sweep.settle_s": "a motion settles until convergence is shown, for at most max_settle_s",
     "orbits.boundaries.check": "a sweep with kind = map shows the motions on both sides",
     "sweep.confirm": "with settle_by = newton points are orbits; `vibroplat orbits` gives their multipliers",
 }
@@ -189,7 +189,7 @@ def explain(error: ValidationError, model: type[BaseModel]) -> str:
     path = [str(part) for part in first["loc"]]
     key = ".".join(path)
     if first["type"] == "extra_forbidden" and in_lists(path) in GONE:
-        line = f"unknown key {key}; it is gone: {GONE[in_lists(path)]}"
+        line = f"unknown key {key}; it was removed: {GONE[in_lists(path)]}"
     elif first["type"] == "extra_forbidden" and key in RENAMED:
         line = f"unknown key {key}; it is now {RENAMED[key]}"
     elif first["type"] == "extra_forbidden":

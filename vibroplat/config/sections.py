@@ -14,16 +14,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from vibroplat.config.coordinates import MOST_POINTS
-from vibroplat.config.schema import (
-    PERTURBATION,
-    Angle,
-    NonNegative,
-    Positive,
-    Real,
-    Section,
-    Share,
-    described,
-)
+from vibroplat.config.schema import PERTURBATION, Angle, NonNegative, Positive, Real, Section, Share, described
 from vibroplat.kernels.engines import ENGINES
 
 #: Least tolerances: what the engines can reach.
@@ -45,31 +36,31 @@ class Motor(Section):
     """An induction motor (Kloss formula) and its resistance to rotation."""
 
     critical_torque_n_m: NonNegative = described(
-        1.2, "M_c", "critical torque, the largest; 0: supply switched off", "10 … 500"
+        1.2, "M_c", "critical (maximum) torque; 0: supply switched off", "10 … 500"
     )
     critical_slip: Positive = described(0.15, "s_c", "slip at the critical torque", "0.1 … 0.3")
     rated_power_w: Positive | None = described(
         None,
         "P_r",
-        "rated mechanical power; with rated_speed_rpm, breakdown_ratio and rated_frequency_hz, as on the nameplate, "
-        "instead of critical_torque_n_m and critical_slip",
+        "rated mechanical power on the nameplate; given together with rated_speed_rpm, breakdown_ratio and "
+        "rated_frequency_hz, instead of critical_torque_n_m and critical_slip",
         "100 … 10 000",
     )
     rated_speed_rpm: Positive | None = described(None, "n_r", "speed at the rated power and frequency", "700 … 2900")
     breakdown_ratio: Annotated[float, Field(gt=1.0, le=100.0)] | None = described(
-        None, "M_c / M_r", "critical torque, also called breakdown torque, over the rated torque", "2 … 3"
+        None, "M_c / M_r", "critical (breakdown) torque divided by the rated torque", "2 … 3"
     )
     pole_pairs: Annotated[int, Field(ge=1, le=1000)] = described(
-        2, "P", "pole pairs; the synchronous speed is 2 pi f_e / P", "1 … 4"
+        2, "P", "number of pole pairs; the synchronous speed is 2 pi f_e / P", "1 … 4"
     )
     friction_radius_m: NonNegative = described(
-        5.0e-5, "k_R", "resistance: bearing friction times shaft radius", "5e-5 … 3e-4"
+        5.0e-5, "k_R", "resistance to rotation: coefficient of bearing friction times shaft radius", "5e-5 … 3e-4"
     )
     rated_frequency_hz: Positive | None = described(
         None,
         "",
-        "supply frequency at which critical_slip is measured; the critical slip speed stays the same at "
-        "all others, as with an inverter of constant V/f; not given: the critical slip stays the same",
+        "supply frequency at which critical_slip is measured; the critical slip speed (rad/s) is then the same at "
+        "all frequencies, as with an inverter of constant V/f; if not given, the critical slip is the same",
         "50 or 60",
     )
 
@@ -125,22 +116,22 @@ class Exciter(Motor):
     """An unbalance and its motor."""
 
     unbalance_mass_kg: Positive | None = described(
-        None, "m_i", "unbalance mass; not given: machine.unbalance_mass_kg", "5 … 100"
+        None, "m_i", "unbalance mass; default: machine.unbalance_mass_kg", "5 … 100"
     )
     unbalance_radius_m: Positive = described(0.09, "r_i", "radius of the unbalance", "0.03 … 0.15")
     static_moment_kg_m: Positive | None = described(
-        None, "k_i", "static moment of the unbalance, mass times radius, instead of unbalance_radius_m", "0.1 … 10"
+        None, "k_i", "static moment of the unbalance (mass times radius), instead of unbalance_radius_m", "0.1 … 10"
     )
     position_m: Annotated[list[Real], Field(min_length=2, max_length=2)] | None = described(
         None,
         "p_i",
-        "axis [x, y] from the platform's own centre of mass; not given: by exciter_distance_m and exciter_angle_deg of "
-        "machine",
+        "axis [x, y], measured from the platform's own centre of mass; default: from machine.exciter_distance_m "
+        "and machine.exciter_angle_deg",
         "0.1 … 1.5 each",
     )
     rotor_inertia_kg_m2: Positive = described(0.8e-3, "J_d,i", "moment of inertia of the rotor", "0.005 … 0.5")
     rotation: Rotation | None = described(
-        None, "sigma_i", "in which its motor drives it; not given: exciter 1 counter-clockwise, exciter 2 clockwise"
+        None, "sigma_i", "sense in which the motor drives; default: exciter 1 counter-clockwise, exciter 2 clockwise"
     )
 
     alternatives: ClassVar[tuple[tuple[str, str], ...]] = (
@@ -172,19 +163,19 @@ class Machine(Section):
         0.11, "J_0", "moment of inertia of the platform about its centre of mass", "20 … 15 000"
     )
     unbalance_mass_kg: Positive = described(
-        0.045, "m_r", "unbalance mass of both exciters; or in exciters, for each", "5 … 100"
+        0.045, "m_r", "unbalance mass of each exciter; section exciters may set them separately", "5 … 100"
     )
     unbalance_radius_m: Positive = described(
-        0.09, "r", "radius of both unbalances; or in exciters, for each", "0.03 … 0.15"
+        0.09, "r", "radius of each unbalance; section exciters may set them separately", "0.03 … 0.15"
     )
     rotor_inertia_kg_m2: Positive = described(
-        0.8e-3, "J_d", "moment of inertia of both rotors; or in exciters, for each", "0.005 … 0.5"
+        0.8e-3, "J_d", "moment of inertia of each rotor; section exciters may set them separately", "0.005 … 0.5"
     )
     exciter_distance_m: NonNegative = described(
-        0.128, "rho", "distance of the exciter axes from the platform's centre of mass", "0.1 … 1.5"
+        0.128, "rho", "distance of each exciter axis from the platform's centre of mass", "0.1 … 1.5"
     )
     exciter_angle_deg: Real = described(
-        22.5, "gamma_1", "direction of exciter 1's axis above the x axis; exciter 2 is its mirror image", "-90 … 90"
+        22.5, "gamma_1", "direction of the axis of exciter 1 from the x axis; exciter 2 is its mirror image", "-90 … 90"
     )
     stiffness_x_n_per_m: NonNegative = described(
         580e3, "c_x", "stiffness of the springs along x", "natural frequency 1 … 4 Hz"
@@ -204,7 +195,7 @@ class Machine(Section):
     damping_phi_n_m_s_per_rad: NonNegative = described(
         0.77, "b_phi", "damping of the springs against rotation", "damping ratio 0.02 … 0.1"
     )
-    gravity_m_per_s2: NonNegative = described(9.81, "g", "gravity")
+    gravity_m_per_s2: NonNegative = described(9.81, "g", "acceleration of gravity")
 
 
 def _not_bool(value: Any) -> Any:
@@ -218,13 +209,13 @@ class Material(Section):
     """The material on the platform; a mass ratio of 0 means a bare platform."""
 
     mass_ratio: NonNegative = described(
-        0.0, "mu_w", "mass of the material over that of the machine, m_w / M; 0: bare platform", "0.1 … 0.5"
+        0.0, "mu_w", "mass of the material divided by the mass of the machine, m_w / M; 0: bare platform", "0.1 … 0.5"
     )
     layers: Annotated[Literal[1, 2], BeforeValidator(_not_bool)] = Field(
-        2, description="layers of material: 2, or 1 for a thin layer"
+        2, description="number of layers of the material; 1 for a thin layer"
     )
     lower_share: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = described(
-        0.75, "m_w1 / m_w", "share of the lower layer in the mass of the material; used with two layers"
+        0.75, "m_w1 / m_w", "mass of the lower layer as a fraction of the material; used with two layers"
     )
     natural_frequency_hz: Positive | None = described(
         None, "sqrt(c_w/m_w2) / 2 pi", "natural frequency of the upper layer on the lower one", "20 … 60"
@@ -233,10 +224,10 @@ class Material(Section):
         None, "c_w", "stiffness of the spring between the layers, instead of natural_frequency_hz"
     )
     damping_ratio: NonNegative | None = described(
-        None, "b_w / (2 sqrt(c_w m_w2))", "damping ratio of the upper layer on the lower one; not given: 0", "0.2 … 1"
+        None, "b_w / (2 sqrt(c_w m_w2))", "damping ratio of the upper layer on the lower one; default: 0", "0.2 … 1"
     )
     damping_n_s_per_m: NonNegative | None = described(
-        None, "b_w", "damping between the layers, instead of damping_ratio"
+        None, "b_w", "coefficient of the damper between the layers, instead of damping_ratio"
     )
 
     alternatives = (("natural_frequency_hz", "stiffness_n_per_m"), ("damping_ratio", "damping_n_s_per_m"))
@@ -260,21 +251,22 @@ class Contact(Section):
 
     model: Literal["impact", "non-impact"] = Field(
         "impact",
-        description="impact: the material may lift off and strike the platform; non-impact: it is viscous friction",
+        description="impact: the material may lift off and strike the platform; non-impact: it acts as a viscous "
+        "damper",
     )
     restitution: Share = described(0.0, "R", "coefficient of restitution of impacts", "0 … 0.3")
     sticking_speed_m_per_s: NonNegative = described(
-        0.0, "", "impacts slower than this are inelastic; 0: none", "0 … 0.1"
+        0.0, "", "approach speed below which impacts are inelastic; 0: none", "0 … 0.1"
     )
     impact_law: Literal["conservative", "central", "printed"] = Field(
         "conservative",
-        description="conservative: keeps momentum, and energy at R = 1; central: leaves the rotation as it is, as the "
-        "paper does; printed: the paper's formula",
+        description="conservative: conserves momentum, and energy if R = 1; central: ignores the rotation of the "
+        "platform, as the paper does; printed: the paper's formula",
     )
     viscous_per_mass_per_s: NonNegative = described(
-        0.0, "beta", "non-impact: damping along y that the material adds, over its mass"
+        0.0, "beta", "non-impact: damping along y due to the material, divided by the mass of the material"
     )
-    added_mass_share: Share = described(0.0, "", "non-impact: share of the material that moves with the platform")
+    added_mass_share: Share = described(0.0, "", "non-impact: fraction of the material that moves with the platform")
 
 
 class State(Section):
@@ -293,23 +285,23 @@ class State(Section):
     phi_rad: Real | None = described(None, "phi", "rotation of the platform")
     phi1_rad: Angle | None = described(None, "phi_1", "angle of exciter 1, counter-clockwise")
     phi2_rad: Angle | None = described(None, "phi_2", "angle of exciter 2, counter-clockwise")
-    gap_m: NonNegative | None = described(None, "y_w1", "gap between platform and lower layer; 0 in contact")
+    gap_m: NonNegative | None = described(None, "y_w1", "gap between platform and lower layer; 0: in contact")
     upper_m: Real | None = described(None, "y_w2", "displacement of the upper layer from the lower one; 0: unstressed")
     x_rate_m_per_s: Real = described(0.0, "dx/dt", "velocity along x")
     y_rate_m_per_s: Real = described(0.0, "dy/dt", "velocity along y")
     phi_rate_rad_per_s: Real = described(0.0, "dphi/dt", "angular velocity of the platform")
     phi1_rate_rad_per_s: Real = described(0.0, "dphi_1/dt", "angular velocity of exciter 1")
     phi2_rate_rad_per_s: Real = described(0.0, "dphi_2/dt", "angular velocity of exciter 2")
-    gap_rate_m_per_s: Real = described(0.0, "dy_w1/dt", "rate of the gap")
-    upper_rate_m_per_s: Real = described(0.0, "dy_w2/dt", "rate of upper_m")
+    gap_rate_m_per_s: Real = described(0.0, "dy_w1/dt", "rate of change of the gap")
+    upper_rate_m_per_s: Real = described(0.0, "dy_w2/dt", "rate of change of upper_m")
     t_s: Real | None = described(None, "t", "time")
     mode: str | None = described(
         None, "", "mode: attached (in contact), flight (the material has lifted off) or bare (no contact in this scene)"
     )
     contact_force_n: Real | None = described(
-        None, "F_c", "force between lower layer and platform; impulses of impacts are events"
+        None, "F_c", "force between lower layer and platform; impulses of impacts are in the events"
     )
-    supply_frequency_hz: Real | None = described(None, "f_e", "supply frequency, where a program changes it")
+    supply_frequency_hz: Real | None = described(None, "f_e", "supply frequency, if a program changes it")
     motor_power_1_w: Real | None = described(None, "", "mechanical power of motor 1: torque times speed")
     motor_power_2_w: Real | None = described(None, "", "mechanical power of motor 2: torque times speed")
 
@@ -324,22 +316,22 @@ class Initial(Section, populate_by_name=True):
     phase_difference_rad: Angle | None = described(
         None,
         "Delta phi",
-        "phase difference at the start: phi_1 + phi_2 of counter-rotating exciters, phi_1 - phi_2 of "
-        "co-rotating ones; not given: pi",
+        "initial phase difference: phi_1 + phi_2 for counter-rotating exciters, phi_1 - phi_2 for co-rotating "
+        "ones; default: pi",
     )
     phase_sum_rad: Angle | None = described(None, "", "phase_difference_rad of counter-rotating exciters")
     phi1_rad: Angle | None = described(
         None,
         "phi_1",
-        "angle of exciter 1 at the start; not given: 0, but where speed_ratio is 0 and no angle is given, both "
-        "unbalances hang",
+        "initial angle of exciter 1; default: 0, or hanging straight down (both unbalances) if speed_ratio is 0 "
+        "and no angle is given",
     )
     speed_ratio: Real = described(
-        0.98, "", "speed of both exciters over the synchronous speed", "0: from rest; 0.98: running"
+        0.98, "", "initial speed of both exciters divided by the synchronous speed", "0: from rest; 0.98: running"
     )
     state: State | None = described(None, "", "a full state, such as the last row of a trajectory")
     from_: Annotated[str, Field(min_length=1)] | None = Field(
-        None, alias="from", description="directory of a run; this one begins where it ended, and its times go on"
+        None, alias="from", description="directory of a run; the new run continues from its end, in state and in time"
     )
 
     alternatives = (
@@ -361,12 +353,12 @@ class Run(Section):
     """Duration and initial state of a run."""
 
     duration_s: Positive = described(4.0, "", "simulated time", "5 … 30")
-    initial: Initial = Field(Initial(), description="how the run begins")
+    initial: Initial = Field(Initial(), description="initial condition of the run")
     perturbation: Share | None = described(
         None,
         "",
-        "random change of the rates of platform and exciters at the start, in the scales of the scene; "
-        f"not given: {PERTURBATION:g}; 0 where initial gives a state or a run, or where no motor is on during the run",
+        f"random change of the initial rates of platform and exciters (scaled units); default: {PERTURBATION:g}, or "
+        "0 if initial gives a state or a run, or if no motor is on during the run",
     )
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of the perturbation")
 
@@ -376,17 +368,17 @@ class Solver(Section):
 
     tolerance: Annotated[float, Field(ge=LEAST_TOLERANCE, le=1e-2, allow_inf_nan=False)] = Field(
         1.0e-6,
-        description="local error, relative to the scales of the scene; at least "
-        f"{LEAST_TOLERANCE_SUNDIALS:g}, with engine taylor {LEAST_TOLERANCE:g}",
+        description=f"local error (scaled units); at least {LEAST_TOLERANCE_SUNDIALS:g}, or {LEAST_TOLERANCE:g} "
+        "with engine taylor",
     )
     engine: Literal["auto", *ENGINES] = Field(  # type: ignore[valid-type]
         "auto",
-        description="native: SUNDIALS driven from compiled code; sundae: through scikit-sundae's Python callbacks; "
-        "auto: native, or sundae if the library is not as expected; taylor: Taylor series of high order, several times "
-        "faster unless a layer or a motor is stiff",
+        description="native: SUNDIALS IDA called from compiled code; sundae: SUNDIALS IDA through scikit-sundae's "
+        "Python callbacks; auto: native, or sundae if the library has an unexpected version; taylor: Taylor "
+        "series of high order, several times faster unless a layer or a motor is stiff",
     )
     max_events_per_period: Annotated[int, Field(ge=1, le=10_000_000)] = Field(
-        5_000, description="a run ends if it has more events within one turn at the synchronous speed"
+        5_000, description="maximum number of events within one turn at the synchronous speed; a run with more ends"
     )
 
     @model_validator(mode="after")
@@ -402,7 +394,7 @@ class Solver(Section):
 class Output(Section):
     """Output tables."""
 
-    sample_rate_hz: Positive = described(2000.0, "", "rows of the trajectory table per second")
+    sample_rate_hz: Positive = described(2000.0, "", "number of rows of the trajectory table per second")
     points: Annotated[
         dict[
             Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,39}$")],
@@ -412,6 +404,6 @@ class Output(Section):
     ] = described(
         {},
         "",
-        "named points of the platform whose stroke and acceleration are wanted: {NAME: [x, y]} in metres, from the "
+        "named points of the platform at which to report stroke and acceleration: {NAME: [x, y]} in metres, from the "
         f"platform's own centre of mass; at most {MOST_POINTS}",
     )

@@ -1,10 +1,10 @@
-"""The attraction of a stable periodic orbit: from where motion is known to come to it.
+"""The attraction of a stable periodic orbit: states from which convergence to it has been tested.
 
-Where an orbit crosses the section, M is the derivative of the map that takes it round once, in the scales of the scene
-and without the angle of exciter 1, and W holds the left eigenvectors of M as rows of length 1. The distance ‖W ξ‖ of a
-state that is ξ away from the orbit shrinks by the largest multiplier in each period, as far as M is all that matters.
-How far that is, motions from shells around the orbit tell. Where decay is slow, these ellipsoids are thin, for what
-decays quickly feeds into what decays slowly; a motion in which only that is left is tested on its own way instead.
+M is the derivative of the return map at the orbit, in scaled units and without the angle of exciter 1. W holds the left
+eigenvectors of M as rows of length 1. Let ξ be the offset of a state from the orbit: in the linearization, the distance
+‖W ξ‖ shrinks by the largest multiplier in every period. Trajectories from shells around the orbit show how far this
+holds. If decay is slow, the ellipsoids are thin, because fast modes excite slow ones. A motion in which only slow modes
+remain is therefore tested along its own trajectory.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from vibroplat.continuation.shooting import TURN, Shooter
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE, GAP
 
-#: Condition of the eigenvectors beyond which they are too nearly parallel to measure distances with.
+#: Condition number of the eigenvectors above which they are too nearly parallel to measure distances.
 PARALLEL = 1e8
 #: Shells on which an ellipsoid is tested, each SHRINK times as large as the one before, and directions on each besides
 #: both along the slowest decay.
 SHELLS, SHRINK, DIRECTIONS = 3, 0.25, 4
-#: Least share of the decay that the derivative promises, in a period.
+#: Minimum contraction per period, as a fraction of that predicted by the linearization.
 PROMISED = 0.5
 #: The same on a motion's own way; the periods in each of which it must be seen from where the motion is; the turns, and
 #: the least number of periods, over which it must be seen from places on the way; and the number of all places, each

@@ -1,9 +1,9 @@
 """A periodic orbit and its neighbourhood in keys of its scene: tangents, and orbits at other values of the keys.
 
 The tangents du/dkey follow from one varied shot by the implicit function theorem, u′ = −J⁻¹ ∂R/∂key. An orbit at other
-values begins at their prediction; where Newton's method fails or goes to another orbit, the step is divided. The
-section moves away from events at each step: one that stays is passed by an event sooner or later, and what is lost then
-is no fair sample of the neighbourhood.
+values starts from their prediction. If Newton's method fails or converges to another orbit, the step is divided. The
+section is moved away from events at each step. With a fixed section, an event would eventually cross it, and the orbits
+lost there would bias the sample.
 """
 
 from __future__ import annotations
@@ -259,7 +259,7 @@ class Local:
         chart, jacobian = self.found.chart, self.found.jacobian
         found = correct(self.problem, chart, u, held(chart), jacobian, most=ITERATIONS)
         if np.abs(found.u - u).max() > max(ELSEWHERE * np.abs(u - self.found.u).max(), NEAR):
-            raise MissedError("Newton's method went to another orbit", found.residuals)
+            raise MissedError("Newton's method converged to another orbit", found.residuals)
         return self._at(found, values, scene, p)
 
     def _at(self, found: NewtonResult, values: FloatArray, scene: Scene, p: Parameters) -> Local:

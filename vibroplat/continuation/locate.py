@@ -35,9 +35,9 @@ from vibroplat.kernels.compiled import FloatArray
 
 #: Most evaluations between two points, and from one side.
 LOCATING, SIDED = 12, 12
-#: What part of the way to an extrapolated zero each evaluation from one side goes, and the distance, in units of the
-#: unknowns, at which the zero is extrapolated through the last few of them: others are 20 and 400 times as far. The way
-#: to the zero over its linear part, up to which the function is taken to fall linearly.
+#: One-sided search: each step covers the fraction APPROACH of the way to the extrapolated zero. The search ends at the
+#: distance CLOSE (units of the unknowns) from it; the zero is then extrapolated through the last SIDES points, whose
+#: distances are about 1, 20, 400, … times CLOSE. The function is taken to be linear up to the fraction LINEAR.
 APPROACH, CLOSE, SIDES, LINEAR = 0.95, 1e-6, 4, 0.9
 #: What an evaluation from one side that has failed is shortened to, the least length of the first, and that of all,
 #: over the distance at which the search ends.

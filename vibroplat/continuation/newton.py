@@ -202,7 +202,7 @@ class Problem:
         """
         state, period, values = chart.unpack(u)
         if not period > 0.0 or period * chart.speed > 1e4:
-            raise MissedError(f"Newton's method went to a period of {period:.3g} s")
+            raise MissedError(f"Newton's method converged to a period of {period:.3g} s")
         if GAP in chart.places and state[GAP] <= 0.0:
             raise MissedError("the gap closed on the section", section=True)
         try:
@@ -217,7 +217,7 @@ class Problem:
         residual = np.empty(chart.scales.size)
         closing_residual(shot.state, state, self._turned, chart.places, chart.scales, residual)
         if not largest_size(residual) < FAR:
-            raise MissedError("the residual grew beyond all bounds")
+            raise MissedError("the residual diverged")
         return residual, shot
 
     def jacobian(self, chart: Chart, shot: Shot) -> FloatArray:

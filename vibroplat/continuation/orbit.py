@@ -45,7 +45,7 @@ SETTLING = (24, 96, 384)
 #: Residual of a motion that has settled, in the scales of the scene, beyond which it does not repeat.
 UNSETTLED = 1e-3
 #: What helps then.
-ADVICE = "follow one from where the motion is periodic (orbits), or give a guess"
+ADVICE = "continue one from where the motion is periodic (vibroplat orbits), or pass a guess"
 #: The tolerance of the integrator over that of an orbit, at most.
 INTEGRATOR = 0.1
 #: How often a step between two supplies is halved, at most.
@@ -59,7 +59,7 @@ TOLERANCE = 1e-8
 
 
 class OrbitError(VibroplatError):
-    """No periodic orbit was found; the message says why, with the last residuals."""
+    """No periodic orbit was found; the message contains the cause and the last residuals."""
 
     exit_code = 2
 
@@ -71,25 +71,25 @@ class Orbit:
     Attributes
     ----------
     scene
-        Whose orbit it is.
+        Scene of the orbit.
     state
-        Full state on it, shape (14,), as :data:`vibroplat.config.coordinates.COORDINATES` and their rates.
+        Full state on the orbit, shape (14,): :data:`vibroplat.config.coordinates.COORDINATES` and their rates.
     period
-        In turns of exciter 1.
+        Period, in turns of exciter 1.
     period_s
-        (s).
+        Period (s).
     multipliers
-        Floquet multipliers but the 1 along the motion, the largest first.
+        Floquet multipliers without the trivial multiplier 1, the largest magnitude first.
     residual
-        How far it is from closing, in the scales of the scene.
+        Distance between the ends of the orbit (scaled units).
     sequence
-        Its events, as ``liftoff stick``; ``none`` without any.
+        Event sequence, such as ``liftoff stick``; ``none`` if there are no events.
     measures
-        As in the table of a sweep.
+        Measures over a period, as in the table of a sweep.
     residuals
-        Of Newton's iterations.
+        Residuals of Newton's iterations (scaled units).
     distance
-        How far it is from the guess on the section, at most, in the scales of the scene.
+        Largest distance from the guess on the section (scaled units).
     """
 
     scene: Scene
@@ -108,7 +108,7 @@ class Orbit:
         largest = abs(self.multipliers[0]) if self.multipliers.size else 0.0
         lines = (
             f"Orbit of {self.scene.name}: period {self.period} ({self.period_s:.9g} s), {kind}",
-            f"  events of a period    {self.sequence}",
+            f"  event sequence        {self.sequence}",
             f"  excitation frequency  {self.excitation_frequency_hz:.9g} Hz",
             f"  RMS x, y              {1e3 * self.measures['rms_x_m']:.6g}, {1e3 * self.measures['rms_y_m']:.6g} mm",
             f"  largest multiplier    {largest:.9g}",
@@ -123,7 +123,7 @@ class Orbit:
 
     @property
     def stable(self) -> bool:
-        """Whether disturbances decay."""
+        """Whether the orbit is stable."""
         return self.unstable == 0
 
     @property
@@ -132,24 +132,24 @@ class Orbit:
         return self.period / self.period_s
 
     def plot(self) -> Figure:
-        """Draw it: its speed over its height, and the gap over the phase where there is material."""
+        """Draw the orbit: speed over height, and the gap over the phase if there is material."""
         return figure_of(self)
 
     def sensitivities(self, keys: Sequence[str] | None = None, measures: Sequence[str] | None = None) -> pd.DataFrame:
-        """Differentiate its measures by keys of its scene; all that change along with it are followed.
+        """Differentiate the measures of the orbit by keys of its scene, along the orbit.
 
         Parameters
         ----------
         keys
             Dotted keys with numbers other than 0. Default: all that the equations depend on.
         measures
-            Columns of a sweep, or ``margin``: 1 less the size of the largest multiplier. Default: the usual ones.
+            Columns of a sweep, or ``stability_margin``: 1 minus the magnitude of the largest multiplier.
 
         Returns
         -------
         pandas.DataFrame
-            A row for each measure and key: ``derivative``, and ``elasticity``, the relative change of the measure over
-            that of the key.
+            One row per measure and key: ``derivative`` and ``elasticity``, the relative change of the measure divided
+            by the relative change of the key.
 
         Raises
         ------
@@ -161,7 +161,7 @@ class Orbit:
 
     @cached_property
     def run(self) -> RunResult:
-        """One period of it, as a run with dense output."""
+        """One period of the orbit, as a run with dense output."""
         return run_from(self.scene, self.state, self.period_s)
 
 
@@ -172,29 +172,29 @@ def run_from(scene: Scene, state: FloatArray, seconds: float) -> RunResult:
 
 
 def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float = 1e-8) -> Orbit:
-    """Find a periodic orbit of a scene; one that is unstable is noted as a warning of the logger ``vibroplat``.
+    """Find a periodic orbit by shooting and Newton's method; the logger ``vibroplat`` warns if it is unstable.
 
     Parameters
     ----------
     scene
-        With a constant supply.
+        Scene with a constant supply.
     guess
-        Where to begin: None, to let the motion settle from ``run.initial``; a full state, shape (14,), or a mapping
-        with its names, as a row of a trajectory table; an orbit or a finished run (a RunResult or its directory),
-        whose speeds are scaled to this supply, step by step from an orbit if need be; a row of a table of this scene,
-        whose keys are set: one of ``branches`` or ``special`` has a state, from one of a sweep the motion settles, with
-        the phase difference of the row.
+        Initial guess. None: the motion settles from ``run.initial``. Otherwise:
+
+        * full state, shape (14,), or a mapping of its names, as a row of a trajectory;
+        * :class:`Orbit`, finished run or its directory: speeds are scaled to this supply, from an orbit in steps;
+        * row of ``branches``, ``special`` or ``sweep``: its keys and its state, or the motion settled from its phase.
     period
-        Turns of exciter 1 after which it is to repeat.
+        Number of turns of exciter 1 in a period.
     tolerance
-        Residual at which it is found, in the scales of the scene.
+        Largest residual (scaled units).
 
     Raises
     ------
     OrbitError
-        There is none near the guess, or it repeats after fewer turns.
+        No orbit converged near the guess, or the orbit repeats after fewer turns.
     ConfigError
-        The scene has a drive program, or the guess is none of these.
+        The scene has a supply program, or the guess is none of these.
 
     Examples
     --------
@@ -211,7 +211,7 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
         found = _led(scene, guess, period, tolerance)
     if not found.stable:
         size = abs(found.multipliers[0])
-        _LOG.warning("the orbit is unstable, with a multiplier of size %.4g: motion leaves it", size)
+        _LOG.warning("the orbit is unstable: its largest Floquet multiplier has magnitude %.4g", size)
     return found
 
 
@@ -237,7 +237,7 @@ def _led(scene: Scene, guess: Orbit, period: int, tolerance: float) -> Orbit:
         return reached
     begin = _in_pace(guess.state, guess.scene, scene)
     found = orbit_near(beginning_at(scene, begin), None, period, tolerance)
-    _LOG.warning("no orbit was found near the guess; this one was found while the motion settled from there")
+    _LOG.warning("Newton's method did not converge from the guess; the motion settled from it to this orbit")
     return replace(found, scene=accurate(scene, tolerance))
 
 
@@ -296,7 +296,7 @@ def first_orbit(
     reason = _out_of_step(shooter, state, period)
     if not reason and guess is None and (not missed.residuals or missed.residuals[0] > UNSETTLED):
         reason = f"the motion that settles does not repeat after {period} turns; {missed.why}; {ADVICE}"
-    raise OrbitError(f"no orbit of period {period} near the start: {reason or missed.why}; last residuals: {last}")
+    raise OrbitError(f"no orbit of period {period} near the guess: {reason or missed.why}; last residuals: {last}")
 
 
 def _out_of_step(shooter: Shooter, state: FloatArray, period: int) -> str:
@@ -312,8 +312,8 @@ def _out_of_step(shooter: Shooter, state: FloatArray, period: int) -> str:
     poles = [exciter.pole_pairs for exciter in scene.exciter_pair]
     unequal = f"; their motors have {poles[0]} and {poles[1]} pole pairs" if poles[0] != poles[1] else ""
     return (
-        f"exciters are not in step: exciter 2 makes {abs(turns):.4g} turns in {period} of exciter 1, "
-        f"allowed: whole turns{unequal}"
+        f"exciters are not synchronous: exciter 2 makes {abs(turns):.4g} turns in {period} of exciter 1; allowed: "
+        f"whole turns{unequal}"
     )
 
 
@@ -388,7 +388,7 @@ def read_guess(scene: Scene, guess: Any) -> tuple[Scene, FloatArray | None]:
         state = np.array(guess, dtype=float)
         if state.shape == (len(names),) and np.isfinite(state).all():
             return scene, state
-    raise ConfigError("guess is no state; allowed: 14 numbers, a row of a trajectory or of a sweep, a run, an orbit")
+    raise ConfigError("guess is not a state; allowed: 14 numbers, a row of a trajectory or of a sweep, a run, an orbit")
 
 
 def _in_pace(state: FloatArray, source: Scene, scene: Scene) -> FloatArray:

@@ -55,7 +55,9 @@ def motion_of(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
         change[3:5] = np.angle(np.exp(1j * change[3:5]))
         apart = float(np.abs(change).max())
         if apart > OPEN:
-            raise OrbitError(f"the state of this row is not on an orbit of period {period}: it ends {apart:.2g} away")
+            raise OrbitError(
+                f"the state of this row is not on an orbit of period {period}: its end is {apart:.2g} away"
+            )
     else:  # another motion may exist beside that of the row
         found = orbit_near(scene, row, period, TOLERANCE)
         own, other = (np.array([of["rms_x_m"], of["rms_y_m"]]) for of in (row, found.measures))

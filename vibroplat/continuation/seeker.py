@@ -32,8 +32,8 @@ from vibroplat.motion.motion import Simulator
 from vibroplat.observe.section import section_points
 from vibroplat.study.settling import BLOCK, Hunt, KnownOrbit
 
-#: Longest period that is looked for, in turns of exciter 1, and distance of points of the section, in the scales of the
-#: scene, from which it is.
+#: Maximum period searched for (turns of exciter 1), and maximum distance of points of the section (scaled units) at
+#: which a search is worthwhile.
 LONGEST, FARTHEST = 8, 0.5
 #: Least distance of the largest multiplier from the unit circle at which motion leaves an orbit in a time that counts.
 MARGIN = 1e-4
@@ -51,7 +51,7 @@ LOOK, HUNT = (10, (math.inf, math.inf, 1.0, math.inf)), (12, (5.0, 5.0, 0.5))
 
 
 class OrbitSeeker:
-    """Looks for the orbit that a motion of a scene comes to; see :class:`vibroplat.study.settling.Seeker`."""
+    """Searches for the orbit to which a motion of a scene converges; see :class:`vibroplat.study.settling.Seeker`."""
 
     def __init__(self, scene: Scene) -> None:
         self._shooter, self._turn = Shooter(accurate(scene, TOLERANCE)), TURN / scene.speed_scale

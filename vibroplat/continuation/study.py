@@ -144,27 +144,31 @@ STUDY = OrbitsStudy
 
 
 def orbits(scene: Scene, **options: Unpack[Options]) -> Result:
-    """Follow branches of periodic orbits as the section ``orbits`` of a scene says.
+    """Continue branches of periodic orbits of a scene over a key.
+
+    The section ``orbits`` of the scene has the key and its range. Branches are continued by pseudo-arclength; special
+    points are located on them, new branches start at branch points. With ``orbits.boundaries``, special points are
+    continued in a second key.
 
     Parameters
     ----------
     scene
-        A scene with a section ``orbits``.
+        Scene with a section ``orbits``.
     options
-        As of :func:`vibroplat.sweep`; ``progress`` is called with the numbers of finished and of known branches.
+        As in :func:`vibroplat.sweep`; ``progress`` is called with the numbers of finished and of known branches.
 
     Returns
     -------
     Result
-        Its table ``branches`` has a row for each point of each branch, in their order; ``special`` one for each special
-        point; with ``orbits.boundaries`` there is ``boundaries``, a row for each point of the curves in two keys.
+        Table ``branches`` has one row per point of each branch, in order. Table ``special`` has one row per special
+        point. With ``orbits.boundaries``, table ``boundaries`` has one row per point of the curves in two keys.
 
     Raises
     ------
     ConfigError
-        The scene has no such section, a value of it is not allowed, or the scheduler does not answer.
+        The scene has no section ``orbits``, a value of it is not allowed, or the scheduler does not answer.
     OrbitError
-        There is no orbit to begin with.
+        No first orbit was found.
 
     Examples
     --------
@@ -197,7 +201,7 @@ def _require_continuous(scene: Scene, place: str, key: str, value: float) -> Non
     """Refuse a key that does not vary continuously, or has no such value."""
     held = value_of(scene, key)
     if held is not None and not isinstance(held, float):
-        raise ConfigError(f"{place} = {key} holds no number that varies continuously; allowed: one that does")
+        raise ConfigError(f"{place} = {key} does not vary continuously; allowed: a key that does")
     try:
         parameter_direction(scene.replace({key: float(value)}), key)
     except ConfigError as error:

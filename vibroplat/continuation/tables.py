@@ -22,29 +22,27 @@ from vibroplat.study.point import MEASURED, POINT
 from vibroplat.study.store import Record
 from vibroplat.study.sweep import SWEEP, synchronizations
 
-#: Branches and special points that are printed at most.
+#: Maximum number of branches and special points that are printed.
 SHOWN = 40
-#: The state of an orbit where its period begins, in the columns of a trajectory.
+#: The state of an orbit at the start of its period, in the columns of a trajectory.
 STATE: Columns = {name: TRAJECTORY[name] for name in (*COORDINATES, *RATES)}
-#: What the columns mean, of the three tables.
+#: Columns of the three tables.
 BRANCHES: Columns = {
-    "branch": Column("number of the branch", "among those of one combination of the grid's values", kind=COUNT),
-    "parent": Column("branch on which it was found", "-1 for the first", kind=COUNT),
+    "branch": Column("number of the branch", "counted for each combination of the grid's values", kind=COUNT),
+    "parent": Column("branch from which this branch starts", "-1 for the first branch", kind=COUNT),
     "point": Column("number of the point on its branch", kind=COUNT),
     EXCITATION: MEASURES[EXCITATION],
-    "period": Column("turns of exciter 1 in a period", kind=COUNT),
+    "period": Column("period, in turns of exciter 1", kind=COUNT),
     "period_s": Column("period"),
     **{name: MEASURES[name] for name in MEASURED if name != EXCITATION},
     "sync": POINT["sync"],
     "notes": POINT["notes"],
-    "sequence": Column(
-        "events of a period", "stick: an impact, or several that accumulate, after which contact holds", kind=TEXT
-    ),
-    "stable": Column("whether disturbances decay", kind=FLAG),
+    "sequence": Column("event sequence of a period", "stick: an impact or a chatter that ends in contact", kind=TEXT),
+    "stable": Column("whether the orbit is stable", kind=FLAG),
     "n_unstable": Column("number of Floquet multipliers outside the unit circle", kind=COUNT),
     **describe_multipliers(MULTIPLIERS),
-    "residual": Column("how far the orbit is from closing", "in the scales of the scene"),
-    "turns": Column("turns of exciter 1 that were integrated for the point", "with those of special points before it"),
+    "residual": Column("residual of the orbit: distance between its ends", "scaled units"),
+    "turns": Column("turns of exciter 1 integrated for the point", "including special points before it"),
     **STATE,
     **SHEET,
 }
@@ -55,17 +53,17 @@ SPECIAL: Columns = {
     ),
     EXCITATION: BRANCHES[EXCITATION],
     "period": BRANCHES["period"],
-    "point": Column("last point of the branch before it", kind=COUNT),
+    "point": Column("last point of the branch before the special point", kind=COUNT),
     **STATE,
 }
 BOUNDARIES: Columns = {
     "curve": Column("number of the curve", kind=COUNT),
     "kind": SPECIAL["kind"],
-    "branch": Column("branch whose special point it goes through", kind=COUNT),
+    "branch": Column("branch with the special point from which the curve starts", kind=COUNT),
     EXCITATION: BRANCHES[EXCITATION],
     "period": BRANCHES["period"],
     "n_unstable": Column(
-        "number of Floquet multipliers outside the unit circle, besides those that pass it",
+        "number of Floquet multipliers outside the unit circle, without those that cross it",
         "above 0: the orbit is unstable on both sides of the curve, and no motion converges to it",
         kind=COUNT,
     ),
@@ -73,17 +71,17 @@ BOUNDARIES: Columns = {
 
 
 _KEYS: Columns = {
-    "…": Column("the keys of the grid and the keys that vary, by their dotted names", "see configuration.md")
+    "…": Column("values of the grid's keys and of the keys that vary, by dotted name", "see configuration.md")
 }
 #: The tables of orbits: what their rows are, and their columns.
 TABLES: dict[str, tuple[str, Columns]] = {
     "branches": (
-        "`vibroplat orbits`: a row for each point of each branch.",
+        "`vibroplat orbits`: one row per point of each branch.",
         {**_KEYS, **BRANCHES, **point_columns(["NAME"])},
     ),
-    "special": ("`vibroplat orbits`: a row for each special point.", {**_KEYS, **SPECIAL}),
+    "special": ("`vibroplat orbits`: one row per special point.", {**_KEYS, **SPECIAL}),
     "boundaries": (
-        "`vibroplat orbits` with `boundaries`: the points of each curve in their order.",
+        "`vibroplat orbits` with `boundaries`: points of each curve, in their order.",
         {**_KEYS, **BOUNDARIES},
     ),
 }

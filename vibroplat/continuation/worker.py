@@ -37,7 +37,7 @@ MULTIPLIERS = 4
 SAME_PLACE = 1e-4
 #: Points back within which a branch that meets itself has not gone round, but come back from a corner.
 RETURN = 8
-RETURNED = "no point beyond a corner: the branch came back on itself"
+RETURNED = "lost at a corner: the continuation turned back along the branch"
 #: Measures that tell points apart, and how far that of a point may lie from a former one, as a part of the step between
 #: its neighbours, to be the same. Where impacts accumulate, the parts of a branch between its folds differ in stability
 #: much more than in other measures.
@@ -326,8 +326,8 @@ def multiplier_columns(multipliers: NDArray[np.complex128], most: int) -> dict[s
 
 def describe_multipliers(most: int) -> Columns:
     """Describe the columns of :func:`multiplier_columns`."""
-    meanings = dict.fromkeys(range(1, most), "the largest is the first")
-    meanings[most] = "empty where only half of a complex pair would have a place"
+    meanings = dict.fromkeys(range(1, most), "sorted by magnitude, the largest first")
+    meanings[most] = "empty if it is one half of a complex pair whose other half has no column"
     return {
         f"multiplier_{i}_{part}": Column(f"{which} part of Floquet multiplier {i}", meaning)
         for i, meaning in meanings.items()

@@ -33,14 +33,14 @@ HALVINGS = 6
 LOST = 10.0
 
 EVALUATIONS: Columns = {
-    "start": Column("number of the search", kind=COUNT),
-    "objective": Column("the measure that is minimized, in the worst scene of the spread", "in its own unit"),
-    "violation": Column("largest violation of a bound", "over the bound, in the worst scene of the spread"),
-    "feasible": Column("whether all bounds are kept", kind=FLAG),
+    "start": Column("number of the starting point", kind=COUNT),
+    "objective": Column("measure to minimize, in the worst case within the tolerances", "unit of the measure"),
+    "violation": Column("largest violation of a bound", "relative to the bound, in the worst case"),
+    "feasible": Column("whether all constraints are satisfied", kind=FLAG),
     "best": Column("whether this is the best design", kind=FLAG),
 }
 PARETO: Columns = {
-    "bound": Column("value of the bound that varies"),
+    "bound": Column("value of the varied bound"),
     "objective": EVALUATIONS["objective"],
     "feasible": EVALUATIONS["feasible"],
 }

@@ -1,4 +1,4 @@
-"""What ``vibroplat design`` asks, of sensitivities, tolerances and best values, and the tables that answer."""
+"""The study ``design``: sensitivities, effects of tolerances and best values, and their tables."""
 
 from __future__ import annotations
 
@@ -24,31 +24,28 @@ from vibroplat.study.store import Record, Store
 from vibroplat.study.study import CrossCheckCase, Options, Progress, Study, run_study
 from vibroplat.study.sweep import SWEEP
 
-#: Most keys that are printed of each measure.
+#: Maximum number of keys printed for each measure.
 SHOWN = 4
 
 
-_VARIED: Columns = {"…": Column("the keys that vary, by their dotted names", "see configuration.md")}
-_MEASURED: Columns = {"measures": Column("the measures that were asked for", "by their names, as in sweep")}
+_VARIED: Columns = {"…": Column("values of the keys that vary, under their dotted names", "see configuration.md")}
+_MEASURED: Columns = {"measures": Column("the measures of the plan", "named as in the table sweep")}
 #: The tables of a design: what their rows are, and their columns.
 TABLES: dict[str, tuple[str, Columns]] = {
-    "sensitivities": ("`vibroplat design`: a row for each measure and key.", of_keys.SENSITIVITIES),
+    "sensitivities": ("`vibroplat design`: one row per measure and key.", of_keys.SENSITIVITIES),
     "samples": (
-        "`vibroplat design` with `parameter_tolerances`: a row for each sample.",
+        "`vibroplat design` with `parameter_tolerances`: one row per sample.",
         {**_VARIED, **of_samples.SAMPLES, **_MEASURED},
     ),
     "variance_contributions": (
-        "`vibroplat design` with `parameter_tolerances`: what the variance of a measure comes from.",
+        "`vibroplat design` with `parameter_tolerances`: contribution of each key to the variance of each measure.",
         of_samples.SHARES,
     ),
     "evaluations": (
         "`vibroplat design` with `minimize`: a row for each point that was looked at.",
         {**_VARIED, **_MEASURED, **optimum.EVALUATIONS},
     ),
-    "pareto": (
-        "`vibroplat design` with `pareto`: a row for each bound.",
-        {**_VARIED, **_MEASURED, **optimum.PARETO},
-    ),
+    "pareto": ("`vibroplat design` with `pareto`: one row per bound.", {**_VARIED, **_MEASURED, **optimum.PARETO}),
 }
 
 
@@ -67,7 +64,7 @@ class DesignStudy(Study):
 
     def __init__(self, scene: Scene) -> None:
         if scene.design is None:
-            raise ConfigError("section design is missing; allowed: one, as design: {}")
+            raise ConfigError("this configuration has no design section; add design: {}")
         self.scene, self.plan = scene, scene.design
         of_keys.require_keys(scene, list(self.plan.keys), "design.keys")
         of_keys.require_keys(scene, list(self.plan.parameter_tolerances), "design.parameter_tolerances")
@@ -92,14 +89,14 @@ class DesignStudy(Study):
         return max(self.plan.samples // of_samples.CHUNK, self.plan.starts)
 
     def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
-        """Find the orbit, differentiate it, search for the best values, and measure samples around what was found."""
+        """Find the orbit, differentiate it, search for the optimum, and measure samples around it."""
         run = _Runner(store, workers, progress)
         known = run.one("settled", of_keys.settled, self.scene)
         found = run.one("sensitivities", of_keys.differentiated, self.scene, self.keys, self.names, known)
         for name in self.aims:
             if found["measures"][name] is None:
                 raise ConfigError(
-                    f"design: {name} has no value on the motion of this scene; allowed: a measure that it has"
+                    f"design: {name} has no value for the motion of this scene; allowed: a measure that has one"
                 )
         tables = {"sensitivities": of_keys.table(found["rows"])}
         home = of_samples.regime(known["sync"], "periodic", known["period"])
@@ -116,7 +113,8 @@ class DesignStudy(Study):
         row = run.one("confirmed", optimum.confirmed, self.scene, known, best["values"])
         told = [f"{name} {row['row'][name]:.6g}" for name in self.aims if row["row"].get(name) is not None]
         lines |= {"from rest": ", ".join([row["regime"], *told])}
-        notes = [] if row["same"] else [f"from rest the best design comes to {row['regime']}, not to its orbit"]
+        other = f"started from rest, the best design converges to {row['regime']}, not to the optimized orbit"
+        notes = [] if row["same"] else [other]
         if notes and self.plan.parameter_tolerances and self.plan.samples:
             notes = [f"{notes[0]}, so its tolerances were not sampled"]
         result = self._result(tables, Answer(lines, text, notes), {"best": _written(scene)})
@@ -125,15 +123,12 @@ class DesignStudy(Study):
         return self._with_samples(run, scene, run.one("settled there", of_keys.settled, scene), result)
 
     def _result(
-        self,
-        tables: Mapping[str, pd.DataFrame],
-        answer: Answer,
-        configurations: Mapping[str, str] | None = None,
+        self, tables: Mapping[str, pd.DataFrame], answer: Answer, configurations: Mapping[str, str] | None = None
     ) -> Result:
         return Result("design", self.scene, tables, answer, configurations=configurations)
 
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
-        """Choose the orbit of the scene as given, and that of the best design that was looked at."""
+        """Choose the orbit of the scene as given and the orbit of the best evaluated design."""
         told = result.sensitivities.dropna(subset=["elasticity"])  # others are round-off
         nominal: Record = dict(zip(told["measure"], told["value"].tolist(), strict=True))
         found = [("at the values of the scene", Record(), nominal)]
@@ -147,7 +142,7 @@ class DesignStudy(Study):
     def _best(
         self, run: _Runner, known: Record, tables: dict[str, pd.DataFrame]
     ) -> tuple[Record | None, dict[str, str]]:
-        """Search for the best values, and along the Pareto front; add the tables, and tell what was found."""
+        """Search for the optimum and the Pareto front; add their tables, and return the optimum and printed lines."""
         bounds = {name: self.plan.bound(name) for name in self.plan.constraints}
         asked = (optimum.searched, self.scene, self.names, known)
         found = run.all({f"start {n}": (*asked, bounds, n, None) for n in range(self.plan.starts)})
@@ -169,20 +164,20 @@ class DesignStudy(Study):
             tables["pareto"] = self._table(front, optimum.PARETO, ("bound",), ("objective", "feasible", "period"))
         if best is None:
             if not rows:
-                return None, {"best": "unknown: the orbit of the scene as given ends on the way to every start"}
+                return None, {"best": "unknown: the orbit was lost on the way to every starting point of the search"}
             near = _values(min(rows, key=lambda row: row["violation"]), [*self.plan.keys, *self.aims])
-            return None, {"best": f"the orbit of the scene keeps all bounds nowhere in this box; nearest: {near}"}
+            return None, {"best": f"no design in this box satisfies all constraints; the closest one: {near}"}
         same = sum(other["objective"] < best["objective"] + 1e-4 * abs(best["objective"]) for other in bests)
         lines = {
             "best": _values(best["values"], list(self.plan.keys)),
-            "there": _values(best["measures"], self.aims) + f" ({same} of {self.plan.starts} starts came here)",
+            "there": _values(best["measures"], self.aims) + f" (from {same} of {self.plan.starts} starting points)",
         }
         if self.plan.parameter_tolerances:
             lines["within tolerances"] = f"{self.aims[0]} up to {best['objective']:.6g} (one tolerance at a time)"
         return best, lines
 
     def _table(self, rows: Sequence[Record], meant: Columns, first: Sequence[str], last: Sequence[str]) -> pd.DataFrame:
-        """Make a table of the plan's keys and measures with some columns before and behind them."""
+        """Make a table of the plan's keys and measures, with the columns ``first`` before and ``last`` after them."""
         columns = [*first, *self.plan.keys, *self.names, *last]
         return study_table(rows, columns, {**SWEEP, **of_samples.SAMPLES, **meant})
 
@@ -203,14 +198,14 @@ class DesignStudy(Study):
         return self._result(tables, answer, result.configurations)
 
     def _kept(self, table: pd.DataFrame) -> dict[str, str]:
-        """Tell how many samples of the best design keep all bounds: several tolerances may break one together."""
+        """Return the percentage of samples that satisfy all constraints; tolerances together may violate one."""
         if not self.plan.constraints:
             return {}
         kept = pd.Series(data=True, index=table.index)
         for name in self.plan.constraints:
             sign, limit = self.plan.bound(name)
             kept &= sign * (table[name] - limit) >= -optimum.VIOLATION * abs(limit)
-        return {"bounds kept": f"{100.0 * kept.mean():.1f} %"}
+        return {"constraints satisfied": f"{100.0 * kept.mean():.1f} %"}
 
     def _samples(self, run: _Runner, scene: Scene, known: Record, places: FloatArray) -> pd.DataFrame:
         """Measure samples at places, in parts that are the same for any number of workers."""
@@ -253,7 +248,7 @@ def _values(found: Mapping[str, float], names: Sequence[str]) -> str:
 
 
 def _written(scene: Scene) -> str:
-    """Write a configuration of a scene without its question."""
+    """Return the YAML configuration of a scene without its section ``design``."""
     tree = scene.to_tree() | {"name": f"{scene.name}-best"}
     del tree["design"]
     text = StringIO()
@@ -268,8 +263,8 @@ def _single(task: Task) -> Tasks[Record]:
 
 
 def _told_of_keys(found: Record, names: Sequence[str]) -> Iterable[str]:
-    """Yield a line for each measure: its value, and its largest elasticities."""
-    yield "elasticities of the scene as given: relative change of a measure over that of a key, largest first"
+    """Yield a line for each measure: its value and its largest elasticities."""
+    yield "elasticities of the scene as given (relative change of a measure / that of a key), largest first"
     for name in names:
         own = of_keys.largest(found["rows"], name, SHOWN)
         if own:
@@ -278,7 +273,7 @@ def _told_of_keys(found: Record, names: Sequence[str]) -> Iterable[str]:
 
 
 def _lines_of_samples(table: pd.DataFrame, home: str) -> dict[str, str]:
-    """Tell how many samples keep the orbit and the regime of the scene as given."""
+    """Return the percentages of samples with a stable orbit and with the regime of the scene as given."""
     kept = float((table["regime"] == home).mean())
     told = {
         "samples": f"{len(table)}",
@@ -292,8 +287,8 @@ def _lines_of_samples(table: pd.DataFrame, home: str) -> dict[str, str]:
 
 
 def _told_of_samples(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[str]:
-    """Yield lines on the distribution of each measure, and on what its variance comes from."""
-    yield "samples: 5 %, 50 % and 95 % lie below; shares of the variance by linear regression"
+    """Yield lines on the quantiles of each measure and on the contributions to its variance."""
+    yield "samples: 5 %, 50 % and 95 % quantiles; fractions of the variance by linear regression"
     for name, own in shares.groupby("measure", sort=False):
         low, middle, high = table[name].quantile(of_samples.QUANTILES)
         first = own.sort_values("regression", ascending=False, kind="stable").head(SHOWN)
@@ -307,25 +302,29 @@ STUDY = DesignStudy
 
 
 def design(scene: Scene, **options: Unpack[Options]) -> Result:
-    """Answer the question of a scene's section ``design``: sensitivities, tolerances, best values of keys.
+    """Find sensitivities, effects of tolerances and best values of keys, as set in the section ``design`` of a scene.
+
+    The periodic orbit to which the scene settles is differentiated by all keys. With tolerances, samples within them
+    are measured. With a measure to minimize, a gradient method searches for the values that satisfy the constraints.
 
     Parameters
     ----------
     scene
-        With a section ``design``.
+        Scene with a section ``design``.
     options
-        As of :func:`vibroplat.sweep`; ``progress`` is called with the numbers of finished and of known steps.
+        As in :func:`vibroplat.sweep`; ``progress`` is called with the numbers of finished and of known steps.
 
     Returns
     -------
     Result
-        Its tables: ``sensitivities``; with a spread ``samples`` and ``shares``; with a measure to minimize
-        ``evaluations`` and ``pareto``, and the best design's configuration ``configurations["best"]`` as YAML.
+        Table ``sensitivities``. With tolerances, tables ``samples`` and ``variance_contributions``. With a measure to
+        minimize, tables ``evaluations`` and ``pareto``, and the configuration of the best design as YAML in
+        ``configurations["best"]``.
 
     Raises
     ------
     ConfigError
-        The section is missing, or names what the scene does not have.
+        The section is missing, or names a key or measure that the scene does not have.
     OrbitError
         The motion converges to no periodic orbit.
     """

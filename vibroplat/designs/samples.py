@@ -25,35 +25,35 @@ from vibroplat.study.store import Record
 
 #: Samples in a task.
 CHUNK = 50
-#: Shares of samples below the values that are printed.
+#: Quantiles that are printed.
 QUANTILES = (0.05, 0.5, 0.95)
-#: How samples without a stable orbit settle: quickly, as they are many. Turns for which they settle at most, and of
-#: each part that is measured if they do not repeat; and how far they begin from the orbit, in the scene's scales.
+#: Samples without a stable orbit are simulated briefly, because there are many: maximum settling time (turns), length
+#: of a measured block (turns), initial distance from the orbit (scaled units).
 #: Of 50 chaotic ones RMS y differs by 1 % in the median and 14 % at most from that of 60 s of settling and 48 s more.
 SETTLING, MEASURING, AWAY = 128.0, 6.0, 1e-3
 
 SAMPLES: Columns = {
-    "sample": Column("number of the scene within the spread", kind=COUNT),
-    "stable": Column("whether the orbit of the scene as given is stable there", "also if it is lost: no", kind=FLAG),
+    "sample": Column("number of the sample", kind=COUNT),
+    "stable": Column("whether the orbit, continued to the sample, is stable", "false if the orbit is lost", kind=FLAG),
     "regime": Column(
         "synchronization and kind of motion",
-        "of the orbit if it is stable, otherwise of what its motion comes to",
+        "of the orbit if it is stable, otherwise of the attractor to which its motion converges",
         kind=TEXT,
     ),
     "stability_margin": Column(
-        "1 less the size of the orbit's largest Floquet multiplier", "empty if the orbit is lost"
+        "1 minus the magnitude of the orbit's largest Floquet multiplier", "empty if the orbit is lost"
     ),
 }
 SHARES: Columns = {
-    "measure": Column("a column of a sweep, or stability_margin", kind=TEXT),
-    "key": Column("dotted key of the spread", kind=TEXT),
-    "regression": Column("share of the key in the variance of the measure", "by linear regression over the samples"),
-    "explained": Column("share of the variance that linear regression explains", "the same for all keys"),
+    "measure": Column("name of the measure: a column of a sweep, or stability_margin", kind=TEXT),
+    "key": Column("dotted key with a tolerance", kind=TEXT),
+    "regression": Column("fraction of the measure's variance due to the key", "by linear regression"),
+    "explained": Column("fraction of the variance that linear regression explains", "equal for all keys of a measure"),
 }
 
 
 def within(seed: int, count: int, first: int, stop: int) -> FloatArray:
-    """Numbers from −1 to 1 for each of so many keys, spread evenly (Sobol 1967), shape (stop − first, count)."""
+    """Return numbers from −1 to 1 for ``count`` keys, evenly distributed (Sobol 1967), shape (stop − first, count)."""
     from scipy.stats import qmc  # noqa: PLC0415  (a second to import)
 
     points = qmc.Sobol(count, seed=seed).random_base2(max(stop - 1, 1).bit_length())

@@ -28,23 +28,25 @@ from vibroplat.study.store import Record
 USUAL = ("rms_x_m", "rms_y_m", "excitation_frequency_hz", "motor_power_w", "contact_force_max_n", "stability_margin")
 #: Residual of orbits whose measures are differentiated.
 TOLERANCE = 1e-9
-#: A measure over the largest of its kind that is round-off, as RMS x where the machine shakes along y.
+#: A measure over the largest of its kind that is round-off, as RMS x if the machine vibrates along y.
 NOTHING = 1e-7
 #: Change of a key, over its value, that tells whether the equations have it.
 _CHANGE = 1e-6
 
 SENSITIVITIES: Columns = {
     "measure": Column(
-        "a column of a sweep, or stability_margin",
-        "stability_margin: 1 less the size of the largest Floquet multiplier",
+        "name of the measure: a column of a sweep, or stability_margin",
+        "stability_margin: 1 minus the magnitude of the largest Floquet multiplier",
         kind=TEXT,
     ),
     "key": Column("dotted key of the scene", kind=TEXT),
-    "value": Column("value of the measure", "in its own unit"),
-    "derivative": Column("derivative of the measure by the key, along the orbit", "in the unit of one over the other"),
+    "value": Column("value of the measure", "unit of the measure"),
+    "derivative": Column(
+        "derivative of the measure by the key, along the orbit", "unit of the measure / unit of the key"
+    ),
     "elasticity": Column(
-        "relative change of the measure over that of the key",
-        "derivative × key / measure; empty where that is 0",
+        "relative change of the measure divided by the relative change of the key",
+        "derivative × key / measure; empty if the measure is 0",
     ),
 }
 
@@ -81,7 +83,7 @@ def require_keys(scene: Scene, keys: Sequence[str], where: str) -> None:
         if number_of(key) is None:
             require_allowed(scene, where, key, 1.0)
         if number_of(key) is float and values == {0.0}:
-            raise ConfigError(f"{where}.{key} is 0 in this scene; allowed: another value, to begin with")
+            raise ConfigError(f"{where}.{key} is 0 in this scene; allowed: another value")
         if not own <= {*allowed}:
             raise ConfigError(f"{where}.{key} cannot be varied; allowed: {', '.join(allowed)}")
 
@@ -105,7 +107,7 @@ def require_measures(scene: Scene, names: Sequence[str], where: str) -> None:
     for name in names:
         if name not in allowed:
             hint = meant(name, allowed)
-            raise ConfigError(f"{where}: {name} is no measure of this scene; {hint}allowed: {', '.join(allowed)}")
+            raise ConfigError(f"{where}: {name} is not a measure of this scene; {hint}allowed: {', '.join(allowed)}")
 
 
 def settling(scene: Scene) -> SweepPlan:
@@ -131,7 +133,9 @@ def settled(scene: Scene) -> Record:
     row = point.row
     if point.state is None or not row["period"]:
         what = row["motion"] if row["outcome"] == "ok" else f"{row['outcome']}: {row['detail']}"
-        raise OrbitError(f"{scene.name} comes to no periodic orbit ({what}); allowed: a scene whose motion repeats")
+        raise OrbitError(
+            f"{scene.name} does not converge to a periodic orbit ({what}); allowed: a scene whose motion is periodic"
+        )
     return {"state": point.state, "period": row["period"], "sync": row["sync"]}
 
 

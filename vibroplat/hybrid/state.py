@@ -273,9 +273,9 @@ def halvings(tolerance: float, height: float, scale: float, sure: bool) -> int:
 
     An absolute error of the gap moves a landing at speed v by its ratio to v, so the many low flights
     of accumulating impacts need a gap as accurate against their own height: its tolerance is divided by
-    4ⁿ, that of its rate by 2ⁿ. Gap and rate are integrated from 0 and keep their digits however low a
-    flight is; one that may rise higher than expected must not be asked for more than round-off leaves of it: ``sure``
-    says whether the flight is known to be that low (m).
+    4ⁿ, that of its rate by 2ⁿ. Gap and rate start from 0, so they keep full relative precision in any low flight.
+    ``sure`` says whether the flight is known to stay below ``height`` (m); otherwise a tighter tolerance could fall
+    below round-off.
     """
     share = max(height / scale, 4.0**-MAX_HALVINGS if sure else ROUND_OFF / tolerance)
     return min(int(-0.5 * math.log2(share)), MAX_HALVINGS) if share < 1.0 else 0

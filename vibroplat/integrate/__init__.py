@@ -73,7 +73,10 @@ def native_library() -> Library | None:
         opened = library()
         self_check(opened)
     except (UnavailableError, MemoryError) as reason:
-        _LOG.warning("engine native is not available: %s; engine sundae takes over, ten to twenty times slower", reason)
+        _LOG.warning(
+            "engine native is not available: %s; engine sundae is used instead and is ten to twenty times slower",
+            reason,
+        )
         return None
     return opened
 

@@ -23,11 +23,11 @@ from vibroplat.model.systems import System
 
 #: What engines count, in the order of the summary.
 WORK: Columns = {
-    "steps": Column("steps of the integrator", kind=COUNT),
-    "residual_calls": Column("evaluations of the residual", kind=COUNT),
-    "jacobian_calls": Column("evaluations of the Jacobian"),
-    "error_test_failures": Column("steps repeated because their error was too large"),
-    "newton_failures": Column("steps repeated because Newton's iteration failed"),
+    "steps": Column("number of steps of the integrator", kind=COUNT),
+    "residual_calls": Column("number of evaluations of the residual", kind=COUNT),
+    "jacobian_calls": Column("number of evaluations of the Jacobian"),
+    "error_test_failures": Column("number of steps repeated because of their error"),
+    "newton_failures": Column("number of steps repeated because Newton's iteration failed"),
 }
 
 

@@ -146,7 +146,7 @@ def stop_within(
 
 @compiled
 def limit_force_slopes(h: Automaton, cut: bool) -> None:
-    """Limit the slopes of F_c in the open piece, so that its polynomials do not leave what its values say.
+    """Limit the slopes of F_c in the open segment so that its interpolant does not overshoot (Schmidt and Hess 1988).
 
     F_c is not integrated: a stiff layer or motor turns errors of rates, which the tolerance allows, into larger
     ones of F_c and much larger ones of its slope. A slope that belongs to the values is at most about the

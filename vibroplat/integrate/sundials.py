@@ -92,7 +92,7 @@ def configuration() -> dict[str, str]:
     try:
         text = (package() / "py_config.pxi").read_text(encoding="utf-8")
     except OSError as error:
-        raise UnavailableError(f"scikit-sundae does not tell its configuration ({error})") from None
+        raise UnavailableError(f"scikit-sundae does not report its configuration ({error})") from None
     return dict(re.findall(r'^(\w+) = "(.*)"$', text, flags=re.MULTILINE))
 
 

@@ -61,8 +61,8 @@ def initial_condition(scene: Scene) -> Start:
     start = start._replace(state=perturb_state(start.state, scene, share, key))
     if scene.drive.program is not None and scene.drive.program[0].t_s > start.time:
         raise ConfigError(
-            f"drive.program.0.t_s = {scene.drive.program[0].t_s} but the run begins at {start.time:g} s; "
-            "allowed: an entry for its beginning"
+            f"drive.program.0.t_s = {scene.drive.program[0].t_s} but the run starts at {start.time:g} s; allowed: "
+            "an entry at or before its start"
         )
     return start
 

@@ -37,27 +37,27 @@ SETTLE_FRACTION = 0.5
 #: The summary of a run.
 SUMMARY: Columns = {
     "name": Column("name of the scene", kind=TEXT),
-    "outcome": Column("ok, or why the run ended early or is inaccurate", kind=TEXT),
-    "detail": Column("where and why, unless the outcome is ok", kind=TEXT),
+    "outcome": Column("ok, or the reason why the run ended early or is inaccurate", kind=TEXT),
+    "detail": Column("time, place and cause, unless the outcome is ok", kind=TEXT),
     "simulated_s": Column("simulated time"),
     "rotation": Column("counter-rotating or co-rotating exciters", kind=TEXT),
-    "perturbation": Column("random change of the rates at the start", "in the scales of the scene"),
+    "perturbation": Column("random change of the initial rates", "scaled units"),
     "static_sag_m": Column(
-        "static sag of the springs", "the machine rests at y = -static_sag_m; figures show y from there"
+        "static sag of the springs", "the machine rests at y = -static_sag_m; figures show y relative to this"
     ),
     "period": Column(
-        "turns of exciter 1 after which the motion repeats",
-        f"0: none found up to {MAX_PERIOD}, or not settled; means are of whole periods",
+        "period of the motion, in turns of exciter 1",
+        f"0: none up to {MAX_PERIOD}, or not settled; means are over whole periods",
         kind=COUNT,
     ),
     **MEASURES,
-    "contact_force_noise_n": Column("contact forces up to this size, of either sign, are noise"),
-    "engine": Column("integrator that ran"),
-    "tolerance": Column("its tolerance", "local error relative to the scales of the scene"),
+    "contact_force_noise_n": Column("magnitude up to which contact forces are noise"),
+    "engine": Column("integrator that was used"),
+    "tolerance": Column("tolerance of the integrator", "local error (scaled units)"),
     **WORK,
-    "restarts": Column("starts of the integrator", "the first one, and one after each event"),
-    "wall_s": Column("time that the computation took"),
-    "notes": Column("what deserves a second look", kind=TEXT),
+    "restarts": Column("number of restarts of the integrator", "including the first start; one after each event"),
+    "wall_s": Column("wall-clock time of the computation"),
+    "notes": Column("warnings", kind=TEXT),
     **SHEET,
     **WHOLE,
 }
@@ -73,38 +73,39 @@ def simulate(
     start: Start | None = None,
     engine: Callable[[Scene, Parameters], Engine] = make_engine,
 ) -> RunResult:
-    """Integrate a scene in time.
+    """Integrate a scene in time, from its initial condition for ``run.duration_s``.
+
+    The summary has measures of the second half of the run, loads, and an energy audit of the whole run.
 
     Parameters
     ----------
     scene
-        What to simulate, how long and how accurately.
+        Scene to simulate, with duration and accuracy.
     keep
-        ``segments``: all that tables and dense output need; ``table``: both tables; ``events``: the event table;
-        ``summary``: neither, in memory that does not grow with the length of the run. All have the summary.
+        Data kept in memory besides the summary. ``segments``: data for tables and dense output; ``table``: trajectory
+        and event table; ``events``: event table; ``summary``: nothing, memory does not grow with the length of the run.
     progress
-        Called now and then with the time reached (s) and the number of events so far.
+        Function that is called from time to time with the time reached (s) and the number of events so far.
     sink
-        Two functions that are given the trajectory table and the event table part by part while the run goes on,
-        whatever it keeps; or two files, :class:`vibroplat.results.tables.TableFile`.
+        Two functions, or two files (:class:`vibroplat.results.tables.TableFile`), that receive the trajectory table and
+        the event table part by part during the run, independent of ``keep``.
     variation
-        ``True``: find the derivative of the end by the start too, :attr:`RunResult.monodromy`; keys as in
-        :func:`vibroplat.motion.variation.variation`: also by these, :attr:`RunResult.variation`.
+        True: also compute the derivative of the final state by the initial state, :attr:`RunResult.monodromy`.
+        Dotted keys: also the derivative by these keys, :attr:`RunResult.variation`.
     start
-        Where it begins, if that is known already. Default: as the scene says.
+        Initial condition, if it is known already. Default: the initial condition of the scene.
     engine
-        Makes the engine. Default: that of ``solver.engine``.
+        Function that makes the engine. Default: ``solver.engine``.
 
     Returns
     -------
     RunResult
-        What was computed, also if the run ended early; see :attr:`RunResult.outcome`.
+        The result, also if the run ended early; see :attr:`RunResult.outcome`.
 
     Raises
     ------
     ConfigError
-        The table that is to be kept does not fit into memory, the run cannot begin as the scene says, or a key cannot
-        be varied.
+        The kept table does not fit into memory, the initial condition is not possible, or a key cannot vary.
     """
     if keep == "table":
         require_room(scene)

@@ -47,19 +47,20 @@ def variation(
     seconds: float | None = None,
     keys: str | Sequence[str] = (),
 ) -> Varied:
-    """Follow a motion for a time, with the derivative of its state by the start and by keys of the scene.
+    """Integrate a motion with the derivatives of its state by the initial state and by keys of the scene.
 
-    The derivative goes through liftoffs, impacts and chatters; it is that of the state at a fixed time. That by a key
-    is at a fixed start. A start in contact cannot vary in gap and gap rate: these columns are 0.
+    The variational equations are solved with saltation matrices at liftoffs, impacts and chatters. Derivatives are at a
+    fixed time; derivatives by keys are at a fixed initial state. An initial state in contact cannot vary in gap and gap
+    rate: these columns are 0.
 
     Parameters
     ----------
     scene
-        The scene; with a drive program the motion begins at 0 s.
+        Scene; with a supply program the motion starts at 0 s.
     state
-        State to begin with: named as :attr:`Varied.state`, or a full state, shape (14,). Default: as a run begins.
+        Initial state: named as :attr:`Varied.state`, or a full state, shape (14,). Default: that of a run.
     seconds
-        For how long (s). Default: ``run.duration_s``.
+        Duration (s). Default: ``run.duration_s``.
     keys
         Dotted keys with continuous values, as ``drive.supply_frequency_hz``.
 
@@ -70,7 +71,7 @@ def variation(
     vibroplat.errors.MotionError
         The motion ended early.
     ValueError
-        The state is none of this scene.
+        The state does not fit the scene.
     """
     keys = key_tuple(keys)
     observer = Variation(parameter_directions(scene, keys))

@@ -65,7 +65,7 @@ _AXES = (
     ("force_y", PULL_Y, "force_y", "n"),
     ("moment", MOMENT, "moment", "n_m"),
 )
-_SUSPENSION = "springs and dampers; impulses of impacts reach it through them alone"
+_SUSPENSION = "springs and dampers; impulses of impacts act only through these"
 
 
 def _motor_columns() -> Iterator[tuple[str, Column]]:
@@ -76,22 +76,25 @@ def _motor_columns() -> Iterator[tuple[str, Column]]:
     ):
         for i in (1, 2):
             yield f"motor_{what}_{i}_mean_{unit}", Column(f"mean {what} of motor {i}", definition)
-            yield f"motor_{what}_{i}_max_{unit}", Column(f"largest {what} of motor {i}", "of either sign")
+            yield f"motor_{what}_{i}_max_{unit}", Column(f"maximum {what} of motor {i}", "magnitude")
     for i in (1, 2):
-        yield f"torque_ratio_{i}", Column(f"mean torque of motor {i} over its critical torque")
-        yield f"torque_ratio_{i}_max", Column(f"largest torque of motor {i} over its critical torque", "of either sign")
+        yield f"torque_ratio_{i}", Column(f"mean torque of motor {i} / critical torque")
+        yield (
+            f"torque_ratio_{i}_max",
+            Column(f"maximum torque of motor {i} / critical torque", "magnitude"),
+        )
     for i in (1, 2):
         yield f"slip_{i}", Column(f"mean slip of motor {i}", "if its supply is constant")
     for i in (1, 2):
-        yield f"speed_ripple_{i}_hz", Column(f"ripple of the speed of exciter {i}", "largest minus least")
+        yield f"speed_ripple_{i}_hz", Column(f"ripple of the speed of exciter {i}", "maximum minus minimum")
     for i in (1, 2):
         yield (
             f"bearing_force_{i}_max_n",
-            Column(f"largest centrifugal force of unbalance {i}", "m_i r_i times the square of its largest speed"),
+            Column(f"maximum centrifugal force of unbalance {i}", "m_i r_i times the square of the maximum speed"),
         )
 
 
-#: What is of the measured interval.
+#: Columns for the measuring interval.
 SHEET: Columns = {
     **{
         f"foundation_{name}_{how}_{unit}": Column(f"{meaning} of the {what} into the foundation", told)
@@ -101,19 +104,19 @@ SHEET: Columns = {
             ("moment", "moment", "n_m"),
         )
         for how, meaning, told in (
-            *((("mean", "mean", "the static part: minus the weight that the springs carry"),) * (name == "force_y")),
+            *((("mean", "mean", "static part: minus the weight on the springs"),) * (name == "force_y")),
             ("rms", "RMS", "about its mean"),
-            ("max", "largest size", _SUSPENSION + ("; with the static part" if name == "force_y" else "")),
+            ("max", "maximum magnitude", _SUSPENSION + ("; with the static part" if name == "force_y" else "")),
         )
     },
-    "stroke_x_m": Column("stroke along x", "largest minus least value"),
-    "stroke_y_m": Column("stroke along y", "largest minus least value"),
+    "stroke_x_m": Column("stroke along x", "maximum minus minimum"),
+    "stroke_y_m": Column("stroke along y", "maximum minus minimum"),
     "acceleration_max_m_per_s2": Column(
-        "largest acceleration of the machine's centre of mass", "its size; impulses of impacts do not count"
+        "maximum acceleration of the machine's centre of mass", "magnitude; impulses of impacts do not count"
     ),
     "gamma": Column(
-        "largest acceleration along y of the machine's centre of mass over gravity",
-        "of either sign, impulses of impacts do not count; the throw index of a level deck",
+        "maximum acceleration along y of the machine's centre of mass divided by gravity",
+        "magnitude; impulses of impacts do not count; the throw index of a level deck",
     ),
     **dict(_motor_columns()),
 }
@@ -124,9 +127,10 @@ def point_columns(names: Iterable[str]) -> Columns:
     columns = {}
     for name in names:
         for axis in ("x", "y"):
-            columns[f"stroke_{axis}_{name}_m"] = Column(f"stroke of point {name} along {axis}", "largest minus least")
+            columns[f"stroke_{axis}_{name}_m"] = Column(f"stroke of point {name} along {axis}", "maximum minus minimum")
         columns[f"acceleration_max_{name}_m_per_s2"] = Column(
-            f"largest acceleration of point {name}", "as the axes, it turns with the platform to first order in phi"
+            f"maximum acceleration of point {name}",
+            "magnitude; of first order in phi",
         )
     return columns
 
@@ -151,28 +155,29 @@ def whole_columns(described: Columns) -> Columns:
         if not name.startswith(TIMED):
             continue
         columns_of_run[f"whole_{base}_at_s"] = Column(
-            f"when whole_{base} was first reached", "what exceeds it later by less than 1e-11 of it is round-off"
+            f"time at which whole_{base} was first reached",
+            "later values that exceed it by a relative 1e-11 or less are round-off",
         )
         columns_of_run[f"whole_{base}_at_hz"] = Column(
-            "mean speed of both exciters around then",
-            "turns of each over the time of that turn of the faster one; empty if both swing or stand still",
+            "mean speed of both exciters at that time",
+            "mean over a turn of the faster exciter; empty if both swing or stand still",
         )
     return columns_of_run
 
 
-#: What is of a whole run.
+#: Columns for the whole run.
 WHOLE: Columns = {
     **whole_columns(SHEET),
     "synchronized_at_s": Column(
-        "from when on the exciters turn as in the measured part",
-        "speeds within 5 % of theirs there, phase difference within pi/3 of its mean; empty if no motor is on, or "
-        "unless the phase difference there, in at least 48 turns, converges or fluctuates without a trend",
+        "time from which the exciters stay synchronized as in the measured part",
+        "speeds within 5 % and phase difference within pi/3 of the measured means; empty if no motor is on, with fewer "
+        "than 48 turns, or if the measured phase difference neither converges nor fluctuates without a trend",
     ),
-    "start_energy_j": Column("work of both motors until then"),
+    "start_energy_j": Column("work of both motors until synchronized_at_s"),
     "captured_by": Column(
-        "resonance by which a motor is captured (Sommerfeld)",
-        "x, y or phi: it slips by more than a third of its critical slip at a steady speed within 10 % of that natural "
-        "frequency, y with or without the material; empty if it is not",
+        "resonance that captures a motor (Sommerfeld effect)",
+        "x, y or phi: the motor slips by more than a third of its critical slip at a steady speed within 10 % of "
+        "that natural frequency; y with or without the material; empty if no motor is captured",
     ),
 }
 
@@ -354,9 +359,9 @@ def fluctuates(means: FloatArray) -> bool:
 
 
 def synchronization_time(ms: Accumulators, scene: Scene, start: float) -> tuple[float | None, float | None]:
-    """Return from when on the exciters turn as in the measured part (s), and the motors' work until then (J).
+    """Return the time from which the exciters stay synchronized (s), and the work of the motors until then (J).
 
-    They are None if the phase difference or a speed left that during the measured part.
+    Both are None if the phase difference or a speed left its range during the measured part.
     """
     mean, begin = means(ms), ms.marks["first"][0]
     width, fastest = 1.0 / BINS, FASTEST * scene.speed_scale

@@ -33,7 +33,7 @@ HEIGHT, ROTATION, OPENING, FORCE, SIDEWAYS, SPEED_1, _, PULL_X, PULL_Y, MOMENT =
 TORQUE_1, _, POWER_1, _, LIFT, ACCELERATION, DRIVEN_1, _, IMPULSE, POINTS = _PLACES[10:]
 _SIZE = QUANTITIES + 3 * MOST_POINTS
 
-#: Part of an extreme by which another has to go beyond it; less is round-off, as between turns of a periodic motion.
+#: Relative amount by which a value must exceed an extreme to replace it; smaller differences are round-off.
 TIE = 1e-11
 
 #: Extremes, when they were first met (s), and the mean speed of both exciters over the turn around that (rad/s), once

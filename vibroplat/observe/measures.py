@@ -126,9 +126,10 @@ def empty_accumulators(window: float, points: int = SECTION_ROWS, blocks: int = 
 
 
 def block_difference(earlier: Accumulators, later: Accumulators) -> Accumulators:
-    """Subtract two copies, at the ends of blocks: what is of whole turns of exciter 1 between them; counts are of all.
+    """Return the accumulators of one block, from copies at its two ends.
 
-    Extremes are those of the block's row, which begins at the first whole turn after the block has begun.
+    Sums cover the whole turns of exciter 1 in the block, counts the whole block. Extremes are those of the block's row,
+    which starts at the first whole turn in the block.
     """
     marks, whole = later.marks.copy(), later.whole - earlier.whole
     marks["turns"] += 1 - earlier.marks["turns"]  # the last turn before is the first mark

@@ -41,7 +41,7 @@ _SAMPLED = (
 
 
 def notes_on_measures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
-    """Say where measures of a motion are outside what the model or the motors of its scene are made for."""
+    """List warnings on measures outside the range of validity of the model or of the motors."""
     notes = (rotation(measures["phi_max_rad"]), *captures(scene, measures), coarseness(scene, measures))
     return [note for note in notes if note]
 
@@ -57,8 +57,8 @@ def coarseness(scene: Scene, measures: Mapping[str, Any]) -> str:
     if not (measures["impacts_per_period"] or 0.0) > 1.0:
         return ""
     return (
-        f"several impacts a turn amplify errors, so that measures at tolerance {tolerance:g} may be off by per cents: "
-        "lower it"
+        f"several impacts per turn amplify errors: at tolerance {tolerance:g} the results may be wrong by several "
+        "per cent, so lower solver.tolerance"
     )
 
 
@@ -66,13 +66,13 @@ def rotation(largest: float | None) -> str:
     """Return the note on the largest rotation of a platform (rad), or an empty text if it is small."""
     if largest is None or largest <= LARGE_ROTATION:
         return ""
-    return f"the platform turns by up to {rounded(largest, 2)} rad, where a model of first order in phi is inaccurate"
+    return f"the platform turns by up to {rounded(largest, 2)} rad: inaccurate in a model of first order in phi"
 
 
 def drift(measures: Mapping[str, Any]) -> str:
     """Return the note on a phase difference that changes while it is measured, or an empty text if it does not.
 
-    It is for runs: points of a sweep have settled, and say by their synchronization what did not.
+    For runs only: points of a sweep have settled, and their synchronization is none if the phase difference drifts.
     """
     if measures["impacts_per_period"] is None:  # no whole turn
         return ""
@@ -91,13 +91,13 @@ def change(scene: Scene, measures: Mapping[str, Any], start: float) -> str:
     if last <= begin:
         return ""
     return (
-        f"the supply changes until {last:g} s, but the measured part begins at {rounded(begin)} s: "
-        f"means mix what is before and after, and run.duration_s = {2.0 * (last - start):g} or more avoids that"
+        f"the supply changes until {last:g} s, but the measured part begins at {rounded(begin)} s: means include "
+        f"the change; run.duration_s = {2.0 * (last - start):g} or more avoids that"
     )
 
 
 def capture(exciter: int, speed: float, synchronous: float, critical_slip: float) -> str:
-    """Return the note on an exciter (1 or 2) that does not come near its synchronous speed, or an empty text.
+    """Return the note on an exciter (1 or 2) that does not approach its synchronous speed, or an empty text.
 
     Speeds are in Hz; at the critical slip its motor has the largest torque.
     """
@@ -136,7 +136,7 @@ def largest_samples(table: pd.DataFrame | Mapping[str, Any], since: float) -> di
 
 
 def notes_on_samples(sampled: Mapping[str, float], measures: Mapping[str, Any], rate: float) -> list[str]:
-    """Say which of the largest values of a run (measures) the samples of its trajectory table (rate in Hz) miss."""
+    """List warnings on maxima of a run (measures) that the samples of its trajectory table (rate in Hz) miss."""
     notes = []
     for column, key, name, unit in _SAMPLED:
         largest = measures[key]
@@ -168,7 +168,7 @@ def captures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
         return [capture(i + 1, speeds[i], synchronous[i], slips[i]) for i in driven]
     seconds = measures["measured_to_s"] - measures["measured_from_s"]
     return [
-        f"exciter {i + 1} hardly turns, though its synchronous speed is {rounded(synchronous[i])} Hz"
+        f"exciter {i + 1} hardly turns, although its synchronous speed is {rounded(synchronous[i])} Hz"
         for i in driven
         if speeds[i] * seconds < 1.0 and capture(i + 1, 2.0 / seconds, synchronous[i], slips[i])
     ]

@@ -46,72 +46,72 @@ AUDIT: Columns = {
     "truncation_work_j": Column(
         "work without a physical source", "the exciter axes turn with the platform to first order in phi only"
     ),
-    **{f"{name}_work_j": Column(f"energy taken by the {damper}") for name, (_, damper) in DAMPERS.items()},
-    "resistance_work_j": Column("energy taken by the resistance of both exciters"),
+    **{f"{name}_work_j": Column(f"energy dissipated by the {damper}") for name, (_, damper) in DAMPERS.items()},
+    "resistance_work_j": Column("energy dissipated by the resistance of both exciters"),
     "gravity_work_j": Column("work of gravity"),
     "impact_loss_j": Column("energy lost in impacts and chatters"),
     "kinetic_change_j": Column("change of the kinetic energy"),
     "elastic_change_j": Column("change of the elastic energy"),
     "energy_residual_j": Column(
-        "what is left of the energy balance",
+        "residual of the energy balance",
         "work of motors and gravity + truncation - dampers - resistance - impacts - changes of energy",
     ),
     "energy_residual": Column(
-        "relative energy residual", "over the larger of the energy exchanged and the energies at both ends"
+        "relative energy residual", "relative to the maximum of the exchanged energy and the energies at both ends"
     ),
-    "momentum_residual_n_s": Column("what is left of the balance of vertical momentum"),
+    "momentum_residual_n_s": Column("residual of the balance of vertical momentum"),
     "momentum_residual": Column(
-        "relative momentum residual", "over the largest of the forces' integral and the momenta at both ends"
+        "relative momentum residual", "relative to the maximum of the integral of forces and the momenta at both ends"
     ),
 }
 
-#: What :func:`measure` gathers: of the whole turns of exciter 1 in the measured part, where there are any; what
-#: is of the whole run or point says so.
+#: What :func:`measure` returns. Values are for the whole turns of exciter 1 in the measuring interval, if there are
+#: any. Meanings that say "in the whole run" are the exception.
 MEASURES: Columns = {
     "rms_x_m": Column("RMS of x", "about its mean"),
     "rms_y_m": Column("RMS of y", "about its mean"),
     "rms_phi_rad": Column("RMS of phi", "about its mean"),
-    "amplitude_y_m": Column("amplitude of y", "half the difference of its largest and least value"),
+    "amplitude_y_m": Column("amplitude of y", "half the difference of maximum and minimum"),
     "excitation_frequency_hz": Column(
         "mean speed of both exciters",
-        "turns of each over the time they take; parts of a turn where exciter 1 completes none",
+        "number of whole turns divided by their duration; fractions of a turn if exciter 1 completes none",
     ),
     "frequency_split_hz": Column("speed of exciter 1 minus that of exciter 2"),
     "impacts_per_period": Column(
         "impacts per turn of exciter 1",
-        "those that a chatter sums up are not counted; solver.tolerance decides how many are counted before a chatter, "
-        "so that there is no standard error with chatters in the measured part",
+        "impacts summed by a chatter do not count; solver.tolerance decides how many count before a chatter, so "
+        "there is no standard error if the measuring interval has chatters",
     ),
     "phase_difference_rad": Column(
         "mean phase difference of the exciters",
         "circular mean in (-pi, pi] of phi_1 + phi_2 if counter-rotating, phi_1 - phi_2 if co-rotating",
     ),
     "phase_coherence": Column(
-        "how steady the phase difference is", "length of its mean unit vector: 1 constant, 0 without a preferred value"
+        "coherence of the phase difference", "length of its mean unit vector; 1: constant, 0: no preferred value"
     ),
-    "flight_fraction": Column("share of the time in flight"),
+    "flight_fraction": Column("fraction of the time in flight"),
     "motor_power_w": Column("mean mechanical power of both motors"),
-    "measured_s": Column("time over which means are taken"),
-    "measured_from_s": Column("beginning of that time", "of all that is not said to be of the whole run"),
-    "measured_to_s": Column("end of that time"),
-    "contact_force_min_n": Column("least contact force"),
-    "contact_force_max_n": Column("largest contact force", "impulses of impacts do not count"),
-    "contact_pull_n": Column("how far the contact force fell below 0 in the whole run", "a check: should be noise"),
-    "gap_min_m": Column("least gap in the whole run", "a check: should be 0"),
-    "gap_max_m": Column("largest gap"),
-    "phi_max_rad": Column("largest rotation of the platform in the whole run", "of either sign"),
-    "impulse_max_n_s": Column("largest impulse of an impact"),
+    "measured_s": Column("length of the measuring interval"),
+    "measured_from_s": Column("start of the measuring interval", "of all values except those in the whole run"),
+    "measured_to_s": Column("end of the measuring interval"),
+    "contact_force_min_n": Column("minimum contact force"),
+    "contact_force_max_n": Column("maximum contact force", "impulses of impacts do not count"),
+    "contact_pull_n": Column("largest tensile contact force in the whole run", "an audit: should be noise"),
+    "gap_min_m": Column("minimum gap in the whole run", "an audit: should be 0"),
+    "gap_max_m": Column("maximum gap"),
+    "phi_max_rad": Column("maximum rotation of the platform in the whole run", "magnitude"),
+    "impulse_max_n_s": Column("maximum impulse of an impact"),
     "impulse_sum_n_s": Column("sum of all impulses in the whole run"),
-    "liftoffs": Column("liftoffs in the whole run"),
-    "impacts": Column("impacts in the whole run", "without those of chatters, as impacts_per_period"),
-    "chatters": Column("chatters in the whole run", "impacts that accumulate and end in contact"),
+    "liftoffs": Column("number of liftoffs in the whole run"),
+    "impacts": Column("number of impacts in the whole run", "without impacts summed by chatters"),
+    "chatters": Column("number of chatters in the whole run", "accumulating impacts that end in contact"),
     "events": Column(
-        "liftoffs, impacts and chatters in the whole run", "impacts without those of chatters", kind=COUNT
+        "number of liftoffs, impacts and chatters in the whole run", "without impacts summed by chatters", kind=COUNT
     ),
-    "measured_liftoffs": Column("liftoffs in that time"),
-    "measured_impacts": Column("impacts in that time", "without those of chatters, as impacts_per_period"),
-    "measured_chatters": Column("chatters in that time"),
-    "measured_turns": Column("whole turns of exciter 1 in that time"),
+    "measured_liftoffs": Column("number of liftoffs in the measuring interval"),
+    "measured_impacts": Column("number of impacts in the measuring interval", "without impacts summed by chatters"),
+    "measured_chatters": Column("number of chatters in the measuring interval"),
+    "measured_turns": Column("number of whole turns of exciter 1 in the measuring interval"),
     **{
         name: Column(f"{c.meaning} in the whole run", c.definition) if name.endswith("_j") else c
         for name, c in AUDIT.items()
@@ -332,8 +332,8 @@ def inaccuracy(measures: Mapping[str, Any], scene: Scene) -> str:
         residual = measures[f"{name}_residual"]
         if residual is not None and residual > limit:
             return (
-                f"{name} residual {residual:.3g} is beyond {limit:.3g}, the limit at tolerance {tolerance:g}; lower "
-                "solver.tolerance, and check the scene for sizes that are far apart"
+                f"{name} residual {residual:.3g} exceeds {limit:.3g}, the limit at tolerance {tolerance:g}; lower "
+                "solver.tolerance, and check the orders of magnitude in the scene"
             )
     return ""
 

@@ -50,18 +50,18 @@ TRAJECTORY: Columns = {
 #: Columns of the event table.
 EVENTS: Columns = {
     "t_s": Column("time"),
-    "kind": Column("liftoff, impact, chatter or drive", "drive: a corner of the supply's program", kind=TEXT),
+    "kind": Column("liftoff, impact, chatter or drive", "drive: a corner of the supply program", kind=TEXT),
     "gap_rate_before_m_per_s": Column(
-        "rate of the gap before the event", "of a chatter: before the first of the impacts it stands for"
+        "rate of change of the gap before the event", "for a chatter: before its first impact"
     ),
-    "gap_rate_after_m_per_s": Column("rate of the gap after the event"),
-    "impulse_n_s": Column("impulse between lower layer and platform", "of a chatter: the sum over its impacts"),
-    "energy_loss_j": Column("energy lost at the event", "of a chatter: the sum over its impacts"),
+    "gap_rate_after_m_per_s": Column("rate of change of the gap after the event"),
+    "impulse_n_s": Column("impulse between lower layer and platform", "for a chatter: sum over its impacts"),
+    "energy_loss_j": Column("energy lost at the event", "for a chatter: sum over its impacts"),
     "contact_force_after_n": Column("contact force after the event", "0 in flight"),
     "mode_after": Column("mode after the event", "attached, flight or bare"),
     "impacts": Column(
         "number of impacts",
-        "1 for an impact, 0 for a liftoff; for a chatter counted until round-off of the first speed",
+        "1 for an impact, 0 for a liftoff; for a chatter, number of impacts until their speed is round-off",
     ),
 }
 #: Fields of :data:`vibroplat.hybrid.state.EVENT` that these columns hold, in the same order.

@@ -331,7 +331,8 @@ def is_zero(s: FloatArray, j: int) -> bool:
 def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Parameters, v: VariationalState) -> None:
     """Carry the derivative through an impact, to the event.
 
-    One too slow to move anything, with contact after it, is contact that goes on; one without speed, none.
+    An impact slower than ``slowest`` that ends in contact is treated as uninterrupted contact. An impact of zero speed
+    leaves the derivative unchanged.
     """
     attached = event.mode_after == ATTACHED
     if -event.rate_before < slowest and event.rate_after == 0.0 and attached:

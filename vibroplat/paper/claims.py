@@ -56,15 +56,15 @@ LAG = 1.0
 #: The table ``claims``, a row for each claim of the paper.
 CLAIMS: Columns = {
     "id": Column("name of the claim"),
-    "figure": Column("figure of the paper it belongs to"),
+    "figure": Column("figure of the paper that shows it"),
     "quote": Column("the paper's words"),
-    "expected": Column("what the claim says, in numbers"),
-    "measured": Column("what was found with the first seed"),
-    "seeds": Column("with how many seeds the claim holds"),
+    "expected": Column("the claim in numbers"),
+    "measured": Column("value measured with the first seed"),
+    "seeds": Column("number of seeds with which the claim holds"),
     "margin": Column(
-        "how far what was measured is from where the verdict changes, over the seeds", "below 0 if the claim fails"
+        "distance of the measured value from the limit of the verdict, over the seeds", "below 0 if the claim fails"
     ),
-    "verdict": Column("whether the claim is reproduced, and what it depends on"),
+    "verdict": Column("whether the claim is reproduced, and on what that depends"),
     "why": Column("reason of the verdict"),
     "note": Column("comment on the claim"),
 }

@@ -37,35 +37,35 @@ SHOWN, RATE = 8, 2000.0
 
 #: The tables of Figs. 4, 5 and 7, a row for each time.
 HISTORY: Columns = {
-    "panel": Column("the paper's excitation frequency of the panel, in Hz", kind=TEXT),
+    "panel": Column("excitation frequency of the panel in the paper (Hz)", kind=TEXT),
     "curve": Column("number of the curve in the paper", kind=COUNT),
     "scene": Column("name of the scene", kind=TEXT),
     "excitation_frequency_hz": Column("mean speed of both exciters"),
-    "t_s": Column("time", "from a whole turn of exciter 1"),
-    "y_m": Column("displacement along y", "from the static rest"),
-    "gap_m": Column("gap", "empty without contact"),
+    "t_s": Column("time", "since a whole turn of exciter 1"),
+    "y_m": Column("displacement along y", "relative to static rest"),
+    "gap_m": Column("gap", "empty if the model has no contact"),
 }
 #: The table ``sync-bands``, a row for each stretch of points with the same synchronization.
 SYNC_BANDS: Columns = {
-    "mass_ratio": Column("mass of the material over that of the machine"),
+    "mass_ratio": Column("mass of the material divided by the mass of the machine"),
     "restitution": Column("coefficient of restitution"),
     "model": Column("contact model", kind=TEXT),
     "law": Column("impact law", kind=TEXT),
     "direction": Column("direction of the branch", kind=TEXT),
     "sync": Column("synchronization of the exciters", kind=TEXT),
-    "points": Column("points of the stretch", kind=COUNT),
-    "first_hz": Column("excitation frequency of its first point"),
-    "last_hz": Column("excitation frequency of its last point"),
-    "first_supply_hz": Column("supply frequency of its first point"),
-    "last_supply_hz": Column("supply frequency of its last point"),
-    "rms_y_largest_m": Column("largest RMS of y"),
+    "points": Column("number of points", kind=COUNT),
+    "first_hz": Column("excitation frequency at the first point"),
+    "last_hz": Column("excitation frequency at the last point"),
+    "first_supply_hz": Column("supply frequency at the first point"),
+    "last_supply_hz": Column("supply frequency at the last point"),
+    "rms_y_largest_m": Column("maximum RMS of y"),
 }
 
 #: The tables of a reproduction: what their rows are, and their columns.
 TABLES: dict[str, tuple[str, Columns]] = {
-    "claims": ("`vibroplat paper`: a row for each claim.", CLAIMS),
+    "claims": ("`vibroplat paper`: one row per claim.", CLAIMS),
     "fig4, fig5, fig7": (
-        "`vibroplat paper`: time histories. Its other tables, `fig2`, `fig3` and `fig6`, are as `sweep`.",
+        "`vibroplat paper`: time histories. The tables `fig2`, `fig3` and `fig6` have the columns of `sweep`.",
         HISTORY,
     ),
     "sync-bands": ("`vibroplat paper`: where the exciters synchronize how.", SYNC_BANDS),

@@ -81,7 +81,7 @@ def sheet(scene: Scene, summary: Mapping[str, Any]) -> dict[str, str]:
         lines[f"bearing of exciter {n}"] = f"largest centrifugal force {_short(summary, column)} N{peak}"
     at = summary["synchronized_at_s"]
     if at is not None:
-        lines["in step"] = f"from {at:.4g} s on, after {_short(summary, 'start_energy_j')} J of the motors"
+        lines["in step"] = f"from {at:.4g} s, after {_short(summary, 'start_energy_j')} J of motor work"
     if summary["captured_by"]:
         lines["captured"] = f"by the resonance in {summary['captured_by']}"
     return lines

@@ -69,26 +69,26 @@ class Result:
     Parameters
     ----------
     command
-        The command, as ``sweep``.
+        Name of the command, such as ``sweep``.
     scene
-        What was simulated.
+        Simulated scene.
     tables
-        Tables by name, or functions that yield their parts; the last one is written last.
+        Tables by name, or functions that yield their parts; the last table is written last.
     answer
-        What is printed.
+        Printed answer.
     documents, configurations
         Contents of further JSON and YAML files, by name.
     facts
-        What provenance has besides.
+        Further entries of provenance.
 
     Attributes
     ----------
     command
-        The command.
+        Name of the command.
     check
-        What the check by another engine has found, as plain values; None without a check.
+        Result of the cross-check by another engine, as plain values; None without a cross-check.
     label
-        What it is called beside other results.
+        Name of the result beside other results.
     """
 
     check: Mapping[str, Any] | None = None
@@ -114,12 +114,12 @@ class Result:
 
     @classmethod
     def read(cls, directory: str | Path, command: str) -> Self:
-        """Read the result of a command from a directory; tables are read when they are first asked for.
+        """Read the result of a command from a directory; tables are read at first use.
 
         Raises
         ------
         TableError
-            There is none, it is unfinished, or it has another schema.
+            The directory has no such result, or it is unfinished or has an unknown schema.
         """
         place = Path(directory)
         if not place.is_dir():
@@ -134,7 +134,7 @@ class Result:
 
     @cached_property
     def scene(self) -> Scene:
-        """What was simulated; raises TableError if the configuration is lost or of another version."""
+        """Simulated scene; raises TableError if the configuration is lost or from an incompatible version."""
         try:
             return Scene.from_tree(self.given())
         except (TypeError, AttributeError, ConfigError) as error:
@@ -172,12 +172,12 @@ class Result:
 
     @cached_property
     def answer(self) -> Answer:
-        """What was printed."""
+        """Printed answer."""
         return Answer.from_tree(self.provenance.get("answer"))
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """How it was made: versions, machine and configuration; with the answer and what a check has found."""
+        """Provenance: versions, machine, configuration, printed answer and cross-check."""
         if self.saved is not None:
             return self.saved.provenance
         more: dict[str, Any] = {**self._facts, "answer": self.answer.to_tree()}
@@ -192,7 +192,7 @@ class Result:
 
     @property
     def name(self) -> str:
-        """What figures call it: the name of its directory, or of its scene."""
+        """Name in figures: name of the directory, or of the scene."""
         return self.scene.name if self.directory is None else self.directory.resolve().name
 
     def __getattr__(self, name: str) -> pd.DataFrame:

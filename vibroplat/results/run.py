@@ -51,9 +51,9 @@ Sample = Literal["all", "unique"]
 
 
 class RunResult(Result):
-    """A finished run: a result with its trajectory and dense output.
+    """The result of a run, with trajectory, events and dense output.
 
-    One that was read from its files has scene, summary and tables, but no dense output and no Poincaré section.
+    A run that was read from files has scene, summary and tables, but no dense output and no Poincaré section.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ class RunResult(Result):
             The run was read from its files, which do not hold it.
         """
         if self.measures is None:
-            raise ValueError("this run was read from its files, which hold no Poincaré section; simulate it for one")
+            raise ValueError("this run was read from files, which contain no Poincaré section; simulate it again")
         points = section_rows(self.measures)
         states = points["state"]
         columns = {"t_s": points["t"]} | {name: states[:, i] for name, i in state_places(self.scene).items()}
@@ -220,7 +220,7 @@ class RunResult(Result):
         if wanted.ndim != 1 or not np.isfinite(wanted).all():
             raise ValueError("times must be a number or a one-dimensional list of finite numbers")
         if self.saved is not None:
-            raise ValueError("this run was read from its files, which hold no dense output; simulate it for that")
+            raise ValueError("this run was read from files, which contain no dense output; simulate it again")
         if not self.segments:
             raise ValueError("this run kept no segments; simulate with keep='segments' for dense output")
         first, last = self.segments[0].start, self.segments[-1].end
@@ -299,7 +299,7 @@ class RunResult(Result):
 
     @cached_property
     def notes(self) -> list[str]:
-        """What deserves a second look, peaks that the trajectory table misses included; it is made for that."""
+        """Warnings, including those on peaks that the trajectory table misses, which is made for this."""
         notes: list[str] = self.summary["notes"]
         if self.saved is not None:
             return notes
@@ -393,19 +393,19 @@ def _plain(column: pd.Series) -> Any:
 
 
 def load(directory: str | Path, command: str | None = None) -> Result:
-    """Read a result from its directory: a :class:`RunResult` of a run, a :class:`Result` of any other command.
+    """Read a result from its directory: a :class:`RunResult` for a run, a :class:`Result` for any other command.
 
     Parameters
     ----------
     directory
-        Where it is.
+        Directory of the result.
     command
-        The command that wrote it. Default: the first of run, sweep, orbits, … that the directory has a result of.
+        Command that wrote it. Default: the first of run, sweep, orbits, … that has a result in the directory.
 
     Raises
     ------
     TableError
-        There is none, or a file is missing, damaged or of another result.
+        The directory has no such result, or a file is missing, damaged or part of another result.
     """
     place = Path(directory)
     written = commands_in(place)

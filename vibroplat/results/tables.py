@@ -188,10 +188,7 @@ def opened(path: Path, digests: Mapping[str, str] | None) -> Iterator[BufferedRe
     try:
         with path.open("rb") as file:
             if digests is not None and hashlib.file_digest(file, "sha256").hexdigest() != digests.get(path.name):
-                raise TableError(
-                    f"{path} does not belong to this result: it has been changed, or is of another one; "
-                    "repeat the command that wrote it"
-                )
+                raise TableError(f"{path} was changed or belongs to another result; repeat the command that wrote it")
             file.seek(0)
             yield file
     except (TableError, FileNotFoundError):

@@ -33,9 +33,9 @@ TURN = np.pi / 4.0
 #: Smallest change of the amplitude that is a jump, relative to the largest amplitude of the branch.
 RISE = 0.15
 
-#: Columns of the table, after the grid keys, direction and branch; the last ones are of the ends.
+#: Columns of the table, after the grid keys, direction and branch; the last ones describe both ends of the band.
 ENDS: Columns = {
-    f"{end}_{column}": Column(f"{meaning} at the {place} point", "in the order of the branch")
+    f"{end}_{column}": Column(f"{meaning} at the {place} point", "along the branch")
     for column, meaning in ((SUPPLY, "supply frequency"), (EXCITATION, "excitation frequency"), (RMS, "RMS of y"))
     for end, place in (("from", "first"), ("to", "last"))
 }
@@ -43,15 +43,15 @@ BANDS: Columns = {
     "kind": Column(
         "kind of band",
         "band: points of one synchronization; jump: synchronization, phase difference, excitation frequency or "
-        "amplitude changes by more than 4 times both changes next to it. A jump takes two points on each side; a finer "
-        "sweep may show a steep change instead. liftoff and flight-end: from the last point before to the first one "
-        "after, both with material that can lift off; largest: the largest RMS of y; failed: points that failed",
+        "amplitude changes by more than 4 times the changes on either side. A jump needs two points on each side; a "
+        "finer sweep may turn it into a steep change. liftoff and flight-end: from the last point before to the first "
+        "point after, both with material that can lift off; largest: maximum RMS of y; failed: points that failed",
         kind=TEXT,
     ),
     "name": Column(
-        "synchronization", "of a jump, before and after it; of failed points, their outcome instead", kind=TEXT
+        "synchronization", "for a jump, before and after it; for failed points, their outcome instead", kind=TEXT
     ),
-    "points": Column("points from end to end", kind=COUNT),
+    "points": Column("number of points", kind=COUNT),
     **ENDS,
 }
 

@@ -27,7 +27,7 @@ SUPPLY, EXCITATION = labels.SUPPLY, labels.EXCITATION
 #: Columns of a branch, after the keys of the grid.
 BRANCH: Columns = {
     "direction": Column(
-        "direction of the branch", "up or down: each point starts where the one before ended", kind=TEXT
+        "direction of the branch", "up or down: each point starts from the final state of the previous point", kind=TEXT
     ),
     "branch": Column("number of the branch", kind=COUNT),
 }
@@ -107,7 +107,9 @@ def branches(scene: Scene) -> list[Branch]:
     if scene.drive.program is not None:
         raise ConfigError("drive.program is given, but a sweep sets the supply itself; allowed: supply_frequency_hz")
     if scene.run.initial.from_ is not None:
-        raise ConfigError("run.initial.from is given, but a sweep does not begin with a run; allowed: state, or phases")
+        raise ConfigError(
+            "run.initial.from is given, but a sweep cannot start from a run; allowed: run.initial.state, or phases"
+        )
     upward = _values(scene, plan.swept)
     along = {"up": upward, "down": upward[::-1]}  # all branches share them
     found: list[Branch] = []

@@ -58,7 +58,7 @@ class ForeignWorkerError(VibroplatError):
     exit_code = 1
 
     def __init__(self, difference: str) -> None:
-        super().__init__(f"worker {difference}; all must have what this process has{_kept()}")
+        super().__init__(f"worker {difference}; all workers need the versions of this process{_kept()}")
 
 
 class _Call:

@@ -6,9 +6,9 @@ direction, and its columns are made orthogonal again: their growth gives the exp
 1995).
 
 Where contact begins, gap and gap rate are 0 whatever they were: the rank of the derivative falls by two. An inelastic
-impact after which the material flies on fixes the gap rate alone. A motion that does so now and then has forgotten as
-many directions for good: their exponents are −∞. This follows from the events themselves; of a number that should be 0,
-round-off leaves something that could be taken for growth.
+impact after which the material flies on fixes the gap rate alone. Every time this happens, the derivative loses rank
+for good: as many exponents are −∞. They follow from the events themselves, because round-off in a number that should be
+0 could be mistaken for growth.
 """
 
 from __future__ import annotations
@@ -116,30 +116,30 @@ ALL = Effort(1, 24, 288, 1920)
 
 
 def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
-    """Find all Lyapunov exponents of a motion.
+    """Compute all Lyapunov exponents of a motion.
 
-    The motion is followed until each error is below a sixth of its exponent or negligible, for 312 to 1944 turns of
-    exciter 1.
+    The derivative of the return map carries orthogonal directions along, and their mean growth is measured. The
+    computation ends when each error is below a sixth of its exponent or negligible, after 312 to 1944 turns.
 
     Parameters
     ----------
     scene
-        The scene, without a drive program.
+        Scene with a constant supply.
     state
-        Full state on the attractor, shape (14,). Default: that at the end of a run of the scene.
+        Full state on the attractor, shape (14,). Default: the final state of a run of the scene.
 
     Returns
     -------
     pandas.DataFrame
-        A row for each exponent, the largest first, with ``exponent_per_s``, its standard error ``error_per_s`` and
-        ``growth_per_turn``, by which a distance is multiplied in a mean turn of exciter 1. One exponent is 0: that of
-        the direction along the motion. Those of directions that the motion forgets are −inf: gap and its rate if the
-        material is ever in contact for a while, and what decays to less than 1e-13 in most turns.
+        One row per exponent, the largest first: ``exponent_per_s``, its standard error ``error_per_s``, and
+        ``growth_per_turn``, the factor by which a distance grows in a mean turn of exciter 1. The exponent along the
+        motion is 0. Exponents are −inf for gap and gap rate if the material is ever in contact for a while, and for
+        directions that decay to less than 1e-13 in most turns.
 
     Raises
     ------
     vibroplat.errors.ConfigError
-        The scene has a drive program.
+        The scene has a supply program.
     vibroplat.errors.MotionError
         The motion ended early, or exciter 1 does not turn.
     """

@@ -87,44 +87,45 @@ POINT: Columns = {
     "rotation": Column("counter-rotating or co-rotating exciters", kind=TEXT),
     "sync": Column(
         "synchronization of the exciters",
-        "antiphase or in-phase: phase difference within pi/3 of pi or 0; intermediate: between; none: it drifts or is "
-        "incoherent. Counter-rotating exciters in antiphase shake along y, in phase along x and rocking, with what is "
-        "left over where they differ",
+        "antiphase: phase difference within pi/3 of pi; in-phase: within pi/3 of 0; intermediate: between; none: "
+        "it drifts or is incoherent. Counter-rotating exciters in antiphase vibrate the platform along y; in "
+        "phase, along x with rocking",
         kind=TEXT,
     ),
     "motion": Column(
         "kind of motion",
-        "periodic: repeats after period turns; otherwise chaotic or quasi-periodic by the largest Lyapunov exponent, "
-        "undecided, or non-periodic where it was not asked for",
+        "periodic: repeats after period turns; otherwise chaotic or quasi-periodic, by the largest Lyapunov "
+        "exponent, or undecided; non-periodic if the exponent was not wanted",
         kind=TEXT,
     ),
-    "period": Column("turns of exciter 1 until the motion repeats", "0: none found", kind=COUNT),
+    "period": Column("period of the motion, in turns of exciter 1", "0: none found", kind=COUNT),
     "multiplier_max": Column(
-        "size of the largest Floquet multiplier", "of motion that repeats, but the 1 along it; empty without its orbit"
+        "magnitude of the largest Floquet multiplier",
+        "without the trivial multiplier 1; empty if the orbit is not known",
     ),
     "coexisting": Column(
         "attractors found to coexist with a chaotic or undecided motion",
-        "stable orbits near it, and attractors that other initial conditions lead to; of a chaotic one, for how long "
-        "neither changed into the other. 'not found' says how far the search went: there may still be others. Empty: "
-        "not searched for",
+        "stable orbits nearby, and attractors reached from other initial conditions; for a chaotic one, the time "
+        "during which neither changed into the other. 'not found' does not exclude others and gives the "
+        "extent of the search. Empty: no search",
         kind=TEXT,
     ),
-    "lyapunov_per_s": Column("largest Lyapunov exponent", "of motion that does not repeat"),
+    "lyapunov_per_s": Column("largest Lyapunov exponent", "of aperiodic motion"),
     "lyapunov_error_per_s": Column("standard error of lyapunov_per_s"),
     **{
         error: Column(
             f"standard error of {name}",
-            "from its scatter over blocks of motion that does not repeat; changes rarer than the measured "
-            "time shows are not covered; empty if it is undecided or its section drifts",
+            "from the scatter over blocks of aperiodic motion; changes too rare for the measuring interval are not "
+            "covered; empty if the motion is undecided or its section drifts",
         )
         for name, error in ERRORS.items()
     },
-    "settle_s": Column("time before the point was measured"),
-    "outcome": Column("ok, or why the point ended early or is inaccurate", kind=TEXT),
-    "detail": Column("where and why, unless the outcome is ok; or why the motion is undecided", kind=TEXT),
-    "notes": Column("what deserves a second look", kind=TEXT),
+    "settle_s": Column("settling time before the measuring interval"),
+    "outcome": Column("ok, or the reason why the point ended early or is inaccurate", kind=TEXT),
+    "detail": Column("time, place and cause, unless the outcome is ok; or why the motion is undecided", kind=TEXT),
+    "notes": Column("warnings", kind=TEXT),
     "simulated_s": Column("simulated time"),
-    "wall_s": Column("time that the computation took"),
+    "wall_s": Column("wall-clock time of the computation"),
 }
 
 

@@ -377,7 +377,7 @@ def pool(
 
 
 def _useful(jobs: int | None, chains: int | None) -> int:
-    """Return how many of the processes have something to do and a core to do it on; say so where not all have."""
+    """Return how many of the processes have both a task and a core; warn if some have not."""
     if jobs == 1:
         return 1
     from loky import cpu_count  # noqa: PLC0415  (not needed for one job)
@@ -387,6 +387,6 @@ def _useful(jobs: int | None, chains: int | None) -> int:
     useful = max(1, min(wanted, cores, wanted if chains is None else chains))
     if jobs is not None and useful < jobs and chains != 0:
         used = f"{useful} processes are" if useful > 1 else "one process is"
-        why = "there are no more cores" if useful == cores else "there is no work for more at a time"
-        _LOG.warning("--jobs %d: %s used, as %s", jobs, used, why)
+        why = "there are no more cores" if useful == cores else "no more tasks can run at the same time"
+        _LOG.warning("--jobs %d: only %s used, because %s", jobs, used, why)
     return useful

@@ -31,7 +31,8 @@ NEAR = 30.0
 NOISE = 30.0
 #: Turns before the measured part over which the drift of the phase difference is taken.
 WANDERING = 192
-#: Where orbits are looked for, a motion that does not draw together goes on unobserved for this share of its time.
+#: With orbit detection, a motion whose section does not contract is advanced without observation by this fraction of
+#: the elapsed time.
 UNSEEN = 0.5
 
 
@@ -142,7 +143,7 @@ class Settling(NamedTuple):
 
     @property
     def late(self) -> bool:
-        """Whether the motion became periodic so late that it may only look periodic for a while."""
+        """Whether the motion became periodic only after a long transient, so that it may not stay periodic."""
         return self.how == "periodic" and self.turn > 0.0 and self.seconds > EARLY_LOOKS * BLOCK * self.turn
 
 

@@ -115,14 +115,14 @@ class Store:
                 self._create()
             found, finished = map(self._about, ("conditions", "finished"))
         if found is None and len(self) and not overwrite:
-            raise self._spoiled("it does not say what its records depend on")
+            raise self._spoiled("it does not contain the conditions of its records")
         if found is not None:
             if resume:
                 self._require_same(found, wanted)
             elif not (finished or overwrite) and len(self):
                 raise ConfigError(
-                    f"{Path(self._path).parent} holds {len(self)} tasks of unfinished work; "
-                    "allowed: --resume to continue it, --overwrite to start again"
+                    f"{Path(self._path).parent} holds {len(self)} tasks of unfinished work; allowed: --resume to "
+                    "continue it, --overwrite to start again"
                 )
         with self._complaints(), self._base:
             if resume:
@@ -259,8 +259,8 @@ class Store:
             return  # nothing was made by it
         more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
         raise ConfigError(
-            f"cannot resume: {key} = {new.get(key)}; allowed: {old.get(key)}, as in the finished tasks"
-            f"{more}, or --overwrite instead, to begin anew"
+            f"cannot resume: {key} = {new.get(key)}; allowed: {old.get(key)}, as in the finished tasks{more}, or "
+            "--overwrite to start again"
         )
 
     def finish(self) -> None:
@@ -284,7 +284,7 @@ class Store:
             return None
         value, found = map(_text, row)
         if digest(key, value) != found:
-            raise self._spoiled("what it says about its records is damaged")
+            raise self._spoiled("the conditions of its records are damaged")
         return json.loads(value)
 
     def _tell(self, key: str, value: Any) -> None:

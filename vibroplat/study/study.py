@@ -1,4 +1,4 @@
-"""A study of a scene: many motions that answer one question, computed in chains of stored tasks."""
+"""A study of a scene: many motions, computed in chains of stored tasks, and the result made from them."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ from vibroplat.study.fingerprint import package
 from vibroplat.study.pool import Pool, Task, pool
 from vibroplat.study.store import Record, Store
 
-#: Difference of a measure over the larger of it and its scale that is allowed: ten times what settling leaves. Of 214
-#: points of Figs. 3 and 6 the orbits that ``taylor`` and ``native`` find differ by 2e-7 at most.
+#: Largest allowed difference of a measure, relative to the larger of the measure and its scale. It is ten times the
+#: error that remains after settling. At 214 points of Figs. 3 and 6 the orbits of ``taylor`` and ``native`` differ by
+#: at most 2e-7.
 ALLOWED = 1e-3
-#: Motions that are repeated at most to check a result: some from all over it show what an engine does wrong.
+#: Maximum number of motions repeated in a cross-check; they are spread over the whole result.
 CHECKED = 20
-#: Columns in which a repeated motion must be as it was; what does not repeat has the first of them alone.
+#: Columns in which a repeated motion must agree; aperiodic motion is compared in the first column only.
 COMPARED = ("sync", "motion", "period", "excitation_frequency_hz", "rms_x_m", "rms_y_m", "motor_power_w")
 
-#: Called with the numbers of what is done and of all that is known.
+#: Function that is called with the numbers of finished and of known items.
 Progress = Callable[[int, int], object]
 
 
@@ -51,7 +52,7 @@ class CrossCheckCase(NamedTuple):
 
 
 class Study(ABC):
-    """A study that has been read from the section of its kind, and validated.
+    """A study: its plan, read from the section of its kind and validated, and the computation of its result.
 
     Attributes
     ----------

@@ -44,12 +44,12 @@ SWEEP: Columns = {
 DIAGRAM: Columns = {
     **{name: SWEEP[name] for name in (SUPPLY, "direction", "branch", EXCITATION)},
     "y_m": Column("y at a whole turn of exciter 1"),
-    "impact_speed_m_per_s": Column("speed of an impact", "rate at which the gap closes"),
+    "impact_speed_m_per_s": Column("speed of an impact", "rate at which the gap closes, before the impact"),
 }
 
 _KEYS: Columns = {
     SUPPLY: SWEEP[SUPPLY],
-    "…": Column("the key of sweep.over in place of the supply, and those of the grid, by their dotted names"),
+    "…": Column("values of the grid's keys and of sweep.over (instead of the supply), by dotted name"),
 }
 _DIAGRAM: Columns = {**_KEYS, **{name: DIAGRAM[name] for name in ("direction", "branch", EXCITATION)}}
 #: Tables of a bifurcation diagram: the numbers in records that they hold, and the column of these.
@@ -59,12 +59,12 @@ CHUNK = 2000
 #: The tables of a sweep: what their rows are, and their columns.
 TABLES: dict[str, tuple[str, Columns]] = {
     "sweep": (
-        "`vibroplat sweep`: a row for each point.",
+        "`vibroplat sweep`: one row per point.",
         {**_KEYS, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **point_columns(["NAME"])},
     ),
     "bands": (
-        "`vibroplat sweep`: where each branch synchronizes how, jumps, lifts off, is largest along y, and fails. Over "
-        "another key than the supply, `from_` and `to_` stand before its name.",
+        "`vibroplat sweep`: bands of synchronization, jumps, liftoffs, the largest amplitude along y, and failed "
+        "points of each branch. If another key is swept, its name follows `from_` and `to_`.",
         {"…": _KEYS["…"], **BRANCH, **BANDS},
     ),
     "section": (
@@ -128,31 +128,37 @@ STUDY = SweepStudy
 
 
 def sweep(scene: Scene, **options: Unpack[Options]) -> Result:
-    """Sweep a scene over the supply frequencies, or another key, and the grid of its ``sweep`` section.
+    """Measure the steady motion of a scene at each value of a key, for each combination of a grid.
+
+    The section ``sweep`` of the scene has the supply frequencies or another key, and the grid. Each point continues the
+    motion of the previous point of its branch, settles and is measured: on its periodic orbit if there is one.
 
     Parameters
     ----------
     scene
-        A scene with a section ``sweep``.
+        Scene with a section ``sweep``.
     options
-        As of :class:`vibroplat.study.study.Options`: ``jobs``: worker processes; ``scheduler``: address of a dask
-        scheduler, whose workers are used instead; ``wait``: seconds after which a scheduler without workers is given
-        up; ``progress``: called with the numbers of finished and of all points.
+        Any of :class:`vibroplat.study.study.Options`:
+
+        * ``jobs``: number of worker processes;
+        * ``scheduler``: address of a dask scheduler, whose workers are used instead;
+        * ``wait``: time after which a scheduler without workers is given up (s);
+        * ``progress``: function that is called with the numbers of finished and of all points.
 
     Returns
     -------
     Result
-        Its table ``sweep`` has a row for each point, in the order of branches and of points in them; ``bands`` one for
-        each band; with ``kind: bifurcation`` there are ``section`` and ``impacts``.
+        Table ``sweep`` has one row per point, ordered by branches and by points of a branch. Table ``bands`` has one
+        row per band. With ``kind: bifurcation`` there are tables ``section`` and ``impacts``.
 
     Raises
     ------
     ConfigError
-        The scene has no sweep, a value of its grid is not allowed, or the scheduler does not answer.
+        The scene has no section ``sweep``, a value of its grid is not allowed, or the scheduler does not answer.
     LostError
-        The scheduler has no workers, or has gone.
+        The scheduler has no workers, or the connection to it is lost.
     ForeignWorkerError
-        A worker would give other bits than this process.
+        A worker has other versions and would compute other bits than this process.
 
     Examples
     --------

@@ -20,7 +20,7 @@ from pathlib import Path
 
 #: What remains of a command that was stopped, and of one with an option ``--resume``.
 KEPT = "result files are complete"
-RESUMABLE = f"{KEPT}, and --resume continues from the finished points"
+RESUMABLE = f"{KEPT}; --resume continues from the finished points"
 #: Seconds during which further requests are ignored while the stack is unwound.
 GRACE = 5.0
 

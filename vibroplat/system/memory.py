@@ -159,8 +159,8 @@ class Share:
             most = takeable(available() + self.taken)
             if taken > most:
                 raise OutOfMemoryError(
-                    f"what the run keeps would take more than {amount(most)}, {SHARE:g} of the memory that is "
-                    f"available{self._advice and '; '}{self._advice}"
+                    f"the data that the run keeps would need more than {amount(most)}, {SHARE:g} of the memory that "
+                    f"is available{self._advice and '; '}{self._advice}"
                 )
             self._checked = taken
         self.taken = taken
@@ -182,8 +182,8 @@ def require_memory(need: int = LEAST_ADDRESSES, what: str = "loading the librari
     limit = _limit_of_addresses()
     if limit < need:
         raise MemoryShortError(
-            f"memory is limited to {limit / 1e6:.0f} MB of addresses (ulimit -v {limit // 1024:.0f}); {what} takes "
-            f"{need / 1e6:.0f} MB: raise the limit, or limit resident memory instead"
+            f"memory is limited to {limit / 1000000.0:.0f} MB of addresses (ulimit -v {limit // 1024:.0f}); {what} "
+            f"takes {need / 1000000.0:.0f} MB: raise the limit, or limit resident memory instead"
         )
 
 

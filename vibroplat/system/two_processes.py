@@ -103,10 +103,9 @@ def _take(file: int, place: int) -> bool:
 
 @contextmanager
 def helped_by(work: Callable[[], object]) -> Iterator[None]:
-    """Let a second process do ``work``, which compiles kernels, while this one is in the block, where that is of use.
+    """Run ``work`` (compiling kernels) in a second process while the block runs, if a core and memory are available.
 
-    It needs a second core, and memory. It is silent, and what goes wrong there does no harm: this process compiles what
-    it does not find.
+    The second process is silent, and its failure does no harm: this process compiles the kernels that it does not find.
     """
     if not _is_of_use():
         yield

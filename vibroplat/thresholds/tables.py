@@ -29,74 +29,69 @@ from vibroplat.thresholds.evidence import DISTANCES, PAIRS, Clear, Threshold, Zo
 from vibroplat.thresholds.search import Search, start_key
 from vibroplat.thresholds.values import Value, evaluate
 
-#: How kinds are told where their names alone say too little.
-TOLD = {"unresolved-transient": "what the motion does depends on how long it is followed"}
+#: Printed texts of kinds whose names alone are unclear.
+TOLD = {"unresolved-transient": "the outcome changed with twice the settling time: the motion has not converged"}
 #: Outcomes of an expression in words.
 HELD = {True: "true", False: "false", None: "empty"}
-#: Columns of what stands on both sides of a threshold.
+#: Columns of a sweep that are given for both sides of a threshold.
 SIDES = (
     *("sync", "motion", "period", "multiplier_max", "excitation_frequency_hz", "rms_x_m", "rms_y_m"),
     *("phase_difference_rad", "motor_power_w"),
 )
 #: Kinds of thresholds.
 KINDS_OF_CHANGE = {
-    "jump": "both sides stay what they were with twice the time, and their measures differ however near they are",
-    "level-crossing": "the measures on both sides meet as the interval between them is halved",
-    "unresolved-transient": "one side is another with twice the time, or still leaves an unstable orbit",
+    "jump": "both sides keep their outcome with twice the settling time; their measures differ at any distance",
+    "level-crossing": "the difference of the measures vanishes as the interval between both sides shrinks",
+    "unresolved-transient": "one side changes with twice the settling time, or is still leaving an unstable orbit",
 }
 #: What the columns mean.
 THRESHOLDS: Columns = {
-    "key": Column("the key", kind=TEXT),
-    "below": Column("value of the key below the threshold where the motion was measured"),
-    "above": Column("the same above it"),
-    "value": Column("the threshold", "where an orbit loses its stability, the special point; else the middle"),
+    "key": Column("dotted name of the varied key", kind=TEXT),
+    "below": Column("largest evaluated value of the key below the threshold"),
+    "above": Column("smallest evaluated value of the key above the threshold"),
+    "value": Column("the threshold", "special point if an orbit loses stability there; otherwise the middle"),
     "kind": Column(
-        "kind of change", "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS_OF_CHANGE.items()), kind=TEXT
+        "kind of threshold", "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS_OF_CHANGE.items()), kind=TEXT
     ),
-    "special_point": Column("special point of the orbit", f"{', '.join(KINDS)}; empty if it is none", kind=TEXT),
+    "special_point": Column("special point of the orbit", f"{', '.join(KINDS)}; empty if there is none", kind=TEXT),
     "fractal": Column(
-        "whether the border is fractal",
-        "pairs of values in the mixed interval differ, however near they are",
+        "whether the boundary is fractal",
+        "pairs of values in the mixed interval have different outcomes even at the smallest distance",
         kind=FLAG,
     ),
     "mixed_low": Column(
         "smallest value of the mixed interval",
-        "outcomes alternate between mixed_low and mixed_high, or one value changes with twice the time; empty if no "
-        "evaluated value contradicts the threshold",
+        "outcomes alternate between mixed_low and mixed_high, or a value changes with twice the settling time; "
+        "empty if no evaluated value contradicts the threshold",
     ),
     "mixed_high": Column("largest value of the mixed interval"),
     "tried_below": Column(
-        "number of values evaluated below the threshold or mixed interval",
-        "all of them with the same outcome",
-        kind=COUNT,
+        "number of values evaluated below the threshold or mixed interval", "all have the same outcome", kind=COUNT
     ),
-    "tried_down_to": Column("smallest of these values", "the next threshold or the end of the range is below it"),
-    "tried_above": Column("number of values evaluated above", "as tried_below", kind=COUNT),
-    "tried_up_to": Column("largest of these values"),
+    "tried_down_to": Column("smallest of the tried_below values", "it ends at another threshold or the range"),
+    "tried_above": Column("number of values evaluated above it", "see tried_below", kind=COUNT),
+    "tried_up_to": Column("largest of the tried_above values"),
     **{f"{side}_{name}": SWEEP[name] for side in ("below", "above") for name in SIDES},
 }
 _POINT = tuple(name for name in COLUMNS if name not in ("direction", "branch"))
 VALUES: Columns = {
     "reason": Column(
-        "why the value was looked at",
-        "scan; orbit, of a branch; beside a special point; bisection; extended, an end with twice the settling time; "
-        "near a threshold; "
-        "beyond a mixed interval; pair, in a mixed interval",
+        "reason for which the value was evaluated",
+        "scan; orbit: on a branch; beside a special point; bisection; extended: with twice the settling time; near "
+        "a threshold; beyond a mixed interval; pair: in a mixed interval",
         kind=TEXT,
     ),
-    "seed": Column(
-        "seed of the perturbation of the start", "run.seed, or another one beyond a mixed interval", kind=COUNT
-    ),
+    "seed": Column("seed of the initial perturbation", "run.seed; other seeds beyond a mixed interval", kind=COUNT),
     **{name: SWEEP[name] for name in (*_POINT, *SHEET)},
 }
 
 
 #: The tables of a search: what their rows are, and their columns.
 TABLES: dict[str, tuple[str, Columns]] = {
-    "thresholds": ("`vibroplat find`: a row for each threshold.", THRESHOLDS),
+    "thresholds": ("`vibroplat find`: one row per threshold.", THRESHOLDS),
     "scan": (
-        "`vibroplat find`: a row for each value that was looked at.",
-        {"…": Column("the key"), **VALUES, **point_columns(["NAME"])},
+        "`vibroplat find`: one row per evaluated value.",
+        {"…": Column("value of the key, under its dotted name"), **VALUES, **point_columns(["NAME"])},
     ),
 }
 
@@ -140,7 +135,7 @@ class ThresholdStudy(Study):
         return Result("find", self.scene, tables, answer)
 
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
-        """Choose the values beside each threshold, and those farthest from a mixed interval, where engines differ."""
+        """Choose the two values at each threshold; those farthest from a mixed interval, where engines differ."""
         cases: dict[float, CrossCheckCase] = {}
         values = result.scan
         values = values[values["outcome"] == "ok"]
@@ -195,7 +190,7 @@ class ThresholdStudy(Study):
         return f"{column} = {number:.5g}" if number is not None else f"no {column}"
 
     def _text(self, zones: Sequence[Zone]) -> Iterator[str]:
-        """Yield what holds on both sides of each mixed interval, what is in it, and then the single changes."""
+        """Yield the outcomes on both sides of each mixed interval and in it, then the thresholds."""
         for zone in zones:
             if zone.mixed:
                 yield from self._mixed(zone)
@@ -207,13 +202,13 @@ class ThresholdStudy(Study):
                 )
 
     def _kind(self, one: Threshold) -> str:
-        """Return the kind of a change in words; where no level was asked for, none is crossed."""
+        """Return the kind of a threshold in words; without an expression there is no level to cross."""
         if one.kind == "level-crossing" and self.plan.expression is None:
             return "the measures on both sides meet"
         return TOLD.get(one.kind, one.kind)
 
     def _mixed(self, zone: Zone) -> Iterator[str]:
-        """Yield the lines of a mixed interval: where the expression holds first, otherwise what is above first."""
+        """Yield the lines of a mixed interval, first the side where the expression holds, otherwise the upper side."""
         assert zone.ends is not None
         digits = 10.0 ** (self._digits + 1)
         low, high = math.floor(zone.ends[0] * digits) / digits, math.ceil(zone.ends[1] * digits) / digits
@@ -233,8 +228,8 @@ class ThresholdStudy(Study):
 
     def _clear(self, where: str, clear: Clear, way: str) -> str:
         if clear.nearest is None:
-            return f"nothing is known {where}: the mixed interval reaches the end of the range"
-        unknown = f"; {clear.unknown} more have no clear outcome" if clear.unknown else ""
+            return f"{where}: unknown, because the mixed interval reaches the end of the range"
+        unknown = f"; {clear.unknown} further values have no clear outcome" if clear.unknown else ""
         outcome = f"{self._expressed}{self._outcome(clear.nearest)}"
         seeds = f", with {clear.seeds} seeds" if clear.seeds > 1 else ""
         return f"{where}: {outcome} at all {clear.tried} values tried {way} {clear.last:.6g}{seeds}{unknown}"
@@ -247,7 +242,7 @@ class ThresholdStudy(Study):
 
     @property
     def _expressed(self) -> str:
-        """What outcomes in words are about."""
+        """Text before an outcome: the expression."""
         return "" if self.plan.expression is None else f"{self.plan.expression} is "
 
     @property
@@ -255,7 +250,7 @@ class ThresholdStudy(Study):
         return max(math.ceil(-math.log10(self.plan.narrow)), 0)
 
     def _number(self, at: float) -> str:
-        """Return a value of the key with its unit and one digit more than it was narrowed to."""
+        """Return a value of the key with its unit, and one digit more than the final width of the interval."""
         return f"{at:.{self._digits + 1}f} {unit_of(self.plan.key)}".rstrip()
 
     def _unchanged(self, scan: Sequence[Value]) -> str:
@@ -270,25 +265,29 @@ class ThresholdStudy(Study):
         for zone in zones:
             if zone.mixed:
                 place = "the mixed interval from {:.6g} to {:.6g}".format(*zone.ends or ())
-                what = "the border is fractal" if zone.fractal else "the outcome changes several times"
+                what = "the boundary is fractal" if zone.fractal else "the outcome alternates"
                 told = ", ".join(
-                    f"{share * PAIRS:.0f} at {d:g}" for share, d in zip(zone.shares, DISTANCES, strict=False)
+                    f"{share * PAIRS:.0f} at a distance of {d:g}"
+                    for share, d in zip(zone.shares, DISTANCES, strict=False)
                 )
-                pairs = f": of {PAIRS} pairs of values differ {told} of its width" if told else ""
+                pairs = f": of {PAIRS} pairs of values, {told} of its width have different outcomes" if told else ""
                 yield f"{what} in {place}{pairs}"
                 if zone.open_ended:
-                    yield f"{place} still grew in the last round of values: outcomes may be mixed beyond it"
+                    yield (
+                        f"{place} still grew in the last round of values: outcomes may be mixed beyond this interval"
+                    )
             for one in zone.thresholds:
                 if one.kind == "unresolved-transient" and one.special:
                     yield (
-                        f"beside {self.plan.key} = {one.value:.6g} motion leaves the orbit so slowly that it was still "
-                        "near it when it was measured"
+                        f"near {self.plan.key} = {one.value:.6g} the orbit is so weakly unstable that the motion "
+                        "had not left it when it was measured"
                     )
         unsettled = [value.at for value in every if value.unsettled and not value.failed]
         if unsettled and self.plan.expression is not None:
             yield (
-                f"at {len(unsettled)} of {len(every)} values, the first {self.plan.key} = {unsettled[0]:.6g}, the "
-                "motion was measured in a transient or has no clear class: a larger find.max_settle_s may change it"
+                f"at {len(unsettled)} of {len(every)} values, first at {self.plan.key} = {unsettled[0]:.6g}, the "
+                "motion was measured in a transient or has no clear class: a larger find.max_settle_s may "
+                "change the outcome"
             )
 
 
@@ -307,13 +306,15 @@ def _required(scene: Scene) -> FindPlan:
         except ConfigError as error:
             raise ConfigError(f"find: {error}") from None
     if number_of(plan.key) is not float:
-        raise ConfigError(f"find.key = {plan.key} has no numbers that vary continuously; allowed: one that has")
+        raise ConfigError(f"find.key = {plan.key} does not vary continuously; allowed: a key that does")
     if plan.key == FREQUENCY and scene.drive.program is not None:
         raise ConfigError(
             f"find.key = {FREQUENCY}, but drive.program is given; allowed: a constant supply, or another key"
         )
     if scene.run.initial.from_ is not None:
-        raise ConfigError("run.initial.from is given, but find does not begin with a run; allowed: state, or phases")
+        raise ConfigError(
+            "run.initial.from is given, but find cannot start from a run; allowed: run.initial.state, or phases"
+        )
     last = scene.drive.intervals[-1]
     if last.frequency <= 0.0 or last.driven != (True, True):
         raise ConfigError("drive.program ends without supply; allowed: with both exciters on, for a steady motion")
@@ -330,25 +331,29 @@ STUDY = ThresholdStudy
 
 
 def find(scene: Scene, **options: Unpack[Options]) -> Result:
-    """Find the values of a key at which an outcome changes, as the section ``find`` of a scene says.
+    """Find the thresholds of a key: the values at which the outcome of the motion changes.
+
+    The section ``find`` of the scene has the key, its range and the outcome. The range is scanned; each change is
+    narrowed by continuing a periodic orbit to its loss of stability, otherwise by bisection. Further values near each
+    jump show whether outcomes are mixed there.
 
     Parameters
     ----------
     scene
         A scene with a section ``find``.
     options
-        As of :func:`vibroplat.sweep`; ``progress`` is called with the numbers of finished and of known values.
+        As in :func:`vibroplat.sweep`; ``progress`` is called with the numbers of finished and of known values.
 
     Returns
     -------
     Result
-        Its table ``thresholds`` has a row for each threshold, ``scan`` one for each evaluated value, both in ascending
-        order.
+        Table ``thresholds`` has one row per threshold, ``scan`` one row per evaluated value, both in ascending order.
+        If the outcome does not change, ``thresholds`` is empty.
 
     Raises
     ------
     ConfigError
-        The scene has no such section, or a value of it is not allowed.
+        The scene has no section ``find``, or the section has a value that is not allowed.
 
     Examples
     --------
