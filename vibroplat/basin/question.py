@@ -148,9 +148,9 @@ class BasinsStudy(Study):
         return self._scenes
 
     def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
-        """Follow all starts, classify what does not repeat, and make the tables.
+        """Map all initial conditions to attractors, classify aperiodic motion, and make the tables.
 
-        Over a key one value follows the other: its attractors are carried to the next, whose initial conditions may converge to them.
+        Over a key, the attractors found at a value are continued to the next one.
         """
         found: list[Found] = []
         history: list[int] = []
