@@ -11,7 +11,7 @@ from common.places import ROOT
 from vibroplat.errors import TableError, VibroplatError
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.paper import FIGURES, MASSES, history
-from vibroplat.results.files import SavedFiles
+from vibroplat.results.result import Result
 
 from .conftest import drawn
 
@@ -105,7 +105,7 @@ def test_data_are_laid_over_a_sweep_and_what_is_not_drawn_is_named(signs, write_
 @pytest.fixture(scope="module")
 def paper():
     """The tracked reproduction of the calibrated machine."""
-    return SavedFiles(ROOT / "results" / "paper" / "calibrated", "paper")
+    return Result.read(ROOT / "results" / "paper" / "calibrated", "paper")
 
 
 def test_jumps_of_the_paper_are_vertical_arrows(paper):

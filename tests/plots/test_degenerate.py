@@ -256,8 +256,8 @@ def drawn_precision(change, _):
 FIGURES = {
     **{kind: drawn_run(kind) for kind in run.FIGURES},
     "force of two": drawn_run("force", 2),
-    **{kind: drawn_study("sweep", kind) for kind in KINDS["sweep"].pictures.KINDS},
-    **{kind: drawn_study("orbits", kind, ORBITS) for kind in KINDS["orbits"].pictures.KINDS},
+    **{kind: drawn_study("sweep", kind) for kind in KINDS["sweep"].figures.split()},
+    **{kind: drawn_study("orbits", kind, ORBITS) for kind in KINDS["orbits"].figures.split()},
     "orbit": drawn_orbit,
     **{name: drawn_paper(name) for name in ("fig4", "fig6")},
     "precision": drawn_precision,

@@ -141,12 +141,12 @@ BY_ROOM = [
     ]),
     # figures
     ("plots page", [
-        '(impacts, "impact_speed_m_per_s", 1.0, "impact speed (m/s)") → (impacts, "impact_speed_m_per_s", 1e3, "impact speed (m/s)")',
+        "**{n: in_units(picture.points[n], n) for n in numbers} → **{n: picture.points[n] for n in numbers}",
         "len(parts) <= MOST else → len(parts) < MOST else",
         "if names.count(name) == 1 else → if names.count(name) > 1 else",
     ]),
     ("plots page study", [
-        "c.number == curve.number and c.direction != curve.direction → c.number == curve.number",
+        "if label == labels[number] and n != number] → if label == labels[number]]",
     ]),
 ]  # fmt: skip
 #: One after the other: folders, old text, new text.

@@ -12,7 +12,6 @@ from vibroplat.results.labels import key_name, sweep_parameters, value_words
 from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of
 
-KINDS = ("basins",)
 OPTIONS = ()
 #: Attractors that the legend gives more of than their names, at most.
 DESCRIBED = 6

@@ -10,17 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from vibroplat.cli.common import tell_of_compilation
+from vibroplat.config.kinds import KINDS
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
     from vibroplat.continuation.rows import OrbitMotion
 
-#: Figures: the first four show a run, three a sweep, three orbits, one basins, the last designs.
-Kind = StrEnum(
-    "Kind",
-    "motion force exciters loads response bifurcation map branches multipliers boundaries basins "
-    "sensitivities samples evaluations",
-)
+#: Figures: those of a run, and of each kind of study.
+_FIGURES = " ".join(["motion force exciters loads", *(kind.figures for kind in KINDS.values())])
+Kind = StrEnum("Kind", _FIGURES)  # type: ignore[misc]
 
 
 def plot(

@@ -18,8 +18,8 @@ class Kind(NamedTuple):
         Name of the command, of the section of a configuration and of the function in Python.
     noun
         Noun for its result.
-    table
-        Name of the table that every result has.
+    figures
+        Names of its figures; the first is the default.
     study
         Module of the study; its pictures are in the module ``picture`` beside it.
     summary
@@ -32,7 +32,7 @@ class Kind(NamedTuple):
 
     name: str
     noun: str
-    table: str
+    figures: str
     study: str
     summary: str
     about: str
@@ -55,7 +55,7 @@ KINDS = {
         Kind(
             "sweep",
             "a sweep",
-            "sweep",
+            "response bifurcation map",
             "study.sweep",
             "Sweep the supply frequency or another key, for a grid.",
             "Writes a table of points and a table of bands to OUT/NAME.",
@@ -63,7 +63,7 @@ KINDS = {
         Kind(
             "orbits",
             "branches of orbits",
-            "branches",
+            "branches multipliers boundaries",
             "continuation.study",
             "Continue branches of periodic orbits over a key.",
             "Writes tables of points, of special points and of boundaries to OUT/NAME.",
@@ -81,7 +81,7 @@ KINDS = {
         Kind(
             "basins",
             "basins of attraction",
-            "attractors",
+            "basins",
             "basin.question",
             "Find the attractors of a scene and their basins.",
             "Writes tables of the attractors and of all initial conditions to OUT/NAME.",
@@ -90,7 +90,7 @@ KINDS = {
         Kind(
             "design",
             "a design",
-            "sensitivities",
+            "sensitivities samples evaluations",
             "designs.question",
             "Find sensitivities, effects of tolerances, best values.",
             "Writes tables of sensitivities, samples, fractions of the variance and evaluations to OUT/NAME, and "
@@ -99,15 +99,15 @@ KINDS = {
         ),
     )
 }
-#: What all other results are called, and the table that each has.
-OTHERS = {"run": ("a run", "trajectory"), "paper": ("a reproduction of the paper", "claims")}
+#: What all other results are called.
+OTHERS = {"run": "a run", "paper": "a reproduction of the paper"}
 #: Sections that only some results depend on.
 _OPTIONAL = (*KINDS, "run", "output")
 
 
 def noun_of(command: str) -> str:
     """Return what the result of a command is called."""
-    return OTHERS[command][0] if command in OTHERS else KINDS[command].noun
+    return OTHERS.get(command) or KINDS[command].noun
 
 
 def unused_sections(command: str) -> set[str]:

@@ -24,7 +24,6 @@ from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of
 from vibroplat.study.picture import DIRECTIONS, Sweeps, abscissa, boundary_series
 
-KINDS = ("branches", "multipliers", "boundaries")
 OPTIONS = ("x",)
 #: Markers of kinds of special points.
 MARKERS = dict(zip(SPECIAL_POINTS, "oDsX^vP", strict=True))
@@ -74,7 +73,7 @@ def pictures(results: Sequence[Result], kinds: Sequence[str] = (), *, x: str | N
             raise TableError(f"--x {x}: the branches table in {result.directory} has no column {branches.x}")
         if "boundaries" in kinds and not has_curves:
             raise TableError(f"{result.directory} holds no boundaries; add orbits.boundaries to its configuration")
-        found += [_MAKERS[kind](branches) for kind in kinds or KINDS[: 3 if has_curves else 2]]
+        found += [_MAKERS[kind](branches) for kind in kinds or [*_MAKERS][: 3 if has_curves else 2]]
     return found
 
 

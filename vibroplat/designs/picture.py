@@ -18,7 +18,6 @@ from vibroplat.results.labels import key_name, sweep_parameters
 from vibroplat.results.result import Result
 
 #: Pictures by their names, which are those of the tables that they show.
-KINDS = ("sensitivities", "samples", "evaluations")
 OPTIONS = ()
 #: Tolerances that are told, at most, and letters of a line above the first panel, whose middle must lie above it.
 MOST, LETTERS = 10, 88
@@ -31,7 +30,7 @@ def pictures(results: Sequence[Result], kinds: Sequence[str] = ()) -> list[pictu
     found = []
     for result in results:
         plan = DesignPlan.model_validate(result.given("design"))
-        held = [kind for kind in KINDS if kind in result.tables]
+        held = [kind for kind in ("sensitivities", "samples", "evaluations") if kind in result.tables]
         for kind in kinds or held:
             if kind not in held:
                 raise TableError(f"{result.name} holds no table {kind}; allowed: {', '.join(held)}")

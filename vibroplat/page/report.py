@@ -18,9 +18,11 @@ import pandas as pd
 from vibroplat.config.kinds import KINDS
 from vibroplat.page import run, static
 from vibroplat.page.pictures import MOST_SAMPLES, Motions, Mover, Progress, picture_data, table_data
-from vibroplat.page.results import differences, find_results, parameters, remarks, summary_rows
-from vibroplat.plots.reading import Saved, ends_of
+from vibroplat.page.results import differences, find_results, parameters, remarks, summary_of, summary_rows
+from vibroplat.plots.reading import ends_of
 from vibroplat.results.picture import finite
+from vibroplat.results.result import Result
+from vibroplat.results.run import RunResult
 from vibroplat.results.tables import replace_file, require_replaceable
 
 _LOG = logging.getLogger("vibroplat")
@@ -100,7 +102,7 @@ def _smaller(data: Mapping[str, Any]) -> str:
 
 
 def page_data(
-    found: Sequence[Saved],
+    found: Sequence[Result],
     start: float | None = None,
     stop: float | None = None,
     *,
@@ -122,7 +124,7 @@ def page_data(
         "parameters": parameters(commands, trees),
         "summary": {
             "results": numbers,
-            "rows": summary_rows([one.summary for one in summaries]),
+            "rows": summary_rows([summary_of(one) for one in summaries]),
         },
         "remarks": [remark for one in found for remark in remarks(one.label, _told(one))],
         "runs": runs,
@@ -180,13 +182,13 @@ def _inside_script(text: str) -> str:
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
-def _origin(one: Saved) -> dict[str, Any]:
+def _origin(one: Result) -> dict[str, Any]:
     """Return how a result was made."""
     told = {key: one.provenance.get(key) for key in _MADE}
     return {"label": one.label, "command": one.command, "directory": str(one.directory), **told}
 
 
-def _runs(found: Sequence[Saved], start: float | None, stop: float | None) -> tuple[list[dict[str, Any]], bool]:
+def _runs(found: Sequence[Result], start: float | None, stop: float | None) -> tuple[list[dict[str, Any]], bool]:
     """Return all runs, and whether they are shown from their beginning, as a start is.
 
     Otherwise speeds of several runs are counted from their means, or their ripple would not be seen beside these.
@@ -194,11 +196,9 @@ def _runs(found: Sequence[Saved], start: float | None, stop: float | None) -> tu
     """
     ours = []
     for number, one in enumerate(found):
-        ends = (
-            ends_of(map(finite, one.column_parts("trajectory", (), ("t_s", *run.SPEEDS))))
-            if one.command == "run"
-            else None
-        )
+        if not isinstance(one, RunResult):
+            continue
+        ends = ends_of(map(finite, one.column_parts("trajectory", (), ("t_s", *run.SPEEDS))))
         if ends is not None and ends.rows > 1:
             ours.append((number, one, ends))
     common = min((float(ends.last["t_s"]) for _, _, ends in ours), default=0.0)
@@ -211,17 +211,17 @@ def _runs(found: Sequence[Saved], start: float | None, stop: float | None) -> tu
     return runs, transient
 
 
-def _told(one: Saved) -> dict[str, Any]:
+def _told(one: Result) -> dict[str, Any]:
     """Return the summary of a run, or what a command printed with its check, if its provenance has it."""
     told = one.provenance.get("answer")
-    return told | {"check": one.provenance.get("check")} if isinstance(told, dict) else one.summary
+    return told | {"check": one.provenance.get("check")} if isinstance(told, dict) else summary_of(one)
 
 
-def _events(one: Saved) -> pd.DataFrame:
+def _events(one: Result) -> pd.DataFrame:
     return finite(one.columns("events", ("kind",), ("t_s", "impulse_n_s")))
 
 
-def _pictures(number: int, one: Saved, motions: Motions) -> list[dict[str, Any]]:
+def _pictures(number: int, one: Result, motions: Motions) -> list[dict[str, Any]]:
     """Return the pictures of a result, with their tables and what moves when a point is clicked."""
     shown = [picture for picture in KINDS[one.command].pictures.pictures([one]) if "page" in picture.places]
     return [picture_data(number, picture, motions) for picture in shown]

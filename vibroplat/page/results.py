@@ -10,9 +10,10 @@ from vibroplat.columns import shown_in, unit_of, words
 from vibroplat.config.keys import Key, key_of
 from vibroplat.config.kinds import KINDS, unused_sections
 from vibroplat.errors import TableError
-from vibroplat.plots.reading import Saved
 from vibroplat.results.files import commands_in
 from vibroplat.results.labels import differing, leaves, shortened, value_words
+from vibroplat.results.result import Result
+from vibroplat.results.run import RunResult, load
 
 #: Keys of a summary that are shown first.
 FIRST = (
@@ -37,7 +38,7 @@ MOST_FAILURES = 5
 _ELSEWHERE = ("name", "detail", "notes", "check")
 
 
-def find_results(directories: Sequence[Path]) -> list[Saved]:
+def find_results(directories: Sequence[Path]) -> list[Result]:
     """Return all results in some directories, each with a label of its own: its directory where two share a name.
 
     Raises
@@ -53,17 +54,22 @@ def find_results(directories: Sequence[Path]) -> list[Saved]:
     return found
 
 
-def _in(directory: Path) -> Iterator[Saved]:
+def summary_of(result: Result) -> dict[str, Any]:
+    """Return the summary of a run; empty for other results."""
+    return result.summary if isinstance(result, RunResult) else {}
+
+
+def _in(directory: Path) -> Iterator[Result]:
     commands = [command for command in commands_in(directory) if command != "paper"]
     if not commands:
         names = f"run, {', '.join(list(KINDS)[:-1])} or {list(KINDS)[-1]}"
         raise TableError(f"{directory} holds no finished {names}; allowed: a directory with one of them")
     for command in commands:
-        result = Saved(directory, command)
+        result = load(directory, command)
         configuration = result.provenance.get("configuration")
         if not isinstance(configuration, dict):
             raise TableError(f"the provenance in {directory} holds no configuration; repeat the command that wrote it")
-        result.label = str(result.summary.get("name") or configuration.get("name") or directory.name)
+        result.label = str(summary_of(result).get("name") or configuration.get("name") or directory.name)
         yield result
 
 

@@ -15,9 +15,10 @@ from vibroplat.columns import shown_in
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.plots.reading import Cut, Ends, Saved, rest_of
+from vibroplat.plots.reading import Cut, Ends, rest_of
 from vibroplat.plots.timelines import wrapped
 from vibroplat.results.picture import finite
+from vibroplat.results.run import RunResult
 
 #: Most rows of all runs together that are kept as they are, each of 80 bytes: 25 s at 2000 Hz with their events.
 ROWS = 52_000
@@ -84,7 +85,7 @@ def is_transient(ends: Ends, scene: Scene) -> bool:
 
 
 def run_data(
-    found: Saved,
+    found: RunResult,
     events: pd.DataFrame,
     ends: Ends,
     most: int,
@@ -145,7 +146,7 @@ def run_data(
     }
 
 
-def _parts(found: Saved, mean: float) -> Iterator[pd.DataFrame]:
+def _parts(found: RunResult, mean: float) -> Iterator[pd.DataFrame]:
     """Read the trajectory in parts, with what follows from its columns; speeds (Hz) are counted from a mean."""
     sign, rest = -1.0 if found.scene.co_rotating else 1.0, rest_of(found.scene)
     forward = [exciter.direction / (2.0 * np.pi) for exciter in found.scene.exciter_pair]

@@ -14,8 +14,8 @@ from typing import Any
 
 from vibroplat.errors import TableError
 from vibroplat.plots.command import families
-from vibroplat.plots.reading import Saved
 from vibroplat.plots.style import styled
+from vibroplat.results.result import Result
 
 #: Significant digits of numbers, as in the script.
 DIGITS = 6
@@ -177,7 +177,7 @@ def _scaled(value: Any, factor: float) -> Any:
     return factor * value if isinstance(value, int | float) and not isinstance(value, bool) and factor != 1.0 else value
 
 
-def figures(found: Sequence[Saved]) -> str:
+def figures(found: Sequence[Result]) -> str:
     """Return the figures that ``vibroplat plot`` draws of some results, as images inside the page.
 
     A browser that runs scripts reads them as text and decodes none of them.
@@ -188,7 +188,7 @@ def figures(found: Sequence[Saved]) -> str:
     )
 
 
-def _pictures(found: Sequence[Saved]) -> Iterator[tuple[str, str]]:
+def _pictures(found: Sequence[Result]) -> Iterator[tuple[str, str]]:
     """Yield figures by their names, as base64 of PNG; a result without data has none."""
     for one in found:
         draw = next((family.draw for family in families() if family.command == one.command), None)

@@ -54,7 +54,7 @@ def families() -> list[Family]:
     return [
         Family("paper", (), (), paper_figures),
         *(
-            Family(name, kind.pictures.KINDS, kind.pictures.OPTIONS, partial(_draw, name))
+            Family(name, kind.figures.split(), kind.pictures.OPTIONS, partial(_draw, name))
             for name, kind in KINDS.items()
         ),
         Family("run", run.FIGURES, ("start", "stop", "data"), run.run_figures),

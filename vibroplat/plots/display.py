@@ -47,9 +47,11 @@ def figure_of(shown: Result | Orbit, kind: str | None = None, **options: Any) ->
 
 def _study_figure(result: Result, kind: str | None, options: Mapping[str, Any]) -> Figure:
     """Draw a figure of a study, the first one if none is named."""
-    own = KINDS[result.command].pictures
-    if kind is not None and kind not in own.KINDS:
-        raise ValueError(f"kind = {kind!r}; allowed: {', '.join(own.KINDS)}")
+    if result.command not in KINDS:
+        raise ValueError("the figures of the paper are many; allowed: vibroplat plot DIR")
+    names, own = KINDS[result.command].figures.split(), KINDS[result.command].pictures
+    if kind is not None and kind not in names:
+        raise ValueError(f"kind = {kind!r}; allowed: {', '.join(names)}")
     if wrong := [name for name in options if name not in own.OPTIONS]:
         raise ValueError(f"option {wrong[0]} is unknown; allowed: {', '.join(own.OPTIONS) or 'none'}")
     figures = draw_study(result.command, [result], [] if kind is None else [kind], **options)

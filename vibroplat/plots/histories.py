@@ -15,7 +15,8 @@ import pandas as pd
 from vibroplat.columns import COORDINATES, FORCES, split
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.plots.reading import Cut, Ends, Saved, ends_of, rest_of
+from vibroplat.plots.reading import Cut, Ends, ends_of, rest_of
+from vibroplat.results.run import RunResult
 
 _LOG = logging.getLogger("vibroplat")
 
@@ -105,7 +106,7 @@ _IN_MEMORY = ("the run lasted", "{} = {:g}", "the trajectory is empty")
 
 def read_run(directory: Path, start: float | None = None, stop: float | None = None) -> Run:
     """Read the tables of a run from ``start`` to ``stop`` (s); raises as :func:`run_of`, and where one is missing."""
-    result = Saved(directory, "run")
+    result = RunResult.read(directory, "run")
     summary = result.summary
     frequency = summary.get("excitation_frequency_hz", "")
     known = frequency is None or (type(frequency) in (int, float) and frequency >= 0.0)

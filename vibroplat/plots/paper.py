@@ -11,11 +11,10 @@ import pandas as pd
 
 from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN
 from vibroplat.plots.pictures import draw_response, marker_legend
-from vibroplat.plots.reading import has_table
 from vibroplat.plots.style import begin_at_zero, entry, new_figure
 from vibroplat.plots.timelines import FloatArray, in_units
-from vibroplat.results.files import SavedFiles
 from vibroplat.results.picture import BLACK, BLUE, GREEN, ORANGE, PURPLE, REFERENCE, VERMILION, finite
+from vibroplat.results.result import Result
 from vibroplat.study.bands import jumps
 from vibroplat.study.branches import EXCITATION
 
@@ -48,12 +47,12 @@ _SYMBOLS = {
 def paper_figures(directories: Sequence[Path], _: Sequence[str] = ()) -> Iterator[tuple[Path, str, Figure]]:
     """Draw Figs. 2–7 from the tables of reproductions; yield the directory and the name of each."""
     for directory in directories:
-        result = SavedFiles(directory, "paper")
+        result = Result.read(directory, "paper")
         for name, draw in FIGURES.items():
             yield directory, name, draw(result)
 
 
-def _table(result: SavedFiles, name: str) -> pd.DataFrame:
+def _table(result: Result, name: str) -> pd.DataFrame:
     """Read a table of the reproduction as axes can show it."""
     return finite(result.table(name))
 
@@ -107,13 +106,13 @@ def _over_frequency(height: float, panels: Sequence[Panel], names: Curves = ()) 
     return figure
 
 
-def _fig2(result: SavedFiles) -> Figure:
+def _fig2(result: Result) -> Figure:
     curves = [(_table(result, "fig2"), MASSES[0.0], 1.0)]
     titles = [r"Fig. 2(a). $\mu_w$ = 0", "", "", "Fig. 2(b)"]
     return _over_frequency(8.6, [Panel(title, column, curves) for title, column in zip(titles, _SYMBOLS, strict=True)])
 
 
-def _fig3(result: SavedFiles) -> Figure:
+def _fig3(result: Result) -> Figure:
     table = _table(result, "fig3")
     curves = [(table[table["material.mass_ratio"] == mass], colour) for mass, colour in MASSES.items()]
     sized = [(rows, colour, 1.4 - 0.3 * i) for i, (rows, colour) in enumerate(curves)]
@@ -124,10 +123,10 @@ def _fig3(result: SavedFiles) -> Figure:
     return _over_frequency(9.0, [Panel("Fig. 3(a). $R$ = 0", "rms_y_m", sized, 3.0), *phases], _MASS_CURVES)
 
 
-def _fig6(result: SavedFiles) -> Figure:
+def _fig6(result: Result) -> Figure:
     table = _table(result, "fig6")
     shown = [table[table["contact.restitution"] == r] for r in RESTITUTIONS]
-    if has_table(result.directory, "fig6-nonimpact"):
+    if "fig6-nonimpact" in result.tables:
         shown.append(_table(result, "fig6-nonimpact"))
     curves = [
         (rows[rows["direction"] == "up"], colour, 1.5 - 0.25 * i)
@@ -136,7 +135,7 @@ def _fig6(result: SavedFiles) -> Figure:
     return _over_frequency(5.0, [Panel(r"Fig. 6. $\mu_w$ = 0.2", "rms_y_m", curves)], _MODEL_CURVES[: len(curves)])
 
 
-def history(name: str, column: str, curves: Curves, title: str, *, near: float = 0.0) -> Callable[[SavedFiles], Figure]:
+def history(name: str, column: str, curves: Curves, title: str, *, near: float = 0.0) -> Callable[[Result], Figure]:
     """Make a drawer of time histories, a panel for each of the paper's frequencies.
 
     Parameters
@@ -151,7 +150,7 @@ def history(name: str, column: str, curves: Curves, title: str, *, near: float =
         Differences from the first curve that stay below this share of its amplitude are drawn below.
     """
 
-    def draw(result: SavedFiles) -> Figure:
+    def draw(result: Result) -> Figure:
         table, quantity = _table(result, name), COORDINATES[column]
         panels = [table[table["panel"] == panel] for panel in dict.fromkeys(table["panel"])]
         beside = [_differences(rows, column, near) for rows in panels]
@@ -204,7 +203,7 @@ def _differences(rows: pd.DataFrame, column: str, near: float) -> dict[int, tupl
 
 
 #: By the name of the file.
-FIGURES: dict[str, Callable[[SavedFiles], Figure]] = {
+FIGURES: dict[str, Callable[[Result], Figure]] = {
     "fig2": _fig2,
     "fig3": _fig3,
     "fig4": history("fig4", "y_m", _MASS_CURVES, "$R$ = 0", near=0.5),

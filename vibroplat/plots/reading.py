@@ -6,61 +6,19 @@ Trajectories are read in parts: those of long runs do not fit into memory.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from functools import cached_property
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from vibroplat.config.scene import Scene
-from vibroplat.errors import TableError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.results.picture import finite
-from vibroplat.results.result import Result
-
-
-def has_table(directory: Path, name: str) -> bool:
-    """Whether a directory holds a table, of whatever format."""
-    return any(directory.glob(f"{name}.*"))
 
 
 def rest_of(scene: Scene) -> float:
     """Return y at the static rest (m), from where figures count it."""
     return float(static_rest(scene)[1])
-
-
-class Saved(Result):
-    """The result of a command as figures and the page read it.
-
-    Parameters
-    ----------
-    directory, command
-        Where it is, and the command that wrote it.
-
-    Attributes
-    ----------
-    label
-        What the page calls it.
-    """
-
-    label: str = ""
-
-    def __init__(self, directory: Path, command: str) -> None:
-        self.__dict__ |= Result.read(directory, command).__dict__
-
-    @property
-    def directory(self) -> Path:
-        """Where it is."""
-        return self._read.directory
-
-    @cached_property
-    def summary(self) -> dict[str, Any]:
-        """Summary of a run; empty for other commands."""
-        found = self._read.document("summary") if self.command == "run" else {}
-        if not isinstance(found, dict):
-            raise TableError(f"{self.directory}/summary.json is not the summary of a run")
-        return found
 
 
 class Ends(NamedTuple):

@@ -87,9 +87,12 @@ class Result:
         Name of the command.
     check
         Result of the cross-check by another engine, as plain values; None without a cross-check.
+    label
+        Name of the result beside other results.
     """
 
     check: Mapping[str, Any] | None = None
+    label: str = ""
     #: Its files, if it was read from them.
     saved: SavedFiles | None = None
 
@@ -105,7 +108,8 @@ class Result:
         facts: Mapping[str, Any] | None = None,
     ) -> None:
         self.command, self._facts = command, facts or {}
-        known = {"scene": scene, "tables": Tables(tables), "answer": answer, "documents": documents or {}}
+        told = Answer.from_tree(answer.to_tree())
+        known = {"scene": scene, "tables": Tables(tables), "answer": told, "documents": documents or {}}
         self.__dict__ |= known | {"configurations": configurations or {}}
 
     @classmethod
@@ -325,8 +329,8 @@ class Tables(Mapping[str, "pd.DataFrame"]):
         return len(self._sources)
 
     def parts(self, name: str) -> Iterable[pd.DataFrame]:
-        """Return a table in parts, at least one, which are not kept."""
-        source = self._sources[name]
+        """Return a table in parts, at least one, which are not kept; one that was made already as a whole."""
+        source = self._known.get(name, self._sources[name])
         return source() if callable(source) else [source]
 
 

@@ -32,7 +32,6 @@ from vibroplat.results.result import Result
 from vibroplat.study.bands import jumps
 from vibroplat.study.branches import EXCITATION, SUPPLY, column_of
 
-KINDS = ("response", "bifurcation", "map")
 OPTIONS = ("x", "data", "measure")
 #: The column that tells several results apart.
 RESULT = "result"

@@ -10,7 +10,6 @@ from vibroplat.results.labels import sweep_parameters, value_label
 from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of
 
-KINDS = ("thresholds",)
 OPTIONS = ("measure",)
 #: Ends of mixed intervals in the table of thresholds.
 _MIXED = ["mixed_low", "mixed_high"]
