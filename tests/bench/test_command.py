@@ -42,7 +42,7 @@ def test_engines_are_compared_at_equal_error(command, here):
 
 def test_all_benchmarks_and_some_are_not_asked_for_at_once(command, here):
     done = command("bench", "engines", "--long")
-    line = "engines --long: --long runs every bench; allowed: names or --long"
+    line = "engines --long: --long runs all benchmarks; allowed: names or --long"
     assert (done.code, done.out, done.err) == (2, "", f"vibroplat: {line}\n")
 
 
