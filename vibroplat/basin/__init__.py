@@ -1,1 +1,1 @@
-"""Basins of attraction: which motions a scene comes to from a box of starts, and from which share of it."""
+"""Basins of attraction: the attractors of a scene, and the fractions of initial conditions that converge to them."""

@@ -1,6 +1,6 @@
 """Follows motions from starts until each is surely in the basin of a periodic orbit, and finds the orbits on the way.
 
-Every eight turns of exciter 1, later every sixteen, a motion is looked at: once it is in an ellipsoid around an orbit
+Every eight turns of exciter 1, later every sixteen, a motion is checked: once it is in an ellipsoid around an orbit
 (:mod:`vibroplat.continuation.attraction`), and comes nearer to the orbit there, it is assigned to this orbit. One that
 takes several times as long as others may converge to an orbit that is not known yet: where its section nearly comes
 back to itself, Newton's method begins there. A motion that has converged to no orbit is measured in its last turns.
@@ -37,15 +37,15 @@ from vibroplat.study.store import Record
 
 #: Turns between two looks whether a motion is in an ellipsoid, in its first FIRST turns and later.
 STRIDE, LATE_STRIDE = 8, 16
-#: A motion that is in none after so many turns, or so many times the median of the others, is looked at for new orbits,
+#: A motion that is in none after so many turns, or so many times the median of the others, is searched for orbits,
 #: and again each time after twice as long.
 FIRST, PATIENT, EXPERIENCED = 96, 4.0, 20
-#: Turns of such a look, and the distance of a return from which Newton's method begins, in the scales of the scene.
+#: Turns of such a look, and the distance of a return from which Newton's method begins, in scaled units.
 LOOK, NEAR = 16, 0.05
 #: Periods in which a motion in an ellipsoid must come nearer to the orbit, unless it is this near already, over the
 #: radius.
 CONFIRMED, DEEP = 2, 0.1
-#: Distance of the same orbit found twice, in the scales of the scene.
+#: Distance of the same orbit found twice, in scaled units.
 SAME = 1e-4
 #: Windows in which a motion that has converged to no orbit is measured, and whole turns of each, a multiple of many
 #: periods. They are its last ones; of a motion that is followed for few turns, half of these.

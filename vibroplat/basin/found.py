@@ -1,4 +1,4 @@
-"""What starts have come to: attractors that blocks of them found together, classes of motions that do not repeat.
+"""The attractors found so far by blocks of initial conditions, and classes of aperiodic motions.
 
 Over a key, attractors are carried from value to value, and keep their identity where their orbit is continued.
 """
@@ -89,7 +89,7 @@ class Found:
 
     @property
     def counts(self) -> list[int]:
-        """How many starts have come to each attractor."""
+        """Number of initial conditions that converged to each attractor."""
         counts = Counter(start["attractor"] for start in self.starts)
         return [counts[number] for number in range(len(self.attractors))]
 
@@ -213,7 +213,7 @@ def _continued(scene: Scene, key: str, ends: Sequence[float], attractor: Record)
 
 
 def _place(local: Local) -> list[float]:
-    """Say where an orbit is, by its measures in the scales of the scene."""
+    """Say where an orbit is, by its measures in scaled units."""
     scales, found = state_scales(local.scene), local.measures
     phase = found["phase_difference_rad"] or 0.0
     lengths = (found[name] / scales[place] for place, name in enumerate(TOLD))

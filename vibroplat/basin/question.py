@@ -1,4 +1,4 @@
-"""The command ``basins``: attractors of a scene, the share of starts that comes to each, and what becomes of a start.
+"""The study ``basins``: attractors of a scene, their basin fractions, and the attractor of each initial condition.
 
 Starts are followed in blocks of fixed size: one, then two side by side, then four, and so on. Each knows the attractors
 that the rounds before have found, and what it finds besides is compared in the order of blocks, so that nothing depends
@@ -148,9 +148,9 @@ class BasinsStudy(Study):
         return self._scenes
 
     def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
-        """Follow all starts, classify what does not repeat, and make the tables.
+        """Map all initial conditions to attractors, classify aperiodic motion, and make the tables.
 
-        Over a key one value follows the other: its attractors are carried to the next, whose starts may come to them.
+        Over a key, the attractors found at a value are continued to the next one.
         """
         found: list[Found] = []
         history: list[int] = []

@@ -1,4 +1,4 @@
-"""The rate at which motions that do not repeat converge to orbits: chaos may be a transient of any length.
+"""The rate at which aperiodic motions converge to orbits: chaos may be a transient of any length.
 
 A motion on a chaotic saddle leaves it at a constant rate (Grebogi, Ott and Yorke 1983, Physica D 7, 181; Lai and Tél,
 Transient Chaos, 2011). Early arrivals are of motions that never came near the saddle, and would spoil the estimate:
@@ -86,7 +86,7 @@ def rates_of(attractors: Sequence[Record], starts: Sequence[Record], longest: in
 
     It is None where nothing was at risk, where a motion may take as long on a direct way to the orbit, where it is not
     known when motions converged to it, and of undecided motions. An upper bound alone is known of chaos that may have
-    been left for such an orbit, and of chaos beside other motions that do not repeat, as it is not known which of them
+    been left for such an orbit, and of chaos beside other aperiodic motions, as it is not known which of them
     was left how often.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Tell motions that do not repeat from each other by windows of them.
+"""Distinguish aperiodic motions by windows of them.
 
 Windows of one motion may differ more than those of two: where it comes in bursts, its RMS displacements scatter by half
 of themselves. So each window has a class, and an arrow goes from the class of each window to that of the next one. A

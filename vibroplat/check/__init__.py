@@ -28,7 +28,7 @@ from vibroplat.integrate import other_engine
 #: without flights, impacts, a stall, a coast-down; tolerances 1e-8 … 1e-4), ``native`` and ``sundae`` differed by at
 #: most 1.5 times that change and five tolerances: a third of what is allowed.
 MULTIPLE: Final = 5.0
-#: What is allowed in any case, over the tolerance, in the scales of the scene.
+#: What is allowed in any case, over the tolerance, in scaled units.
 FLOOR: Final = 20.0
 
 #: Makes the scene that checks a given one.

@@ -50,7 +50,7 @@ class Pairs(NamedTuple):
 def slight(events: pd.DataFrame, errors: Errors, scene: Scene) -> npt.NDArray[np.bool_]:
     """Tell which events an error of the motion may add or remove.
 
-    With an error ε in the scales of the scene, a gap that just misses 0 becomes an impact with √(2 ε) of the scale of
+    With an error ε in scaled units, a gap that just misses 0 becomes an impact with √(2 ε) of the scale of
     speeds, and a contact force that just stays positive falls below 0 for √(8 ε) / ω₀. Impacts after shorter flights
     than that may be closed into contact in one run and followed in the other; how fast they are depends on what
     presses, which may be a stiff layer.

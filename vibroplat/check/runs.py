@@ -25,9 +25,9 @@ from vibroplat.observe.summary import INACCURATE
 from vibroplat.results.run import RunResult
 from vibroplat.system.memory import Share
 
-#: Difference, in the scales of the scene, up to which engines are said to agree.
+#: Difference, in scaled units, up to which engines are said to agree.
 CLOSE: Final = 1e-3
-#: Allowed difference, in the scales of the scene, from which on nothing is compared any more.
+#: Allowed difference, in scaled units, from which on nothing is compared any more.
 LOST: Final = 0.3
 #: Most samples of a run that are compared; they are those of the trajectory table, or every second, third … of them.
 MOST: Final = 100_000
@@ -84,7 +84,7 @@ class RunCheck:
     agree_until_s
         Until when no coordinate, and not the contact force, differed by more than CLOSE of its scale.
     amplification
-        Largest change under a repetition until then, over the tolerance, in the scales of the scene.
+        Largest change under a repetition until then, over the tolerance, in scaled units.
     events
         Number of events that both have until then.
     largest
@@ -182,14 +182,14 @@ def _later(progress: Progress | None, seconds: float) -> Progress | None:
 
 
 class Course:
-    """What is compared of a run: samples of its trajectory, and its events, collected while it goes on.
+    """What is compared of a run: samples of its trajectory, and its events, collected during the run.
 
     Parameters
     ----------
     scene
         What is run.
     progress, start
-        As of :func:`vibroplat.simulate`.
+        As in :func:`vibroplat.simulate`.
     also
         Is given all of the trajectory table and the event table.
 
@@ -267,7 +267,7 @@ class Course:
 
 
 def differences(one: Course, two: Course, times: pd.Index) -> FloatArray:
-    """Differences of two runs at times of the first, shape (times, quantities), in the scales of the scene.
+    """Differences of two runs at times of the first, shape (times, quantities), in scaled units.
 
     They are nan where the second has no sample, and those of the contact force where not both are in contact.
     """

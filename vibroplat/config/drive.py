@@ -20,7 +20,7 @@ FREQUENCY = 50.0
 #: the motor becomes infinitely stiff.
 LEAST_SHARE = 1e-3
 
-#: Least supply frequency of a program above 0 (Hz).
+#: Minimum supply frequency of a program above 0 (Hz).
 LEAST_FREQUENCY = 1e-3
 
 #: Most entries of a program.

@@ -13,7 +13,7 @@ from pydantic_core import PydanticCustomError
 #: No physical quantity in SI units lies outside these limits; products of numbers inside them stay finite.
 LEAST, LARGEST = 1e-30, 1e30
 
-#: Random change of the rates at the start of a run or of a sweep's point, in the scales of the scene.
+#: Random change of the rates at the start of a run or of a sweep's point, in scaled units.
 PERTURBATION = 0.01
 
 #: Largest angle of an exciter (rad): more than the longest run turns by. Numbers there are 2e-6 apart; at 1e16 a turn

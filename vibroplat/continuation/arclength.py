@@ -39,7 +39,7 @@ SKIPPED = 1e-2
 #: Largest change of the period in a step, over the period: curves are drawn over the excitation frequency. Where the
 #: key hardly changes, the tangent's part along it counts as no less than the second number.
 PERIOD, FLAT = 1.0 / 120.0, 0.03
-#: Least cosine between the tangents of points with one sequence of events.
+#: Minimum cosine between the tangents of points with one sequence of events.
 STRAIGHT = 0.6
 #: Most that a point may lie beside its prediction, over the length of the step; the second where a step shorter than
 #: ANGULAR changes the sequence of events, at which a branch may have a corner.

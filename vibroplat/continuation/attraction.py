@@ -97,7 +97,7 @@ class Attraction:
         return found
 
     def radius(self, shooter: Shooter) -> float:
-        """Return how far the ellipsoid reaches within which motion surely comes to the orbit; 0 if none is known."""
+        """Return the radius of the attraction ellipsoid, within which convergence was tested; 0 if none is known."""
         sizes = (0.5**halvings for halvings in range(HALVINGS))
         return next((size for size in sizes if self.attracts(shooter, size, SURELY, LATER)), 0.0)
 

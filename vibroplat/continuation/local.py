@@ -26,9 +26,9 @@ from vibroplat.model.systems import FULL_SIZE
 from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.variation import Variation
 
-#: Least part of a step into which it is divided.
+#: Minimum part of a step into which it is divided.
 LEAST = 1.0 / 64.0
-#: How far an orbit may be from its prediction, over the predicted change, or in the scales of the scene: farther away
+#: How far an orbit may be from its prediction, over the predicted change, or in scaled units: farther away
 #: it is another one.
 ELSEWHERE, NEAR = 0.5, 0.02
 #: Iterations of Newton's method.

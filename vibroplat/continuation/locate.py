@@ -47,7 +47,7 @@ SHORTER, FIRST, NEAREST = 0.4, 1e-4, 0.1
 NARROW, BLURRED = 1e-4, 1e-3
 #: How far beside a point that cannot be found others are tried, as a part of the way.
 ASIDE = (0.0, 0.1, -0.1, 0.2, -0.2)
-#: How far beyond a discontinuity an orbit with the events of the far side is looked for, as a part of the way.
+#: How far beyond a discontinuity an orbit with the events of the far side is searched for, as a part of the way.
 BEYOND = 0.01
 #: Multipliers larger than the first are watched: one may move by the second between two points, over its size above 1.
 WATCHED, MOVED = 0.9, 0.4
@@ -233,7 +233,7 @@ def specials(
     """Find the special points between two neighbouring points in one chart, in the order of the branch.
 
     Where the sequence of events changes, multipliers may jump and the branch may have a corner: its parts on both sides
-    are looked at one by one.
+    are evaluated one by one.
 
     Raises
     ------

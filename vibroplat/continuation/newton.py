@@ -27,7 +27,7 @@ from vibroplat.kernels.linear import (
 )
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
 
-#: Residual, in the scales of the scene, beyond which the iteration is given up.
+#: Residual, in scaled units, beyond which the iteration is given up.
 FAR = 1e3
 #: An old Jacobian serves for another iteration while the last one divided the residual by this.
 SLOW = 10.0
@@ -45,7 +45,7 @@ ANGLE = 3
 
 
 class MissedError(ArithmeticError):
-    """No orbit was found: why, in a clause, and the residuals of all iterations, in the scales of the scene.
+    """No orbit was found: why, in a clause, and the residuals of all iterations, in scaled units.
 
     It may be because of where the ``section`` lies, beside an event.
     """
@@ -174,7 +174,7 @@ class Problem:
     units
         Of the keys in the vector of unknowns.
     tolerance
-        Residual, in the scales of the scene, at which an orbit is found.
+        Residual, in scaled units, at which an orbit is found.
     """
 
     def __init__(

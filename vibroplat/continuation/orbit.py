@@ -42,7 +42,7 @@ _LOG = logging.getLogger("vibroplat")
 
 #: Turns of exciter 1 after which a motion that settles is tried as a guess, one after the other.
 SETTLING = (24, 96, 384)
-#: Residual of a motion that has settled, in the scales of the scene, beyond which it does not repeat.
+#: Residual of a motion that has settled, in scaled units, beyond which it does not repeat.
 UNSETTLED = 1e-3
 #: What helps then.
 ADVICE = "continue one from where the motion is periodic (vibroplat orbits), or pass a guess"

@@ -11,7 +11,7 @@ from vibroplat.kernels.compiled import FloatArray
 
 #: Largest number of turns of a few more returns: chaos that converges to an orbit of many turns passes near it before.
 FAR = 24
-#: Largest distance of returns, in the scales of the scene. How many are tried because they are the nearest of all, how
+#: Largest distance of returns, in scaled units. How many are tried because they are the nearest of all, how
 #: many because they are the nearest of a number of turns relative to returns after its divisors, and how many that are
 #: longer. In chaos at 57 Hz nearly all returns after 6 turns belong to an orbit of 2 turns: those that are nearest show
 #: a stable orbit of 6 turns, or the saddle beside it, in 0 of 40 windows, relative ones in 23.
@@ -35,7 +35,7 @@ def returns(
     Parameters
     ----------
     points
-        Of the section, in the scales of the scene, shape (turns, 14).
+        Of the section, in scaled units, shape (turns, 14).
     longest
         Largest number of turns of most returns.
     known

@@ -15,7 +15,7 @@ from vibroplat.hybrid.state import state_scales
 #: Samples of a turn for those who draw it: between two a line through a sine is beside it by 0.1 % of its amplitude.
 #: Most events of a period that are sampled, the first ones: of impacts that accumulate, the strongest.
 SAMPLES, EVENTS = 64, 100
-#: How far a drawn period may be from closing, in the scales of the scene: less than the width of a line. Largest
+#: How far a drawn period may be from closing, in scaled units: less than the width of a line. Largest
 #: difference of an orbit's RMS from that of its row, over the RMS of both directions.
 OPEN, OTHER = 1e-3, 0.01
 

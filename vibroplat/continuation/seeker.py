@@ -1,4 +1,4 @@
-"""What sweeps ask of orbits: that which a motion comes to while it settles.
+"""Orbit detection for sweeps: the orbit to which a motion converges while it settles.
 
 After 16 turns of exciter 1, and at each look of :func:`vibroplat.study.settling.settle`, Newton's method begins where
 the motion is. A stable orbit that attracts the motion from there is the one that it comes to
@@ -40,7 +40,7 @@ MARGIN = 1e-4
 #: Multiplier above which decay is slow. How far beyond the motion an orbit must attract where it is not.
 SLOW, BEYOND = 0.9, 1.25
 #: Largest multiplier of unstable orbits that are left to their sides, and of how many at most; how far from an orbit
-#: motion begins, and how far it has left it, in the scales of the scene; periods in which it settles then, and most
+#: motion begins, and how far it has left it, in scaled units; periods in which it settles then, and most
 #: turns until Newton's method tries. Of 40 windows of chaos at 57 Hz, 21 show a saddle of multiplier 2.59, from one
 #: side of which motion converges to the stable orbit of 6 turns.
 MILD, SIDES, ASIDE, AWAY, SETTLING, MOST_TURNS = 3.0, 4, 1e-2, 0.3, 4, 256
@@ -73,7 +73,7 @@ class OrbitSeeker:
         self._until, self.reached = 0.0, None
 
     def first(self, start: FloatArray) -> KnownOrbit | None:
-        """Follow a motion from a full state for BLOCK turns, and return the orbit that it surely comes to."""
+        """Follow a motion from a full state for BLOCK turns, and return the orbit that it is shown to converge to."""
         self.forget()
         motion = self._shooter.motion
         motion.reset(start)
@@ -84,7 +84,7 @@ class OrbitSeeker:
         return self._look(points, 0)
 
     def seek(self, motion: Simulator, points: FloatArray, period: int) -> KnownOrbit | None:
-        """Return the orbit that a motion surely comes to, with a period in which it draws together, or 0."""
+        """Return the orbit that a motion is shown to converge to, with a period in which it contracts, or 0."""
         own = self._shooter.motion
         if motion.now < self._until:
             return None
@@ -127,7 +127,7 @@ class OrbitSeeker:
         Parameters
         ----------
         points, states
-            Of the section, in the scales of the scene and full states, each shape (turns, 14).
+            Of the section, in scaled units and full states, each shape (turns, 14).
         """
         known, mild = list[tuple[int, FloatArray]](), dict[tuple[int, float], Attraction]()
         trials = 0
@@ -165,7 +165,7 @@ class OrbitSeeker:
         return section_points(motion.advance_turns(turns, self._longest(turns)).measures, self._shooter.scene)
 
     def _look(self, points: FloatArray, period: int) -> KnownOrbit | None:
-        """Return the orbit that the shooter's motion comes to from where it is on the section."""
+        """Return the orbit that the shooter's motion converges to from where it is on the section."""
         motion = self._shooter.motion
         state, system = motion.state, motion.system.index
         self.near = self.leaving = False

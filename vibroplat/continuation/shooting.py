@@ -40,7 +40,7 @@ STEP = 1e-4
 #: The section is moved when the piece it lies in ends nearer to it than this part of the piece, or when it lies in
 #: flight while contact takes at least a share of the period.
 MARGIN, CONTACT_SHARE = 0.15, 0.06
-#: Turns in which a motion that does not repeat is searched for near returns, and how many are tried. Of 65
+#: Turns in which an aperiodic motion is searched for near returns, and how many are tried. Of 65
 #: motions of the calibrated machine from 56 to 62 Hz that do not repeat, 36 give an orbit of period 1; 24 in 400 turns.
 RETURNS, NEAREST = 1600, 16
 

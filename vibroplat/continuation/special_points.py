@@ -42,11 +42,11 @@ BENT = 1e3
 #: and most steps.
 BESIDE, FARTHEST, MOST = 1e-3, 1.0, 10
 #: Largest last step to a branch point, after which no shot is taken: in units of the unknowns, and over the tolerance;
-#: and the largest b, in the scales of the scene.
+#: and the largest b, in scaled units.
 CLOSE, CLOSER, CROSSING = 1e-6, 100.0, 1e-6
 #: First steps along a new branch, over the largest step, one after the other.
 FIRST = (0.5, 1.0, 0.2, 0.05)
-#: Least part of the way along a branch that must be covered across it by a point that has left it.
+#: Minimum part of the way along a branch that must be covered across it by a point that has left it.
 LEFT = 0.3
 #: Measures of an orbit that are the same for its mirror image, besides key and period.
 MIRRORED = ("rms_x_m", "rms_y_m", "rms_phi_rad", "motor_power_w")

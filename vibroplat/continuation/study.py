@@ -45,7 +45,7 @@ class OrbitsStudy(Study):
     Raises
     ------
     ConfigError
-        The section cannot be followed, or ``from`` names no finished run that the scene can go on from.
+        The section cannot be followed, or ``from`` names no finished run that the scene can continue from.
     """
 
     kind = "orbits"

@@ -41,7 +41,7 @@ BESIDE, FARTHEST = 2e-3, 0.2
 #: Steps grow and shrink by these. Where the second key hardly changes, the direction's part along it counts as no less
 #: than the third number.
 LONGER, SHORTER, FLAT = 1.4, 0.5, 0.05
-#: Least cosine between neighbouring directions of the curve.
+#: Minimum cosine between neighbouring directions of the curve.
 STRAIGHT = 0.9
 
 

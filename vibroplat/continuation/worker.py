@@ -1,4 +1,4 @@
-"""Branches as chains of tasks: a worker makes a part of a branch, and the next task goes on from its last point.
+"""Branches as chains of tasks: a worker makes a part of a branch, and the next task continues from its last point.
 
 A branch that is found at a special point becomes a chain of its own, after those that are known have ended.
 """

@@ -25,7 +25,7 @@ from vibroplat.study.store import Record
 #: Iterations of a search, fewer while a violation is made small, its tolerance, and the violation of a bound, over its
 #: scale, that counts as none. Searches that came into the bounds, in five boxes, took 2 to 15 of the former.
 ITERATIONS, FIRST, CLOSE, VIOLATION = 60, 20, 1e-8, 1e-6
-#: Least scale of a bound of ``margin``, in which a hundredth is much.
+#: Minimum scale of a bound of ``margin``, in which a hundredth is much.
 MARGIN = 0.02
 #: How often a start at which the orbit is lost is moved half way to the scene as given.
 HALVINGS = 6
@@ -254,7 +254,7 @@ def searched(
 
 
 def confirmed(scene: Scene, known: Record, values: dict[str, float]) -> Record:
-    """Measure what a design comes to as a run of it begins, with what a sweep has.
+    """Measure the attractor that a design reaches from the initial condition of a run, as in a sweep.
 
     Returns
     -------

@@ -117,7 +117,7 @@ def settling(scene: Scene) -> SweepPlan:
 
 
 def settled(scene: Scene) -> Record:
-    """Find the motion that a scene's motion comes to, and refuse one that is no orbit.
+    """Find the motion that a scene's motion converges to, and refuse one that is no orbit.
 
     Returns
     -------

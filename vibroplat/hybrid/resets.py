@@ -134,7 +134,7 @@ def close_piece(h: Automaton, end: float) -> None:
 
 @compiled
 def cut_piece(h: Automaton) -> None:
-    """Close the open piece because there is no room for more steps; the next one goes on from its end."""
+    """Close the open piece because there is no room for more steps; the next one continues from its end."""
     if h.steps.used.steps > h.steps.used.first:
         close_piece(h, last_end(h))
         h.run.joined = CUT
@@ -269,7 +269,7 @@ def apply_supply_corner(h: Automaton, listed: bool) -> None:
 
 @compiled
 def record_restart_events(h: Automaton, attached: bool, corner: bool) -> None:
-    """List what happens where a run goes on from another: a corner of the supply, the end of contact."""
+    """List what happens where a run continues from another: a corner of the supply, the end of contact."""
     run = h.run
     lifts = attached and run.mode == FLIGHT
     force = contact_force(h)[0] if run.mode == ATTACHED else 0.0

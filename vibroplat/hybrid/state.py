@@ -1,7 +1,7 @@
 """Where a run is: the records that compiled code reads and changes, the steps that an integrator hands over, scales.
 
 A step holds every unknown as a polynomial in the fraction of the step, so its readers need not know the method. Steps
-are written to arrays of fixed length, which are overwritten as the run goes on: memory does not grow with the run. An
+are written to arrays of fixed length, which are overwritten during the run: memory does not grow with the run. An
 observer that keeps a trajectory copies them. A *piece* is a sequence of steps in one mode, without an event between
 them.
 
@@ -31,10 +31,10 @@ MARGIN = 2
 #: Columns of polynomials: as many as the largest system has unknowns, made up to whole vectors of the processor.
 WIDTH = 16
 
-#: Least degree of the polynomials, that of chatter.
+#: Minimum degree of the polynomials, that of chatter.
 CUBIC = 3
 
-# How a piece goes on from the one before.
+# How a piece continues the previous one.
 AFTER_EVENT, RESTARTED, CUT = range(3)
 
 #: A piece.
@@ -46,7 +46,7 @@ PIECE = np.dtype(
         ("origin", np.float64),  # of its times (s)
         ("until", np.float64),  # when it ends (s)
         ("turns", np.float64, 2),  # whole turns taken off both exciter angles (rad)
-        ("joined", np.int64),  # how it goes on from the piece before
+        ("joined", np.int64),  # how it continues from the piece before
         ("events", np.int64),  # in the list then
     ],
     align=True,
@@ -147,7 +147,7 @@ RUN = np.dtype(
         ("outcome", np.int64),
         ("final", np.int64),  # whether reaching ``until`` ends the run
         ("awaited", np.int64),  # kind of event that ends the run, or −1
-        ("joined", np.int64),  # how the piece goes on from the one before
+        ("joined", np.int64),  # how the piece continues the previous one
         ("zeros", np.int64),  # of the guard at the segment's start that are known
         ("accumulating", np.int64),  # whether chatter is to be summed up before the next segment
         ("events", np.int64),  # rows in the event list
@@ -319,7 +319,7 @@ def initial_state(scene: Scene, initial: Initial | None = None) -> FloatArray:
 def perturb_state(state: FloatArray, scene: Scene, share: float, key: tuple[int, ...]) -> FloatArray:
     """Return a state, shape (14,), with the rates of platform and exciters changed by normal random numbers.
 
-    Their standard deviation is ``share`` in the scales of the scene; the numbers of ``key`` determine them. A symmetric
+    Their standard deviation is ``share`` in scaled units; the numbers of ``key`` determine them. A symmetric
     motion that has lost stability would otherwise stay symmetric for ever.
     """
     if share == 0.0:

@@ -34,7 +34,7 @@ def is_chatter(
     of impacts until one sticks; the jerk j changes it by jτ, which shifts t∞ by at most |j|τ²/|a|. They are summed
     up once this shift and τ² ω₀ itself are below the tolerance in units of 1/ω₀: ω₀τ ≤ √tol and ω₀ |j| τ² ≤ tol |a|.
     The error in time is then below tol/ω₀ and that of rates and coordinates, by the same neglected
-    jerk, below tol in the scales of the scene. An impact whose speed is the sticking speed up to such errors may
+    jerk, below tol in scaled units. An impact whose speed is the sticking speed up to such errors may
     stick or rebound, as it may when it is followed. Impacts too slow to be ``resolved`` are summed up where a changes
     by less than a hundredth until t∞. R = 1 does not accumulate.
     """

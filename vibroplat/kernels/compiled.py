@@ -222,7 +222,7 @@ def fused_inline(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def same_types(kernel: Callable[P, T]) -> Callable[P, T]:
-    """Return a kernel for one caller, whose arguments always have the same types: they are looked at the first time.
+    """Return a kernel for one caller, whose arguments always have the same types: they are checked at the first call.
 
     Numba looks at each array of a tuple at each call, which for some tuples takes 20 µs. A kernel that has been
     compiled for several types does not say which these are, and is called as it is.

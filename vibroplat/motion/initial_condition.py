@@ -18,7 +18,7 @@ from vibroplat.model.systems import GAP
 from vibroplat.observe.tables import state_places
 from vibroplat.results.files import SavedFiles
 
-#: Largest coordinates and rates, in the scales of the scene, that the end of a run may have to be gone on from; the
+#: Largest coordinates and rates, in scaled units, that the end of a run may have to be gone on from; the
 #: exciters' angles grow for ever and have a limit of their own. Round-off of its time may turn an exciter in step by at
 #: most the angle EXACT (rad).
 MAX_SIZE, MAX_ANGLE_ERROR = 1e4, 1e-6
@@ -36,7 +36,7 @@ class Start(NamedTuple):
     time
         When (s).
     mode
-        Its mode, where the run goes on from another.
+        Its mode, where the run continues from another.
     origin
         What provenance says of that other run.
     """
@@ -53,7 +53,7 @@ def initial_condition(scene: Scene) -> Start:
     Raises
     ------
     ConfigError
-        ``run.initial.from`` names no finished run, or one whose end this scene cannot go on from.
+        ``run.initial.from`` names no finished run, or one whose end this scene cannot continue from.
     """
     source, share = scene.run.initial.from_, scene.start_perturbation
     start = Start(initial_state(scene)) if source is None else end_of(Path(source), scene)
@@ -73,7 +73,7 @@ def end_of(directory: Path, scene: Scene) -> Start:
     Raises
     ------
     ConfigError
-        The directory holds no finished run, or one that this scene cannot go on from.
+        The directory holds no finished run, or one that this scene cannot continue from.
     """
     key = f"run.initial.from = {str(directory)!r}"
     try:

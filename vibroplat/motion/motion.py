@@ -45,7 +45,7 @@ _ON_SECTION = 1e-9
 
 
 class Observer(Protocol):
-    """What reads a motion while it goes on."""
+    """What reads a motion during the run."""
 
     def read(self, h: hy.Automaton) -> None:
         """Read the closed pieces of ``h.steps`` and the first ``run.events`` of ``h.events``, before they go."""

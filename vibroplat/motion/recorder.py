@@ -1,4 +1,4 @@
-"""Records a run: keeps what was asked for, and hands its tables over part by part while it goes on."""
+"""Records a run: keeps what was asked for, and hands its tables over part by part during the run."""
 
 from __future__ import annotations
 

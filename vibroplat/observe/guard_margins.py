@@ -1,4 +1,4 @@
-"""How close a motion comes to other events than it has: turning points of contact force and gap."""
+"""How close a motion is to further events: turning points of contact force and gap."""
 
 from __future__ import annotations
 

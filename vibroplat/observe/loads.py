@@ -210,7 +210,7 @@ def put_limits(extremes: Any, room: Any, system: int, p: Parameters) -> None:
 
     Quantities of one kind share a margin, that of the largest of them: x and φ that are round-off beside y have no
     extremes worth a search. Columns that the system does not have get no limits. While the supply changes, torque and
-    power do not follow from the speed alone, and each step is looked at.
+    power do not follow from the speed alone, and each step is evaluated.
     """
     limits, force, n = room.limits, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
     for i in range(2):
@@ -252,7 +252,7 @@ def update_step_extremes(
     extremes
         The record; ``room.limited`` is −1 if the step before was one of another.
     room, nodes, system, span, equations
-        As of :func:`update_acceleration_extremes`.
+        As in :func:`update_acceleration_extremes`.
     """
     ramps = p.speed_ramp[0] != 0.0 or p.speed_ramp[1] != 0.0 or p.slip_ramp[0] != 0.0 or p.slip_ramp[1] != 0.0
     if room.limited != system or ramps:
@@ -271,7 +271,7 @@ def update_columns(
     """Let the extremes of columns whose bits are set cover a step.
 
     Bits are those of :func:`vibroplat.kernels.lanes.exceeds_limits`: of the unknowns, of three forces into the
-    foundation and of the acceleration, with and without its part along x. Named points are looked at in any case.
+    foundation and of the acceleration, with and without its part along x. Named points are evaluated in any case.
     """
     samples, force, n = room.samples, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
     for k, j, group in in_columns(force):

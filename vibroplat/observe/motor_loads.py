@@ -48,7 +48,7 @@ def update_motor_extremes(
 
     At a constant supply torque and power depend on the speed alone: they have extremes at new extremes of the speed
     since the supply has changed, at the critical slip, and for the power where u² + 2uΔ²/ω₀ = Δ², with slip speed u and
-    critical slip speed Δ. While the supply changes they are looked for among samples.
+    critical slip speed Δ. While the supply changes they are searched for among samples.
     """
     k, j = DRIVEN_1 + i, n + 3 + i
     least, largest = extremes.least[k], extremes.largest[k]

@@ -16,7 +16,7 @@ _TURN = 2.0 * math.pi
 
 #: Longest period, in turns of exciter 1, that is searched for while a motion settles.
 MAX_PERIOD = 16
-#: Of a run, in the scales of the scene: largest distance of points that repeat, and the distance up to which they count
+#: Of a run, in scaled units: largest distance of points that repeat, and the distance up to which they count
 #: as equal. A shorter period is refused if its distance is larger by the factor CLEARLY: what is left of a slow
 #: oscillation may come back to itself after some turns, and differs by less.
 REPEAT_DISTANCE, EQUAL_DISTANCE, DISTANCE_RATIO = 1e-3, 1e-5, 30.0
@@ -41,7 +41,7 @@ def whole_periods(ms: Accumulators, turns: int) -> Accumulators:
 
 
 def section_points(measures: Accumulators, scene: Scene) -> FloatArray:
-    """Points of the Poincaré section in the scales of the scene, in chronological order.
+    """Points of the Poincaré section in scaled units, in chronological order.
 
     Returns
     -------

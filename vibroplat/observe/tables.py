@@ -114,7 +114,7 @@ class Segment:
     turns
         Angles taken off φ₁ and φ₂ before the segment (rad), shape (2,).
     joined
-        Whether it goes on from the segment before without an event between them.
+        Whether it continues from the segment before without an event between them.
     """
 
     system: System
@@ -268,7 +268,7 @@ class TrajectoryRows:
     def __init__(self, scene: Scene, take: Callable[[PlainTable], object]) -> None:
         self._sample = Sampler(scene)
         self._blocks = Blocks(ROW, lambda rows: take(self._sample.table(rows)))
-        self._end = np.empty(0, ROW)  # of the segment before: it is no row if the next one goes on from it
+        self._end = np.empty(0, ROW)  # of the segment before: it is no row if the next one continues from it
 
     def add(self, segment: Segment) -> None:
         """Make the rows of the next segment: its beginning after an event, the output grid strictly inside, its end."""

@@ -19,7 +19,7 @@ from vibroplat.paper.evidence import EDGE, IMPACT_KEY, MOTIONS, NON_IMPACT_KEY, 
 from vibroplat.paper.root_finding import JUMP_WIDTH, WIDTH
 from vibroplat.study.branches import SUPPLY
 
-#: Least change of frequency (Hz) at a jump, and least share by which RMS y falls there.
+#: Minimum change of frequency (Hz) at a jump, and least share by which RMS y falls there.
 LEAST_JUMP, LEAST_FALL = 0.1, 0.2
 #: Largest shift of the jump to the left (Hz) that counts as slight.
 SLIGHT = 1.0

@@ -15,7 +15,7 @@ from vibroplat.observe.summary import COHERENCE, synchronization
 def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] | None) -> dict[str, str]:
     """Return the most important results of the measured part of a run.
 
-    ``origin`` is what provenance says of the run that it goes on from, if any.
+    ``origin`` is what provenance says of the run that it continues from, if any.
     """
     phases = "phi1-phi2" if scene.co_rotating else "phi1+phi2"
     counts, in_whole = (

@@ -20,7 +20,7 @@ _LIBRARIES = ("scikit-sundae", "numpy", "numba", "llvmlite", "pandas", "pydantic
 
 
 def provenance(scene: Scene, engine: str, origin: dict[str, Any] | None = None) -> dict[str, Any]:
-    """Collect versions, the machine and the full configuration of a result, and the run that it goes on from."""
+    """Collect versions, the machine and the full configuration of a result, and the run that it continues from."""
     begins = {} if origin is None else {"begins_from": origin}
     return begins | {
         "schema": SCHEMA,

@@ -62,7 +62,7 @@ class RunResult(Result):
     summary
         Outcome, measures and notes; see :func:`vibroplat.observe.summary.measure`.
     origin
-        What provenance says of the run that it goes on from, if any.
+        What provenance says of the run that it continues from, if any.
     segments
         Smooth stretches in order of time; empty if the run was asked not to keep them.
     event_rows
@@ -114,7 +114,7 @@ class RunResult(Result):
 
     @cached_property
     def origin(self) -> dict[str, Any] | None:
-        """What provenance says of the run that it goes on from, if any."""
+        """What provenance says of the run that it continues from, if any."""
         return self._read.provenance.get("begins_from")
 
     # -- tables -------------------------------------------------------------------------------------

@@ -119,7 +119,7 @@ def read_parts(
     Parameters
     ----------
     directory, name, digests
-        As of :func:`read_table`, which raises the same errors.
+        As in :func:`read_table`, which raises the same errors.
     columns
         Columns that are read if the table has them; all of them by default.
     last
@@ -207,7 +207,7 @@ class TableFile:
     Parameters
     ----------
     directory, name, form
-        As of :func:`write_table`.
+        As in :func:`write_table`.
 
     Attributes
     ----------

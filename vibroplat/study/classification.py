@@ -24,7 +24,7 @@ from vibroplat.observe.section import MAX_PERIOD, period
 from vibroplat.study.lyapunov import Exponent, largest_exponent
 from vibroplat.study.settling import Settling, draws_together
 
-#: Least ratio of the smaller to the larger extent of the section, in both halves of the measured part, at which it is
+#: Minimum ratio of the smaller to the larger extent of the section, in both halves of the measured part, at which it is
 #: steady: a section that still shrinks or grows has not settled.
 STEADY = 0.9
 #: Distance between the means of both halves, as a share of the extent, above which the section drifts.
@@ -35,7 +35,7 @@ STEADY_CHAOS = 0.7, 0.1
 #: Largest growth per turn, with two errors added, at which an exponent without a clear sign counts as 0: neighbours
 #: would need at least 350 turns to double or halve their distance.
 ZERO = 2e-3
-#: Largest distance of points of the section that repeat, in the scales of the scene. Of 440 points of Figs. 3 and
+#: Largest distance of points of the section that repeat, in scaled units. Of 440 points of Figs. 3 and
 #: 6, followed without orbits, those that repeat do so within 0.0041; of the others none comes nearer than 0.42.
 REPEATS = 1e-2
 #: Distance of the mean phase differences (rad) up to which two motions are synchronized alike.
@@ -82,7 +82,7 @@ def classify(
     settling
         How it settled.
     points
-        Its Poincaré section in the scales of the scene, shape (turns, 14).
+        Its Poincaré section in scaled units, shape (turns, 14).
     state
         Full state at its end, shape (14,).
     last

@@ -1,4 +1,4 @@
-"""Two motions that do not repeat: whether they are different attractors, or stretches of the same motion.
+"""Two aperiodic motions: whether they are different attractors, or stretches of the same motion.
 
 Each motion is measured in blocks. The bounds of its measures over the blocks of a window are its class. Chaos may stay
 in one class for minutes before it changes into another. Windows of one motion scatter by up to 45 % of a measure, far
@@ -27,7 +27,7 @@ from vibroplat.observe.summary import statistics
 from vibroplat.study.lyapunov import largest_exponent
 from vibroplat.study.settling import KnownOrbit, Seeker
 
-#: Number of blocks of a window; a motion that does not repeat is measured in one.
+#: Number of blocks of a window; an aperiodic motion is measured in one.
 BLOCKS = 24
 #: Windows over which two motions are followed. In 120 windows of chaos at 59.5 Hz, one motion stays in one of its two
 #: classes for up to 15 of them, and in the other for up to 8.

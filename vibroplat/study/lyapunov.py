@@ -46,7 +46,7 @@ REGULAR, SMOOTHEST = 0.1, 24
 #: Errors that are small enough: relative to the exponent, so that its sign is clear, and as growth per turn, which
 #: would need two thousand turns to double a distance.
 SHARE, PER_TURN = 1.0 / 6.0, 3e-4
-#: Least growth between two measurements, over the largest one or 1: round-off hides a smaller one.
+#: Minimum growth between two measurements, over the largest one or 1: round-off hides a smaller one.
 LOST = 1e-13
 #: Initial part of a direction along its neighbour that may be left in the first measurement that counts. It decays by
 #: the difference of both exponents.
@@ -180,7 +180,7 @@ def largest_exponent(
     state
         Full state on the attractor, shape (14,).
     directions
-        Directions whose growth is followed, in the scales of the scene, shape (14, m). Default: FEW of the section.
+        Directions whose growth is followed, in scaled units, shape (14, m). Default: FEW of the section.
     effort
         How long it is followed.
     """

@@ -49,7 +49,7 @@ ANTIPHASE = 5e-3
 ANTIPHASE_OF_ORBITS = 1e-6
 #: Fewest periods that are measured of motion that repeats: each half must show that it does.
 PERIODS = 4
-#: A motion whose neighbours draw together will repeat: it may settle this many times ``max_settle_s``.
+#: A motion whose neighbours converge will repeat: it may settle this many times ``max_settle_s``.
 PATIENCE = 4.0
 #: Longest settling of motion from other starts (s), and its measured time over that of the plan.
 BRIEF, SHORTER = 20.0, 1.0 / 3.0
@@ -200,7 +200,7 @@ def _measured_point(scene: Scene, plan: SweepPlan, state: list[float] | None, ke
 
 
 def _sought(scene: Scene, plan: SweepPlan, start: FloatArray, seeker: Seeker) -> Point:
-    """Look for the orbit that a motion comes to at once, and while it settles."""
+    """Search for the orbit that a motion converges to at once, and while it settles."""
     orbit = seeker.first(start)
     if orbit is not None and seeker.reached is not None:
         return on_orbit(scene, orbit, seeker.reached[1], seeker.work)

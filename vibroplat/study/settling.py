@@ -1,7 +1,7 @@
 """How long a motion settles before it is measured.
 
 Every 16 turns of exciter 1, the Poincaré section of the last 32 turns is compared with that of the 32 turns before. If
-points n ≤ 16 turns apart draw together, the remaining distance D q/(1−q) follows from a geometric series, with the
+points n ≤ 16 turns apart converge, the remaining distance D q/(1−q) follows from a geometric series, with the
 ratio q of the later spread D to the earlier one. It must stay small in two consecutive checks, as a quick transient may
 hide a slow one at the first. A motion that does not settle is followed for as long as the plan allows: long chaotic
 transients end in periodic motion, and only time distinguishes them from chaos.
@@ -37,7 +37,7 @@ UNSEEN = 0.5
 
 
 class KnownOrbit(NamedTuple):
-    """A stable periodic orbit that a motion comes to.
+    """A stable periodic orbit that a motion converges to.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class KnownOrbit(NamedTuple):
 
 
 class Hunt(NamedTuple):
-    """A search for a stable orbit near a motion that does not repeat.
+    """A search for a stable orbit near an aperiodic motion.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Hunt(NamedTuple):
 
 
 class Seeker(Protocol):
-    """Looks for the orbit that a motion comes to."""
+    """Searches for the orbit that a motion converges to."""
 
     @property
     def reached(self) -> tuple[FloatArray, float] | None:
@@ -99,16 +99,16 @@ class Seeker(Protocol):
         """How much was done so far; see :data:`vibroplat.integrate.interface.WORK`."""
 
     def first(self, start: FloatArray) -> KnownOrbit | None:
-        """Follow a motion for BLOCK turns from a full state, and return the orbit that it surely comes to."""
+        """Follow a motion for BLOCK turns from a full state, and return the orbit that it is shown to converge to."""
 
     def seek(self, motion: Simulator, points: FloatArray, period: int) -> KnownOrbit | None:
-        """Return the orbit that a motion surely comes to.
+        """Return the orbit that a motion is shown to converge to.
 
-        Its section has these points, in the scales of the scene, and draws together after a period (turns), or 0.
+        Its section has these points, in scaled units, and contracts after a period (turns), or 0.
         """
 
     def hunt(self, points: FloatArray, states: FloatArray) -> Hunt:
-        """Look for orbits from where a section comes back to itself: its points, in scales, and states, (turns, 14)."""
+        """Search for orbits from near returns of a section: its points, in scaled units, and states, (turns, 14)."""
 
     def close(self) -> None:
         """Free what the engine holds."""
@@ -120,7 +120,7 @@ class Settling(NamedTuple):
     Attributes
     ----------
     how
-        ``periodic``, ``orbit`` (it comes to a known one), ``maximum`` (not within the time that the plan allows),
+        ``periodic``, ``orbit`` (it converges to a known one), ``maximum`` (not within the time that the plan allows),
         ``fixed`` (for a given time), or ``unfinished`` (it ended early).
     seconds
         How long it settled (s).

@@ -95,7 +95,7 @@ class Study(ABC):
     def cross_check_cases(
         self, result: Result, store: Store, other: Callable[[Scene], Scene]
     ) -> Sequence[CrossCheckCase]:
-        """Choose motions of the result that are repeated with other scenes, as by another engine."""
+        """Choose motions of the result to repeat with other scenes, for example with another engine."""
 
 
 def conditions(scene: Scene) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Thresholds of a key: a scan shows where the outcome changes, and each change is narrowed in a chain of its own.
 
 Where motion on one side repeats, its orbit is followed over the key first: where it loses its stability inside the
-interval, and motion comes to it up to there, that point is the threshold. Elsewhere the interval is bisected.
+interval, and motion converges to it up to there, that point is the threshold. Elsewhere the interval is bisected.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def start_key(scene: Scene, seed: int | None = None) -> tuple[int, ...]:
 
 @dataclass
 class Search:
-    """Looks for the thresholds of a section ``find``, in chains of tasks.
+    """Searches for the thresholds of a section ``find``, in chains of tasks.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Search:
     store, workers, progress
         As :meth:`vibroplat.study.study.Question.answer` gets them.
     seen
-        All values that were looked at besides those of the scan, in the order of chains.
+        All values that were evaluated besides those of the scan, in the order of chains.
     """
 
     scene: Scene
@@ -230,7 +230,7 @@ class Search:
     def _orbit_boundary(self, begin: Value, end: float, step: float, seen: list[Value]) -> Tasks[Threshold | None]:
         """Follow the orbit of a value towards another one; the threshold where it loses its stability.
 
-        It is one if the motion comes to the orbit just before, and has another outcome just beyond.
+        It is one if the motion converges to the orbit just before, and has another outcome just beyond.
         """
         period = begin.row["period"]
         known = period and begin.row.get("multiplier_max") and not begin.leaving
@@ -271,11 +271,11 @@ class Search:
     def evidence(self, scan: Sequence[Value], thresholds: Sequence[Threshold]) -> list[Zone]:
         """Return what all values say about the thresholds, and look for values that contradict them.
 
-        They are looked for near each threshold at which measures jump, or meet within their standard errors: where a
+        They are searched for near each threshold at which measures jump, or meet within their standard errors: where a
         measure of chaos scatters around a level, outcomes on both sides are mixed. Where they are, rounds of values
         follow beyond both ends of the mixed interval, until none in a round contradicts; then pairs of values in it.
         Half of those rounds begin with other seeds: what holds beyond the interval must not depend on the seed.
-        Nothing is looked for with neighbours, where the outcome at a value depends on the way to it, or at special
+        Nothing is searched for with neighbours, where the outcome at a value depends on the way to it, or at special
         points.
         """
         if self.plan.from_ == "neighbour":

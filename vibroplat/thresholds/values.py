@@ -25,7 +25,7 @@ from vibroplat.motion.motion import Simulator
 from vibroplat.study.point import ERRORS, Point, lost, measure_point
 from vibroplat.study.store import Record
 
-#: Distance of an orbit from the motion that is on it, in the scales of the scene, at most.
+#: Distance of an orbit from the motion that is on it, in scaled units, at most.
 ON_ORBIT = 0.1
 #: Number of joint standard errors up to which two measures may differ by chance, and the same of measures without
 #: errors, relative to them: ten times what remains of a motion after settling on its orbit.
@@ -44,7 +44,7 @@ class Value(NamedTuple):
     at
         The value.
     stage
-        Why it was looked at.
+        Why it was evaluated.
     row, state
         As of a point of a sweep.
     seed
@@ -171,7 +171,7 @@ def evaluate(scene: Scene, plan: FindPlan, state: list[float] | None, times: int
 
     Without a state it begins with ``run.initial`` and follows the drive's program to its last entry. ``times`` is how
     many times the plan's settling and measuring time it has, ``key`` determines the perturbation. Motion that repeats
-    without a known orbit is looked at once more: it may be leaving an unstable one.
+    without a known orbit is evaluated once more: it may be leaving an unstable one.
     """
     began, share = time.perf_counter(), scene.start_perturbation
     if state is None:  # as a run of the scene begins
