@@ -14,7 +14,7 @@ from vibroplat.extensions import PROVIDERS
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from vibroplat.basin.question import basins
+    from vibroplat.basin.study import basins
     from vibroplat.check.runs import check_run
     from vibroplat.config.drive import Drive
     from vibroplat.config.scene import Scene, load_config
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     )
     from vibroplat.continuation.orbit import Orbit, orbit
     from vibroplat.continuation.study import orbits
-    from vibroplat.designs.question import design
+    from vibroplat.designs.study import design
     from vibroplat.motion.run import simulate
     from vibroplat.motion.variation import variation
     from vibroplat.results.result import Result
     from vibroplat.results.run import RunResult, load
     from vibroplat.study.lyapunov import lyapunov
     from vibroplat.study.sweep import sweep
-    from vibroplat.thresholds.tables import find
+    from vibroplat.thresholds.study import find
 
 _HOMES = {
     "load_config": "vibroplat.config.scene",
@@ -63,7 +63,7 @@ _HOMES = {
 # lower subpackages reach higher ones only through these names
 PROVIDERS |= {
     "figure_of": "vibroplat.plots.display",
-    "OrbitSeeker": "vibroplat.continuation.seeker",
+    "NewtonOrbitDetector": "vibroplat.continuation.orbit_detection",
     "sensitivities": "vibroplat.designs.sensitivities",
 }
 

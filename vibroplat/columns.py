@@ -87,7 +87,7 @@ _WORDS = {"rms": "RMS", "phi": "φ", "phi1": "φ₁", "phi2": "φ₂", "lyapunov
 _EXTREMES = {"max": "largest", "min": "smallest"}
 
 
-def words(name: str) -> str:
+def display_name(name: str) -> str:
     """Return a key or column as a person says it, without its unit: ``gap_max_m`` is "largest gap".
 
     ``whole_stroke_x_at_s`` and ``whole_stroke_x_at_hz`` are the "time of" it in the whole run, and the "speed at" it.
@@ -106,14 +106,14 @@ def words(name: str) -> str:
     return begin + " ".join(_WORDS.get(part, part) for part in parts)
 
 
-def place_of(key: str) -> str:
+def list_place(key: str) -> str:
     """Return the place of a key in a list, counted from 1; "" for other keys."""
     return next((str(int(part) + 1) for part in key.split(".") if part.isdecimal()), "")
 
 
-def words_in_place(key: str) -> str:
+def indexed_name(key: str) -> str:
     """Return a key as a person says it, with its place in a list: "critical slip (2)"."""
-    return f"{words(key)} ({place_of(key)})" if place_of(key) else words(key)
+    return f"{display_name(key)} ({list_place(key)})" if list_place(key) else display_name(key)
 
 
 class Quantity(NamedTuple):
@@ -129,7 +129,7 @@ class Quantity(NamedTuple):
         return f"{self.name} ({self.unit})" if self.unit else self.name
 
 
-def shown_in(name: str) -> tuple[str, float]:
+def display_unit(name: str) -> tuple[str, float]:
     """Return the unit in which figures and the page show a column, and the factor from SI units to it.
 
     Lengths are in mm and rotations of the platform in mrad. Keys, whose names have a dot, keep the unit of their name.
@@ -141,7 +141,7 @@ def shown_in(name: str) -> tuple[str, float]:
 
 def _quantities(names: Mapping[str, str]) -> dict[str, Quantity]:
     """Return quantities of columns."""
-    return {column: Quantity(name, *shown_in(column)) for column, name in names.items()}
+    return {column: Quantity(name, *display_unit(column)) for column, name in names.items()}
 
 
 #: Phase difference of the exciters, everywhere. Its ticks are parts of π, so it has no unit.
@@ -149,7 +149,7 @@ PHASE = r"$\Delta\varphi$"
 
 #: What a machine does, by how its exciters are driven and synchronize. Forces of equal exciters that are mirror images
 #: add so, and cancel otherwise; where exciters differ, something is left over.
-SHAKING = {
+VIBRATION_PATTERN = {
     ("counter-rotating", "antiphase"): "vibrates along y",
     ("counter-rotating", "in-phase"): "vibrates along x and rocks",
     ("co-rotating", "antiphase"): "rocks",
@@ -157,9 +157,9 @@ SHAKING = {
 }
 
 
-def with_shaking(sync: str, rotation: str) -> str:
+def describe_sync(sync: str, rotation: str) -> str:
     """Return the name of a synchronization, and what it does to a machine if that is known."""
-    return ": ".join(filter(None, (sync, SHAKING.get((rotation, sync)))))
+    return ": ".join(filter(None, (sync, VIBRATION_PATTERN.get((rotation, sync)))))
 
 
 PHASE_COLUMN = "phase_difference_rad"
@@ -184,7 +184,7 @@ QUANTITIES = _quantities(
 
 def quantity_of(column: str) -> Quantity:
     """Return what a column of numbers is called on an axis, by its name if it is not a usual one."""
-    return QUANTITIES.get(column, Quantity(words(column), *shown_in(column)))
+    return QUANTITIES.get(column, Quantity(display_name(column), *display_unit(column)))
 
 
 #: Columns of a trajectory.

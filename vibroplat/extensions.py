@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 PROVIDERS: dict[str, str] = {}
 
 
-def provided(name: str) -> Callable[..., Any]:
+def load_provided(name: str) -> Callable[..., Any]:
     """Return a function that a higher subpackage provides."""
     found: Callable[..., Any] = getattr(import_module(PROVIDERS[name]), name)
     return found
@@ -25,5 +25,5 @@ def provided(name: str) -> Callable[..., Any]:
 
 def figure_of(shown: object, kind: str | None = None, **options: object) -> Figure:
     """Draw a figure of a result or of an orbit."""
-    figure: Figure = provided("figure_of")(shown, kind, **options)
+    figure: Figure = load_provided("figure_of")(shown, kind, **options)
     return figure

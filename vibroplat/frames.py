@@ -34,7 +34,7 @@ else:
     pd = _Pandas()
 
 
-class Words(NamedTuple):
+class CategoryColumn(NamedTuple):
     """A column of a table, with one of a few words in each row.
 
     Attributes
@@ -57,7 +57,7 @@ class Words(NamedTuple):
 
 
 @dataclass(frozen=True)
-class PlainTable:
+class ArrayTable:
     """A table, or a part of it, as arrays.
 
     Attributes
@@ -68,7 +68,7 @@ class PlainTable:
         What they mean.
     """
 
-    columns: Mapping[str, npt.NDArray[Any] | Words]
+    columns: Mapping[str, npt.NDArray[Any] | CategoryColumn]
     described: Columns
 
     @property
@@ -81,11 +81,11 @@ class PlainTable:
         """The table as a DataFrame."""
         columns: dict[str, Any] = dict(self.columns)
         for name, column in self.columns.items():
-            if isinstance(column, Words) and column.categorical:
+            if isinstance(column, CategoryColumn) and column.categorical:
                 columns[name] = pd.Categorical.from_codes(column.numbers, categories=pd.Index(column.words))
-            elif isinstance(column, Words):
+            elif isinstance(column, CategoryColumn):
                 columns[name] = np.array(column.texts(), dtype=object)
-        return labelled(pd.DataFrame(columns), self.described)
+        return add_descriptions(pd.DataFrame(columns), self.described)
 
 
 class _Labels(dict[str, str]):
@@ -103,13 +103,13 @@ def _attributes(columns: Iterable[str], described: Columns) -> dict[str, dict[st
     }
 
 
-def sharing(table: pd.DataFrame) -> pd.DataFrame:
+def share_descriptions(table: pd.DataFrame) -> pd.DataFrame:
     """Let a table that was read share its units and meanings with those made from it, and return it."""
     table.attrs = {name: _Labels(texts) if isinstance(texts, dict) else texts for name, texts in table.attrs.items()}
     return table
 
 
-def labelled(table: pd.DataFrame, columns: Columns) -> pd.DataFrame:
+def add_descriptions(table: pd.DataFrame, columns: Columns) -> pd.DataFrame:
     """Put units and meanings of a table's columns into its ``attrs``, and return it."""
     table.attrs |= _attributes([str(name) for name in table], columns)
     return table

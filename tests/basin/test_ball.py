@@ -7,7 +7,7 @@ import pytest
 from common.shaken_table import GRAVITY, OMEGA, shaken
 
 from vibroplat import basins
-from vibroplat.basin.starts import values_of
+from vibroplat.basin.initial_conditions import key_values
 
 GAMMA, RESTITUTION = 1.3, 0.5
 LENGTH, SPEED = GRAVITY / OMEGA**2, GRAVITY / OMEGA
@@ -87,7 +87,7 @@ def test_all_balls_come_to_the_motion_that_the_map_says(number):
     assert impacts.min() == 1.0
     assert impacts.max() > 10.0, "a chatter"
     assert len(impacts) == 2
-    gap, rate = (values_of(scene.basins, range(number)) / (LENGTH, SPEED)).T
+    gap, rate = (key_values(scene.basins, range(number)) / (LENGTH, SPEED)).T
     begun = np.full(number, math.acos(math.pi * (1.0 - RESTITUTION) / ((1.0 + RESTITUTION) * GAMMA)))
     ours = tables.starts["attractor"].map(impacts).to_numpy() > 1.0
     theirs = sticking(begun, gap, rate)

@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 
 from vibroplat import basins, load_config, orbit
-from vibroplat.basin.follow import Follower
-from vibroplat.basin.question import BasinsStudy, bounds
-from vibroplat.basin.starts import begun, states_of, values_of
+from vibroplat.basin.initial_conditions import initial_states, key_values, validated_base_scene
+from vibroplat.basin.mapper import AttractorMapper
+from vibroplat.basin.study import BasinsStudy, clopper_pearson
 from vibroplat.columns import PHASE_COLUMN
-from vibroplat.continuation.orbit import beginning_at
+from vibroplat.continuation.orbit import with_initial_state
 from vibroplat.errors import ConfigError
 from vibroplat.hybrid.state import state_scales, static_rest
 from vibroplat.motion.run import simulate
@@ -46,8 +46,8 @@ def found():
 
 def test_starts_are_the_whole_grid_and_the_same_in_any_blocks():
     plan = scene_of({PHASE: [-3.0, 3.0, 7], SPEED: [0.5, 1.0, 6], HEIGHT: [-1e-3, 1e-3]}, random=2).basins
-    together = values_of(plan, range(plan.number))
-    apart = np.concatenate([values_of(plan, range(first, first + 12)) for first in range(0, plan.number, 12)])
+    together = key_values(plan, range(plan.number))
+    apart = np.concatenate([key_values(plan, range(first, first + 12)) for first in range(0, plan.number, 12)])
     np.testing.assert_array_equal(together, apart)
     assert len({(a, b) for a, b, _ in together.tolist()}) == 42
     assert np.ptp(together[:8, 0]) > 4.0
@@ -56,8 +56,8 @@ def test_starts_are_the_whole_grid_and_the_same_in_any_blocks():
 
 def test_states_have_the_values_of_their_keys():
     scene = scene_of({PHASE: [1.0, 2.0, 2], HEIGHT: [-1e-3, 1e-3, 2]})
-    states = states_of(begun(scene, scene.basins), scene.basins, range(4))
-    values = values_of(scene.basins, range(4))
+    states = initial_states(validated_base_scene(scene, scene.basins), scene.basins, range(4))
+    values = key_values(scene.basins, range(4))
     np.testing.assert_allclose(states[:, 3] + states[:, 4], values[:, 0])
     np.testing.assert_array_equal(states[:, 1], values[:, 1])
     assert np.ptp(states[:, 10]) > 0.0, "rates are perturbed"
@@ -68,9 +68,9 @@ def test_motions_stay_where_they_were_assigned(found):
     shown = tables.attractors.set_index("attractor")
     assert set(shown["sync"]) == {"antiphase", "in-phase"}
     assert shown["count"].sum() == 120
-    states = states_of(begun(scene, scene.basins), scene.basins, range(0, 120, 12))
+    states = initial_states(validated_base_scene(scene, scene.basins), scene.basins, range(0, 120, 12))
     for state, label in zip(states, tables.starts["attractor"][::12], strict=True):
-        after = simulate(beginning_at(scene, state).replace({"run.duration_s": 20.0}), keep="summary")
+        after = simulate(with_initial_state(scene, state).replace({"run.duration_s": 20.0}), keep="summary")
         end = orbit(scene, after.final_state)
         assert end.measures["rms_y_m"] == pytest.approx(shown.loc[label, "rms_y_m"], rel=1e-6, abs=1e-9)
 
@@ -179,9 +179,9 @@ def test_motions_at_a_limit_of_classes_are_alike():
 
 
 def test_bounds_hold_the_share():
-    assert bounds(0, 1000) == (0.0, pytest.approx(3.0 / 1000, rel=4e-3))
-    assert bounds(1000, 1000) == (pytest.approx(1.0 - 3.0 / 1000, rel=1e-4), 1.0)
-    low, high = bounds(400, 1000)
+    assert clopper_pearson(0, 1000) == (0.0, pytest.approx(3.0 / 1000, rel=4e-3))
+    assert clopper_pearson(1000, 1000) == (pytest.approx(1.0 - 3.0 / 1000, rel=1e-4), 1.0)
+    low, high = clopper_pearson(400, 1000)
     assert (low, high) == (pytest.approx(0.3695, abs=2e-4), pytest.approx(0.4311, abs=2e-4))
 
 
@@ -243,33 +243,35 @@ def test_in_an_ellipsoid_a_motion_is_assigned_only_if_it_comes_nearer():
     plan, scene = scene.basins, scene.replace({"drive.supply_frequency_hz": 59.0, "basins": None})
     everything = {"row": {"period": 1, "multiplier_max": 0.1}, "centres": [[0.0] * 14], "systems": [0]}
     everything |= {"state": [0.0] * 14, "forms": [(1e-6 * np.eye(14)).tolist()]}
-    with closing(Follower(scene, plan.max_turns, [everything])) as follower:
+    with closing(AttractorMapper(scene, plan.max_turns, [everything])) as follower:
         follower._packed = (*follower._packed[:2], np.array([follower._motion.system.index]))
-        told = follower.follow(states_of(scene, plan, [0])[0])
+        told = follower.map_state(initial_states(scene, plan, [0])[0])
         assert told["attractor"] is None
         assert len(told["windows"]) == 4
         centre, system = np.array([follower._motion.state]), np.array([follower._motion.system.index])
         follower._packed = (centre, follower._packed[1], system)
         follower._motion.to_section = lambda *arguments: True
-        assert follower._entered() == (0, 2), "it is at the centre"
+        assert follower._find_ellipsoid() == (0, 2), "it is at the centre"
 
 
 def test_motion_on_an_orbit_repeats_and_motion_on_its_way_does_not():
     scene = scene_of({PHASE: [-3.0, 3.0]}, random=1)
     plan, scene = scene.basins, scene.replace({"basins": None})
-    with closing(Follower(scene, 400, [])) as follower:
+    with closing(AttractorMapper(scene, 400, [])) as follower:
         assert follower.repeats(orbit(scene).state, 1)
-        assert not follower.repeats(states_of(begun(scene, plan), plan, [0])[0], 1)
+        assert not follower.repeats(initial_states(validated_base_scene(scene, plan), plan, [0])[0], 1)
 
 
 def test_radius_is_of_the_crossings_that_have_an_ellipsoid(monkeypatch):
     """One crossing beside an event has none; starts are assigned at the others."""
     scene = scene_of({PHASE: [-3.0, 3.0]}, random=1)
-    with closing(Follower(scene.replace({"basins": None}), 400, [])) as follower:
-        near, crossings = orbit(scene), follower._seeker.crossings
+    with closing(AttractorMapper(scene.replace({"basins": None}), 400, [])) as follower:
+        near, crossings = orbit(scene), follower._detector.section_ellipsoids
         around = crossings(near.state, 1)[0][0]
-        monkeypatch.setattr(follower._seeker, "crossings", lambda *one: [(around, 0.0), (around, 0.5), (around, 0.25)])
-        follower.adopt_at(near.state, 1)
+        monkeypatch.setattr(
+            follower._detector, "section_ellipsoids", lambda *one: [(around, 0.0), (around, 0.5), (around, 0.25)]
+        )
+        follower.register_near(near.state, 1)
         assert (follower.attractors[0]["radius"], follower.attractors[0]["ellipsoids"]) == (0.25, 2)
 
 
@@ -302,9 +304,9 @@ def test_assigned_starts_stay_on_their_orbit(frequency, ratio, restitution):
     keys |= {"material.layers": 2, "contact.sticking_speed_m_per_s": 0.0}
     scene = scene_of(box, ratio, random=starts, max_turns=longest).replace(keys)
     plan, scene, assigned = scene.basins, scene.replace({"basins": None}), 0
-    with closing(Follower(begun(scene, plan), longest, [])) as follower:
-        for state in states_of(scene, plan, range(starts)):
-            number = follower.follow(state)["attractor"]
+    with closing(AttractorMapper(validated_base_scene(scene, plan), longest, [])) as follower:
+        for state in initial_states(scene, plan, range(starts)):
+            number = follower.map_state(state)["attractor"]
             if number is not None:
                 assigned += 1
                 follower._motion.to_section(700, math.inf)

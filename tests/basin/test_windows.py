@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from vibroplat.basin.found import Found, Group
-from vibroplat.basin.windows import classes_of, components
+from vibroplat.basin.attractors import AttractorSet, Group
+from vibroplat.basin.windows import classify_windows, components
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
 
@@ -30,7 +30,7 @@ def bursts(level, count, seed, scatter=0.45):
 
 
 def ends_of(motions):
-    return components(classes_of(motions, SCALES))
+    return components(classify_windows(motions, SCALES))
 
 
 @pytest.mark.parametrize("count", [4, 8])
@@ -38,7 +38,7 @@ def test_one_motion_in_bursts_is_one_closed_component(count):
     """Windows of single starts would make several classes of it."""
     motions = [bursts(1e-3, count, seed) for seed in range(200)]
     ends, closed = ends_of(motions)
-    assert len({path[-1] for path in classes_of(motions, SCALES)}) > 2
+    assert len({path[-1] for path in classify_windows(motions, SCALES)}) > 2
     assert {min(closed[end]) for end in ends} == {ends[0]} == closed[ends[0]]
 
 
@@ -79,7 +79,7 @@ def record(period=0, height=1e-3):
 
 def test_starts_behind_those_of_the_closed_component():
     """A group is told by a motion of the class that is not left."""
-    found = Found(SCENE, [])
+    found = AttractorSet(SCENE, [])
     found.starts = [start(window(1e-3), window(1e-3)), start(window(1e-3), window(2e-3)), start(*[window(2e-3)] * 2)]
     [group] = found.groups()
     assert group.starts == [found.starts[1], found.starts[2], found.starts[0]]
@@ -87,13 +87,13 @@ def test_starts_behind_those_of_the_closed_component():
 
 def test_a_motion_that_escapes_to_an_orbit_takes_no_other_one_along():
     """It has left chaos by chance; the others are where they were."""
-    found = Found(SCENE, [])
+    found = AttractorSet(SCENE, [])
     found.starts = [start(window(1e-3)) for _ in range(3)]
     group = Group(list(found.starts), [])
-    assert found.like(group, record(6, 5e-3)) == []
-    found.take(group, record(6, 5e-3), [])
+    assert found.find_alike(group, record(6, 5e-3)) == []
+    found.take_continued(group, record(6, 5e-3), [])
     assert [one["attractor"] for one in found.starts] == [None] * 3
-    found.take(group, record(), [])
+    found.take_continued(group, record(), [])
     assert [one["attractor"] for one in found.starts] == [1] * 3
     assert found.counts == [0, 3]
     assert found.attractors[1]["escaped"] == 1
@@ -101,23 +101,23 @@ def test_a_motion_that_escapes_to_an_orbit_takes_no_other_one_along():
 
 def test_starts_that_are_on_an_orbit_of_many_turns_come_to_it():
     """A window that is like it is not enough: chaos beside it has one, too."""
-    found = Found(SCENE, [])
+    found = AttractorSet(SCENE, [])
     found.starts = [start(window(1e-3)), start(window(2e-3)), start(window(1.001e-3)), start(window(1.001e-3))]
     group = Group(list(found.starts), [])
-    like = found.like(group, record(12, 1e-3))
+    like = found.find_alike(group, record(12, 1e-3))
     assert like == [found.starts[0], *found.starts[2:]]
-    found.take(group, record(12, 1e-3), like[:2])
+    found.take_continued(group, record(12, 1e-3), like[:2])
     assert [one["attractor"] for one in found.starts] == [0, None, 0, None]
     assert group.escaped == []
 
 
 def test_where_all_escape_the_motion_is_undecided_and_says_why():
-    found = Found(SCENE, [])
+    found = AttractorSet(SCENE, [])
     found.starts = [start(window(1e-3)) for _ in range(2)]
     group = Group(list(found.starts), [])
     for _ in range(2):
-        found.take(group, record(6, 5e-3), [])
-    found.give_up(group)
+        found.take_continued(group, record(6, 5e-3), [])
+    found.mark_undecided(group)
     assert found.counts == [0, 2]
     row = found.attractors[1]["row"]
     assert (row["motion"], row["period"]) == ("undecided", 0)

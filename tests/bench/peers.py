@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 import typer
 
-from vibroplat.basin.question import basins
-from vibroplat.basin.starts import begun, states_of
+from vibroplat.basin.initial_conditions import initial_states, validated_base_scene
+from vibroplat.basin.study import basins
 from vibroplat.bench.measure import Solver, by_turns, of_engine, precision, show, show_precision, timed, truth
 from vibroplat.bench.scenes import cases
 from vibroplat.bench.studies import basins_scene
@@ -261,7 +261,7 @@ def basins_and_ensembles(repeats, starts=400):
     """
     scene = basins_scene(starts, "taylor")
     [system] = systems(scene).values()
-    states = states_of(begun(scene, scene.basins), scene.basins, range(starts))[:, system.places]
+    states = initial_states(validated_base_scene(scene, scene.basins), scene.basins, range(starts))[:, system.places]
     tasks = {("basins", 0): partial(timed, basins, scene)}
     for batch, what in {1: "heyoka, one by one", 4: "heyoka, 4 in a vector"}.items():
         follow = ensemble(system, parameters(scene), scene.solver.tolerance, batch)

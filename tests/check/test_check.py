@@ -9,9 +9,9 @@ from common.random_scenes import random_scene
 
 import vibroplat
 from vibroplat import check_run, load_config
-from vibroplat.check import by_other_engine, with_other_tolerance
-from vibroplat.check.events import Errors, paired
-from vibroplat.check.runs import EVENT_TIME, Course, _Comparison, repetitions
+from vibroplat.check import with_other_engine, with_other_tolerance
+from vibroplat.check.events import ErrorBound, match_events
+from vibroplat.check.runs import EVENT_TIME, SampledRun, _Comparison, perturbed_scenes
 from vibroplat.config.reader import configurations
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import other_engine
@@ -46,11 +46,11 @@ def test_engines_that_share_least_check_each_other():
 
 def test_repetitions_change_nothing_but_tolerance_and_start():
     scene = run_scene()
-    for changed in repetitions(scene):
+    for changed in perturbed_scenes(scene):
         same = {"solver.tolerance": scene.solver.tolerance, "run.perturbation": scene.start_perturbation}
         assert changed != scene
         assert changed.replace(same) == scene.replace(same)
-    starts = {changed.start_perturbation for changed in repetitions(scene)}
+    starts = {changed.start_perturbation for changed in perturbed_scenes(scene)}
     assert starts == {0.01, 0.01 + 1e-6, 0.01 + 2e-6}
 
 
@@ -66,10 +66,13 @@ def test_the_finest_tolerance_is_made_coarser():
 def test_two_engines_agree_on_a_run():
     found = check_run(run_scene())
     assert (found.agrees, found.disagreement) == (True, "")
-    assert {found.engine, found.other} == {"native", vibroplat.simulate(by_other_engine(run_scene())).summary["engine"]}
+    assert {found.engine, found.other} == {
+        "native",
+        vibroplat.simulate(with_other_engine(run_scene())).summary["engine"],
+    }
     assert (found.compared_until_s, found.agree_until_s) == (0.2, 0.2)
     largest = {d.quantity: d for d in found.largest}
-    assert set(largest) == {*Course(run_scene()).names, EVENT_TIME}
+    assert set(largest) == {*SampledRun(run_scene()).names, EVENT_TIME}
     assert 0.0 < largest["y_m"].difference <= largest["y_m"].allowed < 1e-2
     assert found.events > 5
     assert len(found.lines()) <= 5
@@ -117,11 +120,11 @@ def test_a_run_that_amplifies_errors_is_compared_while_that_makes_sense():
 
 
 def test_samples_are_thinned_and_progress_is_told(monkeypatch):
-    monkeypatch.setattr("vibroplat.check.runs.MOST", 50)
+    monkeypatch.setattr("vibroplat.check.runs.MAX_SAMPLES", 50)
     told = []
     found = check_run(run_scene(0.1), other=honest, progress=lambda reached, events: told.append(reached))
     assert found.agrees
-    assert len(Course(run_scene(0.1)).samples) == 51
+    assert len(SampledRun(run_scene(0.1)).samples) == 51
     assert told == sorted(told)
     assert told[-1] == pytest.approx(0.6)
 
@@ -134,7 +137,7 @@ FLIGHTS = ((0.010, "liftoff", 0.0), (0.020, "impact", -0.1), (0.050, "liftoff", 
 
 
 def pairs(one, two, error=1e-6, until=0.1):
-    return paired(table(*one), table(*two), Errors(np.array([until]), np.array([error])), run_scene(), until)
+    return match_events(table(*one), table(*two), ErrorBound(np.array([until]), np.array([error])), run_scene(), until)
 
 
 def test_events_are_paired_in_order():

@@ -128,7 +128,7 @@ def test_an_engine_that_gives_up_is_found(swept):
 
 
 def test_points_are_chosen_all_over_a_sweep(monkeypatch, swept):
-    monkeypatch.setattr("vibroplat.study.study.spread.__defaults__", (3,))
+    monkeypatch.setattr("vibroplat.study.study.choose_evenly.__defaults__", (3,))
     study, result, store, _ = swept
     cases = study.cross_check_cases(result, store, lambda scene: scene)
     assert [case.place.partition(",")[0] for case in cases] == [

@@ -8,7 +8,7 @@ from common.commands import not_a_line
 from common.places import QUICKSTART
 
 from vibroplat import load_config
-from vibroplat.check.runs import compared
+from vibroplat.check.runs import compare_run
 from vibroplat.check.studies import cross_check
 from vibroplat.paper import reproduction
 from vibroplat.results.provenance import configuration_hash
@@ -89,7 +89,7 @@ def test_a_checked_run_is_the_run(command, kernels, here):
 
 
 def test_a_run_that_engines_disagree_on_has_exit_code_1(command, kernels, here, monkeypatch):
-    monkeypatch.setitem(compared.__kwdefaults__, "other", wrong)
+    monkeypatch.setitem(compare_run.__kwdefaults__, "other", wrong)
     done = command("run", QUICKSTART, *SHORT, "--engine", "native", "--check", "--set", "solver.tolerance=1e-10")
     assert done.code == 1
     assert done.err.startswith("vibroplat: engines disagree at 0.0")

@@ -108,7 +108,7 @@ def test_a_sweep_keeps_its_files_in_the_same_directory(command, config, figures)
 def test_a_branch_that_fails_keeps_its_points(command, config, monkeypatch):
     from vibroplat.continuation.arclength import Branch
 
-    grow = Branch.grow
+    grow = Branch.extend
 
     def failing(self, look):
         if len(self.points) < 3 or self.points[-1].chart.places.size < 11:  # without material
@@ -116,7 +116,7 @@ def test_a_branch_that_fails_keeps_its_points(command, config, monkeypatch):
         self.ended = "no point beyond: for a test"
         return False
 
-    monkeypatch.setattr(Branch, "grow", failing)
+    monkeypatch.setattr(Branch, "extend", failing)
     done = command("orbits", config(ORBITS))
     assert done.code == 1
     assert done.err.splitlines() == [

@@ -6,7 +6,7 @@ from itertools import pairwise
 import pytest
 
 from vibroplat import Drive, Scene
-from vibroplat.config.drive import LEAST_SHARE, interval_at
+from vibroplat.config.drive import MIN_FREQUENCY_RATIO, interval_at
 from vibroplat.errors import ConfigError
 from vibroplat.study.branches import branches
 
@@ -89,7 +89,7 @@ def test_slip_speeds_follow_the_frequency_to_a_thousandth_of_the_largest():
         drive((0.0, 0.0), (5.0, 50.0), (9.0, 10.0), (10.0, 0.0)).intervals[:2]
         + drive((0.0, 50.0), (10.0, 0.0)).intervals[:2]
     )
-    least = 50.0 * LEAST_SHARE
+    least = 50.0 * MIN_FREQUENCY_RATIO
     assert (rising.start, rising.end, rising.slip_frequency, rising.corner) == (0.0, 0.005, (least, 0.0), True)
     assert (low.start, low.end, low.slip_frequency, low.corner) == (0.005, 5.0, (least, 10.0), False)
     assert low.frequency == pytest.approx(least, rel=1e-12)
@@ -104,7 +104,7 @@ def test_ramps_below_a_thousandth_are_whole(frequencies):
     first, second = frequencies
     intervals = drive((0.0, 50.0), (1.0, 50.0), (1.0, first), (2.0, second), (2.0, 50.0)).intervals
     assert len(intervals) == 3
-    assert intervals[1].slip_frequency == (50.0 * LEAST_SHARE, 0.0)
+    assert intervals[1].slip_frequency == (50.0 * MIN_FREQUENCY_RATIO, 0.0)
 
 
 def test_intervals_cover_the_time_without_gaps():

@@ -6,7 +6,7 @@ Types, ranges and defaults of all keys are in results/configuration.md, which is
 import pytest
 
 from vibroplat import Scene, load_config
-from vibroplat.config.drive import MOST_ENTRIES
+from vibroplat.config.drive import MAX_ENTRIES
 from vibroplat.config.reader import parse_overrides
 from vibroplat.errors import ConfigError
 
@@ -185,9 +185,9 @@ def test_messages(kind, complaint, here):
 
 
 def test_too_many_entries_are_told():
-    entries = [{"t_s": i, "supply_frequency_hz": 50} for i in range(MOST_ENTRIES + 1)]
+    entries = [{"t_s": i, "supply_frequency_hz": 50} for i in range(MAX_ENTRIES + 1)]
     Scene.from_tree({"drive": {"program": entries[:-1]}})
-    with pytest.raises(ConfigError, match=rf"^drive\.program = .*; allowed: entries, at most {MOST_ENTRIES}$"):
+    with pytest.raises(ConfigError, match=rf"^drive\.program = .*; allowed: entries, at most {MAX_ENTRIES}$"):
         Scene.from_tree({"drive": {"program": entries}})
 
 

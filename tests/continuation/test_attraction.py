@@ -7,8 +7,8 @@ import pytest
 
 from continuation.helpers import MACHINE
 from vibroplat import load_config
-from vibroplat.continuation.attraction import Attraction, contracting_norm
-from vibroplat.continuation.orbit import accurate, first_orbit
+from vibroplat.continuation.attraction import AttractionEllipsoid, contracting_norm
+from vibroplat.continuation.orbit import first_orbit, with_orbit_tolerance
 from vibroplat.continuation.shooting import Shooter
 
 
@@ -26,9 +26,9 @@ def test_the_norm_shrinks_in_each_period(defective):
 def flying():
     """An orbit with flight, its attraction, and a shooter of its scene."""
     scene = load_config(MACHINE, {"solver.engine": "taylor", "material.mass_ratio": 0.2})
-    with closing(Shooter(accurate(scene.replace({"drive.supply_frequency_hz": 50.0}), 1e-8))) as shooter:
+    with closing(Shooter(with_orbit_tolerance(scene.replace({"drive.supply_frequency_hz": 50.0}), 1e-8))) as shooter:
         _, found = first_orbit(shooter, None, 1, (), 1e-8)
-        yield Attraction(found, 1), shooter
+        yield AttractionEllipsoid(found, 1), shooter
 
 
 def moved(around, size):
@@ -41,19 +41,19 @@ def test_motion_comes_nearer_from_where_an_orbit_attracts(flying):
     around, shooter = flying
     state = moved(around, 1e-3)
     away = around.distance(state, around.system)
-    assert around.attracts(shooter, away)
-    assert around.draws(shooter, state)
-    assert around.draws(shooter, moved(around, 0.0)), "nearer than what can be told"
+    assert around.contracts_on_shells(shooter, away)
+    assert around.contracts_along_trajectory(shooter, state)
+    assert around.contracts_along_trajectory(shooter, moved(around, 0.0)), "nearer than what can be told"
     shooter.motion.reset(state)
     assert shooter.motion.to_section(40, 10.0)
     left = around.distance(shooter.motion.state, shooter.motion.system.index)
-    assert left < (0.5 * (1.0 + around.rate)) ** 40 * away
+    assert left < (0.5 * (1.0 + around.spectral_radius)) ** 40 * away
 
 
 def test_an_orbit_does_not_attract_from_anywhere(flying):
     around, shooter = flying
-    assert not around.attracts(shooter, 30.0)
-    assert not around.draws(shooter, moved(around, 5.0))
+    assert not around.contracts_on_shells(shooter, 30.0)
+    assert not around.contracts_along_trajectory(shooter, moved(around, 5.0))
     assert around.distance(around.state, around.system + 1) == np.inf
 
 
@@ -61,8 +61,8 @@ def test_directions_are_even_in_the_ellipsoid(flying, monkeypatch):
     """Its axes differ by two orders of magnitude: directions that are even in the scales of the state miss the long."""
     around, shooter = flying
     seen = []
-    monkeypatch.setattr(Attraction, "_comes_nearer", lambda self, shooter, offset, *more: not seen.append(offset))
-    assert around.attracts(shooter, 1.0, 400)
+    monkeypatch.setattr(AttractionEllipsoid, "_contracts", lambda self, shooter, offset, *more: not seen.append(offset))
+    assert around.contracts_on_shells(shooter, 1.0, 400)
     root = np.linalg.cholesky(around.form[np.ix_(around._places, around._places)]).T * around._scales
     shells = np.array(seen).reshape(3, 402, -1)[:, 2:] @ root.T
     sizes = np.linalg.norm(shells, axis=2)
@@ -75,8 +75,8 @@ def test_directions_are_even_in_the_ellipsoid(flying, monkeypatch):
 def test_a_distance_that_is_no_number_is_not_nearer(flying, monkeypatch):
     around, shooter = flying
     monkeypatch.setattr(around, "distance", lambda state, system: np.nan)
-    assert not around.attracts(shooter, 1e-3)
-    assert not around.draws(shooter, moved(around, 1e-3))
+    assert not around.contracts_on_shells(shooter, 1e-3)
+    assert not around.contracts_along_trajectory(shooter, moved(around, 1e-3))
 
 
 def test_sides_of_an_orbit(flying):

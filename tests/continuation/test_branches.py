@@ -10,8 +10,8 @@ from common.places import QUICKSTART
 
 from continuation.helpers import MACHINE
 from vibroplat import load_config, orbit
-from vibroplat.continuation.newton import ANGLE, Problem, correct
-from vibroplat.continuation.orbit import OrbitError, beginning_at, guesses
+from vibroplat.continuation.newton import ANGLE_INDEX, Problem, correct
+from vibroplat.continuation.orbit import OrbitError, guesses, with_initial_state
 from vibroplat.continuation.shooting import Shooter
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
@@ -194,7 +194,7 @@ def test_branches_go_through_grazing_with_more_and_more_impacts(rebounding):
     """The branch back from its end, to where impacts accumulate."""
     row = rebounding.rows[-1]
     back = REBOUNDS | {"start": row["value"], "stop": 50.0, "from": "state"}
-    (branch,) = traced(beginning_at(machine(0.2, **back).replace({KEY: row["value"]}), np.array(row["state"])))
+    (branch,) = traced(with_initial_state(machine(0.2, **back).replace({KEY: row["value"]}), np.array(row["state"])))
     places = {place[:2]: place[2] for place in reversed(few_impacts(branch))}
     assert places == pytest.approx({place[:2]: place[2] for place in FEW_IMPACTS}, abs=2e-6)
 
@@ -237,7 +237,7 @@ def growth(row, mass, longest):
         ends = [shooter.shot(state, periods * seconds) for state in (start, disturbed)]
         change = ends[1].state - ends[0].state
         rates = shooter.motion.rates
-        change -= rates * change[ANGLE] / rates[ANGLE]  # to the section
+        change -= rates * change[ANGLE_INDEX] / rates[ANGLE_INDEX]  # to the section
         factor = left @ (change / shooter.scales)[places] / (1e-4 * left @ direction)
     return periods, multiplier, factor
 

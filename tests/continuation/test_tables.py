@@ -5,10 +5,10 @@ import pytest
 
 from vibroplat import load_config, orbit, orbits
 from vibroplat.config.coordinates import COORDINATES, RATES
-from vibroplat.continuation.rows import motion_of
+from vibroplat.continuation.branch_tasks import ComputedBranch, multiplier_columns
+from vibroplat.continuation.rows import orbit_motion
 from vibroplat.continuation.study import OrbitsStudy
 from vibroplat.continuation.tables import make_tables
-from vibroplat.continuation.worker import Traced, multiplier_columns
 from vibroplat.errors import ConfigError
 from vibroplat.study.point import MEASURED
 from vibroplat.study.store import Store
@@ -59,7 +59,7 @@ def test_a_row_leads_back_to_its_orbit(found, scene):
     assert there.scene.material.mass_ratio == mass
     assert there.scene.drive.supply_frequency_hz == pytest.approx(row[KEY])
     assert there.period_s == pytest.approx(row["period_s"], rel=1e-8)
-    motion = motion_of(scene, row.to_dict()).trajectory.iloc[[0, -1]]
+    motion = orbit_motion(scene, row.to_dict()).trajectory.iloc[[0, -1]]
     assert motion["y_m"].tolist() == pytest.approx([row["y_m"]] * 2, abs=1e-8)  # its state is that of the orbit
 
 
@@ -96,7 +96,7 @@ def test_columns_of_state_are_those_of_the_scenes():
     bare = load_config(MACHINE, {"orbits": {**PLAN, "grid": {}}, MASS: 0.0})
     (family,) = OrbitsStudy(bare).families
     special = {"kind": "fold", "value": 48.0, "excitation_frequency_hz": 24.0, "period": 1}
-    branch = Traced(family, 0, -1, "start", special=[special | {"after": 1, "state": list(range(14))}])
+    branch = ComputedBranch(family, 0, -1, "start", special=[special | {"after": 1, "state": list(range(14))}])
     table = make_tables(bare.orbits, [branch], [])["special"]
     assert "gap_m" not in table
     assert table[["x_m", "phi2_rad", "x_rate_m_per_s"]].iloc[0].tolist() == [0.0, 4.0, 7.0]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from vibroplat import design, load_config, orbit
-from vibroplat.designs.question import DesignStudy
-from vibroplat.designs.sensitivities import settling
+from vibroplat.designs.sensitivities import settling_plan
+from vibroplat.designs.study import DesignStudy
 from vibroplat.errors import ConfigError
 from vibroplat.study.point import measure_point
 
@@ -70,7 +70,7 @@ def test_samples_are_what_motions_settle_to(spread):
     assert table["regime"].str.startswith("antiphase").all()
     for _, row in table.iloc[::7].iterrows():
         place = {key: row[key] for key in KEYS}
-        point = measure_point(spread.replace(place), settling(spread), None, (0,)).row
+        point = measure_point(spread.replace(place), settling_plan(spread), None, (0,)).row
         assert (point["period"] == 1) == row["stable"]
         assert row["rms_y_m"] == pytest.approx(point["rms_y_m"], rel=1e-4 if row["stable"] else 0.1)
     assert result.answer.lines["orbit stable"] == f"{100.0 * table['stable'].mean():.1f} %"

@@ -18,7 +18,7 @@ from vibroplat.errors import ConfigError, TableError
 from vibroplat.results.tables import read_table
 from vibroplat.study import sweep
 from vibroplat.study.fingerprint import package
-from vibroplat.study.store import SpoiledError, Store, digest
+from vibroplat.study.store import CorruptRecordError, Store, digest
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -293,7 +293,9 @@ def test_file_that_is_no_store_is_told_and_left_alone(tmp_path):
     file = tmp_path / FILE
     file.write_text("hello\n" * 1000)
     for how in ({}, {"overwrite": True}):
-        with pytest.raises(SpoiledError, match=r" is damaged \(file is not a database\); remove it to start again$"):
+        with pytest.raises(
+            CorruptRecordError, match=r" is damaged \(file is not a database\); remove it to start again$"
+        ):
             Store(tmp_path, {}, file=FILE, **how)
     assert file.read_text() == "hello\n" * 1000
     file.unlink()
@@ -335,11 +337,11 @@ def test_numbers_are_kept_bit_for_bit(tmp_path):
 def test_record_of_another_task_is_not_found_and_a_damaged_one_not_read(tmp_path):
     with Store(tmp_path, {}) as store:
         store.write("a", 0, {"v": 1.0}, "task")
-        assert store.find("a", 0, "another") is None
-        assert store.find("a", 0, "task") == {"v": 1.0}
+        assert store.get("a", 0, "another") is None
+        assert store.get("a", 0, "task") == {"v": 1.0}
         assert (store.reused, finished_points(tmp_path)) == (1, 1)
         store._base.execute("UPDATE records SET record = '{\"v\": 2.0}'")
-        with pytest.raises(SpoiledError, match="a record is damaged"):
+        with pytest.raises(CorruptRecordError, match="a record is damaged"):
             list(store.read("a"))
 
 
@@ -366,7 +368,7 @@ def test_store_that_does_not_say_what_its_records_depend_on_is_refused(tmp_path)
         store._base.execute("DELETE FROM about")
         store._base.commit()
     for how in ({"resume": True}, {}):
-        with pytest.raises(SpoiledError, match="it does not contain the conditions of its records"):
+        with pytest.raises(CorruptRecordError, match="it does not contain the conditions of its records"):
             Store(tmp_path, {"a": 1}, **how)
     with Store(tmp_path, {"a": 1}, overwrite=True) as store:
         assert len(store) == 0

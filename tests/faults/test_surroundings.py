@@ -81,7 +81,7 @@ def test_too_little_address_space_is_told_before_anything_is_loaded(here):
 
 
 def test_first_start_without_the_memory_to_compile_is_told_before_it_compiles(here, tmp_path):
-    limit = memory.LEAST_ADDRESSES // 1024 + 1
+    limit = memory.MIN_ADDRESS_SPACE // 1024 + 1
     done = shell("run", QUICKSTART, before=f"ulimit -v {limit};", NUMBA_CACHE_DIR=str(tmp_path / "empty"))
     assert (done.code, done.out, len(done.err.splitlines())) == (1, "", 1)
     assert "; compiling the kernels for the first time takes 1450 MB: " in done.err
@@ -90,7 +90,7 @@ def test_first_start_without_the_memory_to_compile_is_told_before_it_compiles(he
 
 @pytest.mark.long
 def test_run_in_the_least_address_space_is_done(here, kernels):
-    limit = memory.LEAST_ADDRESSES // 1024 + 1
+    limit = memory.MIN_ADDRESS_SPACE // 1024 + 1
     done = shell("run", QUICKSTART, *SHORT, before=f"ulimit -v {limit};")
     assert (done.code, done.err) == (0, "")
 

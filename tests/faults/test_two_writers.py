@@ -187,8 +187,8 @@ def test_flipped_bit_of_a_table_without_provenance_is_told_or_harmless(tmp_path)
 
 
 def test_lock_names_its_holder(tmp_path, monkeypatch):
-    monkeypatch.setattr(locks, "WAIT", 0.1)
-    with locks.replacing(tmp_path), pytest.raises(TableError) as caught:
+    monkeypatch.setattr(locks, "MAX_WAIT_S", 0.1)
+    with locks.replacement_lock(tmp_path), pytest.raises(TableError) as caught:
         write(tmp_path, 1)
     told = f"{tmp_path} is in use by process {os.getpid()} on {os.uname().nodename} since 20"
     assert str(caught.value).startswith(told)
@@ -244,7 +244,7 @@ def test_temporary_files_whose_owner_may_live_are_kept(tmp_path):
     kept = [temporary(tmp_path, owner, age) for owner in (mark(), foreign, former) for age in (0.0, 23 * 3600.0)]
     gone = [temporary(tmp_path, owner) for owner in (of(dead()), of(os.getpid()))]
     assert all(is_gone(owner) for owner in (of(dead()), of(os.getpid())))
-    gone += [temporary(tmp_path, owner, tables.LEFTOVER + 60.0) for owner in (of(1, "0123456789ab"), "1-")]
+    gone += [temporary(tmp_path, owner, tables.LEFTOVER_AGE_S + 60.0) for owner in (of(1, "0123456789ab"), "1-")]
     write_table(TABLE, tmp_path, "t", "csv")
     assert [path.name for path in kept if not path.exists()] == []
     assert [path.name for path in gone if path.exists()] == []

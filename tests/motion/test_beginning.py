@@ -265,7 +265,7 @@ def test_start_is_perturbed_as_a_first_point_of_a_sweep(quickstart):
         {"drive.supply_frequency_hz": 65.0, "run.perturbation": 0.02, "run.seed": 3, "sweep": plan}
     )
     (branch,) = branches(scene.replace({"sweep.supply_frequency_hz.direction": "up"}))
-    key = (scene.sweep.seed, *branch.key(branch.along[0]))
+    key = (scene.sweep.seed, *branch.perturbation_key(branch.key_values[0]))
     of_sweep = perturb_state(initial_state(branch.scene), branch.scene, scene.sweep.perturbation, key)
     assert (initial_condition(scene).state == of_sweep).all()
 

@@ -17,7 +17,7 @@ from vibroplat import load_config, lyapunov, orbit, simulate, variation
 from vibroplat.errors import ConfigError
 from vibroplat.integrate.native import NativeEngine
 from vibroplat.motion.recorder import Recorder
-from vibroplat.system.memory import OutOfMemoryError, Share, available
+from vibroplat.system.memory import MemoryBudget, OutOfMemoryError, available
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -303,11 +303,11 @@ def test_limit_of_a_container_is_what_is_available(version, tmp_path, monkeypatc
 def test_share_is_counted_over_all_that_is_kept(monkeypatch):
     monkeypatch.setattr("vibroplat.system.memory.INTERVAL", 0)
     monkeypatch.setattr("vibroplat.system.memory.available", lambda: 100.0)
-    share = Share("keep less")
+    share = MemoryBudget("keep less")
     share.take(40)
     with pytest.raises(
         OutOfMemoryError, match=r"^the data that the run keeps would need more than 70 bytes, .*; keep less$"
     ):
         share.take(40)
     assert share.taken == 40
-    Share(bounded=False).take(10**9)
+    MemoryBudget(bounded=False).take(10**9)

@@ -10,7 +10,7 @@ from vibroplat import Scene, load_config, orbit, simulate, sweep
 from vibroplat.columns import split
 from vibroplat.observe.data_sheet import SHEET, columns, converges, fluctuates, whole_columns
 from vibroplat.observe.extremes import FORCE, empty_extremes, merge_extremes
-from vibroplat.results.card import sheet
+from vibroplat.results.summary_text import data_sheet_lines
 
 POINTS = {"output.points": {"inlet": [-0.2, 0.1], "outlet": [0.25, 0.05], "top": [0.0, 0.3]}}
 
@@ -212,7 +212,7 @@ def test_only_exciters_that_are_synchronized_have_come_into_step(name):
         scene = scene.replace({"motors": [dict(zip(keys, motor, strict=True)) for motor in motors]})
     summary = simulate(scene, keep="summary").summary
     found = (summary["synchronized_at_s"] is not None, summary["start_energy_j"] is not None)
-    assert (*found, "in step" in sheet(scene, summary)) == (expected,) * 3
+    assert (*found, "in step" in data_sheet_lines(scene, summary)) == (expected,) * 3
 
 
 def test_a_phase_difference_converges_if_its_changes_do_not_slow_down_less_and_less():
@@ -257,7 +257,7 @@ def test_exciters_that_swing_have_no_speed_at_a_peak():
     summary = run.summary
     assert summary["whole_foundation_force_y_max_at_s"] > 8.0
     assert summary["whole_foundation_force_y_max_at_hz"] is None
-    assert not sheet(run.scene, summary)["force y into foundation"].endswith("Hz")
+    assert not data_sheet_lines(run.scene, summary)["force y into foundation"].endswith("Hz")
     at, expected = run(np.linspace(0.0, 2.0, 100_001)), summary["whole_motor_power_1_max_at_s"]
     assert summary["whole_motor_power_1_max_at_hz"] == pytest.approx(pace(at, expected), rel=2e-3)
 
@@ -276,10 +276,10 @@ def test_loads_strokes_torques_and_powers_have_a_time_and_a_speed(quickstart):
     loads = {f"whole_foundation_{load}_max" for load in ("force_x", "force_y", "moment")}
     assert timed == strokes | loads | {f"whole_motor_{what}_{i}_max" for what in ("power", "torque") for i in (1, 2)}
     assert set(whole) == {name for name in summary if name.startswith("whole_")}
-    lines = sheet(run.scene, summary | {"whole_gamma": 99.0, "whole_acceleration_max_m_per_s2": 999.0})
+    lines = data_sheet_lines(run.scene, summary | {"whole_gamma": 99.0, "whole_acceleration_max_m_per_s2": 999.0})
     assert lines["acceleration"].endswith("; whole run: 999 m/s²")
     same = {"whole_acceleration_max_m_per_s2": summary["acceleration_max_m_per_s2"]}
-    assert ";" not in sheet(run.scene, summary | same)["acceleration"]
+    assert ";" not in data_sheet_lines(run.scene, summary | same)["acceleration"]
 
 
 def test_the_viscous_force_of_the_material_does_not_reach_the_foundation(quickstart):
@@ -331,14 +331,14 @@ def test_rows_and_old_summaries(quickstart):
     run = simulate(scene.replace({"run.duration_s": 0.2}))
     assert list(run.data_sheet.index) == names
     assert run.data_sheet.loc["gamma", "whole_run"] == run.summary["whole_gamma"]
-    lines = sheet(scene, run.summary)
+    lines = data_sheet_lines(scene, run.summary)
     assert "gamma" in lines["acceleration"]
     assert "stroke y of inlet" in lines
     again = dict(run.summary, whole_gamma=run.summary["gamma"], whole_stroke_y_m=run.summary["stroke_y_m"])
-    assert "; that at 0.15 s" in sheet(scene, again | {"whole_stroke_y_at_s": 0.15})["stroke y"]
-    assert "; whole run: " in sheet(scene, again | {"whole_stroke_y_at_s": 0.01})["stroke y"]
-    assert ";" not in sheet(scene, again | {"whole_stroke_y_m": 0.0})["stroke y"]
+    assert "; that at 0.15 s" in data_sheet_lines(scene, again | {"whole_stroke_y_at_s": 0.15})["stroke y"]
+    assert "; whole run: " in data_sheet_lines(scene, again | {"whole_stroke_y_at_s": 0.01})["stroke y"]
+    assert ";" not in data_sheet_lines(scene, again | {"whole_stroke_y_m": 0.0})["stroke y"]
     for name in [name for name in run.summary if name in SHEET or name.startswith("whole_")]:
         del run.summary[name]
     assert not set(run.data_sheet.index) & set(SHEET)
-    assert sheet(scene, run.summary) == {}
+    assert data_sheet_lines(scene, run.summary) == {}

@@ -11,7 +11,7 @@ from common import handmade
 from common.results import unproven
 from tools.browser import browser, missing, open_page, resize
 
-from vibroplat.continuation.rows import motion_of
+from vibroplat.continuation.rows import orbit_motion
 from vibroplat.page import report
 from vibroplat.page.report import write_report
 from vibroplat.results.tables import read_table, write_table
@@ -42,7 +42,7 @@ def pages(moved, started, swept, followed, branched, measured, tmp_path_factory)
     layers, bare, bouncing = (moved[name] for name in ("two layers", "bare", "bouncing"))
     wanted = {"one": [layers], "several": [layers, bare, bouncing], "all": [layers, swept]}
     wanted |= {"orbits": [branched, measured], "start": [started]}
-    return {name: write_report(of, place / f"{name}.html", mover=motion_of) for name, of in wanted.items()}
+    return {name: write_report(of, place / f"{name}.html", mover=orbit_motion) for name, of in wanted.items()}
 
 
 @pytest.fixture(scope="module")
@@ -462,7 +462,7 @@ def test_the_machine_moves_through_orbits_of_all_kinds_of_points(visit):
 @WIDE
 def test_a_point_without_an_orbit_says_so_and_shows_its_neighbour(visit, branched, tmp_path, monkeypatch):
     monkeypatch.setattr(report, "MOST_SAMPLES", 600)
-    page = visit(write_report([branched], tmp_path / "few.html", mover=motion_of))
+    page = visit(write_report([branched], tmp_path / "few.html", mover=orbit_motion))
     row = js(
         page,
         """(() => { const {table, motions} = window.vibroplat.data.pictures[0];
@@ -505,7 +505,7 @@ def test_text_from_files_is_not_run(visit, moved, tmp_path):
 @pytest.mark.parametrize("name", ["basins", "over", "thresholds", "design", "best"])
 def test_clicks_on_starts_values_and_designs_show_their_motion(visit, answered, tmp_path, name):
     """The page is drawn without a word on its console, and a picked point has its orbit beside it, if it has one."""
-    page = visit(write_report([answered[name]], tmp_path / "page.html", mover=motion_of))
+    page = visit(write_report([answered[name]], tmp_path / "page.html", mover=orbit_motion))
     titles = js(page, "[...document.querySelectorAll('#points h2')].map(box => box.textContent.split(':')[0])")
     drawn = {"basins": ["Basins"], "over": ["Shares", "Basins"], "thresholds": ["Thresholds"]}
     drawn |= {"design": ["Elasticities", "Tolerances"], "best": ["Elasticities", "Searches"]}

@@ -14,10 +14,10 @@ import pytest
 from common import handmade
 from common.results import unproven
 
-from vibroplat.columns import unit_of, words
+from vibroplat.columns import display_name, unit_of
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.picture import MARKERS
-from vibroplat.continuation.rows import motion_of
+from vibroplat.continuation.rows import orbit_motion
 from vibroplat.errors import TableError
 from vibroplat.page import pictures, report, run
 from vibroplat.page.pictures import SYMBOLS, plain_column, spread
@@ -76,7 +76,7 @@ def _undrawn(monkeypatch):
     ],
 )
 def test_words_and_units_follow_from_keys(key, said, of):
-    assert (words(key), unit_of(key)) == (said, of)
+    assert (display_name(key), unit_of(key)) == (said, of)
 
 
 def test_parameters_have_meanings_and_are_marked_where_they_are_not_the_default_or_differ(quickstart_scene):
@@ -138,7 +138,7 @@ def test_infinite_numbers_are_missing(moved, tmp_path):
 def test_a_long_run_keeps_its_last_rows_and_the_extremes_of_all(moved, monkeypatch):
     monkeypatch.setattr(run, "ROWS", 100)
     monkeypatch.setattr(run, "INTERVALS", 20)
-    monkeypatch.setattr("vibroplat.results.tables.PART", 37)
+    monkeypatch.setattr("vibroplat.results.tables.MAX_PART_ROWS", 37)
     (data,) = shown(moved["two layers"])["runs"]
     trajectory = read_table(moved["two layers"], "trajectory")
     assert (data["rows"], data["of"]) == (100, len(trajectory))
@@ -388,7 +388,7 @@ def test_the_first_rows_of_a_spread_lie_evenly():
 
 @pytest.mark.long
 def test_points_of_branches_have_their_orbits(branched):
-    (orbits,) = shown(branched, mover=motion_of)["pictures"]
+    (orbits,) = shown(branched, mover=orbit_motion)["pictures"]
     table, motions = read_table(branched, "branches"), orbits["motions"]
     assert [*motions["rows"]] != []
     assert {*motions["rows"]} == {*range(len(table) + orbits["special"]["rows"])}
@@ -415,7 +415,7 @@ def test_the_orbit_of_another_motion_is_refused(measured, tmp_path):
     table.loc[1, ["motion", "period"]] = ["chaotic", 0]
     table.loc[2, "outcome"] = "solver-failure"
     write_table(table, copy, "sweep", "parquet")
-    rows = shown(copy, mover=motion_of)["pictures"][0]["motions"]["rows"]
+    rows = shown(copy, mover=orbit_motion)["pictures"][0]["motions"]["rows"]
     assert "another motion settles" in rows[0]
     assert "does not repeat" in rows[1]
     assert "failed (solver-failure)" in rows[2]
@@ -428,7 +428,7 @@ def test_a_state_that_is_on_no_orbit_is_told(branched, tmp_path):
     table = read_table(copy, "branches")
     table.loc[0, "y_m"] += 1e-3
     write_table(table, copy, "branches", "parquet")
-    rows = shown(copy, mover=motion_of)["pictures"][0]["motions"]["rows"]
+    rows = shown(copy, mover=orbit_motion)["pictures"][0]["motions"]["rows"]
     assert "is not on an orbit of period 1" in rows[0]
     assert isinstance(rows[1], int)
 
@@ -436,7 +436,7 @@ def test_a_state_that_is_on_no_orbit_is_told(branched, tmp_path):
 def test_special_points_and_ends_come_first_where_there_is_little_room(branched, monkeypatch):
     monkeypatch.setattr(report, "MOST_SAMPLES", 600)
     told = []
-    (orbits,) = shown(branched, mover=motion_of, progress=lambda *counts: told.append(counts))["pictures"]
+    (orbits,) = shown(branched, mover=orbit_motion, progress=lambda *counts: told.append(counts))["pictures"]
     found, count = orbits["motions"], orbits["table"]["rows"]
     assert len(found["list"]) < orbits["table"]["rows"]
     assert {*range(count, count + orbits["special"]["rows"]), 0, count - 1} <= {*found["rows"]}

@@ -6,11 +6,11 @@ import pytest
 from vibroplat.config.scene import Scene
 from vibroplat.paper import judges
 from vibroplat.paper.claims import cut, expected, judge, scoreboard
-from vibroplat.paper.evidence import EDGE, Course, Evidence, F, Key
-from vibroplat.paper.judges import runs
+from vibroplat.paper.evidence import EDGE, BranchRecords, Evidence, F, Key
+from vibroplat.paper.judges import regime_intervals
 from vibroplat.paper.root_finding import JUMP_WIDTH, WIDTH
 from vibroplat.paper.scenes import claims
-from vibroplat.study.branches import Branch
+from vibroplat.study.branches import SweepBranch
 
 CLAIMS = {claim["id"]: claim for claim in claims()}
 STEPS = np.arange(21.0, 40.01, 0.25)
@@ -82,8 +82,8 @@ def evidence_of(rows_of):
     keys = [Key(0.0), Key(0.1), *(Key(0.2, r) for r in NON_PERIODIC), Key(0.2, model="non-impact")]
     for key in keys:
         place = {"material.mass_ratio": key.mass_ratio, "contact.restitution": key.restitution}
-        branch = Branch(0, "up", {}, Scene().replace({**place, **LAYERS}), tuple(2.0 * STEPS))
-        evidence.courses[key] = Course(branch, rows_of(key))
+        branch = SweepBranch(0, "up", {}, Scene().replace({**place, **LAYERS}), tuple(2.0 * STEPS))
+        evidence.branches[key] = BranchRecords(branch, rows_of(key))
     return evidence
 
 
@@ -163,25 +163,25 @@ def test_claim_is_judged_as_well_without_what_it_does_not_look_at(name):
     """Of branches as in the paper, and of others with which it fails."""
     for own in (evidence_of(as_in_the_paper), changed(lambda key, r: {"rms_y_m": r["rms_y_m"] ** (1.0 + key[1])})):
         part = Evidence()
-        for key, (branch, rows) in own.courses.items():
-            left = cut(branch, [CLAIMS[name]]).along
-            assert left == branch.along[: len(left)]
+        for key, (branch, rows) in own.branches.items():
+            left = cut(branch, [CLAIMS[name]]).key_values
+            assert left == branch.key_values[: len(left)]
             if left:
-                part.courses[key] = Course(branch, rows[: len(left)])
+                part.branches[key] = BranchRecords(branch, rows[: len(left)])
         assert judge(CLAIMS[name], part) == judge(CLAIMS[name], own)
 
 
 def test_branches_end_where_no_claim_looks_any_more(evidence):
     """Those with R above 0.5 are asked for by R-none alone, up to 26 Hz."""
-    branch, _ = evidence.courses[Key(0.2, 1.0)]
+    branch, _ = evidence.branches[Key(0.2, 1.0)]
     wanted = [CLAIMS[name] for name in ("R-none", "R-amp-over", "jump-left", "NI-over")]
-    assert cut(branch, wanted).along[-1] == 54.0
-    assert cut(branch, wanted[1:]).along == cut(branch, []).along == ()
-    assert cut(evidence.courses[Key(0.2)][0], wanted).along == branch.along
+    assert cut(branch, wanted).key_values[-1] == 54.0
+    assert cut(branch, wanted[1:]).key_values == cut(branch, []).key_values == ()
+    assert cut(evidence.branches[Key(0.2)][0], wanted).key_values == branch.key_values
 
 
 def test_damping_of_the_layers_is_subcritical_and_strong(evidence):
-    branch, rows = evidence.courses[Key(0.2)]
+    branch, rows = evidence.branches[Key(0.2)]
     for material, holds in (
         ({"damping_ratio": 0.49}, False),
         ({"damping_ratio": 0.99}, True),
@@ -192,14 +192,14 @@ def test_damping_of_the_layers_is_subcritical_and_strong(evidence):
         ({"layers": 1}, False),
     ):
         scene = branch.scene.replace({f"material.{key}": value for key, value in material.items()})
-        evidence.courses[Key(0.2)] = Course(Branch(0, "up", {}, scene, ()), rows)
+        evidence.branches[Key(0.2)] = BranchRecords(SweepBranch(0, "up", {}, scene, ()), rows)
         assert judge(CLAIMS["layer-damping"], evidence).holds is holds, material
 
 
 def test_limits_are_wider_than_boundaries_are_known():
     tolerances = [claim["tol"] for claim in CLAIMS.values() if claim["kind"] == "boundary" and "tol" in claim]
     assert max(WIDTH, JUMP_WIDTH) / 2.0 < min(EDGE, *tolerances)
-    assert min(0.05, judges.LEAST_JUMP, judges.SLIGHT) > JUMP_WIDTH / 2.0
+    assert min(0.05, judges.MIN_JUMP, judges.MAX_SLIGHT_SHIFT) > JUMP_WIDTH / 2.0
 
 
 # -- margins ----------------------------------------------------------------------------------------------
@@ -294,7 +294,7 @@ def failed_at_one(change):
 
 def fail(evidence, key, where):
     """Let points of a branch fail: of them nothing is known but their supply frequency."""
-    rows = evidence.courses[key].rows
+    rows = evidence.branches[key].rows
     lost = {"outcome": "event-storm", "state": None}
     rows[:] = [{"supply_frequency_hz": r["supply_frequency_hz"], **lost} if where(r[F]) else r for r in rows]
 
@@ -333,13 +333,13 @@ def test_captured_machine_holds_no_band_beyond_its_capture():
 
 
 def test_runs_are_the_stretches_of_a_regime(evidence):
-    assert runs(evidence.rows(Key(0.0)), "antiphase") == [(21.0, 31.25), (35.0, 40.0)]
-    assert runs(evidence.rows(Key(0.0)), "in-phase") == [(31.5, 34.75)]
-    assert runs([], "antiphase") == []
+    assert regime_intervals(evidence.rows(Key(0.0)), "antiphase") == [(21.0, 31.25), (35.0, 40.0)]
+    assert regime_intervals(evidence.rows(Key(0.0)), "in-phase") == [(31.5, 34.75)]
+    assert regime_intervals([], "antiphase") == []
 
 
 def test_curves_are_not_drawn_across_jumps(evidence):
-    evidence.courses[Key(0.0)].rows[:] = [r for r in evidence.rows(Key(0.0)) if not 24.0 < r[F] < 26.0]
+    evidence.branches[Key(0.0)].rows[:] = [r for r in evidence.rows(Key(0.0)) if not 24.0 < r[F] < 26.0]
     found, _ = evidence.curve(Key(0.0), np.array([20.0, 22.1, 25.0, 33.0, 38.1]))
     assert np.isnan(found).tolist() == [True, False, True, True, False]
     assert found[1] == pytest.approx(1e-3)

@@ -13,8 +13,8 @@ from vibroplat.config.reader import flat, load_tree
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.paper import reproduction, tables
-from vibroplat.paper.evidence import Course, Evidence, F, Key
-from vibroplat.paper.root_finding import JUMP_WIDTH, LARGEST_BETA, MATCHED, beta_without_excess, match_beta, narrow
+from vibroplat.paper.evidence import BranchRecords, Evidence, F, Key
+from vibroplat.paper.root_finding import JUMP_WIDTH, MATCHED_HZ, MAX_BETA, beta_without_excess, match_beta, narrow
 from vibroplat.paper.scenes import BETA, machine_numbers, paper_scene
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.paper import FIGURES
@@ -69,11 +69,11 @@ def test_beta_is_found_again():
     with Store(None, {}) as store:
         run_sweeps([(branches(scene), store)], Inline())
         add(evidence, scene, store)
-    course = evidence.courses.pop(Key(0.2, model="non-impact"))
+    course = evidence.branches.pop(Key(0.2, model="non-impact"))
     impact = course.branch.scene.replace({"contact.model": "impact", BETA: 0.0})
     branch = branches(scene)[0]
-    evidence.courses[Key(0.2)] = Course(replace(branch, scene=impact), course.rows)
-    assert course.rows[0][F] < MATCHED < max(row[F] for row in course.rows)
+    evidence.branches[Key(0.2)] = BranchRecords(replace(branch, scene=impact), course.rows)
+    assert course.rows[0][F] < MATCHED_HZ < max(row[F] for row in course.rows)
     pool = Counting()
     with Store(None, {}) as store:
         beta = beta_of(evidence, store, pool)
@@ -143,9 +143,9 @@ def beta_by_table(excess, tolerance=1e-3):
 def test_beta_follows_from_a_table_that_is_filled_on_demand():
     beta, table = beta_by_table(lambda beta: math.exp(-beta / 10.0) - 0.2)
     assert beta == pytest.approx(10.0 * math.log(5.0), abs=1e-3)
-    assert beta == brentq(lambda beta: math.exp(-beta / 10.0) - 0.2, 0.0, LARGEST_BETA, xtol=1e-3)
+    assert beta == brentq(lambda beta: math.exp(-beta / 10.0) - 0.2, 0.0, MAX_BETA, xtol=1e-3)
     assert beta in table
-    assert {0.0, LARGEST_BETA} < table.keys()
+    assert {0.0, MAX_BETA} < table.keys()
 
 
 def test_beta_is_none_where_no_value_makes_amplitudes_equal():
@@ -174,7 +174,7 @@ def jump(evidence):
 
 @pytest.mark.long
 def test_jump_is_narrowed_and_resumed(bare, tmp_path):
-    evidence, again = Evidence(bare.courses), Evidence(bare.courses)
+    evidence, again = Evidence(bare.branches), Evidence(bare.branches)
     outer = jump(evidence)
     with Store(tmp_path, {}) as store, pytest.raises(Interrupted):
         narrow([(evidence, store)], Counting(3))
@@ -210,7 +210,7 @@ def test_curves_that_figures_share_are_computed_once(one, other, changes):
         scene = paper_scene(name, numbers | changed)
         branch = next(b for b in branches(scene) if b.grid == place and b.direction == "up")
         curves.add(reproduction.curve_of(branch))
-        point = measure_point(branch.at(20), scene.sweep, None, branch.key(branch.along[20]))
+        point = measure_point(branch.at(20), scene.sweep, None, branch.perturbation_key(branch.key_values[20]))
         rows.append({key: value for key, value in point.row.items() if key != "wall_s"})
     assert rows[0] == rows[1]
     assert len(curves) == 1
@@ -324,7 +324,7 @@ def test_history_begins_at_a_whole_turn():
     table = pd.DataFrame(tables.history(scene))
     assert table["t_s"].iloc[0] == 0.0
     turn = 1.0 / table["excitation_frequency_hz"].iloc[0]
-    assert tables.SHOWN * turn <= table["t_s"].iloc[-1] <= (tables.SHOWN + 1) * turn
+    assert tables.SHOWN_TURNS * turn <= table["t_s"].iloc[-1] <= (tables.SHOWN_TURNS + 1) * turn
     assert "gap_m" not in table
     assert abs(table["y_m"].mean()) < 0.1 * table["y_m"].max()
 

@@ -94,7 +94,7 @@ def test_many_turns_are_drawn_as_their_range(result, monkeypatch):
 def test_a_long_table_is_read_in_parts_and_thinned_where_all_of_it_is_shown(result, monkeypatch):
     monkeypatch.setattr(histories, "SHOWN_TURNS", 2)
     before = drawn(result, kinds=["motion"])["motion"]
-    monkeypatch.setattr("vibroplat.results.tables.PART", 50)
+    monkeypatch.setattr("vibroplat.results.tables.MAX_PART_ROWS", 50)
     monkeypatch.setattr("vibroplat.results.files.read_table", None)
     monkeypatch.setattr(histories, "POINTS", 100)
     figures = drawn(result)

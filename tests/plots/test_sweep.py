@@ -95,8 +95,8 @@ def test_response_has_a_curve_for_each_branch(write_sweep):
 def test_what_all_quantities_along_a_branch_share_is_found_once(write_sweep, monkeypatch):
     """With many branches it took most of the time."""
     asked = []
-    found = picture.jumps
-    monkeypatch.setattr(picture, "jumps", lambda rows: asked.append(rows) or found(rows))
+    found = picture.find_jumps
+    monkeypatch.setattr(picture, "find_jumps", lambda rows: asked.append(rows) or found(rows))
     axes = drawn(write_sweep())["response"].axes
     assert len(asked) == sweep_table()["branch"].nunique() < len(axes)
 

@@ -12,7 +12,7 @@ import pytest
 from vibroplat import simulate
 from vibroplat.columns import Column
 from vibroplat.errors import TableError
-from vibroplat.frames import PlainTable, Words
+from vibroplat.frames import ArrayTable, CategoryColumn
 from vibroplat.results.files import write_result
 from vibroplat.results.tables import (
     FORMATS,
@@ -105,7 +105,7 @@ def test_table_in_parts_reads_back_bit_for_bit(form, columns, runs, tmp_path, mo
         grown.finish().rename(tmp_path / f"t.{form}")
     write_table(table, tmp_path, "whole", form)
     pd.testing.assert_frame_equal(read_table(tmp_path, "t"), read_table(tmp_path, "whole"), check_exact=True)
-    monkeypatch.setattr("vibroplat.results.tables.PART", 64)
+    monkeypatch.setattr("vibroplat.results.tables.MAX_PART_ROWS", 64)
     parts = list(read_parts(tmp_path, "t", columns=columns))
     assert max(map(len, parts)) <= 64
     wanted = table if columns is None else table[["mode", "y_m"]]
@@ -119,8 +119,8 @@ def test_table_in_parts_reads_back_bit_for_bit(form, columns, runs, tmp_path, mo
 PLAIN = {
     "t_s": np.arange(12.0)[::2],
     "gap_m": np.array([math.nan, math.inf, -0.0, 5e-324, 0.1, 1e22]),
-    "mode": Words(np.array([0, 1, 1, 2, 0, 0]), ("a", "b", "ψ"), categorical=True),
-    "kind": Words(np.array([1, 1, 0, 1, 0, 1]), ("liftoff", "Stoß")),
+    "mode": CategoryColumn(np.array([0, 1, 1, 2, 0, 0]), ("a", "b", "ψ"), categorical=True),
+    "kind": CategoryColumn(np.array([1, 1, 0, 1, 0, 1]), ("liftoff", "Stoß")),
     "impacts": np.arange(6),
 }
 
@@ -129,11 +129,11 @@ PLAIN = {
 @pytest.mark.parametrize("ends", [(2, 6), (6,), (0,)], ids=str)
 def test_plain_tables_are_written_to_the_byte_as_dataframes_are(form, ends, tmp_path):
     def rows(column, part):
-        return column._replace(numbers=column.numbers[part]) if isinstance(column, Words) else column[part]
+        return column._replace(numbers=column.numbers[part]) if isinstance(column, CategoryColumn) else column[part]
 
     parts = [slice(*part) for part in itertools.pairwise((0, *ends))]
     described = {"t_s": Column("time"), "kind": Column("kind", "what – or how")}
-    plain = [PlainTable({name: rows(of, part) for name, of in PLAIN.items()}, described) for part in parts]
+    plain = [ArrayTable({name: rows(of, part) for name, of in PLAIN.items()}, described) for part in parts]
     frames = [part.frame for part in plain]
     for name, table in (("plain", plain), ("frames", frames)):
         write_table(table, tmp_path, name, form)

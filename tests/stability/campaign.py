@@ -19,8 +19,8 @@ from common.random_scenes import STORM, random_scene
 
 from stability.checks import NAMED, row, sound, with_engine
 from vibroplat import orbit, simulate
-from vibroplat.check import FLOOR, by_other_engine
-from vibroplat.check.events import Errors, Pairs, paired
+from vibroplat.check import MIN_ALLOWED, with_other_engine
+from vibroplat.check.events import ErrorBound, EventMatches, match_events
 from vibroplat.check.runs import check_run
 from vibroplat.continuation.orbit import OrbitError, run_from
 from vibroplat.hybrid.state import state_scales
@@ -65,7 +65,7 @@ def campaign(count, engine):
 def judged(number, engine=ENGINES[0]):
     """Run a random scene with both engines; return its row."""
     scene, turns = _scene(number, SHORT if number % THOROUGH else LONG, engine)
-    runs = [simulate(s, keep="events") for s in (scene, by_other_engine(scene))]
+    runs = [simulate(s, keep="events") for s in (scene, with_other_engine(scene))]
     values, limits = {"number": number, "tolerance": scene.solver.tolerance, "failure": ""}, {}
     for run in runs:
         summary, name = run.summary, run.summary["engine"]
@@ -116,10 +116,12 @@ def _end(run):
 def _paired(*runs):
     """Pair liftoffs and impacts of two runs, but for those that an error of the tolerance may add or remove."""
     if not any(run.event_rows.size for run in runs):
-        return Pairs(np.zeros((0, 2), np.int64))
+        return EventMatches(np.zeros((0, 2), np.int64))
     scene, until = runs[0].scene, min(run.summary["simulated_s"] for run in runs)
     tables = [run.events[run.events["kind"].isin(["liftoff", "impact"])] for run in runs]
-    return paired(*tables, Errors(np.zeros(1), np.array([FLOOR * scene.solver.tolerance])), scene, until)
+    return match_events(
+        *tables, ErrorBound(np.zeros(1), np.array([MIN_ALLOWED * scene.solver.tolerance])), scene, until
+    )
 
 
 def _sound(run, turns):
@@ -182,7 +184,7 @@ def _checked(scene, tolerance=None):
     """Check a scene by the other engine with a tolerance, up to where an integrator fails in one of both."""
 
     def other(scene):
-        changed = by_other_engine(scene)
+        changed = with_other_engine(scene)
         return changed if tolerance is None else changed.replace({"solver.tolerance": tolerance})
 
     found = check_run(scene, other=other)

@@ -42,5 +42,5 @@ class Calls:
     def done(self):
         return len(self.results) == len(self.calls)
 
-    def take(self, result):
+    def accept(self, result):
         self.results.append(result)

@@ -5,27 +5,27 @@ import pandas as pd
 import pytest
 from common.handmade import after, branch
 
-from vibroplat.study.bands import band_lines, bands, jumps
+from vibroplat.study.bands import band_lines, bands, find_jumps
 
 
 def test_a_resonance_that_is_climbed_is_no_jump():
-    assert not jumps(branch()).any()
+    assert not find_jumps(branch()).any()
     height = 1e-3 / np.abs(52.6 - branch()["supply_frequency_hz"])
-    assert not jumps(branch(rms_y_m=height)).any()
+    assert not find_jumps(branch(rms_y_m=height)).any()
 
 
 def test_motors_held_back_by_a_resonance_jump_where_they_get_free():
     f = branch()["excitation_frequency_hz"].to_numpy()
     captured = np.where(np.arange(21) < 12, np.minimum(f, 22.5), f)
-    assert np.flatnonzero(jumps(branch(excitation_frequency_hz=captured))).tolist() == [11]
+    assert np.flatnonzero(find_jumps(branch(excitation_frequency_hz=captured))).tolist() == [11]
 
 
 def test_a_phase_that_crosses_pi_or_drifts_slowly_is_no_jump():
     crossing = np.pi * np.where(np.arange(21) % 2, 0.999, -0.999)
     drifting = np.linspace(np.pi, 0.0, 21)
     names = np.where(drifting > 2.0 * np.pi / 3.0, "antiphase", "intermediate")
-    assert not jumps(branch(phase_difference_rad=crossing)).any()
-    assert not jumps(branch(phase_difference_rad=drifting, sync=names)).any()
+    assert not find_jumps(branch(phase_difference_rad=crossing)).any()
+    assert not find_jumps(branch(phase_difference_rad=drifting, sync=names)).any()
 
 
 #: What jumps at point 8 of a branch.
@@ -40,23 +40,23 @@ JUMPS = {
 @pytest.mark.parametrize("change", JUMPS.values(), ids=JUMPS)
 def test_a_jump_takes_two_points_on_each_side(change):
     table = branch(**change)
-    assert np.flatnonzero(jumps(table)).tolist() == [7]
+    assert np.flatnonzero(find_jumps(table)).tolist() == [7]
     for first, last in ((7, 8), (6, 8), (7, 9), (0, 8), (7, 20)):
-        assert not jumps(table[first : last + 1]).any()
-    assert jumps(table[6:10]).tolist() == [False, True, False]
+        assert not find_jumps(table[first : last + 1]).any()
+    assert find_jumps(table[6:10]).tolist() == [False, True, False]
 
 
 def test_a_key_that_hardly_changes_the_motion_has_no_jump_between_few_points():
     few = branch(2, rms_y_m=[2.19e-3, 2.18e-3], excitation_frequency_hz=[25.1, 25.0])
     few = few.rename(columns={"supply_frequency_hz": "machine.mass_kg"})
-    assert not jumps(few).any()
+    assert not find_jumps(few).any()
     assert bands(few)["kind"].tolist() == ["band", "largest"]
 
 
 def test_a_point_on_the_way_shows_that_the_response_is_steep():
     """As where the symmetry of in-phase motion breaks: finer sweeps show a phase difference that is continuous."""
     phase = np.select([np.arange(21) < 8, np.arange(21) == 8], [0.0, -2.2], np.pi)
-    assert not jumps(branch(phase_difference_rad=phase, sync=after(8, "in-phase", "antiphase"))).any()
+    assert not find_jumps(branch(phase_difference_rad=phase, sync=after(8, "in-phase", "antiphase"))).any()
     one = np.where(np.arange(21) == 8, "none", "antiphase")
     assert bands(branch(sync=one))["kind"].tolist() == ["band", "band", "band", "largest"]
 
@@ -69,23 +69,23 @@ def test_a_point_on_the_way_shows_that_the_response_is_steep():
 def test_a_jump_leads_across_a_point_that_says_nothing(lost):
     table = branch(rms_y_m=after(8, 1e-3, 0.1e-3), rms_y_error_m=1e-6)
     table.loc[8, [*lost, "rms_x_m"]] = [*lost.values(), 0.2e-3]
-    assert np.flatnonzero(jumps(table)).tolist() == [7, 8]
+    assert np.flatnonzero(find_jumps(table)).tolist() == [7, 8]
     row = bands(table).query("kind == 'jump'").iloc[0]
     assert (row["points"], row["from_supply_frequency_hz"], row["to_supply_frequency_hz"]) == (3, 45.5, 46.5)
     table["rms_y_m"] = table["rms_y_m"].where(table["rms_y_m"].isna(), 1e-3)
-    assert not jumps(table).any()
+    assert not find_jumps(table).any()
 
 
 def test_changes_count_by_the_distance_of_points():
     places = np.array([1.0, 2.0, 3.0, 4.0, 7.0, 8.0, 9.0, 10.0])
     uneven = branch(8, supply_frequency_hz=places, excitation_frequency_hz=0.5 * places, rms_y_m=1e-3 * places)
-    assert not jumps(uneven).any()
+    assert not find_jumps(uneven).any()
     uneven["rms_y_m"] += np.where(places > 4.0, 20e-3, 0.0)
-    assert np.flatnonzero(jumps(uneven)).tolist() == [3]
+    assert np.flatnonzero(find_jumps(uneven)).tolist() == [3]
     uneven["supply_frequency_hz"] += np.where(places > 4.0, 2.0, 0.0)
-    assert not jumps(uneven).any()  # nothing is known of so much between
+    assert not find_jumps(uneven).any()  # nothing is known of so much between
     uneven["supply_frequency_hz"] = 5.0
-    assert not jumps(uneven).any()
+    assert not find_jumps(uneven).any()
 
 
 def test_nothing_lifts_off_where_there_was_no_material():
@@ -136,7 +136,7 @@ def test_failed_points_are_a_band_of_their_own():
 def test_bands_are_those_of_each_branch_in_their_order():
     table = pd.concat([branch(), branch(branch=1, direction="down"), branch(branch=2)], ignore_index=True)
     assert bands(table)["branch"].unique().tolist() == [0, 1, 2]
-    assert (jumps(table[:1]).size, jumps(table[:0]).size) == (0, 0)
+    assert (find_jumps(table[:1]).size, find_jumps(table[:0]).size) == (0, 0)
     assert (bands(table[:0]).empty, "from_rms_y_m" in bands(table[:0])) == (True, True)
 
 

@@ -13,10 +13,10 @@ from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
 from vibroplat.observe import measures as m
 from vibroplat.observe.summary import batch_means_error, block_errors, largest_values, wrap_angle
-from vibroplat.study.classification import Kind, classify
+from vibroplat.study.classification import MotionClass, classify
 from vibroplat.study.lyapunov import Exponent
 from vibroplat.study.point import BLOCKS, ERRORS, columns_of
-from vibroplat.study.settling import EARLY_LOOKS, Settling
+from vibroplat.study.settling import EARLY_CHECKS, SettlingResult
 
 from .helpers import CHAOTIC, DAMPED, MACHINE, planned, swept
 
@@ -28,13 +28,13 @@ NONE, OPEN = Exponent(1e-4, 2e-3, TURN), Exponent(0.5, 0.4, TURN)
 MISSING, MERGING = Exponent(math.nan, math.nan, math.nan), Exponent(-math.inf, 0.0, TURN)
 
 #: How a motion has settled.
-MAXIMUM = Settling("maximum", 150.0)
+MAXIMUM = SettlingResult("maximum", 150.0)
 
 
 def settled(n, *, late=False):
     """Looked periodic with period n, early or late."""
-    looks = 2 * EARLY_LOOKS if late else 4
-    found = Settling("periodic", looks * 16 * TURN, n, TURN)
+    looks = 2 * EARLY_CHECKS if late else 4
+    found = SettlingResult("periodic", looks * 16 * TURN, n, TURN)
     assert found.late == late
     return found
 
@@ -87,7 +87,7 @@ def kind_of(monkeypatch):
 
 
 def periodic(n, exponent=None):
-    return Kind("periodic", n, exponent)
+    return MotionClass("periodic", n, exponent)
 
 
 def drifting():
@@ -103,10 +103,10 @@ MOVING = (
     section(torus()[:, 1] * np.linspace(1.5, 1.0, 400)),
     section(torus()[:, 1] * (np.arange(400) >= 200)),
 )
-OPEN_SIGN = Kind("undecided", 0, OPEN, "exponent 0.5 ± 0.4 per s, sign unclear", True)
-DRIFTS = Kind("undecided", 0, NONE, "exponent 0.0001 ± 0.002 per s, the section still drifts", True)
-TOO_FEW = Kind("undecided", None, None, "exciter 1 made fewer than two full turns while measured")
-NO_PERIOD = Kind("undecided", 0, NEGATIVE, "exponent -2 ± 0.3 per s, no period found up to 64", True)
+OPEN_SIGN = MotionClass("undecided", 0, OPEN, "exponent 0.5 ± 0.4 per s, sign unclear", True)
+DRIFTS = MotionClass("undecided", 0, NONE, "exponent 0.0001 ± 0.002 per s, the section still drifts", True)
+TOO_FEW = MotionClass("undecided", None, None, "exciter 1 made fewer than two full turns while measured")
+NO_PERIOD = MotionClass("undecided", 0, NEGATIVE, "exponent -2 ± 0.3 per s, no period found up to 64", True)
 LAST, NO_EXPONENTS = {"last": True}, {"lyapunov": False}
 
 #: Sections, how they settled, their exponent where it is asked for, and options; the kind, None: must settle longer.
@@ -135,7 +135,7 @@ KINDS = {
         (repeating(4), settled(4, late=True), POSITIVE, NO_EXPONENTS, periodic(4)),  # not asked for
     ],
     "neighbours part": [
-        (points, MAXIMUM, POSITIVE, {}, Kind("chaotic", 0, POSITIVE)) for points in (noise(), repeating(34, 400))
+        (points, MAXIMUM, POSITIVE, {}, MotionClass("chaotic", 0, POSITIVE)) for points in (noise(), repeating(34, 400))
     ],
     "neighbours draw together without a period": [  # they will repeat; if not at the last time either, nobody knows
         *((noise(), MAXIMUM, exponent, {}, None) for exponent in (NEGATIVE, MERGING)),
@@ -143,16 +143,31 @@ KINDS = {
         (repeating(65, 400), MAXIMUM, NEGATIVE, LAST, NO_PERIOD),
     ],
     "growth that may be slow": [  # with two errors it must stay below what doubles in 350 turns
-        (torus(), MAXIMUM, Exponent(0.02, 0.012, TURN), {}, Kind("quasi-periodic", 0, Exponent(0.02, 0.012, TURN))),
+        (
+            torus(),
+            MAXIMUM,
+            Exponent(0.02, 0.012, TURN),
+            {},
+            MotionClass("quasi-periodic", 0, Exponent(0.02, 0.012, TURN)),
+        ),
         *(
-            (torus(), MAXIMUM, e, {}, Kind("undecided", 0, e, f"exponent {e.value} ± 0.012 per s, sign unclear", True))
+            (
+                torus(),
+                MAXIMUM,
+                e,
+                {},
+                MotionClass("undecided", 0, e, f"exponent {e.value} ± 0.012 per s, sign unclear", True),
+            )
             for e in (Exponent(0.03, 0.012, TURN), Exponent(-0.03, 0.012, TURN))
         ),
     ],
     "closed curve": [
-        *((points, MAXIMUM, NONE, {}, Kind("quasi-periodic", 0, NONE)) for points in (torus(), repeating(34, 400))),
+        *(
+            (points, MAXIMUM, NONE, {}, MotionClass("quasi-periodic", 0, NONE))
+            for points in (torus(), repeating(34, 400))
+        ),
         (torus(), MAXIMUM, OPEN, {}, OPEN_SIGN),
-        (torus(), MAXIMUM, None, NO_EXPONENTS, Kind("non-periodic", 0)),
+        (torus(), MAXIMUM, None, NO_EXPONENTS, MotionClass("non-periodic", 0)),
         *((points, MAXIMUM, NONE, {}, DRIFTS) for points in MOVING),
     ],
     "long period": [
@@ -181,8 +196,8 @@ def test_chaos_whose_section_moves_drifts(kind_of):
 
 def test_missing_exponent_is_undecided_and_no_number(kind_of):
     found = kind_of(torus(), exponent=MISSING)
-    assert found.why == "no exponent: the motion ended early or exciter 1 stopped turning"
-    assert columns_of(found) == {"motion": "undecided", "period": 0, "detail": found.why}
+    assert found.reason == "no exponent: the motion ended early or exciter 1 stopped turning"
+    assert columns_of(found) == {"motion": "undecided", "period": 0, "detail": found.reason}
 
 
 # -- rows whose truth is known ----------------------------------------------------------------------------

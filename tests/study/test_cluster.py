@@ -17,7 +17,7 @@ from common.results import bits, finished_points
 
 from vibroplat.errors import ConfigError
 from vibroplat.study import cluster
-from vibroplat.study.cluster import ForeignWorkerError, LostError, require_scheduler
+from vibroplat.study.cluster import IncompatibleWorkerError, NoWorkersError, require_scheduler
 from vibroplat.study.pool import pool, run_chains
 
 from .helpers import Calls
@@ -45,7 +45,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 @pytest.mark.parametrize(("kind", "listens"), [("tcp", False), ("tcp", True), ("ws", True)])
 def test_no_scheduler_at_an_address(kind, listens, monkeypatch):
     """Nobody is there, or somebody who says nothing."""
-    monkeypatch.setattr(cluster, "FIRST_ANSWER", 0.1)
+    monkeypatch.setattr(cluster, "FIRST_ANSWER_S", 0.1)
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1] if listens else clusters.free_port()
         address = f"{kind}://127.0.0.1:{port}"
@@ -85,7 +85,7 @@ def workers(threads):
 def test_worker_with_another_fingerprint_gives_no_result(workers, threads):
     workers._expected = {**workers._expected, "numpy": "1.0"}
     chain = Calls((math.sqrt, (4.0,)))
-    with pytest.raises(ForeignWorkerError) as caught:
+    with pytest.raises(IncompatibleWorkerError) as caught:
         list(run_chains([chain], workers))
     (worker,) = threads.workers.values()
     assert str(caught.value).startswith(f"worker {worker.address}: numpy ")
@@ -94,7 +94,7 @@ def test_worker_with_another_fingerprint_gives_no_result(workers, threads):
 
 
 def test_workers_that_join_are_given_tasks(workers, threads, monkeypatch):
-    monkeypatch.setattr(cluster, "RECOUNT", 0.0)
+    monkeypatch.setattr(cluster, "RECOUNT_S", 0.0)
     monkeypatch.setattr(workers, "_workers", lambda: {"one": 4, "another": 2})
     list(run_chains([Calls((math.sqrt, (4.0,)))], workers))
     assert workers.slots == 12
@@ -105,7 +105,7 @@ def test_scheduler_that_cannot_count_its_workers_in_time_is_given_tasks(workers,
     def late():
         raise TimeoutError
 
-    monkeypatch.setattr(cluster, "RECOUNT", 0.0)
+    monkeypatch.setattr(cluster, "RECOUNT_S", 0.0)
     monkeypatch.setattr(workers, "_workers", late)
     chain = Calls((math.sqrt, (4.0,)))
     list(run_chains([chain], workers))
@@ -125,17 +125,17 @@ def test_worker_that_cannot_load_the_package_is_named(error, text, workers, thre
     def fail(*_):
         raise error
 
-    monkeypatch.setattr("vibroplat.study.fingerprint.checked", fail)
+    monkeypatch.setattr("vibroplat.study.fingerprint.run_checked", fail)
     monkeypatch.setattr("vibroplat.study.fingerprint.code", fail)
     monkeypatch.setattr(fail, "__module__", "vibroplat.study.fingerprint", raising=False)
-    monkeypatch.setattr(fail, "__qualname__", "checked")
-    with pytest.raises(ForeignWorkerError) as caught:
+    monkeypatch.setattr(fail, "__qualname__", "run_checked")
+    with pytest.raises(IncompatibleWorkerError) as caught:
         list(run_chains([Calls((math.sqrt, (4.0,)))], workers))
     (worker,) = threads.workers.values()
     assert str(caught.value).startswith(f"worker {worker.address}: {text}")
     monkeypatch.setattr(workers._client, "_run", None)  # as if it had left before it could be asked
     lacks = isinstance(error, (ImportError, AttributeError))
-    with pytest.raises(ForeignWorkerError if lacks else RuntimeError) as caught:
+    with pytest.raises(IncompatibleWorkerError if lacks else RuntimeError) as caught:
         list(run_chains([Calls((math.sqrt, (4.0,)))], workers))
     assert str(caught.value).startswith(f"worker that has left: {text}" if lacks else str(error))
 
@@ -143,13 +143,13 @@ def test_worker_that_cannot_load_the_package_is_named(error, text, workers, thre
 def test_no_worker_is_told_and_given_up(kernels, monkeypatch, caplog):
     from distributed import LocalCluster
 
-    monkeypatch.setattr(cluster, "NOTICE", 0.1)
-    monkeypatch.setattr("vibroplat.study.pool.PATIENCE", 0.1)
+    monkeypatch.setattr(cluster, "NOTICE_S", 0.1)
+    monkeypatch.setattr("vibroplat.study.pool.CHECK_AFTER_S", 0.1)
     with (
         LocalCluster(n_workers=0, processes=False, protocol="tcp", dashboard_address=":0") as empty,
         pool(scheduler=empty.scheduler_address, wait=0.4) as workers,
         caplog.at_level(logging.WARNING, "vibroplat"),
-        pytest.raises(LostError) as caught,
+        pytest.raises(NoWorkersError) as caught,
     ):
         list(run_chains([Calls((math.sqrt, (4.0,)))], workers))
     what = f"a worker of the scheduler at {empty.scheduler_address}"

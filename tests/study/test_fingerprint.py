@@ -39,8 +39,8 @@ def mine(kernels):
 
 
 def test_same_fingerprint_gives_the_result_or_the_error_of_the_task(mine):
-    assert fingerprint.checked(mine, work(math.sqrt, 4.0)) == {"result": 2.0}
-    error = fingerprint.checked(mine, work(math.sqrt, -1.0))["error"]
+    assert fingerprint.run_checked(mine, work(math.sqrt, 4.0)) == {"result": 2.0}
+    error = fingerprint.run_checked(mine, work(math.sqrt, -1.0))["error"]
     assert (type(error), str(error)) == (ValueError, "math domain error")
 
 
@@ -48,7 +48,7 @@ def test_each_difference_is_refused_by_name_before_the_task_is_read(mine):
     libraries = {"SUNDIALS", "scikit-sundae", "numpy", "numba", "llvmlite", "engine", "arithmetic"}
     assert {"vibroplat", "source files", "Python", "platform"} | libraries <= set(mine)
     for name in mine:
-        found = fingerprint.checked({**mine, name: "other"}, b"not a pickle")
+        found = fingerprint.run_checked({**mine, name: "other"}, b"not a pickle")
         assert found == {"refused": f"this process: {name} {mine[name]} (here other)"}
 
 

@@ -19,16 +19,16 @@ from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
 from vibroplat.observe.tables import state_places
 from vibroplat.study.lyapunov import (
-    ALL,
+    ALL_EXPONENTS,
     BLOCKS,
-    MORE,
-    ONE,
-    PER_TURN,
-    Effort,
+    LARGEST_EXPONENT,
+    MAX_ERROR_PER_TURN,
+    MORE_MEASUREMENTS,
     Exponent,
+    GrowthSettings,
+    count_mixed,
     exponents,
     largest_exponent,
-    mixed,
     whole_section,
 )
 
@@ -51,7 +51,7 @@ def on_the_orbit(gamma_sine, restitution):
 def measured_log(gamma_sine, restitution, turns):
     """Logarithm of the growth a period and its error, over so many periods that are counted."""
     scene, state = on_the_orbit(gamma_sine, restitution)
-    return a_period(largest_exponent(scene, state, OF_THE_BALL, Effort(1, least=turns, most=turns)))
+    return a_period(largest_exponent(scene, state, OF_THE_BALL, GrowthSettings(1, least=turns, most=turns)))
 
 
 def a_period(exponent):
@@ -114,7 +114,7 @@ def test_exponents_of_chaos_are_those_of_the_map_within_honest_errors():
     found = []
     for scene in itertools.islice(chaotic_balls(2), 6):
         _, state = later_state(scene, initial_state(scene), 20)
-        exponent = largest_exponent(scene, state, OF_THE_BALL, Effort(1, least=240, most=240))
+        exponent = largest_exponent(scene, state, OF_THE_BALL, GrowthSettings(1, least=240, most=240))
         if exponent.value > 0.0:  # it has not come to rest on the table
             found.append(a_period(exponent))
     values, errors = np.array(found).T
@@ -128,7 +128,7 @@ def test_exponents_of_chaos_are_those_of_the_map_within_honest_errors():
 
 
 def test_sign_is_told_beyond_three_errors_and_beyond_what_is_no_growth():
-    slow = PER_TURN / 0.04
+    slow = MAX_ERROR_PER_TURN / 0.04
     signs = {
         1: [(1.0, 0.3), (1.01 * slow, 0.0)],
         -1: [(-1.0, 0.3), (-1.01 * slow, 0.0), (-math.inf, 0.0)],
@@ -158,15 +158,15 @@ def measured(monkeypatch):
         growing = Growing(growth)
         monkeypatch.setattr("vibroplat.study.lyapunov._grow", growing)
         scene = load_config(MACHINE)
-        found = largest_exponent(scene, initial_state(scene), OF_THE_BALL, Effort(2, **options))
-        return found, growing.calls - ONE.skipped
+        found = largest_exponent(scene, initial_state(scene), OF_THE_BALL, GrowthSettings(2, **options))
+        return found, growing.calls - LARGEST_EXPONENT.skipped
 
     return told
 
 
 def test_even_growth_is_measured_least_and_not_at_first(measured):
-    found, count = measured(lambda call: 100.0 if call <= ONE.skipped else 0.5)
-    assert count == ONE.least
+    found, count = measured(lambda call: 100.0 if call <= LARGEST_EXPONENT.skipped else 0.5)
+    assert count == LARGEST_EXPONENT.least
     assert found.value == pytest.approx(0.5 / 0.08, rel=1e-12)
     assert (found.error, found.turn) == (pytest.approx(0.0, abs=1e-12), pytest.approx(0.04))
 
@@ -174,8 +174,8 @@ def test_even_growth_is_measured_least_and_not_at_first(measured):
 def test_uneven_growth_is_measured_until_its_error_is_small_enough(measured):
     random = np.random.default_rng(0)
     found, count = measured(lambda _: random.normal(0.1, 0.2))
-    assert ONE.least < count < ONE.most
-    assert (count - ONE.least) % MORE == 0
+    assert LARGEST_EXPONENT.least < count < LARGEST_EXPONENT.most
+    assert (count - LARGEST_EXPONENT.least) % MORE_MEASUREMENTS == 0
     assert found.error <= found.value / 6.0
     assert abs(found.value - 0.1 / 0.08) <= 3.0 * found.error
 
@@ -184,14 +184,16 @@ def test_measurements_end_at_the_most_that_are_allowed(measured):
     random = np.random.default_rng(0)
     found, count = measured(lambda _: random.normal(0.0, 1.0), least=32, most=128)
     assert (count, found.sign) == (128, 0)
-    assert found.error * found.turn > PER_TURN
+    assert found.error * found.turn > MAX_ERROR_PER_TURN
 
 
 def test_error_is_the_largest_of_those_of_few_and_many_blocks(measured):
     """Growth that is alike within each of so many blocks: what remembers for longer has fewer that are independent."""
     for count in BLOCKS:
         levels = 0.3 + 0.1 * np.cos(math.pi * np.arange(count) * (1.0 if count > 4 else 0.5))
-        found, _ = measured(lambda call, n=count, of=levels: of[max(call - ONE.skipped - 1, 0) * n // 80], least=80)
+        found, _ = measured(
+            lambda call, n=count, of=levels: of[max(call - LARGEST_EXPONENT.skipped - 1, 0) * n // 80], least=80
+        )
         assert found.value == pytest.approx(levels.mean() / 0.08, rel=1e-12)
         assert found.error == pytest.approx(levels.std(ddof=1) / math.sqrt(count) / 0.08, rel=1e-12)
 
@@ -199,9 +201,9 @@ def test_error_is_the_largest_of_those_of_few_and_many_blocks(measured):
 def test_growth_that_beats_as_on_a_torus_is_known_far_better_than_its_blocks_say(measured):
     steady, beats = 2e-4, np.array([1.1, 1.7, 2.3])
     found, _ = measured(lambda call: steady + 0.3 * (np.sin(beats * call) - np.sin(beats * (call - 1))).sum())
-    assert abs(found.value - steady / 0.08) < found.error <= PER_TURN / found.turn
+    assert abs(found.value - steady / 0.08) < found.error <= MAX_ERROR_PER_TURN / found.turn
     random = np.random.default_rng(0)
-    assert measured(lambda _: random.normal(steady, 0.3))[0].error > 10.0 * PER_TURN / 0.04
+    assert measured(lambda _: random.normal(steady, 0.3))[0].error > 10.0 * MAX_ERROR_PER_TURN / 0.04
 
 
 def test_motions_that_merge_have_an_exponent_below_all_numbers(measured):
@@ -217,16 +219,18 @@ def test_one_event_among_many_turns_says_how_many_directions_are_forgotten(monke
     numbers = -1.0 - np.arange(section.shape[1])
 
     def growth(call):
-        return np.append(numbers[:-1], -math.inf if call == ALL.skipped + 7 else numbers[-1])
+        return np.append(numbers[:-1], -math.inf if call == ALL_EXPONENTS.skipped + 7 else numbers[-1])
 
-    growing = Growing(growth, lambda call: count if call == ALL.skipped + 100 else 2 * (call == 3))
+    growing = Growing(growth, lambda call: count if call == ALL_EXPONENTS.skipped + 100 else 2 * (call == 3))
     monkeypatch.setattr("vibroplat.study.lyapunov._grow", growing)
     found, _ = spectrum(scene, initial_state(scene))
     values = np.array([exponent.value for exponent in found])
     assert np.isneginf(values).sum() == np.isneginf(values[len(values) - count :]).sum() == count
     kept = np.arange(len(numbers) - max(count, 1))
     assert values[kept] == pytest.approx(numbers[kept] / 0.04, rel=1e-12)
-    few = exponents(Simulator(scene, parameters(scene), make_engine(scene, parameters(scene))), section[:, :3], ALL)
+    few = exponents(
+        Simulator(scene, parameters(scene), make_engine(scene, parameters(scene))), section[:, :3], ALL_EXPONENTS
+    )
     assert np.isfinite([exponent.value for exponent in few]).all()  # what is forgotten may lie outside of these
 
 
@@ -266,7 +270,7 @@ def test_no_exponent_where_the_motion_ends_early():
 # -- all of them ------------------------------------------------------------------------------------------
 
 
-def spectrum(scene, state, effort=ALL):
+def spectrum(scene, state, effort=ALL_EXPONENTS):
     """All exponents but that along the motion, and the motion at the end."""
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
@@ -299,7 +303,7 @@ def test_exponents_are_logarithms_of_multipliers():
 def test_directions_of_the_section_keep_to_no_symmetry(frequency):
     """Otherwise the second one shrank for 150 turns as the fourth one should, and the block of these decided all."""
     scene, state = settled(CALIBRATED, frequency, {"material.mass_ratio": 0.2, "solver.engine": "taylor"})
-    found, motion = spectrum(scene, state, ALL._replace(most=ALL.least))
+    found, motion = spectrum(scene, state, ALL_EXPONENTS._replace(most=ALL_EXPONENTS.least))
     multipliers = np.linalg.eigvals(variation(scene, motion.state, found[0].turn).derivative.to_numpy())
     logarithms = np.log(np.sort(np.abs(multipliers))[-8:-1][::-1]) / found[0].turn  # the largest is 1, along the motion
     values, errors = np.array([(e.value, e.error) for e in found[:7]]).T
@@ -318,19 +322,19 @@ def test_what_directions_had_of_their_neighbours_is_not_counted(monkeypatch):
     monkeypatch.setattr("vibroplat.study.lyapunov._grow", Growing(growth))
     scene = load_config(MACHINE)
     with closing(make_engine(scene, parameters(scene))) as engine:
-        found = exponents(Simulator(scene, parameters(scene), engine), whole_section(scene)[:, :2], ALL)
+        found = exponents(Simulator(scene, parameters(scene), engine), whole_section(scene)[:, :2], ALL_EXPONENTS)
     assert [e.value * 0.04 for e in found] == pytest.approx([-1.0, -1.0 - gap], abs=3e-4)
     turns = np.arange(1, 313)[:, np.newaxis]
     for near, skipped in ((gap, 47), (0.05, 93), (0.04, 0), (0.0, 0)):
-        assert mixed(np.tile([-1.0 - near, -1.0], (312, 1))) == skipped
-    assert mixed(np.where(turns < 5, -math.inf, [-1.0, -3.0])) == 3
-    assert mixed(np.ones((20, 2)) * [-1.0, -1.0 - 1.0]) == 0  # as many as blocks are left
+        assert count_mixed(np.tile([-1.0 - near, -1.0], (312, 1))) == skipped
+    assert count_mixed(np.where(turns < 5, -math.inf, [-1.0, -3.0])) == 3
+    assert count_mixed(np.ones((20, 2)) * [-1.0, -1.0 - 1.0]) == 0  # as many as blocks are left
 
 
 def test_sum_over_a_chaotic_ball_is_that_of_its_impacts():
     """The table has no dampers, and each impact takes R² of the volume."""
     scene = next(chaotic_balls(3))
-    found, motion = spectrum(scene, initial_state(scene), Effort(1, 0, 96, 96))
+    found, motion = spectrum(scene, initial_state(scene), GrowthSettings(1, 0, 96, 96))
     total = sum(e.value for e in found) * motion.now
     assert motion.events > 15
     assert total == pytest.approx(2.0 * math.log(CHAOTIC_BALL[1]) * motion.events, rel=0.05)
@@ -339,7 +343,7 @@ def test_sum_over_a_chaotic_ball_is_that_of_its_impacts():
 def test_sum_over_flights_is_that_of_divergence_and_impacts():
     """Each impact takes R² of the volume of all states; on the section the exciter's speed counts too."""
     scene, state = settled(MACHINE, 52.0, {**CHAOTIC, "contact.restitution": 0.9, "solver.tolerance": 1e-9}, 400)
-    found, motion = spectrum(scene, state, Effort(1, 0, 16, 16))
+    found, motion = spectrum(scene, state, GrowthSettings(1, 0, 16, 16))
     begun, seconds = later_state(scene, state, 1)[1], 16 * found[0].turn
     run = run_from(scene, begun, seconds)
     assert len(run.events) > 3
@@ -351,7 +355,7 @@ def test_sum_over_flights_is_that_of_divergence_and_impacts():
 def test_sum_with_latches_is_that_of_the_part_that_is_kept():
     """In contact that part is the whole state without gap and gap rate; here each section is in contact."""
     scene, state = settled(MACHINE, 50.0, {**CHAOTIC, "contact.restitution": 0.3})
-    found, motion = spectrum(scene, state, Effort(1, 4, 16, 16))
+    found, motion = spectrum(scene, state, GrowthSettings(1, 4, 16, 16))
     assert motion.automaton.run["mode"] == ATTACHED
     assert motion.events > 8 * 16  # a chatter takes many impacts
     turn, values = found[0].turn, np.array([exponent.value for exponent in found])
@@ -362,7 +366,7 @@ def test_sum_with_latches_is_that_of_the_part_that_is_kept():
 
 
 def test_table_of_exponents_has_a_neutral_one_and_those_that_contact_loses(monkeypatch):
-    monkeypatch.setattr("vibroplat.study.lyapunov.ALL", Effort(1, 24, 288, 288))
+    monkeypatch.setattr("vibroplat.study.lyapunov.ALL_EXPONENTS", GrowthSettings(1, 24, 288, 288))
     scene, state = settled(MACHINE, 62.5, CHAOTIC)
     table = lyapunov(scene, state)
     values = table["exponent_per_s"]
@@ -378,7 +382,7 @@ def test_table_of_exponents_has_a_neutral_one_and_those_that_contact_loses(monke
 
 
 def test_exponents_begin_where_a_run_ends(monkeypatch):
-    monkeypatch.setattr("vibroplat.study.lyapunov.ALL", Effort(1, 4, 16, 16))
+    monkeypatch.setattr("vibroplat.study.lyapunov.ALL_EXPONENTS", GrowthSettings(1, 4, 16, 16))
     scene = load_config(MACHINE, {"drive.supply_frequency_hz": 63.0, "run.duration_s": 3.0})
     run = simulate(scene, keep="summary")
     assert lyapunov(scene).to_numpy() == pytest.approx(lyapunov(scene, run.final_state).to_numpy(), rel=1e-6)

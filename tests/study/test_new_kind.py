@@ -24,7 +24,7 @@ from vibroplat.config.plans import SweepPlan
 from vibroplat.errors import ConfigError
 from vibroplat.results.result import Answer, Result
 from vibroplat.study.branches import study_table
-from vibroplat.study.point import lost, point_task
+from vibroplat.study.point import failed_record, point_task
 from vibroplat.study.pool import StoredChain, run_stored
 from vibroplat.study.study import COMPARED, CrossCheckCase, Study, run_study
 from vibroplat.study.sweep import SWEEP
@@ -119,7 +119,7 @@ ADDED = {
             "        ),\n"
         )
     },
-    "config/questions.py": {
+    "config/study_plans.py": {
         "#: The sections of a scene that ask for studies.\n": "from vibroplat.config.changes import ChangesPlan\n",
         "PLANS: dict[str, type[Section]] = {\n": '    "changes": ChangesPlan,\n',
     },

@@ -12,15 +12,15 @@ from common.results import bits
 
 from vibroplat import load_config, sweep
 from vibroplat.config.coordinates import Mode
-from vibroplat.config.plans import Over
+from vibroplat.config.plans import ParameterRange
 from vibroplat.errors import ConfigError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
 from vibroplat.results.tables import read_table
-from vibroplat.study.bands import band_lines, bands, jumps
-from vibroplat.study.branches import branches, carried
+from vibroplat.study.bands import band_lines, bands, find_jumps
+from vibroplat.study.branches import branches, convert_state
 from vibroplat.study.sweep import notes_on_points
 
 from .helpers import planned
@@ -35,7 +35,7 @@ def over(key, changes=None, config=LOADED, plan=None, **values):
 
 
 def upward(**values):
-    return Over(key=MASS, **values).upward
+    return ParameterRange(key=MASS, **values).upward
 
 
 # -- values ----------------------------------------------------------------------------------------------
@@ -54,12 +54,12 @@ def test_values_follow_from_step_count_scale_or_are_given():
 
 def test_keys_of_whole_numbers_get_them():
     (found,) = branches(over("motor.pole_pairs", start=1, stop=3, step=1))
-    assert [(value, type(value)) for value in found.along] == [(1, int), (2, int), (3, int)]
+    assert [(value, type(value)) for value in found.key_values] == [(1, int), (2, int), (3, int)]
 
 
 def test_perturbations_differ_where_values_do_however_small_they_are():
     found = branches(over("motor.friction_radius_m", values=[0.0, 1e-9, 2e-9], direction=["up", "down"]))
-    assert len({one.key(value) for one in found for value in one.along}) == 6
+    assert len({one.perturbation_key(value) for one in found for value in one.key_values}) == 6
 
 
 RANGE = "start: 0, stop: 0.3"
@@ -130,8 +130,8 @@ def test_the_short_form_gives_the_same_bits():
     scene = planned(LOADED, 50.0, 51.0).replace(
         {"sweep.over": {"key": MASS, "values": [0.1]}}
     )  # one overrides the other
-    assert branches(scene.replace({"sweep.over": {"start": 0.0, "stop": 1.0, "count": 2}}))[0].along == (0.0, 1.0)
-    assert branches(scene.replace({"sweep.supply_frequency_hz": {"start": 40, "stop": 40}}))[0].along == (40.0,)
+    assert branches(scene.replace({"sweep.over": {"start": 0.0, "stop": 1.0, "count": 2}}))[0].key_values == (0.0, 1.0)
+    assert branches(scene.replace({"sweep.supply_frequency_hz": {"start": 40, "stop": 40}}))[0].key_values == (40.0,)
 
 
 # -- from layers to others -------------------------------------------------------------------------------
@@ -143,7 +143,7 @@ def test_layers_that_come_up_lie_on_the_platform_with_their_static_sag():
     with motion_of(scene) as motion:
         motion.to_time(0.4)
         bare = motion.state.copy()
-    state = carried(bare.tolist(), scene, loaded)
+    state = convert_state(bare.tolist(), scene, loaded)
     with closing(make_engine(loaded, parameters(loaded))) as engine:
         motion = Simulator(loaded, parameters(loaded), engine, np.array(state))
         assert Mode(int(motion.automaton.run["mode"])) is Mode.ATTACHED
@@ -156,7 +156,7 @@ def test_what_a_scene_has_not_is_left_behind_and_what_it_has_is_kept():
     scene, state = load_config(LOADED), np.arange(1.0, 15.0).tolist()
     for changes, gone in (({MASS: 0.3}, []), ({MASS: 0.0}, [5, 6, 12, 13]), ({"material.layers": 1}, [6, 13])):
         left = [0.0 if place in gone else value for place, value in enumerate(state)]
-        assert carried(state, scene, scene.replace(changes)) == left
+        assert convert_state(state, scene, scene.replace(changes)) == left
 
 
 def test_a_branch_hands_on_states_of_its_own_layers():
@@ -196,11 +196,11 @@ def renamed(key=MASS, **columns):
 
 
 def test_the_excitation_leaps_over_another_key_where_it_changes_far_more_than_beside():
-    assert not jumps(renamed()).any()
+    assert not find_jumps(renamed()).any()
     steep = 25.0 + 0.1 * np.arange(21)  # motors that slip more and more
-    assert not jumps(renamed(excitation_frequency_hz=steep)).any()
+    assert not find_jumps(renamed(excitation_frequency_hz=steep)).any()
     caught = np.where(np.arange(21) < 8, steep, steep - 3.0)
-    assert np.flatnonzero(jumps(renamed(excitation_frequency_hz=caught))).tolist() == [7]
+    assert np.flatnonzero(find_jumps(renamed(excitation_frequency_hz=caught))).tolist() == [7]
 
 
 def test_bands_and_notes_name_the_key_with_its_unit():

@@ -64,8 +64,8 @@ def test_branches_are_combinations_times_directions_the_first_key_slowest():
     assert [b.direction for b in found] == ["down", "up"] * 4
     assert [tuple(b.grid.values()) for b in found] == [place for place in places for _ in range(2)]
     assert [list(b.grid) for b in found] == [list(grid)] * 8
-    assert {b.along for b in found[::2]} == {(51.0, 50.5, 50.0)}
-    assert {b.along for b in found[1::2]} == {(50.0, 50.5, 51.0)}
+    assert {b.key_values for b in found[::2]} == {(51.0, 50.5, 50.0)}
+    assert {b.key_values for b in found[1::2]} == {(50.0, 50.5, 51.0)}
 
 
 def test_points_of_all_branches_are_limited_by_a_key():
@@ -82,7 +82,7 @@ def test_points_of_all_branches_are_limited_by_a_key():
     ):
         Scene().replace(settings | {"sweep.grid": {key: [0.001 * k for k in range(1, 101)] for key in keys}})
     found = branches(Scene().replace(settings | {"sweep.max_points": 399_964}))
-    assert len({id(branch.along) for branch in found}) == 2
+    assert len({id(branch.key_values) for branch in found}) == 2
 
 
 def test_scenes_of_a_branch_have_its_values_and_frequencies():

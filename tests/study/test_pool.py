@@ -17,9 +17,9 @@ from vibroplat.config.plans import FREQUENCY
 from vibroplat.errors import ConfigError
 from vibroplat.study import pool as pools
 from vibroplat.study.branches import branches
-from vibroplat.study.point import Point
+from vibroplat.study.point import SweepPoint
 from vibroplat.study.pool import (
-    LIVES,
+    MAX_LOSSES,
     PINNED,
     Cluster,
     Inline,
@@ -127,15 +127,15 @@ def test_interrupted_chains_go_on_where_they_were(most, tmp_path):
 
 def test_task_whose_worker_is_lost_has_no_record_but_that_for_this_case():
     def one():
-        return (yield Task(dict, if_lost=lambda reason: {"why": reason}))
+        return (yield Task(dict, on_worker_loss=lambda reason: {"why": reason}))
 
     lost = WorkerLostError("its worker died 2 times")
     with Store(None, {}) as store:
         with pytest.raises(WorkerLostError, match="died"):
-            StoredChain(Squares().powers(2, 100), store, 0).take(lost)
+            StoredChain(Squares().powers(2, 100), store, 0).accept(lost)
         assert len(store) == 0
         chain = StoredChain(one(), store, 0)
-        chain.take(lost)
+        chain.accept(lost)
         assert (chain.result, len(store)) == ({"why": str(lost)}, 1)
 
 
@@ -237,7 +237,7 @@ def test_suspects_run_alone(killers, error):
     assert finish(chains, workers) == [[1, "lost" if k in killers else 2, 3] for k in range(5)]
     in_company = [cost for cost in workers.deaths if cost > 1]
     assert len(in_company) <= len(killers)
-    assert len(workers.deaths) <= len(killers) * (1 + LIVES)
+    assert len(workers.deaths) <= len(killers) * (1 + MAX_LOSSES)
 
 
 @pytest.mark.faults
@@ -319,7 +319,7 @@ def test_point_that_kills_its_workers_is_a_row_and_the_branch_goes_on(scene, mon
 
     def measure(scene, plan, state, key):
         begun[place(scene, key)] = None if state is None else state[0]
-        return Point({"outcome": "ok"}, [scene.drive.supply_frequency_hz if state is None else state[0]] * 14)
+        return SweepPoint({"outcome": "ok"}, [scene.drive.supply_frequency_hz if state is None else state[0]] * 14)
 
     monkeypatch.setattr("vibroplat.study.sweep.measure_point", measure)
     with Store(None, {}) as store:
@@ -327,7 +327,7 @@ def test_point_that_kills_its_workers_is_a_row_and_the_branch_goes_on(scene, mon
         found = sweep_table(branches(scene), store)
     lost = found[found["outcome"] != "ok"]
     assert lost[["branch", "supply_frequency_hz", "outcome"]].to_numpy().tolist() == [[2, 54.0, "worker-lost"]]
-    assert lost["detail"].item() == f"its worker died {LIVES} times"
+    assert lost["detail"].item() == f"its worker died {MAX_LOSSES} times"
     assert not lost[["steps", "residual_calls", "events", "simulated_s"]].isna().any(axis=None)
     assert len(found) == 24
     assert LOST not in begun
@@ -375,7 +375,7 @@ def test_processes_have_a_core_and_a_chain(monkeypatch, caplog):
     for (jobs, available, chains), (used, told) in wanted.items():
         monkeypatch.setattr("loky.cpu_count", lambda available=available: available)
         caplog.clear()
-        assert pools._useful(jobs, chains) == used
+        assert pools._useful_processes(jobs, chains) == used
         assert [record.getMessage() for record in caplog.records] == [told] * bool(told)
     monkeypatch.delattr(pools, "Processes")
     with pool(jobs=2, chains=1) as workers:

@@ -10,7 +10,7 @@ import pytest
 from common.places import LOADED
 
 from vibroplat import Scene, load_config, sweep
-from vibroplat.continuation.seeker import OrbitSeeker
+from vibroplat.continuation.orbit_detection import NewtonOrbitDetector
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
@@ -20,9 +20,9 @@ from vibroplat.observe.measures import empty_accumulators
 from vibroplat.observe.section import MAX_PERIOD, period, section_points, section_rows, spreads
 from vibroplat.observe.summary import measure
 from vibroplat.study.branches import branches
-from vibroplat.study.coexisting import BLOCKS, within
+from vibroplat.study.coexisting import BLOCKS, belongs_to_class
 from vibroplat.study.point import ERRORS, measure_point
-from vibroplat.study.settling import BLOCK, TURNS, draws_together, settle
+from vibroplat.study.settling import BLOCK, TURNS, contraction_period, settle
 
 from .helpers import CALIBRATED, CHAOTIC, DAMPED, MACHINE, planned, swept
 
@@ -90,7 +90,7 @@ def test_longest_settling_is_kept(longest, how):
     scene = planned(MACHINE, 63.0, changes=IN_PHASE).replace({"drive.supply_frequency_hz": 63.0})
     with moving(scene) as motion:
         settling = settle(motion, scene.sweep, longest)
-    assert (settling.how, settling.seconds) == (how, motion.now)
+    assert (settling.reason, settling.seconds) == (how, motion.now)
     if how == "maximum":
         assert settling.seconds == pytest.approx(longest, abs=1e-9)
         assert (settling.period, settling.turn) == (1, 0.0)
@@ -102,11 +102,11 @@ def test_longest_settling_is_kept(longest, how):
 def test_a_motion_has_settled_if_it_draws_together_in_two_checks_that_follow_one_another(monkeypatch):
     """A quick transient may hide a slow one at the first."""
     answers = iter([1, 0, 1, 1])
-    monkeypatch.setattr("vibroplat.study.settling.draws_together", lambda *_: next(answers))
+    monkeypatch.setattr("vibroplat.study.settling.contraction_period", lambda *_: next(answers))
     scene = planned(MACHINE, 50.0)
     with moving(scene) as motion:
         settling = settle(motion, scene.sweep, 150.0)
-    assert (settling.how, settling.period, list(answers)) == ("periodic", 1, [])
+    assert (settling.reason, settling.period, list(answers)) == ("periodic", 1, [])
 
 
 def test_a_section_draws_together_where_what_is_left_is_within_the_tolerance():
@@ -116,7 +116,7 @@ def test_a_section_draws_together_where_what_is_left_is_within_the_tolerance():
     for share, expected in ((0.9, 1), (2.0, 0)):  # points 16 turns apart are nearer, by 0.56
         points = np.zeros((2 * TURNS, 14))
         points[:, 1] = share * scene.sweep.settle_tolerance * fall * (1.0 - q) / (spread * q)
-        assert draws_together(points, scene, scene.sweep) == expected
+        assert contraction_period(points, scene, scene.sweep) == expected
 
 
 def test_longest_settling_counts_from_the_beginning_of_the_motion():
@@ -125,7 +125,7 @@ def test_longest_settling_counts_from_the_beginning_of_the_motion():
     with moving(scene) as motion:
         for longest in (2.0, 3.0, 3.0):
             settling = settle(motion, scene.sweep, longest)
-            assert (settling.how, settling.seconds) == ("maximum", pytest.approx(longest, abs=1e-9))
+            assert (settling.reason, settling.seconds) == ("maximum", pytest.approx(longest, abs=1e-9))
             assert settling.seconds == motion.now
 
 
@@ -176,7 +176,7 @@ def test_period_of_an_orbit_is_its_least():
 
 def test_diagram_of_an_orbit_has_its_points_once():
     (branch,) = branches(planned(DAMPED, 57.5, changes=SERIES, settle_by="newton", kind="bifurcation"))
-    point = measure_point(branch.at(0), branch.plan, None, branch.key(57.5))
+    point = measure_point(branch.at(0), branch.plan, None, branch.perturbation_key(57.5))
     assert len(set(point.section_y)) == len(point.section_y) == 4
     impacts = point.row["impacts_per_period"] * 4
     assert len(point.impact_speeds) == pytest.approx(impacts)
@@ -197,11 +197,11 @@ def test_stable_orbit_beside_chaos_of_minutes_is_found(config, frequency, restit
 def test_hunt_finds_the_orbit_near_a_motion_that_does_not_repeat():
     """Period 4, from a section of which only the last points are near to each other."""
     scene = planned(DAMPED, 57.5).replace(SERIES | {"drive.supply_frequency_hz": 57.5})
-    with closing(OrbitSeeker(scene)) as seeker, moving(scene) as motion:
+    with closing(NewtonOrbitDetector(scene)) as detector, moving(scene) as motion:
         measures = motion.advance(8.0).measures
         states, points = section_rows(measures)["state"][-30:], section_points(measures, scene)[-30:]
         points[:20] += np.random.default_rng(0).uniform(0.0, 9.0, (20, 1))
-        found = seeker.hunt(points, states)
+        found = detector.search_near_returns(points, states)
     assert found.orbit.period == 4
     assert found.orbit.multiplier < 1.0
 
@@ -210,11 +210,11 @@ def test_hunt_finds_the_orbit_that_chaos_hardly_visits():
     """Period 6 at 57 Hz: nearly all returns after 6 turns are visits to period 2, and most others show a saddle."""
     changes = {"material.mass_ratio": 0.15, "contact.restitution": 0.5, "contact.sticking_speed_m_per_s": 0.0}
     scene = load_config(CALIBRATED, {**changes, "solver.engine": "taylor", "drive.supply_frequency_hz": 57.0})
-    with closing(OrbitSeeker(scene)) as seeker, moving(scene) as motion:
+    with closing(NewtonOrbitDetector(scene)) as detector, moving(scene) as motion:
         motion.advance(20.0)
         for _ in range(8):
             measures = motion.advance(40.0).measures
-            found = seeker.hunt(section_points(measures, scene), section_rows(measures)["state"])
+            found = detector.search_near_returns(section_points(measures, scene), section_rows(measures)["state"])
             if found.orbit is not None:
                 break
     assert (found.orbit.period, found.orbit.multiplier) == (6, pytest.approx(0.909309, abs=1e-5))
@@ -228,12 +228,12 @@ def test_motion_that_goes_round_an_orbit_is_not_taken_to_come_to_it():
     changes["material"] = {"mass_ratio": 0.2, "natural_frequency_hz": 22.0, "damping_ratio": 0.95}
     changes["contact"] = {"restitution": 0.5, "sticking_speed_m_per_s": 0.15}
     scene = planned(MACHINE, 79.0).replace(changes | {"solver.engine": "taylor", "drive.supply_frequency_hz": 79.0})
-    with closing(OrbitSeeker(scene)) as seeker, moving(scene) as motion:
+    with closing(NewtonOrbitDetector(scene)) as detector, moving(scene) as motion:
         motion.advance(10.0)
         seen = []
         for _ in range(24):
             motion.to_section(1, 1.0)
-            seen.append((seeker.seek(motion, np.zeros((10, 14)), 0), seeker.near))
+            seen.append((detector.detect(motion, np.zeros((10, 14)), 0), detector.near))
     assert all(orbit is None for orbit, _ in seen)
     assert any(near for _, near in seen)
 
@@ -268,7 +268,7 @@ def test_stretches_of_one_chaotic_motion_are_one():
 @pytest.mark.parametrize(("shift", "inside"), [(0.0, True), (0.9, True), (1.1, False)])
 def test_class_of_a_motion_is_as_wide_again_as_its_blocks(shift, inside):
     class_of = np.array([[1.0, 10.0, 5.0], [2.0, 11.0, 6.0]])
-    assert within(np.array([[50.0, 10.5, 5.5], [2.0 + shift, 11.0, 6.0]]), class_of) == inside
+    assert belongs_to_class(np.array([[50.0, 10.5, 5.5], [2.0 + shift, 11.0, 6.0]]), class_of) == inside
 
 
 def slow_row(*torques):
@@ -298,7 +298,7 @@ def test_settling_ends_where_the_motion_does():
     with moving(scene) as motion:
         settling = settle(motion, scene.sweep, 150.0)
     assert motion.outcome == "event-storm"
-    assert (settling.how, settling.seconds) == ("unfinished", motion.now)
+    assert (settling.reason, settling.seconds) == ("unfinished", motion.now)
     assert motion.now < 150.0
 
 

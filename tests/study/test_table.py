@@ -21,7 +21,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.observe import summary
 from vibroplat.results.tables import read_table
 from vibroplat.study.branches import branches
-from vibroplat.study.point import MEASURED, Point, synchronization
+from vibroplat.study.point import MEASURED, SweepPoint, synchronization
 from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import SweepStudy, notes_on_points, run_sweeps
@@ -143,8 +143,8 @@ class Recorder:
         frequency = scene.drive.supply_frequency_hz
         self.asked.append((frequency, state, key))
         if frequency in self.failing:
-            return Point({"outcome": "event-storm", "events": 3}, None)
-        return Point({"outcome": "ok", "events": 2}, [frequency] * 14)
+            return SweepPoint({"outcome": "event-storm", "events": 3}, None)
+        return SweepPoint({"outcome": "ok", "events": 2}, [frequency] * 14)
 
 
 def test_points_begin_with_the_state_of_the_last_good_one(monkeypatch):
@@ -432,7 +432,7 @@ def measured_at_once(scene, plan, state, key):
     row |= {"sync": "antiphase", "period": 1, "motion": "periodic", "settle_s": 1.0, "outcome": "ok", "detail": ""}
     row |= {"steps": 1, "residual_calls": 2, "events": 3, "simulated_s": numbers[0], "wall_s": 1e-3}
     heights, speeds = numbers[-2 * SECTION_POINTS : -SECTION_POINTS], numbers[-SECTION_POINTS:]
-    return Point(row, numbers[len(MEASURED) : len(MEASURED) + 14], heights, speeds)
+    return SweepPoint(row, numbers[len(MEASURED) : len(MEASURED) + 14], heights, speeds)
 
 
 def sweep_of(points, directory, **plan):
@@ -473,7 +473,7 @@ def test_no_scene_is_made_for_points_that_are_stored(tmp_path, monkeypatch):
 
 def test_table_of_many_points_is_in_row_groups(tmp_path, monkeypatch):
     monkeypatch.setattr("vibroplat.study.sweep.measure_point", measured_at_once)
-    monkeypatch.setattr("vibroplat.results.tables.GROUP", 12)
+    monkeypatch.setattr("vibroplat.results.tables.MAX_GROUP_ROWS", 12)
     sweep_of(16, tmp_path / "points", kind="bifurcation")
     table = read_table(tmp_path / "points", "sweep")
     groups = pq.ParquetFile(tmp_path / "points/sweep.parquet").metadata

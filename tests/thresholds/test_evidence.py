@@ -8,25 +8,25 @@ from common import handmade
 from common.commands import command as run_command
 
 from vibroplat import Scene, find, load_config
-from vibroplat.config.questions import FindPlan
-from vibroplat.study.point import Point, lost
+from vibroplat.config.study_plans import FindPlan
+from vibroplat.study.point import SweepPoint, failed_record
 from vibroplat.study.pool import pool
 from vibroplat.study.store import Store
 from vibroplat.thresholds import search
 from vibroplat.thresholds.evidence import (
     DISTANCES,
-    NEAR,
     PAIRS,
-    Places,
+    VALUES_NEAR,
+    ScaledKey,
     Threshold,
     is_fractal,
+    is_wanted,
     open_ends,
-    wanted,
     zones,
 )
 from vibroplat.thresholds.search import start_key
-from vibroplat.thresholds.tables import ThresholdStudy
-from vibroplat.thresholds.values import Value, closed, evaluate, scatters
+from vibroplat.thresholds.study import ThresholdStudy
+from vibroplat.thresholds.values import ScanPoint, evaluate, has_errors, measures_meet
 
 KEY = "motor.critical_torque_n_m"
 ASKED = {"key": KEY, "start": 0.0, "stop": 100.0, "scan": 5, "tolerance": 0.5, "expression": "rms_y_m > 0.5"}
@@ -35,7 +35,7 @@ PLAN = FindPlan(**ASKED)
 
 def value(at, measure, stage="scan", **row):
     """A value at which the measure of the expression has been found; none if it failed."""
-    return Value(at, stage, {"rms_y_m": measure, **row}, None if measure is None else [0.0])
+    return ScanPoint(at, stage, {"rms_y_m": measure, **row}, None if measure is None else [0.0])
 
 
 def values(*measures):
@@ -44,7 +44,7 @@ def values(*measures):
 
 
 def between(low, high, special=""):
-    return Threshold(low, high, 0.5 * (low.at + high.at), "jump", special)
+    return Threshold(low, high, 0.5 * (low.value + high.value), "jump", special)
 
 
 def test_without_contradiction_values_are_counted_on_both_sides():
@@ -53,8 +53,8 @@ def test_without_contradiction_values_are_counted_on_both_sides():
     assert (zone.mixed, zone.ends, zone.shares, zone.fractal) == ([], None, (), False)
     assert (zone.below.tried, zone.below.last, zone.below.unknown) == (2, 0.0, 0)
     assert (zone.above.tried, zone.above.last, zone.above.unknown) == (3, 50.0, 1), "a failed run is no success"
-    assert wanted(zone, True, PLAN)
-    assert not wanted(zone, False, PLAN)
+    assert is_wanted(zone, True, PLAN)
+    assert not is_wanted(zone, False, PLAN)
 
 
 def test_values_that_contradict_a_threshold_make_a_mixed_interval():
@@ -70,7 +70,7 @@ def test_values_beyond_a_mixed_interval_differ_from_each_other():
     """One that is wide reaches half of its width beyond, which may be the end of the range."""
     found = values(0, 1, 0, 1, 0, 1, 0, 0, 1, 1, 1)
     (zone,) = zones(found, [between(*found[7:9])], PLAN)
-    beyond = Places(PLAN).beyond(zone, True)
+    beyond = ScaledKey(PLAN).beyond(zone, True)
     assert len(set(beyond)) == len(beyond)
     assert max(beyond) > 99.0
 
@@ -78,8 +78,8 @@ def test_values_beyond_a_mixed_interval_differ_from_each_other():
 def test_measures_that_meet_within_their_errors_are_no_clear_threshold():
     """Chaos scatters around the level; orbits do not."""
     one, other = (value(at, 0.5 + at / 1e4, rms_y_error_m=0.02) for at in (-1.0, 1.0))
-    assert scatters(one, other, PLAN)
-    assert not scatters(value(-1.0, 0.4999), value(1.0, 0.5001), PLAN)
+    assert has_errors(one, other, PLAN)
+    assert not has_errors(value(-1.0, 0.4999), value(1.0, 0.5001), PLAN)
 
 
 def test_a_value_that_changes_with_twice_the_time_is_mixed():
@@ -111,11 +111,11 @@ def test_orbits_of_a_branch_are_no_evidence():
 
 
 def test_further_values_lie_near_a_threshold_beyond_a_mixed_interval_and_in_it():
-    places = Places(PLAN)
+    places = ScaledKey(PLAN)
     threshold = between(value(50.0, 0), value(50.5, 1))
     near = sorted(places.near(threshold))
-    assert (len(near), near[0], near[-1]) == (2 * NEAR, pytest.approx(40.0), pytest.approx(60.5))
-    assert near[NEAR - 1 : NEAR + 1] == pytest.approx([49.5, 51.0]), "a tolerance away"
+    assert (len(near), near[0], near[-1]) == (2 * VALUES_NEAR, pytest.approx(40.0), pytest.approx(60.5))
+    assert near[VALUES_NEAR - 1 : VALUES_NEAR + 1] == pytest.approx([49.5, 51.0]), "a tolerance away"
     found = values(0, 0, 0, 1, 0, 1, 1, 1, 1, 1, 1)
     (zone,) = zones(found, [between(*found[2:4])], PLAN)
     assert zone.ends == (30.0, 40.0)
@@ -148,8 +148,8 @@ def test_a_border_is_fractal_if_near_pairs_differ_as_often_as_far_ones():
 def test_a_jump_is_what_does_not_close_when_it_is_refined(measure, expected, at):
     plan = FindPlan(**ASKED | {"expression": "rms_y_m > 0"})
     brackets = [(value(0.0, measure(-at)), value(1.0, measure(1.0 - at)))]
-    while (meet := closed(brackets, plan)) is None:
-        (low, high), middle = brackets[-1], 0.5 * (brackets[-1][0].at + brackets[-1][1].at)
+    while (meet := measures_meet(brackets, plan)) is None:
+        (low, high), middle = brackets[-1], 0.5 * (brackets[-1][0].value + brackets[-1][1].value)
         new = value(middle, measure(middle - at))
         brackets.append((new, high) if middle < at else (low, new))
         assert len(brackets) < 20
@@ -158,9 +158,11 @@ def test_a_jump_is_what_does_not_close_when_it_is_refined(measure, expected, at)
 
 def test_what_differs_by_chance_meets():
     noisy = [value(0.0, 0.49, rms_y_error_m=0.01), value(1.0, 0.51, rms_y_error_m=0.01)]
-    assert closed([noisy], PLAN)
-    assert closed([[value(0.0, 0.49), value(1.0, 0.51)]], PLAN) is None
-    assert closed([[value(0.0, 0.49), Value(1.0, "scan", {}, [0.0])]], PLAN) is False, "an empty column is no number"
+    assert measures_meet([noisy], PLAN)
+    assert measures_meet([[value(0.0, 0.49), value(1.0, 0.51)]], PLAN) is None
+    assert measures_meet([[value(0.0, 0.49), ScanPoint(1.0, "scan", {}, [0.0])]], PLAN) is False, (
+        "an empty column is no number"
+    )
 
 
 # -- the search, with motions whose outcome is known -------------------------------------------------------------------
@@ -176,12 +178,12 @@ def known(monkeypatch):
     def at_value(scene, plan, state, times, key):
         at = scene.motor.critical_torque_n_m
         if at > 90.0:
-            return Point(**lost("it took too long", "solver-failure"))
+            return SweepPoint(**failed_record("it took too long", "solver-failure"))
         inside = any(low < at < high for low, high in ISLANDS[at > 45.0])
         row = dict.fromkeys(("rms_x_m", "excitation_frequency_hz", "phase_difference_rad", "motor_power_w"), 1.0)
         row |= {"rms_y_m": float((at > 45.0) != inside), "sync": "antiphase", "motion": "chaotic"}
         row["period"] = 0 if at > 45.0 else None  # as of an exciter that hangs
-        return Point(row | {"outcome": "ok", "detail": "", "multiplier_max": None}, [0.0] * 14)
+        return SweepPoint(row | {"outcome": "ok", "detail": "", "multiplier_max": None}, [0.0] * 14)
 
     monkeypatch.setattr(search, "evaluate", at_value)
     return at_value

@@ -8,7 +8,7 @@ from vibroplat import find, load_config
 from vibroplat.errors import ConfigError
 from vibroplat.plots.command import draw_study
 from vibroplat.results.result import Result
-from vibroplat.thresholds.tables import ThresholdStudy
+from vibroplat.thresholds.study import ThresholdStudy
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 MASS = {"key": "material.mass_ratio", "start": 0.02, "stop": 0.6}

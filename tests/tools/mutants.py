@@ -85,29 +85,29 @@ BY_ROOM = [
         "math.sqrt(stiffness / mass) / (2.0 * math.pi) → math.sqrt(stiffness / mass)",
         "half * half - stiffness → half * half + stiffness",
         "given = initial.state is not None or initial.from_ is not None → given = initial.state is not None and initial.from_ is not None",
-        'Share = described(0.0, "R" → Share = described(0.5, "R"',
+        'Fraction = described(0.0, "R" → Fraction = described(0.5, "R"',
     ]),
     # studies
     ("study", [
-        "abs(self.value) > max(3.0 * self.error, PER_TURN / self.turn) → abs(self.value) > 3.0 * self.error",
+        "abs(self.value) > max(3.0 * self.error, MAX_ERROR_PER_TURN / self.turn) → abs(self.value) > 3.0 * self.error",
         "kept and way <= max(tolerance → kept or way <= max(tolerance",
         "if close and was_close and not → if close and not",
         "now * ratio / (1.0 - ratio) → now * ratio",
     ]),
     ("study plots", [
-        "& _alone(np.abs(change), steps) → ",
+        "& _isolated(np.abs(change), steps) → ",
         "jump = np.any( → jump = np.all(",
     ]),
     ("study", [
         "return None if exponent.sign > 0 else → return None if exponent.sign < 0 else",
-        "now <= NEAR * tolerance → now >= NEAR * tolerance",
+        "now <= EXTRAPOLATION_LIMIT * tolerance → now >= EXTRAPOLATION_LIMIT * tolerance",
     ]),
     # basins and thresholds
     ("basin", [
         "return number if inside and nearer else None, turns → return number if inside else None, turns",
         "stays = reached.diagonal().copy() → stays = np.ones(count, dtype=bool)",
-        "points[:period]).max() < SAME → points[:period]).max() < 10.0",
-        "begin = LATE * longest → begin = 0.0",
+        "points[:period]).max() < SAME_ORBIT_DISTANCE → points[:period]).max() < 10.0",
+        "begin = LATE_FRACTION * longest → begin = 0.0",
         "for k in orbits - unseen if → for k in orbits if",
         "radii = [radius for _, radius in around if radius > 0.0] → radii = [radius for _, radius in around]",
     ]),
@@ -115,7 +115,7 @@ BY_ROOM = [
         "[self._norm.real, self._norm.imag]))[1], sphere) → [self._norm.real, self._norm.imag]))[1] * 0.0 + np.eye(len(sphere[0])), sphere)",
     ]),
     ("thresholds", [
-        'one.kind != "level-crossing" or scatters( → one.kind != "level-crossing" and scatters(',
+        'one.kind != "level-crossing" or has_errors( → one.kind != "level-crossing" and has_errors(',
         "if distances and even < 0.9 * length else → if distances else",
     ]),
     ("observe", [
@@ -125,8 +125,8 @@ BY_ROOM = [
     ("continuation cli", [
         "math.prod((1.0 + self.multipliers) → math.prod((2.0 + self.multipliers)",
         "(1.0 - 2.0 * away * steepness) → (1.0 + 2.0 * away * steepness)",
-        "(np.abs(self.multipliers[nearest].imag) > REAL).all() → (np.abs(self.multipliers[nearest].imag) < REAL).all()",
-        "> MOVED * max(1.0, abs(m)) → < MOVED * max(1.0, abs(m))",
+        "(np.abs(self.multipliers[nearest].imag) > MAX_IMAGINARY).all() → (np.abs(self.multipliers[nearest].imag) < MAX_IMAGINARY).all()",
+        "> MAX_MULTIPLIER_CHANGE * max(1.0, abs(m)) → < MAX_MULTIPLIER_CHANGE * max(1.0, abs(m))",
     ]),
     # what is kept on disk
     ("faults", [

@@ -17,15 +17,15 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.store import Record
 
 #: Part of the turns after which an arrival counts as late.
-LATE = 0.25
+LATE_FRACTION = 0.25
 #: Error of bounds: they hold the rate in 95 of 100 samples.
-DOUBT = 0.05
+ALPHA = 0.05
 #: Motions that may be transients. Those that are surely chaotic do not converge directly; others may do so.
-CHAOTIC, RESTLESS = "chaotic", ("chaotic", "undecided")
+CHAOTIC, TRANSIENT_MOTIONS = "chaotic", ("chaotic", "undecided")
 #: Radius that counts for orbits without an ellipsoid.
-NEAREST = 1e-4
+MIN_RADIUS = 1e-4
 #: Fewest late arrivals of which it can be told whether their rate is constant.
-ENOUGH = 5
+MIN_LATE_ARRIVALS = 5
 
 
 class Rate(NamedTuple):
@@ -47,7 +47,7 @@ class Rate(NamedTuple):
     constant: float
 
 
-def rate_of(places: Sequence[float], exposure: float) -> Rate:
+def estimate_rate(places: Sequence[float], exposure: float) -> Rate:
     """Estimate a rate.
 
     Parameters
@@ -61,18 +61,18 @@ def rate_of(places: Sequence[float], exposure: float) -> Rate:
     from scipy.special import gammaincinv  # noqa: PLC0415  (half a second)
 
     count = len(places)
-    tail = DOUBT / 2.0 if count else DOUBT
+    tail = ALPHA / 2.0 if count else ALPHA
     low = float(gammaincinv(count, tail)) if count else 0.0
     high = float(gammaincinv(count + 1, 1.0 - tail))
-    return Rate(count / exposure, low / exposure, high / exposure, _constant(np.sort(places)))
+    return Rate(count / exposure, low / exposure, high / exposure, _is_constant(np.sort(places)))
 
 
-def _constant(places: FloatArray) -> float:
+def _is_constant(places: FloatArray) -> float:
     """Test whether places are spread evenly over 0 … 1, as Laplace (a trend) and Kolmogorov and Smirnov do."""
     from scipy.special import kolmogorov, ndtr  # noqa: PLC0415
 
     count = places.size
-    if count < ENOUGH:
+    if count < MIN_LATE_ARRIVALS:
         return math.nan
     trend = 2.0 * ndtr(-abs(places.mean() - 0.5) * math.sqrt(12.0 * count))
     steps = np.arange(count + 1) / count
@@ -81,7 +81,7 @@ def _constant(places: FloatArray) -> float:
     return float(min(2.0 * min(trend, shape), 1.0))
 
 
-def rates_of(attractors: Sequence[Record], starts: Sequence[Record], longest: int) -> list[Rate | None]:
+def estimate_rates(attractors: Sequence[Record], starts: Sequence[Record], longest: int) -> list[Rate | None]:
     """Estimate the rate at which motions converge to each orbit, and that at which each other motion is left for one.
 
     It is None where nothing was at risk, where a motion may take as long on a direct way to the orbit, where it is not
@@ -96,12 +96,12 @@ def rates_of(attractors: Sequence[Record], starts: Sequence[Record], longest: in
     longest
         Turns after which motions were given up.
     """
-    begin = LATE * longest
+    begin = LATE_FRACTION * longest
     rows = [record["row"] for record in attractors]
     orbits = {k for k, row in enumerate(rows) if row["motion"] == "periodic"}
     unseen = {start["attractor"] for start in starts if "windows" in start}
     quick = {k for k in orbits - unseen if _direct_turns(attractors[k]) <= begin}
-    restless = {k for k, row in enumerate(rows) if row["motion"] in RESTLESS}
+    restless = {k for k, row in enumerate(rows) if row["motion"] in TRANSIENT_MOTIONS}
     late = [(start["attractor"], start["turns"] - begin) for start in starts if start["turns"] > begin]
     arrived = [(number, turns) for number, turns in late if number in quick]
     risk = [turns for number, turns in late if number in quick | restless]
@@ -111,7 +111,7 @@ def rates_of(attractors: Sequence[Record], starts: Sequence[Record], longest: in
         before, count = np.cumsum(total), np.arange(total.size, 0, -1)
         passed = [np.searchsorted(total, turns) for turns in events]
         places = [(before[k] + (count[k] - 1) * turns) / before[-1] for k, turns in zip(passed, events, strict=True)]
-        return rate_of(places, float(before[-1])) if total.size else None
+        return estimate_rate(places, float(before[-1])) if total.size else None
 
     found: list[Rate | None] = [None] * len(rows)
     for k in quick:
@@ -130,4 +130,4 @@ def _direct_turns(record: Record) -> float:
     row = record["row"]
     multiplier = row.get("multiplier_max")
     decay = -math.log(min(max(1.0 if multiplier is None else multiplier, 1e-300), 1.0 - 1e-15))
-    return float(row["period"] * -math.log(record["radius"] or NEAREST) / decay)
+    return float(row["period"] * -math.log(record["radius"] or MIN_RADIUS) / decay)

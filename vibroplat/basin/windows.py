@@ -16,30 +16,30 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.classification import same_phase
 
 #: What tells motions apart that do not repeat.
-TOLD = ("rms_x_m", "rms_y_m", "rms_phi_rad")
+MEASURES = ("rms_x_m", "rms_y_m", "rms_phi_rad")
 #: Windows are of one class if their measures are this near, over themselves.
-ALIKE = 0.2
+MAX_DIFFERENCE = 0.2
 
 #: Measures of a window, by column of a sweep.
 Window = Mapping[str, Any]
 
 
-def alike(one: Window, other: Window, scales: FloatArray, share: float = ALIKE) -> bool:
+def is_alike(one: Window, other: Window, scales: FloatArray, share: float = MAX_DIFFERENCE) -> bool:
     """Whether two motions are synchronized alike, with nearly the same RMS displacements and share of flight."""
-    sizes = np.array([[row[name] for name in TOLD] for row in (one, other)]) / scales[: len(TOLD)]
+    sizes = np.array([[row[name] for name in MEASURES] for row in (one, other)]) / scales[: len(MEASURES)]
     near = np.linalg.norm(sizes[1] - sizes[0]) <= share * np.linalg.norm(sizes, axis=1).max()
     flying = abs((one["flight_fraction"] or 0.0) - (other["flight_fraction"] or 0.0)) <= share
     return bool(near) and flying and same_phase(one, other)
 
 
-def classes_of(motions: Sequence[Sequence[Window]], scales: FloatArray) -> list[list[int]]:
+def classify_windows(motions: Sequence[Sequence[Window]], scales: FloatArray) -> list[list[int]]:
     """Return the classes of the windows of some motions; a class is named after its first window."""
     first: list[Window] = []
     found = []
     for windows in motions:
         classes = []
         for window in windows:
-            number = next((k for k, one in enumerate(first) if alike(one, window, scales)), len(first))
+            number = next((k for k, one in enumerate(first) if is_alike(one, window, scales)), len(first))
             if number == len(first):
                 first.append(window)
             classes.append(number)

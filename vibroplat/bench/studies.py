@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.basin.question import basins
+from vibroplat.basin.study import basins
 from vibroplat.bench.measure import by_turns, timed
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import OrbitError, orbit_near

@@ -7,8 +7,8 @@ In time two engines never agree to the last digit, and a motion multiplies what 
 this explains is estimated by repetitions, not guessed. Both engines repeat the motion with another tolerance, which
 shows the errors that each of them makes; the first one also repeats it from starts that are off by the tolerance, which
 shows what the motion makes of any error. The error of an engine is about what a tenth of the tolerance changes, so two
-right engines differ by at most about twice the largest change; ``MULTIPLE`` times that is allowed. A repetition may by
-chance come close to what it repeats, so ``FLOOR`` times the tolerance is always allowed.
+right engines differ by at most about twice the largest change; ``MAX_RATIO`` times that is allowed. A repetition may by
+chance come close to what it repeats, so ``MIN_ALLOWED`` times the tolerance is always allowed.
 
 A wrong term acts the same at every tolerance. Repetitions do not change it, so it is found unless it changes less than
 errors of the tolerance do. A lower tolerance finds more. An engine that is right but less accurate
@@ -27,15 +27,15 @@ from vibroplat.integrate import other_engine
 #: How many times the largest change under repetitions is allowed between engines. In runs of fourteen kinds (with and
 #: without flights, impacts, a stall, a coast-down; tolerances 1e-8 … 1e-4), ``native`` and ``sundae`` differed by at
 #: most 1.5 times that change and five tolerances: a third of what is allowed.
-MULTIPLE: Final = 5.0
+MAX_RATIO: Final = 5.0
 #: What is allowed in any case, over the tolerance, in scaled units.
-FLOOR: Final = 20.0
+MIN_ALLOWED: Final = 20.0
 
 #: Makes the scene that checks a given one.
 Other = Callable[[Scene], Scene]
 
 
-def by_other_engine(scene: Scene) -> Scene:
+def with_other_engine(scene: Scene) -> Scene:
     """Return a scene with the engine that checks its own."""
     return scene.replace({"solver.engine": other_engine(scene.solver.engine)})
 

@@ -15,10 +15,10 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP_RATE
 
 #: Angle of exciter 1 (rad) by which the times of an event may differ before it counts as another event.
-APART: Final = 0.5
+MAX_EVENT_ANGLE: Final = 0.5
 
 
-class Errors(NamedTuple):
+class ErrorBound(NamedTuple):
     """Errors of a motion, in the scales of its scene, that are allowed until each of some times (s)."""
 
     times: FloatArray
@@ -29,7 +29,7 @@ class Errors(NamedTuple):
         return np.asarray(self.allowed[np.minimum(np.searchsorted(self.times, times), self.allowed.size - 1)])
 
 
-class Pairs(NamedTuple):
+class EventMatches(NamedTuple):
     """Events that two runs have in common, from the first one on.
 
     Attributes
@@ -47,7 +47,7 @@ class Pairs(NamedTuple):
     why: tuple[str, str] = ("", "")
 
 
-def slight(events: pd.DataFrame, errors: Errors, scene: Scene) -> npt.NDArray[np.bool_]:
+def marginal_events(events: pd.DataFrame, errors: ErrorBound, scene: Scene) -> npt.NDArray[np.bool_]:
     """Tell which events an error of the motion may add or remove.
 
     With an error ε in scaled units, a gap that just misses 0 becomes an impact with √(2 ε) of the scale of
@@ -65,12 +65,12 @@ def slight(events: pd.DataFrame, errors: Errors, scene: Scene) -> npt.NDArray[np
     return np.where(liftoffs, after < short, (before < short) | (speeds < np.sqrt(2.0 * errors_there)))
 
 
-def paired(one: pd.DataFrame, two: pd.DataFrame, errors: Errors, scene: Scene, until: float) -> Pairs:
+def match_events(one: pd.DataFrame, two: pd.DataFrame, errors: ErrorBound, scene: Scene, until: float) -> EventMatches:
     """Pair the events of two runs in their order until a time (s); slight ones that only one run has are left out."""
     tables = (one, two)
     kinds, times = ([table[column].to_numpy() for table in tables] for column in ("kind", "t_s"))
-    may_lack = [slight(table, errors, scene) for table in tables]
-    apart = APART / scene.speed_scale
+    may_lack = [marginal_events(table, errors, scene) for table in tables]
+    apart = MAX_EVENT_ANGLE / scene.speed_scale
     rows: list[tuple[int, int]] = []
     at = [0, 0]
     differ, why = math.inf, ("", "")
@@ -95,4 +95,4 @@ def paired(one: pd.DataFrame, two: pd.DataFrame, errors: Errors, scene: Scene, u
                 has = [f"{kinds[k][at[k]]} at {times[k][at[k]]:.9g} s" if left[k] else "no more events" for k in (0, 1)]
                 differ, why = first, (has[0], has[1])
             break
-    return Pairs(np.array(rows, dtype=np.int64).reshape(-1, 2), differ, why)
+    return EventMatches(np.array(rows, dtype=np.int64).reshape(-1, 2), differ, why)

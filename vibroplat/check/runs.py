@@ -11,8 +11,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import pandas as pd
 
-from vibroplat.check import FLOOR, MULTIPLE, Other, by_other_engine, with_other_tolerance
-from vibroplat.check.events import Errors, Pairs, paired, slight
+from vibroplat.check import MAX_RATIO, MIN_ALLOWED, Other, with_other_engine, with_other_tolerance
+from vibroplat.check.events import ErrorBound, EventMatches, marginal_events, match_events
 from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import force_spread, state_scales
@@ -23,16 +23,16 @@ from vibroplat.motion.recorder import Sink
 from vibroplat.motion.run import simulate
 from vibroplat.observe.summary import INACCURATE
 from vibroplat.results.run import RunResult
-from vibroplat.system.memory import Share
+from vibroplat.system.memory import MemoryBudget
 
 #: Difference, in scaled units, up to which engines are said to agree.
-CLOSE: Final = 1e-3
+AGREEMENT: Final = 1e-3
 #: Allowed difference, in scaled units, from which on nothing is compared any more.
-LOST: Final = 0.3
+MAX_ALLOWED_DIFFERENCE: Final = 0.3
 #: Most samples of a run that are compared; they are those of the trajectory table, or every second, third … of them.
-MOST: Final = 100_000
+MAX_SAMPLES: Final = 100_000
 #: How many times a scene is run besides the run that is checked.
-RUNS: Final = 5
+MORE_RUNS: Final = 5
 #: Name of the quantity that is the time of an event.
 EVENT_TIME: Final = "event time"
 
@@ -80,9 +80,9 @@ class RunCheck:
     outcomes
         How the runs of both ended.
     compared_until_s
-        Until when they were compared: until a run ended, or until what is allowed had grown to LOST.
+        Until when they were compared: until a run ended, or until what is allowed had grown to MAX_ALLOWED_DIFFERENCE.
     agree_until_s
-        Until when no coordinate, and not the contact force, differed by more than CLOSE of its scale.
+        Until when no coordinate, and not the contact force, differed by more than AGREEMENT of its scale.
     amplification
         Largest change under a repetition until then, over the tolerance, in scaled units.
     events
@@ -124,14 +124,14 @@ class RunCheck:
             worst = max(states, key=lambda d: d.difference)
             found["largest difference"] = (
                 f"{worst.quantity}, {worst.difference:.2g} of its scaled unit at {worst.t_s:.6g} s; all within "
-                f"{CLOSE:g} up to {self.agree_until_s:.6g} s"
+                f"{AGREEMENT:g} up to {self.agree_until_s:.6g} s"
             )
         for d in self.largest[len(states) :]:
             found["events of both"] = f"{self.events}, their times within {abs(d.first - d.other):.2g} s"
         return found
 
 
-def check_run(scene: Scene, *, other: Other = by_other_engine, progress: Progress | None = None) -> RunCheck:
+def check_run(scene: Scene, *, other: Other = with_other_engine, progress: Progress | None = None) -> RunCheck:
     """Run a scene with two engines and compare coordinates, contact force and events in time.
 
     Parameters
@@ -154,18 +154,18 @@ def check_run(scene: Scene, *, other: Other = by_other_engine, progress: Progres
     >>> check_run(Scene().replace({"run.duration_s": 0.1})).agrees
     True
     """
-    return compared(Course(scene, progress), other=other, progress=_later(progress, scene.run.duration_s))
+    return compare_run(SampledRun(scene, progress), other=other, progress=_later(progress, scene.run.duration_s))
 
 
-def compared(first: Course, *, other: Other = by_other_engine, progress: Progress | None = None) -> RunCheck:
+def compare_run(first: SampledRun, *, other: Other = with_other_engine, progress: Progress | None = None) -> RunCheck:
     """Compare a finished run with that of another engine; see :func:`check_run`."""
     scene = first.scene
-    scenes = [other(scene), with_other_tolerance(other(scene)), *repetitions(scene)]
-    runs = [Course(s, _later(progress, n * scene.run.duration_s)) for n, s in enumerate(scenes)]
+    scenes = [other(scene), with_other_tolerance(other(scene)), *perturbed_scenes(scene)]
+    runs = [SampledRun(s, _later(progress, n * scene.run.duration_s)) for n, s in enumerate(scenes)]
     return _Comparison(first, runs[0], runs[1], runs[2:]).result()
 
 
-def repetitions(scene: Scene) -> list[Scene]:
+def perturbed_scenes(scene: Scene) -> list[Scene]:
     """List the scenes that show what a motion makes of errors: another tolerance, and starts that are off by it."""
     share, tolerance = scene.start_perturbation, scene.solver.tolerance
     way = 1.0 if share < 0.5 else -1.0
@@ -181,7 +181,7 @@ def _later(progress: Progress | None, seconds: float) -> Progress | None:
 # -- what is compared -------------------------------------------------------------------------------------
 
 
-class Course:
+class SampledRun:
     """What is compared of a run: samples of its trajectory, and its events, collected during the run.
 
     Parameters
@@ -211,7 +211,7 @@ class Course:
             self.scales[_FORCE] = force_spread(scene)
         self.names = list(self.scales)
         self._also = also
-        self._share = Share("shorten run.duration_s, or leave out --check")
+        self._share = MemoryBudget("shorten run.duration_s, or leave out --check")
         self._samples: list[pd.DataFrame] = []
         self._events: list[pd.DataFrame] = []
         sink = self._take_trajectory, self._take_events
@@ -222,7 +222,7 @@ class Course:
         if self._also is not None:
             self._also[0](part)
         rate, times = self.scene.output.sample_rate_hz, part["t_s"].to_numpy()
-        every = max(1, math.ceil(self.scene.run.duration_s * rate / MOST))
+        every = max(1, math.ceil(self.scene.run.duration_s * rate / MAX_SAMPLES))
         numbers = np.rint(times * rate)
         wanted = (numbers / rate == times) & (numbers % every == 0)
         wanted[-1:] = True
@@ -266,7 +266,7 @@ class Course:
         return float(self.samples.index[-1]) if len(self.samples) else 0.0
 
 
-def differences(one: Course, two: Course, times: pd.Index) -> FloatArray:
+def differences(one: SampledRun, two: SampledRun, times: pd.Index) -> FloatArray:
     """Differences of two runs at times of the first, shape (times, quantities), in scaled units.
 
     They are nan where the second has no sample, and those of the contact force where not both are in contact.
@@ -285,30 +285,30 @@ def differences(one: Course, two: Course, times: pd.Index) -> FloatArray:
 class _Comparison:
     """The comparison of two runs with their repetitions: ``again`` of the other one, ``changed`` of the first."""
 
-    def __init__(self, first: Course, other: Course, again: Course, changed: Sequence[Course]) -> None:
+    def __init__(self, first: SampledRun, other: SampledRun, again: SampledRun, changed: Sequence[SampledRun]) -> None:
         self._first, self._other, self._again, self._changed = first, other, again, changed
         self._scene = first.scene
         self._tolerance = first.scene.solver.tolerance
         times = first.samples.index
         self._repeated = [*((first, course) for course in changed), (other, again)]
-        change = np.fmax.reduce([_so_far(differences(*pair, times)) for pair in self._repeated])
-        allowed = FLOOR * self._tolerance + MULTIPLE * change
+        change = np.fmax.reduce([_running_maximum(differences(*pair, times)) for pair in self._repeated])
+        allowed = MIN_ALLOWED * self._tolerance + MAX_RATIO * change
         if _FORCE in first.names:  # which differs as much as the state, also where repetitions were rarely in contact
             allowed[:, first.names.index(_FORCE)] = allowed.max(axis=1)
-        lost = times[allowed.max(axis=1) >= LOST]
+        lost = times[allowed.max(axis=1) >= MAX_ALLOWED_DIFFERENCE]
         self._lost = float(lost[0]) if len(lost) else math.inf
         self._until = min(self._lost, *(course.end for course in (first, other, *changed)))
         within = (times <= self._until) & (times < self._lost)
         self._times = times[within].to_numpy()
         self._samples = [course.samples.reindex(times)[within] for course in (first, other)]
         self._allowed, self._change = allowed[within], change[within]
-        self._errors = Errors(self._times, self._allowed.max(axis=1))
+        self._errors = ErrorBound(self._times, self._allowed.max(axis=1))
         self._found = differences(first, other, times)[within]
 
     def result(self) -> RunCheck:
         """Compare samples, events and ends."""
-        pairs, moved = self._events() if self._times.size else (Pairs(np.empty((0, 2), np.int64)), [])
-        apart = np.flatnonzero((self._found > CLOSE).any(axis=1))
+        pairs, moved = self._events() if self._times.size else (EventMatches(np.empty((0, 2), np.int64)), [])
+        apart = np.flatnonzero((self._found > AGREEMENT).any(axis=1))
         columns = [k for k in range(self._found.shape[1]) if np.isfinite(self._found[:, k]).any()]
         largest = [self._sample(int(np.nanargmax(self._found[:, k])), k) for k in columns]
         largest += sorted(moved, key=lambda d: d.difference)[-1:]
@@ -324,7 +324,7 @@ class _Comparison:
             disagreement=min(self._disagreements(pairs, moved), default=(0.0, ""))[1],
         )
 
-    def _disagreements(self, pairs: Pairs, moved: Sequence[Difference]) -> Iterator[tuple[float, str]]:
+    def _disagreements(self, pairs: EventMatches, moved: Sequence[Difference]) -> Iterator[tuple[float, str]]:
         """Yield when engines disagree, in what, and what was allowed."""
         first, other = self._first, self._other
         beyond = [d for d in moved if d.difference > d.allowed]
@@ -361,23 +361,23 @@ class _Comparison:
         difference, allowed = float(self._found[row, column]), float(self._allowed[row, column])
         return Difference(name, time, mode, one, two, difference, allowed, scale)
 
-    def _events(self) -> tuple[Pairs, list[Difference]]:
+    def _events(self) -> tuple[EventMatches, list[Difference]]:
         """Pair the events of both, and compare their times."""
         one, two = self._first.events, self._other.events
         pairs = self._paired(self._first, self._other)
         i, j = pairs.rows.T
         speed = self._scene.speed_scale
         change = np.fmax(self._moved(self._first, *self._changed)[i], self._moved(self._other, self._again)[j])
-        least = FLOOR * self._tolerance * self._least(one["gap_rate_before_m_per_s"].to_numpy()[i])
-        allowed = least + MULTIPLE * _so_far(speed * change)
-        clear = ~slight(one.iloc[i], self._errors, self._scene)
+        least = MIN_ALLOWED * self._tolerance * self._least(one["gap_rate_before_m_per_s"].to_numpy()[i])
+        allowed = least + MAX_RATIO * _running_maximum(speed * change)
+        clear = ~marginal_events(one.iloc[i], self._errors, self._scene)
         columns = one["t_s"].to_numpy()[i], two["t_s"].to_numpy()[j], one["kind"].to_numpy()[i], allowed
         return pairs, [
             Difference(EVENT_TIME, a, f"at {kind}", a, b, speed * abs(a - b), most, 1.0 / speed)
             for a, b, kind, most in zip(*(column[clear].tolist() for column in columns), strict=True)
         ]
 
-    def _moved(self, one: Course, *others: Course) -> FloatArray:
+    def _moved(self, one: SampledRun, *others: SampledRun) -> FloatArray:
         """Return how far repetitions move each event of a run in time (s); nan where none has it."""
         found = np.full(len(one.events), math.nan)
         for course in others:
@@ -397,10 +397,10 @@ class _Comparison:
         force = force_spread(scene) / scene.force_scale if scene.has_contact else 1.0
         return np.where(relative > 0.0, 1.0 / np.clip(relative, 1e-12, 1.0), force)
 
-    def _paired(self, one: Course, two: Course) -> Pairs:
-        return paired(one.events, two.events, self._errors, self._scene, min(self._until, two.end))
+    def _paired(self, one: SampledRun, two: SampledRun) -> EventMatches:
+        return match_events(one.events, two.events, self._errors, self._scene, min(self._until, two.end))
 
 
-def _so_far(changes: FloatArray) -> FloatArray:
+def _running_maximum(changes: FloatArray) -> FloatArray:
     """Return the largest values up to each row; nan counts as nothing."""
     return np.asarray(np.maximum.accumulate(np.nan_to_num(changes), axis=0))

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from vibroplat.check import Other, by_other_engine
+from vibroplat.check import Other, with_other_engine
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import force_spread, state_scales
@@ -68,7 +68,7 @@ def cross_check(
     workers: Pool,
     progress: Progress = lambda done, known: None,
     *,
-    other: Other = by_other_engine,
+    other: Other = with_other_engine,
 ) -> CrossCheck:
     """Repeat motions of a study with another engine.
 
@@ -88,7 +88,7 @@ def cross_check(
     def chain(case: CrossCheckCase) -> Tasks[Record]:
         return (yield case.task)
 
-    chains = [StoredChain(chain(case), store.part("check"), case.place) for case in wanted]
+    chains = [StoredChain(chain(case), store.namespace("check"), case.place) for case in wanted]
     found = run_stored(chains, workers, lambda done: progress(done, len(wanted)))
     engines, scales = (engine_name(scene), engine_name(other(scene))), scales_of(scene)
     largest, disagreements = 0.0, list[str]()
@@ -97,26 +97,26 @@ def cross_check(
         names = [name for name in known if name != PHASE_COLUMN]
         if not known.get("period", 1):
             names = ["period"] if same_phase(known, record["row"]) else ["period", "sync"]
-        apart = {name: _apart(known[name], record["row"].get(name), scales.get(name, 0.0)) for name in names}
+        apart = {name: _distance(known[name], record["row"].get(name), scales.get(name, 0.0)) for name in names}
         worst = max((size, name) for name, size in apart.items())
         if worst[0] <= case.allowed:
             largest = max(largest, worst[0])
             continue
-        one, two = (_told(row.get(worst[1])) for row in (known, record["row"]))
+        one, two = (_text(row.get(worst[1])) for row in (known, record["row"]))
         disagreements.append(
             f"engines disagree {case.place}: {worst[1]} = {one} ({engines[0]}) and {two} ({engines[1]})"
         )
     return CrossCheck(engines[1], len(wanted), largest, disagreements)
 
 
-def _apart(one: Any, two: Any, scale: float) -> float:
+def _distance(one: Any, two: Any, scale: float) -> float:
     """Return how far two values are apart, over the larger of the first and its scale; 1 if they are no numbers."""
     if isinstance(one, float) and isinstance(two, float):
         return abs(one - two) / (max(abs(one), scale) or 1.0)
     return float(one != two)
 
 
-def _told(value: Any) -> str:
+def _text(value: Any) -> str:
     return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vibroplat.cli.common import Out, load_kernels, tell_of_compilation
+from vibroplat.cli.common import Out, announce_first_run, load_kernels
 from vibroplat.errors import VibroplatError
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def bench(
     """
     if names and long:
         raise VibroplatError(f"{names[0]} --long: --long runs all benchmarks; allowed: names or --long")
-    tell_of_compilation()
+    announce_first_run()
     from vibroplat.bench import measure, scenes, studies
     from vibroplat.results.tables import result_directory
 

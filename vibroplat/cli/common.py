@@ -70,7 +70,7 @@ def scene_of(config: Path, settings: list[str] | None, engine: str | None) -> Sc
 
 
 @contextmanager
-def about(config: Path) -> Iterator[None]:
+def config_errors_from(config: Path) -> Iterator[None]:
     """Add the name of the file to configuration errors that are found after it was read."""
     try:
         yield
@@ -78,7 +78,7 @@ def about(config: Path) -> Iterator[None]:
         raise ConfigError(f"{config}: {error}") from None
 
 
-def tell_of_compilation(engine: str | None = None) -> bool:
+def announce_first_run(engine: str | None = None) -> bool:
     """Announce a compilation on standard error; return whether kernels have to be compiled."""
     import vibroplat.kernels.compiled  # noqa: F401  (refuses where compilation is switched off)
     from vibroplat import integrate
@@ -91,12 +91,12 @@ def load_kernels(*engines: str) -> None:
     from vibroplat.motion import run
 
     for engine in engines or ("auto",):
-        with _compilation(engine) if tell_of_compilation(engine) else nullcontext():
+        with _compilation(engine) if announce_first_run(engine) else nullcontext():
             run.load_kernels(engine)
     gc.freeze()  # loaded modules stay: the garbage collector need not visit them
 
 
-def begin(store: Store, engine: str, *others: str) -> None:
+def prepare_store(store: Store, engine: str, *others: str) -> None:
     """Load the kernels of a study; refuse to resume a study that used another arithmetic (ConfigError)."""
     load_kernels(engine, *others)
     from vibroplat.study.fingerprint import arithmetic
@@ -104,7 +104,7 @@ def begin(store: Store, engine: str, *others: str) -> None:
     store.require("arithmetic", arithmetic(engine))
 
 
-def kept(resume: bool, overwrite: bool) -> dict[str, Any]:
+def records_kept(resume: bool, overwrite: bool) -> dict[str, Any]:
     """Return the arguments of a store for ``--resume`` and ``--overwrite``, which exclude each other."""
     if overwrite and resume:
         raise ConfigError("--overwrite with --resume; allowed: one of the two")
@@ -127,10 +127,10 @@ def _compilation(engine: str) -> Iterator[None]:
     """Compile an engine's loop in a second process, and show the number of compiled kernels."""
     from vibroplat.kernels import cache
     from vibroplat.motion import run
-    from vibroplat.system.two_processes import helped_by
+    from vibroplat.system.compile_lock import second_compiler
 
     kept, before = cache.folder(), cache.count()
-    helped = nullcontext() if kept is None else helped_by(lambda: run.compile_loop(engine))
+    helped = nullcontext() if kept is None else second_compiler(lambda: run.compile_loop(engine))
     with helped, compilation_progress(lambda: cache.count() - before):
         yield
 
@@ -158,7 +158,7 @@ def print_notes(notes: Sequence[str]) -> None:
         print(f"note: {note}", flush=True)
 
 
-def complain_of(lines: Sequence[str], total: str, most: int = 5) -> None:
+def print_failures(lines: Sequence[str], total: str, most: int = 5) -> None:
     """Print the first ``most`` lines and a total on standard error, if there are any lines."""
     for line in lines[:most]:
         print(f"vibroplat: {line}", file=sys.stderr)
@@ -172,5 +172,5 @@ def print_check(found: CrossCheck | None) -> bool:
         return True
     print_lines(dict(found.lines()))
     total = f"engines disagree at {len(found.disagreements)} of {found.checked} motions"
-    complain_of(found.disagreements, total)
+    print_failures(found.disagreements, total)
     return found.agrees

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from vibroplat.cli.common import tell_of_compilation
+from vibroplat.cli.common import announce_first_run
 from vibroplat.config.kinds import KINDS
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def film(
 
 def _move(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
     """Compute the orbit of a row; the modules that compute are imported at the first call."""
-    from vibroplat.continuation.rows import motion_of
+    from vibroplat.continuation.rows import orbit_motion
 
-    tell_of_compilation(scene.solver.engine)
-    return motion_of(scene, row)
+    announce_first_run(scene.solver.engine)
+    return orbit_motion(scene, row)

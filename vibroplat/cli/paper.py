@@ -34,7 +34,7 @@ def paper(
     Computes figures 2-7 and their tables, and compares each claim of the paper with the simulation. Exit code 1 means
     that with --check two engines disagree.
     """
-    common.tell_of_compilation(engine)
+    common.announce_first_run(engine)
     from vibroplat.config.reader import parse_overrides
     from vibroplat.paper.scenes import machine_numbers
 
@@ -49,7 +49,7 @@ def paper(
     for name, numbers in chosen.items():
         study = PaperStudy(numbers, range(seed, seed + seeds), name)
         directory = result_directory(out / "paper", name)
-        kept = common.kept(resume, overwrite)
+        kept = common.records_kept(resume, overwrite)
         good &= run_and_print(study, directory, jobs, scheduler, wait, format_, kept, check=check)
         print(f"{'figures':<28}{len(plot_results([directory]))}")
     if not good:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from vibroplat.cli.common import about
+from vibroplat.cli.common import config_errors_from
 from vibroplat.errors import ConfigError
 
 
@@ -23,7 +23,7 @@ def new(
     from vibroplat.config.keys import template
     from vibroplat.config.scene import Scene
 
-    with about(file):
+    with config_errors_from(file):
         Scene.from_tree({"name": file.stem})  # the file's name will be that of the results
     quoted = shlex.quote(str(file))  # in commands that are to be copied
     text = template(machine, quoted, file.stem)
@@ -45,7 +45,7 @@ def schema(
     import json
 
     if markdown:
-        from vibroplat.cli.dictionary import configuration_page
+        from vibroplat.cli.data_dictionary import configuration_page
 
         print(configuration_page(), end="")
         return
@@ -56,6 +56,6 @@ def schema(
 
 def columns() -> None:
     """Print meanings and units of the columns of all tables."""
-    from vibroplat.cli.dictionary import columns_page
+    from vibroplat.cli.data_dictionary import columns_page
 
     print(columns_page(), end="")

@@ -37,7 +37,7 @@ def run(
     from vibroplat.results.tables import TableFile, result_directory
 
     scene = common.scene_of(config, set_, engine)
-    with common.about(config):
+    with common.config_errors_from(config):
         start = initial_condition(scene)  # errors appear before anything is written or compiled
         source = scene.run.initial.from_
         if source is not None and Path(source).resolve() == (out / scene.name).resolve():
@@ -45,7 +45,7 @@ def run(
                 f"run.initial.from = {source!r} is also the directory of the new run; allowed: another name"
             )
     directory = result_directory(out, scene.name)
-    common.tell_of_compilation(scene.solver.engine)
+    common.announce_first_run(scene.solver.engine)
     from vibroplat.observe.tables import require_room
 
     require_room(scene, directory, format_)
@@ -84,10 +84,10 @@ def _simulate(scene: Scene, start: Start, files: Files, *, check: bool) -> tuple
 
         if not check:
             return simulate(scene, keep="summary", sink=files, progress=report, start=start), None
-        from vibroplat.check.runs import RUNS, Course, compared
+        from vibroplat.check.runs import MORE_RUNS, SampledRun, compare_run
 
-        course = Course(scene, report, (files[0].append, files[1].append), start)
+        course = SampledRun(scene, report, (files[0].append, files[1].append), start)
     if course.result.outcome == "out-of-memory":
         return course.result, None
-    with run_progress(f"{scene.name}, check", RUNS * scene.run.duration_s) as report:
-        return course.result, compared(course, progress=report)
+    with run_progress(f"{scene.name}, check", MORE_RUNS * scene.run.duration_s) as report:
+        return course.result, compare_run(course, progress=report)

@@ -39,10 +39,10 @@ def study_command(kind: Kind) -> Callable[..., None]:
         format_: common.Format = "parquet",
     ) -> None:
         scene = common.scene_of(config, set_, engine)
-        common.tell_of_compilation(scene.solver.engine)
-        with common.about(config):
+        common.announce_first_run(scene.solver.engine)
+        with common.config_errors_from(config):
             study = kind.load()(scene)
-        kept = common.kept(resume, overwrite)
+        kept = common.records_kept(resume, overwrite)
         common.require_scheduler(scheduler)
         directory = common.study_directory(out, scene.name, kind.name, resume=resume)
         if not run_and_print(study, directory, jobs, scheduler, wait, format_, kept, check=check):
@@ -79,14 +79,14 @@ def run_and_print(
     from vibroplat.results.files import store_file
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
-    from vibroplat.study.study import CHECKED
+    from vibroplat.study.study import MAX_CROSS_CHECKS
 
     scene = study.scene
     common.print_notes(notes_on_inputs(study.scenes()))
     with Store(directory, study.conditions, file=store_file(study.kind), **kept) as store:
-        common.begin(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if check else []))
+        common.prepare_store(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if check else []))
         began = time.perf_counter()
-        chains = max(study.chains(store), CHECKED if check else 1)
+        chains = max(study.chains(store), MAX_CROSS_CHECKS if check else 1)
         with pool(jobs, scheduler, wait=wait, chains=chains) as workers:
             with points_progress(scene.name, study.counted) as progress:
                 result = study.run(store, workers, progress or (lambda done, known: None))
@@ -101,7 +101,7 @@ def run_and_print(
     for line in answer.text:
         print(line)
     common.print_notes(answer.notes)
-    common.complain_of(answer.failures, f"{len(answer.failures)} of the {study.counted} failed")
+    common.print_failures(answer.failures, f"{len(answer.failures)} of the {study.counted} failed")
     return common.print_check(checked) and not answer.failures
 
 

@@ -34,4 +34,4 @@ RATES = (
 )
 
 #: Most points of the platform that may be named.
-MOST_POINTS = 8
+MAX_NAMED_POINTS = 8

@@ -18,13 +18,13 @@ FREQUENCY = 50.0
 #: Share of a program's largest frequency below which the critical slip speed falls no more with the frequency. Kloss's
 #: formula with a constant critical slip has no limit at 0 Hz and standstill: the torque depends on the way there, and
 #: the motor becomes infinitely stiff.
-LEAST_SHARE = 1e-3
+MIN_FREQUENCY_RATIO = 1e-3
 
 #: Minimum supply frequency of a program above 0 (Hz).
-LEAST_FREQUENCY = 1e-3
+MIN_FREQUENCY = 1e-3
 
 #: Most entries of a program.
-MOST_ENTRIES = 1000
+MAX_ENTRIES = 1000
 
 
 def _switch(value: Any) -> Any:
@@ -62,14 +62,14 @@ class Entry(Section):
 
     @model_validator(mode="after")
     def _no_minute_frequency(self) -> Self:
-        if self.supply_frequency_hz is not None and 0.0 < self.supply_frequency_hz < LEAST_FREQUENCY:
+        if self.supply_frequency_hz is not None and 0.0 < self.supply_frequency_hz < MIN_FREQUENCY:
             raise ValueError(
-                f"supply_frequency_hz = {self.supply_frequency_hz}; allowed: 0, or at least {LEAST_FREQUENCY:g}"
+                f"supply_frequency_hz = {self.supply_frequency_hz}; allowed: 0, or at least {MIN_FREQUENCY:g}"
             )
         return self
 
 
-class Interval(NamedTuple):
+class SupplyInterval(NamedTuple):
     """A time over which the supply frequency is linear and nothing is switched.
 
     Attributes
@@ -107,7 +107,7 @@ class Drive(Section):
     supply_frequency_hz: Positive | None = described(
         None, "f_e", f"supply frequency of both motors; default: {FREQUENCY:g}, or as in program", "20 … 60"
     )
-    program: Annotated[list[Entry], Field(max_length=MOST_ENTRIES)] | None = Field(
+    program: Annotated[list[Entry], Field(max_length=MAX_ENTRIES)] | None = Field(
         None, description="supply over time: a list of entries, instead of supply_frequency_hz"
     )
 
@@ -149,20 +149,20 @@ class Drive(Section):
         return max(entry.supply_frequency_hz or 0.0 for entry in self.program)
 
     @property
-    def intervals(self) -> tuple[Interval, ...]:
+    def intervals(self) -> tuple[SupplyInterval, ...]:
         """The intervals between corners of the program in order of time; a constant supply has one."""
         if self.program is None:
             constant = self.largest_frequency
-            return (Interval(-math.inf, math.inf, constant, 0.0, (True, True), (constant, 0.0)),)
-        found: list[Interval] = []
-        least = LEAST_SHARE * self.largest_frequency
-        frequencies = _carried([entry.supply_frequency_hz for entry in self.program], 0.0)
-        first, second = (_carried([entry.driven[i] for entry in self.program], True) for i in range(2))
+            return (SupplyInterval(-math.inf, math.inf, constant, 0.0, (True, True), (constant, 0.0)),)
+        found: list[SupplyInterval] = []
+        least = MIN_FREQUENCY_RATIO * self.largest_frequency
+        frequencies = _fill_forward([entry.supply_frequency_hz for entry in self.program], 0.0)
+        first, second = (_fill_forward([entry.driven[i] for entry in self.program], True) for i in range(2))
         times = [*(entry.t_s for entry in self.program), math.inf]
         for i, (start, end) in enumerate(pairwise(times)):
             if end > start:
                 rise = frequencies[i + 1] - frequencies[i] if end < math.inf else 0.0
-                found += _pieces(start, end, frequencies[i], rise / (end - start), (first[i], second[i]), least)
+                found += _split_interval(start, end, frequencies[i], rise / (end - start), (first[i], second[i]), least)
         return tuple(found)
 
     def last_change(self, time: float) -> float:
@@ -178,17 +178,17 @@ class Drive(Section):
             found = before.start
         return -math.inf
 
-    def at(self, time: float) -> Interval:
+    def at(self, time: float) -> SupplyInterval:
         """Interval of a time (s); at a corner the one that begins there."""
         return interval_at(self.intervals, time)
 
 
-def interval_at(intervals: Sequence[Interval], time: float) -> Interval:
+def interval_at(intervals: Sequence[SupplyInterval], time: float) -> SupplyInterval:
     """Pick the interval of a time (s) among all of a drive; at a corner the one that begins there."""
     return intervals[max(bisect_right(intervals, time, key=lambda interval: interval.start) - 1, 0)]
 
 
-def _carried(values: Sequence[T | None], first: T) -> list[T]:
+def _fill_forward(values: Sequence[T | None], first: T) -> list[T]:
     """Replace each None by the value before it; at the beginning by the first one."""
     found = [first]
     for value in values:
@@ -196,17 +196,17 @@ def _carried(values: Sequence[T | None], first: T) -> list[T]:
     return found[1:]
 
 
-def _pieces(
+def _split_interval(
     start: float, end: float, frequency: float, ramp: float, driven: tuple[bool, bool], least: float
-) -> list[Interval]:
+) -> list[SupplyInterval]:
     """Split the time between two entries where the supply passes the least frequency of a critical slip speed."""
     passed = start + (least - frequency) / ramp if ramp else end
     if not start < passed < end:
         low = max(frequency, frequency + ramp * (end - start) if ramp else frequency) <= least
-        return [Interval(start, end, frequency, ramp, driven, (least, 0.0) if low else (frequency, ramp))]
+        return [SupplyInterval(start, end, frequency, ramp, driven, (least, 0.0) if low else (frequency, ramp))]
     falls = ramp < 0.0
     first, second = ((frequency, ramp), (least, 0.0)) if falls else ((least, 0.0), (least, ramp))
     return [
-        Interval(start, passed, frequency, ramp, driven, first),
-        Interval(passed, end, least, ramp, driven, second, corner=False),
+        SupplyInterval(start, passed, frequency, ramp, driven, first),
+        SupplyInterval(passed, end, least, ramp, driven, second, corner=False),
     ]

@@ -16,10 +16,10 @@ from vibroplat.config.kinds import KINDS
 from vibroplat.config.plausibility import given_by_exciters
 from vibroplat.config.reader import configurations, load_tree
 from vibroplat.config.scene import Scene
-from vibroplat.config.schema import LARGEST, LARGEST_ANGLE, LEAST, Node, in_lists, nodes
+from vibroplat.config.schema import MAX_ANGLE, MAX_SIZE, MIN_SIZE, Node, in_lists, nodes
 
 #: Limits that only keep products of numbers finite; they are not worth a word.
-_TRIVIAL = {LEAST, LARGEST, -LARGEST, LARGEST_ANGLE, -LARGEST_ANGLE, 2**63 - 1}
+_TRIVIAL = {MIN_SIZE, MAX_SIZE, -MAX_SIZE, MAX_ANGLE, -MAX_ANGLE, 2**63 - 1}
 #: The section whose keys are the swept frequencies; all of them are in Hz.
 _FREQUENCIES = "sweep.supply_frequency_hz"
 

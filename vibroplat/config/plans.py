@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from vibroplat.config.kinds import KINDS
-from vibroplat.config.schema import LARGEST, PERTURBATION, Positive, Real, Section, Share, described, short
+from vibroplat.config.schema import MAX_SIZE, PERTURBATION, Fraction, Positive, Real, Section, described, short
 
 #: Key of the supply frequency.
 FREQUENCY = "drive.supply_frequency_hz"
@@ -20,10 +20,10 @@ MAX_POINTS = 100_000
 MAX_BRANCHES, MAX_FAMILIES = 10_000, 1000
 
 #: Lengths of steps along branches of orbits that are not given, over the range of the key.
-FIRST_STEP, LARGEST_STEP, LEAST_STEP = 1.0 / 300.0, 1.0 / 40.0, 1e-8
+FIRST_STEP, MAX_STEP, MIN_STEP = 1.0 / 300.0, 1.0 / 40.0, 1e-8
 
 #: Length of a branch over the whole range of its key, in the units of the unknowns.
-UNITS = 8.0
+BRANCH_LENGTH = 8.0
 
 Direction = Literal["up", "down"]
 Boundary = Literal["fold", "period-doubling", "neimark-sacker", "branch-point", "liftoff", "end-of-sticking", "grazing"]
@@ -49,7 +49,7 @@ def _in_range(start: float, stop: float, step: float | None, direction: list[Dir
 Directions = Annotated[list[Direction], BeforeValidator(_as_list), Field(min_length=1, max_length=2)]
 
 
-class Over(Section):
+class ParameterRange(Section):
     """The values of a key along a branch, and its directions."""
 
     key: str = Field(description="dotted key of a number that varies along a branch; N stands for all places of a list")
@@ -126,9 +126,9 @@ class Frequencies(Section):
         return self
 
     @property
-    def over(self) -> Over:
+    def over(self) -> ParameterRange:
         """What it is short for."""
-        return Over.model_construct(key=FREQUENCY, **dict(self))
+        return ParameterRange.model_construct(key=FREQUENCY, **dict(self))
 
 
 def may_vary(key: str) -> bool:
@@ -141,7 +141,7 @@ class SweepPlan(Section, title="Sweep"):
     """Branches side by side: every combination of the grid's values, in each direction."""
 
     supply_frequency_hz: Frequencies | None = Field(None, description="supply frequencies of each branch")
-    over: Over | None = Field(None, description="values of another key, instead of supply_frequency_hz")
+    over: ParameterRange | None = Field(None, description="values of another key, instead of supply_frequency_hz")
     grid: Grid = Field({}, description="dotted keys and their values; one branch for each combination")
     kind: Literal["response", "bifurcation", "map"] = Field(
         "response",
@@ -160,7 +160,7 @@ class SweepPlan(Section, title="Sweep"):
     measure_s: Positive = described(
         2.0, "", "measuring interval of each point; aperiodic motion is measured 24 times as long"
     )
-    perturbation: Share = described(
+    perturbation: Fraction = described(
         PERTURBATION, "", "random change of the rates of platform and exciters at each point (scaled units)"
     )
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of the perturbations")
@@ -198,8 +198,8 @@ class SweepPlan(Section, title="Sweep"):
                 raise ValueError(f"grid.{key} cannot be swept by the grid; allowed: keys of machine, material, …")
             if key == swept.key:
                 raise ValueError(f"grid.{key} is the key of over; allowed: another key")
-            if any(isinstance(value, int | float) and not abs(value) <= LARGEST for value in values):
-                raise ValueError(f"grid.{key} = {short(values)}; allowed: numbers up to {LARGEST:g}")
+            if any(isinstance(value, int | float) and not abs(value) <= MAX_SIZE for value in values):
+                raise ValueError(f"grid.{key} = {short(values)}; allowed: numbers up to {MAX_SIZE:g}")
             if len(set(values)) < len(values):  # 0 and 0.0 are equal
                 raise ValueError(f"grid.{key} = {short(values)}; allowed: each value once")
         if not may_vary(swept.key):
@@ -210,7 +210,7 @@ class SweepPlan(Section, title="Sweep"):
         return self
 
     @cached_property
-    def swept(self) -> Over:
+    def swept(self) -> ParameterRange:
         """The key along each branch, its values and the directions."""
         if self.over is not None:
             return self.over
@@ -227,9 +227,9 @@ class StepPlan(Section, title="Step"):
 
     def lengths(self, span: float) -> tuple[float, float, float]:
         """First, largest and least step for a range of the key."""
-        largest = LARGEST_STEP * span if self.largest is None else self.largest
+        largest = MAX_STEP * span if self.largest is None else self.largest
         first = min(FIRST_STEP * span, largest) if self.first is None else self.first
-        return first, largest, min(LEAST_STEP * span, first) if self.least is None else self.least
+        return first, largest, min(MIN_STEP * span, first) if self.least is None else self.least
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -256,7 +256,7 @@ class _VariedKey(Section):
     @property
     def unit(self) -> float:
         """Unit of the key among the unknowns of an orbit."""
-        return abs(self.stop - self.start) / UNITS
+        return abs(self.stop - self.start) / BRANCH_LENGTH
 
 
 class BoundariesPlan(_VariedKey, title="Boundaries"):

@@ -17,14 +17,14 @@ from vibroplat.config.sections import OF_EXCITERS, Motor
 
 #: Torque over the weight's largest moment m r g that carries an unbalance which hangs past its upper position in one
 #: swing: the largest (1 - cos a)/a. With less it swings, more each time if the torque grows with the speed, or stays.
-ONE_SWING = 0.7246
+SWING_TORQUE_RATIO = 0.7246
 #: Keys whose default holds for any machine.
-COMMON = frozenset({"gravity_m_per_s2"})
+UNIVERSAL_KEYS = frozenset({"gravity_m_per_s2"})
 #: Most keys that were left out and are all named.
-NAMED = 3
+MAX_NAMED = 3
 
 
-class Quantity(NamedTuple):
+class UsualRange(NamedTuple):
     """A quantity of a scene and its usual range.
 
     Attributes
@@ -49,9 +49,9 @@ class Quantity(NamedTuple):
 
 def notes_on_input(scene: Scene) -> list[str]:
     """Say what is unusual in a scene, and which numbers of machine and motors it takes by default, in one line each."""
-    found = [_unusual(quantity, scene) for quantity in quantities(scene)]
-    found.append(_by_default("machine", scene.machine, given_by_exciters(scene)))
-    found += [_by_default(name, motor, motor.replaced()) for name, motor in _motors(scene)]
+    found = [_note_if_unusual(quantity, scene) for quantity in quantities(scene)]
+    found.append(_note_on_defaults("machine", scene.machine, given_by_exciters(scene)))
+    found += [_note_on_defaults(name, motor, motor.replaced()) for name, motor in _motors(scene)]
     found += _weak_motors(scene)
     return [note for note in found if note]
 
@@ -61,7 +61,7 @@ def notes_on_inputs(scenes: Iterable[Scene]) -> list[str]:
     return list(dict.fromkeys(note for scene in scenes for note in notes_on_input(scene)))
 
 
-def quantities(scene: Scene) -> Iterator[Quantity]:
+def quantities(scene: Scene) -> Iterator[UsualRange]:
     """Yield what of a scene has a usual range."""
     machine, material, drive, initial = scene.machine, scene.material, scene.drive, scene.run.initial
     springs = (
@@ -72,42 +72,42 @@ def quantities(scene: Scene) -> Iterator[Quantity]:
     for axis, mass, spring, _ in springs:
         stiffness = getattr(machine, spring)
         frequency = math.sqrt(stiffness / mass) / (2.0 * math.pi) if stiffness > 0.0 else None
-        yield Quantity(frequency, 1.0, 150.0, "Hz", (f"machine.{spring}",), f"natural frequency {{}} in {axis}")
+        yield UsualRange(frequency, 1.0, 150.0, "Hz", (f"machine.{spring}",), f"natural frequency {{}} in {axis}")
     for axis, mass, spring, damper in springs:
         keys = (f"machine.{damper}", *(["contact.viscous_per_mass_per_s"] if axis == "y" else []))
         damping = scene.damping_y if axis == "y" else getattr(machine, damper)
         ratio = _damping_ratio(damping, getattr(machine, spring), mass)
-        yield Quantity(ratio, 0.0, 1.0, "", keys, f"damping ratio {{}} in {axis}")
+        yield UsualRange(ratio, 0.0, 1.0, "", keys, f"damping ratio {{}} in {axis}")
     weight = (scene.platform_mass + sum(scene.layer_masses)) * machine.gravity_m_per_s2
     sag = weight / machine.stiffness_y_n_per_m
-    yield Quantity(sag, 0.0, 0.05, "m", ("machine.stiffness_y_n_per_m",), "static sag {}")
-    yield Quantity(material.mass_ratio, 0.0, 5.0, "", ("material.mass_ratio",))
+    yield UsualRange(sag, 0.0, 0.05, "m", ("machine.stiffness_y_n_per_m",), "static sag {}")
+    yield UsualRange(material.mass_ratio, 0.0, 5.0, "", ("material.mass_ratio",))
     ratio = _damping_ratio(scene.layer_spring[1], scene.layer_spring[0], 1.0)
     keys = ("material.damping_ratio", "material.damping_n_s_per_m")
-    yield Quantity(ratio, 0.0, 1.0, "", keys, "damping ratio {} of the layers")
-    yield Quantity(drive.supply_frequency_hz, 0.0, 400.0, "Hz", ("drive.supply_frequency_hz",))
+    yield UsualRange(ratio, 0.0, 1.0, "", keys, "damping ratio {} of the layers")
+    yield UsualRange(drive.supply_frequency_hz, 0.0, 400.0, "Hz", ("drive.supply_frequency_hz",))
     if drive.program:
-        yield Quantity(drive.largest_frequency, 0.0, 400.0, "Hz", (), "drive.program: supply frequency {}")
+        yield UsualRange(drive.largest_frequency, 0.0, 400.0, "Hz", (), "drive.program: supply frequency {}")
     if machine.gravity_m_per_s2:
         acceleration = scene.length_scale * scene.speed_scale**2 / machine.gravity_m_per_s2
         keys = ("machine.unbalance_mass_kg", "machine.unbalance_radius_m", "drive.supply_frequency_hz")
         text = "acceleration {} of the platform far above resonance"
-        yield Quantity(acceleration, 0.0, 30.0, "g", keys, text)
+        yield UsualRange(acceleration, 0.0, 30.0, "g", keys, text)
     inertia = max(exciter.rotor_inertia_kg_m2 for exciter in scene.exciter_pair)
-    yield Quantity(inertia, 0.0, 100.0, "kg·m²", ("machine.rotor_inertia_kg_m2",))
-    yield Quantity(initial.speed_ratio, -1.5, 1.5, "", ("run.initial.speed_ratio",))
+    yield UsualRange(inertia, 0.0, 100.0, "kg·m²", ("machine.rotor_inertia_kg_m2",))
+    yield UsualRange(initial.speed_ratio, -1.5, 1.5, "", ("run.initial.speed_ratio",))
     for key in ("x_m", "y_m") if initial.state is not None else ():
-        yield Quantity(getattr(initial.state, key), -1.0, 1.0, "m", (f"run.initial.state.{key}",))
+        yield UsualRange(getattr(initial.state, key), -1.0, 1.0, "m", (f"run.initial.state.{key}",))
     for name, motor in _motors(scene):
         torque, slip = motor.critical_values()
         plate = motor.rated_power_w is not None
         of_slip, of_torque = ("rated_speed_rpm", "rated_power_w") if plate else ("critical_slip", "critical_torque_n_m")
-        yield Quantity(slip, 0.0, 1.0, "", (f"{name}.{of_slip}",), "critical slip {}" if plate else "")
-        yield Quantity(motor.friction_radius_m, 0.0, 0.01, "m", (f"{name}.friction_radius_m",))
-        yield Quantity(torque, 0.0, 1e4, "N·m", (f"{name}.{of_torque}",), "critical torque {}" if plate else "")
+        yield UsualRange(slip, 0.0, 1.0, "", (f"{name}.{of_slip}",), "critical slip {}" if plate else "")
+        yield UsualRange(motor.friction_radius_m, 0.0, 0.01, "m", (f"{name}.friction_radius_m",))
+        yield UsualRange(torque, 0.0, 1e4, "N·m", (f"{name}.{of_torque}",), "critical torque {}" if plate else "")
 
 
-def rounded(value: float, digits: int = 3) -> str:
+def as_text(value: float, digits: int = 3) -> str:
     """Format a value for a note, without an exponent where it can be spared."""
     return f"{float(f'{value:.{digits}g}'):g}"
 
@@ -118,7 +118,7 @@ def _weak_motors(scene: Scene) -> list[str]:
     if initial.speed_ratio or initial.state is not None or initial.from_ is not None:
         return []
     for i, (exciter, moment) in enumerate(zip(scene.exciter_pair, scene.unbalances, strict=True)):
-        largest, needed = exciter.critical_torque_n_m, ONE_SWING * moment * scene.machine.gravity_m_per_s2
+        largest, needed = exciter.critical_torque_n_m, SWING_TORQUE_RATIO * moment * scene.machine.gravity_m_per_s2
         starting = 0.0
         for supply in (one for one in scene.drive.intervals if one.driven[i]):
             first, last = sorted(map(supply.frequency_at, (supply.start, min(supply.end, scene.run.duration_s))))
@@ -129,7 +129,7 @@ def _weak_motors(scene: Scene) -> list[str]:
                 if speed > 0.0:
                     starting = max(starting, 2.0 * largest / (speed / slip + slip / speed))
         if 0.0 < starting < needed:
-            numbers = f"{rounded(starting)} N·m at standstill, at most {rounded(largest)}, where {rounded(needed)} N·m"
+            numbers = f"{as_text(starting)} N·m at standstill, at most {as_text(largest)}, where {as_text(needed)} N·m"
             weak[f"motor {i + 1}"] = f"gives {numbers} carry its unbalance over the top in one swing"
     same = len(weak) == 2 and len({*weak.values()}) == 1
     told = {"each motor": weak["motor 1"]} if same else weak
@@ -160,7 +160,7 @@ def _motors(scene: Scene) -> Iterator[tuple[str, Motor]]:
     yield from ((f"exciters.{i}", exciter) for i, exciter in enumerate(scene.exciters or ()))
 
 
-def _unusual(quantity: Quantity, scene: Scene) -> str:
+def _note_if_unusual(quantity: UsualRange, scene: Scene) -> str:
     """Return the note on a quantity, or an empty text if it has a usual value or none."""
     value, low, high, unit, keys, text = quantity
     if value is None or low <= value <= high:
@@ -175,22 +175,22 @@ def _unusual(quantity: Quantity, scene: Scene) -> str:
         key: reduce(lambda at, part: at[int(part) if part.isdigit() else part], key.split("."), tree) for key in keys
     }
     named = ", ".join(f"{key} = {number:g}" for key, number in given.items() if number)
-    what = text.format(f"{rounded(value)} {unit}".rstrip())
+    what = text.format(f"{as_text(value)} {unit}".rstrip())
     ends = f"{low:g} to {high:g}" if low else f"up to {high:g}"
     return f"{': '.join(part for part in (named, what) if part)}; usual: {ends} {unit}".rstrip()
 
 
-def _by_default(name: str, section: BaseModel, elsewhere: Collection[str] = ()) -> str:
+def _note_on_defaults(name: str, section: BaseModel, elsewhere: Collection[str] = ()) -> str:
     """Return the note on keys of a section that are not given, or an empty text if there are none.
 
     Optional keys need not be given, nor those that are given ``elsewhere``.
     """
     fields = type(section).model_fields.items()
-    keys = [key for key, field in fields if field.default is not None and key not in COMMON | {*elsewhere}]
+    keys = [key for key, field in fields if field.default is not None and key not in UNIVERSAL_KEYS | {*elsewhere}]
     missing = [key for key in keys if key not in section.model_fields_set]
     if not missing:
         return ""
-    several = len(missing) > NAMED
+    several = len(missing) > MAX_NAMED
     *first, last = (missing[0], f"{len(missing) - 1} more keys") if several else missing
     which = f"{', '.join(first)} and {last}" if first else last
     what = "no key given" if not section.model_fields_set else f"{which} not given"

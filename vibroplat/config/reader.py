@@ -17,9 +17,9 @@ from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning
 from ruamel.yaml.nodes import MappingNode, ScalarNode
 
 from vibroplat.config.drive import Drive
-from vibroplat.config.questions import PLANS
 from vibroplat.config.schema import in_lists, sections, short
 from vibroplat.config.sections import OF_EXCITERS, Exciter, Initial, Material, Motor
+from vibroplat.config.study_plans import PLANS
 from vibroplat.errors import ConfigError
 
 #: Key that ``--engine`` is short for.
@@ -160,11 +160,11 @@ def _text(file: Path, label: str) -> str:
 
 def _parse(text: str, source: str) -> Any:
     """Load YAML without building objects; every error becomes one line."""
-    return copy.deepcopy(_parsed(text, source))
+    return copy.deepcopy(_parse_once(text, source))
 
 
 @lru_cache(maxsize=64)
-def _parsed(text: str, source: str) -> Any:
+def _parse_once(text: str, source: str) -> Any:
     """Parse a text once: a study builds hundreds of scenes from a few files, and parsing takes longer than a run."""
     try:
         with warnings.catch_warnings():
@@ -188,11 +188,11 @@ def _parsed(text: str, source: str) -> Any:
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f" in line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise ConfigError(f"{source}: not valid YAML{where}: {_unquoted(error.problem)}") from None
+        raise ConfigError(f"{source}: not valid YAML{where}: {_without_quotations(error.problem)}") from None
     except RecursionError:
         raise ConfigError(f"{source}: nested too deeply") from None
     except Exception as error:  # on invalid YAML the parser may raise anything: IndexError, AssertionError …
-        raise ConfigError(f"{source}: not valid YAML: {_unquoted(error) or type(error).__name__}") from None
+        raise ConfigError(f"{source}: not valid YAML: {_without_quotations(error) or type(error).__name__}") from None
 
 
 def _values(node: Any, known: dict[int, int]) -> int:
@@ -224,7 +224,7 @@ def _require_names(node: Any, source: str) -> None:
         _require_names(value, source)
 
 
-def with_line(message: str, text: str) -> str:
+def add_line(message: str, text: str) -> str:
     """Say in a message about an unknown key or an empty section the line of a text, where that can only be one."""
     found = _ABOUT_A_KEY.match(message)
     if not found:
@@ -234,7 +234,7 @@ def with_line(message: str, text: str) -> str:
     return message.replace(found[0], f"{found[0]} in line {lines[0]}", 1) if len(lines) == 1 else message
 
 
-def _unquoted(problem: object) -> str:
+def _without_quotations(problem: object) -> str:
     """Return a message of the parser without what it quotes: the file may be one that nobody should see."""
     return _QUOTED.sub(lambda found: found[0] if found["harmless"] else "…", " ".join(str(problem).split())[:200])
 
@@ -255,7 +255,7 @@ def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "")
     """
     merged = dict(lower)
     if not section and upper.get("exciters") is not None and merged.get("exciters") is None:
-        merged = _with_exciters(merged)
+        merged = _move_to_exciters(merged)
     if not section and isinstance(upper.get("motors"), Mapping) and merged.get("motors") is None:
         merged["motors"] = [merged.get("motor") or {}] * 2
     for pair in ALTERNATIVES.get(in_lists(section.split(".")), ()):
@@ -291,7 +291,7 @@ def _merge_places(below: list[Any], places: Mapping[str, Any], section: str) -> 
     return merged
 
 
-def _with_exciters(tree: Mapping[str, Any]) -> dict[str, Any]:
+def _move_to_exciters(tree: Mapping[str, Any]) -> dict[str, Any]:
     """Move the numbers of the exciters from ``motor``, ``motors`` and ``machine`` to ``exciters``."""
     moved = {key: value for key, value in tree.items() if key not in ("motor", "motors")}
     motors = tree.get("motors") or [tree.get("motor") or {}] * 2

@@ -20,8 +20,7 @@ from vibroplat.config.body import RigidBody, rigid_body
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.drive import Drive
 from vibroplat.config.plans import FREQUENCY, OrbitsPlan, SweepPlan
-from vibroplat.config.questions import BasinsPlan, DesignPlan, FindPlan
-from vibroplat.config.reader import load_tree, merge, nest, with_line
+from vibroplat.config.reader import add_line, load_tree, merge, nest
 from vibroplat.config.schema import PERTURBATION, Section, described, explain
 from vibroplat.config.sections import (
     OF_EXCITERS,
@@ -35,6 +34,7 @@ from vibroplat.config.sections import (
     Run,
     Solver,
 )
+from vibroplat.config.study_plans import BasinsPlan, DesignPlan, FindPlan
 from vibroplat.errors import ConfigError
 
 #: Most turns at the synchronous speed that a run may take: half a day of computing.
@@ -439,5 +439,5 @@ def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | Non
     try:
         return Scene.from_tree(tree)
     except ConfigError as error:
-        told = with_line(str(error), file.read_text(encoding="utf-8"))
+        told = add_line(str(error), file.read_text(encoding="utf-8"))
         raise ConfigError(f"{file}: {told}") from None

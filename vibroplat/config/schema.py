@@ -11,14 +11,14 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from pydantic_core import PydanticCustomError
 
 #: No physical quantity in SI units lies outside these limits; products of numbers inside them stay finite.
-LEAST, LARGEST = 1e-30, 1e30
+MIN_SIZE, MAX_SIZE = 1e-30, 1e30
 
 #: Random change of the rates at the start of a run or of a sweep's point, in scaled units.
 PERTURBATION = 0.01
 
 #: Largest angle of an exciter (rad): more than the longest run turns by. Numbers there are 2e-6 apart; at 1e16 a turn
 #: falls between two of them.
-LARGEST_ANGLE = 1e10
+MAX_ANGLE = 1e10
 
 #: What is allowed, by pydantic's types of errors.
 _ALLOWED = {
@@ -44,7 +44,7 @@ _ALLOWED = {
 }
 
 #: Keys of former versions, and what takes their place.
-GONE = {
+REMOVED_KEYS = {
     "calibration": "results/README.md describes how configs/machines/calibrated.yaml was found",
     "design.indices": "table variance_contributions has the fractions of the variance by linear regression",
     "sweep.period_tolerance": "points of the Poincaré section repeat within 0.01 scaled units",
@@ -53,7 +53,7 @@ GONE = {
     "sweep.confirm": "with settle_by = newton points are orbits; `vibroplat orbits` gives their multipliers",
 }
 #: Keys of former versions, and their names now; values of the first are now newton for orbits, section for motion.
-RENAMED = {
+RENAMED_KEYS = {
     "sweep.settle": "sweep.settle_by",
     "sweep.coexists": "sweep.find_coexisting",
     "find.outcome": "find.compare",
@@ -65,16 +65,16 @@ RENAMED = {
 
 
 def _not_minute(value: float) -> float:
-    if value < LEAST:
-        raise PydanticCustomError("greater_than_equal", "too small", {"ge": LEAST})
+    if value < MIN_SIZE:
+        raise PydanticCustomError("greater_than_equal", "too small", {"ge": MIN_SIZE})
     return value
 
 
-Positive = Annotated[float, Field(gt=0.0, le=LARGEST, allow_inf_nan=False), AfterValidator(_not_minute)]
-NonNegative = Annotated[float, Field(ge=0.0, le=LARGEST, allow_inf_nan=False)]
-Real = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
-Angle = Annotated[float, Field(ge=-LARGEST_ANGLE, le=LARGEST_ANGLE, allow_inf_nan=False)]
-Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, le=MAX_SIZE, allow_inf_nan=False), AfterValidator(_not_minute)]
+NonNegative = Annotated[float, Field(ge=0.0, le=MAX_SIZE, allow_inf_nan=False)]
+Real = Annotated[float, Field(ge=-MAX_SIZE, le=MAX_SIZE, allow_inf_nan=False)]
+Angle = Annotated[float, Field(ge=-MAX_ANGLE, le=MAX_ANGLE, allow_inf_nan=False)]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
 
 def described(default: Any, symbol: str, meaning: str, typical: str = "") -> Any:
@@ -185,19 +185,19 @@ def explain(error: ValidationError, model: type[BaseModel]) -> str:
 
     Only one error is described, a key of a former version rather than others; the number of further errors is appended.
     """
-    first, *more = sorted(error.errors(), key=lambda one: ".".join(map(str, one["loc"])) not in RENAMED)
+    first, *more = sorted(error.errors(), key=lambda one: ".".join(map(str, one["loc"])) not in RENAMED_KEYS)
     path = [str(part) for part in first["loc"]]
     key = ".".join(path)
-    if first["type"] == "extra_forbidden" and in_lists(path) in GONE:
-        line = f"unknown key {key}; it was removed: {GONE[in_lists(path)]}"
-    elif first["type"] == "extra_forbidden" and key in RENAMED:
-        line = f"unknown key {key}; it is now {RENAMED[key]}"
+    if first["type"] == "extra_forbidden" and in_lists(path) in REMOVED_KEYS:
+        line = f"unknown key {key}; it was removed: {REMOVED_KEYS[in_lists(path)]}"
+    elif first["type"] == "extra_forbidden" and key in RENAMED_KEYS:
+        line = f"unknown key {key}; it is now {RENAMED_KEYS[key]}"
     elif first["type"] == "extra_forbidden":
         *section, wrong = path
         names = [name.rpartition(".") for name in nodes(model)]
         known = [last for above, _, last in names if above == in_lists(section)]
         elsewhere = [".".join((above, last)) for above, _, last in names if last == wrong]  # its section is missing
-        hint = f"did you mean {elsewhere[0]}? " if elsewhere else meant(wrong, known)
+        hint = f"did you mean {elsewhere[0]}? " if elsewhere else did_you_mean(wrong, known)
         line = f"unknown key {key}; {hint}allowed: {', '.join(known)}"
     elif first["type"] == "value_error":
         line = f"{key}: {first['ctx']['error']}" if key else str(first["ctx"]["error"])
@@ -210,7 +210,7 @@ def explain(error: ValidationError, model: type[BaseModel]) -> str:
     return f"{line} (and {len(more)} more)" if more else line
 
 
-def meant(wrong: str, known: Collection[str], most: int = 1) -> str:
+def did_you_mean(wrong: str, known: Collection[str], most: int = 1) -> str:
     """Ask whether a known name was meant that looks much like a wrong one, or one of several; "" if there is none."""
     near = difflib.get_close_matches(wrong, known, n=most, cutoff=0.5)
     return f"did you mean {' or '.join(near)}? " if near else ""

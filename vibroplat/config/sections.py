@@ -13,12 +13,12 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from vibroplat.config.coordinates import MOST_POINTS
-from vibroplat.config.schema import PERTURBATION, Angle, NonNegative, Positive, Real, Section, Share, described
+from vibroplat.config.coordinates import MAX_NAMED_POINTS
+from vibroplat.config.schema import PERTURBATION, Angle, Fraction, NonNegative, Positive, Real, Section, described
 from vibroplat.kernels.engines import ENGINES
 
 #: Least tolerances: what the engines can reach.
-LEAST_TOLERANCE, LEAST_TOLERANCE_SUNDIALS = 1e-14, 1e-12
+MIN_TOLERANCE, MIN_TOLERANCE_SUNDIALS = 1e-14, 1e-12
 
 Rotation = Literal["counter-clockwise", "clockwise"]
 
@@ -254,7 +254,7 @@ class Contact(Section):
         description="impact: the material may lift off and strike the platform; non-impact: it acts as a viscous "
         "damper",
     )
-    restitution: Share = described(0.0, "R", "coefficient of restitution of impacts", "0 … 0.3")
+    restitution: Fraction = described(0.0, "R", "coefficient of restitution of impacts", "0 … 0.3")
     sticking_speed_m_per_s: NonNegative = described(
         0.0, "", "approach speed below which impacts are inelastic; 0: none", "0 … 0.1"
     )
@@ -266,7 +266,7 @@ class Contact(Section):
     viscous_per_mass_per_s: NonNegative = described(
         0.0, "beta", "non-impact: damping along y due to the material, divided by the mass of the material"
     )
-    added_mass_share: Share = described(0.0, "", "non-impact: fraction of the material that moves with the platform")
+    added_mass_share: Fraction = described(0.0, "", "non-impact: fraction of the material that moves with the platform")
 
 
 class State(Section):
@@ -354,7 +354,7 @@ class Run(Section):
 
     duration_s: Positive = described(4.0, "", "simulated time", "5 … 30")
     initial: Initial = Field(Initial(), description="initial condition of the run")
-    perturbation: Share | None = described(
+    perturbation: Fraction | None = described(
         None,
         "",
         f"random change of the initial rates of platform and exciters (scaled units); default: {PERTURBATION:g}, or "
@@ -366,9 +366,9 @@ class Run(Section):
 class Solver(Section):
     """Accuracy and integrator."""
 
-    tolerance: Annotated[float, Field(ge=LEAST_TOLERANCE, le=1e-2, allow_inf_nan=False)] = Field(
+    tolerance: Annotated[float, Field(ge=MIN_TOLERANCE, le=1e-2, allow_inf_nan=False)] = Field(
         1.0e-6,
-        description=f"local error (scaled units); at least {LEAST_TOLERANCE_SUNDIALS:g}, or {LEAST_TOLERANCE:g} "
+        description=f"local error (scaled units); at least {MIN_TOLERANCE_SUNDIALS:g}, or {MIN_TOLERANCE:g} "
         "with engine taylor",
     )
     engine: Literal["auto", *ENGINES] = Field(  # type: ignore[valid-type]
@@ -383,10 +383,10 @@ class Solver(Section):
 
     @model_validator(mode="after")
     def _require_reachable_tolerance(self) -> Self:
-        if self.engine != "taylor" and self.tolerance < LEAST_TOLERANCE_SUNDIALS:
+        if self.engine != "taylor" and self.tolerance < MIN_TOLERANCE_SUNDIALS:
             raise ValueError(
                 f"tolerance = {self.tolerance:g} with engine {self.engine}; "
-                f"allowed: at least {LEAST_TOLERANCE_SUNDIALS:g}, or {LEAST_TOLERANCE:g} with engine taylor"
+                f"allowed: at least {MIN_TOLERANCE_SUNDIALS:g}, or {MIN_TOLERANCE:g} with engine taylor"
             )
         return self
 
@@ -400,10 +400,10 @@ class Output(Section):
             Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,39}$")],
             Annotated[list[Real], Field(min_length=2, max_length=2)],
         ],
-        Field(max_length=MOST_POINTS),
+        Field(max_length=MAX_NAMED_POINTS),
     ] = described(
         {},
         "",
         "named points of the platform at which to report stroke and acceleration: {NAME: [x, y]} in metres, from the "
-        f"platform's own centre of mass; at most {MOST_POINTS}",
+        f"platform's own centre of mass; at most {MAX_NAMED_POINTS}",
     )

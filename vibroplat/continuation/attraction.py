@@ -22,30 +22,30 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE, GAP
 
 #: Condition number of the eigenvectors above which they are too nearly parallel to measure distances.
-PARALLEL = 1e8
-#: Shells on which an ellipsoid is tested, each SHRINK times as large as the one before, and directions on each besides
-#: both along the slowest decay.
-SHELLS, SHRINK, DIRECTIONS = 3, 0.25, 4
+MAX_CONDITION = 1e8
+#: Shells on which an ellipsoid is tested, each SHELL_RATIO times as large as the one before, and directions on each
+#: besides both along the slowest decay.
+SHELL_COUNT, SHELL_RATIO, DIRECTIONS = 3, 0.25, 4
 #: Minimum contraction per period, as a fraction of that predicted by the linearization.
-PROMISED = 0.5
+MIN_DECAY_RATIO = 0.5
 #: The same on a motion's own way; the periods in each of which it must be seen from where the motion is; the turns, and
 #: the least number of periods, over which it must be seen from places on the way; and the number of all places, each
-#: SHRINK times as far from the orbit as the one before. The way is curved and the places lie on a straight line: quick
-#: oscillations begin there. With a multiplier of 0.99987 one period in four may not show the decay; 16 turns do.
-ON_WAY, FIRST_PERIODS, TURNS, PERIODS, PLACES = 0.25, 16, 16, 4, 4
+#: SHELL_RATIO times as far from the orbit as the one before. The way is curved and the places lie on a straight line:
+#: quick oscillations begin there. With a multiplier of 0.99987 one period in four may not show the decay; 16 turns do.
+MIN_DECAY_RATIO_ON_WAY, FIRST_PERIODS, TURNS, PERIODS, MAX_PLACES = 0.25, 16, 16, 4, 4
 #: Most halvings of an ellipsoid that is to hold no state of another basin, and directions in which it is tested. They
 #: are even in the ellipsoid: with directions even in the scales of the state, whose ellipsoids had conditions of 53 to
 #: 273, a saddle lay inside at half the radius, and 101 of 395 starts were assigned wrongly.
-HALVINGS, SURELY = 14, 48
+MAX_HALVINGS, TEST_DIRECTIONS = 14, 48
 #: Periods after which motion from there must be nearer: at first, where the slowest decay curves, it may go away.
-LATER = 16
+LATE_PERIODS = 16
 #: Smallest distance that says anything, over the tolerance of the integrator.
-NOISE = 1e4
+NOISE_TOLERANCE_RATIO = 1e4
 #: Places of the exciters' angles in the full state.
 _ANGLES = slice(3, 5)
 
 
-class Attraction:
+class AttractionEllipsoid:
     """The surroundings of an orbit where it crosses the section.
 
     Parameters
@@ -69,7 +69,7 @@ class Attraction:
         self.state, self.system, self.turns = chart.unpack(found.u)[0], chart.system, turns
         self._places, self._scales, self._turn = chart.places[kept], chart.scales[kept], TURN / chart.speed
         values, right = np.linalg.eig(section_map)
-        self.rate = float(np.abs(values).max())
+        self.spectral_radius = float(np.abs(values).max())
         self._slowest: FloatArray = right[:, int(np.abs(values).argmax())].real
         leading = values[np.abs(values).argmax()]
         self._alternates = leading.imag != 0.0 or leading.real < 0.0
@@ -98,40 +98,44 @@ class Attraction:
 
     def radius(self, shooter: Shooter) -> float:
         """Return the radius of the attraction ellipsoid, within which convergence was tested; 0 if none is known."""
-        sizes = (0.5**halvings for halvings in range(HALVINGS))
-        return next((size for size in sizes if self.attracts(shooter, size, SURELY, LATER)), 0.0)
+        sizes = (0.5**halvings for halvings in range(MAX_HALVINGS))
+        return next(
+            (size for size in sizes if self.contracts_on_shells(shooter, size, TEST_DIRECTIONS, LATE_PERIODS)), 0.0
+        )
 
-    def attracts(self, shooter: Shooter, radius: float, directions: int = DIRECTIONS, periods: int = 1) -> bool:
+    def contracts_on_shells(
+        self, shooter: Shooter, radius: float, directions: int = DIRECTIONS, periods: int = 1
+    ) -> bool:
         """Whether motion from so far away, and from nearer, comes nearer in a period, or in some of them.
 
         It must do so from some directions on each shell, and be in the same system afterwards.
         """
-        random, bound = np.random.default_rng(0), promised(self.rate, periods)
+        random, bound = np.random.default_rng(0), expected_decay(self.spectral_radius, periods)
         # even in the ellipsoid: drawn evenly in the scales of the state, they would miss its long axes
-        sphere = random.standard_normal((SHELLS, self._scales.size, directions))
+        sphere = random.standard_normal((SHELL_COUNT, self._scales.size, directions))
         evenly = np.linalg.solve(np.linalg.qr(np.vstack([self._norm.real, self._norm.imag]))[1], sphere)
-        for shell in range(SHELLS):
-            size = max(radius * SHRINK**shell, NOISE * shooter.scene.solver.tolerance)
+        for shell in range(SHELL_COUNT):
+            size = max(radius * SHELL_RATIO**shell, NOISE_TOLERANCE_RATIO * shooter.scene.solver.tolerance)
             for way in (self._slowest, -self._slowest, *evenly[shell].T):
-                if not self._comes_nearer(shooter, way * (size / self._length(way)), 1, bound, periods):
+                if not self._contracts(shooter, way * (size / self._length(way)), 1, bound, periods):
                     return False
         return True
 
-    def draws(self, shooter: Shooter, state: FloatArray) -> bool:
+    def contracts_along_trajectory(self, shooter: Shooter, state: FloatArray) -> bool:
         """Whether motion comes nearer on the way from a full state on the section.
 
         It must do so in each period: motion that goes round a stable orbit far away comes nearer now and then, too.
         Nearer to the orbit, it must do so over some periods.
         """
-        offset, bound = self._offset(state), 1.0 - ON_WAY * (1.0 - self.rate)
+        offset, bound = self._offset(state), 1.0 - MIN_DECAY_RATIO_ON_WAY * (1.0 - self.spectral_radius)
         several = max(PERIODS, math.ceil(TURNS / self.turns))
-        for place in range(PLACES):
-            if self._length(offset) < NOISE * shooter.scene.solver.tolerance:
+        for place in range(MAX_PLACES):
+            if self._length(offset) < NOISE_TOLERANCE_RATIO * shooter.scene.solver.tolerance:
                 break
             looks, periods = (1, several) if place else (FIRST_PERIODS, 1)
-            if not self._comes_nearer(shooter, offset, looks, bound**periods, periods):
+            if not self._contracts(shooter, offset, looks, bound**periods, periods):
                 return False
-            offset = SHRINK * offset
+            offset = SHELL_RATIO * offset
         return True
 
     def _offset(self, state: FloatArray) -> FloatArray:
@@ -147,7 +151,7 @@ class Attraction:
     def _length(self, offset: FloatArray) -> float:
         return float(np.linalg.norm(self._norm @ offset))
 
-    def _comes_nearer(self, shooter: Shooter, offset: FloatArray, looks: int, bound: float, periods: int = 1) -> bool:
+    def _contracts(self, shooter: Shooter, offset: FloatArray, looks: int, bound: float, periods: int = 1) -> bool:
         """Whether a distance is multiplied by less than a bound from look to look, down to what says nothing.
 
         ``periods`` are those between two looks.
@@ -166,14 +170,14 @@ class Attraction:
             if not near <= bound * far:  # nor where it is no number
                 return False
             far = near
-            if far < NOISE * shooter.scene.solver.tolerance:
+            if far < NOISE_TOLERANCE_RATIO * shooter.scene.solver.tolerance:
                 break
         return True
 
 
-def promised(rate: float, periods: int) -> float:
+def expected_decay(rate: float, periods: int) -> float:
     """Return the largest factor of a distance over some periods, for the factor of one by the derivative."""
-    return float((1.0 - PROMISED * (1.0 - rate)) ** periods)
+    return float((1.0 - MIN_DECAY_RATIO * (1.0 - rate)) ** periods)
 
 
 def contracting_norm(section_map: FloatArray, values: npt.NDArray[Any], right: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -181,7 +185,7 @@ def contracting_norm(section_map: FloatArray, values: npt.NDArray[Any], right: n
 
     Where the eigenvectors are nearly parallel, W is the root of Σ (Mᵀ)ᵏ Mᵏ / ρ²ᵏ, with ρ half way from |λ₁| to 1.
     """
-    if np.linalg.cond(right) < PARALLEL:
+    if np.linalg.cond(right) < MAX_CONDITION:
         left = np.linalg.inv(right)
         return np.asarray(left / np.linalg.norm(left, axis=1)[:, np.newaxis])
     power, total = section_map / (0.5 * (1.0 + np.abs(values).max())), np.eye(len(values))

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.continuation.arclength import Branch, predicted
-from vibroplat.continuation.newton import MissedError
+from vibroplat.continuation.arclength import Branch, predict
+from vibroplat.continuation.newton import NoConvergenceError
 from vibroplat.continuation.special_points import (
     BRANCH_POINT,
     DOUBLING,
@@ -25,75 +25,76 @@ from vibroplat.continuation.special_points import (
     NEIMARK_SACKER,
     ONE_SIDED,
     SMOOTH,
-    Point,
-    Special,
+    OrbitPoint,
+    SpecialPoint,
     Test,
+    approaching_event,
     branch_point,
-    coming,
 )
 from vibroplat.kernels.compiled import FloatArray
 
 #: Most evaluations between two points, and from one side.
-LOCATING, SIDED = 12, 12
+MAX_EVALUATIONS, MAX_SIDED = 12, 12
 #: One-sided search: each step covers the fraction APPROACH of the way to the extrapolated zero. The search ends at the
-#: distance CLOSE (units of the unknowns) from it; the zero is then extrapolated through the last SIDES points, whose
-#: distances are about 1, 20, 400, … times CLOSE. The function is taken to be linear up to the fraction LINEAR.
-APPROACH, CLOSE, SIDES, LINEAR = 0.95, 1e-6, 4, 0.9
+#: distance ZERO_DISTANCE (units of the unknowns) from it; the zero is then extrapolated through the last SIDES points,
+#: whose distances are about 1, 20, 400, … times ZERO_DISTANCE. The function is taken to be linear up to the fraction
+#: LINEAR.
+APPROACH, ZERO_DISTANCE, SIDES, LINEAR = 0.95, 1e-6, 4, 0.9
 #: What an evaluation from one side that has failed is shortened to, the least length of the first, and that of all,
 #: over the distance at which the search ends.
-SHORTER, FIRST, NEAREST = 0.4, 1e-4, 0.1
+RETRY_RATIO, MIN_FIRST_STEP, MIN_STEP_RATIO = 0.4, 1e-4, 0.1
 #: Distance of a known orbit from the zero at which it is interpolated; nearer to a branch point than the second, an
 #: orbit cannot be told from those of the branch that crosses.
-NARROW, BLURRED = 1e-4, 1e-3
+INTERPOLATION_DISTANCE, BRANCH_POINT_DISTANCE = 1e-4, 1e-3
 #: How far beside a point that cannot be found others are tried, as a part of the way.
-ASIDE = (0.0, 0.1, -0.1, 0.2, -0.2)
+TRIAL_OFFSETS = (0.0, 0.1, -0.1, 0.2, -0.2)
 #: How far beyond a discontinuity an orbit with the events of the far side is searched for, as a part of the way.
-BEYOND = 0.01
+FAR_SIDE_OFFSET = 0.01
 #: Multipliers larger than the first are watched: one may move by the second between two points, over its size above 1.
-WATCHED, MOVED = 0.9, 0.4
+WATCHED_SIZE, MAX_MULTIPLIER_CHANGE = 0.9, 0.4
 #: How often an interval in which the key seems to turn back and forth, or more happens than is seen, is divided.
-DEEPEST = 3
+MAX_DEPTH = 3
 #: How often an interval is halved in which the events change in a way that is not known yet.
-HALVED = 5
+MAX_HALVINGS = 5
 
 
-class Tried(NamedTuple):
+class TrialOrbit(NamedTuple):
     """An orbit at a place of a line, and the value of a test function there."""
 
     place: float
     value: float
-    point: Point
+    point: OrbitPoint
 
 
 #: Finds the orbit at a place, given those that are known and the width of the interval that holds the zero.
-At = Callable[[float, Sequence[Tried], float], Point]
+At = Callable[[float, Sequence[TrialOrbit], float], OrbitPoint]
 
 
-class BothSides:
+class TwoSidedSearch:
     """How a zero is sought of a function that exists on both sides of it."""
 
     #: Orbits that must be known before the search ends.
     least = 2
 
-    def root(self, known: Sequence[Tried]) -> float:
+    def root(self, known: Sequence[TrialOrbit]) -> float:
         """Where the inverse polynomial through the last three is zero; in the middle of an interval that it leaves."""
-        root = extrapolated([k.place for k in known[-3:]], [k.value for k in known[-3:]])
+        root = inverse_zero([k.place for k in known[-3:]], [k.value for k in known[-3:]])
         last, other = known[-1].place, _other_side(known)
         if other is None or min(last, other) <= root <= max(last, other):
             return root
         return 0.5 * (last + other)
 
-    def step(self, known: Sequence[Tried], root: float, close: float) -> float:
+    def step(self, known: Sequence[TrialOrbit], root: float, close: float) -> float:
         """Where to look next, from the last orbit."""
         return root - known[-1].place
 
-    def take(self, known: list[Tried], found: Tried) -> bool:
+    def take(self, known: list[TrialOrbit], found: TrialOrbit) -> bool:
         """Add an orbit to those that are known, if it serves; return whether it does."""
         known.append(found)
         return True
 
 
-class OneSide(BothSides):
+class OneSidedSearch(TwoSidedSearch):
     """The same of a function that does not exist beyond the zero, and is positive on this side.
 
     ``share`` is the part of the way to the extrapolated zero that each step goes.
@@ -104,18 +105,18 @@ class OneSide(BothSides):
     def __init__(self, share: float) -> None:
         self.share = share
 
-    def root(self, known: Sequence[Tried]) -> float:
+    def root(self, known: Sequence[TrialOrbit]) -> float:
         """Where the function is zero, as extrapolated."""
-        return float(at_zero(known, [k.place for k in known]))
+        return float(extrapolate(known, [k.place for k in known]))
 
-    def step(self, known: Sequence[Tried], root: float, close: float) -> float:
+    def step(self, known: Sequence[TrialOrbit], root: float, close: float) -> float:
         """Where to look next, from the last orbit; on this side of it while two do not tell how the function falls."""
         step = self.share * (root - known[-1].place)
         if len(known) == 2 and abs(step) < close:
             return 0.5 * (known[-2].place - known[-1].place)
         return step
 
-    def take(self, known: list[Tried], found: Tried) -> bool:
+    def take(self, known: list[TrialOrbit], found: TrialOrbit) -> bool:
         """Add an orbit, the nearest to the zero last, if its value lies between the largest known one and zero."""
         if not 0.0 < found.value < (known[0].value if len(known) > 1 else math.inf):
             return False
@@ -127,12 +128,12 @@ class OneSide(BothSides):
 def locate(
     at: At,
     test: Test,
-    known: list[Tried],
+    known: list[TrialOrbit],
     close: float,
-    sides: BothSides,
+    sides: TwoSidedSearch,
     *,
     step: float = 0.0,
-    most: int = LOCATING,
+    most: int = MAX_EVALUATIONS,
     reach: float = math.inf,
 ) -> float:
     """Find the place of a zero of a test function on a line of orbits.
@@ -140,7 +141,7 @@ def locate(
     Parameters
     ----------
     at, test
-        Find orbits, or raise MissedError; and the function.
+        Find orbits, or raise NoConvergenceError; and the function.
     known
         One orbit, from which the first step is made, or several; those that are found are added.
     close
@@ -153,7 +154,7 @@ def locate(
 
     Raises
     ------
-    MissedError
+    NoConvergenceError
         There are not even two orbits, or the function has no zero within reach.
     """
     tries, root = 0, math.nan
@@ -164,23 +165,23 @@ def locate(
             if near or len(known) > most or tries == 2 * most:
                 return root
             if abs(root) > reach:
-                raise MissedError("the test function has no zero nearby")
+                raise NoConvergenceError("the test function has no zero nearby")
             step = sides.step(known, root, close)
         for place, width in itertools.islice(_trials(known, step, close), 2 * most - tries):
             tries += 1
             try:
                 point = at(place, known, width)
-            except MissedError:
+            except NoConvergenceError:
                 continue
-            if sides.take(known, Tried(place, test(point), point)):
+            if sides.take(known, TrialOrbit(place, test(point), point)):
                 break
         else:
             if len(known) < 2:
-                raise MissedError("no orbit beside the special point")
+                raise NoConvergenceError("no orbit beside the special point")
             return root
 
 
-def _trials(known: Sequence[Tried], step: float, close: float) -> Iterator[tuple[float, float]]:
+def _trials(known: Sequence[TrialOrbit], step: float, close: float) -> Iterator[tuple[float, float]]:
     """Yield places a step away, one after the other until an orbit is found, and widths of the interval around.
 
     The tangent at a discontinuity does not tell on which side it is: the first step is tried both ways.
@@ -188,20 +189,20 @@ def _trials(known: Sequence[Tried], step: float, close: float) -> Iterator[tuple
     last, other = known[-1].place, _other_side(known)
     if other is not None:
         low, high = sorted((last, other))
-        places = [last + step + beside * (high - low) for beside in ASIDE]
+        places = [last + step + beside * (high - low) for beside in TRIAL_OFFSETS]
         yield from ((place, high - low) for place in places if low < place < high)
         return
-    while abs(step) >= NEAREST * close:
+    while abs(step) >= MIN_STEP_RATIO * close:
         yield last + step, abs(step)
-        step *= SHORTER if len(known) > 1 else -SHORTER
+        step *= RETRY_RATIO if len(known) > 1 else -RETRY_RATIO
 
 
-def _other_side(known: Sequence[Tried]) -> float | None:
+def _other_side(known: Sequence[TrialOrbit]) -> float | None:
     """Place of the latest whose value has not the sign of the last; None if there is none."""
     return next((k.place for k in reversed(known[:-1]) if k.value * known[-1].value <= 0.0), None)
 
 
-def at_zero(known: Sequence[Tried], found: npt.ArrayLike) -> FloatArray:
+def extrapolate(known: Sequence[TrialOrbit], found: npt.ArrayLike) -> FloatArray:
     """Extrapolate what was found at the last places to the zero of a test function that is known on one side only.
 
     By a polynomial in the function. As it may fall linearly, or as a root where the orbits' slope grows without bounds,
@@ -210,7 +211,7 @@ def at_zero(known: Sequence[Tried], found: npt.ArrayLike) -> FloatArray:
     last, there = known[-SIDES:], np.asarray(found, dtype=float)[-SIDES:]
     values = np.array([k.value for k in last]) / last[-1].value
     if len(set(values.tolist())) < len(last):
-        raise MissedError("the test function has no zero nearby")
+        raise NoConvergenceError("the test function has no zero nearby")
     places, powers = np.array([k.place for k in last]), np.arange(len(last))
     terms = values[:, np.newaxis] ** powers
     zero, linear = np.linalg.solve(terms, places)[:2]
@@ -219,17 +220,17 @@ def at_zero(known: Sequence[Tried], found: npt.ArrayLike) -> FloatArray:
     return np.asarray(np.linalg.solve(terms, there)[0])
 
 
-def extrapolated(places: Sequence[float], values: Sequence[float]) -> float:
-    """Zero of the inverse polynomial through some places and values; raises MissedError if values are equal."""
+def inverse_zero(places: Sequence[float], values: Sequence[float]) -> float:
+    """Zero of the inverse polynomial through some places and values; raises NoConvergenceError if values are equal."""
     if len(set(values)) < len(values):
-        raise MissedError("the test function has no zero nearby")
+        raise NoConvergenceError("the test function has no zero nearby")
     weights = [math.prod(-g / (f - g) for g in values if g != f) for f in values]
     return float(np.dot(places, weights))
 
 
-def specials(
-    branch: Branch, before: Point, after: Point, *, strictly: bool = False, depth: int = 0
-) -> Iterator[Special]:
+def find_special_points(
+    branch: Branch, before: OrbitPoint, after: OrbitPoint, *, strictly: bool = False, depth: int = 0
+) -> Iterator[SpecialPoint]:
     """Find the special points between two neighbouring points in one chart, in the order of the branch.
 
     Where the sequence of events changes, multipliers may jump and the branch may have a corner: its parts on both sides
@@ -237,25 +238,25 @@ def specials(
 
     Raises
     ------
-    MissedError
+    NoConvergenceError
         The place where the sequence changes cannot be found, and this is asked for ``strictly``.
     """
-    if before.word == after.word:
+    if before.event_sequence == after.event_sequence:
         yield from _smooth(branch, before, after)
         return
-    there = discontinuity(branch, before, after)
+    there = find_discontinuity(branch, before, after)
     if there is None:
         # nearer to an impact that begins or ends, its distance is known
-        middle = _between(branch, before, after, 0.5) if depth < HALVED else None
+        middle = _between(branch, before, after, 0.5) if depth < MAX_HALVINGS else None
         if middle is not None:
-            yield from specials(branch, before, middle, strictly=strictly, depth=depth + 1)
-            yield from specials(branch, middle, after, strictly=strictly, depth=depth + 1)
+            yield from find_special_points(branch, before, middle, strictly=strictly, depth=depth + 1)
+            yield from find_special_points(branch, middle, after, strictly=strictly, depth=depth + 1)
         elif strictly:
-            raise MissedError("the sequence of events changes at an unknown place")
+            raise NoConvergenceError("the sequence of events changes at an unknown place")
         elif before.along_key * after.along_key < 0.0:
-            yield _located(branch, before, after, FOLD)
+            yield _locate_zero(branch, before, after, FOLD)
         return
-    forth = there.point.word == before.word
+    forth = there.point.event_sequence == before.event_sequence
     near, far = (before, after) if forth else (after, before)
     parts = [_smooth(branch, near, there.point, forth=forth), iter([there])]
     beyond = _beyond(branch, there.point, far, forth)
@@ -267,81 +268,83 @@ def specials(
         yield from part
 
 
-def _between(branch: Branch, near: Point, far: Point, share: float, forth: bool = True) -> Point | None:
+def _between(branch: Branch, near: OrbitPoint, far: OrbitPoint, share: float, forth: bool = True) -> OrbitPoint | None:
     """Find an orbit between two, at a part of the way; None if there is none."""
     chord = (far.u - near.u) * (1.0 if forth else -1.0)
     whole = float(np.linalg.norm(chord))
     try:
         return branch.between([near, far], near, chord / whole, (share if forth else -share) * whole, whole)
-    except MissedError:
+    except NoConvergenceError:
         return None
 
 
-def _beyond(branch: Branch, last: Point, far: Point, forth: bool) -> Point | None:
+def _beyond(branch: Branch, last: OrbitPoint, far: OrbitPoint, forth: bool) -> OrbitPoint | None:
     """Find an orbit next to a discontinuity that has the events of the far side."""
-    found = _between(branch, last, far, BEYOND, forth)
-    return found if found is not None and found.word == far.word else None
+    found = _between(branch, last, far, FAR_SIDE_OFFSET, forth)
+    return found if found is not None and found.event_sequence == far.event_sequence else None
 
 
-def _fold_beside(branch: Branch, there: Special, beyond: Point, forth: bool) -> Special:
+def _fold_beside(branch: Branch, there: SpecialPoint, beyond: OrbitPoint, forth: bool) -> SpecialPoint:
     """Find the fold between a discontinuity and an orbit next to it."""
     nearer = _beyond(branch, there.point, beyond, forth)
     if nearer is not None and nearer.along_key * beyond.along_key < 0.0:
-        return _located(branch, *((nearer, beyond) if forth else (beyond, nearer)), FOLD)
-    return Special(FOLD, there.point, there.value, there.direction)
+        return _locate_zero(branch, *((nearer, beyond) if forth else (beyond, nearer)), FOLD)
+    return SpecialPoint(FOLD, there.point, there.value, there.direction)
 
 
-def _smooth(branch: Branch, before: Point, after: Point, depth: int = 0, *, forth: bool = True) -> Iterator[Special]:
+def _smooth(
+    branch: Branch, before: OrbitPoint, after: OrbitPoint, depth: int = 0, *, forth: bool = True
+) -> Iterator[SpecialPoint]:
     """Find the special points between two points with the same sequence of events, given in the order of the branch.
 
     If not ``forth``, they are given the other way round.
     """
     if not forth:
         before, after = after, before
-    place, passed = turning(before, after), _passed(before, after)
-    if place is None and (_unexplained(before, after, passed) or _far(before, after) or _far(after, before)):
+    place, passed = find_turns(before, after), _sign_changes(before, after)
+    if place is None and (_has_unexplained_change(before, after, passed) or _far(before, after) or _far(after, before)):
         place = 0.5
-    if place is not None and depth < DEEPEST:
+    if place is not None and depth < MAX_DEPTH:
         middle = _between(branch, before, after, place)
-        if middle is not None and middle.word == before.word:
+        if middle is not None and middle.event_sequence == before.event_sequence:
             yield from _smooth(branch, before, middle, depth + 1)
             yield from _smooth(branch, middle, after, depth + 1)
             return
     if passed[BRANCH_POINT]:  # where this branch bends, it has a fold as well
-        yield _crossed(branch, before, after)
+        yield _locate_branch_point(branch, before, after)
     elif passed[FOLD]:
-        yield _located(branch, before, after, FOLD)
+        yield _locate_zero(branch, before, after, FOLD)
     if passed[DOUBLING]:
-        yield _located(branch, before, after, DOUBLING)
+        yield _locate_zero(branch, before, after, DOUBLING)
     if passed[NEIMARK_SACKER] and (before.complex_pair or after.complex_pair):
-        found = _located(branch, before, after, NEIMARK_SACKER)
+        found = _locate_zero(branch, before, after, NEIMARK_SACKER)
         if found.point.complex_pair:
             yield found
 
 
-def _passed(before: Point, after: Point) -> dict[str, bool]:
+def _sign_changes(before: OrbitPoint, after: OrbitPoint) -> dict[str, bool]:
     """Whether the test function of each kind changes its sign between two points."""
     return {kind: test(before) * test(after) < 0.0 for kind, test in SMOOTH.items()}
 
 
-def _unexplained(before: Point, after: Point, passed: Mapping[str, bool]) -> bool:
+def _has_unexplained_change(before: OrbitPoint, after: OrbitPoint, passed: Mapping[str, bool]) -> bool:
     """Whether multipliers have left the unit circle, or entered it, where no test function has changed its sign."""
     explained = passed[FOLD] or passed[BRANCH_POINT], passed[NEIMARK_SACKER], passed[DOUBLING]
     pairs = zip(before.outside, after.outside, explained, strict=True)
     return any(one != other and not known for one, other, known in pairs)
 
 
-def _far(one: Point, other: Point) -> bool:
+def _far(one: OrbitPoint, other: OrbitPoint) -> bool:
     """Whether a multiplier near the unit circle, or outside, has none near it at another point.
 
     It has then gone too far to tell whether it has passed the unit circle.
     """
     others = other.multipliers.tolist()
-    watched = [m for m in one.multipliers.tolist() if abs(m) > WATCHED]
-    return any(min(abs(m - found) for found in others) > MOVED * max(1.0, abs(m)) for m in watched)
+    watched = [m for m in one.multipliers.tolist() if abs(m) > WATCHED_SIZE]
+    return any(min(abs(m - found) for found in others) > MAX_MULTIPLIER_CHANGE * max(1.0, abs(m)) for m in watched)
 
 
-def turning(before: Point, after: Point) -> float | None:
+def find_turns(before: OrbitPoint, after: OrbitPoint) -> float | None:
     """Return where the key turns back and forth between two points, as a part of the way; None if it does not.
 
     By the cubic through both with their tangents, whose slope is a parabola.
@@ -356,76 +359,76 @@ def turning(before: Point, after: Point) -> float | None:
     return place if one * (one + 0.5 * bend * place) < 0.0 else None
 
 
-def _located(branch: Branch, before: Point, after: Point, kind: str) -> Special:
+def _locate_zero(branch: Branch, before: OrbitPoint, after: OrbitPoint, kind: str) -> SpecialPoint:
     """Find the zero of the test function of a kind between two points."""
     chord, test = after.u - before.u, SMOOTH[kind]
     whole = float(np.linalg.norm(chord))
     direction = chord / whole
-    enough = NARROW if kind != BRANCH_POINT else BLURRED
-    known = [Tried(0.0, test(before), before), Tried(whole, test(after), after)]
+    enough = INTERPOLATION_DISTANCE if kind != BRANCH_POINT else BRANCH_POINT_DISTANCE
+    known = [TrialOrbit(0.0, test(before), before), TrialOrbit(whole, test(after), after)]
 
-    def at(place: float, known: Sequence[Tried], width: float) -> Point:
+    def at(place: float, known: Sequence[TrialOrbit], width: float) -> OrbitPoint:
         nearest = [k.point for k in sorted(known, key=lambda k: abs(k.place - place))]
         return branch.between(nearest, before, direction, place, width)
 
-    root = locate(at, test, known, enough, BothSides())
+    root = locate(at, test, known, enough, TwoSidedSearch())
     near = min(known, key=lambda k: abs(k.place - root))
     clear = [k for k in known if kind != BRANCH_POINT or abs(k.place - root) > enough] or known[:2]
     points = [k.point for k in sorted(clear, key=lambda k: abs(k.place - root))]
-    there, here = (predicted(points, before.u, direction, place)[0] for place in (root, near.place))
+    there, here = (predict(points, before.u, direction, place)[0] for place in (root, near.place))
     point = replace(near.point, u=near.point.u + near.point.newton_step(direction) + there - here)
-    return Special(kind, point, point.value, direction)
+    return SpecialPoint(kind, point, point.value, direction)
 
 
-def _crossed(branch: Branch, before: Point, after: Point) -> Special:
+def _locate_branch_point(branch: Branch, before: OrbitPoint, after: OrbitPoint) -> SpecialPoint:
     """Find the branch point between two points; if that fails, by the determinant, which is known less exactly."""
     chord = after.u - before.u
     whole = float(np.linalg.norm(chord))
     direction = chord / whole
     share = before.branching / (before.branching - after.branching)
     nearest = (before, after) if share < 0.5 else (after, before)
-    u, jacobian = predicted(nearest, before.u, direction, share * whole)
+    u, jacobian = predict(nearest, before.u, direction, share * whole)
     try:
         found, ways = branch_point(branch.problem, before.chart, u, jacobian)
         if not 0.0 < (found.u - before.u) @ direction < whole:
-            raise MissedError("it lies elsewhere")
-    except MissedError:
-        rough = _located(branch, before, after, BRANCH_POINT)
+            raise NoConvergenceError("it lies elsewhere")
+    except NoConvergenceError:
+        rough = _locate_zero(branch, before, after, BRANCH_POINT)
         null = np.linalg.svd(rough.point.jacobian)[2][-2:]
         along = null @ direction
         across = null.T @ np.array([-along[1], along[0]])
         return replace(rough, across=across / np.linalg.norm(across))
     across, along = sorted(ways, key=lambda way: abs(float(way @ direction)))
-    point = Point.of(found, along if along @ direction > 0.0 else -along)
+    point = OrbitPoint.of(found, along if along @ direction > 0.0 else -along)
     mirrors = before.along_key * after.along_key < 0.0  # a pitchfork
-    if branch.problem.halves(point):
-        return Special(DOUBLING, point, point.value, direction, mirrors=mirrors)
-    return Special(BRANCH_POINT, point, point.value, direction, across, mirrors)
+    if branch.problem.repeats_after_half(point):
+        return SpecialPoint(DOUBLING, point, point.value, direction, mirrors=mirrors)
+    return SpecialPoint(BRANCH_POINT, point, point.value, direction, across, mirrors)
 
 
-def discontinuity(branch: Branch, before: Point, after: Point) -> Special | None:
+def find_discontinuity(branch: Branch, before: OrbitPoint, after: OrbitPoint) -> SpecialPoint | None:
     """Find where the sequence of events changes between two points, from the side that knows how far it is."""
     for near, far in ((before, after), (after, before)):
-        kind = coming(near, far)
+        kind = approaching_event(near, far)
         if kind is None or not 0.0 < ONE_SIDED[kind](near) < math.inf:
             continue
-        known = [Tried(0.0, ONE_SIDED[kind](near), near)]
+        known = [TrialOrbit(0.0, ONE_SIDED[kind](near), near)]
 
-        def at(place: float, known: Sequence[Tried], width: float) -> Point:
+        def at(place: float, known: Sequence[TrialOrbit], width: float) -> OrbitPoint:
             last, *others = reversed(known)
-            point = branch.beyond(last.point, place - last.place, [k.point for k in others])
-            if point.word != last.point.word:
-                raise MissedError("beyond the discontinuity")
+            point = branch.step_from(last.point, place - last.place, [k.point for k in others])
+            if point.event_sequence != last.point.event_sequence:
+                raise NoConvergenceError("beyond the discontinuity")
             return point
 
         whole = float((far.u - near.u) @ near.tangent)
-        step = math.copysign(max(0.5 * abs(whole), FIRST), whole)
+        step = math.copysign(max(0.5 * abs(whole), MIN_FIRST_STEP), whole)
         try:
-            locate(at, ONE_SIDED[kind], known, CLOSE, OneSide(APPROACH), step=step, most=SIDED)
-            u = at_zero(known, [k.point.u + k.point.newton_step(near.tangent) for k in known])
-        except MissedError:
+            locate(at, ONE_SIDED[kind], known, ZERO_DISTANCE, OneSidedSearch(APPROACH), step=step, most=MAX_SIDED)
+            u = extrapolate(known, [k.point.u + k.point.newton_step(near.tangent) for k in known])
+        except NoConvergenceError:
             continue
         if len(known) > 2:
             point = replace(known[-1].point, u=u)
-            return Special(kind, point, point.value, near.tangent)
+            return SpecialPoint(kind, point, point.value, near.tangent)
     return None

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.continuation.shooting import TURN, Shooter, Shot, rotated
+from vibroplat.continuation.shooting import TURN, Shooter, Shot, canonical_sequence
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.kernels.linear import (
     broyden_update,
@@ -28,23 +28,23 @@ from vibroplat.kernels.linear import (
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
 
 #: Residual, in scaled units, beyond which the iteration is given up.
-FAR = 1e3
+MAX_RESIDUAL = 1e3
 #: An old Jacobian serves for another iteration while the last one divided the residual by this.
-SLOW = 10.0
+MIN_CONVERGENCE = 10.0
 #: What an iteration is expected to divide the residual by: the shot after it is measured at once.
-QUICK = 300.0
+EXPECTED_CONVERGENCE = 300.0
 #: Steps longer than this, in units of the unknowns, are checked for directions that the equations do not determine:
 #: those with singular values below the other number.
-LONGEST, UNDETERMINED = 1.0, 1e-8
+MAX_STEP, SINGULAR = 1.0, 1e-8
 #: Distance of a multiplier from the unit circle that counts: its own error is far smaller.
-NEUTRAL = 1e-6
+UNIT_CIRCLE_DISTANCE = 1e-6
 #: Residual after half of the period, over the tolerance, within which an orbit repeats there.
-HALVED = 1e3
+HALF_PERIOD_RESIDUAL_RATIO = 1e3
 #: Place of the angle of exciter 1 in the full state.
-ANGLE = 3
+ANGLE_INDEX = 3
 
 
-class MissedError(ArithmeticError):
+class NoConvergenceError(ArithmeticError):
     """No orbit was found: why, in a clause, and the residuals of all iterations, in scaled units.
 
     It may be because of where the ``section`` lies, beside an event.
@@ -78,7 +78,7 @@ class Chart:
     ) -> None:
         self.base, self.system, self.speed, self.units = base, system, speed, tuple(units)
         self.places: npt.NDArray[np.int64] = np.sort(SYSTEMS[system].places)
-        self.phase = int(np.searchsorted(self.places, ANGLE))
+        self.phase = int(np.searchsorted(self.places, ANGLE_INDEX))
         self.scales: FloatArray = scales[self.places]
         self._columns = np.append(self.places, np.arange(scales.size, scales.size + len(self.units)))
         self._sizes = np.append(self.scales, self.units) / self.scales[:, np.newaxis]
@@ -96,7 +96,7 @@ class Chart:
         """Read state, period (s) and values from a vector of unknowns."""
         state, m = self.base.copy(), self.places.size
         state[self.places] = u[:m] * self.scales
-        state[ANGLE] = self.base[ANGLE]
+        state[ANGLE_INDEX] = self.base[ANGLE_INDEX]
         values = [v * unit for v, unit in zip(u[m:].tolist(), self.units, strict=True)]
         return state, float(u[self.phase]) / self.speed, values
 
@@ -144,14 +144,14 @@ class NewtonResult:
         return found[np.lexsort((-found.imag, -np.abs(found).round(12)))]
 
     @cached_property
-    def word(self) -> str:
+    def event_sequence(self) -> str:
         """Sequence of events, wherever the period begins."""
-        return rotated(self.shot.word)
+        return canonical_sequence(self.shot.event_sequence)
 
     def newton_step(self, border: FloatArray) -> FloatArray:
         """Newton's last step in the directions that a border leaves free, which needs no further shot."""
         held = np.zeros(self.u.size - self.residual.size)
-        return solved(bordered(self.jacobian, border), -np.append(self.residual, held), LONGEST)
+        return solve(add_border(self.jacobian, border), -np.append(self.residual, held), MAX_STEP)
 
     @property
     def value(self) -> float:
@@ -161,7 +161,7 @@ class NewtonResult:
 
 def n_unstable(multipliers: npt.NDArray[np.complex128]) -> int:
     """Count the multipliers outside the unit circle."""
-    return int((np.abs(multipliers) > 1.0 + NEUTRAL).sum())
+    return int((np.abs(multipliers) > 1.0 + UNIT_CIRCLE_DISTANCE).sum())
 
 
 class Problem:
@@ -185,7 +185,7 @@ class Problem:
         self.units = tuple(units)
         self.tolerance = tolerance
         self._turned = np.zeros(shooter.scales.size)  # what a period adds to a full state
-        self._turned[ANGLE : ANGLE + 2] = TURN * np.array(self.turns)
+        self._turned[ANGLE_INDEX : ANGLE_INDEX + 2] = TURN * np.array(self.turns)
 
     def chart(self, base: FloatArray, system: int | None = None) -> Chart:
         """Make the chart about a state on the section, in a system or else in that of a motion from there."""
@@ -197,27 +197,27 @@ class Problem:
 
         Raises
         ------
-        MissedError
+        NoConvergenceError
             It does not end, or begins or ends in another mode than the section's.
         """
         state, period, values = chart.unpack(u)
         if not period > 0.0 or period * chart.speed > 1e4:
-            raise MissedError(f"Newton's method converged to a period of {period:.3g} s")
+            raise NoConvergenceError(f"Newton's method converged to a period of {period:.3g} s")
         if GAP in chart.places and state[GAP] <= 0.0:
-            raise MissedError("the gap closed on the section", section=True)
+            raise NoConvergenceError("the gap closed on the section", section=True)
         try:
             self.shooter.set(values)
         except ValueError as error:
-            raise MissedError(f"no scene has these values: {error}") from None
+            raise NoConvergenceError(f"no scene has these values: {error}") from None
         shot = self.shooter.shot(state, period, full=full)
         if shot.outcome != "ok":
-            raise MissedError(f"{shot.outcome}: {shot.detail}")
+            raise NoConvergenceError(f"{shot.outcome}: {shot.detail}")
         if not shot.begins == shot.ends == chart.system:
-            raise MissedError("the mode on the section changed", section=True)
+            raise NoConvergenceError("the mode on the section changed", section=True)
         residual = np.empty(chart.scales.size)
         closing_residual(shot.state, state, self._turned, chart.places, chart.scales, residual)
-        if not largest_size(residual) < FAR:
-            raise MissedError("the residual diverged")
+        if not largest_size(residual) < MAX_RESIDUAL:
+            raise NoConvergenceError("the residual diverged")
         return residual, shot
 
     def jacobian(self, chart: Chart, shot: Shot) -> FloatArray:
@@ -237,11 +237,11 @@ class Problem:
             "period": turns,
             "period_s": seconds,
             "turns": list(self.turns),
-            "word": orbit.word,
+            "word": orbit.event_sequence,
             "state": state.tolist(),
         }
 
-    def halves(self, orbit: NewtonResult) -> bool:
+    def repeats_after_half(self, orbit: NewtonResult) -> bool:
         """Whether an orbit repeats after half of its period already."""
         if any(turns % 2 for turns in self.turns):
             return False
@@ -249,9 +249,9 @@ class Problem:
         self.shooter.set(values)
         difference = self.shooter.shot(state, 0.5 * seconds).state - state
         difference -= 0.5 * self._turned
-        return bool(np.abs(difference / self.shooter.scales).max() < HALVED * self.tolerance)
+        return bool(np.abs(difference / self.shooter.scales).max() < HALF_PERIOD_RESIDUAL_RATIO * self.tolerance)
 
-    def far_from_events(
+    def move_from_events(
         self, orbit: NewtonResult, *directions: FloatArray, longest: bool = False
     ) -> tuple[Chart, FloatArray, list[FloatArray]] | None:
         """Move the section of an orbit to the middle of a piece between events; None if it need not or cannot be.
@@ -259,14 +259,14 @@ class Problem:
         See :meth:`vibroplat.continuation.shooting.Shot.far_from_events` for where it goes. Returns the orbit as chart
         and unknowns, and the directions carried along it, of length 1.
         """
-        when = orbit.shot.far_from_events(longest=longest)
-        moved = self.moved(orbit.chart, orbit.u, when) if when > 0.0 else None
+        when = orbit.shot.section_time(longest=longest)
+        moved = self.move_section(orbit.chart, orbit.u, when) if when > 0.0 else None
         if moved is None:
             return None
         there, u, way = moved
-        return there, u, [self._carried(orbit.chart, there, way, d) for d in directions]
+        return there, u, [self._carry_direction(orbit.chart, there, way, d) for d in directions]
 
-    def moved(self, chart: Chart, u: FloatArray, when: float) -> tuple[Chart, FloatArray, Shot] | None:
+    def move_section(self, chart: Chart, u: FloatArray, when: float) -> tuple[Chart, FloatArray, Shot] | None:
         """Move the section to a later time of a motion (s): chart, unknowns and the way there; None if it ends."""
         state, period, values = chart.unpack(u)
         self.shooter.set(values)
@@ -280,24 +280,24 @@ class Problem:
         there = self.chart(moved, way.ends)
         return there, there.pack(moved, period, values), way
 
-    def _carried(self, here: Chart, there: Chart, way: Shot, direction: FloatArray) -> FloatArray:
+    def _carry_direction(self, here: Chart, there: Chart, way: Shot, direction: FloatArray) -> FloatArray:
         """Carry a direction of unknowns along a part of an orbit, to another section."""
         assert way.derivative is not None
         assert way.rates is not None
         scales, count = self.shooter.scales, here.places.size
         start = np.zeros(scales.size)
         start[here.places] = direction[:count]
-        start[ANGLE] = 0.0
+        start[ANGLE_INDEX] = 0.0
         change = way.derivative[:, : scales.size] @ (start * scales)
         change += way.derivative[:, scales.size :] @ (direction[count:] * np.array(self.units))
-        change -= way.rates * change[ANGLE] / way.rates[ANGLE]  # to the section
+        change -= way.rates * change[ANGLE_INDEX] / way.rates[ANGLE_INDEX]  # to the section
         carried = (change / scales)[there.places]
         carried[there.phase] = direction[here.phase]
         carried = np.append(carried, direction[count:])
         return np.asarray(carried / np.linalg.norm(carried))
 
 
-def bordered(jacobian: FloatArray, border: FloatArray, column: FloatArray | None = None) -> FloatArray:
+def add_border(jacobian: FloatArray, border: FloatArray, column: FloatArray | None = None) -> FloatArray:
     """Put a row or several under a Jacobian and, where one is given, a column beside it with zeros below."""
     m, free = jacobian.shape
     found = np.zeros((m + border.size // free, free + (column is not None)))
@@ -307,23 +307,23 @@ def bordered(jacobian: FloatArray, border: FloatArray, column: FloatArray | None
     return found
 
 
-def solved(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:
+def solve(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:
     """Solve linear equations; where the solution is longer than is sensible, leave out what they hardly determine.
 
     Exciters without motors, or a platform without dampers, leave directions in which orbits are not isolated.
 
     Raises
     ------
-    MissedError
+    NoConvergenceError
         The matrix is not finite.
     """
     found = right.copy()
     if abs(eliminate(matrix.copy(), found)) > 0.0 and math.sqrt(found @ found) <= longest:
         return found
     if not np.isfinite(matrix).all():
-        raise MissedError("the Jacobian is not finite")
+        raise NoConvergenceError("the Jacobian is not finite")
     left, sizes, turned = np.linalg.svd(matrix)
-    kept = sizes > UNDETERMINED
+    kept = sizes > SINGULAR
     least: FloatArray = turned[kept].T @ ((left.T @ right)[kept] / sizes[kept])
     return least
 
@@ -334,10 +334,10 @@ def correct(
     u: FloatArray,
     border: FloatArray,
     jacobian: FloatArray | None = None,
-    most: int = 12,
+    max_iterations: int = 12,
     slack: FloatArray | None = None,
     halvings: int = 0,
-    fall: Sequence[float] = (),
+    limits: Sequence[float] = (),
 ) -> NewtonResult:
     """Find an orbit near a vector of unknowns, in the directions that a border leaves free.
 
@@ -358,13 +358,13 @@ def correct(
 
     Raises
     ------
-    MissedError
+    NoConvergenceError
         There is none.
     """
     begun, residuals, steps = u, list[float](), list[float]()
     full, step, left, much = jacobian is None, np.zeros_like(u), np.zeros(0), 0.0
     try:
-        while len(residuals) < most:
+        while len(residuals) < max_iterations:
             residual, shot, u, step, full = _shoot_halving(problem, chart, u, step, halvings, full=full)
             missing = residual if slack is None else residual + much * slack
             residuals.append(size := largest_size(missing))
@@ -372,32 +372,32 @@ def correct(
                 jacobian = problem.jacobian(chart, shot)
                 if size < problem.tolerance:
                     return NewtonResult(chart, u, shot, jacobian, missing, residuals, much)
-            elif size < problem.tolerance or (len(residuals) > 1 and size > residuals[-2] / SLOW):
+            elif size < problem.tolerance or (len(residuals) > 1 and size > residuals[-2] / MIN_CONVERGENCE):
                 full = True
                 continue
             assert jacobian is not None
             if not full and step.any():
                 jacobian = jacobian.copy()
                 broyden_update(jacobian, step, residual - left)
-            found = solved(bordered(jacobian, border, slack), -np.append(missing, border @ (u - begun)), LONGEST)
+            found = solve(add_border(jacobian, border, slack), -np.append(missing, border @ (u - begun)), MAX_STEP)
             step, more = found[: u.size], float(found[u.size :].sum())
             steps.append(float(np.linalg.norm(step)))
-            _check_lengths(steps, fall)
+            _check_lengths(steps, limits)
             u, left, much = u + step, residual, much + more
-            full = size < QUICK * problem.tolerance
-    except MissedError as error:
-        raise MissedError(error.why, residuals, section=error.section) from None
-    raise MissedError(f"no convergence in {most} iterations", residuals)
+            full = size < EXPECTED_CONVERGENCE * problem.tolerance
+    except NoConvergenceError as error:
+        raise NoConvergenceError(error.why, residuals, section=error.section) from None
+    raise NoConvergenceError(f"no convergence in {max_iterations} iterations", residuals)
 
 
-def _check_lengths(steps: Sequence[float], fall: Sequence[float]) -> None:
+def _check_lengths(steps: Sequence[float], limits: Sequence[float]) -> None:
     """Refuse a last step that is too long.
 
     Limits are the largest lengths of the second, the third, … step relative to the first one; the last limit holds for
     all that follow. Residuals have no limits: where motion is slow they are small although the orbit is far.
     """
-    if fall and len(steps) > 1 and steps[-1] > steps[0] * fall[min(len(steps) - 2, len(fall) - 1)]:
-        raise MissedError("the steps do not become shorter")
+    if limits and len(steps) > 1 and steps[-1] > steps[0] * limits[min(len(steps) - 2, len(limits) - 1)]:
+        raise NoConvergenceError("the steps do not become shorter")
 
 
 def _shoot_halving(
@@ -410,15 +410,15 @@ def _shoot_halving(
     while True:
         try:
             return (*problem.shoot(chart, u, full=full), u, step, full)
-        except MissedError as error:
+        except NoConvergenceError as error:
             if not (error.section and step.any() and halvings > 0):
                 raise
         halvings, step, full = halvings - 1, 0.5 * step, True
         u = u - step
 
 
-def correct_anywhere(
-    problem: Problem, chart: Chart, u: FloatArray, most: int, fall: Sequence[float] = ()
+def correct_moving_section(
+    problem: Problem, chart: Chart, u: FloatArray, max_iterations: int, limits: Sequence[float] = ()
 ) -> NewtonResult:
     """Find an orbit near a vector of unknowns with its keys held; if an event passes the section, on another section.
 
@@ -426,24 +426,24 @@ def correct_anywhere(
 
     Raises
     ------
-    MissedError
+    NoConvergenceError
         There is none.
     """
     try:
-        return correct(problem, chart, u, held(chart), most=most, fall=fall)
-    except MissedError as error:
+        return correct(problem, chart, u, fixed_border(chart), max_iterations=max_iterations, limits=limits)
+    except NoConvergenceError as error:
         if not error.section:
             raise
         state, period, values = chart.unpack(u)
         problem.shooter.set(values)
         guess = problem.shooter.shot(state, period, full=True)
-        moved = problem.moved(chart, u, guess.far_from_events(elsewhere=True)) if guess.outcome == "ok" else None
+        moved = problem.move_section(chart, u, guess.section_time(elsewhere=True)) if guess.outcome == "ok" else None
         if moved is None:
             raise
-    return correct(problem, *moved[:2], held(moved[0]), most=2 * most, halvings=4)
+    return correct(problem, *moved[:2], fixed_border(moved[0]), max_iterations=2 * max_iterations, halvings=4)
 
 
-def held(chart: Chart) -> FloatArray:
+def fixed_border(chart: Chart) -> FloatArray:
     """Return the border with which the keys keep their values, shape (keys, m + keys)."""
     m = chart.places.size
     return np.eye(m + len(chart.units))[m:]

@@ -19,10 +19,10 @@ import pandas as pd
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.newton import MissedError, NewtonResult, Problem, correct_anywhere, n_unstable
-from vibroplat.continuation.shooting import TURN, Shooter, Shot, spelled
+from vibroplat.continuation.newton import NewtonResult, NoConvergenceError, Problem, correct_moving_section, n_unstable
+from vibroplat.continuation.shooting import TURN, Shooter, Shot, event_sequence_text
 from vibroplat.errors import ConfigError, VibroplatError
-from vibroplat.extensions import figure_of, provided
+from vibroplat.extensions import figure_of, load_provided
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import initial_state
 from vibroplat.kernels.compiled import FloatArray
@@ -41,19 +41,19 @@ if TYPE_CHECKING:
 _LOG = logging.getLogger("vibroplat")
 
 #: Turns of exciter 1 after which a motion that settles is tried as a guess, one after the other.
-SETTLING = (24, 96, 384)
+SETTLING_TURNS = (24, 96, 384)
 #: Residual of a motion that has settled, in scaled units, beyond which it does not repeat.
-UNSETTLED = 1e-3
+MAX_SETTLED_RESIDUAL = 1e-3
 #: What helps then.
 ADVICE = "continue one from where the motion is periodic (vibroplat orbits), or pass a guess"
 #: The tolerance of the integrator over that of an orbit, at most.
-INTEGRATOR = 0.1
+INTEGRATOR_TOLERANCE_RATIO = 0.1
 #: How often a step between two supplies is halved, at most.
-HALVINGS = 6
+MAX_HALVINGS = 6
 #: Residual, over the tolerance, within which an orbit repeats after fewer turns.
-REPEATS = 1e4
+REPEAT_RATIO = 1e4
 #: Periods over which turns of both exciters are compared where no orbit is found, and how far from whole they may be.
-WATCHED, OUT_OF_STEP = 1000, 4e-4
+COMPARED_PERIODS, MAX_SLIP_TURNS = 1000, 4e-4
 #: Tolerance of orbits that are drawn, or confirm a sweep.
 TOLERANCE = 1e-8
 
@@ -156,7 +156,7 @@ class Orbit:
         ConfigError
             The scene has no such key or measure.
         """
-        table: pd.DataFrame = provided("sensitivities")(self, keys, measures)
+        table: pd.DataFrame = load_provided("sensitivities")(self, keys, measures)
         return table
 
     @cached_property
@@ -168,7 +168,7 @@ class Orbit:
 def run_from(scene: Scene, state: FloatArray, seconds: float) -> RunResult:
     """Simulate for some seconds from a full state, shape (14,), exactly as it is."""
     changes = {"run.duration_s": seconds, "run.perturbation": 0.0}
-    return simulate(beginning_at(scene, state).replace(changes))
+    return simulate(with_initial_state(scene, state).replace(changes))
 
 
 def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float = 1e-8) -> Orbit:
@@ -208,21 +208,21 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
     except OrbitError:
         if not isinstance(guess, Orbit) or guess.scene.drive == scene.drive:
             raise
-        found = _led(scene, guess, period, tolerance)
+        found = _continue_over_supply(scene, guess, period, tolerance)
     if not found.stable:
         size = abs(found.multipliers[0])
         _LOG.warning("the orbit is unstable: its largest Floquet multiplier has magnitude %.4g", size)
     return found
 
 
-def _led(scene: Scene, guess: Orbit, period: int, tolerance: float) -> Orbit:
+def _continue_over_supply(scene: Scene, guess: Orbit, period: int, tolerance: float) -> Orbit:
     """Find an orbit from that of another supply, in steps that are halved where one is too far for Newton's method.
 
     Where no step is short enough, the motion settles from the guess.
     """
     now, end, reached = guess.scene.drive.largest_frequency, scene.drive.largest_frequency, guess
     step = 0.5 * (end - now)
-    shortest = step * 0.5**HALVINGS
+    shortest = step * 0.5**MAX_HALVINGS
     while now != end:
         after = end if abs(end - now) <= abs(step) else now + step
         try:
@@ -235,16 +235,16 @@ def _led(scene: Scene, guess: Orbit, period: int, tolerance: float) -> Orbit:
         now, step = after, 2.0 * step
     else:
         return reached
-    begin = _in_pace(guess.state, guess.scene, scene)
-    found = orbit_near(beginning_at(scene, begin), None, period, tolerance)
+    begin = _scale_speeds(guess.state, guess.scene, scene)
+    found = orbit_near(with_initial_state(scene, begin), None, period, tolerance)
     _LOG.warning("Newton's method did not converge from the guess; the motion settled from it to this orbit")
-    return replace(found, scene=accurate(scene, tolerance))
+    return replace(found, scene=with_orbit_tolerance(scene, tolerance))
 
 
 def orbit_near(scene: Scene, guess: Any, period: int, tolerance: float) -> Orbit:
     """Find an orbit as :func:`orbit` does, by one search, and say nothing of its stability."""
     scene, begin = read_guess(scene, guess)
-    scene = accurate(scene, tolerance)
+    scene = with_orbit_tolerance(scene, tolerance)
     with closing(Shooter(scene)) as shooter:
         problem, found = first_orbit(shooter, begin, period, (), tolerance)
         state, seconds, _ = found.chart.unpack(found.u)
@@ -255,14 +255,14 @@ def orbit_near(scene: Scene, guess: Any, period: int, tolerance: float) -> Orbit
             period_s=seconds,
             multipliers=found.multipliers,
             residual=found.residuals[-1],
-            sequence=spelled(found.word),
+            sequence=event_sequence_text(found.event_sequence),
             measures=measures_of_orbit(problem, found),
             residuals=found.residuals,
             distance=float(np.abs((state - found.chart.base) / shooter.scales).max()),
         )
 
 
-def accurate(scene: Scene, tolerance: float) -> Scene:
+def with_orbit_tolerance(scene: Scene, tolerance: float) -> Scene:
     """Return the scene with a tolerance of the integrator that orbits of a tolerance need.
 
     Raises
@@ -272,7 +272,7 @@ def accurate(scene: Scene, tolerance: float) -> Scene:
     """
     if scene.drive.program is not None:
         raise ConfigError("drive.program is given; orbits and basins need a constant supply; allowed: one frequency")
-    finest = min(scene.solver.tolerance, INTEGRATOR * tolerance)
+    finest = min(scene.solver.tolerance, INTEGRATOR_TOLERANCE_RATIO * tolerance)
     return cast("Scene", with_value(scene, ["solver", "tolerance"], finest))  # in its range as both are
 
 
@@ -280,34 +280,34 @@ def first_orbit(
     shooter: Shooter, guess: FloatArray | None, period: int, units: Sequence[float], tolerance: float
 ) -> tuple[Problem, NewtonResult]:
     """Find an orbit near a full state, or the motion that settles, at the values that the shooter has."""
-    missed = MissedError("")
+    missed = NoConvergenceError("")
     for tried, state in enumerate(chain(guesses(shooter, guess), shooter.returns(period) if guess is None else ())):
         try:
             problem, found = _from_state(shooter, state, period, units, tolerance)
-        except MissedError as error:
+        except NoConvergenceError as error:
             missed = error
             continue
-        turns = repeats_after(problem, found, period)
+        turns = smallest_period(problem, found, period)
         if turns == period:
             return problem, found
-        if tried < len(SETTLING):  # or a return, and the next one may be another orbit
+        if tried < len(SETTLING_TURNS):  # or a return, and the next one may be another orbit
             raise OrbitError(f"orbits.period = {period} but the motion repeats after {turns}; allowed: {turns}")
     last = ", ".join(f"{r:.1e}" for r in missed.residuals[-4:]) or "none"
-    reason = _out_of_step(shooter, state, period)
-    if not reason and guess is None and (not missed.residuals or missed.residuals[0] > UNSETTLED):
+    reason = _describe_slip(shooter, state, period)
+    if not reason and guess is None and (not missed.residuals or missed.residuals[0] > MAX_SETTLED_RESIDUAL):
         reason = f"the motion that settles does not repeat after {period} turns; {missed.why}; {ADVICE}"
     raise OrbitError(f"no orbit of period {period} near the guess: {reason or missed.why}; last residuals: {last}")
 
 
-def _out_of_step(shooter: Shooter, state: FloatArray, period: int) -> str:
+def _describe_slip(shooter: Shooter, state: FloatArray, period: int) -> str:
     """Say so if exciter 2 does not make whole turns in a period of the motion from a state; else ""."""
     scene = shooter.scene
-    shot = shooter.shot(state, WATCHED * period * TURN / scene.speed_scale)
+    shot = shooter.shot(state, COMPARED_PERIODS * period * TURN / scene.speed_scale)
     first, second = shot.state[3:5] - state[3:5]
     if shot.outcome != "ok" or abs(first) < TURN:
         return ""
     turns = period * second / abs(first)
-    if abs(turns - round(turns)) < OUT_OF_STEP:
+    if abs(turns - round(turns)) < MAX_SLIP_TURNS:
         return ""
     poles = [exciter.pole_pairs for exciter in scene.exciter_pair]
     unequal = f"; their motors have {poles[0]} and {poles[1]} pole pairs" if poles[0] != poles[1] else ""
@@ -323,7 +323,7 @@ def guesses(shooter: Shooter, guess: FloatArray | None) -> Iterator[FloatArray]:
     if guess is None:
         motion.reset(initial_condition(scene).state)
         done = 0
-        for turns in SETTLING:
+        for turns in SETTLING_TURNS:
             motion.to_section(turns - done, 4.0 * turns * TURN / scene.speed_scale)
             done = turns
             if motion.outcome != "ok":
@@ -338,7 +338,7 @@ def guesses(shooter: Shooter, guess: FloatArray | None) -> Iterator[FloatArray]:
     yield motion.state
 
 
-def beginning_at(scene: Scene, state: FloatArray) -> Scene:
+def with_initial_state(scene: Scene, state: FloatArray) -> Scene:
     """Return a scene that begins at a full state, shape (14,)."""
     names = (*COORDINATES, *RATES)
     present = [*scene.coordinates, *(7 + i for i in scene.coordinates)]
@@ -365,9 +365,9 @@ def read_guess(scene: Scene, guess: Any) -> tuple[Scene, FloatArray | None]:
     if isinstance(guess, str | Path):
         state, finished = end_of(Path(guess), scene).state, load(guess)
         assert isinstance(finished, RunResult)  # or it would have been refused
-        return scene, _in_pace(state, finished.scene, scene)
+        return scene, _scale_speeds(state, finished.scene, scene)
     if isinstance(guess, RunResult | Orbit):
-        return scene, _in_pace(guess.state if isinstance(guess, Orbit) else guess.final_state, guess.scene, scene)
+        return scene, _scale_speeds(guess.state if isinstance(guess, Orbit) else guess.final_state, guess.scene, scene)
     if isinstance(guess, Mapping | pd.Series):
         given = {name: float(guess[name]) for name in names if name in guess and pd.notna(guess[name])}
         if "excitation_frequency_hz" in guess:  # a row of a table of this scene
@@ -391,7 +391,7 @@ def read_guess(scene: Scene, guess: Any) -> tuple[Scene, FloatArray | None]:
     raise ConfigError("guess is not a state; allowed: 14 numbers, a row of a trajectory or of a sweep, a run, an orbit")
 
 
-def _in_pace(state: FloatArray, source: Scene, scene: Scene) -> FloatArray:
+def _scale_speeds(state: FloatArray, source: Scene, scene: Scene) -> FloatArray:
     """Return the state of a scene with its rates scaled to the synchronous speed of another."""
     share = 1.0 if source.drive.program else scene.speed_scale / source.speed_scale
     return np.concatenate([state[:7], share * state[7:]])
@@ -405,17 +405,17 @@ def _from_state(
     state[3:5] -= TURN * np.round(state[3:5] / TURN)
     shot = shooter.shot(state, period * TURN / max(abs(state[10]), 1e-6 * shooter.scene.speed_scale))
     if shot.outcome != "ok":
-        raise MissedError(f"{shot.outcome}: {shot.detail}")
+        raise NoConvergenceError(f"{shot.outcome}: {shot.detail}")
     turns = np.round((shot.state[3:5] - state[3:5]) / TURN).astype(int).tolist()
     if not turns[0]:
-        raise MissedError("exciter 1 makes no turn")
+        raise NoConvergenceError("exciter 1 makes no turn")
     problem = Problem(shooter, turns, units, tolerance)
     chart = problem.chart(state, shot.begins)
     u = chart.pack(state, shot.duration, [shooter.held[key] for key in shooter.keys])
-    return problem, correct_anywhere(problem, chart, u, 20)
+    return problem, correct_moving_section(problem, chart, u, 20)
 
 
-def repeats_after(problem: Problem, found: NewtonResult, period: int) -> int:
+def smallest_period(problem: Problem, found: NewtonResult, period: int) -> int:
     """Return the turns of exciter 1 after which an orbit repeats that closes after a period."""
     state, seconds, _ = found.chart.unpack(found.u)
     places = found.chart.places
@@ -423,7 +423,7 @@ def repeats_after(problem: Problem, found: NewtonResult, period: int) -> int:
         if period % turns == 0:
             difference = problem.shooter.shot(state, seconds * turns / period).state - state
             difference[3:5] -= np.round(difference[3:5] / TURN) * TURN
-            if np.abs(difference[places] / problem.shooter.scales[places]).max() < REPEATS * problem.tolerance:
+            if np.abs(difference[places] / problem.shooter.scales[places]).max() < REPEAT_RATIO * problem.tolerance:
                 return turns
     return period
 
@@ -437,11 +437,11 @@ def measures_of_orbit(problem: Problem, found: NewtonResult) -> dict[str, Any]:
 
 def measures_of(problem: Problem, shot: Shot, scene: Scene) -> dict[str, Any]:
     """Return the measures of a sweep over a measured shot of an orbit's period."""
-    row = row_of(measured_over_period(problem, shot, scene), scene, near=ANTIPHASE_OF_ORBITS)
+    row = row_of(measure_period(problem, shot, scene), scene, near=ANTIPHASE_OF_ORBITS)
     return {name: row[name] for name in (*MEASURED, "sync", "notes", *columns(scene))}
 
 
-def measured_over_period(problem: Problem, shot: Shot, scene: Scene, *, brief: bool = False) -> dict[str, Any]:
+def measure_period(problem: Problem, shot: Shot, scene: Scene, *, brief: bool = False) -> dict[str, Any]:
     """Gather measures over the period of a scene's orbit; see :func:`vibroplat.observe.summary.measure`."""
     assert isinstance(shot.part, MeasuredInterval)
     first, second = (abs(n) / shot.duration for n in problem.turns)

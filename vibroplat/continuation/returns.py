@@ -10,21 +10,21 @@ import numpy as np
 from vibroplat.kernels.compiled import FloatArray
 
 #: Largest number of turns of a few more returns: chaos that converges to an orbit of many turns passes near it before.
-FAR = 24
+MAX_MORE_TURNS = 24
 #: Largest distance of returns, in scaled units. How many are tried because they are the nearest of all, how
 #: many because they are the nearest of a number of turns relative to returns after its divisors, and how many that are
 #: longer. In chaos at 57 Hz nearly all returns after 6 turns belong to an orbit of 2 turns: those that are nearest show
 #: a stable orbit of 6 turns, or the saddle beside it, in 0 of 40 windows, relative ones in 23.
-RETURN, NEAREST, RELATIVE, FEW = 2.0, 6, 3, 2
+MAX_DISTANCE, NEAREST_COUNT, RELATIVE_COUNT, MANY_TURNS_COUNT = 2.0, 6, 3, 2
 #: Largest distance of a return relative to returns after divisors of its turns, which belong to shorter orbits.
-RATIO = 0.7
+MAX_RATIO = 0.7
 #: How far apart returns of the same turns are, and how far from known orbits, relative to their own distances.
-APART = 0.5
+MIN_SEPARATION = 0.5
 #: Returns that are candidates, for each number of turns.
-CANDIDATES = 60
+MAX_CANDIDATES = 60
 
 
-def returns(
+def near_returns(
     points: FloatArray, longest: int, known: Sequence[tuple[int, FloatArray]] = ()
 ) -> Iterator[tuple[int, int]]:
     """Yield numbers of turns and places after which a section comes back to itself, for a trial each.
@@ -41,13 +41,13 @@ def returns(
     known
         Periods and sections of orbits that explain returns near them. The caller may add to them between two returns.
     """
-    away = _distances(points, min(FAR, len(points) - 1))
+    away = _distances(points, min(MAX_MORE_TURNS, len(points) - 1))
     tried: list[tuple[int, int]] = []
 
     def fresh(turns: int, place: int) -> bool:
         ways = [points[k : k + n] for n, k in tried if n == turns]
         ways += [orbit for period, orbit in known if turns % period == 0]
-        near = APART * away[turns, place]
+        near = MIN_SEPARATION * away[turns, place]
         return all(np.abs(points[place] - way).max(axis=1).min() > near for way in ways)
 
     def some(candidates: Iterable[tuple[int, int]], most: int) -> Iterator[tuple[int, int]]:
@@ -56,36 +56,36 @@ def returns(
             yield trial
 
     short, own = range(1, min(longest, len(away) - 1) + 1), _relative(away)
-    yield from some(_nearest(away, short), NEAREST)
+    yield from some(_nearest(away, short), NEAREST_COUNT)
     rounds = {turns: _nearest(own, [turns]) for turns in short}
-    for _ in range(RELATIVE):
+    for _ in range(RELATIVE_COUNT):
         for candidates in rounds.values():
             yield from some(candidates, 1)
-    long = np.where(own < RATIO, away, np.inf)
-    yield from some(_nearest(long, range(longest + 1, len(away))), FEW)
+    long = np.where(own < MAX_RATIO, away, np.inf)
+    yield from some(_nearest(long, range(longest + 1, len(away))), MANY_TURNS_COUNT)
 
 
 def _distances(points: FloatArray, most: int) -> FloatArray:
-    """Distance of each point from the one a number of turns later, shape (most + 1, turns); inf beyond RETURN."""
+    """Distance of each point from the one a number of turns later, shape (most + 1, turns); inf beyond MAX_DISTANCE."""
     found = np.full((most + 1, len(points)), np.inf)
     for turns in range(1, most + 1):
         found[turns, :-turns] = np.abs(points[turns:] - points[:-turns]).max(axis=1)
-    found[found > RETURN] = np.inf
+    found[found > MAX_DISTANCE] = np.inf
     return found
 
 
 def _relative(away: FloatArray) -> FloatArray:
-    """Distances relative to the least after a divisor of as many turns, or to RETURN; inf if beyond RATIO."""
+    """Distances relative to the least after a divisor of as many turns, or to MAX_DISTANCE; inf if beyond MAX_RATIO."""
     found = np.full_like(away, np.inf)
     for turns in range(1, len(away)):
         shorter = [away[n] for n in range(1, turns) if turns % n == 0]
-        least = np.minimum(np.min(shorter, axis=0), RETURN) if shorter else RETURN
+        least = np.minimum(np.min(shorter, axis=0), MAX_DISTANCE) if shorter else MAX_DISTANCE
         found[turns] = away[turns] / np.maximum(least, np.finfo(float).tiny)
-    found[found > RATIO] = np.inf
+    found[found > MAX_RATIO] = np.inf
     return found
 
 
 def _nearest(away: FloatArray, lengths: Iterable[int]) -> Iterator[tuple[int, int]]:
     """Yield turns and places of some lengths, the nearest first."""
-    found = [(away[n, k], n, int(k)) for n in lengths for k in np.argsort(away[n])[:CANDIDATES]]
+    found = [(away[n, k], n, int(k)) for n in lengths for k in np.argsort(away[n])[:MAX_CANDIDATES]]
     yield from ((turns, place) for distance, turns, place in sorted(found) if distance < np.inf)

@@ -9,15 +9,15 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.orbit import TOLERANCE, OrbitError, accurate, orbit_near, read_guess, run_from
+from vibroplat.continuation.orbit import TOLERANCE, OrbitError, orbit_near, read_guess, run_from, with_orbit_tolerance
 from vibroplat.hybrid.state import state_scales
 
 #: Samples of a turn for those who draw it: between two a line through a sine is beside it by 0.1 % of its amplitude.
 #: Most events of a period that are sampled, the first ones: of impacts that accumulate, the strongest.
-SAMPLES, EVENTS = 64, 100
+SAMPLES_PER_TURN, MAX_EVENTS = 64, 100
 #: How far a drawn period may be from closing, in scaled units: less than the width of a line. Largest
 #: difference of an orbit's RMS from that of its row, over the RMS of both directions.
-OPEN, OTHER = 1e-3, 0.01
+MAX_CLOSING_ERROR, MAX_RMS_DIFFERENCE = 1e-3, 0.01
 
 
 class OrbitMotion(NamedTuple):
@@ -28,7 +28,7 @@ class OrbitMotion(NamedTuple):
     events: pd.DataFrame
 
 
-def motion_of(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
+def orbit_motion(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
     """Compute one period of the orbit of a row.
 
     Parameters
@@ -48,23 +48,23 @@ def motion_of(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
     placed, state = read_guess(scene, row)
     if state is not None:
         seconds = float(row["period_s"] if "period_s" in row else period / row["excitation_frequency_hz"])
-        run = run_from(accurate(placed, TOLERANCE), state, seconds)
+        run = run_from(with_orbit_tolerance(placed, TOLERANCE), state, seconds)
         if run.outcome != "ok":
             raise OrbitError(f"the motion of this row ended early: {run.outcome}: {run.summary['detail']}")
         change = (run.final_state - state) / state_scales(run.scene)
         change[3:5] = np.angle(np.exp(1j * change[3:5]))
         apart = float(np.abs(change).max())
-        if apart > OPEN:
+        if apart > MAX_CLOSING_ERROR:
             raise OrbitError(
                 f"the state of this row is not on an orbit of period {period}: its end is {apart:.2g} away"
             )
     else:  # another motion may exist beside that of the row
         found = orbit_near(scene, row, period, TOLERANCE)
         own, other = (np.array([of["rms_x_m"], of["rms_y_m"]]) for of in (row, found.measures))
-        if np.abs(other - own).max() > OTHER * np.hypot(*own):
+        if np.abs(other - own).max() > MAX_RMS_DIFFERENCE * np.hypot(*own):
             height = f"{1e3 * other[1]:.4g} mm"
             raise OrbitError(f"from the phase difference of this row another motion settles, with RMS y {height}")
         run = found.run
-    times, last = run.events["t_s"].to_numpy()[:EVENTS], run.segments[-1].end
-    grid = [np.linspace(0.0, last, SAMPLES * period + 1), times, np.minimum(np.nextafter(times, np.inf), last)]
+    times, last = run.events["t_s"].to_numpy()[:MAX_EVENTS], run.segments[-1].end
+    grid = [np.linspace(0.0, last, SAMPLES_PER_TURN * period + 1), times, np.minimum(np.nextafter(times, np.inf), last)]
     return OrbitMotion(run.scene, run(np.unique(np.concatenate(grid))), run.events)

@@ -34,15 +34,15 @@ from vibroplat.observe.summary import Energies, MeasuredInterval
 from vibroplat.observe.variation import Variation
 
 #: What the letters of a word stand for in tables.
-NAMES = {"L": "liftoff", "I": "impact", "S": "stick"}
+EVENT_NAMES = {"L": "liftoff", "I": "impact", "S": "stick"}
 #: Step of the difference that gives the derivative of the parameters by a key, over its value.
-STEP = 1e-4
+KEY_STEP_RATIO = 1e-4
 #: The section is moved when the piece it lies in ends nearer to it than this part of the piece, or when it lies in
 #: flight while contact takes at least a share of the period.
-MARGIN, CONTACT_SHARE = 0.15, 0.06
+MIN_SECTION_MARGIN, MIN_CONTACT_FRACTION = 0.15, 0.06
 #: Turns in which an aperiodic motion is searched for near returns, and how many are tried. Of 65
 #: motions of the calibrated machine from 56 to 62 Hz that do not repeat, 36 give an orbit of period 1; 24 in 400 turns.
-RETURNS, NEAREST = 1600, 16
+RETURN_TURNS, MAX_RETURNS = 1600, 16
 
 TURN = 2.0 * math.pi
 _ALL = np.eye(FULL_SIZE)
@@ -86,7 +86,7 @@ class Shot:
     least_gap: float = math.inf
 
     @cached_property
-    def word(self) -> str:
+    def event_sequence(self) -> str:
         """Sequence of events, as the period begins here."""
         letters = ""
         for kind, mode in zip(self.events["kind"].tolist(), self.events["mode_after"].tolist(), strict=True):
@@ -110,7 +110,7 @@ class Shot:
         speeds = -self.events["rate_before"][rebounds]
         return float(speeds.min()) if speeds.size else math.inf
 
-    def far_from_events(self, *, elsewhere: bool = False, longest: bool = False) -> float:
+    def section_time(self, *, elsewhere: bool = False, longest: bool = False) -> float:
         """Return when to begin the period (s) so that the section is far from events.
 
         It is 0 if it is far already, unless it must be ``elsewhere`` all the same. It lies in the ``longest`` piece if
@@ -120,10 +120,10 @@ class Shot:
             return 0.0
         pieces = self._joined()
         system, begin, end = pieces[0]
-        share = math.inf if longest else CONTACT_SHARE
+        share = math.inf if longest else MIN_CONTACT_FRACTION
         contact = [p for p in pieces if SYSTEMS[p[0]].algebraic and p[2] - p[1] >= share * self.duration]
         best = max(contact or pieces, key=lambda p: p[2] - p[1])
-        far = min(-begin, end) > MARGIN * (end - begin) and end - begin > 0.5 * (best[2] - best[1])
+        far = min(-begin, end) > MIN_SECTION_MARGIN * (end - begin) and end - begin > 0.5 * (best[2] - best[1])
         if far and (SYSTEMS[system].algebraic or not contact) and not elsewhere:
             return 0.0
         return float((0.5 * (best[1] + best[2])) % self.duration)
@@ -143,7 +143,7 @@ class Shot:
         return pieces
 
 
-def rotated(word: str, restitution: float = 0.0) -> str:
+def canonical_sequence(word: str, restitution: float = 0.0) -> str:
     """Rotate a word so that it does not depend on where the period begins: the first rotation in the alphabet.
 
     With a restitution the period may begin between impacts that accumulate.
@@ -161,9 +161,9 @@ def _shortened(word: str, restitution: float) -> str:
     return re.sub("I+S", "S", word) if restitution > 0.0 else word
 
 
-def spelled(word: str) -> str:
+def event_sequence_text(word: str) -> str:
     """Write a word out for a table."""
-    return " ".join(NAMES[letter] for letter in word) or "none"
+    return " ".join(EVENT_NAMES[letter] for letter in word) or "none"
 
 
 class Shooter:
@@ -229,7 +229,7 @@ class Shooter:
         course = self._known(value)
         if course is not None:
             return course.slope(value)
-        step = STEP * abs(value) or STEP
+        step = KEY_STEP_RATIO * abs(value) or KEY_STEP_RATIO
         above, below = (parameters(self.scene_at(self.held | {key: value + s})) for s in (step, -step))
         found: FloatArray = (flat(above) - flat(below)) / (2.0 * step)
         return found
@@ -240,13 +240,13 @@ class Shooter:
         In chaos unstable orbits are there.
         """
         states = list[FloatArray]()
-        while len(states) < RETURNS and self.motion.to_section(1, 4.0 * TURN / self.scene.speed_scale):
+        while len(states) < RETURN_TURNS and self.motion.to_section(1, 4.0 * TURN / self.scene.speed_scale):
             states.append(self.motion.state)
         if len(states) > turns:
             found = np.array(states)
             away = found[turns:] - found[:-turns]
             away[:, 3:5] -= TURN * np.round(away[:, 3:5] / TURN)
-            yield from found[np.abs(away / self.scales).max(axis=1).argsort()[:NEAREST]]
+            yield from found[np.abs(away / self.scales).max(axis=1).argsort()[:MAX_RETURNS]]
 
     def shot(
         self, start: FloatArray, duration: float, *, full: bool = False, measured: bool = False, events: bool = True

@@ -20,7 +20,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.continuation.newton import Chart, MissedError, NewtonResult, Problem, bordered, correct, solved
+from vibroplat.continuation.newton import Chart, NewtonResult, NoConvergenceError, Problem, add_border, correct, solve
 from vibroplat.continuation.orbit import measures_of_orbit
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.kernels.linear import eliminate
@@ -31,29 +31,29 @@ KINDS = SPECIAL_POINTS
 FOLD, DOUBLING, NEIMARK_SACKER, BRANCH_POINT, LIFTOFF, END_OF_STICKING, GRAZING = KINDS
 
 #: Imaginary part up to which a multiplier is real, but for round-off.
-REAL = 1e-9
+MAX_IMAGINARY = 1e-9
 #: How far round-off takes the product of the two multipliers of an undamped mode from 1.
-UNDAMPED = 1e-5
+UNDAMPED_TOLERANCE = 1e-5
 #: Distance of a multiplier from the unit circle that counts, beside the one that passes it.
-OUTSIDE = 1e-3
+UNIT_CIRCLE_MARGIN = 1e-3
 #: Length of the new tangent over its part along the old one, beyond which it is checked as a step is.
-BENT = 1e3
+MAX_TANGENT_RATIO = 1e3
 #: Branch points: distance at which slopes are compared to find how b bends, the longest step, in units of the unknowns,
 #: and most steps.
-BESIDE, FARTHEST, MOST = 1e-3, 1.0, 10
+SLOPE_DISTANCE, MAX_STEP, MAX_STEPS = 1e-3, 1.0, 10
 #: Largest last step to a branch point, after which no shot is taken: in units of the unknowns, and over the tolerance;
 #: and the largest b, in scaled units.
-CLOSE, CLOSER, CROSSING = 1e-6, 100.0, 1e-6
+STEP_TOLERANCE, STEP_TOLERANCE_RATIO, MAX_BRANCHING = 1e-6, 100.0, 1e-6
 #: First steps along a new branch, over the largest step, one after the other.
-FIRST = (0.5, 1.0, 0.2, 0.05)
+FIRST_STEP_RATIOS = (0.5, 1.0, 0.2, 0.05)
 #: Minimum part of the way along a branch that must be covered across it by a point that has left it.
-LEFT = 0.3
+MIN_TRANSVERSE_PART = 0.3
 #: Measures of an orbit that are the same for its mirror image, besides key and period.
-MIRRORED = ("rms_x_m", "rms_y_m", "rms_phi_rad", "motor_power_w")
+MIRROR_INVARIANTS = ("rms_x_m", "rms_y_m", "rms_phi_rad", "motor_power_w")
 
 
 @dataclass(frozen=True)
-class Point(NewtonResult):
+class OrbitPoint(NewtonResult):
     """A point of a branch, or of a curve in two keys, with its tangent, its test functions, and the step to here."""
 
     tangent: FloatArray
@@ -72,7 +72,7 @@ class Point(NewtonResult):
     @cached_property
     def branching(self) -> float:
         """Determinant of the Jacobian with the tangent, which changes its sign where branches cross."""
-        return eliminate(bordered(self.jacobian, self.tangent), np.zeros(self.u.size))
+        return eliminate(add_border(self.jacobian, self.tangent), np.zeros(self.u.size))
 
     @cached_property
     def fold(self) -> float:
@@ -101,7 +101,7 @@ class Point(NewtonResult):
         if not self._products.size:
             return False
         nearest = _pairs(self.multipliers.size)[:, np.argmin(np.abs(1.0 - self._products))]
-        return bool((np.abs(self.multipliers[nearest].imag) > REAL).all())
+        return bool((np.abs(self.multipliers[nearest].imag) > MAX_IMAGINARY).all())
 
     @property
     def one_pair(self) -> bool:
@@ -109,14 +109,14 @@ class Point(NewtonResult):
 
         That of an undamped mode has it at all values of the keys, where the test function then says nothing.
         """
-        return bool(np.count_nonzero(np.abs(1.0 - self._products) < UNDAMPED) < 2)
+        return bool(np.count_nonzero(np.abs(1.0 - self._products) < UNDAMPED_TOLERANCE) < 2)
 
     @cached_property
     def outside(self) -> tuple[int, int, int]:
         """Count the multipliers above 1, the complex ones outside the unit circle, and those below −1."""
         multipliers = self.multipliers.tolist()
-        real = [m.real for m in multipliers if abs(m.imag) <= REAL]
-        around = sum(abs(m.imag) > REAL and abs(m) > 1.0 for m in multipliers)
+        real = [m.real for m in multipliers if abs(m.imag) <= MAX_IMAGINARY]
+        around = sum(abs(m.imag) > MAX_IMAGINARY and abs(m) > 1.0 for m in multipliers)
         return sum(m > 1.0 for m in real), around, sum(m < -1.0 for m in real)
 
 
@@ -127,7 +127,7 @@ def _pairs(count: int) -> npt.NDArray[np.int64]:
 
 
 #: Functions of points.
-Test = Callable[[Point], float]
+Test = Callable[[OrbitPoint], float]
 #: Those that change their sign on a branch between points with the same sequence of events.
 SMOOTH: dict[str, Test] = {
     FOLD: attrgetter("along_key"),
@@ -153,7 +153,7 @@ IN_TWO_KEYS: dict[str, Test] = {
 
 
 @dataclass
-class Special:
+class SpecialPoint:
     """A special point of a kind, at a value of the key.
 
     Attributes
@@ -170,7 +170,7 @@ class Special:
     """
 
     kind: str
-    point: Point
+    point: OrbitPoint
     value: float
     direction: FloatArray
     across: FloatArray | None = None
@@ -181,17 +181,17 @@ def tangent_of(jacobian: FloatArray, near: FloatArray) -> FloatArray:
     """Direction of length 1 in which the residual does not change, on the side of a given one."""
     right = np.zeros(near.size)
     right[-1] = 1.0
-    found = solved(bordered(jacobian, near), right, BENT)
+    found = solve(add_border(jacobian, near), right, MAX_TANGENT_RATIO)
     return np.asarray(found / math.sqrt(found @ found))
 
 
-def coming(near: Point, far: Point) -> str | None:
+def approaching_event(near: OrbitPoint, far: OrbitPoint) -> str | None:
     """Tell which discontinuity is on the way from one orbit to another, if its distance is known; None if it is not."""
-    if near.word.count("S") > far.word.count("S") and far.word:
+    if near.event_sequence.count("S") > far.event_sequence.count("S") and far.event_sequence:
         return END_OF_STICKING
-    if len(near.word) >= len(far.word):
+    if len(near.event_sequence) >= len(far.event_sequence):
         return None
-    return LIFTOFF if far.word.count("L") > near.word.count("L") else GRAZING
+    return LIFTOFF if far.event_sequence.count("L") > near.event_sequence.count("L") else GRAZING
 
 
 def others_outside(kind: str, multipliers: npt.NDArray[np.complex128]) -> int:
@@ -202,7 +202,7 @@ def others_outside(kind: str, multipliers: npt.NDArray[np.complex128]) -> int:
     elif kind == NEIMARK_SACKER:
         pairs = np.flatnonzero(np.abs(rest.imag) > 0.0)
         rest = np.delete(rest, pairs[np.argsort(np.abs(np.abs(rest[pairs]) - 1.0))[:2]])
-    return int((np.abs(rest) > 1.0 + OUTSIDE).sum())
+    return int((np.abs(rest) > 1.0 + UNIT_CIRCLE_MARGIN).sum())
 
 
 def branch_point(
@@ -225,21 +225,21 @@ def branch_point(
 
     place = np.zeros(2)
     found, slopes = at(place, jacobian)
-    beside = [at(place + BESIDE * way, found.jacobian)[1] for way in np.eye(2)]
-    bends = np.array([slope - slopes for slope in beside]) / BESIDE
-    for _ in range(MOST):
+    beside = [at(place + SLOPE_DISTANCE * way, found.jacobian)[1] for way in np.eye(2)]
+    bends = np.array([slope - slopes for slope in beside]) / SLOPE_DISTANCE
+    for _ in range(MAX_STEPS):
         step = np.linalg.lstsq(bends, -slopes, rcond=None)[0]
         way = float(np.linalg.norm(step))
-        if not way < FARTHEST:
+        if not way < MAX_STEP:
             break
-        if way < min(CLOSE, CLOSER * problem.tolerance):
-            if abs(found.slack) > CROSSING:
-                raise MissedError("branches pass each other without crossing")
+        if way < min(STEP_TOLERANCE, STEP_TOLERANCE_RATIO * problem.tolerance):
+            if abs(found.slack) > MAX_BRANCHING:
+                raise NoConvergenceError("branches pass each other without crossing")
             return replace(found, u=found.u + step @ plane), _directions(bends, plane)
         place, before = place + step, slopes
         found, slopes = at(place, found.jacobian)
         bends += np.outer(slopes - before - bends @ step, step) / (step @ step)
-    raise MissedError("no branch point nearby")
+    raise NoConvergenceError("no branch point nearby")
 
 
 def _slopes(found: NewtonResult, border: FloatArray, slack: FloatArray) -> FloatArray:
@@ -248,37 +248,37 @@ def _slopes(found: NewtonResult, border: FloatArray, slack: FloatArray) -> Float
     last = np.zeros(free + 1)
     last[-1] = 1.0
     try:
-        return np.asarray(np.linalg.solve(bordered(found.jacobian, border, slack).T, last)[m : m + 2])
+        return np.asarray(np.linalg.solve(add_border(found.jacobian, border, slack).T, last)[m : m + 2])
     except np.linalg.LinAlgError:
-        raise MissedError("the bordered Jacobian is singular") from None
+        raise NoConvergenceError("the bordered Jacobian is singular") from None
 
 
 def _directions(bends: FloatArray, plane: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Directions of length 1 in which b does not bend."""
     sizes, ways = np.linalg.eigh(0.5 * (bends + bends.T))
     if not sizes[0] < 0.0 < sizes[1]:
-        raise MissedError("a single orbit, at which no branches cross")
+        raise NoConvergenceError("a single orbit, at which no branches cross")
     one, other = np.sqrt(sizes[1]) * ways[:, 0], np.sqrt(-sizes[0]) * ways[:, 1]
     first, second = ((one + sign * other) @ plane / np.linalg.norm(one + sign * other) for sign in (1.0, -1.0))
     return first, second
 
 
 def new_branches(
-    problem: Problem, special: Special, first: float, largest: float
-) -> Iterator[tuple[Problem, Point, float, bool]]:
+    problem: Problem, special: SpecialPoint, first: float, largest: float
+) -> Iterator[tuple[Problem, OrbitPoint, float, bool]]:
     """Find the first points of the branches that begin at a special point, with the first and the largest step there.
 
     Yields problem, point and step of each, and whether the point is new, or one of another branch already.
     """
     if special.kind == DOUBLING:
         doubled = Problem(problem.shooter, [2 * turns for turns in problem.turns], problem.units, problem.tolerance)
-        point = _first_away(doubled, special, _doubling_direction(special.point), largest)
+        point = _leave_branch(doubled, special, _doubling_direction(special.point), largest)
         if point is not None:
             yield doubled, point, first, True
         return
     assert special.across is not None
-    ahead, back = (_first_away(problem, special, sign * special.across, largest) for sign in (1.0, -1.0))
-    if ahead is None or back is None or _mirrors(problem, ahead, back):
+    ahead, back = (_leave_branch(problem, special, sign * special.across, largest) for sign in (1.0, -1.0))
+    if ahead is None or back is None or _are_mirrored(problem, ahead, back):
         found = [ahead] if ahead is not None else [back]
         yield from ((problem, point, first, True) for point in found if point is not None)
     else:  # from the point behind both ways, over the special point and away from it
@@ -286,25 +286,25 @@ def new_branches(
         yield problem, back, first, False
 
 
-def _first_away(problem: Problem, origin: Special, direction: FloatArray, largest: float) -> Point | None:
+def _leave_branch(problem: Problem, origin: SpecialPoint, direction: FloatArray, largest: float) -> OrbitPoint | None:
     """Find a point of a branch that leaves another one in a direction; None if it cannot be found."""
     chart, u = origin.point.chart, origin.point.u.copy()
     if origin.kind == DOUBLING:
         u[chart.phase] *= 2.0
-    for share in FIRST:
+    for share in FIRST_STEP_RATIOS:
         try:
-            found = correct(problem, chart, u + share * largest * direction, direction[np.newaxis], most=20)
-            point = Point.of(found, tangent_of(found.jacobian, direction))
-        except MissedError:
+            found = correct(problem, chart, u + share * largest * direction, direction[np.newaxis], max_iterations=20)
+            point = OrbitPoint.of(found, tangent_of(found.jacobian, direction))
+        except NoConvergenceError:
             continue
         way = point.u - u
-        apart = abs(way @ direction) > LEFT * abs(way @ origin.direction)
-        if not problem.halves(point) if origin.kind == DOUBLING else apart:
+        apart = abs(way @ direction) > MIN_TRANSVERSE_PART * abs(way @ origin.direction)
+        if not problem.repeats_after_half(point) if origin.kind == DOUBLING else apart:
             return point
     return None
 
 
-def _doubling_direction(point: Point) -> FloatArray:
+def _doubling_direction(point: OrbitPoint) -> FloatArray:
     """Direction of the branch of twice the period: the eigenvector of the multiplier −1."""
     values, vectors = np.linalg.eig(point.chart.section_map(point.shot))
     vector = vectors[:, np.argmin(np.abs(values + 1.0))].real
@@ -312,9 +312,9 @@ def _doubling_direction(point: Point) -> FloatArray:
     return np.asarray(direction / np.linalg.norm(direction))
 
 
-def _mirrors(problem: Problem, one: Point, other: Point) -> bool:
+def _are_mirrored(problem: Problem, one: OrbitPoint, other: OrbitPoint) -> bool:
     """Whether two orbits are mirror images of each other."""
     measures = [measures_of_orbit(problem, point) for point in (one, other)]
-    pairs = [(measures[0][name], measures[1][name]) for name in MIRRORED]
+    pairs = [(measures[0][name], measures[1][name]) for name in MIRROR_INVARIANTS]
     pairs += [(one.value, other.value), (one.shot.duration, other.shot.duration)]
     return all(abs(first - second) <= 1e-3 * abs(first) for first, second in pairs)

@@ -11,17 +11,17 @@ import pandas as pd
 
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.orbit import OrbitError, accurate, beginning_at
-from vibroplat.continuation.tables import TABLES, make_tables, summarize, tell
-from vibroplat.continuation.two_keys import Boundary, follow_boundary
-from vibroplat.continuation.worker import (
-    RECORDS,
-    Family,
-    Traced,
+from vibroplat.continuation.branch_tasks import (
+    RECORD_VERSION,
+    ComputedBranch,
+    GridCell,
+    find_orbit_again,
     follow_family,
-    found_again,
     same_special,
 )
+from vibroplat.continuation.codim2 import ComputedBoundary, follow_boundary
+from vibroplat.continuation.orbit import OrbitError, with_initial_state, with_orbit_tolerance
+from vibroplat.continuation.tables import TABLES, answer_of, make_tables, summarize
 from vibroplat.errors import ConfigError
 from vibroplat.model.sensitivity import parameter_direction, value_of
 from vibroplat.motion.initial_condition import end_of
@@ -29,7 +29,7 @@ from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of
 from vibroplat.study.pool import Pool, StoredChain, Task, run_stored
 from vibroplat.study.store import Record, Store
-from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, run_study, spread
+from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, choose_evenly, run_study
 
 
 class OrbitsStudy(Study):
@@ -53,8 +53,8 @@ class OrbitsStudy(Study):
     counted = "branches"
 
     def __init__(self, scene: Scene) -> None:
-        self.scene, self.plan = scene, _required(scene)
-        self.families: list[Family] = []
+        self.scene, self.plan = scene, _required_plan(scene)
+        self.families: list[GridCell] = []
         for combination in itertools.product(*self.plan.grid.values()):
             values = dict(zip(self.plan.grid, combination, strict=True))
             try:
@@ -63,14 +63,16 @@ class OrbitsStudy(Study):
             except ConfigError as error:
                 raise ConfigError(f"orbits.grid: {error}") from None
             if self.plan.from_ not in ("settled", "state"):
-                placed = _at_end(placed, self.plan.from_)
+                placed = _scene_at_end(placed, self.plan.from_)
             _require_inside(placed, self.plan)
-            self.families.append(Family(len(self.families), values, accurate(placed, self.plan.tolerance)))
+            self.families.append(
+                GridCell(len(self.families), values, with_orbit_tolerance(placed, self.plan.tolerance))
+            )
 
     @property
     def conditions(self) -> dict[str, Any]:
         """What stored parts of branches depend on, with the version of their records."""
-        return {"version of records": RECORDS} | super().conditions
+        return {"version of records": RECORD_VERSION} | super().conditions
 
     def scenes(self) -> list[Scene]:
         """Return the scenes of the first branches."""
@@ -92,12 +94,12 @@ class OrbitsStudy(Study):
         curves = self.follow_boundaries(traced, store, workers)
         tables, summary = make_tables(self.plan, traced, curves), summarize(self.plan, traced, curves)
         rotation = "" if any("rotation" in key for key in self.plan.grid) else self.scene.rotation
-        answer = tell(self.plan, tables, summary, rotation)
+        answer = answer_of(self.plan, tables, summary, rotation)
         return Result("orbits", self.scene, tables, answer, documents={"orbits": summary})
 
-    def trace(self, store: Store, workers: Pool, progress: Progress = lambda done, known: None) -> list[Traced]:
+    def trace(self, store: Store, workers: Pool, progress: Progress = lambda done, known: None) -> list[ComputedBranch]:
         """Follow the branches; see :meth:`run`."""
-        traced: list[Traced] = []
+        traced: list[ComputedBranch] = []
 
         def count() -> None:
             progress(sum(bool(b.ended) for b in traced), len(traced))
@@ -109,17 +111,19 @@ class OrbitsStudy(Study):
             raise OrbitError(traced[0].ended)
         return sorted(traced, key=lambda branch: (branch.family.number, branch.number))
 
-    def follow_boundaries(self, traced: Sequence[Traced], store: Store, workers: Pool) -> list[Boundary]:
+    def follow_boundaries(
+        self, traced: Sequence[ComputedBranch], store: Store, workers: Pool
+    ) -> list[ComputedBoundary]:
         """Follow the boundaries, which begin at the special points of branches."""
-        plan, curves, chains = self.plan, list[Boundary](), list[StoredChain[None]]()
+        plan, curves, chains = self.plan, list[ComputedBoundary](), list[StoredChain[None]]()
         if plan.boundaries is None:
             return curves
-        passed: list[tuple[Family, Record]] = []
+        passed: list[tuple[GridCell, Record]] = []
         for branch, special in ((b, s) for b in traced for s in b.special):
             family, kind = branch.family, special["kind"]
             new = not any(of is family and same_special(special, other, plan) for of, other in passed)
             if new and (plan.boundaries.kinds is None or kind in plan.boundaries.kinds):
-                boundary = Boundary(family.grid, branch.number, kind)
+                boundary = ComputedBoundary(family.grid, branch.number, kind)
                 curves.append(boundary)
                 name = f"boundary-{family.number}-{branch.number}-{branch.special.index(special)}"
                 chains.append(StoredChain(follow_boundary(family.scene, plan, special, boundary), store, name))
@@ -130,10 +134,10 @@ class OrbitsStudy(Study):
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
         """Choose points of branches, as far from each other as they can be; their orbits are found anew."""
         cases = []
-        for place in spread(range(len(result.branches))):
+        for place in choose_evenly(range(len(result.branches))):
             (whole,) = result.branches.iloc[[place]].to_dict("records")
             row: Record = {str(name): value for name, value in whole.items() if pd.notna(value)}
-            task = Task(found_again, (other(self.scene), row, self.plan.tolerance))
+            task = Task(find_orbit_again, (other(self.scene), row, self.plan.tolerance))
             swept = ", ".join(f"{key} = {row[key]}" for key in map(column_of, (*self.plan.grid, self.plan.key)))
             known = {name: row.get(name) for name in COMPARED if name != "motion"}
             cases.append(CrossCheckCase(f"at {swept}, branch {row['branch']}, point {row['point']}", task, known))
@@ -180,12 +184,12 @@ def orbits(scene: Scene, **options: Unpack[Options]) -> Result:
     return run_study(OrbitsStudy(scene), **options)
 
 
-def _required(scene: Scene) -> OrbitsPlan:
+def _required_plan(scene: Scene) -> OrbitsPlan:
     """Return the plan of a scene, if its keys vary continuously; see :class:`OrbitsStudy`."""
     plan = scene.orbits
     if plan is None:
         raise ConfigError("this configuration has no orbits section; add orbits: {key: …, start: …, stop: …}")
-    accurate(scene, plan.tolerance)  # has no program
+    with_orbit_tolerance(scene, plan.tolerance)  # has no program
     if plan.from_ == "state" and scene.run.initial.state is None:
         raise ConfigError("orbits.from = state but run.initial.state is not given; allowed: give it, or settled")
     if plan.boundaries is not None and plan.boundaries.key in plan.grid:
@@ -208,14 +212,14 @@ def _require_continuous(scene: Scene, place: str, key: str, value: float) -> Non
         raise ConfigError(f"{place}: {error}") from None
 
 
-def _at_end(scene: Scene, directory: str) -> Scene:
+def _scene_at_end(scene: Scene, directory: str) -> Scene:
     """Return the scene at the end of a run, so that workers need not read it."""
     try:
         state = end_of(Path(directory), scene).state
     except ConfigError as error:
         text = str(error).replace("run.initial.from", "orbits.from", 1)
         raise ConfigError(text.replace("; allowed: ", "; allowed: settled, state, or ", 1)) from None
-    return beginning_at(scene, state)
+    return with_initial_state(scene, state)
 
 
 def _require_inside(scene: Scene, plan: OrbitsPlan) -> None:

@@ -10,9 +10,9 @@ import pandas as pd
 from vibroplat.columns import COUNT, FLAG, TEXT, Column, Columns
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.plans import OrbitsPlan
+from vibroplat.continuation.branch_tasks import MAX_MULTIPLIERS, ComputedBranch, describe_multipliers
+from vibroplat.continuation.codim2 import ComputedBoundary
 from vibroplat.continuation.special_points import KINDS
-from vibroplat.continuation.two_keys import Boundary
-from vibroplat.continuation.worker import MULTIPLIERS, Traced, describe_multipliers
 from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.observe.summary import MEASURES
 from vibroplat.observe.tables import TRAJECTORY
@@ -23,7 +23,7 @@ from vibroplat.study.store import Record
 from vibroplat.study.sweep import SWEEP, synchronizations
 
 #: Maximum number of branches and special points that are printed.
-SHOWN = 40
+MAX_PRINTED = 40
 #: The state of an orbit at the start of its period, in the columns of a trajectory.
 STATE: Columns = {name: TRAJECTORY[name] for name in (*COORDINATES, *RATES)}
 #: Columns of the three tables.
@@ -40,7 +40,7 @@ BRANCHES: Columns = {
     "sequence": Column("event sequence of a period", "stick: an impact or a chatter that ends in contact", kind=TEXT),
     "stable": Column("whether the orbit is stable", kind=FLAG),
     "n_unstable": Column("number of Floquet multipliers outside the unit circle", kind=COUNT),
-    **describe_multipliers(MULTIPLIERS),
+    **describe_multipliers(MAX_MULTIPLIERS),
     "residual": Column("residual of the orbit: distance between its ends", "scaled units"),
     "turns": Column("turns of exciter 1 integrated for the point", "including special points before it"),
     **STATE,
@@ -87,7 +87,9 @@ TABLES: dict[str, tuple[str, Columns]] = {
 }
 
 
-def make_tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundary]) -> dict[str, pd.DataFrame]:
+def make_tables(
+    plan: OrbitsPlan, traced: Sequence[ComputedBranch], curves: Sequence[ComputedBoundary]
+) -> dict[str, pd.DataFrame]:
     """Make the tables of branches, special points and boundaries."""
     key, present = column_of(plan.key), sorted({i for branch in traced for i in branch.family.scene.coordinates})
     state = [names[i] for names in (COORDINATES, RATES) for i in present]  # coordinates that none has are absent
@@ -128,7 +130,7 @@ def _named(grid: Mapping[str, Any]) -> Record:
     return {column_of(key): value for key, value in grid.items()}
 
 
-def _columns(branch: Traced, row: Record, key: str) -> Record:
+def _columns(branch: ComputedBranch, row: Record, key: str) -> Record:
     """Return a row or a special point of a branch with the columns of its place and its state."""
     half = len(COORDINATES)
     state = {
@@ -145,7 +147,9 @@ def _table(rows: list[Record], plan: OrbitsPlan, columns: Sequence[str], meant: 
     return study_table(rows, [*grid, *columns], {SUPPLY: SWEEP[SUPPLY], **meant}, grid)
 
 
-def summarize(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundary] = ()) -> dict[str, Any]:
+def summarize(
+    plan: OrbitsPlan, traced: Sequence[ComputedBranch], curves: Sequence[ComputedBoundary] = ()
+) -> dict[str, Any]:
     """Return what is known of the branches besides their points, as plain values."""
     branches = [
         {
@@ -184,7 +188,9 @@ def summarize(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Bound
 # -- in words -----------------------------------------------------------------------------------------------
 
 
-def tell(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any], rotation: str) -> Answer:
+def answer_of(
+    plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any], rotation: str
+) -> Answer:
     """Return what is printed of orbits; ``rotation`` is that of the exciters, "" if it varies."""
     lines = _overview(tables["branches"].assign(rotation=rotation), summary)
     text = [*_boundary_lines(summary), *_branch_lines(plan, summary), *_special_lines(plan, tables["special"])]
@@ -226,14 +232,14 @@ def _boundary_lines(summary: Mapping[str, Any]) -> list[str]:
     return [*lines, ""]
 
 
-def _varied(plan: OrbitsPlan) -> list[str]:
+def _varied_keys(plan: OrbitsPlan) -> list[str]:
     """List the keys of the grid that have several values."""
     return [key for key, values in plan.grid.items() if len(values) > 1]
 
 
 def _branch_lines(plan: OrbitsPlan, summary: Mapping[str, Any]) -> Iterator[str]:
     """Return a line for each branch."""
-    keys, value = _varied(plan), column_of(plan.key)
+    keys, value = _varied_keys(plan), column_of(plan.key)
     header = [*(key.rpartition(".")[2] for key in keys), "branch", "begins at", value, "points", "stable", "ended"]
     rows = [
         [
@@ -254,7 +260,7 @@ def _special_lines(plan: OrbitsPlan, special: pd.DataFrame) -> Iterator[str]:
     """Yield a line for each special point."""
     if special.empty:
         return
-    keys, value = [column_of(key) for key in _varied(plan)], column_of(plan.key)
+    keys, value = [column_of(key) for key in _varied_keys(plan)], column_of(plan.key)
     shown = special[[*keys, "branch", "kind"]].astype(str)
     for name in (value, EXCITATION):
         shown[name] = [f"{value:.8g}" for value in special[name]]
@@ -267,7 +273,7 @@ def _special_lines(plan: OrbitsPlan, special: pd.DataFrame) -> Iterator[str]:
 def _table_lines(header: Sequence[str], rows: Iterable[Sequence[str]], more: str) -> Iterator[str]:
     """Yield the first rows of a table of texts in columns; if they are not all, where the others are."""
     lines = [header, *rows]
-    shown = lines[: SHOWN + 1]
+    shown = lines[: MAX_PRINTED + 1]
     widths = [max(map(len, column)) for column in zip(*shown, strict=True)]
     for line in shown:
         yield "  ".join(f"{text:<{width}}" for text, width in zip(line, widths, strict=True)).rstrip()

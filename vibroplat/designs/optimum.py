@@ -14,23 +14,23 @@ import numpy as np
 
 from vibroplat.columns import COUNT, FLAG, Column, Columns
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.local import Local
-from vibroplat.continuation.newton import MissedError
-from vibroplat.designs.samples import regime, within
-from vibroplat.designs.sensitivities import begun, settling
+from vibroplat.continuation.newton import NoConvergenceError
+from vibroplat.continuation.orbit_neighbourhood import OrbitNeighbourhood
+from vibroplat.designs.samples import name_regime, sobol_points
+from vibroplat.designs.sensitivities import local_orbit, settling_plan
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.point import measure_point
 from vibroplat.study.store import Record
 
 #: Iterations of a search, fewer while a violation is made small, its tolerance, and the violation of a bound, over its
 #: scale, that counts as none. Searches that came into the bounds, in five boxes, took 2 to 15 of the former.
-ITERATIONS, FIRST, CLOSE, VIOLATION = 60, 20, 1e-8, 1e-6
+MAX_ITERATIONS, MAX_VIOLATION_ITERATIONS, SEARCH_TOLERANCE, VIOLATION_TOLERANCE = 60, 20, 1e-8, 1e-6
 #: Minimum scale of a bound of ``margin``, in which a hundredth is much.
-MARGIN = 0.02
+MIN_MARGIN_SCALE = 0.02
 #: How often a start at which the orbit is lost is moved half way to the scene as given.
-HALVINGS = 6
+MAX_HALVINGS = 6
 #: What the objective and violations grow by where the orbit is lost: steps there are shortened.
-LOST = 10.0
+LOST_PENALTY = 10.0
 
 EVALUATIONS: Columns = {
     "start": Column("number of the starting point", kind=COUNT),
@@ -50,7 +50,7 @@ PARETO: Columns = {
 Bounds = Mapping[str, Sequence[float]]
 
 
-class Model:
+class DesignProblem:
     """Measures of the orbits of a scene over the box of its keys, with what the plan makes of them.
 
     Places are in [0, 1] along each key, on a logarithmic scale where its range is positive.
@@ -64,7 +64,7 @@ class Model:
         self.low, self.high = np.array(list(plan.keys.values()), float).T
         self.log = self.low > 0.0
         self._ends = np.where(self.log, self.low, 1.0), np.where(self.log, self.high, 2.0)  # those of logarithms
-        self.local = begun(scene, [*keys, *(k for k in plan.parameter_tolerances if k not in keys)], known)
+        self.local = local_orbit(scene, [*keys, *(k for k in plan.parameter_tolerances if k not in keys)], known)
         self.size, ends = (
             len(keys),
             [(k, 1.0 + side * s) for k, s in plan.parameter_tolerances.items() for side in (-1.0, 1.0)],
@@ -75,12 +75,12 @@ class Model:
         self._limits, self._bounded = limits, [self.names.index(name) for name in bounds]
         scales = np.abs(limits) + (limits == 0.0)
         self._scales = np.where(
-            [name == "stability_margin" for name in bounds], np.maximum(np.abs(limits), MARGIN), scales
+            [name == "stability_margin" for name in bounds], np.maximum(np.abs(limits), MIN_MARGIN_SCALE), scales
         )
         self._least, self._aims = self.names.index(plan.minimize), [self.names.index(plan.minimize), *self._bounded]
         self._unit = abs(self.local.measures[plan.minimize] or 0.0) or 1.0
-        self._known: list[Local] = [self.local]
-        self._found: dict[bytes, list[Local] | None] = {}
+        self._known: list[OrbitNeighbourhood] = [self.local]
+        self._found: dict[bytes, list[OrbitNeighbourhood] | None] = {}
         self._slopes: dict[int, FloatArray] = {}  # of those that are known, which stay
         self.rows: list[Record] = []
 
@@ -95,11 +95,11 @@ class Model:
         found = np.log(np.where(self.log, values, low) / low) / np.log(high / low)
         return np.clip(np.where(self.log, found, (values - self.low) / (self.high - self.low)), 0.0, 1.0)
 
-    def at(self, place: FloatArray) -> list[Local] | None:
+    def at(self, place: FloatArray) -> list[OrbitNeighbourhood] | None:
         """Orbits at a place, one for each scene of the spread; None if one is lost or lacks a measure."""
         name = place.tobytes()
         if name not in self._found:
-            values, found = np.append(self.values(place), self.local.values[self.size :]), list[Local]()
+            values, found = np.append(self.values(place), self.local.values[self.size :]), list[OrbitNeighbourhood]()
             try:
                 for factor in self.factors:
                     wanted = values * factor
@@ -107,18 +107,18 @@ class Model:
                     found.append(near.correct(wanted))
                     self._known.append(found[-1])
                     if not np.isfinite(self._measures(found[-1])[self._aims]).all():
-                        raise MissedError("a measure has no value there")
-            except MissedError:
+                        raise NoConvergenceError("a measure has no value there")
+            except NoConvergenceError:
                 found.clear()
             self._found[name] = found or None
             if found:
                 own = {key: float(v) for key, v in zip(self.local.keys[: self.size], values, strict=False)}
                 excess = self.violation(place)
-                told = {"objective": self.worst(place), "violation": excess, "feasible": excess <= VIOLATION}
+                told = {"objective": self.worst(place), "violation": excess, "feasible": excess <= VIOLATION_TOLERANCE}
                 self.rows.append(own | self.measured(place) | told)
         return self._found[name]
 
-    def _measures(self, local: Local) -> FloatArray:
+    def _measures(self, local: OrbitNeighbourhood) -> FloatArray:
         return np.array([local.measures[name] for name in self.names], float)
 
     def measured(self, place: FloatArray) -> Record:
@@ -148,7 +148,7 @@ class Model:
         """Return the measure that is to be least, in the worst scene."""
         return float(self.objective(place).max()) * self._unit
 
-    def slopes(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def gradients(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Differentiate bounds and objective by the place."""
         found = self.at(place)
         assert found is not None
@@ -161,22 +161,22 @@ class Model:
             objective.append(slopes[self._least] / self._unit)
         return np.concatenate(bounds), np.array(objective)
 
-    def _gradients(self, local: Local) -> FloatArray:
+    def _gradients(self, local: OrbitNeighbourhood) -> FloatArray:
         if id(local) not in self._slopes:
             self._slopes[id(local)] = local.gradients(self.names)[:, : self.size]
         return self._slopes[id(local)]
 
     def search(self, start: FloatArray) -> FloatArray | None:
         """Find the best place from a start; None if no bounds can be kept, or the orbit is lost at once."""
-        for _ in range(HALVINGS):
+        for _ in range(MAX_HALVINGS):
             if self.at(start) is not None:
                 break
             start = 0.5 * (start + self.place(self.local.values[: self.size]))
         else:
             return None
-        if self.violation(start) > VIOLATION:
+        if self.violation(start) > VIOLATION_TOLERANCE:
             start = self._least_of(start, first=True)
-        return self._least_of(start, first=False) if self.violation(start) <= VIOLATION else None
+        return self._least_of(start, first=False) if self.violation(start) <= VIOLATION_TOLERANCE else None
 
     def _least_of(self, start: FloatArray, *, first: bool) -> FloatArray:
         """Make the violation least, ``first``, or the objective within the bounds.
@@ -193,10 +193,10 @@ class Model:
             good = good if lost else u[:-1].copy()
             bounds, objective = self.bounds(good), self.objective(good)
             found = bounds + u[-1] if first else np.append(bounds, u[-1] - objective)
-            return np.asarray(found - LOST * lost)
+            return np.asarray(found - LOST_PENALTY * lost)
 
         def slopes(u: FloatArray) -> FloatArray:
-            bounds, objective = self.slopes(u[:-1] if self.at(u[:-1]) is not None else good)
+            bounds, objective = self.gradients(u[:-1] if self.at(u[:-1]) is not None else good)
             if first:
                 return np.column_stack([bounds, np.ones(len(bounds))])
             rows = np.concatenate([bounds, -objective])
@@ -211,16 +211,16 @@ class Model:
             constraints={"type": "ineq", "fun": inside, "jac": slopes},
             bounds=[*[(0.0, 1.0)] * start.size, (0.0 if first else None, None)],
             method="SLSQP",
-            options={"maxiter": FIRST if first else ITERATIONS, "ftol": CLOSE},
+            options={"maxiter": MAX_VIOLATION_ITERATIONS if first else MAX_ITERATIONS, "ftol": SEARCH_TOLERANCE},
         ).x[:-1]
         ends = [place for place in (np.clip(found, 0.0, 1.0), start) if self.at(place) is not None]
         if first:
             return min(ends, key=self.violation)
-        kept = [place for place in ends if self.violation(place) <= VIOLATION * 10.0]
+        kept = [place for place in ends if self.violation(place) <= VIOLATION_TOLERANCE * 10.0]
         return min(kept or ends, key=lambda place: float(self.objective(place).max()))
 
 
-def searched(
+def run_search(
     scene: Scene,
     names: Sequence[str],
     known: Record,
@@ -238,14 +238,14 @@ def searched(
     """
     plan = scene.design
     assert plan is not None
-    model = Model(scene, names, known, bounds)
+    model = DesignProblem(scene, names, known, bounds)
     with closing(model.local):
         if begin is not None:
             start = model.place(np.array(list(begin.values())))
         elif number == 0:
             start = model.place(model.local.values[: model.size])
         else:
-            start = 0.5 * (within(plan.seed, model.size, number, number + 1)[0] + 1.0)
+            start = 0.5 * (sobol_points(plan.seed, model.size, number, number + 1)[0] + 1.0)
         place, best = model.search(start), None
         if place is not None:
             values = dict(zip(plan.keys, model.values(place).tolist(), strict=True))
@@ -253,17 +253,17 @@ def searched(
         return {"rows": [{"start": number, **row} for row in model.rows], "best": best}
 
 
-def confirmed(scene: Scene, known: Record, values: dict[str, float]) -> Record:
+def measure_design(scene: Scene, known: Record, values: dict[str, float]) -> Record:
     """Measure the attractor that a design reaches from the initial condition of a run, as in a sweep.
 
     Returns
     -------
     record
-        ``row`` of a sweep, ``regime``, and whether it is that of the scene as given.
+        ``row`` of a sweep, ``name_regime``, and whether it is that of the scene as given.
     """
     other = scene.replace(values)
-    row = measure_point(other, settling(other), None, (0,)).row
+    row = measure_point(other, settling_plan(other), None, (0,)).row
     if row["outcome"] != "ok":
         return {"row": {}, "regime": row["outcome"], "same": False}
-    told = regime(row["sync"], row["motion"], row["period"])
-    return {"row": row, "regime": told, "same": told == regime(known["sync"], "periodic", known["period"])}
+    told = name_regime(row["sync"], row["motion"], row["period"])
+    return {"row": row, "regime": told, "same": told == name_regime(known["sync"], "periodic", known["period"])}

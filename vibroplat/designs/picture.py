@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import words_in_place
-from vibroplat.config.questions import DesignPlan
+from vibroplat.columns import indexed_name
+from vibroplat.config.study_plans import DesignPlan
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
 from vibroplat.results import picture
@@ -58,7 +58,7 @@ def _sensitivities(result: Result, plan: DesignPlan) -> picture.Picture:
     for number, measure in enumerate(known["measure"].unique()):
         own = known.loc[known["measure"] == measure, "elasticity"].abs().sort_values(ascending=False, kind="stable")
         series.append(picture.Series("", own.index.to_numpy()))
-        facets.append(picture.Facet(words_in_place(measure), [number]))
+        facets.append(picture.Facet(indexed_name(measure), [number]))
     return picture.Picture(
         name="sensitivities",
         heading="Elasticities",

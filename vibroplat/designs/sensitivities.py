@@ -12,10 +12,10 @@ from vibroplat.columns import TEXT, Column, Columns
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.schema import meant, nodes
-from vibroplat.continuation.local import Local
-from vibroplat.continuation.newton import MissedError
+from vibroplat.config.schema import did_you_mean, nodes
+from vibroplat.continuation.newton import NoConvergenceError
 from vibroplat.continuation.orbit import Orbit, OrbitError
+from vibroplat.continuation.orbit_neighbourhood import OrbitNeighbourhood
 from vibroplat.errors import ConfigError
 from vibroplat.model.parameters import parameters
 from vibroplat.model.sensitivity import SECTIONS, flat, value_of, with_value
@@ -25,13 +25,13 @@ from vibroplat.study.point import MEASURED, measure_point
 from vibroplat.study.store import Record
 
 #: Measures that are told of each orbit, if its scene has them.
-USUAL = ("rms_x_m", "rms_y_m", "excitation_frequency_hz", "motor_power_w", "contact_force_max_n", "stability_margin")
+PRINTED = ("rms_x_m", "rms_y_m", "excitation_frequency_hz", "motor_power_w", "contact_force_max_n", "stability_margin")
 #: Residual of orbits whose measures are differentiated.
-TOLERANCE = 1e-9
+ORBIT_TOLERANCE = 1e-9
 #: A measure over the largest of its kind that is round-off, as RMS x if the machine vibrates along y.
-NOTHING = 1e-7
+ROUND_OFF_RATIO = 1e-7
 #: Change of a key, over its value, that tells whether the equations have it.
-_CHANGE = 1e-6
+_KEY_CHANGE = 1e-6
 
 SENSITIVITIES: Columns = {
     "measure": Column(
@@ -62,7 +62,7 @@ def varied_keys(scene: Scene) -> list[str]:
             if not isinstance(value, float) or value == 0.0:
                 continue
             try:
-                changed = flat(parameters(with_value(scene, key.split("."), value * (1.0 + _CHANGE))))
+                changed = flat(parameters(with_value(scene, key.split("."), value * (1.0 + _KEY_CHANGE))))
             except ValueError:
                 continue
             if (changed != p).any():
@@ -106,17 +106,17 @@ def require_measures(scene: Scene, names: Sequence[str], where: str) -> None:
     allowed = measured_names(scene)
     for name in names:
         if name not in allowed:
-            hint = meant(name, allowed)
+            hint = did_you_mean(name, allowed)
             raise ConfigError(f"{where}: {name} is not a measure of this scene; {hint}allowed: {', '.join(allowed)}")
 
 
-def settling(scene: Scene) -> SweepPlan:
+def settling_plan(scene: Scene) -> SweepPlan:
     """How motion settles and is measured: as in the scene's sweep, if it has one."""
     supply = scene.drive.largest_frequency
     return scene.sweep or SweepPlan.model_validate({"supply_frequency_hz": {"start": supply, "stop": supply}})
 
 
-def settled(scene: Scene) -> Record:
+def settle_on_orbit(scene: Scene) -> Record:
     """Find the motion that a scene's motion converges to, and refuse one that is no orbit.
 
     Returns
@@ -129,7 +129,7 @@ def settled(scene: Scene) -> Record:
     OrbitError
         It does not repeat, or ends early.
     """
-    point = measure_point(scene, settling(scene), None, (0,))
+    point = measure_point(scene, settling_plan(scene), None, (0,))
     row = point.row
     if point.state is None or not row["period"]:
         what = row["motion"] if row["outcome"] == "ok" else f"{row['outcome']}: {row['detail']}"
@@ -139,29 +139,29 @@ def settled(scene: Scene) -> Record:
     return {"state": point.state, "period": row["period"], "sync": row["sync"]}
 
 
-def begun(scene: Scene, keys: Sequence[str], known: Record) -> Local:
+def local_orbit(scene: Scene, keys: Sequence[str], known: Record) -> OrbitNeighbourhood:
     """Find the orbit that a scene's motion has come to, and its neighbourhood."""
-    return Local.near(scene, keys, known["state"], period=known["period"], tolerance=TOLERANCE)
+    return OrbitNeighbourhood.near(scene, keys, known["state"], period=known["period"], tolerance=ORBIT_TOLERANCE)
 
 
-def differentiated(scene: Scene, keys: Sequence[str], names: Sequence[str], known: Record) -> Record:
+def orbit_sensitivities(scene: Scene, keys: Sequence[str], names: Sequence[str], known: Record) -> Record:
     """Differentiate measures of a scene's orbit by keys: ``rows`` of the table, and its ``measures``."""
-    with closing(begun(scene, keys, known)) as local:
+    with closing(local_orbit(scene, keys, known)) as local:
         return {"rows": rows(local, names), "measures": local.measures | {"stable": local.margin > 0.0}}
 
 
-def measured_at(scene: Scene, values: Mapping[str, float]) -> Record:
+def measure_at(scene: Scene, values: Mapping[str, float]) -> Record:
     """Measure the orbit of a scene at other values of some keys, to which it is followed: a ``row``."""
-    with closing(begun(scene, list(values), settled(scene))) as local:
+    with closing(local_orbit(scene, list(values), settle_on_orbit(scene))) as local:
         return {"row": local.correct(list(values.values())).measures}
 
 
-def rows(local: Local, names: Sequence[str]) -> list[dict[str, Any]]:
+def rows(local: OrbitNeighbourhood, names: Sequence[str]) -> list[dict[str, Any]]:
     """Make the rows of the table of sensitivities of an orbit."""
     names = [name for name in names if local.measures.get(name) is not None]
     try:
         found = local.gradients(names)
-    except MissedError as error:
+    except NoConvergenceError as error:
         raise OrbitError(f"the measures cannot be differentiated: {error}") from None
     found_rows = []
     for name, by_key in zip(names, found.tolist(), strict=True):
@@ -169,7 +169,7 @@ def rows(local: Local, names: Sequence[str]) -> list[dict[str, Any]]:
         kind = [
             abs(v) for n, v in local.measures.items() if isinstance(v, float) and n.split("_")[0] == name.split("_")[0]
         ]
-        told = nominal and abs(nominal) > NOTHING * max(kind)
+        told = nominal and abs(nominal) > ROUND_OFF_RATIO * max(kind)
         for key, value, slope in zip(local.keys, map(float, local.values), by_key, strict=True):
             elasticity = slope * value / nominal if told else None
             found_rows.append(
@@ -186,8 +186,8 @@ def sensitivities(
     measures = [measures] if isinstance(measures, str) else measures
     require_keys(orbit.scene, keys, "keys")
     require_measures(orbit.scene, measures or (), "measures")
-    with closing(Local.near(orbit.scene, keys, orbit, tolerance=TOLERANCE)) as local:
-        return table(rows(local, USUAL if measures is None else measures))
+    with closing(OrbitNeighbourhood.near(orbit.scene, keys, orbit, tolerance=ORBIT_TOLERANCE)) as local:
+        return table(rows(local, PRINTED if measures is None else measures))
 
 
 def table(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
@@ -195,7 +195,7 @@ def table(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     return study_table(rows, list(SENSITIVITIES), SENSITIVITIES)
 
 
-def largest(table: Sequence[dict[str, Any]], measure: str, most: int) -> list[dict[str, Any]]:
+def largest_elasticities(table: Sequence[dict[str, Any]], measure: str, most: int) -> list[dict[str, Any]]:
     """Choose the rows of a measure with the largest elasticities."""
     own = [row for row in table if row["measure"] == measure and row["elasticity"] is not None]
     return sorted(own, key=lambda row: -abs(row["elasticity"]))[:most]

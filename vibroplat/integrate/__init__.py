@@ -50,7 +50,7 @@ def announce_compilation(engine: str) -> bool:
 
     must = not is_compiled(engine)
     if must:
-        memory.require_memory(memory.COMPILING, "compiling the kernels for the first time")
+        memory.require_memory(memory.MIN_COMPILING_ADDRESS_SPACE, "compiling the kernels for the first time")
         why = notice() or "this happens once for each engine and takes about half a minute"
         _LOG.warning("compiling the numerical kernels; %s", why)
     return must

@@ -36,7 +36,7 @@ from numba.extending import intrinsic
 from vibroplat.errors import VibroplatError
 from vibroplat.kernels.cache import KernelCache, cache_of, folder
 from vibroplat.kernels.target import TARGET
-from vibroplat.system.two_processes import is_second, locked
+from vibroplat.system.compile_lock import is_second, locked
 
 if getattr(numba.config, "DISABLE_JIT", 0):
     raise VibroplatError(

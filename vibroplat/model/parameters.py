@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from vibroplat.config.coordinates import MOST_POINTS
-from vibroplat.config.drive import Interval
+from vibroplat.config.coordinates import MAX_NAMED_POINTS
+from vibroplat.config.drive import SupplyInterval
 from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import FloatArray
 
@@ -51,8 +51,8 @@ PARAMETERS = np.dtype(
         ("layer_damping", float),  # b_w / m_w2 (1/s)
         ("restitution", float),  # R
         ("sticking_speed", float),  # slower impacts have no restitution (m/s)
-        ("point_x", float, (MOST_POINTS,)),  # named points of the platform, from the common centre of mass (m)
-        ("point_y", float, (MOST_POINTS,)),
+        ("point_x", float, (MAX_NAMED_POINTS,)),  # named points of the platform, from the common centre of mass (m)
+        ("point_y", float, (MAX_NAMED_POINTS,)),
         ("safe_rotation", float),  # |φ| up to which the mass matrix is positive definite (rad)
         ("impact_law", np.int64),  # index into IMPACT_LAWS
     ],
@@ -112,7 +112,7 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     return p
 
 
-def supply(p: Parameters, scene: Scene, interval: Interval) -> None:
+def supply(p: Parameters, scene: Scene, interval: SupplyInterval) -> None:
     """Change what the supply says in a record: torque, synchronous and critical slip speed of both motors.
 
     The interval of the scene's drive is that which is to hold. The record is changed in place, so that all who hold it

@@ -10,7 +10,7 @@ import numpy as np
 
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.scene import Scene
-from vibroplat.config.schema import LARGEST_ANGLE
+from vibroplat.config.schema import MAX_ANGLE
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.hybrid.state import initial_state, perturb_state, state_scales
 from vibroplat.kernels.compiled import FloatArray
@@ -112,7 +112,7 @@ def _state_of(row: dict[str, Any], scene: Scene, key: str) -> FloatArray:
     if not np.isfinite([*state, row["t_s"]]).all():
         raise ValueError
     limits = {name: MAX_SIZE * scale for name, scale in zip((*COORDINATES, *RATES), state_scales(scene), strict=True)}
-    limits |= dict.fromkeys(("phi1_rad", "phi2_rad"), LARGEST_ANGLE)
+    limits |= dict.fromkeys(("phi1_rad", "phi2_rad"), MAX_ANGLE)
     limits["t_s"] = MAX_ANGLE_ERROR / (np.finfo(float).eps * scene.speed_scale)
     for name, limit in limits.items():
         if abs(row.get(name, 0.0)) > limit:

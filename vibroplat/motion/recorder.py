@@ -9,12 +9,12 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from vibroplat.config.scene import Scene
-from vibroplat.frames import PlainTable, pd
+from vibroplat.frames import ArrayTable, pd
 from vibroplat.hybrid.state import EVENT, Automaton
 from vibroplat.observe.notes import largest_samples
 from vibroplat.observe.tables import COPIES, Blocks, Records, Segment, TrajectoryRows, closed, event_table
 from vibroplat.results.tables import TableFile
-from vibroplat.system.memory import Share
+from vibroplat.system.memory import MemoryBudget
 
 #: What a run keeps besides its summary.
 Keep = Literal["segments", "table", "events", "summary"]
@@ -57,7 +57,7 @@ class Recorder:
         self.segments: list[Segment] = []
         self.peaks: dict[str, float] | None = None
         self._keep, self._sink, self._since = keep, sink, since
-        self._share = Share(ADVICE[keep])
+        self._share = MemoryBudget(ADVICE[keep])
         self._kept_events: list[Records] = []
         self._parts: list[pd.DataFrame] = []
         self._rows: TrajectoryRows | None = None
@@ -85,7 +85,7 @@ class Recorder:
                     self._share.take(events.nbytes)
                     self._kept_events.append(events)
 
-    def _take(self, part: PlainTable) -> None:
+    def _take(self, part: ArrayTable) -> None:
         """Take a part of the trajectory table."""
         if self._keep == "table":
             self._share.take(COPIES * int(part.frame.memory_usage(index=False).sum()))
@@ -98,7 +98,7 @@ class Recorder:
 
     def finish(self) -> None:
         """Record the rest of the tables when the motion has ended."""
-        self._share = Share(bounded=False)  # the rest is small, and a run without memory ends here
+        self._share = MemoryBudget(bounded=False)  # the rest is small, and a run without memory ends here
         for maker in (self._rows, self._events):
             if maker is not None:
                 maker.finish()
@@ -114,7 +114,7 @@ class Recorder:
         return pd.concat(self._parts, ignore_index=True) if self._keep == "table" else None
 
 
-def _hand(part: PlainTable, taker: Callable[[pd.DataFrame], object] | TableFile) -> None:
+def _hand(part: ArrayTable, taker: Callable[[pd.DataFrame], object] | TableFile) -> None:
     """Hand a part of a table over, to files without making a DataFrame of it."""
     if isinstance(taker, TableFile):
         taker.append(part)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.columns import Column, Columns, split
-from vibroplat.config.drive import Interval
+from vibroplat.config.drive import SupplyInterval
 from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.extremes import (
@@ -193,7 +193,7 @@ def means(ms: Accumulators) -> dict[str, float]:
     return dict(zip(SUMS, (sums / sums[TIME]).tolist(), strict=True)) | {"time": float(sums[TIME])}
 
 
-def steady_supply(scene: Scene, begin: float, end: float) -> Interval | None:
+def steady_supply(scene: Scene, begin: float, end: float) -> SupplyInterval | None:
     """Return the supply between two times (s), None if it changes in between."""
     return None if scene.drive.last_change(end) > begin else scene.drive.at(begin)
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.coordinates import MOST_POINTS
+from vibroplat.config.coordinates import MAX_NAMED_POINTS
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined, same_types
 from vibroplat.kernels.polynomial import chord_deviation_bound, slope, turning_point, value_range
 
@@ -31,7 +31,7 @@ QUANTITIES = 19
 _PLACES: Any = np.arange(QUANTITIES + 1)
 HEIGHT, ROTATION, OPENING, FORCE, SIDEWAYS, SPEED_1, _, PULL_X, PULL_Y, MOMENT = _PLACES[:10]
 TORQUE_1, _, POWER_1, _, LIFT, ACCELERATION, DRIVEN_1, _, IMPULSE, POINTS = _PLACES[10:]
-_SIZE = QUANTITIES + 3 * MOST_POINTS
+_SIZE = QUANTITIES + 3 * MAX_NAMED_POINTS
 
 #: Relative amount by which a value must exceed an extreme to replace it; smaller differences are round-off.
 TIE = 1e-11

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.config.plausibility import rounded
+from vibroplat.config.plausibility import as_text
 from vibroplat.config.scene import Scene
 from vibroplat.frames import pd
 from vibroplat.observe.data_sheet import steady_supply
@@ -66,7 +66,7 @@ def rotation(largest: float | None) -> str:
     """Return the note on the largest rotation of a platform (rad), or an empty text if it is small."""
     if largest is None or largest <= LARGE_ROTATION:
         return ""
-    return f"the platform turns by up to {rounded(largest, 2)} rad: inaccurate in a model of first order in phi"
+    return f"the platform turns by up to {as_text(largest, 2)} rad: inaccurate in a model of first order in phi"
 
 
 def drift(measures: Mapping[str, Any]) -> str:
@@ -80,7 +80,7 @@ def drift(measures: Mapping[str, Any]) -> str:
     if change <= DRIFTING:
         return ""
     return (
-        f"the phase difference changes by {rounded(change, 2)} rad while it is measured: the motion has not settled, "
+        f"the phase difference changes by {as_text(change, 2)} rad while it is measured: the motion has not settled, "
         "or the exciters do not synchronize"
     )
 
@@ -91,7 +91,7 @@ def change(scene: Scene, measures: Mapping[str, Any], start: float) -> str:
     if last <= begin:
         return ""
     return (
-        f"the supply changes until {last:g} s, but the measured part begins at {rounded(begin)} s: means include "
+        f"the supply changes until {last:g} s, but the measured part begins at {as_text(begin)} s: means include "
         f"the change; run.duration_s = {2.0 * (last - start):g} or more avoids that"
     )
 
@@ -105,8 +105,8 @@ def capture(exciter: int, speed: float, synchronous: float, critical_slip: float
     if slip <= CAPTURED * critical_slip:
         return ""
     return (
-        f"exciter {exciter} turns at {rounded(speed)} Hz, {rounded(100.0 * slip, 2)} % below its synchronous speed "
-        f"{rounded(synchronous)} Hz: captured by a resonance, overloaded or still running up"
+        f"exciter {exciter} turns at {as_text(speed)} Hz, {as_text(100.0 * slip, 2)} % below its synchronous speed "
+        f"{as_text(synchronous)} Hz: captured by a resonance, overloaded or still running up"
     )
 
 
@@ -119,7 +119,7 @@ def stiffness(scene: Scene, engine: str, steps: int | None, restarts: int, secon
     if engine != "taylor" or not steps or steps <= STIFF * needed:
         return ""
     return (
-        f"engine taylor takes {rounded(steps / needed, 2)} times the steps that the excitation needs, because a layer, "
+        f"engine taylor takes {as_text(steps / needed, 2)} times the steps that the excitation needs, because a layer, "
         "a motor or the suspension is stiff: engine native is likely to be faster"
     )
 
@@ -143,8 +143,8 @@ def notes_on_samples(sampled: Mapping[str, float], measures: Mapping[str, Any], 
         missed = 1.0 - sampled[column] / largest if column in sampled and largest else 0.0
         if missed > MISSED:
             notes.append(
-                f"the trajectory table misses the largest {name}, {rounded(largest)} {unit}, by "
-                f"{rounded(100.0 * missed, 2)} %: output.sample_rate_hz = {rate:g} is too low"
+                f"the trajectory table misses the largest {name}, {as_text(largest)} {unit}, by "
+                f"{as_text(100.0 * missed, 2)} %: output.sample_rate_hz = {rate:g} is too low"
             )
     return notes
 
@@ -168,7 +168,7 @@ def captures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
         return [capture(i + 1, speeds[i], synchronous[i], slips[i]) for i in driven]
     seconds = measures["measured_to_s"] - measures["measured_from_s"]
     return [
-        f"exciter {i + 1} hardly turns, although its synchronous speed is {rounded(synchronous[i])} Hz"
+        f"exciter {i + 1} hardly turns, although its synchronous speed is {as_text(synchronous[i])} Hz"
         for i in driven
         if speeds[i] * seconds < 1.0 and capture(i + 1, 2.0 / seconds, synchronous[i], slips[i])
     ]

@@ -20,7 +20,7 @@ from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import State
 from vibroplat.errors import ConfigError
-from vibroplat.frames import PlainTable, Words, pd
+from vibroplat.frames import ArrayTable, CategoryColumn, pd
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.state import Automaton
 from vibroplat.kernels.compiled import FloatArray, compiled, copy
@@ -28,7 +28,7 @@ from vibroplat.kernels.polynomial import values
 from vibroplat.model.motor import motor_powers
 from vibroplat.model.parameters import parameters, supply
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS, System
-from vibroplat.system.memory import amount, available, takeable
+from vibroplat.system.memory import available, free_memory, size_text
 
 #: Rows that are made and written at a time.
 BLOCK = 2**15
@@ -89,12 +89,12 @@ def named_derivative(derivative: FloatArray, scene: Scene, keys: Sequence[str]) 
     return pd.DataFrame(derivative[rows][:, columns], index=list(places), columns=[*places, *keys])
 
 
-def event_table(events: Records) -> PlainTable:
+def event_table(events: Records) -> ArrayTable:
     """Make an event table of records of :data:`vibroplat.hybrid.state.EVENT`."""
     columns: dict[str, Any] = {column: events[field] for column, field in zip(EVENTS, _FIELDS, strict=True)}
-    columns["kind"] = Words(events["kind"], KINDS)
-    columns["mode_after"] = Words(events["mode_after"], _MODES)
-    return PlainTable(columns, EVENTS)
+    columns["kind"] = CategoryColumn(events["kind"], KINDS)
+    columns["mode_after"] = CategoryColumn(events["mode_after"], _MODES)
+    return ArrayTable(columns, EVENTS)
 
 
 @dataclass(frozen=True)
@@ -195,13 +195,13 @@ class Sampler:
         rows["state"], rows["force"] = segment(times)
         return rows
 
-    def table(self, rows: Records) -> PlainTable:
+    def table(self, rows: Records) -> ArrayTable:
         """Make a table of records of ROW."""
-        columns: dict[str, Any] = {"t_s": rows["t"], "mode": Words(rows["mode"], _MODES, categorical=True)}
+        columns: dict[str, Any] = {"t_s": rows["t"], "mode": CategoryColumn(rows["mode"], _MODES, categorical=True)}
         columns |= {name: rows["state"][:, place] for name, place in state_places(self.scene).items()}
         if self.scene.has_contact:
             columns["contact_force_n"] = rows["force"]
-        return PlainTable(columns | self._supply(rows), TRAJECTORY)
+        return ArrayTable(columns | self._supply(rows), TRAJECTORY)
 
     def _supply(self, rows: Records) -> dict[str, FloatArray]:
         """Power of both motors (W), and the supply frequency (Hz) where a program changes it, in all rows."""
@@ -265,7 +265,7 @@ class TrajectoryRows:
         Is called with each part of the table.
     """
 
-    def __init__(self, scene: Scene, take: Callable[[PlainTable], object]) -> None:
+    def __init__(self, scene: Scene, take: Callable[[ArrayTable], object]) -> None:
         self._sample = Sampler(scene)
         self._blocks = Blocks(ROW, lambda rows: take(self._sample.table(rows)))
         self._end = np.empty(0, ROW)  # of the segment before: it is no row if the next one continues from it
@@ -305,16 +305,16 @@ def require_room(scene: Scene, directory: Path | None = None, form: str = "parqu
     """
     if directory is None:
         there = available()
-        limit, number = takeable(there), COPIES * NUMBER
-        where = f"of memory, where {amount(limit)} may be taken of {amount(there)} available"
+        limit, number = free_memory(there), COPIES * NUMBER
+        where = f"of memory, where {size_text(limit)} may be taken of {size_text(there)} available"
     else:
         limit, number = float(shutil.disk_usage(directory).free), NUMBER_IN_CSV if form == "csv" else NUMBER
-        where = f"on disk, where {amount(limit)} are free"
+        where = f"on disk, where {size_text(limit)} are free"
     seconds, rate = scene.run.duration_s, scene.output.sample_rate_hz
     rows, columns = seconds * rate, len(Sampler(scene).table(np.empty(0, ROW)).columns)
     needed = rows * columns * number
     if needed > limit:
         raise ConfigError(
             f"output.sample_rate_hz = {rate:g} asks for {rows:.3g} rows of {columns} columns in {seconds:g} s: "
-            f"{amount(needed)} {where}; allowed: at most {rate * limit / needed:.2g} Hz, or a shorter run.duration_s"
+            f"{size_text(needed)} {where}; allowed: at most {rate * limit / needed:.2g} Hz, or a shorter run.duration_s"
         )

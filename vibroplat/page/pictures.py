@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import shown_in, words, words_in_place
+from vibroplat.columns import display_name, display_unit, indexed_name
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
@@ -51,9 +51,9 @@ def table_data(title: str, result: int, whole: pd.DataFrame, rows: Any = None) -
     columns = [
         {
             "name": str(name),
-            "words": words(str(name)),
-            "unit": shown_in(str(name))[0],
-            "factor": shown_in(str(name))[1],
+            "words": display_name(str(name)),
+            "unit": display_unit(str(name))[0],
+            "factor": display_unit(str(name))[1],
             "state": name in _STATE,
             "values": plain_column(table[name]),
         }
@@ -104,7 +104,7 @@ def picture_data(number: int, picture: Picture, motions: Motions) -> dict[str, A
             {"label": one.label.replace("$", ""), "series": [*one.series], "behind": [*one.behind]}
             for one in (picture.facets if len(picture.facets) > 1 else ())
         ],
-        "choice": words_in_place(picture.choice),
+        "choice": indexed_name(picture.choice),
         "marks": [
             one._asdict() | {"symbol": SYMBOLS[one.symbol], "rows": renumbered[[*one.rows]].tolist()}
             for one in picture.marks
@@ -125,8 +125,8 @@ def picture_data(number: int, picture: Picture, motions: Motions) -> dict[str, A
 
 
 def _column(name: str) -> dict[str, Any]:
-    unit, factor = shown_in(name)
-    return {"column": name, "words": words_in_place(name), "unit": unit, "factor": factor}
+    unit, factor = display_unit(name)
+    return {"column": name, "words": indexed_name(name), "unit": unit, "factor": factor}
 
 
 def _panel(panel: Panel, points: pd.DataFrame) -> dict[str, Any]:
@@ -210,7 +210,7 @@ class Motions:
         -------
         dict
             ``motions``: what :meth:`_computed` returns; ``owner``: for each place the row whose orbit it has;
-            ``owned``: whether these are rows of another table; ``words`` about them.
+            ``owned``: whether these are rows of another table; ``display_name`` about them.
         """
         orbits = picture.orbits
         if orbits is None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from vibroplat.columns import shown_in, unit_of, words
+from vibroplat.columns import display_name, display_unit, unit_of
 from vibroplat.config.keys import Key, key_of
 from vibroplat.config.kinds import KINDS, unused_sections
 from vibroplat.errors import TableError
@@ -99,7 +99,7 @@ def _parameter(name: str, values: Sequence[Any]) -> dict[str, Any]:
     parts = name.split(".")[:-1]  # places in lists begin with 0; exciters and entries of a program are counted from 1
     return {
         "section": " ".join(str(int(part) + 1) if part.isdecimal() else part for part in parts),
-        "words": words(name) or name,
+        "words": display_name(name) or name,
         "unit": unit_of(name),
         "meaning": "" if key is None else ": ".join(text for text in (key.symbol, key.meaning) if text),
         "default": default,
@@ -131,12 +131,12 @@ def summary_rows(summaries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]
     keys += [key for key in dict.fromkeys(k for s in summaries for k in s) if key not in (*FIRST, *_ELSEWHERE)]
     rows = []
     for key in keys:
-        (unit, factor), values = shown_in(key), [summary.get(key) for summary in summaries]
+        (unit, factor), values = display_unit(key), [summary.get(key) for summary in summaries]
         if factor != 1.0:
             values = [factor * v if isinstance(v, int | float) else v for v in values]
         group = next((group for begins, group in SHEET.items() if key.startswith(begins)), "")
         group = "first" if key in FIRST else group
-        rows.append({"words": words(key), "unit": unit, "values": values, "group": group})
+        rows.append({"words": display_name(key), "unit": unit, "values": values, "group": group})
     return rows
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from vibroplat.columns import shown_in
+from vibroplat.columns import display_unit
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
@@ -181,8 +181,8 @@ def panels(runs: Sequence[Mapping[str, Any]], *, from_mean: bool = False) -> lis
         curves = {name: label for name, label in labels.items() if name in largest}
         if not curves and not (title == "impulse" and any(shown["impacts"] for shown in runs)):
             continue
-        drawn = [{"column": name, "factor": shown_in(name)[1], "label": label} for name, label in curves.items()]
-        most = max((largest[name] * shown_in(name)[1] for name in curves), default=1.0)
+        drawn = [{"column": name, "factor": display_unit(name)[1], "label": label} for name, label in curves.items()]
+        most = max((largest[name] * display_unit(name)[1] for name in curves), default=1.0)
         decimals = 3 - math.floor(math.log10(most)) if 0.0 < most < math.inf else 3
         name = "speed from its mean" if title == "speed" and from_mean else title
         found.append({"title": name, "unit": unit, "curves": drawn, "decimals": min(max(decimals, 0), DECIMALS)})

@@ -13,10 +13,10 @@ import pandas as pd
 from vibroplat.columns import Column, Columns
 from vibroplat.paper import judges
 from vibroplat.paper.evidence import EDGE, IMPACT_KEY, NON_IMPACT_KEY, Evidence, Key
-from vibroplat.paper.judges import Claim, Finding, listed, ordered, ratio_to_inelastic
+from vibroplat.paper.judges import Claim, Finding, as_list, ordered, ratio_to_inelastic
 from vibroplat.paper.root_finding import WIDTH
 from vibroplat.paper.scenes import claims
-from vibroplat.study.branches import SUPPLY, Branch
+from vibroplat.study.branches import SUPPLY, SweepBranch
 
 _FALLS = partial(ordered, "falls", ((Key(0.2), Key(0.1)), (Key(0.1), Key(0.0))))
 
@@ -51,7 +51,7 @@ JUDGES: dict[str, Callable[[Claim, Evidence], Finding]] = {
     "layer-damping": judges.layer_damping,
 }
 #: Largest difference (Hz) between synchronous and excitation frequency at a failed point, whose latter is not known.
-LAG = 1.0
+MAX_LAG = 1.0
 
 #: The table ``claims``, a row for each claim of the paper.
 CLAIMS: Columns = {
@@ -70,7 +70,7 @@ CLAIMS: Columns = {
 }
 #: A verdict without a margin rests on less than this: half of the width to which most boundaries are narrowed, and as
 #: small a part of the tolerances of other claims.
-NARROW = {"Hz": 0.25 * WIDTH, "%": 0.25, "rad": 2e-3, "": 0.02}
+MIN_MARGINS = {"Hz": 0.25 * WIDTH, "%": 0.25, "rad": 2e-3, "": 0.02}
 
 #: Evidence with other sets of numbers, and their changes of those of the machine.
 Others = Sequence[tuple[Mapping[str, Any], Evidence]]
@@ -82,11 +82,11 @@ def judge(claim: Claim, evidence: Evidence) -> Finding:
     finding = judged(claim, evidence)
     failed = _failed(claim, evidence)
     elastic = [key for key in failed if key.restitution == 1.0]
-    if elastic and min(listed(claim["R"])) == 1.0:
+    if elastic and min(as_list(claim["R"])) == 1.0:
         finding = finding._replace(holds=False, judged=False)
     elif elastic:
-        others = {key: course for key, course in evidence.courses.items() if key not in elastic}
-        rest = judged(claim, replace(evidence, courses=others))
+        others = {key: course for key, course in evidence.branches.items() if key not in elastic}
+        rest = judged(claim, replace(evidence, branches=others))
         if rest.holds:
             finding = Finding(f"with R < 1: {rest.measured}; not judged at R = 1", False, rest.score, judged=False)
         else:
@@ -102,11 +102,11 @@ def _failed(claim: Claim, evidence: Evidence) -> dict[Key, int]:
 
     It is about the branches whose mass ratios it names, and whose R is in its range.
     """
-    mu, r = listed(claim.get("mu", 0.0)), listed(claim.get("R", 0.0))
+    mu, r = as_list(claim.get("mu", 0.0)), as_list(claim.get("R", 0.0))
     f = claim.get("within", claim.get("f"))
-    low, high = (f[0] - EDGE, f[-1] + LAG) if isinstance(f, list) else (0.0, math.inf)
+    low, high = (f[0] - EDGE, f[-1] + MAX_LAG) if isinstance(f, list) else (0.0, math.inf)
     found = {}
-    for key, (branch, rows) in evidence.courses.items():
+    for key, (branch, rows) in evidence.branches.items():
         if key == Key(key.mass_ratio, key.restitution) and key.mass_ratio in mu and min(r) <= key.restitution <= max(r):
             pairs = branch.scene.exciter_pair[0].pole_pairs  # f_e over these is the synchronous frequency
             failed = [row for row in rows if row["outcome"] != "ok" and low <= row[SUPPLY] / pairs <= high]
@@ -114,18 +114,18 @@ def _failed(claim: Claim, evidence: Evidence) -> dict[Key, int]:
     return {key: count for key, count in found.items() if count}
 
 
-def cut(branch: Branch, asked: Sequence[Claim]) -> Branch:
+def cut(branch: SweepBranch, asked: Sequence[Claim]) -> SweepBranch:
     """Cut an upward branch where none of some claims looks any more; without points if none looks at it at all."""
     mu, r = branch.scene.material.mass_ratio, branch.scene.contact.restitution
     highest = 0.0
     for claim in asked:
-        restitutions, f = listed(claim.get("R", 0.0)), claim.get("f")
-        among = "mu" not in claim or mu in (0.0, *listed(claim["mu"]))
+        restitutions, f = as_list(claim.get("R", 0.0)), claim.get("f")
+        among = "mu" not in claim or mu in (0.0, *as_list(claim["mu"]))
         if among and min(restitutions) <= r <= max(restitutions):
             near = isinstance(f, list) and not is_of_models(claim)  # models are matched at the jump
-            highest = max(highest, listed(f)[-1] + LAG if near else math.inf)
+            highest = max(highest, as_list(f)[-1] + MAX_LAG if near else math.inf)
     pairs = branch.scene.exciter_pair[0].pole_pairs
-    return replace(branch, along=tuple(supply for supply in branch.along if supply / pairs <= highest))
+    return replace(branch, key_values=tuple(supply for supply in branch.key_values if supply / pairs <= highest))
 
 
 def is_of_models(claim: Claim) -> bool:
@@ -167,7 +167,7 @@ def _margin(findings: Sequence[Finding]) -> tuple[str, bool]:
         return "", False
     margins = sorted(finding.margin for finding in known)
     ends = dict.fromkeys(f"{margin:+.2g}" for margin in (margins[0], margins[-1]))
-    return f"{' … '.join(ends)} {known[0].unit}".strip(), min(map(abs, margins)) < NARROW[known[0].unit]
+    return f"{' … '.join(ends)} {known[0].unit}".strip(), min(map(abs, margins)) < MIN_MARGINS[known[0].unit]
 
 
 def _verdict(claim: Claim, found: Mapping[int, Finding], others: Others) -> tuple[str, str]:
@@ -200,7 +200,7 @@ def expected(claim: Claim) -> str:
     """Return a claim in words."""
 
     def ends(key: str) -> str:
-        values = listed(claim[key])
+        values = as_list(claim[key])
         return f"{values[0]:g}" if values[0] == values[-1] else f"{values[0]:g} … {values[-1]:g}"
 
     parts = [f"{symbol} {ends(key)}" for symbol, key in (("μ", "mu"), ("R", "R")) if key in claim]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.model.parameters import FloatArray
-from vibroplat.study.branches import EXCITATION, SUPPLY, Branch
+from vibroplat.study.branches import EXCITATION, SUPPLY, SweepBranch
 from vibroplat.study.point import ERRORS
 from vibroplat.study.store import Record
 
@@ -23,7 +23,7 @@ F = EXCITATION
 #: Allowed error of the ends of a band (Hz of excitation frequency): the paper's step is 0.5 Hz of supply frequency.
 EDGE = 0.25
 #: Distance of neighbouring rows (Hz) above which a curve is not interpolated between them.
-JUMP = 1.0
+MAX_INTERPOLATED_GAP = 1.0
 
 #: The regimes that claims name, as conditions on a row. Undecided motion is in none of MOTIONS; motion is called
 #: ``non-periodic`` in a row if its Lyapunov exponent was not asked for.
@@ -58,7 +58,7 @@ class Key(NamedTuple):
 IMPACT_KEY, NON_IMPACT_KEY = Key(0.2), Key(0.2, model="non-impact")
 
 
-class Boundary(NamedTuple):
+class RegimeChange(NamedTuple):
     """The rows before and after a change of regime."""
 
     before: Row
@@ -85,10 +85,10 @@ class Step(NamedTuple):
     after: float
 
 
-class Course(NamedTuple):
+class BranchRecords(NamedTuple):
     """A branch and the rows of its points in the sweep table, each with its supply frequency and its final state."""
 
-    branch: Branch
+    branch: SweepBranch
     rows: list[Row]
 
 
@@ -109,29 +109,29 @@ class Evidence:
         The steps whose boundaries have been read: those that are worth narrowing.
     """
 
-    courses: dict[Key, Course] = field(default_factory=dict)
+    branches: dict[Key, BranchRecords] = field(default_factory=dict)
     beta: float | None = None
-    boundaries: dict[Step, Boundary] = field(default_factory=dict)
+    boundaries: dict[Step, RegimeChange] = field(default_factory=dict)
     read: dict[Step, None] = field(default_factory=dict, compare=False)
 
-    def add(self, branch: Branch, records: Iterable[Record]) -> None:
+    def add(self, branch: SweepBranch, records: Iterable[Record]) -> None:
         """Add a branch by the records of its points; one that is there already, as sweeps share branches, is kept."""
-        points = zip(branch.along, records, strict=True)
+        points = zip(branch.key_values, records, strict=True)
         rows = [record["row"] | {SUPPLY: supply, "state": record["state"]} for supply, record in points]
         mass_ratio, contact = branch.scene.material.mass_ratio, branch.scene.contact
         key = Key(mass_ratio, contact.restitution, contact.model, contact.impact_law, branch.direction)
-        self.courses.setdefault(key, Course(branch, rows))
+        self.branches.setdefault(key, BranchRecords(branch, rows))
 
     def restitutions(self, mass_ratio: float) -> list[Key]:
         """Return the keys of the upward branches of the impact model that a mass ratio has, in the order of R."""
-        return sorted(key for key in self.courses if key == Key(mass_ratio, key.restitution))
+        return sorted(key for key in self.branches if key == Key(mass_ratio, key.restitution))
 
     def rows(self, key: Key, low: float = 0.0, high: float = math.inf, *, decided: str = "") -> list[Row]:
         """Return the rows of a branch that ended ``ok`` between two excitation frequencies (Hz); it may be missing.
 
         With a regime ``decided`` only rows that are known to be inside or outside of it.
         """
-        rows = self.courses[key].rows if key in self.courses else []
+        rows = self.branches[key].rows if key in self.branches else []
         rows = [row for row in rows if row["outcome"] == "ok" and low <= row[F] <= high]
         return [row for row in rows if row["motion"] != "undecided"] if decided in MOTIONS else rows
 
@@ -153,17 +153,17 @@ class Evidence:
         errors = errors + across * np.maximum(np.append(slope, 0.0), np.insert(slope, 0, 0.0))
         place = np.clip(np.searchsorted(f, at), 1, len(f) - 1)
         gap = np.diff(f)[place - 1]
-        found = np.where(gap > JUMP, np.nan, np.interp(at, f, values, left=np.nan, right=np.nan))
+        found = np.where(gap > MAX_INTERPOLATED_GAP, np.nan, np.interp(at, f, values, left=np.nan, right=np.nan))
         share = np.clip((at - f[place - 1]) / np.maximum(gap, 1e-12), 0.0, 1.0)
         with np.errstate(invalid="ignore"):
             mixed = np.hypot((1.0 - share) * errors[place - 1], share * errors[place])
         return found, np.nan_to_num(mixed, nan=np.inf, posinf=np.inf)
 
-    def jump(self, key: Key) -> Boundary | None:
+    def jump(self, key: Key) -> RegimeChange | None:
         """Find where antiphase rotation below the second resonance ends."""
         return self.end_of(key, "antiphase", 20.0)
 
-    def end_of(self, key: Key, regime: str, above: float = 0.0) -> Boundary | None:
+    def end_of(self, key: Key, regime: str, above: float = 0.0) -> RegimeChange | None:
         """Find where a branch leaves a regime for the first time above an excitation frequency (Hz).
 
         Returns None if the branch is never in the regime there, or does not leave it.
@@ -175,7 +175,7 @@ class Evidence:
                 return self._narrowed(Step(key, regime, False, before[SUPPLY], after[SUPPLY]), before, after)
         return None
 
-    def start_of_last(self, key: Key, regime: str) -> Boundary | None:
+    def start_of_last(self, key: Key, regime: str) -> RegimeChange | None:
         """Find where the regime begins in which a branch ends.
 
         Returns None if the branch does not end in this regime, or is in it from its first row on.
@@ -187,9 +187,9 @@ class Evidence:
         before, after = changes[-1]
         return self._narrowed(Step(key, regime, True, before[SUPPLY], after[SUPPLY]), before, after)
 
-    def _narrowed(self, step: Step, before: Row, after: Row) -> Boundary:
+    def _narrowed(self, step: Step, before: Row, after: Row) -> RegimeChange:
         self.read[step] = None
-        return self.boundaries.get(step, Boundary(before, after))
+        return self.boundaries.get(step, RegimeChange(before, after))
 
 
 def error_of(row: Row, column: str) -> float:

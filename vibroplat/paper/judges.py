@@ -1,8 +1,8 @@
 """Judges of the paper's claims about regimes, boundaries between them, and amplitudes over frequency.
 
 Measures of non-periodic motion have standard errors. A comparison of amplitudes is violated at a frequency if it is
-wrong by more than SIGMAS standard errors. It holds if it is violated nowhere, is right at a share RIGHT of the
-frequencies, and right by more than its error at a share SURE of them.
+wrong by more than SIGMAS standard errors. It holds if it is violated nowhere, is right at a share MIN_RIGHT of the
+frequencies, and right by more than its error at a share MIN_SURE of them.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from vibroplat.paper.root_finding import JUMP_WIDTH, WIDTH
 from vibroplat.study.branches import SUPPLY
 
 #: Minimum change of frequency (Hz) at a jump, and least share by which RMS y falls there.
-LEAST_JUMP, LEAST_FALL = 0.1, 0.2
+MIN_JUMP, MIN_FALL = 0.1, 0.2
 #: Largest shift of the jump to the left (Hz) that counts as slight.
-SLIGHT = 1.0
+MAX_SLIGHT_SHIFT = 1.0
 #: Spacing of frequencies (Hz) at which curves are compared.
 SPACING = 0.25
 #: Share of an interval in which there must be antiphase motion to be compared.
-COVERED = 0.9
+MIN_COVERED = 0.9
 #: Standard errors by which a comparison may be wrong; shares of frequencies at which it must be right, and surely so.
-SIGMAS, RIGHT, SURE = 2.0, 0.9, 0.5
+SIGMAS, MIN_RIGHT, MIN_SURE = 2.0, 0.9, 0.5
 
 Claim = Mapping[str, Any]
 
@@ -57,17 +57,17 @@ class Finding(NamedTuple):
     judged: bool = True
 
 
-def listed(value: Any) -> list[float]:
+def as_list(value: Any) -> list[float]:
     """Return a value of a claim as a list."""
     return list(value) if isinstance(value, Sequence) else [value]
 
 
 def _keys(claim: Claim) -> list[Key]:
     """Return the keys of a claim's branches, from its mass ratios and restitutions."""
-    return [Key(mu, r) for mu in listed(claim.get("mu", 0.0)) for r in listed(claim.get("R", 0.0))]
+    return [Key(mu, r) for mu in as_list(claim.get("mu", 0.0)) for r in as_list(claim.get("R", 0.0))]
 
 
-def _joined(findings: Mapping[str, Finding]) -> Finding:
+def _join_findings(findings: Mapping[str, Finding]) -> Finding:
     """Join the findings of several branches; all must hold."""
     if len(findings) == 1:
         return next(iter(findings.values()))
@@ -91,7 +91,7 @@ def _closeness(off: float, tolerance: float) -> float:
 
 def band(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether a regime holds at all points in a band, and whether the points of all branches reach its ends."""
-    return _joined({key.text: _band_of(claim, evidence, key) for key in _keys(claim)})
+    return _join_findings({key.text: _band_of(claim, evidence, key) for key in _keys(claim)})
 
 
 def _band_of(claim: Claim, evidence: Evidence, key: Key) -> Finding:
@@ -99,7 +99,7 @@ def _band_of(claim: Claim, evidence: Evidence, key: Key) -> Finding:
     margin = EDGE if low < high else -EDGE  # a single frequency stands for those around it
     rows = _with_boundary(evidence, key, regime, low - EDGE)
     inside = [row for row in rows if low + margin <= row[F] <= high - margin]
-    stretches = runs([row for row in rows if low - 1.0 <= row[F] <= high + 1.0], regime)
+    stretches = regime_intervals([row for row in rows if low - 1.0 <= row[F] <= high + 1.0], regime)
     text = f"{regime} {', '.join(_interval(*run) for run in stretches) or 'nowhere'}; "
     if not inside:
         return Finding(f"{text}no steady motion in the band")
@@ -118,7 +118,7 @@ def _band_of(claim: Claim, evidence: Evidence, key: Key) -> Finding:
     return Finding(text, holds, share * (1.0 if reached else 0.7), min(off + ends, default=math.nan))
 
 
-def runs(rows: Sequence[Row], regime: str) -> list[tuple[float, float]]:
+def regime_intervals(rows: Sequence[Row], regime: str) -> list[tuple[float, float]]:
     """Return the first and last excitation frequency (Hz) of each stretch of rows in a regime."""
     stretches = [[row[F] for row in rows] for holds, rows in groupby(rows, REGIMES[regime]) if holds]
     return [(frequencies[0], frequencies[-1]) for frequencies in stretches]
@@ -139,11 +139,11 @@ def second_resonance(claim: Claim, evidence: Evidence) -> Finding:
     before, after = found
     off = abs(before[F] - claim["f"])
     ratio = after["rms_y_m"] / before["rms_y_m"]
-    jumps = after[F] - before[F] > LEAST_JUMP and ratio < 1.0 - LEAST_FALL
+    jumps = after[F] - before[F] > MIN_JUMP and ratio < 1.0 - MIN_FALL
     phases = " → ".join(f"{abs(row['phase_difference_rad']):.2f}" for row in found)
     text = f"{found.text} at supply {after[SUPPLY]:.2f} Hz, RMS y × {ratio:.2g}, Δφ {phases}"
     score = _closeness(off, claim["tol"]) * (1.0 if jumps else 0.5)
-    margin = min(claim["tol"] - off, after[F] - before[F] - LEAST_JUMP)
+    margin = min(claim["tol"] - off, after[F] - before[F] - MIN_JUMP)
     return Finding(text, off <= claim["tol"] and jumps, score, margin)
 
 
@@ -155,8 +155,8 @@ def jump_left(claim: Claim, evidence: Evidence) -> Finding:
         return Finding("antiphase does not end for every μ")
     bare = rows.pop(0.0)
     shifts = {mu: row[F] - bare[F] for mu, row in rows.items()}
-    margin = min(min(-0.5 * JUMP_WIDTH - f, f + SLIGHT) for f in shifts.values())
-    holds = [-SLIGHT <= f < -0.5 * JUMP_WIDTH for f in shifts.values()]
+    margin = min(min(-0.5 * JUMP_WIDTH - f, f + MAX_SLIGHT_SHIFT) for f in shifts.values())
+    holds = [-MAX_SLIGHT_SHIFT <= f < -0.5 * JUMP_WIDTH for f in shifts.values()]
     texts = [f"μ {mu:g}: {f:+.3f} Hz" for mu, f in shifts.items()]
     return Finding("; ".join([f"μ 0: {bare[F]:.2f} Hz", *texts]), all(holds), float(np.mean(holds)), margin)
 
@@ -217,7 +217,7 @@ def non_periodic_earlier(claim: Claim, evidence: Evidence) -> Finding:
     """
     starts = {}
     for key in _keys(claim):
-        if key in evidence.courses:
+        if key in evidence.branches:
             found = evidence.end_of(key, "periodic", 20.0)
             starts[key.restitution] = found.middle if found and found.before[F] <= 31.0 else math.inf
     falls = [a - b - 0.5 * WIDTH for a, b in pairwise(starts.values()) if math.isfinite(b)]
@@ -317,10 +317,10 @@ def _between(ratio: _Ratio, text: str, low: float = np.nextafter(1.0, 2.0), high
         measured += f", not at {_interval(ratio.f[violated].min(), ratio.f[violated].max())}"
     if undecided.any():
         measured += f", {undecided.sum()} undecided by their error"
-    if ratio.covered < COVERED:
+    if ratio.covered < MIN_COVERED:
         measured += f"; antiphase motion in {ratio.covered:.0%} of the interval only"
     sure = float((right & ~undecided).mean())
-    holds = not violated.any() and share >= RIGHT and sure >= SURE and ratio.covered >= COVERED
+    holds = not violated.any() and share >= MIN_RIGHT and sure >= MIN_SURE and ratio.covered >= MIN_COVERED
     margin = 100.0 * float(np.minimum(values + errors - low, high - values + errors).min())
     return Finding(measured, bool(holds), share * ratio.covered, margin, "%")
 
@@ -332,7 +332,7 @@ def ordered(text: str, pairs: Sequence[tuple[Key, Key]], claim: Claim, evidence:
         masses = sorted({key.mass_ratio for key in pair})
         name = f"μ {' and '.join(f'{mass:g}' for mass in masses)}"
         findings[name] = _between(_ratio(claim, evidence, pair[1], pair[0]), text)
-    return _joined(findings)
+    return _join_findings(findings)
 
 
 def ratio_to_inelastic(text: str, low: float, high: float, claim: Claim, evidence: Evidence) -> Finding:
@@ -346,7 +346,7 @@ def ratio_to_inelastic(text: str, low: float, high: float, claim: Claim, evidenc
                 holds = found.holds and low - SIGMAS * error <= mean <= high + SIGMAS * error
                 found = found._replace(measured=f"{found.measured}, mean {mean - 1.0:+.1%}", holds=holds)
             findings[key.text] = found
-    return _joined(findings) if findings else Finding("no branches with R > 0")
+    return _join_findings(findings) if findings else Finding("no branches with R > 0")
 
 
 def restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:
@@ -372,7 +372,7 @@ def restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:
 def non_impact_over(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether the non-impact amplitude is larger above resonance, and the ratio grows with R."""
     ratios = {r: _ratio(claim, evidence, NON_IMPACT_KEY, Key(claim["mu"], r)) for r in claim["R"]}
-    larger = _joined({f"R {r:g}": _between(ratio, "A_nonimpact > A_impact") for r, ratio in ratios.items()})
+    larger = _join_findings({f"R {r:g}": _between(ratio, "A_nonimpact > A_impact") for r, ratio in ratios.items()})
     means = [ratio.mean for ratio in ratios.values()]
     growth = [b - a - SIGMAS * float(np.hypot(i, j)) for (a, i), (b, j) in pairwise(means)]
     grows = all(part > 0.0 for part in growth)
@@ -428,7 +428,7 @@ def layer_damping(claim: Claim, evidence: Evidence) -> Finding:
     is 1.15 for ζ = 1/2. More counts as intensive; ζ < 1 is subcritical. In flight, with both layers free, the ratio is
     ζ√(1 + m_w2/m_w1); it is reported, not judged.
     """
-    course = evidence.courses.get(Key(claim["mu"]))
+    course = evidence.branches.get(Key(claim["mu"]))
     if course is None or course.branch.scene.layers < 2:
         return Finding("no two layers")
     material, (stiffness, damping) = course.branch.scene.material, course.branch.scene.layer_spring

@@ -25,7 +25,7 @@ from vibroplat.paper.root_finding import match_beta, matched_frequency, narrow
 from vibroplat.paper.scenes import BETA, IMPACT, NON_IMPACT, QUICK, SEED, claims, paper_scene
 from vibroplat.paper.tables import TABLES, histories, sync_bands
 from vibroplat.results.result import Answer, Result
-from vibroplat.study.branches import Branch, branches
+from vibroplat.study.branches import SweepBranch, branches
 from vibroplat.study.pool import Pool, StoredChain, run_stored
 from vibroplat.study.store import Record, Store
 from vibroplat.study.study import CrossCheckCase, Progress, Study, conditions
@@ -43,7 +43,7 @@ REPEATED: dict[str, Any] = {"sweep.supply_frequency_hz.direction": ["up"], "swee
 class SharedRecords:
     """The points of a sweep's branches, of which some are those of another sweep's branch: the same curve."""
 
-    def __init__(self, homes: Mapping[int, tuple[Branch, Store]]) -> None:
+    def __init__(self, homes: Mapping[int, tuple[SweepBranch, Store]]) -> None:
         self._homes = homes
 
     def read(self, number: int, /) -> Iterator[tuple[int, Record]]:
@@ -52,7 +52,7 @@ class SharedRecords:
         return store.read(branch.number)
 
 
-def curve_of(branch: Branch) -> str:
+def curve_of(branch: SweepBranch) -> str:
     """Return what determines the points of a branch, as text: branches of several figures may be the same curve.
 
     Material, contact and the limit of events make no difference to a bare platform.
@@ -63,7 +63,7 @@ def curve_of(branch: Branch) -> str:
         tree["solver"] = {k: v for k, v in tree["solver"].items() if k != "max_events_per_period"}
         tree |= {"material": None, "contact": None}
     tree["name"] = None
-    return json.dumps([tree, branch.direction, branch.along], sort_keys=True)
+    return json.dumps([tree, branch.direction, branch.key_values], sort_keys=True)
 
 
 @dataclass(eq=False)
@@ -94,7 +94,7 @@ class Trial:
     names: tuple[str, ...] = IMPACT
     changes: Mapping[str, Any] = field(default_factory=dict)
     evidence: Evidence = field(default_factory=Evidence)
-    swept: dict[str, tuple[list[Branch], SharedRecords]] = field(default_factory=dict)
+    swept: dict[str, tuple[list[SweepBranch], SharedRecords]] = field(default_factory=dict)
     points: list[dict[str, Any]] = field(default_factory=list)
     store: Store = field(init=False)
 
@@ -170,7 +170,7 @@ class PaperStudy(Study):
         trials = machine, others = self.trials()
         main = machine[0]
         for trial in (*machine, *others):
-            trial.store = store.part(trial.name)
+            trial.store = store.namespace(trial.name)
         _sweep([(trial, name) for trial in machine for name in trial.names], workers, progress=progress)
         _narrow(machine, workers)
         _add_non_impact(machine, workers)
@@ -179,7 +179,7 @@ class PaperStudy(Study):
         _sweep([(trial, name) for trial in others for name in trial.names], workers, failing)
         if any(map(is_of_models, failing)):
             _add_non_impact(others, workers)
-        shown = histories(self.numbers, main.evidence.beta, main.store.part("histories"), workers)
+        shown = histories(self.numbers, main.evidence.beta, main.store.namespace("histories"), workers)
         tables = {**_tables(trials), **shown}
         self._swept = main.swept
         beta, matched = main.evidence.beta, matched_frequency(main.evidence)
@@ -219,11 +219,11 @@ def _sweep(
     progress: Progress = lambda done, known: None,
 ) -> None:
     """Run sweeps of trials side by side, as far as claims ask for them, and add their branches to the evidence."""
-    homes, sweeps = dict[str, tuple[Branch, Store]](), []
+    homes, sweeps = dict[str, tuple[SweepBranch, Store]](), []
     for trial, name in wanted:
         found = branches(trial.scene(name))
-        found = found if asked is None else [branch for branch in (cut(b, asked) for b in found) if branch.along]
-        store = trial.store.part(name)
+        found = found if asked is None else [branch for branch in (cut(b, asked) for b in found) if branch.key_values]
+        store = trial.store.namespace(name)
         places = {branch.number: homes.setdefault(curve_of(branch), (branch, store)) for branch in found}
         trial.swept[name] = found, SharedRecords(places)
         sweeps.append(([branch for branch in found if places[branch.number][0] is branch], store))
@@ -239,7 +239,7 @@ def _sweep(
 
 def _add_non_impact(trials: Sequence[Trial], workers: Pool) -> None:
     """Find β of the non-impact model for some trials, and run its sweeps where there is one."""
-    chains = [StoredChain(match_beta(trial.evidence), trial.store.part("beta"), 0) for trial in trials]
+    chains = [StoredChain(match_beta(trial.evidence), trial.store.namespace("beta"), 0) for trial in trials]
     for trial, beta in zip(trials, run_stored(chains, workers), strict=True):
         trial.evidence.beta = beta
     _sweep([(trial, NON_IMPACT) for trial in trials if trial.evidence.beta is not None], workers)
@@ -251,7 +251,7 @@ def _narrow(machine: Sequence[Trial], workers: Pool) -> None:
         matched_frequency(trial.evidence)
         for claim in claims():
             judge(claim, trial.evidence)
-    narrow([(trial.evidence, trial.store.part("boundaries")) for trial in machine], workers)
+    narrow([(trial.evidence, trial.store.namespace("boundaries")) for trial in machine], workers)
 
 
 def _tables(trials: Trials) -> dict[str, pd.DataFrame]:

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from vibroplat.config.plans import FREQUENCY, SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.paper.evidence import IMPACT_KEY, MOTIONS, REGIMES, Boundary, Evidence, F, Step
+from vibroplat.paper.evidence import IMPACT_KEY, MOTIONS, REGIMES, Evidence, F, RegimeChange, Step
 from vibroplat.paper.scenes import BETA
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.point import point_task
@@ -29,32 +29,32 @@ JUMP_WIDTH, WIDTH = 0.02, 0.1
 
 #: Excitation frequency (Hz) at which the paper makes RMS y of both models equal, and how far the impact model may stay
 #: below it: half a step of the paper.
-MATCHED, SHORT = 30.9, 0.25
+MATCHED_HZ, MAX_SHORTFALL_HZ = 30.9, 0.25
 #: Error of the excitation frequency (Hz) up to which it counts as matched.
-MATCHED_WIDTH = 1e-3
+FREQUENCY_TOLERANCE = 1e-3
 #: Largest β that is tried (1/s).
-LARGEST_BETA = 500.0
+MAX_BETA = 500.0
 #: Share of the amplitude up to which an excess counts as none.
-SAME = 0.01
+EXCESS_TOLERANCE = 0.01
 #: Excess of amplitude (m) that stands for a frequency that is not reached: with too little friction the motors stay
 #: captured below.
-CAPTURED = 1.0
+CAPTURED_EXCESS = 1.0
 
 
 def narrow(judged: Sequence[tuple[Evidence, Store]], workers: Pool) -> None:
     """Narrow the boundaries that have been read of each evidence and are not narrow yet, and add them to it."""
     found = [(e, step, records) for e, records in judged for step in e.read if step not in e.boundaries]
-    chains = [StoredChain(_bisected(e, step), records, json.dumps(step)) for e, step, records in found]
+    chains = [StoredChain(_bisect(e, step), records, json.dumps(step)) for e, step, records in found]
     for (evidence, step, _), boundary in zip(found, run_stored(chains, workers), strict=True):
         evidence.boundaries[step] = boundary
 
 
-def _bisected(evidence: Evidence, step: Step) -> Tasks[Boundary]:
+def _bisect(evidence: Evidence, step: Step) -> Tasks[RegimeChange]:
     """Halve a step until the change of regime in it is known to the width; a point that fails or is undecided ends it.
 
     The result is the boundary with the rows next to the change.
     """
-    branch, rows = evidence.courses[step.key]
+    branch, rows = evidence.branches[step.key]
     before, after = (next(row for row in rows if row[SUPPLY] == supply) for supply in (step.before, step.after))
     plan = branch.plan.model_copy(
         update={"lyapunov": branch.plan.lyapunov and step.regime in MOTIONS, "find_coexisting": False}
@@ -62,12 +62,14 @@ def _bisected(evidence: Evidence, step: Step) -> Tasks[Boundary]:
     width = JUMP_WIDTH if step.regime in ("antiphase", "in-phase") else WIDTH
     while abs(after[SUPPLY] - before[SUPPLY]) > width:
         middle = float(0.5 * (before[SUPPLY] + after[SUPPLY]))
-        record = yield point_task(branch.scene.replace({FREQUENCY: middle}), plan, before["state"], branch.key(middle))
+        record = yield point_task(
+            branch.scene.replace({FREQUENCY: middle}), plan, before["state"], branch.perturbation_key(middle)
+        )
         row = record["row"] | {SUPPLY: middle, "state": record["state"]}
         if record["state"] is None or (step.regime in MOTIONS and row["motion"] == "undecided"):
             break
         before, after = (row, after) if REGIMES[step.regime](row) != step.begins else (before, row)
-    return Boundary(before, after)
+    return RegimeChange(before, after)
 
 
 def match_beta(evidence: Evidence) -> Tasks[float | None]:
@@ -81,7 +83,7 @@ def match_beta(evidence: Evidence) -> Tasks[float | None]:
     if wanted is None:
         return None
     impact = float(evidence.curve(IMPACT_KEY, np.array([wanted]))[0][0])
-    branch = evidence.courses[IMPACT_KEY].branch
+    branch = evidence.branches[IMPACT_KEY].branch
     # antiphase with viscous friction may be unstable near the jump: without perturbation the motion stays there
     changes = {"measure_s": 1.0, "lyapunov": False, "perturbation": 0.0, "settle_by": "section"}
     plan = branch.plan.model_copy(update=changes)
@@ -89,39 +91,39 @@ def match_beta(evidence: Evidence) -> Tasks[float | None]:
     excess: dict[float, float] = {}
     while True:
         try:
-            return beta_without_excess(excess, SAME * impact)
+            return beta_without_excess(excess, EXCESS_TOLERANCE * impact)
         except KeyError as missing:
             beta = missing.args[0]
             viscous = branch.scene.replace({"contact.model": "non-impact", BETA: beta})
             found = yield from _rms_at(viscous, plan, begin, wanted)
-            excess[beta] = CAPTURED if found is None else found - impact
+            excess[beta] = CAPTURED_EXCESS if found is None else found - impact
 
 
 def beta_without_excess(excess: Mapping[float, float], tolerance: float) -> float | None:
     """Return the β (1/s) whose excess of amplitude (m) is 0 within a tolerance, by Brent's method on a table.
 
-    Returns None if there is no such β between 0 and LARGEST_BETA.
+    Returns None if there is no such β between 0 and MAX_BETA.
 
     Raises
     ------
     KeyError
         The table lacks a β that is needed.
     """
-    if not excess[0.0] > 0.0 > excess[LARGEST_BETA]:
+    if not excess[0.0] > 0.0 > excess[MAX_BETA]:
         return None
-    beta = float(brentq(excess.__getitem__, 0.0, LARGEST_BETA, xtol=1e-3))
+    beta = float(brentq(excess.__getitem__, 0.0, MAX_BETA, xtol=1e-3))
     return beta if abs(excess[beta]) < tolerance else None
 
 
 def matched_frequency(evidence: Evidence) -> float | None:
-    """Return where both models are made equal (Hz): at MATCHED, or as close below it as the impact model comes.
+    """Return where both models are made equal (Hz): at MATCHED_HZ, or as close below it as the impact model comes.
 
-    Returns None if the impact model stays more than half a step of the paper below MATCHED.
+    Returns None if the impact model stays more than half a step of the paper below MATCHED_HZ.
     """
     end = evidence.jump(IMPACT_KEY)
     below = [end.before] if end else evidence.rows(IMPACT_KEY, high=31.0)
-    reached = min(MATCHED, max((float(row[F]) for row in below), default=0.0))
-    return reached if reached >= MATCHED - SHORT else None
+    reached = min(MATCHED_HZ, max((float(row[F]) for row in below), default=0.0))
+    return reached if reached >= MATCHED_HZ - MAX_SHORTFALL_HZ else None
 
 
 def _rms_at(scene: Scene, plan: SweepPlan, supply: float, wanted: float) -> Tasks[float | None]:
@@ -136,7 +138,7 @@ def _rms_at(scene: Scene, plan: SweepPlan, supply: float, wanted: float) -> Task
         state, row = record["state"], record["row"]
         if state is None or row["sync"] != "antiphase":
             return None
-        if abs(row[F] - wanted) < MATCHED_WIDTH:
+        if abs(row[F] - wanted) < FREQUENCY_TOLERANCE:
             return float(row["rms_y_m"])
         slope = (row[F] - last[1]) / (supply - last[0]) if last and last[0] != supply else 0.5
         last = supply, row[F]

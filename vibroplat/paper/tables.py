@@ -33,7 +33,7 @@ CURVES: dict[str, tuple[str, ...]] = {
     "fig7": ("mu0.2", "mu0.2-R0.3", "mu0.2-R0.5", "mu0.2-nonimpact"),
 }
 #: Turns of exciter 1 that a time history shows, and its points per second.
-SHOWN, RATE = 8, 2000.0
+SHOWN_TURNS, POINTS_PER_SECOND = 8, 2000.0
 
 #: The tables of Figs. 4, 5 and 7, a row for each time.
 HISTORY: Columns = {
@@ -106,8 +106,8 @@ def history(scene: Scene) -> Record:
     """Simulate a scene and return its last turns of exciter 1 as lists by column; without contact there is no gap."""
     run = simulate(scene)
     turns = run.section["t_s"].to_numpy()
-    begin = turns[max(len(turns) - 1 - SHOWN, 0)] if len(turns) else 0.0
-    times = np.arange(begin, run.segments[-1].end, 1.0 / RATE)
+    begin = turns[max(len(turns) - 1 - SHOWN_TURNS, 0)] if len(turns) else 0.0
+    times = np.arange(begin, run.segments[-1].end, 1.0 / POINTS_PER_SECOND)
     rows = run(times)
     table = pd.DataFrame(
         {
@@ -127,7 +127,7 @@ def sync_bands(evidence: Evidence) -> pd.DataFrame:
     Upward and downward branches follow each other, so that their difference shows the hysteresis.
     """
     rows = []
-    for key in sorted(evidence.courses):
+    for key in sorted(evidence.branches):
         for sync, stretch in groupby(evidence.rows(key), key=lambda row: str(row["sync"])):
             points = list(stretch)
             ends = [points[place][column] for column in (F, SUPPLY) for place in (0, -1)]

@@ -15,7 +15,7 @@ from vibroplat.plots.style import begin_at_zero, entry, new_figure
 from vibroplat.plots.timelines import FloatArray, in_units
 from vibroplat.results.picture import BLACK, BLUE, GREEN, ORANGE, PURPLE, REFERENCE, VERMILION, finite
 from vibroplat.results.result import Result
-from vibroplat.study.bands import jumps
+from vibroplat.study.bands import find_jumps
 from vibroplat.study.branches import EXCITATION
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def _arrows(axis: Axes, rows: pd.DataFrame, column: str, colour: str) -> None:
     arrow = {"arrowstyle": "->", "color": colour, "lw": 0.8, "ls": "-" if up else "--", "shrinkA": 0.0, "shrinkB": 0.0}
     known = [0.0, 2.0 * np.pi] if column == PHASE_COLUMN else [0.0, *values[np.isfinite(values)]]
     least = VISIBLE * float(np.ptp(known))
-    for i in np.flatnonzero(jumps(rows)):
+    for i in np.flatnonzero(find_jumps(rows)):
         if abs(values[i + 1] - values[i]) > least:
             axis.annotate("", (f[i], values[i + 1]), (f[i], values[i]), arrowprops=arrow)
             axis.hlines(values[i + 1], min(f[i : i + 2]), max(f[i : i + 2]), colors=colour, ls=":", lw=0.6)

@@ -17,10 +17,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from vibroplat.columns import COORDINATES, FORCES, PHASE, PHASE_COLUMN, quantity_of, with_shaking
-from vibroplat.config.plausibility import rounded
+from vibroplat.columns import COORDINATES, FORCES, PHASE, PHASE_COLUMN, describe_sync, quantity_of
+from vibroplat.config.plausibility import as_text
 from vibroplat.config.scene import Scene
-from vibroplat.config.schema import LARGEST
+from vibroplat.config.schema import MAX_SIZE
 from vibroplat.errors import TableError
 from vibroplat.plots.style import CONTACT, PLATFORM
 from vibroplat.results.labels import is_number, phase_label, plain
@@ -91,10 +91,10 @@ def mark_peak(axis: Axes, envelope: pd.DataFrame, column: str, value: float, tim
     speed = "" if pace is None else f", {pace:.3g} Hz"
     least, largest = envelope[f"{column}:min"], envelope[f"{column}:max"]
     if column in FORCES:
-        place, told = (-value if -least.min() > largest.max() else value), f"{rounded(value, 4)} N"
+        place, told = (-value if -least.min() > largest.max() else value), f"{as_text(value, 4)} N"
     else:
         place = least.min() if least.argmin() > largest.argmax() else largest.max()
-        place, told = float(in_units(place, column)), f"stroke {rounded(float(in_units(value, column)), 4)} mm"
+        place, told = float(in_units(place, column)), f"stroke {as_text(float(in_units(value, column)), 4)} mm"
     axis.plot(time, place, "o", ms=4.5, mfc="white", mec=BLACK, clip_on=False, zorder=5)
     axis.annotate(
         f"{told} at {time:.4g} s{speed}", (time, place), (7.0, 0.0), textcoords="offset points", fontsize=8,
@@ -225,7 +225,7 @@ def phase_axis(axis: Axes, label: str = PHASE) -> None:
 def tell_shaking(axis: Axes, rotation: str) -> None:
     """Say on an axis of phase differences what a machine does in phase and in antiphase, if its rotation is known."""
     for text in axis.texts:
-        text.set_text(with_shaking(text.get_text(), rotation))
+        text.set_text(describe_sync(text.get_text(), rotation))
 
 
 @dataclass(frozen=True)
@@ -292,8 +292,8 @@ def read_measured(path: Path, x: str, columns: Collection[str], others: Collecti
     known = {x, *columns}
     for column in known & {*table.columns}:
         found = pd.to_numeric(table[column], errors="coerce").astype(float)  # what is as long as 1e19 is an object
-        if wrong := table[column][~(found.abs() <= LARGEST)].dropna().tolist():
-            allowed = f"numbers such as 0.5 up to {LARGEST:g}, or nothing"
+        if wrong := table[column][~(found.abs() <= MAX_SIZE)].dropna().tolist():
+            allowed = f"numbers such as 0.5 up to {MAX_SIZE:g}, or nothing"
             raise TableError(f"--data {path}: column {column} holds {wrong[0]!r}; allowed: {allowed}")
         table[column] = found
     if left := [str(column) for column in table.columns if column not in known | {*others}]:

@@ -14,10 +14,10 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from vibroplat.frames import PlainTable, Words
+from vibroplat.frames import ArrayTable, CategoryColumn
 
 
-def arrow_table(part: PlainTable) -> pa.Table:
+def arrow_table(part: ArrayTable) -> pa.Table:
     """Return a part of a table, with what tells pandas how to read it."""
     arrays, told = {}, []
     for name, column in part.columns.items():
@@ -28,9 +28,9 @@ def arrow_table(part: PlainTable) -> pa.Table:
     return pa.table(arrays).replace_schema_metadata({"pandas": json.dumps(about)})
 
 
-def _array(column: npt.NDArray[Any] | Words) -> tuple[pa.Array, str, str, dict[str, Any] | None]:
+def _array(column: npt.NDArray[Any] | CategoryColumn) -> tuple[pa.Array, str, str, dict[str, Any] | None]:
     """Return a column, the names that pandas and numpy have for its type, and what else pandas is told."""
-    if not isinstance(column, Words):
+    if not isinstance(column, CategoryColumn):
         return _numbers(column), str(column.dtype), str(column.dtype), None
     if column.categorical:
         array = pa.DictionaryArray.from_arrays(_numbers(column.numbers.astype(np.int8)), _texts(column.words))

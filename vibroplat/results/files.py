@@ -19,10 +19,10 @@ from pathlib import Path
 from typing import Any
 
 from vibroplat.config.kinds import KINDS
-from vibroplat.config.schema import RENAMED as KEYS
+from vibroplat.config.schema import RENAMED_KEYS as KEYS
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
-from vibroplat.results.locks import replacing
+from vibroplat.results.locks import replacement_lock
 from vibroplat.results.tables import (
     Format,
     Table,
@@ -30,7 +30,7 @@ from vibroplat.results.tables import (
     json_writer,
     new_file,
     one_line_errors,
-    opened,
+    open_file,
     put_in_place,
     read_json,
     read_parts,
@@ -45,7 +45,7 @@ COMMANDS = ("run", *KINDS, "paper")
 #: Version of the contents of result directories; increased when an older reader would misread them.
 SCHEMA = 2
 #: Columns of results with schema 1, and their names now.
-RENAMED = {
+RENAMED_COLUMNS = {
     "latches": "chatters",
     "measured_latches": "measured_chatters",
     "unstable": "n_unstable",
@@ -97,13 +97,13 @@ def write_result(
         A file cannot be written, or another process holds the lock.
     """
     with ExitStack() as stack:
-        files = _written(stack, directory, tables, documents or {}, configurations or {}, form)
+        files = _write_temporaries(stack, directory, tables, documents or {}, configurations or {}, form)
         digests = {path.name: _sha256(temporary) for path, temporary in files.items()}
         proof = dict(origin) | {"command": command, "result": uuid.uuid4().hex, "files": digests}
-        with replacing(directory):
+        with replacement_lock(directory):
             own, path = _own(directory, command), _place_to_write(directory, command)
             last, temporary = files.popitem()
-            old = _former(path, command) - digests.keys()
+            old = _former_files(path, command) - digests.keys()
             with new_file(path, json_writer(proof)) as files[path]:
                 if path != own:
                     remove_file(own)
@@ -114,7 +114,7 @@ def write_result(
                 remove_file(directory / name)
 
 
-def _written(
+def _write_temporaries(
     stack: ExitStack,
     directory: Path,
     tables: Mapping[str, Table | TableFile],
@@ -184,12 +184,12 @@ class SavedFiles:
     def parts(self, name: str, columns: Collection[str] | None = None, *, last: bool = False) -> Iterator[pd.DataFrame]:
         """Read a table in parts; see :func:`vibroplat.results.tables.read_parts`."""
         if columns is not None and self.provenance["schema"] == 1:
-            columns = [*columns, *(old for old, new in RENAMED.items() if new in columns)]
+            columns = [*columns, *(old for old, new in RENAMED_COLUMNS.items() if new in columns)]
         return map(self._renamed, read_parts(self.directory, name, self._digests, columns, last=last))
 
     def _renamed(self, table: pd.DataFrame) -> pd.DataFrame:
         """Return a table with the present names of its columns; the margins of the paper's claims keep theirs."""
-        names = RENAMED if self.command != "paper" else {**RENAMED, "margin": "margin"}
+        names = RENAMED_COLUMNS if self.command != "paper" else {**RENAMED_COLUMNS, "margin": "margin"}
         return table.rename(columns=names) if self.provenance["schema"] == 1 else table
 
     def document(self, name: str) -> Any:
@@ -198,7 +198,7 @@ class SavedFiles:
 
     def configuration(self, name: str) -> str:
         """Read a YAML file, as :meth:`document`."""
-        with opened(self.directory / f"{name}.yaml", self._digests) as file:
+        with open_file(self.directory / f"{name}.yaml", self._digests) as file:
             return file.read().decode("utf-8")
 
 
@@ -237,7 +237,7 @@ def _rename_keys(configuration: dict[str, Any]) -> None:
             given[new.partition(".")[2]] = values[old].get(value, value) if old in values else value
 
 
-def _former(path: Path, command: str) -> set[str]:
+def _former_files(path: Path, command: str) -> set[str]:
     """Return the names of the files in the result of a command that is about to be replaced."""
     try:
         found = read_json(path.parent, path.stem)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import PHASE, place_of, unit_of, words, words_in_place
+from vibroplat.columns import PHASE, display_name, indexed_name, list_place, unit_of
 from vibroplat.config.drive import Drive, Entry
 from vibroplat.config.kinds import unused_sections
 from vibroplat.config.plans import FREQUENCY
@@ -89,7 +89,7 @@ def in_ratios(values: Any) -> bool:
 
 def key_name(key: str) -> str:
     """Return what a key, or its column, is called beside values or directions, as plain text."""
-    return plain(_KEYS.get(key, (words_in_place(key), ""))[0])
+    return plain(_KEYS.get(key, (indexed_name(key), ""))[0])
 
 
 def key_label(key: str) -> str:
@@ -103,9 +103,9 @@ def key_label(key: str) -> str:
 def value_label(key: str, value: Any) -> str:
     """Return a value of a key in a legend, with its symbol and unit."""
     if not is_number(value):
-        return plain(value if isinstance(value, str) else f"{words(key)}: {value}")
+        return plain(value if isinstance(value, str) else f"{display_name(key)}: {value}")
     symbol = _KEYS.get(key, ("", ""))[1]
-    return f"{symbol or plain(words(key))}{' = ' if symbol else ' '}{value:g} {unit_of(key)}".strip()
+    return f"{symbol or plain(display_name(key))}{' = ' if symbol else ' '}{value:g} {unit_of(key)}".strip()
 
 
 def value_words(key: str, value: Any) -> str:
@@ -114,7 +114,7 @@ def value_words(key: str, value: Any) -> str:
         drive = Drive.model_validate(value)
         return f"supply {'' if drive.program is None else 'program up to '}{drive.largest_frequency:g} Hz"
     number = f"{value:g}" if is_number(value) else str(value)
-    return " ".join(part for part in (words_in_place(key), number, unit_of(key)) if part)
+    return " ".join(part for part in (indexed_name(key), number, unit_of(key)) if part)
 
 
 # -- scenes ------------------------------------------------------------------------------------------------------------
@@ -246,5 +246,5 @@ def _difference(key: str, value: Any) -> str:
     """Return a value in which a result differs, with the number of its exciter or motor."""
     if key == DRIVE:
         return supply_label(Scene.model_validate({DRIVE: value}))
-    place, label = place_of(key), value_label(key, value)
+    place, label = list_place(key), value_label(key, value)
     return f"{key.split('.', maxsplit=1)[0].removesuffix('s')} {place}: {label}" if place else label

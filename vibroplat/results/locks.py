@@ -25,7 +25,7 @@ from vibroplat.errors import TableError
 #: Name of the lock that is held while files of a directory are replaced.
 NAME = "files.lock"
 #: Longest time (s) that a command waits for another one to replace its files, which takes milliseconds.
-WAIT = 60.0
+MAX_WAIT_S = 60.0
 
 #: What a file system answers that knows no locks.
 _WITHOUT_LOCKS = {errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
@@ -84,7 +84,7 @@ class Lock:
 
 
 @contextmanager
-def replacing(directory: Path) -> Iterator[None]:
+def replacement_lock(directory: Path) -> Iterator[None]:
     """Hold the lock of a directory while its files are replaced.
 
     On a file system without locks one line says so. There two commands may mix their files, which readers refuse.
@@ -92,11 +92,11 @@ def replacing(directory: Path) -> Iterator[None]:
     Raises
     ------
     TableError
-        Another process holds it for longer than :data:`WAIT`, or it cannot be created.
+        Another process holds it for longer than :data:`MAX_WAIT_S`, or it cannot be created.
     """
     lock = Lock(directory / NAME)
     try:
-        lock.acquire(WAIT)
+        lock.acquire(MAX_WAIT_S)
     except OSError as error:
         if error.errno not in _WITHOUT_LOCKS:
             raise TableError(f"{directory / NAME} cannot be written: {error.strerror or error}") from None

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from vibroplat.columns import split, unit_of
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.frames import PlainTable, pd
+from vibroplat.frames import ArrayTable, pd
 from vibroplat.hybrid.state import EVENT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE
@@ -37,10 +37,10 @@ from vibroplat.observe.tables import (
     require_room,
     state_places,
 )
-from vibroplat.results.card import results, sheet, whole
 from vibroplat.results.files import commands_in
 from vibroplat.results.provenance import provenance
 from vibroplat.results.result import LABELS, Answer, Result, Tables
+from vibroplat.results.summary_text import data_sheet_lines, main_results, whole_run_lines
 from vibroplat.results.tables import replace_file, require_replaceable
 
 if TYPE_CHECKING:
@@ -176,7 +176,7 @@ class RunResult(Result):
         columns = {"t_s": points["t"]} | {name: states[:, i] for name, i in state_places(self.scene).items()}
         if self.scene.has_contact:
             columns["contact_force_n"] = points["force"]
-        return PlainTable(columns, TRAJECTORY).frame
+        return ArrayTable(columns, TRAJECTORY).frame
 
     @property
     def data_sheet(self) -> pd.DataFrame:
@@ -292,8 +292,8 @@ class RunResult(Result):
     @property
     def answer(self) -> Answer:
         """What ``vibroplat run`` prints."""
-        lines = results(self.scene, self.summary, self.origin)
-        lines |= sheet(self.scene, self.summary) | whole(self.summary)
+        lines = main_results(self.scene, self.summary, self.origin)
+        lines |= data_sheet_lines(self.scene, self.summary) | whole_run_lines(self.summary)
         detail = str(self.summary["detail"])
         return Answer(lines, notes=self.notes, failures=[] if self.outcome == "ok" else [f"{self.outcome}: {detail}"])
 
@@ -331,7 +331,7 @@ class RunResult(Result):
     def _card(self) -> dict[str, str]:
         detail = {"detail": self.summary["detail"]} if self.summary["detail"] else {}
         notes = {"notes": f"{len(self.notes)}, see run.notes"} if self.summary["notes"] else {}
-        return results(self.scene, self.summary, self.origin) | detail | notes
+        return main_results(self.scene, self.summary, self.origin) | detail | notes
 
     def plot(self, kind: str | None = None, **options: Any) -> Figure:
         """Draw a figure: ``motion`` (platform, gap), ``force`` (contact), ``exciters`` (speeds, phase difference).

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias
 
 from vibroplat.errors import TableError
-from vibroplat.frames import PlainTable, Words, pd, sharing
+from vibroplat.frames import ArrayTable, CategoryColumn, pd, share_descriptions
 from vibroplat.results.locks import is_gone, mark
 from vibroplat.system.interrupts import unfinished, watching
 
@@ -30,12 +30,12 @@ Writer = Callable[[Path], object]
 Table: TypeAlias = "pd.DataFrame | Iterable[pd.DataFrame]"
 FORMATS: tuple[Format, ...] = ("parquet", "csv")
 #: Most rows of a group in a Parquet file that is made of whole tables.
-GROUP = 2000
+MAX_GROUP_ROWS = 2000
 #: Most rows that are read at a time.
-PART = 2**15
+MAX_PART_ROWS = 2**15
 #: Age (s) at which a temporary file is removed whosever it is: its owner may be on another machine. A writer that is
 #: alive changes its file much more often.
-LEFTOVER = 86_400.0
+LEFTOVER_AGE_S = 86_400.0
 
 
 def result_directory(out: Path, name: str) -> Path:
@@ -100,9 +100,9 @@ def read_table(directory: Path, name: str, digests: Mapping[str, str] | None = N
     TableError
         It does not exist, is not the one of the digest, or cannot be read.
     """
-    with _opened_table(directory, name, digests) as file:
+    with _open_table(directory, name, digests) as file:
         if file.name.endswith(".parquet"):
-            return sharing(pd.read_parquet(file, page_checksum_verification=True))
+            return share_descriptions(pd.read_parquet(file, page_checksum_verification=True))
         return pd.read_csv(file)
 
 
@@ -125,7 +125,7 @@ def read_parts(
     last
         Whether only the end of the table is wanted.
     """
-    with _opened_table(directory, name, digests) as file:
+    with _open_table(directory, name, digests) as file:
         read = _read_row_groups if file.name.endswith(".parquet") else _read_lines
         yield from read(file, columns, last=last)
 
@@ -138,16 +138,16 @@ def _read_row_groups(file: BufferedReader, columns: Collection[str] | None, *, l
     wanted = [name for name in source.schema_arrow.names if columns is None or name in columns]
     groups = list(range(source.num_row_groups))
     found = False
-    for rows in source.iter_batches(PART, groups[-1:] if last else groups, wanted):
+    for rows in source.iter_batches(MAX_PART_ROWS, groups[-1:] if last else groups, wanted):
         found = True
-        yield sharing(pa.Table.from_batches([rows]).to_pandas())
+        yield share_descriptions(pa.Table.from_batches([rows]).to_pandas())
     if not found:
-        yield sharing(source.schema_arrow.empty_table().select(wanted).to_pandas())
+        yield share_descriptions(source.schema_arrow.empty_table().select(wanted).to_pandas())
 
 
 def _read_lines(file: BufferedReader, columns: Collection[str] | None, *, last: bool) -> Iterator[pd.DataFrame]:
     part = None
-    for part in pd.read_csv(file, usecols=None if columns is None else columns.__contains__, chunksize=PART):
+    for part in pd.read_csv(file, usecols=None if columns is None else columns.__contains__, chunksize=MAX_PART_ROWS):
         if not last:
             yield part
     if last and part is not None:
@@ -155,14 +155,14 @@ def _read_lines(file: BufferedReader, columns: Collection[str] | None, *, last: 
 
 
 @contextmanager
-def _opened_table(directory: Path, name: str, digests: Mapping[str, str] | None) -> Iterator[BufferedReader]:
+def _open_table(directory: Path, name: str, digests: Mapping[str, str] | None) -> Iterator[BufferedReader]:
     """Open a table of a result in either format."""
     files = [f"{name}.{form}" for form in FORMATS]
     files = [file for file in files if digests is None or file in digests] or files
     with ExitStack() as stack:
         for file in files:
             with suppress(FileNotFoundError):
-                table = stack.enter_context(opened(directory / file, digests))
+                table = stack.enter_context(open_file(directory / file, digests))
                 break
         else:
             raise TableError(f"{directory} holds no {name} table; allowed: a result directory of vibroplat")
@@ -173,14 +173,14 @@ def read_json(directory: Path, name: str, digests: Mapping[str, str] | None = No
     """Read ``name.json`` of a result; raises :class:`TableError` like :func:`read_table`."""
     path = directory / f"{name}.json"
     try:
-        with opened(path, digests) as file:
+        with open_file(path, digests) as file:
             return json.loads(file.read().decode("utf-8"))
     except FileNotFoundError:
         raise TableError(f"{directory} holds no {name}.json") from None
 
 
 @contextmanager
-def opened(path: Path, digests: Mapping[str, str] | None) -> Iterator[BufferedReader]:
+def open_file(path: Path, digests: Mapping[str, str] | None) -> Iterator[BufferedReader]:
     """Open a file of a result; what is wrong with its contents becomes one line.
 
     What is compared with the digest is what is read, even if the file is replaced meanwhile.
@@ -222,7 +222,7 @@ class TableFile:
         self._temporary: Path | None = None
         self._parquet: pq.ParquetWriter | None = None
 
-    def append(self, part: pd.DataFrame | PlainTable) -> None:
+    def append(self, part: pd.DataFrame | ArrayTable) -> None:
         """Write the next part; raises :class:`TableError`. Plain arrays give the same file without loading pandas."""
         with one_line_errors(self.path):
             first = self._temporary is None
@@ -230,7 +230,7 @@ class TableFile:
                 self._temporary = self._stack.enter_context(_temporary(self.path))
             if self._form == "parquet":
                 self._append_rows(part, self._temporary)
-            elif isinstance(part, PlainTable):
+            elif isinstance(part, ArrayTable):
                 _append_lines(part, self._temporary, header=first)
             else:
                 part.to_csv(self._temporary, mode="a", index=False, header=first)
@@ -238,20 +238,20 @@ class TableFile:
     def extend(self, table: Table) -> None:
         """Write a table, whole or in parts; raises :class:`TableError`."""
         for part in [table] if isinstance(table, pd.DataFrame) else table:
-            if isinstance(part, PlainTable) or len(part) <= GROUP:
+            if isinstance(part, ArrayTable) or len(part) <= MAX_GROUP_ROWS:
                 self.append(part)
                 continue
-            for row in range(0, len(part), GROUP):
-                self.append(part[row : row + GROUP])
+            for row in range(0, len(part), MAX_GROUP_ROWS):
+                self.append(part[row : row + MAX_GROUP_ROWS])
 
-    def _append_rows(self, part: pd.DataFrame | PlainTable, place: Path) -> None:
+    def _append_rows(self, part: pd.DataFrame | ArrayTable, place: Path) -> None:
         """Append a row group; units and meanings in the ``attrs`` become metadata of the fields."""
         import pyarrow as pa  # noqa: PLC0415  (a table in CSV does not need it)
         import pyarrow.parquet as pq  # noqa: PLC0415
 
         from vibroplat.results.arrow import arrow_table  # noqa: PLC0415  (nor this)
 
-        rows = arrow_table(part) if isinstance(part, PlainTable) else pa.Table.from_pandas(part, preserve_index=False)
+        rows = arrow_table(part) if isinstance(part, ArrayTable) else pa.Table.from_pandas(part, preserve_index=False)
         units, meanings = part.attrs.get("units", {}), part.attrs.get("meanings", {})
         fields = [
             field.with_metadata({"unit": units.get(field.name, ""), "meaning": meanings[field.name]})
@@ -283,10 +283,12 @@ class TableFile:
         self._stack.close()
 
 
-def _append_lines(part: PlainTable, place: Path, *, header: bool) -> None:
+def _append_lines(part: ArrayTable, place: Path, *, header: bool) -> None:
     """Append lines of CSV, to the byte as pandas writes them: numbers in full, and nothing for nan."""
     cells = [
-        of.texts() if isinstance(of, Words) else ["" if math.isnan(number) else number for number in of.tolist()]
+        of.texts()
+        if isinstance(of, CategoryColumn)
+        else ["" if math.isnan(number) else number for number in of.tolist()]
         for of in part.columns.values()
     ]
     with place.open("a", newline="", encoding="utf-8") as file:
@@ -386,7 +388,7 @@ def _temporary(path: Path) -> Iterator[Path]:
             for old in path.parent.glob(f".{path.stem}-*"):
                 rest = old.name.removeprefix(f".{path.stem}-")
                 with suppress(FileNotFoundError):  # another process has removed it
-                    if re.match(r"\d+-\w+\.", rest) and (is_gone(rest) or now - old.stat().st_mtime > LEFTOVER):
+                    if re.match(r"\d+-\w+\.", rest) and (is_gone(rest) or now - old.stat().st_mtime > LEFTOVER_AGE_S):
                         old.unlink()
             yield temporary
         finally:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import COUNT, SHAKING, TEXT, Column, Columns, unit_of, words, words_in_place
+from vibroplat.columns import COUNT, TEXT, VIBRATION_PATTERN, Column, Columns, display_name, indexed_name, unit_of
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.branches import BRANCH, EXCITATION, SUPPLY, study_table
 
@@ -18,20 +18,20 @@ Rows = Mapping[str, np.ndarray[Any, Any]]
 
 RMS, ERROR, FORCE = "rms_y_m", "rms_y_error_m", "contact_force_max_n"
 #: Fewest points that show a jump: two on each side.
-FEWEST = 4
+MIN_POINTS = 4
 #: A change between two points is a jump if it is this many times both changes next to it. Up a resonance the amplitude
 #: grows as much, but over several points; where the symmetry of a motion breaks, the phase difference turns first by
 #: 2.4 times what it turns next.
-ALONE = 4.0
+ISOLATION = 4.0
 #: Smallest change of the excitation frequency that is a jump, divided by that of the synchronous frequency. Along a
 #: smooth branch it is about 1, less where a resonance holds the motors back.
-LEAP = 2.5
+FREQUENCY_JUMP = 2.5
 #: The same over another key than the supply, relative to the excitation frequency.
-SHIFT = 1e-3
+RELATIVE_FREQUENCY_JUMP = 1e-3
 #: Smallest change of the phase difference that is a jump (rad).
-TURN = np.pi / 4.0
+PHASE_JUMP = np.pi / 4.0
 #: Smallest change of the amplitude that is a jump, relative to the largest amplitude of the branch.
-RISE = 0.15
+AMPLITUDE_JUMP = 0.15
 
 #: Columns of the table, after the grid keys, direction and branch; the last ones describe both ends of the band.
 ENDS: Columns = {
@@ -56,7 +56,7 @@ BANDS: Columns = {
 }
 
 
-def jumps(rows: pd.DataFrame | Rows) -> Flags:
+def find_jumps(rows: pd.DataFrame | Rows) -> Flags:
     """Return where the motion jumps along a branch: whether it does between each point and the next.
 
     Parameters
@@ -70,15 +70,15 @@ def jumps(rows: pd.DataFrame | Rows) -> Flags:
         One value less than there are points. All values between the two points of a jump are true.
     """
     found = np.zeros(max(len(rows["sync"]) - 1, 0), dtype=bool)
-    for before, after in _jumps(rows):
+    for before, after in _jump_rows(rows):
         found[before:after] = True
     return found
 
 
-def _jumps(rows: pd.DataFrame | Rows) -> list[tuple[int, int]]:
+def _jump_rows(rows: pd.DataFrame | Rows) -> list[tuple[int, int]]:
     """Return the numbers of the last point before each jump of a branch and of the first point after it.
 
-    A jump is a discontinuity of the response. Its evidence is a change that is ALONE times both changes next to it:
+    A jump is a discontinuity of the response. Its evidence is a change that is ISOLATION times both changes next to it:
     of synchronization that is lost or found, of the phase difference, of the excitation frequency or of the amplitude.
     So it takes two points on each side. Points that failed are passed over, and points that jumped while they were
     measured: the standard error of their amplitude is as large as a jump.
@@ -88,41 +88,41 @@ def _jumps(rows: pd.DataFrame | Rows) -> list[tuple[int, int]]:
         np.asarray(rows[column], dtype=float) for column in (EXCITATION, "rms_x_m", RMS, "phase_difference_rad")
     )
     places, height = np.asarray(along, dtype=float), np.hypot(x, y)
-    rise = RISE * np.nanmax(height, initial=0.0)
+    rise = AMPLITUDE_JUMP * np.nanmax(height, initial=0.0)
     steady = np.isfinite(found)
     if ERROR in rows:
         steady &= ~(np.asarray(rows[ERROR], dtype=float) > rise)
     known = np.flatnonzero(steady)
-    if len(known) < FEWEST:
+    if len(known) < MIN_POINTS:
         return []
     sync = np.asarray(rows["sync"], dtype=object)
     held = np.where(pd.isna(sync), np.nan, sync != "none").astype(float)
     turned = np.angle(np.exp(1j * np.diff(np.where(held == 1.0, phase, np.nan)[known])))
-    steps, shift = np.abs(np.diff(places[known])), SHIFT * found[known][1:]
+    steps, shift = np.abs(np.diff(places[known])), RELATIVE_FREQUENCY_JUMP * found[known][1:]
     if key == SUPPLY:
-        shift = LEAP * steps * np.median(found[known] / places[known])
+        shift = FREQUENCY_JUMP * steps * np.median(found[known] / places[known])
     changes = (
         (np.diff(held[known]), 0.0),
-        (turned, TURN),
+        (turned, PHASE_JUMP),
         (np.diff(found[known]), shift),
         (np.diff(height[known]), rise),
     )
-    jump = np.any([(np.abs(change) > least) & _alone(np.abs(change), steps) for change, least in changes], axis=0)
+    jump = np.any([(np.abs(change) > least) & _isolated(np.abs(change), steps) for change, least in changes], axis=0)
     return [(int(known[i]), int(known[i + 1])) for i in np.flatnonzero(jump)]
 
 
-def _alone(change: FloatArray, steps: FloatArray) -> Flags:
+def _isolated(change: FloatArray, steps: FloatArray) -> Flags:
     """Return whether each change along a branch is far larger than both next to it, which are known.
 
     Where points are farther apart than those next to them, these changes count as if they had gone on. Where they are
-    more than ALONE times as far apart, nothing is known.
+    more than ISOLATION times as far apart, nothing is known.
     """
     alone = np.zeros(change.size, dtype=bool)
     alone[1:-1] = True
     for beside in (slice(None, -2), slice(2, None)):
         with np.errstate(divide="ignore", invalid="ignore"):
             farther = np.maximum(steps[1:-1] / steps[beside], 1.0)
-        alone[1:-1] &= (change[1:-1] > ALONE * farther * change[beside]) & (farther <= ALONE)
+        alone[1:-1] &= (change[1:-1] > ISOLATION * farther * change[beside]) & (farther <= ISOLATION)
     return alone
 
 
@@ -144,7 +144,9 @@ def bands(table: pd.DataFrame) -> pd.DataFrame:
     ]
     meanings = {key: Column(text) for key, text in table.attrs.get("meanings", {}).items()}
     meant = {
-        name.replace(SUPPLY, key): column._replace(meaning=column.meaning.replace(words(SUPPLY), words_in_place(key)))
+        name.replace(SUPPLY, key): column._replace(
+            meaning=column.meaning.replace(display_name(SUPPLY), indexed_name(key))
+        )
         for name, column in BANDS.items()
     }
     return study_table(
@@ -159,7 +161,7 @@ def _bands_of(rows: Rows, key: str) -> Iterator[dict[str, Any]]:
     begins = np.flatnonzero(np.append(True, names[1:] != names[:-1])).tolist()
     for first, after in zip(begins, [*begins[1:], len(names)], strict=True):
         yield _band(rows, key, first, after - 1, "failed" if failed[first] else "band", str(names[first]))
-    for before, after in _jumps(rows):
+    for before, after in _jump_rows(rows):
         change = dict.fromkeys(rows["sync"][[before, after]])
         yield _band(rows, key, before, after, "jump", " → ".join(change))
     good = {name: values[~failed] for name, values in rows.items()}
@@ -183,7 +185,7 @@ def _band(rows: Rows, key: str, first: int, last: int, kind: str, name: str) -> 
 # -- for the user -----------------------------------------------------------------------------------------
 
 #: Branches whose bands are printed; the table holds those of all.
-SHOWN = 6
+MAX_PRINTED = 6
 _LABELS = {"jump": "jump", "liftoff": "lift-off", "flight-end": "end of flight", "largest": "largest RMS y"}
 
 
@@ -194,14 +196,14 @@ def band_lines(table: pd.DataFrame, rotation: str = "") -> Iterator[str]:
     """
     keys = list(table.columns[: list(table.columns).index("direction")])
     branches = table["branch"].unique()
-    for branch in branches[:SHOWN]:
+    for branch in branches[:MAX_PRINTED]:
         rows = table[table["branch"] == branch]
         yield ", ".join([*(f"{key} {rows[key].iloc[0]}" for key in keys), str(rows["direction"].iloc[0])])
         for _, row in rows.iterrows():
-            shakes = SHAKING.get((rotation, row["name"])) if row["kind"] == "band" else None
+            shakes = VIBRATION_PATTERN.get((rotation, row["name"])) if row["kind"] == "band" else None
             yield f"  {_LABELS.get(row['kind'], row['name']):<26}{_span(row)}{f': {shakes}' if shakes else ''}"
-    if len(branches) > SHOWN:
-        yield f"bands of {len(branches) - SHOWN} more branches are in the table bands"
+    if len(branches) > MAX_PRINTED:
+        yield f"bands of {len(branches) - MAX_PRINTED} more branches are in the table bands"
 
 
 def _span(row: pd.Series) -> str:
@@ -210,7 +212,7 @@ def _span(row: pd.Series) -> str:
     across = " → " if kind in ("jump", "liftoff", "flight-end") else " … "
     key = next(str(column) for column in row.index if str(column).startswith("from_")).removeprefix("from_")
     over, found, height = ((row[f"from_{c}"], row[f"to_{c}"]) for c in (key, EXCITATION, RMS))
-    parts = [f"{'f_e' if key == SUPPLY else words_in_place(key)} {_ends(over, 'g', across)} {unit_of(key)}".rstrip()]
+    parts = [f"{'f_e' if key == SUPPLY else indexed_name(key)} {_ends(over, 'g', across)} {unit_of(key)}".rstrip()]
     if np.isfinite(found).all():
         parts.append(f"f {_ends(found, '.2f', across)} Hz")
     if kind in ("jump", "largest"):

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import COUNT, FLAG, NUMBER, TEXT, Column, Columns, unit_of, words_in_place
+from vibroplat.columns import COUNT, FLAG, NUMBER, TEXT, Column, Columns, indexed_name, unit_of
 from vibroplat.config.keys import key_of, keys, number_of
-from vibroplat.config.plans import FREQUENCY, Over, SweepPlan
+from vibroplat.config.plans import FREQUENCY, ParameterRange, SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
-from vibroplat.frames import labelled
+from vibroplat.frames import add_descriptions
 from vibroplat.hybrid.state import static_rest
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.results import labels
@@ -36,7 +36,7 @@ TYPES = {NUMBER: "float64", TEXT: "str", COUNT: "Int64", FLAG: "bool"}
 
 
 @dataclass(frozen=True)
-class Branch:
+class SweepBranch:
     """One continued sweep.
 
     Attributes
@@ -57,7 +57,7 @@ class Branch:
     direction: str
     grid: dict[str, Any]
     scene: Scene
-    along: tuple[float, ...]
+    key_values: tuple[float, ...]
 
     @property
     def plan(self) -> SweepPlan:
@@ -70,7 +70,7 @@ class Branch:
         """The key that varies along it."""
         return self.plan.swept.key
 
-    def key(self, value: float) -> tuple[int, ...]:
+    def perturbation_key(self, value: float) -> tuple[int, ...]:
         """Return the numbers that, with the seed, determine the perturbation at a value of the swept key.
 
         They do not depend on the branch's place in its sweep, so that two sweeps give the same curve. Supply
@@ -81,7 +81,7 @@ class Branch:
 
     def at(self, point: int) -> Scene:
         """Return the scene of a point."""
-        return self.scene.replace({self.swept: self.along[point]})
+        return self.scene.replace({self.swept: self.key_values[point]})
 
     def begin(self, state: list[float] | None, point: int) -> list[float] | None:
         """Return the state with which a point begins from that with which the one before began or ended.
@@ -89,10 +89,10 @@ class Branch:
         The key may change the layers between the two.
         """
         same = state is None or point == 0 or not self.swept.startswith("material.")  # keys that make layers
-        return state if same or state is None else carried(state, self.at(point - 1), self.at(point))
+        return state if same or state is None else convert_state(state, self.at(point - 1), self.at(point))
 
 
-def branches(scene: Scene) -> list[Branch]:
+def branches(scene: Scene) -> list[SweepBranch]:
     """List the branches of a scene's sweep: each combination of the grid (the first key is slowest), in each direction.
 
     Raises
@@ -112,19 +112,19 @@ def branches(scene: Scene) -> list[Branch]:
         )
     upward = _values(scene, plan.swept)
     along = {"up": upward, "down": upward[::-1]}  # all branches share them
-    found: list[Branch] = []
+    found: list[SweepBranch] = []
     for combination in itertools.product(*plan.grid.values()):
         values = dict(zip(plan.grid, combination, strict=True))
-        placed = _replaced(scene, "grid", values)
+        placed = _replace_keys(scene, "grid", values)
         for value in upward if plan.over is not None else ():
-            _replaced(placed, "over", {plan.swept.key: value})
+            _replace_keys(placed, "over", {plan.swept.key: value})
         for direction in plan.swept.direction:
             first = placed.replace({plan.swept.key: along[direction][0]})
-            found.append(Branch(len(found), direction, values, first, along[direction]))
+            found.append(SweepBranch(len(found), direction, values, first, along[direction]))
     return found
 
 
-def carried(state: Sequence[float], before: Scene, scene: Scene) -> list[float]:
+def convert_state(state: Sequence[float], before: Scene, scene: Scene) -> list[float]:
     """Return a full state of another scene as one of this scene.
 
     Layers that only this scene has lie on the platform with their static sag; what it does not have is 0.
@@ -135,7 +135,7 @@ def carried(state: Sequence[float], before: Scene, scene: Scene) -> list[float]:
     return begun
 
 
-def _values(scene: Scene, over: Over) -> tuple[float, ...]:
+def _values(scene: Scene, over: ParameterRange) -> tuple[float, ...]:
     """Return the values of a key upward, as whole numbers where it has these.
 
     Raises
@@ -147,7 +147,7 @@ def _values(scene: Scene, over: Over) -> tuple[float, ...]:
     found = tuple(over.upward)
     if numbers is None:
         if key not in keys():
-            _replaced(scene, "over", {key: found[0]})
+            _replace_keys(scene, "over", {key: found[0]})
         raise ConfigError(f"sweep.over.key = {key} has no numbers; allowed: a key of numbers, as material.mass_ratio")
     given = next(name for name in ("exciters", "motors", "motor") if getattr(scene, name) is not None)
     if section in ("motor", "motors") and section != given != "motor":
@@ -157,7 +157,7 @@ def _values(scene: Scene, over: Over) -> tuple[float, ...]:
     return tuple(int(v) if v.is_integer() else v for v in found) if numbers is int else found
 
 
-def _replaced(scene: Scene, section: str, changes: Mapping[str, Any]) -> Scene:
+def _replace_keys(scene: Scene, section: str, changes: Mapping[str, Any]) -> Scene:
     """Change keys of a scene; an error names the section of the sweep that asks for it."""
     try:
         return scene.replace(changes)
@@ -173,7 +173,7 @@ def column_of(key: str) -> str:
 def place_words(key: str, *values: float) -> str:
     """Say where points are, by the column of the swept key and its values there."""
     ends = " … ".join(dict.fromkeys(f"{value:g}" for value in values))
-    name = "a supply of" if key == SUPPLY else words_in_place(key)
+    name = "a supply of" if key == SUPPLY else indexed_name(key)
     return " ".join(part for part in (name, ends, unit_of(key)) if part)
 
 
@@ -190,4 +190,4 @@ def study_table(
     about = {name: meant.get(name) or Column(key_of(name).meaning) for name in columns}
     types: dict[Any, Any] = {name: TYPES[column.kind] for name, column in about.items()}
     types |= {key: pd.Series(values).dtype for key, values in (grid or {}).items()}
-    return labelled(pd.DataFrame(rows, columns=list(columns)).astype(types), about)
+    return add_descriptions(pd.DataFrame(rows, columns=list(columns)).astype(types), about)

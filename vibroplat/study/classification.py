@@ -22,27 +22,27 @@ from vibroplat.model.parameters import FloatArray
 from vibroplat.observe.measures import MAX_FINAL_PERIOD
 from vibroplat.observe.section import MAX_PERIOD, period
 from vibroplat.study.lyapunov import Exponent, largest_exponent
-from vibroplat.study.settling import Settling, draws_together
+from vibroplat.study.settling import SettlingResult, contraction_period
 
 #: Minimum ratio of the smaller to the larger extent of the section, in both halves of the measured part, at which it is
 #: steady: a section that still shrinks or grows has not settled.
-STEADY = 0.9
+MIN_EXTENT_RATIO = 0.9
 #: Distance between the means of both halves, as a share of the extent, above which the section drifts.
-DRIFT = 0.25
+MAX_DRIFT = 0.25
 #: The same ratio and share of chaotic motion, the extent of which varies more. Of 53 rows of random machines nine drift
 #: so; among them are all three whose measures differ from those of the next 300 s by more than four standard errors.
-STEADY_CHAOS = 0.7, 0.1
+CHAOS_LIMITS = 0.7, 0.1
 #: Largest growth per turn, with two errors added, at which an exponent without a clear sign counts as 0: neighbours
 #: would need at least 350 turns to double or halve their distance.
-ZERO = 2e-3
+ZERO_EXPONENT = 2e-3
 #: Largest distance of points of the section that repeat, in scaled units. Of 440 points of Figs. 3 and
 #: 6, followed without orbits, those that repeat do so within 0.0041; of the others none comes nearer than 0.42.
-REPEATS = 1e-2
+REPEAT_DISTANCE = 1e-2
 #: Distance of the mean phase differences (rad) up to which two motions are synchronized alike.
-NEAR_PHASE = 0.2
+SAME_PHASE = 0.2
 
 
-class Kind(NamedTuple):
+class MotionClass(NamedTuple):
     """The class of a motion.
 
     Attributes
@@ -63,13 +63,13 @@ class Kind(NamedTuple):
     motion: str
     period: int | None
     exponent: Exponent | None = None
-    why: str = ""
+    reason: str = ""
     drifts: bool = False
 
 
 def classify(
-    scene: Scene, plan: SweepPlan, settling: Settling, points: FloatArray, state: FloatArray, *, last: bool
-) -> Kind | None:
+    scene: Scene, plan: SweepPlan, settling: SettlingResult, points: FloatArray, state: FloatArray, *, last: bool
+) -> MotionClass | None:
     """Classify a measured motion, or return None if it must settle longer.
 
     It must settle longer if it looked settled but was not, and, unless this is the ``last`` time, if its neighbours
@@ -89,37 +89,37 @@ def classify(
         Whether it has settled for the longest time allowed.
     """
     if len(points) < 2:
-        return Kind("undecided", None, why="exciter 1 made fewer than two full turns while measured")
-    n = period(points, REPEATS)
-    if settling.how == "periodic":
-        return _confirmed(scene, plan, settling, points, state, n)
+        return MotionClass("undecided", None, reason="exciter 1 made fewer than two full turns while measured")
+    n = period(points, REPEAT_DISTANCE)
+    if settling.reason == "periodic":
+        return _confirm(scene, plan, settling, points, state, n)
     if n > 0:
-        return Kind("periodic", n)
+        return MotionClass("periodic", n)
     if not plan.lyapunov:
-        return Kind("non-periodic", 0)
+        return MotionClass("non-periodic", 0)
     kind = _by_exponent(largest_exponent(scene, state), points)
     contracts = kind.exponent is not None and kind.exponent.sign < 0 and kind.period == 0
     return None if contracts and not last else kind
 
 
-def _confirmed(
-    scene: Scene, plan: SweepPlan, settling: Settling, points: FloatArray, state: FloatArray, n: int
-) -> Kind | None:
+def _confirm(
+    scene: Scene, plan: SweepPlan, settling: SettlingResult, points: FloatArray, state: FloatArray, n: int
+) -> MotionClass | None:
     """Confirm by the measured section, of period n, that a motion has settled; return None if it has not.
 
     A quick transient may hide a slow one, a spiral towards period 1 may come close to itself every n turns, and chaos
     near an unstable periodic motion looks periodic for a while.
     """
-    still = draws_together(points, scene, plan)
-    if n == 0 or settling.period % n != 0 or still == 0 or (n > 1 and not _steady(points, plan.settle_tolerance)):
+    still = contraction_period(points, scene, plan)
+    if n == 0 or settling.period % n != 0 or still == 0 or (n > 1 and not _is_steady(points, plan.settle_tolerance)):
         return None
     if not (settling.late and plan.lyapunov):
-        return Kind("periodic", n)
+        return MotionClass("periodic", n)
     exponent = largest_exponent(scene, state)
-    return None if exponent.sign > 0 else Kind("periodic", n, exponent)
+    return None if exponent.sign > 0 else MotionClass("periodic", n, exponent)
 
 
-def _steady(points: FloatArray, tolerance: float, least: float = STEADY, drift: float = DRIFT) -> bool:
+def _is_steady(points: FloatArray, tolerance: float, least: float = MIN_EXTENT_RATIO, drift: float = MAX_DRIFT) -> bool:
     """Whether the section keeps its extent and its position."""
     halves = points[: len(points) // 2], points[len(points) // 2 :]
     first, second = (float(np.ptp(half, axis=0).max()) for half in halves)
@@ -128,26 +128,26 @@ def _steady(points: FloatArray, tolerance: float, least: float = STEADY, drift: 
     return kept and way <= max(tolerance, drift * float(np.ptp(points, axis=0).max()))
 
 
-def _by_exponent(exponent: Exponent, points: FloatArray) -> Kind:
+def _by_exponent(exponent: Exponent, points: FloatArray) -> MotionClass:
     """Classify a motion that has no period up to MAX_PERIOD by the sign of its exponent."""
     if exponent.sign > 0:
-        return Kind("chaotic", 0, exponent, drifts=not _steady(points, REPEATS, *STEADY_CHAOS))
-    if exponent.sign < 0 or not (abs(exponent.value) + 2.0 * exponent.error) * exponent.turn <= ZERO:
-        n = period(points, REPEATS, first=MAX_PERIOD + 1, last=MAX_FINAL_PERIOD)
+        return MotionClass("chaotic", 0, exponent, drifts=not _is_steady(points, REPEAT_DISTANCE, *CHAOS_LIMITS))
+    if exponent.sign < 0 or not (abs(exponent.value) + 2.0 * exponent.error) * exponent.turn <= ZERO_EXPONENT:
+        n = period(points, REPEAT_DISTANCE, first=MAX_PERIOD + 1, last=MAX_FINAL_PERIOD)
         if n > 0:
-            return Kind("periodic", n, exponent)
+            return MotionClass("periodic", n, exponent)
         why = f"no period found up to {MAX_FINAL_PERIOD}" if exponent.sign < 0 else "sign unclear"
         return _undecided(exponent, why)
-    if not _steady(points, REPEATS):
+    if not _is_steady(points, REPEAT_DISTANCE):
         return _undecided(exponent, "the section still drifts")
-    return Kind("quasi-periodic", 0, exponent)
+    return MotionClass("quasi-periodic", 0, exponent)
 
 
-def _undecided(exponent: Exponent, why: str) -> Kind:
+def _undecided(exponent: Exponent, why: str) -> MotionClass:
     told = f"exponent {exponent.value:.3g} ± {exponent.error:.2g} per s, {why}"
     if math.isnan(exponent.value):
         told = "no exponent: the motion ended early or exciter 1 stopped turning"
-    return Kind("undecided", 0, exponent, told, drifts=True)
+    return MotionClass("undecided", 0, exponent, told, drifts=True)
 
 
 def same_phase(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
@@ -157,4 +157,4 @@ def same_phase(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     """
     if "none" in (one["sync"], other["sync"]) or None in (one.get(PHASE_COLUMN), other.get(PHASE_COLUMN)):
         return bool(one["sync"] == other["sync"])
-    return abs(math.remainder(one[PHASE_COLUMN] - other[PHASE_COLUMN], 2.0 * math.pi)) < NEAR_PHASE
+    return abs(math.remainder(one[PHASE_COLUMN] - other[PHASE_COLUMN], 2.0 * math.pi)) < SAME_PHASE

@@ -19,23 +19,23 @@ from vibroplat.study import WAIT
 from vibroplat.system.interrupts import resume_is_offered
 
 #: Seconds without a worker after which the user is told what is waited for.
-NOTICE = 5.0
+NOTICE_S = 5.0
 #: Seconds in which a scheduler must answer when it is first called, and when it is asked for its workers.
-FIRST_ANSWER, ANSWER = 5.0, 2.0
+FIRST_ANSWER_S, ANSWER_S = 5.0, 2.0
 #: Seconds after which workers are counted again.
-RECOUNT = 5.0
+RECOUNT_S = 5.0
 #: Seconds in which a lost connection to the scheduler must be there again, and in which workers say what they have.
-RECONNECT, REPORT = 10.0, 10.0
+RECONNECT_S, REPORT_S = 10.0, 10.0
 
 _ADDRESS = re.compile(r"^(tcp|tls|ws|wss|ucx|inproc)://.+:\d+")
 _LOG = logging.getLogger("vibroplat")
 #: Libraries that report in tracebacks what is said here in one line.
-_TALKATIVE = ("distributed", "tornado", "asyncio")
+_SILENCED = ("distributed", "tornado", "asyncio")
 #: States of a client that may go on.
 _ALIVE = ("running", "connecting")
 
 
-def _kept() -> str:
+def _records_kept() -> str:
     """Say what is left of work that is given up, where it can be resumed."""
     return "; finished points are kept: continue with --resume" if resume_is_offered() else ""
 
@@ -46,19 +46,19 @@ class WorkerLostError(VibroplatError):
     exit_code = 1
 
 
-class LostError(VibroplatError):
+class NoWorkersError(VibroplatError):
     """All workers are gone."""
 
     exit_code = 1
 
 
-class ForeignWorkerError(VibroplatError):
+class IncompatibleWorkerError(VibroplatError):
     """A worker would give other bits than this process."""
 
     exit_code = 1
 
     def __init__(self, difference: str) -> None:
-        super().__init__(f"worker {difference}; all workers need the versions of this process{_kept()}")
+        super().__init__(f"worker {difference}; all workers need the versions of this process{_records_kept()}")
 
 
 class _Call:
@@ -104,7 +104,7 @@ class Cluster:
         with ExitStack() as stack:
             stack.enter_context(_silence())
             try:
-                self._client: Any = Client(address, timeout=RECONNECT, set_as_default=False)
+                self._client: Any = Client(address, timeout=RECONNECT_S, set_as_default=False)
                 self._executor: Executor = self._client.get_executor(pure=False)
                 self._count()
             except Exception as error:
@@ -120,7 +120,7 @@ class Cluster:
         from distributed.protocol.pickle import dumps  # noqa: PLC0415  (optional)
 
         self._since = None
-        work = pickle.dumps(_Call(self._fingerprint.checked, self._expected, dumps((function, arguments))))
+        work = pickle.dumps(_Call(self._fingerprint.run_checked, self._expected, dumps((function, arguments))))
         answer: Future[Any] = Future()
         try:
             self._count()
@@ -134,7 +134,7 @@ class Cluster:
 
     def _count(self) -> None:
         """Count the workers from time to time, so that each has a task, and another one to go on with."""
-        if time.monotonic() - self._counted > RECOUNT:
+        if time.monotonic() - self._counted > RECOUNT_S:
             with suppress(Exception):  # a scheduler that does not answer is found out by check
                 self.slots = 2 * max(1, sum(self._workers().values()))
             self._counted = time.monotonic()
@@ -142,7 +142,7 @@ class Cluster:
     def _workers(self) -> dict[str, int]:
         """Ask the scheduler for its workers, and how many threads each has."""
         ask = self._client.scheduler.ncores
-        return dict(self._client.sync(ask, workers=None, callback_timeout=ANSWER))
+        return dict(self._client.sync(ask, workers=None, callback_timeout=ANSWER_S))
 
     def _deliver(self, done: Future[Any], answer: Future[Any]) -> None:
         """Pass on how a task ended; this runs in the thread of the connection."""
@@ -154,7 +154,7 @@ class Cluster:
         elif error is not None:  # an error of the function would have been an answer
             self._client.loop.add_callback(self._explain, error, answer)
         elif "refused" in (found := done.result()):
-            answer.set_exception(ForeignWorkerError(found["refused"]))
+            answer.set_exception(IncompatibleWorkerError(found["refused"]))
         elif "error" in found:
             answer.set_exception(found["error"])
         else:
@@ -165,20 +165,20 @@ class Cluster:
         reports: dict[str, Any] = {}
         with suppress(Exception):
             ask = self._client._run(pickle.loads, pickle.dumps(_Call(self._fingerprint.code)), on_error="return")
-            reports = await asyncio.wait_for(ask, REPORT)
+            reports = await asyncio.wait_for(ask, REPORT_S)
         for worker, report in reports.items():
             failed = isinstance(report, Exception)
             if other := _lacking(report) if failed else self._fingerprint.difference(self._expected, report):
-                answer.set_exception(ForeignWorkerError(f"{worker}: {other}"))
+                answer.set_exception(IncompatibleWorkerError(f"{worker}: {other}"))
                 return
         left = isinstance(error, (ImportError, AttributeError))
-        answer.set_exception(ForeignWorkerError(f"that has left: {_lacking(error)}") if left else error)
+        answer.set_exception(IncompatibleWorkerError(f"that has left: {_lacking(error)}") if left else error)
 
     def renew(self) -> None:
         """Nothing to replace: the scheduler looks after its workers."""
 
     def check(self) -> None:
-        """Raise :class:`LostError` if the scheduler is gone, or there has been no worker for as long as is waited."""
+        """Raise :class:`.NoWorkersError` if the scheduler is gone, or all workers are for as long as is waited."""
         if self._client.status not in _ALIVE:
             raise self._gone()
         workers, now = None, time.monotonic()
@@ -191,18 +191,18 @@ class Cluster:
         missing = f"{'an answer' if workers is None else 'a worker'} of the scheduler at {self._address}"
         self._since = now if self._since is None else self._since
         if now - self._since >= self._wait:
-            raise LostError(f"waited {self._wait:g} s for {missing}{_kept()}")
-        if now - self._since >= NOTICE and not self._notified and self._client.status == "running":
+            raise NoWorkersError(f"waited {self._wait:g} s for {missing}{_records_kept()}")
+        if now - self._since >= NOTICE_S and not self._notified and self._client.status == "running":
             _LOG.warning("waiting for %s, up to %g s", missing, self._wait)
             self._notified = True
 
-    def _gone(self) -> LostError:
-        return LostError(f"the scheduler at {self._address} is gone{_kept()}")
+    def _gone(self) -> NoWorkersError:
+        return NoWorkersError(f"the scheduler at {self._address} is gone{_records_kept()}")
 
     def close(self) -> None:
         """Leave the cluster; a scheduler that does not answer is left silently."""
         with self._stack, suppress(Exception):
-            self._client.close(timeout=ANSWER)
+            self._client.close(timeout=ANSWER_S)
 
 
 @contextmanager
@@ -212,7 +212,7 @@ def _silence() -> Iterator[None]:
 
     # what changes results is compared by fingerprints
     warnings.filterwarnings("ignore", category=VersionMismatchWarning)
-    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in _TALKATIVE]
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in _SILENCED]
     speaking = [logger for logger in map(logging.getLogger, names) if not logger.disabled]
     for logger in speaking:
         logger.disabled = True
@@ -241,7 +241,7 @@ def require_scheduler(address: str) -> None:
     Raises
     ------
     ConfigError
-        dask.distributed is not installed, or no scheduler answers there within :data:`FIRST_ANSWER` seconds.
+        dask.distributed is not installed, or no scheduler answers there within :data:`FIRST_ANSWER_S` seconds.
     """
     try:
         import distributed  # noqa: F401, PLC0415  (optional)
@@ -264,8 +264,8 @@ async def _kind(address: str) -> str:
     from distributed.security import Security  # noqa: PLC0415
 
     options = Security().get_connection_args("client")
-    async with rpc(address, timeout=FIRST_ANSWER, connection_args=options) as remote:
-        found = await asyncio.wait_for(remote.identity(), FIRST_ANSWER + 1.0)  # rpc knows better why it failed
+    async with rpc(address, timeout=FIRST_ANSWER_S, connection_args=options) as remote:
+        found = await asyncio.wait_for(remote.identity(), FIRST_ANSWER_S + 1.0)  # rpc knows better why it failed
     return str(found["type"])
 
 
@@ -273,7 +273,7 @@ def _no_scheduler(address: str, error: Exception) -> ConfigError:
     cause: BaseException = error
     while cause.__cause__:
         cause = cause.__cause__
-    reason = " ".join(str(cause).split()) or f"no answer within {FIRST_ANSWER:g} s"
+    reason = " ".join(str(cause).split()) or f"no answer within {FIRST_ANSWER_S:g} s"
     if isinstance(cause, MemoryError):  # the first bytes of another protocol were read as a length
         reason = "the answer is not dask's"
     return ConfigError(f"--scheduler {address}: no scheduler answers there ({reason})")

@@ -25,7 +25,7 @@ from vibroplat.observe.measures import Accumulators, block_difference, measured_
 from vibroplat.observe.section import section_points
 from vibroplat.observe.summary import statistics
 from vibroplat.study.lyapunov import largest_exponent
-from vibroplat.study.settling import KnownOrbit, Seeker
+from vibroplat.study.settling import KnownOrbit, OrbitDetector
 
 #: Number of blocks of a window; an aperiodic motion is measured in one.
 BLOCKS = 24
@@ -33,10 +33,10 @@ BLOCKS = 24
 #: classes for up to 15 of them, and in the other for up to 8.
 WINDOWS = 12
 #: Measures that tell classes apart, and the least width of a class relative to them.
-TELLING, LEAST_WIDTH = ("rms_x_m", "rms_y_m", "rms_phi_rad"), 0.02
+CLASS_MEASURES, MIN_CLASS_WIDTH = ("rms_x_m", "rms_y_m", "rms_phi_rad"), 0.02
 
 
-class Compared(NamedTuple):
+class Comparison(NamedTuple):
     """What comes of two motions that were followed.
 
     Attributes
@@ -53,27 +53,27 @@ class Compared(NamedTuple):
 
 
 def block_values(blocks: Sequence[Accumulators]) -> FloatArray:
-    """TELLING of each block, shape (blocks, 3), from the sums at their ends."""
+    """CLASS_MEASURES of each block, shape (blocks, 3), from the sums at their ends."""
     parts = [*blocks[:1], *(block_difference(a, b) for a, b in pairwise(blocks))]
     found = [statistics(part, measured_extremes(part)) for part in parts]
-    return np.array([[values[name] for name in TELLING] for values in found], dtype=float)
+    return np.array([[values[name] for name in CLASS_MEASURES] for values in found], dtype=float)
 
 
-def within(values: FloatArray, class_of: FloatArray) -> bool:
+def belongs_to_class(values: FloatArray, class_of: FloatArray) -> bool:
     """Whether any of some blocks, shape (n, 3), belongs to the class of a window's blocks, which it may exceed once."""
     least, most = class_of.min(axis=0), class_of.max(axis=0)
-    wider = np.maximum(most - least, LEAST_WIDTH * most)
+    wider = np.maximum(most - least, MIN_CLASS_WIDTH * most)
     return bool(((values >= least - wider) & (values <= most + wider)).all(axis=1).any())
 
 
-def telling(row: Mapping[str, Any]) -> FloatArray:
-    """TELLING of a row, as of one block."""
-    return np.array([[row[name] for name in TELLING]], dtype=float)
+def class_measures(row: Mapping[str, Any]) -> FloatArray:
+    """CLASS_MEASURES of a row, as of one block."""
+    return np.array([[row[name] for name in CLASS_MEASURES]], dtype=float)
 
 
 def compare(
-    scene: Scene, plan: SweepPlan, states: Sequence[FloatArray], class_of: FloatArray, seeker: Seeker
-) -> Compared:
+    scene: Scene, plan: SweepPlan, states: Sequence[FloatArray], class_of: FloatArray, detector: OrbitDetector
+) -> Comparison:
     """Follow a motion of known class, shape (BLOCKS, 3), and another, from full states at their ends."""
     p, length = parameters(scene), BLOCKS * plan.measure_s
     with closing(make_engine(scene, p)) as one, closing(make_engine(scene, p)) as two:
@@ -85,14 +85,14 @@ def compare(
             for place, motion in enumerate(motions):
                 part = motion.advance(length, blocks=BLOCKS)
                 if motion.outcome != "ok":
-                    return Compared()
-                orbit = seeker.seek(motion, section_points(part.measures, scene), 0)
+                    return Comparison()
+                orbit = detector.detect(motion, section_points(part.measures, scene), 0)
                 if orbit is not None:
-                    return Compared(orbit)
+                    return Comparison(orbit)
                 values = block_values(part.blocks)
-                if within(values, classes[place]):
-                    return Compared()
+                if belongs_to_class(values, classes[place]):
+                    return Comparison()
                 if len(classes) == 1:
                     classes.append(values)
         chaotic = largest_exponent(scene, motions[0].state).sign > 0
-        return Compared(None, WINDOWS * length if chaotic else 0.0)
+        return Comparison(None, WINDOWS * length if chaotic else 0.0)

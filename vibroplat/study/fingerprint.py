@@ -50,10 +50,10 @@ REFERENCE: Final = {
 }
 FOLLOWED = 0.5
 #: How many numbers each function is tried with.
-TRIED = 2000
+TRIAL_COUNT = 2000
 
 
-def checked(expected: Fingerprint, work: bytes) -> dict[str, Any]:
+def run_checked(expected: Fingerprint, work: bytes) -> dict[str, Any]:
     """Do a task on a worker, if it would give the same bits in the process that sent it.
 
     ``work`` is the pickled task, function and arguments. It is unpickled last, as other code could not read it. The
@@ -131,7 +131,7 @@ def _motion(engine: str) -> list[Any]:
 
 def _functions() -> list[Any]:
     """Return values of the functions of libraries that tasks use."""
-    x = np.random.default_rng(0).uniform(0.0, 10.0, TRIED)
+    x = np.random.default_rng(0).uniform(0.0, 10.0, TRIAL_COUNT)
     pairs = list(zip(x.tolist(), x[::-1].tolist(), strict=True))
     one = [[f(a) for a, _ in pairs] for f in (math.sin, math.cos, math.exp, math.log, math.log2)]
     two = [[f(a, b) for a, b in pairs] for f in (math.pow, math.atan2, math.hypot)]

@@ -34,7 +34,7 @@ from vibroplat.observe.tables import state_places
 from vibroplat.observe.variation import Variation
 
 #: How many measurements of growth are added while an error is too large.
-MORE = 16
+MORE_MEASUREMENTS = 16
 #: Numbers of blocks of growths. The error is the largest that any of them gives: few blocks are long against the
 #: memory of the motion, many blocks give the scatter accurately. Over 147 stretches of chaotic motion, exponents
 #: scatter by 0.97 times this error; with 8 blocks of 32 growths alone it was 1.3 … 1.9 times, once 7 times.
@@ -42,22 +42,22 @@ BLOCKS = (4, 8, 16)
 #: On a torus, blocks that are weighted smoothly agree far better than plain ones (Das et al. 2017, Nonlinearity 30,
 #: 4111): below this ratio of both errors, of blocks of at least so many growths, the motion is regular. It is 0.01 on a
 #: torus with blocks of 60, and 0.3 … 2 in chaos.
-REGULAR, SMOOTHEST = 0.1, 24
+REGULAR_ERROR_RATIO, MIN_SMOOTH_GROWTHS = 0.1, 24
 #: Errors that are small enough: relative to the exponent, so that its sign is clear, and as growth per turn, which
 #: would need two thousand turns to double a distance.
-SHARE, PER_TURN = 1.0 / 6.0, 3e-4
+MAX_RELATIVE_ERROR, MAX_ERROR_PER_TURN = 1.0 / 6.0, 3e-4
 #: Minimum growth between two measurements, over the largest one or 1: round-off hides a smaller one.
-LOST = 1e-13
+MIN_GROWTH_RATIO = 1e-13
 #: Initial part of a direction along its neighbour that may be left in the first measurement that counts. It decays by
 #: the difference of both exponents.
-MIXED = 0.01
+MAX_MIXED_PART = 0.01
 #: Measurements of which at most one is left out for this. Exponents that would need more are nearly equal, or those of
 #: a complex pair of multipliers, whose directions exchange their growth for good.
-WAITED = 3
+MIXED_MEASUREMENTS = 3
 #: Directions that are followed for the largest exponent: more than one, as two may be nearly as large.
-FEW = 3
+FOLLOWED = 3
 #: Directions that a motion forgets where contact begins, and in an inelastic impact after which it does not.
-CONTACT, INELASTIC = 2, 1
+CONTACT_DIRECTIONS, INELASTIC_DIRECTIONS = 2, 1
 
 _TURN = 2.0 * math.pi
 _ANGLE = 3  # of exciter 1, the same for all points of the section
@@ -80,17 +80,17 @@ class Exponent(NamedTuple):
 
     @property
     def sign(self) -> int:
-        """1 or −1 if it differs from 0 by more than three errors and by PER_TURN, otherwise 0."""
-        clear = abs(self.value) > max(3.0 * self.error, PER_TURN / self.turn)
+        """1 or −1 if it differs from 0 by more than three errors and by MAX_ERROR_PER_TURN, otherwise 0."""
+        clear = abs(self.value) > max(3.0 * self.error, MAX_ERROR_PER_TURN / self.turn)
         return int(math.copysign(1.0, self.value)) if clear else 0
 
     @property
     def enough(self) -> float:
         """Error that makes the sign clear, or the exponent as good as 0."""
-        return max(SHARE * abs(self.value), PER_TURN / self.turn)
+        return max(MAX_RELATIVE_ERROR * abs(self.value), MAX_ERROR_PER_TURN / self.turn)
 
 
-class Effort(NamedTuple):
+class GrowthSettings(NamedTuple):
     """How long growth is followed.
 
     Attributes
@@ -98,7 +98,7 @@ class Effort(NamedTuple):
     turns
         Turns of exciter 1 between two measurements.
     skipped
-        Least number of first measurements that are not counted: see :func:`mixed`.
+        Least number of first measurements that are not counted: see :func:`count_mixed`.
     least, most
         Smallest and largest number of the others; at least the largest of BLOCKS.
     """
@@ -110,9 +110,9 @@ class Effort(NamedTuple):
 
 
 #: For the largest exponent alone.
-ONE = Effort()
+LARGEST_EXPONENT = GrowthSettings()
 #: For all exponents: measured each turn, so that those of quick decay are not lost in round-off.
-ALL = Effort(1, 24, 288, 1920)
+ALL_EXPONENTS = GrowthSettings(1, 24, 288, 1920)
 
 
 def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
@@ -153,7 +153,7 @@ def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
         )
         if state is None:
             motion.to_time(motion.now + scene.run.duration_s)
-        found = exponents(motion, whole_section(scene), ALL)
+        found = exponents(motion, whole_section(scene), ALL_EXPONENTS)
         if math.isnan(found[0].value):
             why = f"the motion ended early ({motion.outcome}): {motion.detail}" if motion.outcome != "ok" else ""
             raise MotionError(why or f"no Lyapunov exponents: exciter 1 stopped turning before {motion.now:.6g} s")
@@ -169,7 +169,7 @@ def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
 
 
 def largest_exponent(
-    scene: Scene, state: FloatArray, directions: FloatArray | None = None, effort: Effort = ONE
+    scene: Scene, state: FloatArray, directions: FloatArray | None = None, effort: GrowthSettings = LARGEST_EXPONENT
 ) -> Exponent:
     """Estimate the largest Lyapunov exponent of the Poincaré map, and its error from its own scatter.
 
@@ -180,7 +180,7 @@ def largest_exponent(
     state
         Full state on the attractor, shape (14,).
     directions
-        Directions whose growth is followed, in scaled units, shape (14, m). Default: FEW of the section.
+        Directions whose growth is followed, in scaled units, shape (14, m). Default: FOLLOWED of the section.
     effort
         How long it is followed.
     """
@@ -188,7 +188,7 @@ def largest_exponent(
     with closing(make_engine(scene, p)) as engine:
         motion = Simulator(scene, p, engine, state)
         found = exponents(
-            motion, whole_section(scene)[:, :FEW] if directions is None else directions, effort, largest=True
+            motion, whole_section(scene)[:, :FOLLOWED] if directions is None else directions, effort, largest=True
         )
     return max(found, key=lambda exponent: exponent.value)
 
@@ -206,7 +206,7 @@ def whole_section(scene: Scene) -> FloatArray:
     return found
 
 
-def mixed(growth: FloatArray) -> int:
+def count_mixed(growth: FloatArray) -> int:
     """Return in how many first measurements directions still had a part of their neighbours.
 
     Parameters
@@ -215,27 +215,29 @@ def mixed(growth: FloatArray) -> int:
         Logarithms of the growth of the directions, shape (measurements, directions).
     """
     later = growth[len(growth) // 2 :]
-    gaps = np.diff(np.sort(np.where(np.isneginf(later), math.log(LOST), later).mean(axis=0)))
-    most = min(len(growth) // WAITED, len(growth) - BLOCKS[-1])
-    waits = -math.log(MIXED) / gaps[gaps > 0.0]
+    gaps = np.diff(np.sort(np.where(np.isneginf(later), math.log(MIN_GROWTH_RATIO), later).mean(axis=0)))
+    most = min(len(growth) // MIXED_MEASUREMENTS, len(growth) - BLOCKS[-1])
+    waits = -math.log(MAX_MIXED_PART) / gaps[gaps > 0.0]
     return math.ceil(float(waits[waits <= most].max(initial=0.0)))
 
 
-def exponents(motion: Simulator, directions: FloatArray, effort: Effort, *, largest: bool = False) -> list[Exponent]:
+def exponents(
+    motion: Simulator, directions: FloatArray, effort: GrowthSettings, *, largest: bool = False
+) -> list[Exponent]:
     """Follow the growth of directions from the next point of the section on; one exponent for each of them.
 
     Growth is added until all errors are small enough, or that of the largest exponent alone, or until the largest
     number is reached. Without a motion, all exponents are nan.
     """
     nothing = [Exponent(math.nan, math.nan, math.nan)] * directions.shape[1]
-    if not motion.to_section(1, _longest(motion, 1)):
+    if not motion.to_section(1, _max_time(motion, 1)):
         return nothing
     variation, scales = Variation(rough=largest), state_scales(motion.scene)[:, np.newaxis]
     basis, _ = np.linalg.qr(_on_section(directions))
     growth, seconds, forgotten = list[FloatArray](), list[float](), list[int]()
     spare = len(state_places(motion.scene)) - 1 - directions.shape[1]  # directions of the section that are not followed
     while True:
-        for _ in range(effort.least + effort.skipped if not growth else MORE):
+        for _ in range(effort.least + effort.skipped if not growth else MORE_MEASUREMENTS):
             grown = _grow(motion, variation, basis, scales, effort.turns)
             if grown is None:
                 return nothing
@@ -246,7 +248,7 @@ def exponents(motion: Simulator, directions: FloatArray, effort: Effort, *, larg
             if np.isneginf(logarithms).all():  # whatever begins nearby has merged with the motion
                 return [Exponent(-math.inf, 0.0, passed / effort.turns)] * directions.shape[1]
         followed = np.array(growth)
-        skipped = max(effort.skipped, mixed(followed[:, :2] if largest else followed))
+        skipped = max(effort.skipped, count_mixed(followed[:, :2] if largest else followed))
         counted = np.array(seconds[skipped:])
         found = [_estimate(g, counted, effort.turns) for g in followed[skipped:].T]
         for place in range(1, 1 + max(forgotten[effort.skipped :]) - spare):  # the last directions grow least
@@ -256,7 +258,7 @@ def exponents(motion: Simulator, directions: FloatArray, effort: Effort, *, larg
             return found
 
 
-def _longest(motion: Simulator, turns: int) -> float:
+def _max_time(motion: Simulator, turns: int) -> float:
     """Time by which exciter 1 completes so many turns, if it turns at all (s)."""
     return (2 * turns + 2) * _TURN / motion.scene.speed_scale
 
@@ -279,20 +281,20 @@ def _grow(
         The time passed (s), the directions made orthogonal again, the logarithms of their growth, −inf where it is
         lost, and how many directions were forgotten; None if the motion does not get there.
     """
-    forgetting, begun = _Forgetting(), motion.now
+    forgetting, begun = _LostRank(), motion.now
     variation.begin(basis * scales)
-    if not motion.to_section(turns, _longest(motion, turns), (variation, forgetting)):
+    if not motion.to_section(turns, _max_time(motion, turns), (variation, forgetting)):
         return None
     moved = variation.derivative(motion.automaton)[:, : basis.shape[1]] / scales
     along = variation.rates / scales[:, 0]
     basis, r = np.linalg.qr(_on_section(moved - np.outer(along, moved[_ANGLE]) / along[_ANGLE]))
     size = np.abs(np.diag(r))
-    size[size <= LOST * max(1.0, size.max())] = 0.0
+    size[size <= MIN_GROWTH_RATIO * max(1.0, size.max())] = 0.0
     with np.errstate(divide="ignore"):
         return motion.now - begun, basis, np.log(size), forgetting.count
 
 
-class _Forgetting:
+class _LostRank:
     """Observes a motion: counts the directions that it forgets."""
 
     def __init__(self) -> None:
@@ -302,9 +304,9 @@ class _Forgetting:
         """Look at the events and where they lead."""
         events = h.events[: h.run["events"]]
         if h.run["mode"] == ATTACHED or (events["mode_after"] == ATTACHED).any():
-            self.count = CONTACT
+            self.count = CONTACT_DIRECTIONS
         inelastic = (events["kind"] == IMPACT) & (events["rate_before"] < 0.0) & (events["rate_after"] == 0.0)
-        self.count = max(self.count, INELASTIC * int(inelastic.any()))
+        self.count = max(self.count, INELASTIC_DIRECTIONS * int(inelastic.any()))
 
 
 def _estimate(growth: FloatArray, seconds: FloatArray, turns: int) -> Exponent:
@@ -313,13 +315,13 @@ def _estimate(growth: FloatArray, seconds: FloatArray, turns: int) -> Exponent:
     lost = np.isneginf(growth)
     if 2 * lost.sum() > len(growth):
         return Exponent(-math.inf, 0.0, turn)
-    growth = np.where(lost, math.log(LOST), growth)
+    growth = np.where(lost, math.log(MIN_GROWTH_RATIO), growth)
     errors = [_scatter(growth, seconds, count) for count in BLOCKS]
-    if len(growth) >= SMOOTHEST * BLOCKS[0]:
+    if len(growth) >= MIN_SMOOTH_GROWTHS * BLOCKS[0]:
         lengths = np.diff([*_places(len(growth), BLOCKS[0]), len(growth)])
         weights = np.concatenate([_bump(count) for count in lengths])
         smooth = _scatter(weights * growth, weights * seconds, BLOCKS[0])
-        if smooth < REGULAR * errors[0]:
+        if smooth < REGULAR_ERROR_RATIO * errors[0]:
             weights = _bump(len(growth))
             return Exponent(float(weights @ growth / (weights @ seconds)), smooth, turn)
     return Exponent(float(growth.sum() / seconds.sum()), max(errors), turn)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import PHASE_COLUMN, QUANTITIES, quantity_of, with_shaking
+from vibroplat.columns import PHASE_COLUMN, QUANTITIES, describe_sync, quantity_of
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
@@ -29,7 +29,7 @@ from vibroplat.results.labels import (
     value_words,
 )
 from vibroplat.results.result import Result
-from vibroplat.study.bands import jumps
+from vibroplat.study.bands import find_jumps
 from vibroplat.study.branches import EXCITATION, SUPPLY, column_of
 
 OPTIONS = ("x", "data", "measure")
@@ -130,7 +130,7 @@ class Sweeps:
     def meaning(self) -> str:
         """A sentence on what the machine does in each synchronization, or ""."""
         found = [
-            with_shaking(str(sync), self.rotation)
+            describe_sync(str(sync), self.rotation)
             for sync in self.table.get("sync", pd.Series(dtype=str)).dropna().unique()
         ]
         told = "; ".join(text for text in found if ": " in text)
@@ -213,7 +213,7 @@ def abscissa(key: str) -> str:
 
 def branch_series(rows: pd.DataFrame, label: str = "", colour: str = picture.BLUE, size: float = 1.0) -> picture.Series:
     """Return the points of a branch, whose line is broken where the motion jumps."""
-    behind = np.flatnonzero(jumps(rows)) + 1
+    behind = np.flatnonzero(find_jumps(rows)) + 1
     direction = str(rows["direction"].iloc[0])
     look = {"width": 1.0, "size": 1.0} | _LOOKS[direction != "down"]
     look |= {name: size * look[name] for name in ("width", "size")}
@@ -411,7 +411,7 @@ def _tiles(key: str, by: str, title: str = "", **look: Any) -> picture.Panel:
 
 def _map_panels(sweeps: Sweeps, key: str) -> Iterator[picture.Panel]:
     """Yield what maps show: classes, and flight if there is any."""
-    sync = {name: (colour, with_shaking(name, sweeps.rotation)) for name, colour in picture.SYNC.items()}
+    sync = {name: (colour, describe_sync(name, sweeps.rotation)) for name, colour in picture.SYNC.items()}
     sync["none"] = (picture.SYNC["none"], picture.NOT_SYNCHRONOUS)
     yield _tiles(key, "sync", "synchronization", classes=sync)
     yield _tiles(key, "period_class", "period (turns)", classes={name: (c, name) for name, c in PERIODS.items()})

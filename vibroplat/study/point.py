@@ -16,7 +16,7 @@ import numpy as np
 from vibroplat.columns import COUNT, TEXT, Column, Columns
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.extensions import provided
+from vibroplat.extensions import load_provided
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import Automaton, initial_state, perturb_state, state_scales
 from vibroplat.integrate import make_engine
@@ -36,10 +36,10 @@ from vibroplat.observe.summary import (
     synchronization,
     wrap_angle,
 )
-from vibroplat.study.classification import Kind, classify
-from vibroplat.study.coexisting import BLOCKS, block_values, compare, telling, within
+from vibroplat.study.classification import MotionClass, classify
+from vibroplat.study.coexisting import BLOCKS, belongs_to_class, block_values, class_measures, compare
 from vibroplat.study.pool import Task
-from vibroplat.study.settling import KnownOrbit, Seeker, Settling, settle
+from vibroplat.study.settling import KnownOrbit, OrbitDetector, SettlingResult, settle
 from vibroplat.study.store import Record
 from vibroplat.system.memory import NO_MORE
 
@@ -48,13 +48,13 @@ ANTIPHASE = 5e-3
 #: The same of orbits.
 ANTIPHASE_OF_ORBITS = 1e-6
 #: Fewest periods that are measured of motion that repeats: each half must show that it does.
-PERIODS = 4
+MIN_PERIODS = 4
 #: A motion whose neighbours converge will repeat: it may settle this many times ``max_settle_s``.
-PATIENCE = 4.0
+SETTLE_EXTENSION = 4.0
 #: Longest settling of motion from other starts (s), and its measured time over that of the plan.
 BRIEF, SHORTER = 20.0, 1.0 / 3.0
 #: How many of the last points of the Poincaré section and impacts a bifurcation diagram shows at each point.
-SHOWN = 64
+DIAGRAM_POINTS = 64
 
 #: Measures of a point in the order of the table.
 MOTION_MEASURES = (
@@ -130,7 +130,7 @@ POINT: Columns = {
 
 
 @dataclass(frozen=True)
-class Point:
+class SweepPoint:
     """A finished point.
 
     Attributes
@@ -152,16 +152,16 @@ class Point:
 
 def point_task(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Task:
     """Return the task of :func:`measure_point`; a point whose worker is lost has the outcome ``worker-lost``."""
-    return Task(measure_point, (scene, plan, state, key), lost)
+    return Task(measure_point, (scene, plan, state, key), failed_record)
 
 
-def lost(reason: str, outcome: str = "worker-lost") -> Record:
+def failed_record(reason: str, outcome: str = "worker-lost") -> Record:
     """Return the record of a point whose worker was lost, or of which nothing is known for another reason."""
     work = {"steps": 0, "residual_calls": 0, "events": 0, "simulated_s": 0.0, "settle_s": 0.0, "wall_s": 0.0}
-    return vars(Point({"outcome": outcome, "detail": reason} | work, None))
+    return vars(SweepPoint({"outcome": outcome, "detail": reason} | work, None))
 
 
-def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
+def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> SweepPoint:
     """Settle and measure one point of a sweep.
 
     Parameters
@@ -173,7 +173,8 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
     state
         Full state at the end of the point before, shape (14,); without it the point begins with ``run.initial``.
     key
-        Numbers that, with the plan's seed, determine the perturbation; see :meth:`vibroplat.study.branches.Branch.key`.
+        Numbers that, with the plan's seed, determine the perturbation; see
+        :meth:`vibroplat.study.branches.SweepBranch.key`.
 
     Returns
     -------
@@ -181,33 +182,35 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
         With outcome ``out-of-memory`` if there is not enough for it.
     """
     try:
-        return _measured_point(scene, plan, state, key)
+        return _measure_point(scene, plan, state, key)
     except MemoryError:
-        return Point(**lost(NO_MORE, "out-of-memory"))
+        return SweepPoint(**failed_record(NO_MORE, "out-of-memory"))
 
 
-def _measured_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
+def _measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> SweepPoint:
     began = time.perf_counter()
     start = initial_state(scene) if state is None else np.array(state)
     start = perturb_state(start, scene, plan.perturbation, (plan.seed, *key))
     if plan.settle_by == "section":
-        point = _followed(scene, plan, start)
+        point = _measure_by_simulation(scene, plan, start)
     else:
-        with closing(provided("OrbitSeeker")(scene)) as seeker:
-            point = _sought(scene, plan, start, seeker)
+        with closing(load_provided("NewtonOrbitDetector")(scene)) as detector:
+            point = _detect_orbit(scene, plan, start, detector)
     point.row["wall_s"] = time.perf_counter() - began
     return point
 
 
-def _sought(scene: Scene, plan: SweepPlan, start: FloatArray, seeker: Seeker) -> Point:
+def _detect_orbit(scene: Scene, plan: SweepPlan, start: FloatArray, detector: OrbitDetector) -> SweepPoint:
     """Search for the orbit that a motion converges to at once, and while it settles."""
-    orbit = seeker.first(start)
-    if orbit is not None and seeker.reached is not None:
-        return on_orbit(scene, orbit, seeker.reached[1], seeker.work)
-    return _followed(scene, plan, *(seeker.reached or (start, 0.0)), seeker)
+    orbit = detector.first(start)
+    if orbit is not None and detector.end_state is not None:
+        return on_orbit(scene, orbit, detector.end_state[1], detector.work)
+    return _measure_by_simulation(scene, plan, *(detector.end_state or (start, 0.0)), detector)
 
 
-def on_orbit(scene: Scene, orbit: KnownOrbit, settled: float, work: Mapping[str, int | None], events: int = 0) -> Point:
+def on_orbit(
+    scene: Scene, orbit: KnownOrbit, settled: float, work: Mapping[str, int | None], events: int = 0
+) -> SweepPoint:
     """Tell what is known of the orbit that a motion comes to, which has settled for a time (s), with some events."""
     found = orbit.measures
     row: dict[str, Any] = {
@@ -224,21 +227,21 @@ def on_orbit(scene: Scene, orbit: KnownOrbit, settled: float, work: Mapping[str,
     doubt = inaccuracy(found, scene)
     if doubt:
         row |= {"outcome": INACCURATE, "detail": doubt, "energy_residual": found["energy_residual"]}
-        return Point(row, None)
-    row |= row_of(found, scene, near=ANTIPHASE_OF_ORBITS) | columns_of(Kind("periodic", orbit.period))
+        return SweepPoint(row, None)
+    row |= row_of(found, scene, near=ANTIPHASE_OF_ORBITS) | columns_of(MotionClass("periodic", orbit.period))
     row["multiplier_max"] = orbit.multiplier
-    return Point(row, orbit.state.tolist(), orbit.section_y, orbit.impact_speeds)
+    return SweepPoint(row, orbit.state.tolist(), orbit.section_y, orbit.impact_speeds)
 
 
-def _followed(
-    scene: Scene, plan: SweepPlan, start: FloatArray, began: float = 0.0, seeker: Seeker | None = None
-) -> Point:
+def _measure_by_simulation(
+    scene: Scene, plan: SweepPlan, start: FloatArray, began: float = 0.0, detector: OrbitDetector | None = None
+) -> SweepPoint:
     """Follow a motion from a full state and a time (s) until it has settled, and measure it."""
     p = parameters(scene)
     impacts = _Impacts() if plan.kind == "bifurcation" else None
     with closing(make_engine(scene, p)) as engine:
         motion = Simulator(scene, p, engine, start, began)
-        settling, part, kind = _settled_and_measured(motion, plan, [] if impacts is None else [impacts], seeker)
+        settling, part, kind = _settled_and_measured(motion, plan, [] if impacts is None else [impacts], detector)
         work = engine.work
         stiff = stiffness(scene, engine.name, work["steps"], motion.restarts, motion.now - began)
     if settling.orbit is not None:
@@ -269,15 +272,20 @@ def _followed(
         errors = {ERRORS[name]: error for name, error in block_errors(blocks, tuple(ERRORS)).items()}
         row |= row_of(found, scene, errors, settling.slip) | columns_of(kind)
         row["notes"] = "; ".join(note for note in (row["notes"], stiff) if note)
-        if plan.find_coexisting and kind.motion in ("chaotic", "undecided") and kind.period == 0 and seeker is not None:
-            row["coexisting"] = _coexisting(scene, plan, part, motion.state, seeker)
+        if (
+            plan.find_coexisting
+            and kind.motion in ("chaotic", "undecided")
+            and kind.period == 0
+            and detector is not None
+        ):
+            row["coexisting"] = _coexisting(scene, plan, part, motion.state, detector)
         if impacts is not None:
             points = section_points(part.measures, scene)
-            heights = (points[-SHOWN:, 1] * state_scales(scene)[1]).tolist()
-    return Point(row, final, heights, list(impacts.speeds) if final and impacts else [])
+            heights = (points[-DIAGRAM_POINTS:, 1] * state_scales(scene)[1]).tolist()
+    return SweepPoint(row, final, heights, list(impacts.speeds) if final and impacts else [])
 
 
-def _coexisting(scene: Scene, plan: SweepPlan, part: MeasuredInterval, end: FloatArray, seeker: Seeker) -> str:
+def _coexisting(scene: Scene, plan: SweepPlan, part: MeasuredInterval, end: FloatArray, detector: OrbitDetector) -> str:
     """Describe other attractors than that of a row that does not repeat, or how far the search for them went.
 
     Searched are stable orbits near its section, and what ``run.initial``, and the same with exciter 2 half a turn
@@ -288,29 +296,29 @@ def _coexisting(scene: Scene, plan: SweepPlan, part: MeasuredInterval, end: Floa
     turned = initial_state(scene)
     turned[4] += math.pi
     starts = [initial_state(scene), turned]
-    hunt = seeker.hunt(section_points(part.measures, scene), section_rows(part.measures)["state"])
+    hunt = detector.search_near_returns(section_points(part.measures, scene), section_rows(part.measures)["state"])
     class_of = block_values(part.blocks)
-    told = set() if hunt.orbit is None else {_told(on_orbit(scene, hunt.orbit, 0.0, seeker.work).row)}
+    told = set() if hunt.orbit is None else {_attractor_text(on_orbit(scene, hunt.orbit, 0.0, detector.work).row)}
     for number, start in enumerate(starts):
         begun = perturb_state(start, scene, plan.perturbation, (plan.seed, number))
-        other = _sought(scene, brief, begun, seeker)
+        other = _detect_orbit(scene, brief, begun, detector)
         if other.state is None or other.row["period"] is None:
             continue
         if other.row["period"]:
             if other.row.get("multiplier_max") is not None or other.row["settle_s"] < brief.max_settle_s:
-                told.add(_told(other.row))
-        elif not within(telling(other.row), class_of):
-            found = compare(scene, plan, (end, np.array(other.state)), class_of, seeker)
+                told.add(_attractor_text(other.row))
+        elif not belongs_to_class(class_measures(other.row), class_of):
+            found = compare(scene, plan, (end, np.array(other.state)), class_of, detector)
             if found.orbit is not None:
-                told.add(_told(on_orbit(scene, found.orbit, 0.0, seeker.work).row))
+                told.add(_attractor_text(on_orbit(scene, found.orbit, 0.0, detector.work).row))
             elif found.apart_s:
-                told.add(f"{_told(other.row)}, apart for {found.apart_s:.4g} s")
+                told.add(f"{_attractor_text(other.row)}, apart for {found.apart_s:.4g} s")
     if told:
         return "; ".join(sorted(told))
     return f"not found: {hunt.trials} returns, {hunt.left} unstable orbits, {len(starts)} initial conditions tried"
 
 
-def _told(row: Mapping[str, Any]) -> str:
+def _attractor_text(row: Mapping[str, Any]) -> str:
     """Say in a few words what an attractor is."""
     kind = f"period {row['period']}" if row["period"] else "chaotic"
     return f"{kind}, {row['sync']}, RMS y {row['rms_y_m']:.4g} m"
@@ -320,7 +328,7 @@ class _Impacts:
     """Collects the speeds of the last impacts (m/s) while a motion advances."""
 
     def __init__(self) -> None:
-        self.speeds: deque[float] = deque(maxlen=SHOWN)
+        self.speeds: deque[float] = deque(maxlen=DIAGRAM_POINTS)
 
     def read(self, h: Automaton) -> None:
         """Take the impacts from the list of events."""
@@ -329,8 +337,8 @@ class _Impacts:
 
 
 def _settled_and_measured(
-    motion: Simulator, plan: SweepPlan, observers: Sequence[Observer], seeker: Seeker | None = None
-) -> tuple[Settling, MeasuredInterval, Kind | None]:
+    motion: Simulator, plan: SweepPlan, observers: Sequence[Observer], detector: OrbitDetector | None = None
+) -> tuple[SettlingResult, MeasuredInterval, MotionClass | None]:
     """Settle, measure and classify a motion; settle again if it turns out not to have settled.
 
     Motion that does not repeat is measured in blocks, from which the errors of its measures follow. A motion that
@@ -338,7 +346,7 @@ def _settled_and_measured(
     """
     longest = plan.max_settle_s
     while True:
-        settling = settle(motion, plan, longest, seeker)
+        settling = settle(motion, plan, longest, detector)
         if settling.orbit is not None:  # it is measured already
             return settling, motion.advance(0.0), None
         part = _measured_part(motion, plan, settling, observers)
@@ -348,13 +356,13 @@ def _settled_and_measured(
         kind = classify(motion.scene, plan, settling, points, motion.state, last=longest > plan.max_settle_s)
         if kind is not None:
             break
-        if settling.how == "maximum":
-            longest = PATIENCE * plan.max_settle_s
-    orbit = seeker.seek(motion, points, kind.period) if kind.period and seeker is not None else None
+        if settling.reason == "maximum":
+            longest = SETTLE_EXTENSION * plan.max_settle_s
+    orbit = detector.detect(motion, points, kind.period) if kind.period and detector is not None else None
     if orbit is not None:
         return settling._replace(seconds=motion.now, orbit=orbit), part, kind
     if kind.period and part.blocks:  # it repeats after all: measure whole periods
-        if settling.how == "maximum":
+        if settling.reason == "maximum":
             settling = settling._replace(seconds=motion.now)
         times = section_rows(part.measures)["t"]
         turn = float(times[-1] - times[0]) / (len(times) - 1)
@@ -363,19 +371,21 @@ def _settled_and_measured(
 
 
 def _measured_part(
-    motion: Simulator, plan: SweepPlan, settling: Settling, observers: Sequence[Observer]
+    motion: Simulator, plan: SweepPlan, settling: SettlingResult, observers: Sequence[Observer]
 ) -> MeasuredInterval:
     """Measure a motion: in one part if it repeats; otherwise in blocks."""
-    if settling.how != "maximum":
+    if settling.reason != "maximum":
         return _measure(motion, plan.measure_s, settling, observers)
     return motion.advance(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers)
 
 
-def _measure(motion: Simulator, least: float, settling: Settling, observers: Sequence[Observer]) -> MeasuredInterval:
+def _measure(
+    motion: Simulator, least: float, settling: SettlingResult, observers: Sequence[Observer]
+) -> MeasuredInterval:
     """Measure a motion for at least a time (s), and for whole periods if it repeats."""
     if settling.turn == 0.0:
         return motion.advance(least, observers=observers)
-    turns = settling.period * max(math.ceil(least / (settling.period * settling.turn)), PERIODS)
+    turns = settling.period * max(math.ceil(least / (settling.period * settling.turn)), MIN_PERIODS)
     return motion.advance_turns(turns, 2.0 * (turns + 1) * settling.turn, observers)
 
 
@@ -402,9 +412,9 @@ def row_of(
     return row
 
 
-def columns_of(kind: Kind) -> dict[str, Any]:
+def columns_of(kind: MotionClass) -> dict[str, Any]:
     """Return the columns of the kind of motion; ``detail`` says why it is undecided."""
-    row: dict[str, Any] = {"motion": kind.motion, "period": kind.period, "detail": kind.why}
+    row: dict[str, Any] = {"motion": kind.motion, "period": kind.period, "detail": kind.reason}
     if kind.exponent is not None and math.isfinite(kind.exponent.value):
         row |= {"lyapunov_per_s": kind.exponent.value, "lyapunov_error_per_s": kind.exponent.error}
     return row

@@ -25,19 +25,19 @@ from pydantic import BaseModel
 from vibroplat.study import WAIT
 from vibroplat.study.cluster import Cluster, WorkerLostError
 from vibroplat.study.store import Record, Store, digest
-from vibroplat.system.interrupts import stop_if_asked, unheard, unwinding, watching
+from vibroplat.system.interrupts import stop_if_asked, unwinding, watching, without_interrupts
 from vibroplat.system.memory import is_short_of_memory
 
 #: Environment of workers: without it numerical libraries would start a pool of threads in each process.
 PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
 #: Seconds without a result after which the pool is checked for workers.
-PATIENCE = 1.0
+CHECK_AFTER_S = 1.0
 #: Longest time (s) until Ctrl-C is noticed while workers run.
-TICK = 0.1
+TICK_S = 0.1
 #: Seconds without a task after which a worker process exits.
-IDLE = 20
+IDLE_S = 20
 #: How many times a task that runs alone may lose its worker before it is given up.
-LIVES = 2
+MAX_LOSSES = 2
 
 _LOG = logging.getLogger("vibroplat")
 
@@ -57,7 +57,7 @@ class Task(NamedTuple):
 
     function: Callable[..., Any]
     arguments: tuple[Any, ...] = ()
-    if_lost: Callable[[str], Record] | None = None
+    on_worker_loss: Callable[[str], Record] | None = None
 
     @property
     def digest(self) -> str:
@@ -121,7 +121,7 @@ class StoredChain(Generic[T]):
         assert self.done
         return self._result
 
-    def take(self, result: Any) -> None:
+    def accept(self, result: Any) -> None:
         """Store the result of the next task and move on to the one after it.
 
         Raises
@@ -131,9 +131,9 @@ class StoredChain(Generic[T]):
         """
         assert self.next is not None
         if isinstance(result, WorkerLostError):
-            if self.next.if_lost is None:
+            if self.next.on_worker_loss is None:
                 raise result
-            result = self.next.if_lost(str(result))
+            result = self.next.on_worker_loss(str(result))
         record = result if isinstance(result, dict) else vars(result)
         if self._records is not None:
             self._records.write(self._name, self._place, record, self._digest)
@@ -151,7 +151,7 @@ class StoredChain(Generic[T]):
                 return
             self._place += 1
             self._digest = self.next.digest
-            record = self._records.find(self._name, self._place, self._digest)
+            record = self._records.get(self._name, self._place, self._digest)
             if record is None:
                 return
 
@@ -178,8 +178,8 @@ def run_chains(chains: Iterable[StoredChain[T]], workers: Pool, *, in_turn: bool
     Chains take turns, so that all end at about the same time. Otherwise the first ones are finished first.
 
     When a worker dies, one of the tasks that were running has killed it. From then on each of them runs alone, until
-    it has a result or has killed its worker :data:`LIVES` times and is given up. A task that dask has given up runs
-    alone too before it is lost: dask counts the death of a worker against every task that the worker held.
+    it has a result or has killed its worker :data:`MAX_LOSSES` times and is given up. A task that dask has given up
+    runs alone too before it is lost: dask counts the death of a worker against every task that the worker held.
     """
     waiting = deque(chain for chain in chains if not chain.done)
     suspects: deque[StoredChain[T]] = deque()
@@ -190,7 +190,7 @@ def run_chains(chains: Iterable[StoredChain[T]], workers: Pool, *, in_turn: bool
         del deaths[id(chain)]
         if suspects and suspects[0] is chain:
             suspects.popleft()
-        chain.take(result)
+        chain.accept(result)
         if not chain.done:
             (waiting.append if in_turn else waiting.appendleft)(chain)
         return chain
@@ -202,7 +202,7 @@ def run_chains(chains: Iterable[StoredChain[T]], workers: Pool, *, in_turn: bool
                 assert chain.next is not None
                 running[workers.submit(chain.next.function, *chain.next.arguments)] = chain
             lost, killed = [], False
-            for future in _finished(running, workers):
+            for future in _wait_for_task(running, workers):
                 chain = running.pop(future)
                 try:
                     result = future.result()
@@ -222,17 +222,17 @@ def run_chains(chains: Iterable[StoredChain[T]], workers: Pool, *, in_turn: bool
                 workers.renew()
                 chain, *others = lost
                 deaths[id(chain)] += killed and not others
-                if deaths[id(chain)] == LIVES:
-                    yield taken(chain, WorkerLostError(f"its worker died {LIVES} times"))
+                if deaths[id(chain)] == MAX_LOSSES:
+                    yield taken(chain, WorkerLostError(f"its worker died {MAX_LOSSES} times"))
                 else:
                     suspects.extend(chain for chain in lost if chain not in suspects)
 
 
-def _finished(running: Iterable[Future[Any]], workers: Pool) -> set[Future[Any]]:
+def _wait_for_task(running: Iterable[Future[Any]], workers: Pool) -> set[Future[Any]]:
     """Wait until a task has finished; end if a signal asks for it, and raise if all workers are gone."""
     while True:
-        for _ in range(round(PATIENCE / TICK)):
-            done = wait(running, timeout=TICK, return_when=FIRST_COMPLETED).done
+        for _ in range(round(CHECK_AFTER_S / TICK_S)):
+            done = wait(running, timeout=TICK_S, return_when=FIRST_COMPLETED).done
             stop_if_asked()
             if done:
                 return done
@@ -262,7 +262,7 @@ class Pool(Protocol):
         ...
 
     def check(self) -> None:
-        """Raise :class:`.LostError` if no worker can answer any more."""
+        """Raise :class:`.NoWorkersError` if no worker can answer any more."""
         ...
 
     def close(self) -> None:
@@ -307,7 +307,7 @@ class Processes:
         try:
             with _starting():
                 resource_tracker.ensure_running()  # started later, it would unblock Ctrl-C (CPython < 3.14)
-                with unheard():
+                with without_interrupts():
                     future: Future[Any] = self._executor.submit(function, *arguments)
         except BrokenExecutor as error:
             future = Future()
@@ -321,7 +321,7 @@ class Processes:
         # a worker that has been idle for long ends, and is replaced when there is work
         warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given", category=UserWarning)
         with _starting():
-            self._executor: Executor = get_reusable_executor(self._jobs, timeout=IDLE, env=PINNED)
+            self._executor: Executor = get_reusable_executor(self._jobs, timeout=IDLE_S, env=PINNED)
 
     def check(self) -> None:
         """Nothing to look for: the futures of workers that die fail by themselves."""
@@ -364,7 +364,7 @@ def pool(
     ConfigError
         The scheduler does not answer, or dask.distributed is not installed.
     """
-    processes = 1 if scheduler is not None else _useful(jobs, chains)
+    processes = 1 if scheduler is not None else _useful_processes(jobs, chains)
     if scheduler is None and processes == 1:
         yield Inline()
         return
@@ -376,7 +376,7 @@ def pool(
             opened.close()
 
 
-def _useful(jobs: int | None, chains: int | None) -> int:
+def _useful_processes(jobs: int | None, chains: int | None) -> int:
     """Return how many of the processes have both a task and a core; warn if some have not."""
     if jobs == 1:
         return 1

@@ -24,16 +24,16 @@ from vibroplat.observe.section import section_points, section_rows, spreads
 #: Turns of exciter 1 that are compared with as many before, and turns between two checks.
 TURNS, BLOCK = 32, 16
 #: Number of checks after which the next ones are LATE_BLOCK turns apart: what has not settled by then takes long.
-EARLY_LOOKS, LATE_BLOCK = 40, 64
+EARLY_CHECKS, LATE_BLOCK = 40, 64
 #: Largest spread, in units of the settling tolerance, from which the remaining distance is extrapolated.
-NEAR = 30.0
+EXTRAPOLATION_LIMIT = 30.0
 #: Spread, in units of the solver's tolerance, that counts as noise of the solver.
-NOISE = 30.0
+NOISE_TOLERANCE_RATIO = 30.0
 #: Turns before the measured part over which the drift of the phase difference is taken.
-WANDERING = 192
+DRIFT_TURNS = 192
 #: With orbit detection, a motion whose section does not contract is advanced without observation by this fraction of
 #: the elapsed time.
-UNSEEN = 0.5
+UNCHECKED_FRACTION = 0.5
 
 
 class KnownOrbit(NamedTuple):
@@ -62,7 +62,7 @@ class KnownOrbit(NamedTuple):
     impact_speeds: list[float]
 
 
-class Hunt(NamedTuple):
+class NearReturnOrbits(NamedTuple):
     """A search for a stable orbit near an aperiodic motion.
 
     Attributes
@@ -79,11 +79,11 @@ class Hunt(NamedTuple):
     left: int
 
 
-class Seeker(Protocol):
+class OrbitDetector(Protocol):
     """Searches for the orbit that a motion converges to."""
 
     @property
-    def reached(self) -> tuple[FloatArray, float] | None:
+    def end_state(self) -> tuple[FloatArray, float] | None:
         """Full state at the end of the first turns, shape (14,), and time that they took (s); None without them."""
 
     @property
@@ -91,7 +91,7 @@ class Seeker(Protocol):
         """Whether the motion was near an orbit when it was last looked for."""
 
     @property
-    def leaving(self) -> bool:
+    def near_unstable_orbit(self) -> bool:
         """Whether this orbit is unstable."""
 
     @property
@@ -101,20 +101,20 @@ class Seeker(Protocol):
     def first(self, start: FloatArray) -> KnownOrbit | None:
         """Follow a motion for BLOCK turns from a full state, and return the orbit that it is shown to converge to."""
 
-    def seek(self, motion: Simulator, points: FloatArray, period: int) -> KnownOrbit | None:
+    def detect(self, motion: Simulator, points: FloatArray, period: int) -> KnownOrbit | None:
         """Return the orbit that a motion is shown to converge to.
 
         Its section has these points, in scaled units, and contracts after a period (turns), or 0.
         """
 
-    def hunt(self, points: FloatArray, states: FloatArray) -> Hunt:
+    def search_near_returns(self, points: FloatArray, states: FloatArray) -> NearReturnOrbits:
         """Search for orbits from near returns of a section: its points, in scaled units, and states, (turns, 14)."""
 
     def close(self) -> None:
         """Free what the engine holds."""
 
 
-class Settling(NamedTuple):
+class SettlingResult(NamedTuple):
     """How a motion settled.
 
     Attributes
@@ -129,12 +129,12 @@ class Settling(NamedTuple):
     turn
         Duration of a turn at the end (s); 0 if it is not known.
     slip
-        Change of the phase difference over the last WANDERING turns (rad) if the motion is not periodic.
+        Change of the phase difference over the last DRIFT_TURNS turns (rad) if the motion is not periodic.
     orbit
         The orbit that it comes to, if that is known.
     """
 
-    how: str
+    reason: str
     seconds: float
     period: int = 1
     turn: float = 0.0
@@ -144,11 +144,11 @@ class Settling(NamedTuple):
     @property
     def late(self) -> bool:
         """Whether the motion became periodic only after a long transient, so that it may not stay periodic."""
-        return self.how == "periodic" and self.turn > 0.0 and self.seconds > EARLY_LOOKS * BLOCK * self.turn
+        return self.reason == "periodic" and self.turn > 0.0 and self.seconds > EARLY_CHECKS * BLOCK * self.turn
 
 
-def settle(motion: Simulator, plan: SweepPlan, longest: float, seeker: Seeker | None = None) -> Settling:
-    """Advance a motion until it has settled as the plan says, or comes to an orbit that a seeker knows, or ends early.
+def settle(motion: Simulator, plan: SweepPlan, longest: float, detector: OrbitDetector | None = None) -> SettlingResult:
+    """Advance a motion until it has settled as the plan says, or reaches an orbit that a detector knows, or ends early.
 
     ``longest`` limits the settling (s). It is counted from the beginning of the motion, so that one that
     turns out not to have settled can settle for the remaining time.
@@ -158,28 +158,28 @@ def settle(motion: Simulator, plan: SweepPlan, longest: float, seeker: Seeker | 
     phases: list[float] = []  # differences
     close = 0
     while (left := longest - motion.now) > 1e-9 * longest:
-        block = BLOCK if motion.now < EARLY_LOOKS * BLOCK * turn else LATE_BLOCK
-        if seeker is not None and len(points) == 2 * TURNS and not close:
+        block = BLOCK if motion.now < EARLY_CHECKS * BLOCK * turn else LATE_BLOCK
+        if detector is not None and len(points) == 2 * TURNS and not close:
             block = 2 * TURNS + BLOCK
-            unseen = min(UNSEEN * motion.now, left - WANDERING * turn)
+            unseen = min(UNCHECKED_FRACTION * motion.now, left - DRIFT_TURNS * turn)
             if unseen > 0.0:
                 motion.to_time(motion.now + unseen)
                 points, times, phases = points[:0], times[:0], [phase_difference(motion)]
                 left -= unseen
         part = motion.advance(min(block * turn, left))
         if motion.outcome != "ok":
-            return Settling("unfinished", motion.now)
+            return SettlingResult("unfinished", motion.now)
         points = np.concatenate([points, section_points(part.measures, motion.scene)])[-2 * TURNS :]
         times = np.concatenate([times, section_rows(part.measures)["t"]])[-2 * TURNS :]
-        phases = [*phases, phase_difference(motion)][-math.ceil(WANDERING / block) - 1 :]
+        phases = [*phases, phase_difference(motion)][-math.ceil(DRIFT_TURNS / block) - 1 :]
         was_close = close
-        close = draws_together(points, motion.scene, plan) if len(points) == 2 * TURNS else 0
-        orbit = None if seeker is None else seeker.seek(motion, points, close)
+        close = contraction_period(points, motion.scene, plan) if len(points) == 2 * TURNS else 0
+        orbit = None if detector is None else detector.detect(motion, points, close)
         if orbit is not None:
-            return Settling("orbit", motion.now, orbit.period, orbit.turn, orbit=orbit)
-        if close and was_close and not (seeker is not None and seeker.leaving):
-            return Settling("periodic", motion.now, close, float(times[-1] - times[TURNS]) / (TURNS - 1))
-    return Settling("maximum", motion.now, slip=phases[-1] - phases[0] if phases else 0.0)
+            return SettlingResult("orbit", motion.now, orbit.period, orbit.turn, orbit=orbit)
+        if close and was_close and not (detector is not None and detector.near_unstable_orbit):
+            return SettlingResult("periodic", motion.now, close, float(times[-1] - times[TURNS]) / (TURNS - 1))
+    return SettlingResult("maximum", motion.now, slip=phases[-1] - phases[0] if phases else 0.0)
 
 
 def phase_difference(motion: Simulator) -> float:
@@ -187,17 +187,17 @@ def phase_difference(motion: Simulator) -> float:
     return float(motion.state[3:5] @ motion.scene.phase_weights)
 
 
-def draws_together(points: FloatArray, scene: Scene, plan: SweepPlan) -> int:
+def contraction_period(points: FloatArray, scene: Scene, plan: SweepPlan) -> int:
     """Return the shortest period (turns) to which the remaining distance is within the tolerance; 0 if there is none.
 
     The second half of the points, shape (turns, 14), is compared with the first.
     """
     tolerance = plan.settle_tolerance
-    noise = min(NOISE * scene.solver.tolerance, tolerance)
+    noise = min(NOISE_TOLERANCE_RATIO * scene.solver.tolerance, tolerance)
     half = len(points) // 2
     now, before = spreads(points[-half:]), spreads(points[-2 * half : -half])
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = now / before
         left = np.where(ratio < 1.0, now * ratio / (1.0 - ratio), np.inf)
-    near = np.flatnonzero((now <= noise) | ((now <= NEAR * tolerance) & (left <= tolerance)))
+    near = np.flatnonzero((now <= noise) | ((now <= EXTRAPOLATION_LIMIT * tolerance) & (left <= tolerance)))
     return int(near[0]) + 1 if near.size else 0

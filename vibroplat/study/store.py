@@ -36,7 +36,7 @@ Record = dict[str, Any]
 _log = logging.getLogger(__name__)
 
 
-class SpoiledError(TableError):
+class CorruptRecordError(TableError):
     """Stored records that are damaged or missing."""
 
     exit_code = 1
@@ -69,7 +69,7 @@ class Store:
     ------
     ConfigError
         The conditions have changed, or unfinished work would be lost.
-    SpoiledError
+    CorruptRecordError
         The file as a whole is damaged.
     TableError
         The file cannot be written, is in use, or is no such file.
@@ -115,7 +115,7 @@ class Store:
                 self._create()
             found, finished = map(self._about, ("conditions", "finished"))
         if found is None and len(self) and not overwrite:
-            raise self._spoiled("it does not contain the conditions of its records")
+            raise self._corrupt_error("it does not contain the conditions of its records")
         if found is not None:
             if resume:
                 self._require_same(found, wanted)
@@ -126,7 +126,7 @@ class Store:
                 )
         with self._complaints(), self._base:
             if resume:
-                self._drop_spoiled(finished or 0)
+                self._drop_corrupt(finished or 0)
             else:
                 self._base.execute("DELETE FROM records")
                 self._base.execute("DELETE FROM about")
@@ -153,9 +153,9 @@ class Store:
             )
         (found,) = self._base.execute("PRAGMA integrity_check(1)").fetchone()
         if found != b"ok":
-            raise self._spoiled(_text(found))
+            raise self._corrupt_error(_text(found))
 
-    def _drop_spoiled(self, finished: int) -> None:
+    def _drop_corrupt(self, finished: int) -> None:
         """Delete damaged records, and say how many are damaged or missing.
 
         ``finished`` is how many records there were when the work was finished.
@@ -164,7 +164,7 @@ class Store:
         spoiled = []
         rows = self._base.execute("SELECT rowid, first, second, task, record, digest FROM records NOT INDEXED")
         for row, chain, place, *content in rows:
-            if _sound(chain, place, *content):
+            if _is_sound(chain, place, *content):
                 places[chain].append(place)
             else:
                 spoiled.append((row,))
@@ -192,7 +192,7 @@ class Store:
         with self._complaints(), self._base:
             self._base.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?, ?, ?)", row)
 
-    def find(self, chain: int | str, place: int, task: str) -> Record | None:
+    def get(self, chain: int | str, place: int, task: str) -> Record | None:
         """Return the record at a place of a chain; None if there is none, or if it is the record of another task.
 
         Records were found sound when the store was opened.
@@ -213,18 +213,18 @@ class Store:
         return _record(row[1])
 
     def read(self, chain: int | str) -> Iterator[tuple[int, Record]]:
-        """Yield places and records of a chain in their order; raises :class:`SpoiledError` at a damaged one."""
+        """Yield places and records of a chain in their order; raises :class:`CorruptRecordError` at a damaged one."""
         chain = self._named(chain)
         with self._complaints():
             rows = self._base.execute(
                 "SELECT second, task, record, digest FROM records WHERE first = ? ORDER BY second", (chain,)
             )
             for place, *content in rows:
-                if not _sound(chain, place, *content):
-                    raise SpoiledError(f"{self._path}: a record is damaged; --resume computes it again")
+                if not _is_sound(chain, place, *content):
+                    raise CorruptRecordError(f"{self._path}: a record is damaged; --resume computes it again")
                 yield place, _record(content[1])
 
-    def part(self, name: str) -> Store:
+    def namespace(self, name: str) -> Store:
         """Return the same store with names of chains of its own, for one purpose."""
         part = copy(self)
         part._prefix = f"{self._prefix}{name}/"
@@ -284,7 +284,7 @@ class Store:
             return None
         value, found = map(_text, row)
         if digest(key, value) != found:
-            raise self._spoiled("the conditions of its records are damaged")
+            raise self._corrupt_error("the conditions of its records are damaged")
         return json.loads(value)
 
     def _tell(self, key: str, value: Any) -> None:
@@ -294,8 +294,8 @@ class Store:
     def _number(self, query: str) -> int:
         return int(self._base.execute(query).fetchone()[0])
 
-    def _spoiled(self, reason: str) -> SpoiledError:
-        return SpoiledError(f"{self._path} is damaged ({reason}); remove it to start again")
+    def _corrupt_error(self, reason: str) -> CorruptRecordError:
+        return CorruptRecordError(f"{self._path} is damaged ({reason}); remove it to start again")
 
     @contextmanager
     def _complaints(self) -> Iterator[None]:
@@ -303,10 +303,10 @@ class Store:
             yield
         except sqlite3.Error as error:
             if getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
-                raise self._spoiled(str(error)) from None
+                raise self._corrupt_error(str(error)) from None
             raise TableError(f"{self._path} cannot be used: {error}") from None
         except UnicodeDecodeError:  # a message of SQLite that quotes damaged names
-            raise self._spoiled("its names are no text") from None
+            raise self._corrupt_error("its names are no text") from None
 
 
 def _is_of_code(key: str) -> bool:
@@ -333,7 +333,7 @@ def digest(*values: Any) -> str:
     return hashlib.sha256(b"".join(parts)).hexdigest()
 
 
-def _sound(chain: Any, place: Any, task: Any, record: Any, found: Any) -> bool:
+def _is_sound(chain: Any, place: Any, task: Any, record: Any, found: Any) -> bool:
     """Whether a row is as it was written."""
     return digest(chain, place, task, record) == _text(found)
 
@@ -343,7 +343,7 @@ def _record(text: bytes) -> Record:
     try:
         return dict(from_json(text, allow_inf_nan=False))
     except ValueError:
-        raise SpoiledError("a record is damaged; --resume computes it again") from None
+        raise CorruptRecordError("a record is damaged; --resume computes it again") from None
 
 
 def _text(value: Any) -> str:

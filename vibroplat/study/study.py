@@ -22,7 +22,7 @@ from vibroplat.study.store import Record, Store
 #: at most 2e-7.
 ALLOWED = 1e-3
 #: Maximum number of motions repeated in a cross-check; they are spread over the whole result.
-CHECKED = 20
+MAX_CROSS_CHECKS = 20
 #: Columns in which a repeated motion must agree; aperiodic motion is compared in the first column only.
 COMPARED = ("sync", "motion", "period", "excitation_frequency_hz", "rms_x_m", "rms_y_m", "motor_power_w")
 
@@ -103,9 +103,9 @@ def conditions(scene: Scene) -> dict[str, Any]:
     return package() | {"engine": engine_name(scene), "configuration": scene.to_tree()}
 
 
-def spread(places: Sequence[int], most: int = CHECKED) -> list[int]:
+def choose_evenly(places: Sequence[int], max_count: int = MAX_CROSS_CHECKS) -> list[int]:
     """Choose some of the places of a table, as far from each other as they can be."""
-    chosen = np.linspace(0, max(len(places) - 1, 0), min(most, len(places))).round().astype(int)
+    chosen = np.linspace(0, max(len(places) - 1, 0), min(max_count, len(places))).round().astype(int)
     return [places[place] for place in np.unique(chosen).tolist()]
 
 

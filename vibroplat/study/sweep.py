@@ -9,7 +9,7 @@ from typing import Protocol, Unpack
 
 import pandas as pd
 
-from vibroplat.columns import PHASE_COLUMN, SHAKING, Column, Columns
+from vibroplat.columns import PHASE_COLUMN, VIBRATION_PATTERN, Column, Columns
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
 from vibroplat.integrate.interface import WORK
@@ -17,11 +17,29 @@ from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.observe.summary import MEASURES
 from vibroplat.results.result import Answer, Result
 from vibroplat.study.bands import BANDS, band_lines, bands
-from vibroplat.study.branches import BRANCH, EXCITATION, SUPPLY, Branch, branches, column_of, place_words, study_table
-from vibroplat.study.point import ERRORS, LOAD_MEASURES, MOTION_MEASURES, POINT, Point, lost, measure_point, point_task
+from vibroplat.study.branches import (
+    BRANCH,
+    EXCITATION,
+    SUPPLY,
+    SweepBranch,
+    branches,
+    column_of,
+    place_words,
+    study_table,
+)
+from vibroplat.study.point import (
+    ERRORS,
+    LOAD_MEASURES,
+    MOTION_MEASURES,
+    POINT,
+    SweepPoint,
+    failed_record,
+    measure_point,
+    point_task,
+)
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
-from vibroplat.study.store import Record, SpoiledError, Store
-from vibroplat.study.study import ALLOWED, COMPARED, CrossCheckCase, Options, Progress, Study, run_study, spread
+from vibroplat.study.store import CorruptRecordError, Record, Store
+from vibroplat.study.study import ALLOWED, COMPARED, CrossCheckCase, Options, Progress, Study, choose_evenly, run_study
 
 #: Columns of the table after the swept keys.
 COLUMNS = (
@@ -55,7 +73,7 @@ _DIAGRAM: Columns = {**_KEYS, **{name: DIAGRAM[name] for name in ("direction", "
 #: Tables of a bifurcation diagram: the numbers in records that they hold, and the column of these.
 _DIAGRAMS = {"section": ("section_y", "y_m"), "impacts": ("impact_speeds", "impact_speed_m_per_s")}
 #: How many rows of a table are made at a time.
-CHUNK = 2000
+PART_ROWS = 2000
 #: The tables of a sweep: what their rows are, and their columns.
 TABLES: dict[str, tuple[str, Columns]] = {
     "sweep": (
@@ -98,12 +116,12 @@ class SweepStudy(Study):
         for branch in self.branches:
             if branch.direction == self.branches[0].direction:  # those of the other direction have the same ends
                 for end in (max,) if branch.swept == FREQUENCY else (min, max):
-                    yield branch.scene.replace({branch.swept: end(branch.along)})
+                    yield branch.scene.replace({branch.swept: end(branch.key_values)})
 
     def chains(self, store: Store) -> int:
         """Return the number of branches whose points are not all stored."""
         stored = store.lengths()
-        return sum(stored.get(branch.number, 0) < len(branch.along) for branch in self.branches)
+        return sum(stored.get(branch.number, 0) < len(branch.key_values) for branch in self.branches)
 
     def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
         """Measure the points of all branches."""
@@ -178,7 +196,7 @@ class Records(Protocol):
 
 
 def run_sweeps(
-    sweeps: Sequence[tuple[Sequence[Branch], Store]],
+    sweeps: Sequence[tuple[Sequence[SweepBranch], Store]],
     workers: Pool,
     progress: Progress = lambda done, known: None,
 ) -> None:
@@ -193,7 +211,7 @@ def run_sweeps(
     progress
         Called with the numbers of finished and of all points.
     """
-    points, planned_points = 0, sum(len(branch.along) for planned, _ in sweeps for branch in planned)
+    points, planned_points = 0, sum(len(branch.key_values) for planned, _ in sweeps for branch in planned)
 
     def count(_: Record) -> None:
         nonlocal points
@@ -210,20 +228,20 @@ def run_sweeps(
     run_stored(chains, workers, tell)
 
 
-def branch_points(branch: Branch, take: Callable[[Record], object]) -> Tasks[None]:
+def branch_points(branch: SweepBranch, take: Callable[[Record], object]) -> Tasks[None]:
     """Measure the points of a branch, each begun with the state in which the last good one ended.
 
     ``take`` is called with the record of each point.
     """
     state: list[float] | None = None
-    for place, value in enumerate(branch.along):
+    for place, value in enumerate(branch.key_values):
         state = branch.begin(state, place)
-        record = yield Task(point_along, (branch.scene, value, state, branch.key(value)), lost)
+        record = yield Task(point_along, (branch.scene, value, state, branch.perturbation_key(value)), failed_record)
         state = record["state"] or state
         take(record)
 
 
-def point_along(first: Scene, value: float, state: list[float] | None, key: tuple[int, ...]) -> Point:
+def point_along(first: Scene, value: float, state: list[float] | None, key: tuple[int, ...]) -> SweepPoint:
     """Measure a point of a branch, from the scene of its first one and the value of the swept key.
 
     Tasks do not hold the scenes of points: making these takes ten times as long as finding a stored record.
@@ -233,31 +251,33 @@ def point_along(first: Scene, value: float, state: list[float] | None, key: tupl
     return measure_point(first.replace({plan.swept.key: value}), plan, state, key)
 
 
-def branch_records(branch: Branch, store: Records) -> Iterator[Record]:
-    """Yield the records of all points of a branch; raises :class:`SpoiledError` if one is missing or damaged."""
+def branch_records(branch: SweepBranch, store: Records) -> Iterator[Record]:
+    """Yield the records of all points of a branch; raises :class:`CorruptRecordError` if one is missing or damaged."""
     found = 0
     for place, record in store.read(branch.number):
-        if place != found or found == len(branch.along):
+        if place != found or found == len(branch.key_values):
             break
         yield record
         found += 1
-    if found < len(branch.along):
-        raise SpoiledError(f"point {found} of branch {branch.number} is not stored; --resume computes it")
+    if found < len(branch.key_values):
+        raise CorruptRecordError(f"point {found} of branch {branch.number} is not stored; --resume computes it")
 
 
-def point_cases(planned: Sequence[Branch], store: Records, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
+def point_cases(
+    planned: Sequence[SweepBranch], store: Records, other: Callable[[Scene], Scene]
+) -> list[CrossCheckCase]:
     """Choose points, as far from each other as they can be, that start as they did and must give the same motion.
 
     Left out are points that are undecided, and chaotic ones beside which other motions are known.
     """
-    rows = enumerate(row for *_, row in _begun(planned, store))
+    rows = enumerate(row for *_, row in _starts(planned, store))
     decided = [n for n, row in rows if row.get("motion") not in (None, "undecided") and not row["coexisting"]]
-    chosen = {*spread(decided)}
+    chosen = {*choose_evenly(decided)}
     cases = []
-    for number, (branch, place, state, row) in enumerate(_begun(planned, store)):
+    for number, (branch, place, state, row) in enumerate(_starts(planned, store)):
         if number in chosen:
-            value, plan = branch.along[place], branch.plan.model_copy(update={"find_coexisting": False})
-            task = point_task(other(branch.at(place)), plan, state, branch.key(value))
+            value, plan = branch.key_values[place], branch.plan.model_copy(update={"find_coexisting": False})
+            task = point_task(other(branch.at(place)), plan, state, branch.perturbation_key(value))
             keys = {column_of(branch.swept): value, **branch.grid}
             swept = ", ".join(f"{key} = {at}" for key, at in keys.items())
             known = {name: row[name] for name in (*COMPARED, PHASE_COLUMN)}
@@ -268,7 +288,9 @@ def point_cases(planned: Sequence[Branch], store: Records, other: Callable[[Scen
     return cases
 
 
-def _begun(planned: Sequence[Branch], store: Records) -> Iterator[tuple[Branch, int, list[float] | None, Record]]:
+def _starts(
+    planned: Sequence[SweepBranch], store: Records
+) -> Iterator[tuple[SweepBranch, int, list[float] | None, Record]]:
     """Yield each point of a finished sweep: its branch and place, the state with which it began, and its row."""
     for branch in planned:
         state: list[float] | None = None
@@ -281,19 +303,19 @@ def _begun(planned: Sequence[Branch], store: Records) -> Iterator[tuple[Branch, 
 # -- tables -----------------------------------------------------------------------------------------------
 
 
-def sweep_table(planned: Sequence[Branch], store: Records) -> pd.DataFrame:
+def sweep_table(planned: Sequence[SweepBranch], store: Records) -> pd.DataFrame:
     """Make the table of a sweep, in the order of branches and points.
 
     Raises
     ------
-    SpoiledError
+    CorruptRecordError
         A record is missing or damaged.
     """
     columns = (*COLUMNS, *SHEET, *point_columns(planned[0].scene.output.points))
     return pd.concat(_parts(planned, store, columns, lambda record: [record["row"]]), ignore_index=True)
 
 
-def diagram_parts(planned: Sequence[Branch], store: Records, values: str, column: str) -> Iterator[pd.DataFrame]:
+def diagram_parts(planned: Sequence[SweepBranch], store: Records, values: str, column: str) -> Iterator[pd.DataFrame]:
     """Yield the parts of a table of a bifurcation diagram; ``values`` names the numbers in records of points."""
 
     def rows(record: Record) -> list[Record]:
@@ -303,7 +325,7 @@ def diagram_parts(planned: Sequence[Branch], store: Records, values: str, column
 
 
 def _parts(
-    planned: Sequence[Branch], store: Records, columns: Sequence[str], rows_of: Callable[[Record], list[Record]]
+    planned: Sequence[SweepBranch], store: Records, columns: Sequence[str], rows_of: Callable[[Record], list[Record]]
 ) -> Iterator[pd.DataFrame]:
     """Yield the rows of all records in parts, at least one, as tables with the swept keys and these columns."""
     key, grid = column_of(planned[0].swept), planned[0].plan.grid
@@ -311,13 +333,13 @@ def _parts(
     rows = (
         {key: value, **branch.grid, "direction": branch.direction, "branch": branch.number, **row}
         for branch in planned
-        for value, record in zip(branch.along, branch_records(branch, store), strict=True)
+        for value, record in zip(branch.key_values, branch_records(branch, store), strict=True)
         for row in rows_of(record)
     )
-    part, first = list(islice(rows, CHUNK)), True
+    part, first = list(islice(rows, PART_ROWS)), True
     while part or first:
         yield study_table(part, [key, *grid, *columns], meant, grid)
-        part, first = list(islice(rows, CHUNK)), False
+        part, first = list(islice(rows, PART_ROWS)), False
 
 
 # -- for the user -----------------------------------------------------------------------------------------
@@ -348,7 +370,7 @@ def synchronizations(table: pd.DataFrame) -> str:
     """Count the kinds of synchronization, and say what the machine does in each."""
     counts = table[["rotation", "sync"]].dropna().value_counts().reset_index()
     kinds = zip(counts["rotation"], counts["sync"], counts["count"], strict=True)
-    shakes = {kind: f" ({what})" for kind, what in SHAKING.items()}
+    shakes = {kind: f" ({what})" for kind, what in VIBRATION_PATTERN.items()}
     return ", ".join(f"{sync} {count}{shakes.get((rotation, sync), '')}" for rotation, sync, count in kinds)
 
 

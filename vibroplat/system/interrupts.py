@@ -65,7 +65,7 @@ def resume_is_offered() -> bool:
     return _Ending.resumable
 
 
-def kept() -> str:
+def records_kept() -> str:
     """Say what remains of a command that was stopped."""
     return RESUMABLE if _Ending.resumable else KEPT
 
@@ -77,7 +77,7 @@ def _end(number: int, _frame: object) -> None:
         return
     _Ending.signal, _Ending.since = number, time.monotonic()
     show_cursor = "\r\x1b[K\x1b[?25h" if os.isatty(2) else ""  # a progress bar may have hidden it
-    os.write(2, f"{show_cursor}vibroplat: {_WORDS[signal.Signals(number)]}; {kept()}\n".encode())
+    os.write(2, f"{show_cursor}vibroplat: {_WORDS[signal.Signals(number)]}; {records_kept()}\n".encode())
     if not _Ending.watching:
         stop_if_asked()
 
@@ -135,7 +135,7 @@ def unfinished(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def unheard() -> Iterator[None]:
+def without_interrupts() -> Iterator[None]:
     """Let processes that are started in the block never receive Ctrl-C, which a terminal sends to them too.
 
     They inherit the mask of signals; it is their parent that stops them.

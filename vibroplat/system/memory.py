@@ -10,7 +10,7 @@ from pathlib import Path
 from vibroplat.errors import VibroplatError
 
 #: Part of the available memory that a run may keep. The rest is for tables made of it, and for other programs.
-SHARE = 0.5
+FRACTION = 0.5
 #: Memory (bytes) after which a run looks again how much is available.
 INTERVAL = 16 * 2**20
 
@@ -21,9 +21,9 @@ NO_MORE = "the system gave no more memory; end other programs, or run on a machi
 
 #: Address space (bytes) below which libraries cannot be loaded: with one thread of OpenBLAS a run and its figures need
 #: 1.0 GB, with engine sundae 1.05 GB. With less it waits for memory for ever or ends the process, without a word.
-LEAST_ADDRESSES = 1_200_000_000
+MIN_ADDRESS_SPACE = 1_200_000_000
 #: The same where kernels have to be compiled: 1.33 GB are enough, with 1.13 GB Python runs out of memory.
-COMPILING = 1_450_000_000
+MIN_COMPILING_ADDRESS_SPACE = 1_450_000_000
 
 #: How the loader and libraries describe a lack of memory.
 _LACKS = ("failed to map segment", "cannot allocate", "out of memory")
@@ -41,7 +41,7 @@ class MemoryShortError(VibroplatError):
     exit_code = 1
 
 
-def amount(size: float) -> str:
+def size_text(size: float) -> str:
     """Format a number of bytes.
 
     >>> amount(3.2 * 2**30)
@@ -62,9 +62,9 @@ def available() -> float:
     return max(min(_of_machine(), _of_group(), _of_address_space()), 0.0)
 
 
-def takeable(there: float) -> float:
+def free_memory(there: float) -> float:
     """Return how much of the available memory may be taken (bytes)."""
-    return SHARE * there
+    return FRACTION * there
 
 
 def _of_machine() -> float:
@@ -129,7 +129,7 @@ def _limit_of_addresses() -> float:
     return float("inf") if limit == resource.RLIM_INFINITY else limit
 
 
-class Share:
+class MemoryBudget:
     """The share of memory that a run may keep, for all that it keeps.
 
     Parameters
@@ -152,21 +152,21 @@ class Share:
         Raises
         ------
         OutOfMemoryError
-            All that is kept would be more than :data:`SHARE` of what is available to it.
+            All that is kept would be more than :data:`FRACTION` of what is available to it.
         """
         taken = self.taken + size
         if self._bounded and taken - self._checked > INTERVAL:
-            most = takeable(available() + self.taken)
+            most = free_memory(available() + self.taken)
             if taken > most:
                 raise OutOfMemoryError(
-                    f"the data that the run keeps would need more than {amount(most)}, {SHARE:g} of the memory that "
-                    f"is available{self._advice and '; '}{self._advice}"
+                    f"the data that the run keeps would need more than {size_text(most)}, {FRACTION:g} of the memory "
+                    f"that is available{self._advice and '; '}{self._advice}"
                 )
             self._checked = taken
         self.taken = taken
 
 
-def require_memory(need: int = LEAST_ADDRESSES, what: str = "loading the libraries") -> None:
+def require_memory(need: int = MIN_ADDRESS_SPACE, what: str = "loading the libraries") -> None:
     """Refuse to begin what will not end well.
 
     Parameters

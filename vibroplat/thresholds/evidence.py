@@ -10,25 +10,25 @@ from collections.abc import Collection, Iterator, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from vibroplat.config.questions import FindPlan
-from vibroplat.thresholds.values import Value
+from vibroplat.config.study_plans import FindPlan
+from vibroplat.thresholds.values import ScanPoint
 
 #: Values evaluated in a round beyond an end of a mixed interval, up to the end of the range, with distances that form a
 #: geometric series. Where the asker wants the outcome beyond this end, as many as DENSE first lie evenly, up to half of
 #: the interval's width away: with the screen of the templates, outcomes that contradict are found there in windows of
 #: 0.3 % to 1.5 % of the width, ever sparser outward.
-FARTHER, DENSE, EVENLY = 20, 40, 0.5
+VALUES_PER_ROUND, DENSE, EVEN_FRACTION = 20, 40, 0.5
 #: Largest number of rounds. Screen and feeder of the templates, with 4 and 6 poles, take at most six.
-ROUNDS = 10
+MAX_ROUNDS = 10
 #: Values near a threshold that show whether it is the only change: their number on each side, and the largest distance
 #: relative to the range. Their distances form a geometric series from the tolerance on, as mixed intervals have all
 #: widths.
-NEAR, REACH = 12, 0.1
+VALUES_NEAR, MAX_REACH = 12, 0.1
 #: Pairs of values in a mixed interval, and the distances of their values relative to the width of the interval.
 PAIRS, DISTANCES = 16, (1e-2, 1e-3, 1e-4)
 #: Minimum number of pairs that differ at the smallest distance where the border is fractal, and their minimum ratio to
 #: the number of those that differ at the largest.
-FRACTAL, LASTING = 2, 0.25
+MIN_PAIRS, MIN_RATIO = 2, 0.25
 
 
 class Threshold(NamedTuple):
@@ -46,14 +46,14 @@ class Threshold(NamedTuple):
         Kind of the special point, or "".
     """
 
-    low: Value
-    high: Value
+    low: ScanPoint
+    high: ScanPoint
     value: float
     kind: str
     special: str
 
 
-class Clear(NamedTuple):
+class ClearRange(NamedTuple):
     """Values on one side of a threshold, up to the next threshold or the end of the range, that have one outcome.
 
     Attributes
@@ -72,7 +72,7 @@ class Clear(NamedTuple):
         Where the next threshold begins, or the end of the range.
     """
 
-    nearest: Value | None
+    nearest: ScanPoint | None
     tried: int
     seeds: int
     last: float
@@ -98,16 +98,16 @@ class Zone(NamedTuple):
     """
 
     thresholds: Sequence[Threshold]
-    mixed: Sequence[Value]
-    below: Clear
-    above: Clear
+    mixed: Sequence[ScanPoint]
+    below: ClearRange
+    above: ClearRange
     shares: tuple[float, ...] = ()
     open_ended: bool = False
 
     @property
     def ends(self) -> tuple[float, float] | None:
         """The smallest and the largest value of the key in the mixed interval; None if nothing is mixed."""
-        return (self.mixed[0].at, self.mixed[-1].at) if self.mixed else None
+        return (self.mixed[0].value, self.mixed[-1].value) if self.mixed else None
 
     @property
     def fractal(self) -> bool:
@@ -117,7 +117,7 @@ class Zone(NamedTuple):
 
 def is_fractal(shares: Sequence[float]) -> bool:
     """Return whether pairs differ at the smallest distance nearly as often as at the largest."""
-    return len(shares) == len(DISTANCES) and shares[-1] * PAIRS >= max(FRACTAL, LASTING * shares[0] * PAIRS)
+    return len(shares) == len(DISTANCES) and shares[-1] * PAIRS >= max(MIN_PAIRS, MIN_RATIO * shares[0] * PAIRS)
 
 
 class _Hull:
@@ -125,14 +125,14 @@ class _Hull:
 
     def __init__(self, threshold: Threshold) -> None:
         self.thresholds = [threshold]
-        self.changes: list[tuple[Value, Value]] = []
+        self.changes: list[tuple[ScanPoint, ScanPoint]] = []
         self.contradicted = False
 
     @property
     def edges(self) -> tuple[float, float]:
         """The values of the key between which all its changes are."""
-        lows = [one.low.at for one in self.thresholds] + [below.at for below, _ in self.changes]
-        highs = [one.high.at for one in self.thresholds] + [above.at for _, above in self.changes]
+        lows = [one.low.value for one in self.thresholds] + [below.value for below, _ in self.changes]
+        highs = [one.high.value for one in self.thresholds] + [above.value for _, above in self.changes]
         return min(lows), max(highs)
 
     def take(self, other: _Hull) -> None:
@@ -142,7 +142,7 @@ class _Hull:
         self.contradicted = self.contradicted or other.contradicted
 
 
-def zones(values: Sequence[Value], thresholds: Sequence[Threshold], plan: FindPlan) -> list[Zone]:
+def zones(values: Sequence[ScanPoint], thresholds: Sequence[Threshold], plan: FindPlan) -> list[Zone]:
     """Attach each change between evaluated values to a threshold, and return what is known around the thresholds.
 
     A change within the interval to which a threshold was narrowed is this threshold. Every other change contradicts
@@ -150,29 +150,31 @@ def zones(values: Sequence[Value], thresholds: Sequence[Threshold], plan: FindPl
     after twice the time, contradict it too. Orbits of branches are no evidence, as no motion need converge to them;
     neither are failed runs, and undecided motion where attractors are compared.
     """
-    known = sorted((value for value in values if value.stage != "orbit"), key=lambda value: value.at)
+    known = sorted((value for value in values if value.reason != "orbit"), key=lambda value: value.value)
     good = [value for value in known if value.classified(plan)]
     hulls = [_Hull(one) for one in sorted(thresholds, key=lambda one: one.value)]
     owners = [hull for hull in hulls if not hull.thresholds[0].special] or hulls
     for change in pairwise(good):
         if not hulls or change[0].outcome(plan) == change[1].outcome(plan):
             continue
-        owner = next((hull for hull in hulls if _within(change, hull.thresholds[0])), None)
+        owner = next((hull for hull in hulls if _is_within(change, hull.thresholds[0])), None)
         if owner is None:
-            owner = min(owners, key=lambda hull: abs(hull.thresholds[0].value - 0.5 * (change[0].at + change[1].at)))
+            owner = min(
+                owners, key=lambda hull: abs(hull.thresholds[0].value - 0.5 * (change[0].value + change[1].value))
+            )
             owner.contradicted = True
         owner.changes.append(change)
-    hulls = _merged(hulls)
+    hulls = _merge(hulls)
     begins = [plan.start, *(hull.edges[1] for hull in hulls)]
     ends = [*(hull.edges[0] for hull in hulls[1:]), plan.stop]
     return [_zone(hull, known, plan, *limits) for hull, *limits in zip(hulls, begins, ends, strict=False)]
 
 
-def _within(change: tuple[Value, Value], threshold: Threshold) -> bool:
-    return threshold.low.at <= change[0].at < change[1].at <= threshold.high.at
+def _is_within(change: tuple[ScanPoint, ScanPoint], threshold: Threshold) -> bool:
+    return threshold.low.value <= change[0].value < change[1].value <= threshold.high.value
 
 
-def _merged(hulls: Sequence[_Hull]) -> list[_Hull]:
+def _merge(hulls: Sequence[_Hull]) -> list[_Hull]:
     """Join those that overlap."""
     found: list[_Hull] = []
     for hull in sorted(hulls, key=lambda hull: hull.edges):
@@ -183,35 +185,35 @@ def _merged(hulls: Sequence[_Hull]) -> list[_Hull]:
     return found
 
 
-def _zone(hull: _Hull, known: Sequence[Value], plan: FindPlan, begin: float, end: float) -> Zone:
+def _zone(hull: _Hull, known: Sequence[ScanPoint], plan: FindPlan, begin: float, end: float) -> Zone:
     """Return what is known around a hull, from ``known`` values in ascending order between two limits."""
     first, last = hull.edges
-    mixed: list[Value] = []
+    mixed: list[ScanPoint] = []
     if hull.contradicted:
-        first = min([*(one.high.at for one in hull.thresholds), *(above.at for _, above in hull.changes)])
-        last = max([*(one.low.at for one in hull.thresholds), *(below.at for below, _ in hull.changes)])
-        mixed = [value for value in known if first <= value.at <= last]
-        lower = [value for value in known if begin <= value.at < first]
-        upper = [value for value in known if last < value.at <= end]
+        first = min([*(one.high.value for one in hull.thresholds), *(above.value for _, above in hull.changes)])
+        last = max([*(one.low.value for one in hull.thresholds), *(below.value for below, _ in hull.changes)])
+        mixed = [value for value in known if first <= value.value <= last]
+        lower = [value for value in known if begin <= value.value < first]
+        upper = [value for value in known if last < value.value <= end]
     else:
-        lower = [value for value in known if begin <= value.at <= first]
-        upper = [value for value in known if last <= value.at <= end]
+        lower = [value for value in known if begin <= value.value <= first]
+        upper = [value for value in known if last <= value.value <= end]
     below, above = _clear(lower[::-1], plan, begin), _clear(upper, plan, end)
     return Zone(sorted(hull.thresholds, key=lambda one: one.value), mixed, below, above)
 
 
-def _clear(values: Sequence[Value], plan: FindPlan, limit: float) -> Clear:
+def _clear(values: Sequence[ScanPoint], plan: FindPlan, limit: float) -> ClearRange:
     """Summarize values with one outcome, the nearest to the threshold first."""
     good = [value for value in values if value.classified(plan)]
-    nearest, last = (good[0], good[-1].at) if good else (None, math.nan)
-    tried, seeds = ({getattr(value, name) for value in good} for name in ("at", "seed"))
-    return Clear(nearest, len(tried), len(seeds), last, len(values) - len(good), limit)
+    nearest, last = (good[0], good[-1].value) if good else (None, math.nan)
+    tried, seeds = ({getattr(value, name) for value in good} for name in ("value", "seed"))
+    return ClearRange(nearest, len(tried), len(seeds), last, len(values) - len(good), limit)
 
 
 # -- where further values are evaluated ------------------------------------------------------------------------------
 
 
-class Places:
+class ScaledKey:
     """Values of the key of a plan as places: 0 at the start of its range, 1 at its stop."""
 
     def __init__(self, plan: FindPlan) -> None:
@@ -229,9 +231,9 @@ class Places:
 
     def near(self, threshold: Threshold) -> list[float]:
         """Return values of the key near a threshold, on both sides, within the range."""
-        low, high = self.place(threshold.low.at), self.place(threshold.high.at)
-        nearest = min(high - low, 0.5 * REACH)
-        distances = [nearest * (REACH / nearest) ** (k / (NEAR - 1)) for k in range(NEAR)]
+        low, high = self.place(threshold.low.value), self.place(threshold.high.value)
+        nearest = min(high - low, 0.5 * MAX_REACH)
+        distances = [nearest * (MAX_REACH / nearest) ** (k / (VALUES_NEAR - 1)) for k in range(VALUES_NEAR)]
         found = [low - distance for distance in distances] + [high + distance for distance in distances]
         return [self.value(place) for place in found if 0.0 <= place <= 1.0]
 
@@ -242,10 +244,10 @@ class Places:
         length = abs(self.place(clear.limit) - edge)
         if length == 0.0:
             return []
-        even = min(EVENLY * self._width(zone), length)
-        distances = [(k + 0.5) / DENSE * even for k in range(DENSE if wanted(zone, upward, self.plan) else 0)]
+        even = min(EVEN_FRACTION * self._width(zone), length)
+        distances = [(k + 0.5) / DENSE * even for k in range(DENSE if is_wanted(zone, upward, self.plan) else 0)]
         nearest = even if distances and even < 0.9 * length else even / DENSE
-        distances += [nearest * (length / nearest) ** ((k + 0.5) / FARTHER) for k in range(FARTHER)]
+        distances += [nearest * (length / nearest) ** ((k + 0.5) / VALUES_PER_ROUND) for k in range(VALUES_PER_ROUND)]
         return [self.value(edge + distance if upward else edge - distance) for distance in distances]
 
     def pairs(self, zone: Zone) -> list[list[float]]:
@@ -265,7 +267,7 @@ class Places:
         return max(high - low, self.plan.narrow / (self.plan.stop - self.plan.start))
 
 
-def wanted(zone: Zone, upward: bool, plan: FindPlan) -> bool:
+def is_wanted(zone: Zone, upward: bool, plan: FindPlan) -> bool:
     """Return whether the asker wants the outcome above or below a mixed interval: where an expression holds."""
     nearest = (zone.above if upward else zone.below).nearest
     return nearest is not None and nearest.outcome(plan) is True

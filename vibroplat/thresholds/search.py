@@ -16,30 +16,38 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.config.plans import OrbitsPlan, StepPlan
-from vibroplat.config.questions import FindPlan
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.orbit import accurate, beginning_at
+from vibroplat.config.study_plans import FindPlan
+from vibroplat.continuation.branch_tasks import KnownPoints, compute_part
+from vibroplat.continuation.orbit import with_initial_state, with_orbit_tolerance
 from vibroplat.continuation.special_points import BRANCH_POINT, DOUBLING, FOLD, NEIMARK_SACKER
-from vibroplat.continuation.worker import Known, part
 from vibroplat.errors import ConfigError
 from vibroplat.model.sensitivity import parameter_direction, value_of
-from vibroplat.study.bands import jumps
-from vibroplat.study.branches import carried, column_of
-from vibroplat.study.point import lost
+from vibroplat.study.bands import find_jumps
+from vibroplat.study.branches import column_of, convert_state
+from vibroplat.study.point import failed_record
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.store import Record, Store
 from vibroplat.study.study import Progress
-from vibroplat.thresholds.evidence import PAIRS, ROUNDS, Places, Threshold, Zone, open_ends, zones
-from vibroplat.thresholds.values import Value, apart, closed, constant, evaluate, scatters, size
+from vibroplat.thresholds.evidence import MAX_ROUNDS, PAIRS, ScaledKey, Threshold, Zone, open_ends, zones
+from vibroplat.thresholds.values import (
+    ScanPoint,
+    evaluate,
+    has_errors,
+    measures_meet,
+    relative_difference,
+    scale_of,
+    with_final_supply,
+)
 
 #: Where the motion beside the end of an orbit's stability is measured, over the distance to the end of the interval.
-BESIDE = 0.02
+CHECK_OFFSET = 0.02
 #: Most halvings that tell a jump from a level that is crossed.
-HALVINGS = 20
+MAX_HALVINGS = 20
 #: Special points at which an orbit loses its stability; beyond one, change of the measures that is no jump.
-SMOOTH, GRADUAL = (FOLD, DOUBLING, NEIMARK_SACKER, BRANCH_POINT), 0.1
+SMOOTH_LOSSES, MAX_GRADUAL = (FOLD, DOUBLING, NEIMARK_SACKER, BRANCH_POINT), 0.1
 #: Record of an orbit that cannot be followed.
-NOTHING: Record = {"rows": [], "special": []}
+EMPTY_RECORD: Record = {"rows": [], "special": []}
 
 T = TypeVar("T")
 
@@ -68,21 +76,21 @@ class Search:
     store: Store
     workers: Pool
     progress: Progress
-    seen: list[Value] = field(default_factory=list)
+    evaluated: list[ScanPoint] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._places = Places(self.plan)
+        self._places = ScaledKey(self.plan)
         self._done = self._known = 0
 
-    def thresholds(self) -> tuple[list[Value], list[Threshold]]:
+    def thresholds(self) -> tuple[list[ScanPoint], list[Threshold]]:
         """Return the values of the scan in ascending order, and the thresholds between them."""
         if self.plan.from_ == "neighbour":
-            return self._outward()
+            return self._scan_outward()
         scan = self._run("scan", [self._single(at, "scan") for at in self.plan.over.upward])
-        found = self._run("border", [self._border(low, high) for low, high in self._changes(scan)])
+        found = self._run("border", [self._bisect(low, high) for low, high in self._changes(scan)])
         return scan, [threshold for threshold in found if threshold is not None]
 
-    def _run(self, name: str, chains: Sequence[Tasks[tuple[T, list[Value]]]]) -> list[T]:
+    def _run(self, name: str, chains: Sequence[Tasks[tuple[T, list[ScanPoint]]]]) -> list[T]:
         """Run chains side by side, and gather what they have seen in their order."""
         stored = [StoredChain(chain, self.store, f"{name}-{number}") for number, chain in enumerate(chains)]
         self._known += len(stored)
@@ -90,43 +98,47 @@ class Search:
         found = run_stored(stored, self.workers, lambda ended: self.progress(done + ended, self._known))
         self._done += len(stored)
         for _, seen in found:
-            self.seen += seen
+            self.evaluated += seen
         return [result for result, _ in found]
 
     # -- values --------------------------------------------------------------------------------------------------------
 
-    def _single(self, at: float, stage: str, other: int = 0) -> Tasks[tuple[Value, list[Value]]]:
+    def _single(self, at: float, stage: str, other: int = 0) -> Tasks[tuple[ScanPoint, list[ScanPoint]]]:
         """Look at one value, with the seed of the scene or the ``other``-th after it."""
         value = yield from self._value(at, stage, other=other)
         return value, [] if stage == "scan" else [value]
 
-    def _value(self, at: float, stage: str, near: Value | None = None, times: int = 1, other: int = 0) -> Tasks[Value]:
+    def _value(
+        self, at: float, stage: str, near: ScanPoint | None = None, times: int = 1, other: int = 0
+    ) -> Tasks[ScanPoint]:
         """Look at a value of the key; with neighbours the motion is carried on from ``near``."""
         scene, state = self.scene.replace({self.plan.key: at}), None
         if near is not None and near.state is not None and self.plan.from_ == "neighbour":
-            before = self.scene.replace({self.plan.key: near.at})
-            scene, state = constant(scene), carried(near.state, before, scene)
+            before = self.scene.replace({self.plan.key: near.value})
+            scene, state = with_final_supply(scene), convert_state(near.state, before, scene)
         seed = self.scene.run.seed + other
-        record = yield Task(evaluate, (scene, self.plan, state, times, start_key(self.scene, seed)), lost)
-        return Value(at, stage, record["row"], record["state"], seed)
+        record = yield Task(evaluate, (scene, self.plan, state, times, start_key(self.scene, seed)), failed_record)
+        return ScanPoint(at, stage, record["row"], record["state"], seed)
 
-    def _alike(self, one: Value, other: Value) -> bool:
+    def _alike(self, one: ScanPoint, other: ScanPoint) -> bool:
         return bool(one.outcome(self.plan) == other.outcome(self.plan))
 
-    def _differ(self, one: Value, other: Value) -> bool:
+    def _differ(self, one: ScanPoint, other: ScanPoint) -> bool:
         return one.classified(self.plan) and other.classified(self.plan) and not self._alike(one, other)
 
-    def _changes(self, scan: Sequence[Value]) -> list[tuple[Value, Value]]:
+    def _changes(self, scan: Sequence[ScanPoint]) -> list[tuple[ScanPoint, ScanPoint]]:
         """Return the neighbours between which the outcome changes, or measures leap; failed ones are left out."""
         good = [value for value in scan if not value.failed]
         leaps = [False] * (len(good) - 1)
         if self.plan.of_motion:
-            leaps = jumps(pd.DataFrame([{column_of(self.plan.key): value.at, **value.row} for value in good])).tolist()
+            leaps = find_jumps(
+                pd.DataFrame([{column_of(self.plan.key): value.value, **value.row} for value in good])
+            ).tolist()
         return [ends for ends, leap in zip(pairwise(good), leaps, strict=False) if leap or not self._alike(*ends)]
 
     # -- from neighbour to neighbour -----------------------------------------------------------------------------------
 
-    def _outward(self) -> tuple[list[Value], list[Threshold]]:
+    def _scan_outward(self) -> tuple[list[ScanPoint], list[Threshold]]:
         """Carry the motion on from the scene's own value of the key in both directions."""
         plan = self.plan
         own = value_of(self.scene, plan.key)
@@ -136,20 +148,20 @@ class Search:
             return [first], []
         above = [value for value in plan.over.upward if value > own]
         below = [value for value in reversed(plan.over.upward) if value < own]
-        ways = self._run("way", [self._way(first, way) for way in (below, above) if way])
-        scan = sorted([first, *(value for values, _ in ways for value in values)], key=lambda value: value.at)
+        ways = self._run("way", [self._scan_one_way(first, way) for way in (below, above) if way])
+        scan = sorted([first, *(value for values, _ in ways for value in values)], key=lambda value: value.value)
         return scan, [threshold for _, threshold in ways if threshold is not None]
 
-    def _way(
-        self, first: Value, way: Sequence[float]
-    ) -> Tasks[tuple[tuple[list[Value], Threshold | None], list[Value]]]:
+    def _scan_one_way(
+        self, first: ScanPoint, way: Sequence[float]
+    ) -> Tasks[tuple[tuple[list[ScanPoint], Threshold | None], list[ScanPoint]]]:
         """Carry the motion on along a way until the outcome changes; values up to there, and the threshold."""
-        seen: list[Value] = []
+        seen: list[ScanPoint] = []
         values = [first]
         point = None
         ahead = [at for at in way if self._continuous(at)]
         if ahead and self.plan.expression is None:
-            point = yield from self._orbit_boundary(first, ahead[-1], abs(way[0] - first.at), seen)
+            point = yield from self._locate_on_branch(first, ahead[-1], abs(way[0] - first.value), seen)
         if point is not None:
             return ([], point), seen
         for at in way:
@@ -159,27 +171,27 @@ class Search:
                 break
         threshold = None
         if not values[-1].failed and not self._alike(*values[-2:]):
-            threshold, more = yield from self._border(*values[-2:])
+            threshold, more = yield from self._bisect(*values[-2:])
             seen += more
         return (values[1:], threshold), seen
 
     # -- one change ----------------------------------------------------------------------------------------------------
 
-    def _border(self, one: Value, other: Value) -> Tasks[tuple[Threshold | None, list[Value]]]:
+    def _bisect(self, one: ScanPoint, other: ScanPoint) -> Tasks[tuple[Threshold | None, list[ScanPoint]]]:
         """Narrow a change between two values, the motion of the first of which is carried on with neighbours.
 
         There is none where measures that leap between values of the scan meet as they draw nearer.
         """
-        seen: list[Value] = []
+        seen: list[ScanPoint] = []
         for begin, end in ((one, other), (other, one)):
-            point = yield from self._orbit_boundary(begin, end.at, abs(other.at - one.at), seen)
+            point = yield from self._locate_on_branch(begin, end.value, abs(other.value - one.value), seen)
             if point is not None:
                 return point, seen
             if self.plan.from_ == "neighbour":
                 break
         first = one
-        while abs(other.at - one.at) > self.plan.narrow:
-            nearer = yield from self._halved(one, other, seen)
+        while abs(other.value - one.value) > self.plan.narrow:
+            nearer = yield from self._halve(one, other, seen)
             if nearer is None:
                 break
             one, other = nearer
@@ -188,35 +200,37 @@ class Search:
             return None, seen
         kind = "level-crossing" if meet else "jump"
         for end in (one, other):
-            longer = yield from self._value(end.at, "extended", first if self.plan.from_ == "neighbour" else None, 2)
+            longer = yield from self._value(end.value, "extended", first if self.plan.from_ == "neighbour" else None, 2)
             seen.append(longer)
             if longer.failed or not self._alike(longer, end):
                 kind = "unresolved-transient"
-        low, high = sorted((one, other), key=lambda value: value.at)
-        return Threshold(low, high, 0.5 * (low.at + high.at), kind, ""), seen
+        low, high = sorted((one, other), key=lambda value: value.value)
+        return Threshold(low, high, 0.5 * (low.value + high.value), kind, ""), seen
 
-    def _halved(self, one: Value, other: Value, seen: list[Value]) -> Tasks[tuple[Value, Value] | None]:
+    def _halve(
+        self, one: ScanPoint, other: ScanPoint, seen: list[ScanPoint]
+    ) -> Tasks[tuple[ScanPoint, ScanPoint] | None]:
         """Return the half of an interval in which the change is, or the larger change; None if that is unknown."""
-        middle = yield from self._value(0.5 * (one.at + other.at), "bisection", one)
+        middle = yield from self._value(0.5 * (one.value + other.value), "bisection", one)
         seen.append(middle)
-        if middle.failed or middle.at in (one.at, other.at):
+        if middle.failed or middle.value in (one.value, other.value):
             return None
         if self._alike(one, other):
-            near = apart(one, middle, self.plan) < apart(middle, other, self.plan)
+            near = relative_difference(one, middle, self.plan) < relative_difference(middle, other, self.plan)
         else:
             near = self._alike(one, middle)
         return (middle, other) if near else (one, middle)
 
-    def _meet(self, one: Value, other: Value, seen: list[Value]) -> Tasks[bool]:
+    def _meet(self, one: ScanPoint, other: ScanPoint, seen: list[ScanPoint]) -> Tasks[bool]:
         """Halve an interval further until it is known whether the measures at its ends meet."""
         brackets = [(one, other)]
-        meet = closed(brackets, self.plan)
-        while meet is None and len(brackets) <= HALVINGS:
-            nearer = yield from self._halved(*brackets[-1], seen)
+        meet = measures_meet(brackets, self.plan)
+        while meet is None and len(brackets) <= MAX_HALVINGS:
+            nearer = yield from self._halve(*brackets[-1], seen)
             if nearer is None:
                 break
             brackets.append(nearer)
-            meet = closed(brackets, self.plan)
+            meet = measures_meet(brackets, self.plan)
         return bool(meet)
 
     def _continuous(self, at: float) -> bool:
@@ -227,48 +241,50 @@ class Search:
             return False
         return True
 
-    def _orbit_boundary(self, begin: Value, end: float, step: float, seen: list[Value]) -> Tasks[Threshold | None]:
+    def _locate_on_branch(
+        self, begin: ScanPoint, end: float, step: float, seen: list[ScanPoint]
+    ) -> Tasks[Threshold | None]:
         """Follow the orbit of a value towards another one; the threshold where it loses its stability.
 
         It is one if the motion converges to the orbit just before, and has another outcome just beyond.
         """
         period = begin.row["period"]
         known = period and begin.row.get("multiplier_max") and not begin.leaving
-        if not (known and self._continuous(begin.at) and self._continuous(end)):
+        if not (known and self._continuous(begin.value) and self._continuous(end)):
             return None
-        span = abs(end - begin.at)
+        span = abs(end - begin.value)
         steps = StepPlan(first=0.25 * min(step, 0.5 * span), largest=min(step, 0.5 * span))
         orbits = OrbitsPlan(
-            key=self.plan.key, start=begin.at, stop=end, period=period, from_="state", switch=[], step=steps
+            key=self.plan.key, start=begin.value, stop=end, period=period, from_="state", switch=[], step=steps
         )
-        scene = constant(self.scene.replace({self.plan.key: begin.at}))
-        start = accurate(beginning_at(scene, np.array(begin.state)), orbits.tolerance)
-        record = yield Task(part, (start, orbits, None, Known([], [], [])), lambda reason: NOTHING)
+        scene = with_final_supply(self.scene.replace({self.plan.key: begin.value}))
+        start = with_orbit_tolerance(with_initial_state(scene, np.array(begin.state)), orbits.tolerance)
+        record = yield Task(compute_part, (start, orbits, None, KnownPoints([], [], [])), lambda reason: EMPTY_RECORD)
         rows = record["rows"]
         ends = next((place for place, row in enumerate(rows) if not row["stable"]), 0)
-        special = [one for one in record["special"] if one["after"] == ends and one["kind"] in SMOOTH]
+        special = [one for one in record["special"] if one["after"] == ends and one["kind"] in SMOOTH_LOSSES]
         if not ends or not special:
             return None
         told = {"motion": "periodic", "outcome": "ok"}
-        branch = [Value(row["value"], "orbit", {**row, **told}, row["state"]) for row in rows[:ends]]
+        branch = [ScanPoint(row["value"], "orbit", {**row, **told}, row["state"]) for row in rows[:ends]]
         if self.plan.from_ == "neighbour":
             seen += branch[1:]
         at = special[0]["value"]
-        inner = yield from self._value(at + BESIDE * (begin.at - at), "beside", branch[-1])
-        beyond = min(BESIDE * span, 0.5 * abs(end - at))
+        inner = yield from self._value(at + CHECK_OFFSET * (begin.value - at), "beside", branch[-1])
+        beyond = min(CHECK_OFFSET * span, 0.5 * abs(end - at))
         outer = yield from self._value(at + math.copysign(beyond, end - at), "beside", inner)
         seen += [inner, outer]
         lingers = self._alike(inner, outer) or outer.leaving or outer.row["motion"] == "undecided"
         if inner.failed or outer.failed or not self._alike(begin, inner) or (lingers and not self.plan.of_motion):
             return None
-        gradual = apart(inner, outer, self.plan) < GRADUAL * size(inner, outer, self.plan)
+        gradual = relative_difference(inner, outer, self.plan) < MAX_GRADUAL * scale_of(inner, outer, self.plan)
         kind = "level-crossing" if gradual else "jump"
-        low, high = sorted((inner, outer), key=lambda value: value.at)
+        low, high = sorted((inner, outer), key=lambda value: value.value)
         return Threshold(low, high, at, "unresolved-transient" if lingers else kind, special[0]["kind"])
 
     # -- mixed intervals -----------------------------------------------------------------------------------------------
 
-    def evidence(self, scan: Sequence[Value], thresholds: Sequence[Threshold]) -> list[Zone]:
+    def evidence(self, scan: Sequence[ScanPoint], thresholds: Sequence[Threshold]) -> list[Zone]:
         """Return what all values say about the thresholds, and look for values that contradict them.
 
         They are searched for near each threshold at which measures jump, or meet within their standard errors: where a
@@ -279,38 +295,38 @@ class Search:
         points.
         """
         if self.plan.from_ == "neighbour":
-            return zones([*scan, *self.seen], thresholds, self.plan)
+            return zones([*scan, *self.evaluated], thresholds, self.plan)
         places = self._places
         doubtful = [
             one
             for one in thresholds
-            if not one.special and (one.kind != "level-crossing" or scatters(one.low, one.high, self.plan))
+            if not one.special and (one.kind != "level-crossing" or has_errors(one.low, one.high, self.plan))
         ]
-        self._look("near", [at for one in doubtful for at in places.near(one)])
+        self._evaluate("near", [at for one in doubtful for at in places.near(one)])
         tried: set[tuple[float, bool]] = set()
-        found = zones([*scan, *self.seen], thresholds, self.plan)
-        for number in range(ROUNDS):
+        found = zones([*scan, *self.evaluated], thresholds, self.plan)
+        for number in range(MAX_ROUNDS):
             ends = list(open_ends(found, tried))
             if not ends:
                 break
             tried |= {(zone.ends[upward], upward) for zone, upward in ends if zone.ends}
-            self._look("beyond", [at for end in ends for at in places.beyond(*end)], number)
-            found = zones([*scan, *self.seen], thresholds, self.plan)
+            self._evaluate("beyond", [at for end in ends for at in places.beyond(*end)], number)
+            found = zones([*scan, *self.evaluated], thresholds, self.plan)
         growing = [zone for zone, _ in open_ends(found, tried)]
         found = [zone._replace(open_ended=any(zone is one for one in growing)) for zone in found]
         return [
-            zone._replace(shares=self._shares(zone, number)) if zone.mixed else zone
+            zone._replace(shares=self._fractal_test(zone, number)) if zone.mixed else zone
             for number, zone in enumerate(found)
         ]
 
-    def _look(self, stage: str, places: Sequence[float], number: int = 0) -> list[Value]:
+    def _evaluate(self, stage: str, places: Sequence[float], number: int = 0) -> list[ScanPoint]:
         """Evaluate values of the key side by side; beyond a mixed interval every second one with another seed."""
         others = [(place + 1) // 2 if stage == "beyond" and place % 2 else 0 for place in range(len(places))]
         return self._run(f"{stage}-{number}", [self._single(*one) for one in zip(places, repeat(stage), others)])
 
-    def _shares(self, zone: Zone, number: int) -> tuple[float, ...]:
+    def _fractal_test(self, zone: Zone, number: int) -> tuple[float, ...]:
         """Return the fractions of pairs in a mixed interval that differ, for each distance."""
         begins, *others = self._places.pairs(zone)
-        values = self._look("pair", [*begins, *(at for ends in others for at in ends)], number)
+        values = self._evaluate("pair", [*begins, *(at for ends in others for at in ends)], number)
         first, *rest = (values[k : k + PAIRS] for k in range(0, len(values), PAIRS))
         return tuple(sum(self._differ(a, b) for a, b in zip(first, ends, strict=True)) / PAIRS for ends in rest)

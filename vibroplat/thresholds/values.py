@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.config.plans import FREQUENCY
-from vibroplat.config.questions import FindPlan
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.newton import NEUTRAL
+from vibroplat.config.study_plans import FindPlan
+from vibroplat.continuation.newton import UNIT_CIRCLE_DISTANCE
 from vibroplat.continuation.orbit import TOLERANCE, orbit_near
 from vibroplat.errors import VibroplatError
 from vibroplat.hybrid.state import initial_state, perturb_state
@@ -22,21 +22,21 @@ from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
-from vibroplat.study.point import ERRORS, Point, lost, measure_point
+from vibroplat.study.point import ERRORS, SweepPoint, failed_record, measure_point
 from vibroplat.study.store import Record
 
 #: Distance of an orbit from the motion that is on it, in scaled units, at most.
-ON_ORBIT = 0.1
+MAX_ORBIT_DISTANCE = 0.1
 #: Number of joint standard errors up to which two measures may differ by chance, and the same of measures without
 #: errors, relative to them: ten times what remains of a motion after settling on its orbit.
-NOISE, ROUNDING = 3.0, 1e-7
+NOISE_ERRORS, SETTLING_ERROR = 3.0, 1e-7
 #: Ratio to which the difference across a change falls if the measure is continuous there, and halvings after the first
 #: move of both ends until then: a measure that grows with the square root of the distance falls to 0.18.
-CLOSED, STEPS = 0.25, 6
+MEETING_RATIO, MEETING_HALVINGS = 0.25, 6
 _COMPARED = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
 
 
-class Value(NamedTuple):
+class ScanPoint(NamedTuple):
     """What was found at a value of the key.
 
     Attributes
@@ -51,8 +51,8 @@ class Value(NamedTuple):
         Seed of the perturbation of its start.
     """
 
-    at: float
-    stage: str
+    value: float
+    reason: str
     row: Record
     state: list[float] | None
     seed: int = 0
@@ -65,7 +65,7 @@ class Value(NamedTuple):
     @property
     def leaving(self) -> bool:
         """Whether it repeats on an unstable orbit, which it will leave."""
-        return (self.row.get("multiplier_max") or 0.0) > 1.0 + NEUTRAL
+        return (self.row.get("multiplier_max") or 0.0) > 1.0 + UNIT_CIRCLE_DISTANCE
 
     def outcome(self, plan: FindPlan) -> Any:
         """Return what is compared between two values: motion, synchronization, or whether the expression holds."""
@@ -95,7 +95,7 @@ class Value(NamedTuple):
         return ", ".join(filter(None, parts))
 
 
-def apart(one: Value, other: Value, plan: FindPlan) -> float:
+def relative_difference(one: ScanPoint, other: ScanPoint, plan: FindPlan) -> float:
     """How much the measures of two values differ, as shares of them; that of the expression alone if there is one."""
     if plan.compared is not None:
         a, b = (value.row.get(plan.compared[0]) for value in (one, other))
@@ -109,20 +109,20 @@ def apart(one: Value, other: Value, plan: FindPlan) -> float:
     return max(*parts, abs(float(np.angle(np.exp(1j * (phases[1] - phases[0]))[0]))) / math.pi if held else 0.0)
 
 
-def size(one: Value, other: Value, plan: FindPlan) -> float:
-    """Return what :func:`apart` is relative to: the column of the expression, or 1, as it compares ratios otherwise."""
+def scale_of(one: ScanPoint, other: ScanPoint, plan: FindPlan) -> float:
+    """Return what :func:`relative_difference` divides by: the column of the expression, or 1 for ratios."""
     if plan.compared is None:
         return 1.0
     return float(max(abs(value.row.get(plan.compared[0]) or 0.0) for value in (one, other)))
 
 
-def scatters(one: Value, other: Value, plan: FindPlan) -> bool:
+def has_errors(one: ScanPoint, other: ScanPoint, plan: FindPlan) -> bool:
     """Return whether standard errors tell how far two values differ by chance, as they do where motion is chaotic."""
-    return uncertainty(one, other, plan) > ROUNDING * size(one, other, plan)
+    return uncertainty(one, other, plan) > SETTLING_ERROR * scale_of(one, other, plan)
 
 
-def uncertainty(one: Value, other: Value, plan: FindPlan) -> float:
-    """Return up to which :func:`apart` differs by chance, as far as standard errors of the measures tell."""
+def uncertainty(one: ScanPoint, other: ScanPoint, plan: FindPlan) -> float:
+    """Return up to which :func:`relative_difference` differs by chance, as far as standard errors tell."""
     columns = ("rms_x_m", "rms_y_m", "excitation_frequency_hz", "phase_difference_rad")
     names = columns if plan.compared is None else plan.compared[:1]
     errors = {name: [value.row.get(ERRORS.get(name, "")) or 0.0 for value in (one, other)] for name in names}
@@ -132,10 +132,10 @@ def uncertainty(one: Value, other: Value, plan: FindPlan) -> float:
         speed = max(value.row[columns[2]] or 0.0 for value in (one, other))
         scales = (amplitude, amplitude, speed, math.pi)
         parts = {name: parts[name] / (scale or 1.0) for name, scale in zip(columns, scales, strict=True)}
-    return max(NOISE * max(parts.values()), ROUNDING * size(one, other, plan))
+    return max(NOISE_ERRORS * max(parts.values()), SETTLING_ERROR * scale_of(one, other, plan))
 
 
-def closed(brackets: Sequence[tuple[Value, Value]], plan: FindPlan) -> bool | None:
+def measures_meet(brackets: Sequence[tuple[ScanPoint, ScanPoint]], plan: FindPlan) -> bool | None:
     """Return whether the measures on both sides of a change meet as the interval between them is halved.
 
     Parameters
@@ -148,25 +148,25 @@ def closed(brackets: Sequence[tuple[Value, Value]], plan: FindPlan) -> bool | No
     Returns
     -------
     bool or None
-        True if their difference has fallen to :data:`CLOSED` of what it was, or below its uncertainty. False if it has
-        not although both ends have moved long enough. A measure that leaves its value at the threshold as steeply as a
-        square root falls to sqrt(2 / 2**STEPS) of it by then. None if neither is known yet.
+        True if their difference has fallen to :data:`MEETING_RATIO` of what it was, or below its uncertainty. False if
+        it has not although both ends have moved long enough. A measure that leaves its value at the threshold as
+        steeply as a square root falls to sqrt(2 / 2**MEETING_HALVINGS) of it by then. None if neither is known yet.
     """
-    before, now = (apart(*brackets[place], plan) for place in (0, -1))
+    before, now = (relative_difference(*brackets[place], plan) for place in (0, -1))
     if not math.isfinite(now):
         return False
-    if now <= max(CLOSED * before if len(brackets) > 1 else 0.0, uncertainty(*brackets[-1], plan)):
+    if now <= max(MEETING_RATIO * before if len(brackets) > 1 else 0.0, uncertainty(*brackets[-1], plan)):
         return True
-    since = brackets[: max(len(brackets) - STEPS, 1)]
-    return False if all(since[0][end].at != since[-1][end].at for end in (0, 1)) else None
+    since = brackets[: max(len(brackets) - MEETING_HALVINGS, 1)]
+    return False if all(since[0][end].value != since[-1][end].value for end in (0, 1)) else None
 
 
-def constant(scene: Scene) -> Scene:
+def with_final_supply(scene: Scene) -> Scene:
     """Return the scene with the constant supply with which its program ends."""
     return scene if scene.drive.program is None else scene.replace({FREQUENCY: scene.drive.intervals[-1].frequency})
 
 
-def evaluate(scene: Scene, plan: FindPlan, state: list[float] | None, times: int, key: tuple[int, ...]) -> Point:
+def evaluate(scene: Scene, plan: FindPlan, state: list[float] | None, times: int, key: tuple[int, ...]) -> SweepPoint:
     """Measure the motion that a scene reaches; see :func:`vibroplat.study.point.measure_point`.
 
     Without a state it begins with ``run.initial`` and follows the drive's program to its last entry. ``times`` is how
@@ -175,11 +175,11 @@ def evaluate(scene: Scene, plan: FindPlan, state: list[float] | None, times: int
     """
     began, share = time.perf_counter(), scene.start_perturbation
     if state is None:  # as a run of the scene begins
-        begun = _followed(scene, perturb_state(initial_state(scene), scene, share, key))
-        if isinstance(begun, Point):
+        begun = _follow_program(scene, perturb_state(initial_state(scene), scene, share, key))
+        if isinstance(begun, SweepPoint):
             return begun
         state, share = begun, 0.0
-    settled = constant(scene)
+    settled = with_final_supply(scene)
     point = measure_point(settled, plan.measuring(times, share), state, key)
     row = point.row
     if point.state is not None and row["period"] and row.get("multiplier_max") is None:
@@ -188,13 +188,13 @@ def evaluate(scene: Scene, plan: FindPlan, state: list[float] | None, times: int
         except VibroplatError:
             pass
         else:
-            if orbit.distance < ON_ORBIT and orbit.multipliers.size:
+            if orbit.distance < MAX_ORBIT_DISTANCE and orbit.multipliers.size:
                 row["multiplier_max"] = float(abs(orbit.multipliers[0]))
     row["wall_s"] = time.perf_counter() - began
     return point
 
 
-def _followed(scene: Scene, start: FloatArray) -> list[float] | Point:
+def _follow_program(scene: Scene, start: FloatArray) -> list[float] | SweepPoint:
     """Follow the program of a scene from a full state to its last entry; the state there, or how it failed."""
     if scene.drive.program is None:
         return [float(value) for value in start]
@@ -203,7 +203,7 @@ def _followed(scene: Scene, start: FloatArray) -> list[float] | Point:
         motion = Simulator(scene, p, engine, start)
         motion.to_time(scene.drive.program[-1].t_s)
         if motion.outcome != "ok":
-            return Point(**lost(motion.detail, motion.outcome))
+            return SweepPoint(**failed_record(motion.detail, motion.outcome))
         state = motion.state.copy()
     state[3:5] %= 2.0 * math.pi
     return [float(value) for value in state]

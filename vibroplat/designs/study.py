@@ -25,7 +25,7 @@ from vibroplat.study.study import CrossCheckCase, Options, Progress, Study, run_
 from vibroplat.study.sweep import SWEEP
 
 #: Maximum number of keys printed for each measure.
-SHOWN = 4
+MAX_PRINTED_KEYS = 4
 
 
 _VARIED: Columns = {"…": Column("values of the keys that vary, under their dotted names", "see configuration.md")}
@@ -39,7 +39,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
     ),
     "variance_contributions": (
         "`vibroplat design` with `parameter_tolerances`: contribution of each key to the variance of each measure.",
-        of_samples.SHARES,
+        of_samples.VARIANCE_CONTRIBUTIONS,
     ),
     "evaluations": (
         "`vibroplat design` with `minimize`: a row for each point that was looked at.",
@@ -81,28 +81,28 @@ class DesignStudy(Study):
                 of_keys.require_allowed(scene, f"design.keys.{key} = {ends}{more}", key, value)
         self.keys = list(self.plan.keys) or of_keys.varied_keys(scene)
         allowed = of_keys.measured_names(scene)
-        self.names = [n for n in dict.fromkeys((*of_keys.USUAL, *self.plan.named)) if n in allowed]
+        self.names = [n for n in dict.fromkeys((*of_keys.PRINTED, *self.plan.named)) if n in allowed]
         self.aims = [n for n in (self.plan.minimize, *self.plan.constraints) if n is not None]
 
     def chains(self, store: Store) -> int:
         """Return how many parts of samples, or searches, run side by side."""
-        return max(self.plan.samples // of_samples.CHUNK, self.plan.starts)
+        return max(self.plan.samples // of_samples.SAMPLES_PER_TASK, self.plan.starts)
 
     def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
         """Find the orbit, differentiate it, search for the optimum, and measure samples around it."""
         run = _Runner(store, workers, progress)
-        known = run.one("settled", of_keys.settled, self.scene)
-        found = run.one("sensitivities", of_keys.differentiated, self.scene, self.keys, self.names, known)
+        known = run.one("settled", of_keys.settle_on_orbit, self.scene)
+        found = run.one("sensitivities", of_keys.orbit_sensitivities, self.scene, self.keys, self.names, known)
         for name in self.aims:
             if found["measures"][name] is None:
                 raise ConfigError(
                     f"design: {name} has no value for the motion of this scene; allowed: a measure that has one"
                 )
         tables = {"sensitivities": of_keys.table(found["rows"])}
-        home = of_samples.regime(known["sync"], "periodic", known["period"])
+        home = of_samples.name_regime(known["sync"], "periodic", known["period"])
         margin = found["measures"]["stability_margin"]
         lines = {"motion": f"{home}, multipliers up to {1.0 - margin:.6g}"}
-        text = list(_told_of_keys(found, self.names))
+        text = list(_key_lines(found, self.names))
         if self.plan.minimize is None:
             return self._with_samples(run, self.scene, known, self._result(tables, Answer(lines, text)))
         best, found = self._best(run, known, tables)
@@ -110,17 +110,17 @@ class DesignStudy(Study):
         if best is None:
             return self._result(tables, Answer(lines, text))
         scene = self.scene.replace(best["values"])
-        row = run.one("confirmed", optimum.confirmed, self.scene, known, best["values"])
+        row = run.one("confirmed", optimum.measure_design, self.scene, known, best["values"])
         told = [f"{name} {row['row'][name]:.6g}" for name in self.aims if row["row"].get(name) is not None]
         lines |= {"from rest": ", ".join([row["regime"], *told])}
         other = f"started from rest, the best design converges to {row['regime']}, not to the optimized orbit"
         notes = [] if row["same"] else [other]
         if notes and self.plan.parameter_tolerances and self.plan.samples:
             notes = [f"{notes[0]}, so its tolerances were not sampled"]
-        result = self._result(tables, Answer(lines, text, notes), {"best": _written(scene)})
+        result = self._result(tables, Answer(lines, text, notes), {"best": _configuration_text(scene)})
         if not (row["same"] and self.plan.parameter_tolerances):
             return result
-        return self._with_samples(run, scene, run.one("settled there", of_keys.settled, scene), result)
+        return self._with_samples(run, scene, run.one("settled there", of_keys.settle_on_orbit, scene), result)
 
     def _result(
         self, tables: Mapping[str, pd.DataFrame], answer: Answer, configurations: Mapping[str, str] | None = None
@@ -136,7 +136,7 @@ class DesignStudy(Study):
         for _, best in () if tried is None else tried[tried["best"]].iterrows():
             found.append(("at the best design", {k: best[k] for k in self.plan.keys}, {n: best[n] for n in nominal}))
         return [
-            CrossCheckCase(place, Task(of_keys.measured_at, (other(self.scene), at)), row) for place, at, row in found
+            CrossCheckCase(place, Task(of_keys.measure_at, (other(self.scene), at)), row) for place, at, row in found
         ]
 
     def _best(
@@ -144,7 +144,7 @@ class DesignStudy(Study):
     ) -> tuple[Record | None, dict[str, str]]:
         """Search for the optimum and the Pareto front; add their tables, and return the optimum and printed lines."""
         bounds = {name: self.plan.bound(name) for name in self.plan.constraints}
-        asked = (optimum.searched, self.scene, self.names, known)
+        asked = (optimum.run_search, self.scene, self.names, known)
         found = run.all({f"start {n}": (*asked, bounds, n, None) for n in range(self.plan.starts)})
         rows = [row | {"best": False, "period": known["period"]} for part in found for row in part["rows"]]
         bests = [part["best"] for part in found if part["best"] is not None]
@@ -185,14 +185,14 @@ class DesignStudy(Study):
         """Add the samples of a scene's tolerances, if there are any."""
         if not (self.plan.parameter_tolerances and self.plan.samples):
             return result
-        plan, home = self.plan, of_samples.regime(known["sync"], "periodic", known["period"])
+        plan, home = self.plan, of_samples.name_regime(known["sync"], "periodic", known["period"])
         keys, found = list(plan.parameter_tolerances), result.sensitivities.dropna(subset=["elasticity"])
-        places = of_samples.within(plan.seed, len(keys), 0, plan.samples)
+        places = of_samples.sobol_points(plan.seed, len(keys), 0, plan.samples)
         table = self._samples(run, scene, known, places)
-        shares = of_samples.shares(table, keys, found["measure"].unique().tolist())
+        shares = of_samples.variance_contributions(table, keys, found["measure"].unique().tolist())
         answer = result.answer._replace(
             lines={**result.answer.lines, **_lines_of_samples(table, home), **self._kept(table)},
-            text=[*result.answer.text, *_told_of_samples(table, shares)],
+            text=[*result.answer.text, *_distribution_lines(table, shares)],
         )
         tables = {**result.tables, "samples": table, "variance_contributions": shares}
         return self._result(tables, answer, result.configurations)
@@ -204,15 +204,15 @@ class DesignStudy(Study):
         kept = pd.Series(data=True, index=table.index)
         for name in self.plan.constraints:
             sign, limit = self.plan.bound(name)
-            kept &= sign * (table[name] - limit) >= -optimum.VIOLATION * abs(limit)
+            kept &= sign * (table[name] - limit) >= -optimum.VIOLATION_TOLERANCE * abs(limit)
         return {"constraints satisfied": f"{100.0 * kept.mean():.1f} %"}
 
     def _samples(self, run: _Runner, scene: Scene, known: Record, places: FloatArray) -> pd.DataFrame:
         """Measure samples at places, in parts that are the same for any number of workers."""
         parts = {
-            f"samples {first}": (of_samples.sampled, scene, self.names, known, first, part.tolist())
-            for first in range(0, len(places), of_samples.CHUNK)
-            for part in [places[first : first + of_samples.CHUNK]]
+            f"samples {first}": (of_samples.measure_samples, scene, self.names, known, first, part.tolist())
+            for first in range(0, len(places), of_samples.SAMPLES_PER_TASK)
+            for part in [places[first : first + of_samples.SAMPLES_PER_TASK]]
         }
         rows = [row for part in run.all(parts) for row in part["rows"]]
         measures = [name for name in self.names if name != "stability_margin"]
@@ -247,7 +247,7 @@ def _values(found: Mapping[str, float], names: Sequence[str]) -> str:
     return ", ".join(f"{name} {found[name]:.6g}" for name in dict.fromkeys(names))
 
 
-def _written(scene: Scene) -> str:
+def _configuration_text(scene: Scene) -> str:
     """Return the YAML configuration of a scene without its section ``design``."""
     tree = scene.to_tree() | {"name": f"{scene.name}-best"}
     del tree["design"]
@@ -262,11 +262,11 @@ def _single(task: Task) -> Tasks[Record]:
     return (yield task)
 
 
-def _told_of_keys(found: Record, names: Sequence[str]) -> Iterable[str]:
+def _key_lines(found: Record, names: Sequence[str]) -> Iterable[str]:
     """Yield a line for each measure: its value and its largest elasticities."""
     yield "elasticities of the scene as given (relative change of a measure / that of a key), largest first"
     for name in names:
-        own = of_keys.largest(found["rows"], name, SHOWN)
+        own = of_keys.largest_elasticities(found["rows"], name, MAX_PRINTED_KEYS)
         if own:
             told = ", ".join(f"{row['key']} {row['elasticity']:+.3g}" for row in own)
             yield f"  {name} {found['measures'][name]:.6g}: {told}"
@@ -286,12 +286,12 @@ def _lines_of_samples(table: pd.DataFrame, home: str) -> dict[str, str]:
     return told
 
 
-def _told_of_samples(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[str]:
+def _distribution_lines(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[str]:
     """Yield lines on the quantiles of each measure and on the contributions to its variance."""
     yield "samples: 5 %, 50 % and 95 % quantiles; fractions of the variance by linear regression"
     for name, own in shares.groupby("measure", sort=False):
         low, middle, high = table[name].quantile(of_samples.QUANTILES)
-        first = own.sort_values("regression", ascending=False, kind="stable").head(SHOWN)
+        first = own.sort_values("regression", ascending=False, kind="stable").head(MAX_PRINTED_KEYS)
         by = zip(first["key"], first["regression"], strict=True)
         told = ", ".join(f"{key} {100.0 * share:.0f} %" for key, share in by if share >= 0.005)
         explained = f" (of {100.0 * own['explained'].iloc[0]:.0f} % explained)" if told else ""

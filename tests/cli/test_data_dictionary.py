@@ -9,7 +9,7 @@ from common.commands import command as run_command
 from common.places import QUICKSTART
 
 from vibroplat import simulate, sweep
-from vibroplat.cli.dictionary import FIRST, TABLES, columns_page
+from vibroplat.cli.data_dictionary import LEADING_COLUMNS, TABLES, columns_page
 from vibroplat.columns import unit_of
 from vibroplat.config.keys import key_of, keys
 from vibroplat.config.reader import flat
@@ -54,8 +54,8 @@ def test_a_key_is_told_with_symbol_unit_default_typical_values_and_range():
 def test_page_begins_with_thirty_columns_and_the_tables_that_have_them():
     first, rest = columns_page().split("\n## ", 2)[1:]
     rows = [line.strip("| ").split(" | ") for line in first.splitlines() if line.startswith("| `")]
-    assert ([row[0].strip("`") for row in rows], len(set(FIRST))) == ([*FIRST], 30)
-    for name, row in zip(FIRST, rows, strict=True):
+    assert ([row[0].strip("`") for row in rows], len(set(LEADING_COLUMNS))) == ([*LEADING_COLUMNS], 30)
+    for name, row in zip(LEADING_COLUMNS, rows, strict=True):
         holding = [table for table, described in COLUMNS.items() if name in described]
         assert row[-1] == ", ".join(holding)
         assert row[2] == COLUMNS[holding[0]][name].meaning

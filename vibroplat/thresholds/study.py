@@ -12,27 +12,27 @@ import pandas as pd
 from vibroplat.columns import COUNT, FLAG, TEXT, Column, Columns, unit_of
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import FREQUENCY
-from vibroplat.config.questions import FindPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.schema import meant
+from vibroplat.config.schema import did_you_mean
+from vibroplat.config.study_plans import FindPlan
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import ConfigError
 from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.results.result import Answer, Result
 from vibroplat.study.branches import SUPPLY, column_of, study_table
-from vibroplat.study.point import lost
+from vibroplat.study.point import failed_record
 from vibroplat.study.pool import Pool, Task
 from vibroplat.study.store import Store
 from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, run_study
 from vibroplat.study.sweep import COLUMNS, SWEEP
-from vibroplat.thresholds.evidence import DISTANCES, PAIRS, Clear, Threshold, Zone, facts, wanted
+from vibroplat.thresholds.evidence import DISTANCES, PAIRS, ClearRange, Threshold, Zone, facts, is_wanted
 from vibroplat.thresholds.search import Search, start_key
-from vibroplat.thresholds.values import Value, evaluate
+from vibroplat.thresholds.values import ScanPoint, evaluate
 
 #: Printed texts of kinds whose names alone are unclear.
-TOLD = {"unresolved-transient": "the outcome changed with twice the settling time: the motion has not converged"}
+KIND_TEXTS = {"unresolved-transient": "the outcome changed with twice the settling time: the motion has not converged"}
 #: Outcomes of an expression in words.
-HELD = {True: "true", False: "false", None: "empty"}
+OUTCOME_TEXTS = {True: "true", False: "false", None: "empty"}
 #: Columns of a sweep that are given for both sides of a threshold.
 SIDES = (
     *("sync", "motion", "period", "multiplier_max", "excitation_frequency_hz", "rms_x_m", "rms_y_m"),
@@ -111,7 +111,7 @@ class ThresholdStudy(Study):
     counted = "values"
 
     def __init__(self, scene: Scene) -> None:
-        self.scene, self.plan = scene, _required(scene)
+        self.scene, self.plan = scene, _required_plan(scene)
 
     def chains(self, store: Store) -> int:
         """Return how many values are evaluated side by side."""
@@ -126,10 +126,10 @@ class ThresholdStudy(Study):
         search = Search(self.scene, self.plan, store, workers, progress)
         scan, found = search.thresholds()
         zones = search.evidence(scan, found)
-        every = sorted([*scan, *search.seen], key=lambda value: value.at)
+        every = sorted([*scan, *search.evaluated], key=lambda value: value.value)
         tables = {"scan": self._scan(every), "thresholds": self._thresholds(zones)}
-        lines = {"values": f"{len(scan)} of the scan, {len(search.seen)} more", "thresholds": str(len(found))}
-        failed = [f"{v.row['outcome']} at {self.plan.key} = {v.at:g}: {v.row['detail']}" for v in every if v.failed]
+        lines = {"values": f"{len(scan)} of the scan, {len(search.evaluated)} more", "thresholds": str(len(found))}
+        failed = [f"{v.row['outcome']} at {self.plan.key} = {v.value:g}: {v.row['detail']}" for v in every if v.failed]
         text = list(self._text(zones)) if found else [self._unchanged(scan)]
         answer = Answer(lines, text, list(self._notes(every, zones)), failed)
         return Result("find", self.scene, tables, answer)
@@ -153,7 +153,7 @@ class ThresholdStudy(Study):
                         continue
                     seed, known = int(rows["seed"].iloc[0]), {name: rows[name].iloc[0] for name in COMPARED}
                 scene = other(self.scene.replace({self.plan.key: at}))
-                task = Task(evaluate, (scene, self.plan, None, 1, start_key(self.scene, seed)), lost)
+                task = Task(evaluate, (scene, self.plan, None, 1, start_key(self.scene, seed)), failed_record)
                 cases[at] = CrossCheckCase(f"at {self.plan.key} = {at:.12g}", task, known)
         return list(cases.values())
 
@@ -165,7 +165,13 @@ class ThresholdStudy(Study):
         beside = {f"{side}_{name}": _columns(self.scene)[name] for side in ("below", "above") for name in shown}
         own = [name for name in THRESHOLDS if not name.startswith(("below_", "above_"))]
         rows = [
-            {"key": self.plan.key, "below": one.low.at, "above": one.high.at, "value": one.value, "kind": one.kind}
+            {
+                "key": self.plan.key,
+                "below": one.low.value,
+                "above": one.high.value,
+                "value": one.value,
+                "kind": one.kind,
+            }
             | {"special_point": one.special, **facts(zone)}
             | {f"below_{name}": one.low.row.get(name) for name in shown}
             | {f"above_{name}": one.high.row.get(name) for name in shown}
@@ -174,15 +180,15 @@ class ThresholdStudy(Study):
         ]
         return study_table(rows, [*own, *beside], {**THRESHOLDS, **beside})
 
-    def _scan(self, values: Sequence[Value]) -> pd.DataFrame:
+    def _scan(self, values: Sequence[ScanPoint]) -> pd.DataFrame:
         key, columns = column_of(self.plan.key), _columns(self.scene)
-        rows = [{key: value.at, "reason": value.stage, "seed": value.seed, **value.row} for value in values]
+        rows = [{key: value.value, "reason": value.reason, "seed": value.seed, **value.row} for value in values]
         names = [key, "reason", "seed", *_POINT, *SHEET, *point_columns(self.scene.output.points)]
         return study_table(rows, names, {**columns, **VALUES, SUPPLY: SWEEP[SUPPLY]})
 
     # -- in words ------------------------------------------------------------------------------------------------------
 
-    def _side(self, value: Value) -> str:
+    def _side(self, value: ScanPoint) -> str:
         if self.plan.compared is None:
             return value.text
         column = self.plan.compared[0]
@@ -205,7 +211,7 @@ class ThresholdStudy(Study):
         """Return the kind of a threshold in words; without an expression there is no level to cross."""
         if one.kind == "level-crossing" and self.plan.expression is None:
             return "the measures on both sides meet"
-        return TOLD.get(one.kind, one.kind)
+        return KIND_TEXTS.get(one.kind, one.kind)
 
     def _mixed(self, zone: Zone) -> Iterator[str]:
         """Yield the lines of a mixed interval, first the side where the expression holds, otherwise the upper side."""
@@ -216,7 +222,7 @@ class ThresholdStudy(Study):
             (f"above {self._number(high)}", zone.above, "up to"),
             (f"below {self._number(low)}", zone.below, "down to"),
         ]
-        if wanted(zone, False, self.plan) and not wanted(zone, True, self.plan):
+        if is_wanted(zone, False, self.plan) and not is_wanted(zone, True, self.plan):
             sides.reverse()
         first, second = (self._clear(*side) for side in sides)
         yield f"{self.plan.key}: {first}"
@@ -226,7 +232,7 @@ class ThresholdStudy(Study):
         yield f"mixed from {self._number(low)} to {self._number(high)}: of {len(good)} values tried, {counted}"
         yield second
 
-    def _clear(self, where: str, clear: Clear, way: str) -> str:
+    def _clear(self, where: str, clear: ClearRange, way: str) -> str:
         if clear.nearest is None:
             return f"{where}: unknown, because the mixed interval reaches the end of the range"
         unknown = f"; {clear.unknown} further values have no clear outcome" if clear.unknown else ""
@@ -234,11 +240,11 @@ class ThresholdStudy(Study):
         seeds = f", with {clear.seeds} seeds" if clear.seeds > 1 else ""
         return f"{where}: {outcome} at all {clear.tried} values tried {way} {clear.last:.6g}{seeds}{unknown}"
 
-    def _outcome(self, value: Value) -> str:
+    def _outcome(self, value: ScanPoint) -> str:
         """Return the outcome at a value in words."""
         if self.plan.expression is None:
             return value.row["sync"] if self.plan.compare == "regime" else value.text
-        return HELD[value.outcome(self.plan)]
+        return OUTCOME_TEXTS[value.outcome(self.plan)]
 
     @property
     def _expressed(self) -> str:
@@ -253,15 +259,15 @@ class ThresholdStudy(Study):
         """Return a value of the key with its unit, and one digit more than the final width of the interval."""
         return f"{at:.{self._digits + 1}f} {unit_of(self.plan.key)}".rstrip()
 
-    def _unchanged(self, scan: Sequence[Value]) -> str:
+    def _unchanged(self, scan: Sequence[ScanPoint]) -> str:
         plan, good = self.plan, [value for value in scan if not value.failed]
         place = f"from {plan.key} = {plan.start:g} to {plan.stop:g}"
         if not good:
             return f"nothing is known {place}"
-        tried = f"at all {len({value.at for value in good})} values tried {place}"
+        tried = f"at all {len({value.value for value in good})} values tried {place}"
         return f"no threshold: {self._expressed}{self._outcome(good[0])} {tried}"
 
-    def _notes(self, every: Sequence[Value], zones: Sequence[Zone]) -> Iterator[str]:
+    def _notes(self, every: Sequence[ScanPoint], zones: Sequence[Zone]) -> Iterator[str]:
         for zone in zones:
             if zone.mixed:
                 place = "the mixed interval from {:.6g} to {:.6g}".format(*zone.ends or ())
@@ -282,7 +288,7 @@ class ThresholdStudy(Study):
                         f"near {self.plan.key} = {one.value:.6g} the orbit is so weakly unstable that the motion "
                         "had not left it when it was measured"
                     )
-        unsettled = [value.at for value in every if value.unsettled and not value.failed]
+        unsettled = [value.value for value in every if value.unsettled and not value.failed]
         if unsettled and self.plan.expression is not None:
             yield (
                 f"at {len(unsettled)} of {len(every)} values, first at {self.plan.key} = {unsettled[0]:.6g}, the "
@@ -295,7 +301,7 @@ def _columns(scene: Scene) -> Columns:
     return {**VALUES, **point_columns(scene.output.points)}
 
 
-def _required(scene: Scene) -> FindPlan:
+def _required_plan(scene: Scene) -> FindPlan:
     """Return the plan of a scene; see :class:`ThresholdStudy` for what is refused."""
     plan = scene.find
     if plan is None:
@@ -322,7 +328,7 @@ def _required(scene: Scene) -> FindPlan:
         numbers = [name for name, column in _columns(scene).items() if column.kind != TEXT]
         numbers = [name for name in numbers if name not in ("seed", "wall_s")]
         if plan.compared[0] not in numbers:
-            hint = meant(plan.compared[0], numbers, 3)
+            hint = did_you_mean(plan.compared[0], numbers, 3)
             raise ConfigError(f"find.expression: no column {plan.compared[0]}; {hint}allowed: numbers of a sweep")
     return plan
 

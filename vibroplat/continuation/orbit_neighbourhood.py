@@ -16,9 +16,16 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.newton import UNDETERMINED, MissedError, NewtonResult, Problem, correct, held
-from vibroplat.continuation.orbit import Orbit, accurate, first_orbit, measured_over_period, measures_of, read_guess
-from vibroplat.continuation.shooting import STEP, Shooter
+from vibroplat.continuation.newton import SINGULAR, NewtonResult, NoConvergenceError, Problem, correct, fixed_border
+from vibroplat.continuation.orbit import (
+    Orbit,
+    first_orbit,
+    measure_period,
+    measures_of,
+    read_guess,
+    with_orbit_tolerance,
+)
+from vibroplat.continuation.shooting import KEY_STEP_RATIO, Shooter
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.sensitivity import flat, value_of, with_values
@@ -27,22 +34,22 @@ from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.variation import Variation
 
 #: Minimum part of a step into which it is divided.
-LEAST = 1.0 / 64.0
+MIN_STEP_PART = 1.0 / 64.0
 #: How far an orbit may be from its prediction, over the predicted change, or in scaled units: farther away
 #: it is another one.
-ELSEWHERE, NEAR = 0.5, 0.02
+MAX_PREDICTION_ERROR, MAX_DISTANCE = 0.5, 0.02
 #: Iterations of Newton's method.
-ITERATIONS = 12
+MAX_ITERATIONS = 12
 
 
-class _Near(NamedTuple):
+class _NearScene(NamedTuple):
     """A scene beside another one, and its parameters."""
 
     scene: Scene
     p: Parameters
 
 
-class Local:
+class OrbitNeighbourhood:
     """A periodic orbit, and those at other values of some keys of its scene.
 
     Make one by :meth:`near`, or from what Newton's method has found with a shooter without keys. All that come from one
@@ -77,7 +84,7 @@ class Local:
     @classmethod
     def near(
         cls, scene: Scene, keys: Sequence[str], guess: Any = None, *, period: int = 1, tolerance: float = 1e-8
-    ) -> Local:
+    ) -> OrbitNeighbourhood:
         """Find the orbit of a scene near a guess, as :func:`vibroplat.continuation.orbit.orbit` does.
 
         Raises
@@ -86,7 +93,7 @@ class Local:
             As there.
         """
         scene, begin = read_guess(scene, guess)
-        shooter = Shooter(accurate(scene, tolerance))
+        shooter = Shooter(with_orbit_tolerance(scene, tolerance))
         try:
             if isinstance(guess, Orbit):
                 period = guess.period
@@ -142,16 +149,16 @@ class Local:
         if "tangents" in vars(self):
             return np.asarray(self.found.u + self.tangents @ change)
         # one direction costs parameters twice, all keys cost them twice each
-        step = STEP / float(np.abs(change / np.where(self.values == 0.0, 1.0, self.values)).max())
+        step = KEY_STEP_RATIO / float(np.abs(change / np.where(self.values == 0.0, 1.0, self.values)).max())
         above, below = (parameters(self._scene(self.values + side * step * change)) for side in (1.0, -1.0))
         return np.asarray(self.found.u + self._along([(flat(above) - flat(below)) / (2.0 * step)])[:, 0])
 
-    def correct(self, values: Sequence[float] | FloatArray) -> Local:
+    def correct(self, values: Sequence[float] | FloatArray) -> OrbitNeighbourhood:
         """Find the same orbit at other values of the keys: in one step, or in parts of it where that fails.
 
         Raises
         ------
-        MissedError
+        NoConvergenceError
             The orbit is lost on the way, as beyond a fold.
         """
         goal, here, done, part = np.array(values, float), self, 0.0, 1.0
@@ -160,24 +167,24 @@ class Local:
             there = goal if done + part == 1.0 else self.values + (done + part) * (goal - self.values)
             try:
                 here = here._step(there).centred()
-            except MissedError:
+            except NoConvergenceError:
                 part *= 0.5
-                if part < LEAST:
+                if part < MIN_STEP_PART:
                     raise
                 continue
             done += part
             part *= 2.0
         return here
 
-    def centred(self) -> Local:
+    def centred(self) -> OrbitNeighbourhood:
         """Return the orbit with its section far from events: steps are long, and move them."""
         self.problem.shooter.motion.set_parameters(self._p)
-        moved = self.problem.far_from_events(self.found, longest=True)
+        moved = self.problem.move_from_events(self.found, longest=True)
         if moved is None:
             return self
         try:
-            found = correct(self.problem, *moved[:2], held(moved[0]), most=ITERATIONS)
-        except MissedError:
+            found = correct(self.problem, *moved[:2], fixed_border(moved[0]), max_iterations=MAX_ITERATIONS)
+        except NoConvergenceError:
             return self
         return self._at(found, self.values, self.scene, self._p)
 
@@ -189,7 +196,7 @@ class Local:
 
         Raises
         ------
-        MissedError
+        NoConvergenceError
             A shot does not end.
         """
         found = np.empty((len(names), self.values.size))
@@ -207,14 +214,14 @@ class Local:
         return parameters(self.scene)
 
     @cached_property
-    def _beside(self) -> list[tuple[float, _Near, _Near]]:
+    def _beside(self) -> list[tuple[float, _NearScene, _NearScene]]:
         """For each key a step, and scenes so far above and below this one."""
         found = []
         for k, value in enumerate(self.values.tolist()):
             change = np.zeros_like(self.values)
-            change[k] = step = STEP * abs(value) or STEP
+            change[k] = step = KEY_STEP_RATIO * abs(value) or KEY_STEP_RATIO
             above, below = (self._scene(self.values + side * change) for side in (1.0, -1.0))
-            found.append((step, _Near(above, parameters(above)), _Near(below, parameters(below))))
+            found.append((step, _NearScene(above, parameters(above)), _NearScene(below, parameters(below))))
         return found
 
     @cached_property
@@ -230,15 +237,15 @@ class Local:
         """Measures that take the data sheet or the audit."""
         return {"energy_residual", *columns(self.problem.shooter.scene)}
 
-    def _measured(self, near: _Near, u: FloatArray, names: Sequence[str]) -> FloatArray:
+    def _measured(self, near: _NearScene, u: FloatArray, names: Sequence[str]) -> FloatArray:
         """Measure a period from unknowns on this section in a scene beside this one; the margin but for a constant."""
         shooter, chart, margin = self.problem.shooter, self.found.chart, "stability_margin" in names
         shooter.motion.set_parameters(near.p)
         state, seconds, _ = chart.unpack(u)
         shot = shooter.shot(state, seconds, full=margin, measured=True, events=False)
         if shot.outcome != "ok":
-            raise MissedError(f"{shot.outcome}: {shot.detail}")
-        found = measured_over_period(self.problem, shot, near.scene, brief=self._sheet.isdisjoint(names))
+            raise NoConvergenceError(f"{shot.outcome}: {shot.detail}")
+        found = measure_period(self.problem, shot, near.scene, brief=self._sheet.isdisjoint(names))
         if margin:
             found["stability_margin"] = -float((self._weights * chart.section_map(shot)).sum())
         return np.array([found[name] for name in names], float)
@@ -248,23 +255,23 @@ class Local:
         changed = np.flatnonzero(values != self.values).tolist()
         return cast("Scene", with_values(self.scene, {self.keys[k]: float(values[k]) for k in changed}))
 
-    def _step(self, values: FloatArray) -> Local:
+    def _step(self, values: FloatArray) -> OrbitNeighbourhood:
         """Find the orbit at other values by Newton's method from the prediction, with the Jacobian of this one."""
         u = self.predict(values)
         try:
             p = parameters(scene := self._scene(values))
         except ValueError as error:
-            raise MissedError(f"no scene has these values: {error}") from None
+            raise NoConvergenceError(f"no scene has these values: {error}") from None
         self.problem.shooter.motion.set_parameters(p)
         chart, jacobian = self.found.chart, self.found.jacobian
-        found = correct(self.problem, chart, u, held(chart), jacobian, most=ITERATIONS)
-        if np.abs(found.u - u).max() > max(ELSEWHERE * np.abs(u - self.found.u).max(), NEAR):
-            raise MissedError("Newton's method converged to another orbit", found.residuals)
+        found = correct(self.problem, chart, u, fixed_border(chart), jacobian, max_iterations=MAX_ITERATIONS)
+        if np.abs(found.u - u).max() > max(MAX_PREDICTION_ERROR * np.abs(u - self.found.u).max(), MAX_DISTANCE):
+            raise NoConvergenceError("Newton's method converged to another orbit", found.residuals)
         return self._at(found, values, scene, p)
 
-    def _at(self, found: NewtonResult, values: FloatArray, scene: Scene, p: Parameters) -> Local:
+    def _at(self, found: NewtonResult, values: FloatArray, scene: Scene, p: Parameters) -> OrbitNeighbourhood:
         """Make one of an orbit whose scene and parameters are known."""
-        there = Local(self.problem, found, self.keys, values)
+        there = OrbitNeighbourhood(self.problem, found, self.keys, values)
         there.scene, there._p = scene, p
         return there
 
@@ -276,6 +283,6 @@ class Local:
         motion.reset(self.state)
         motion.to_time(self.period_s, [variation])
         if motion.outcome != "ok":
-            raise MissedError(f"{motion.outcome}: {motion.detail}")
+            raise NoConvergenceError(f"{motion.outcome}: {motion.detail}")
         by_keys = variation.derivative(motion.automaton)[chart.places, FULL_SIZE:] / chart.scales[:, np.newaxis]
-        return np.asarray(np.linalg.lstsq(self.found.jacobian, -by_keys, rcond=UNDETERMINED)[0])
+        return np.asarray(np.linalg.lstsq(self.found.jacobian, -by_keys, rcond=SINGULAR)[0])

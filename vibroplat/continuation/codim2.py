@@ -17,14 +17,14 @@ import numpy as np
 
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.locate import BothSides, OneSide, Tried, at_zero, locate
-from vibroplat.continuation.newton import Chart, MissedError, NewtonResult, Problem, correct
-from vibroplat.continuation.shooting import Shooter, rotated
+from vibroplat.continuation.locate import OneSidedSearch, TrialOrbit, TwoSidedSearch, extrapolate, locate
+from vibroplat.continuation.newton import Chart, NewtonResult, NoConvergenceError, Problem, correct
+from vibroplat.continuation.shooting import Shooter, canonical_sequence
 from vibroplat.continuation.special_points import (
     BRANCH_POINT,
     IN_TWO_KEYS,
     ONE_SIDED,
-    Point,
+    OrbitPoint,
     branch_point,
     others_outside,
 )
@@ -35,17 +35,17 @@ from vibroplat.study.store import Record
 
 #: Accuracy across the curve, in units of the unknowns, and most trials. From one side the zero is extrapolated when it
 #: is as near as the third number, and each trial goes a part of the way.
-ACROSS, TRIALS, CLOSE, APPROACH = 1e-7, 14, 1e-4, 0.9
+ACCURACY, MAX_TRIALS, ZERO_DISTANCE, APPROACH = 1e-7, 14, 1e-4, 0.9
 #: First trial beside a point of the curve, and the farthest.
-BESIDE, FARTHEST = 2e-3, 0.2
+FIRST_OFFSET, MAX_OFFSET = 2e-3, 0.2
 #: Steps grow and shrink by these. Where the second key hardly changes, the direction's part along it counts as no less
 #: than the third number.
-LONGER, SHORTER, FLAT = 1.4, 0.5, 0.05
+GROWTH, REDUCTION, FLAT = 1.4, 0.5, 0.05
 #: Minimum cosine between neighbouring directions of the curve.
-STRAIGHT = 0.9
+MIN_TANGENT_COSINE = 0.9
 
 
-class Curve:
+class BoundaryTracer:
     """A boundary of a kind, in one sense of the second key, 1 or −1.
 
     Its word is the sequence of events on the side where the test function is known; ``low`` and ``high`` are the ends
@@ -56,40 +56,40 @@ class Curve:
         self.problem, self.kind, self.word, self.sense, self.low, self.high = problem, kind, word, sense, low, high
         self._across = np.zeros(0)  # in which the test function grows, at the last point
         # an orbit beside the last point: nearer to a discontinuity a multiplier may grow without bounds
-        self.beside: Point | None = None
+        self.beside: OrbitPoint | None = None
 
-    def follow(self, chart: Chart, u: FloatArray, first: float, longest: float, least: float) -> Iterator[Point]:
+    def follow(self, chart: Chart, u: FloatArray, first: float, longest: float, least: float) -> Iterator[OrbitPoint]:
         """Follow the curve from unknowns near it to the end of a key's range; yield its points with their tangents.
 
         The steps are changes of the second key, in units of the unknowns.
 
         Raises
         ------
-        MissedError
+        NoConvergenceError
             The curve cannot be followed farther; the message says why.
         """
-        point, step = self._begun(chart, u), first
+        point, step = self._first_point(chart, u), first
         yield point
         while True:
             try:
-                found = self._on_curve(point, point.u + step * point.tangent, point.tangent)
+                found = self._correct_on_curve(point, point.u + step * point.tangent, point.tangent)
                 way = found.u - point.u
-                if way @ point.tangent < STRAIGHT * np.linalg.norm(way) * np.linalg.norm(point.tangent):
-                    raise MissedError("the boundary turns too sharply")
-            except MissedError:
-                step *= SHORTER
+                if way @ point.tangent < MIN_TANGENT_COSINE * np.linalg.norm(way) * np.linalg.norm(point.tangent):
+                    raise NoConvergenceError("the boundary turns too sharply")
+            except NoConvergenceError:
+                step *= REDUCTION
                 if step < least:
                     raise
                 continue
             inside = np.clip(found.u[-2:], self.low, self.high)
             for place in np.flatnonzero(inside != found.u[-2:])[:1] - 2:
-                if abs(point.u[place] - inside[place]) > ACROSS:  # not there already
+                if abs(point.u[place] - inside[place]) > ACCURACY:  # not there already
                     yield self._at_end(point, found, place, inside[place])
                 return
             yield found
             tangent = self._tangent(found, way)
             scale = 1.0 if self.kind == BRANCH_POINT else max(abs(float(way[-1])) / float(np.linalg.norm(way)), FLAT)
-            step = min(step * LONGER, longest / scale)
+            step = min(step * GROWTH, longest / scale)
             point = self._far_from_events(replace(found, tangent=tangent))
 
     def _tangent(self, near: NewtonResult, way: FloatArray) -> FloatArray:
@@ -100,108 +100,110 @@ class Curve:
         along = surface.T @ (surface @ way)
         return np.asarray(along / np.linalg.norm(along))
 
-    def _begun(self, chart: Chart, u: FloatArray) -> Point:
+    def _first_point(self, chart: Chart, u: FloatArray) -> OrbitPoint:
         """Find the point of the curve near unknowns, with the tangent in the sense of the second key."""
         keys = np.eye(u.size)[-2:]
         if self.kind == BRANCH_POINT:
             jacobian = self.problem.jacobian(chart, self.problem.shoot(chart, u, full=True)[1])
             point, beside = (
                 branch_point(self.problem, chart, u + length * keys[1], jacobian, keys[1:])[0]
-                for length in (0.0, BESIDE * self.sense)
+                for length in (0.0, FIRST_OFFSET * self.sense)
             )
-            return Point.of(point, self._tangent(point, beside.u - point.u))
-        begun = self._beside(chart, u, keys)
+            return OrbitPoint.of(point, self._tangent(point, beside.u - point.u))
+        begun = self._orbit_beside(chart, u, keys)
         surface, slopes, test = _surface(begun), np.zeros(2), IN_TWO_KEYS[self.kind]
         for i, direction in enumerate(surface):
-            for length in (0.5 * BESIDE, -0.5 * BESIDE):
-                with suppress(MissedError):
+            for length in (0.5 * FIRST_OFFSET, -0.5 * FIRST_OFFSET):
+                with suppress(NoConvergenceError):
                     beside = self._orbit(chart, begun.u + length * direction, surface, begun.jacobian)
                     slopes[i] = (test(beside) - test(begun)) / length
                     break
         if not slopes.any():
-            raise MissedError("the test function has no slope")
+            raise NoConvergenceError("the test function has no slope")
         self._across = surface.T @ slopes / np.linalg.norm(slopes)
         along = surface.T @ np.array([-slopes[1], slopes[0]]) / np.linalg.norm(slopes)
         along *= math.copysign(1.0, along[-1] * self.sense)
-        point = self._on_curve(begun, u, along)
+        point = self._correct_on_curve(begun, u, along)
         return replace(point, tangent=self._tangent(point, along))
 
-    def _beside(self, chart: Chart, u: FloatArray, keys: FloatArray) -> Point:
+    def _orbit_beside(self, chart: Chart, u: FloatArray, keys: FloatArray) -> OrbitPoint:
         """Find an orbit at the keys of unknowns, or beside them on the side where the test function is known."""
-        missed = MissedError("no orbit beside the special point")
-        for beside in (0.0, BESIDE, -BESIDE, 5.0 * BESIDE, -5.0 * BESIDE):
+        missed = NoConvergenceError("no orbit beside the special point")
+        for beside in (0.0, FIRST_OFFSET, -FIRST_OFFSET, 5.0 * FIRST_OFFSET, -5.0 * FIRST_OFFSET):
             try:
                 return self._orbit(chart, u + beside * keys[0], keys)
-            except MissedError as error:
+            except NoConvergenceError as error:
                 missed = error
         raise missed
 
-    def _orbit(self, chart: Chart, u: FloatArray, border: FloatArray, jacobian: FloatArray | None = None) -> Point:
+    def _orbit(self, chart: Chart, u: FloatArray, border: FloatArray, jacobian: FloatArray | None = None) -> OrbitPoint:
         """Find the orbit near unknowns, orthogonally to both rows of a border; one whose test function is known."""
-        point = Point.of(correct(self.problem, chart, u, border, jacobian), border[0])
-        if self.kind in ONE_SIDED and point.word != self.word:
-            raise MissedError("beyond the boundary")
+        point = OrbitPoint.of(correct(self.problem, chart, u, border, jacobian), border[0])
+        if self.kind in ONE_SIDED and point.event_sequence != self.word:
+            raise NoConvergenceError("beyond the boundary")
         if not math.isfinite(IN_TWO_KEYS[self.kind](point)):
-            raise MissedError("the test function is not known")
+            raise NoConvergenceError("the test function is not known")
         return point
 
-    def _on_curve(self, near: Point, u: FloatArray, along: FloatArray) -> Point:
+    def _correct_on_curve(self, near: OrbitPoint, u: FloatArray, along: FloatArray) -> OrbitPoint:
         """Find the point of the curve from unknowns beside it, near another one, orthogonally to the curve.
 
         Its unknowns are those of the zero; its shot may be that of an orbit next to it.
 
         Raises
         ------
-        MissedError
+        NoConvergenceError
             It is not found.
         """
         if self.kind == BRANCH_POINT:
             held = np.eye(u.size)[-1:]
-            return Point.of(branch_point(self.problem, near.chart, u, near.jacobian, held)[0], along)
+            return OrbitPoint.of(branch_point(self.problem, near.chart, u, near.jacobian, held)[0], along)
         surface, test = _surface(near), IN_TWO_KEYS[self.kind]
         within = surface @ along
         across = surface.T @ np.array([-within[1], within[0]])
         across *= math.copysign(1.0, across @ self._across) / np.linalg.norm(across)
         border = np.vstack([along, across])
 
-        def at(place: float, known: Sequence[Tried] = (), width: float = 0.0) -> Point:
+        def at(place: float, known: Sequence[TrialOrbit] = (), width: float = 0.0) -> OrbitPoint:
             return self._orbit(near.chart, u + place * across, border, near.jacobian)
 
-        known, place = list[Tried](), 0.0
+        known, place = list[TrialOrbit](), 0.0
         while not known:
             try:
                 point = at(place)
-                known.append(Tried(place, test(point), point))
-            except MissedError:
-                place = max(2.5 * place, BESIDE)
-                if place > FARTHEST:
+                known.append(TrialOrbit(place, test(point), point))
+            except NoConvergenceError:
+                place = max(2.5 * place, FIRST_OFFSET)
+                if place > MAX_OFFSET:
                     raise
-        close, sides = (CLOSE, OneSide(APPROACH)) if self.kind in ONE_SIDED else (ACROSS, BothSides())
-        root = locate(at, test, known, close, sides, step=BESIDE, most=TRIALS, reach=2.0 * FARTHEST)
+        close, sides = (
+            (ZERO_DISTANCE, OneSidedSearch(APPROACH)) if self.kind in ONE_SIDED else (ACCURACY, TwoSidedSearch())
+        )
+        root = locate(at, test, known, close, sides, step=FIRST_OFFSET, most=MAX_TRIALS, reach=2.0 * MAX_OFFSET)
         last = min(known, key=lambda k: abs(k.place - root))
         if abs(last.place - root) >= close:
-            raise MissedError("the search across the curve does not converge")
+            raise NoConvergenceError("the search across the curve does not converge")
         self._across = across
         self.beside = known[0].point if self.kind in ONE_SIDED else last.point
         if self.kind in ONE_SIDED:
-            return replace(last.point, u=at_zero(known, [k.point.u + k.point.newton_step(border) for k in known]))
+            return replace(last.point, u=extrapolate(known, [k.point.u + k.point.newton_step(border) for k in known]))
         return replace(last.point, u=last.point.u + last.point.newton_step(border) + (root - last.place) * across)
 
-    def _at_end(self, before: Point, after: Point, place: int, end: float) -> Point:
+    def _at_end(self, before: OrbitPoint, after: OrbitPoint, place: int, end: float) -> OrbitPoint:
         """Find the point of the curve at the end of a key's range, between two in one chart."""
         one, other, key = before, after, np.eye(before.u.size)[place]
-        for _ in range(TRIALS):
+        for _ in range(MAX_TRIALS):
             apart = other.u - one.u
             guess = one.u + (end - one.u[place]) / apart[place] * apart
-            one, other = other, self._on_curve(after, guess, key)
-            if abs(other.u[place] - end) < ACROSS:
+            one, other = other, self._correct_on_curve(after, guess, key)
+            if abs(other.u[place] - end) < ACCURACY:
                 return other
-        raise MissedError("the end of the range is not met")
+        raise NoConvergenceError("the end of the range is not met")
 
-    def _far_from_events(self, point: Point) -> Point:
+    def _far_from_events(self, point: OrbitPoint) -> OrbitPoint:
         """Move the section away from events, if it is near one."""
         across = point.tangent if self.kind == BRANCH_POINT else self._across
-        moved = self.problem.far_from_events(point, point.tangent, across)
+        moved = self.problem.move_from_events(point, point.tangent, across)
         if moved is None:
             return point
         chart, u, (along, across) = moved
@@ -211,10 +213,10 @@ class Curve:
                 found = branch_point(self.problem, chart, u, jacobian, np.eye(u.size)[-1:])[0]
             else:
                 found = correct(self.problem, chart, u, np.vstack([along, across]))
-        except MissedError:
+        except NoConvergenceError:
             return point
         self._across = across
-        return Point.of(found, self._tangent(found, along))
+        return OrbitPoint.of(found, self._tangent(found, along))
 
 
 def _surface(orbit: NewtonResult) -> FloatArray:
@@ -223,7 +225,7 @@ def _surface(orbit: NewtonResult) -> FloatArray:
 
 
 @dataclass
-class Boundary:
+class ComputedBoundary:
     """A boundary that has been followed from a special point of a branch: its points, and why it ended at both ends."""
 
     grid: Mapping[str, Any]
@@ -233,16 +235,16 @@ class Boundary:
     ended: list[str] = field(default_factory=list)
 
 
-def follow_boundary(scene: Scene, plan: OrbitsPlan, special: Record, boundary: Boundary) -> Tasks[None]:
+def follow_boundary(scene: Scene, plan: OrbitsPlan, special: Record, boundary: ComputedBoundary) -> Tasks[None]:
     """Follow a boundary both ways from a special point."""
     for sense in (-1, 1):
-        record = yield Task(_one_way, (scene, plan, special, sense), lambda reason: {"rows": [], "ended": reason})
+        record = yield Task(_follow, (scene, plan, special, sense), lambda reason: {"rows": [], "ended": reason})
         rows = record["rows"]
         boundary.rows = [*reversed(rows), *boundary.rows] if sense < 0 else [*boundary.rows, *rows[1:]]
         boundary.ended.append(record["ended"])
 
 
-def _one_way(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Record:
+def _follow(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Record:
     """Follow a boundary from a special point in one sense of the second key."""
     wanted = plan.boundaries
     assert wanted is not None
@@ -255,14 +257,14 @@ def _one_way(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Rec
         shooter.set(values)
         problem = Problem(shooter, special["turns"], units.tolist(), plan.tolerance)
         chart = problem.chart(state)
-        curve = Curve(problem, special["kind"], special["word"], sense, low, high)
+        curve = BoundaryTracer(problem, special["kind"], special["word"], sense, low, high)
         try:
             for point in curve.follow(chart, chart.pack(state, special["period_s"], values), first, largest, least):
                 row = problem.describe(point) | {"second": float(point.u[-1]) * wanted.unit}
-                row["word"] = rotated(point.word, point.shot.restitution)
+                row["word"] = canonical_sequence(point.event_sequence, point.shot.restitution)
                 rows.append(row | {"others_outside": others_outside(curve.kind, (curve.beside or point).multipliers)})
                 if len(rows) >= wanted.max_points:
                     return {"rows": rows, "ended": f"max_points = {wanted.max_points} reached"}
-        except MissedError as error:
+        except NoConvergenceError as error:
             return {"rows": rows, "ended": f"no point beyond: {error}"}
     return {"rows": rows, "ended": "end of a key's range"}

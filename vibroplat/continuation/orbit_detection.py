@@ -13,50 +13,50 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.attraction import Attraction
+from vibroplat.continuation.attraction import AttractionEllipsoid
 from vibroplat.continuation.newton import (
-    NEUTRAL,
-    MissedError,
+    UNIT_CIRCLE_DISTANCE,
     NewtonResult,
+    NoConvergenceError,
     Problem,
     correct,
-    correct_anywhere,
-    held,
+    correct_moving_section,
+    fixed_border,
 )
-from vibroplat.continuation.orbit import TOLERANCE, accurate, measured_over_period, repeats_after
-from vibroplat.continuation.returns import returns
+from vibroplat.continuation.orbit import TOLERANCE, measure_period, smallest_period, with_orbit_tolerance
+from vibroplat.continuation.returns import near_returns
 from vibroplat.continuation.shooting import TURN, Shooter
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.motion import Simulator
 from vibroplat.observe.section import section_points
-from vibroplat.study.settling import BLOCK, Hunt, KnownOrbit
+from vibroplat.study.settling import BLOCK, KnownOrbit, NearReturnOrbits
 
 #: Maximum period searched for (turns of exciter 1), and maximum distance of points of the section (scaled units) at
 #: which a search is worthwhile.
-LONGEST, FARTHEST = 8, 0.5
+MAX_PERIOD_TURNS, MAX_SEARCH_DISTANCE = 8, 0.5
 #: Least distance of the largest multiplier from the unit circle at which motion leaves an orbit in a time that counts.
 MARGIN = 1e-4
 #: Multiplier above which decay is slow. How far beyond the motion an orbit must attract where it is not.
-SLOW, BEYOND = 0.9, 1.25
+SLOW_DECAY, ATTRACTION_RADIUS_RATIO = 0.9, 1.25
 #: Largest multiplier of unstable orbits that are left to their sides, and of how many at most; how far from an orbit
 #: motion begins, and how far it has left it, in scaled units; periods in which it settles then, and most
 #: turns until Newton's method tries. Of 40 windows of chaos at 57 Hz, 21 show a saddle of multiplier 2.59, from one
 #: side of which motion converges to the stable orbit of 6 turns.
-MILD, SIDES, ASIDE, AWAY, SETTLING, MOST_TURNS = 3.0, 4, 1e-2, 0.3, 4, 256
+MAX_SADDLE, SADDLES, OFFSET, DEPARTURE, SETTLING, MAX_TURNS = 3.0, 4, 1e-2, 0.3, 4, 256
 #: Most iterations of Newton's method, and the largest steps relative to the first one: where a motion is expected to
 #: go, and from a return of chaotic motion. Without limits 750 orbits were found from returns, 22 of them beyond these
 #: limits; 177 of 234 other trials exceed them, after half of their iterations.
-LOOK, HUNT = (10, (math.inf, math.inf, 1.0, math.inf)), (12, (5.0, 5.0, 0.5))
+APPROACH, RETURN = (10, (math.inf, math.inf, 1.0, math.inf)), (12, (5.0, 5.0, 0.5))
 
 
-class OrbitSeeker:
-    """Searches for the orbit to which a motion of a scene converges; see :class:`vibroplat.study.settling.Seeker`."""
+class NewtonOrbitDetector:
+    """Searches for the orbit to which a motion of a scene converges; see :class:`.OrbitDetector`."""
 
     def __init__(self, scene: Scene) -> None:
-        self._shooter, self._turn = Shooter(accurate(scene, TOLERANCE)), TURN / scene.speed_scale
-        self.reached: tuple[FloatArray, float] | None = None
-        self.near = self.leaving = False
+        self._shooter, self._turn = Shooter(with_orbit_tolerance(scene, TOLERANCE)), TURN / scene.speed_scale
+        self.end_state: tuple[FloatArray, float] | None = None
+        self.near = self.near_unstable_orbit = False
         self._doubling, self._until = 0.0, 0.0  # of a distance, and until when it is not worth another look (s)
 
     def close(self) -> None:
@@ -68,58 +68,58 @@ class OrbitSeeker:
         """How much was done so far."""
         return self._shooter.engine.work
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Be ready for another motion."""
-        self._until, self.reached = 0.0, None
+        self._until, self.end_state = 0.0, None
 
     def first(self, start: FloatArray) -> KnownOrbit | None:
         """Follow a motion from a full state for BLOCK turns, and return the orbit that it is shown to converge to."""
-        self.forget()
+        self.reset()
         motion = self._shooter.motion
         motion.reset(start)
-        points = section_points(motion.advance_turns(BLOCK, self._longest(BLOCK)).measures, self._shooter.scene)
+        points = section_points(motion.advance_turns(BLOCK, self._max_time(BLOCK)).measures, self._shooter.scene)
         if len(points) <= BLOCK:
             return None
-        self.reached = motion.state, motion.now
-        return self._look(points, 0)
+        self.end_state = motion.state, motion.now
+        return self._detect_at(points, 0)
 
-    def seek(self, motion: Simulator, points: FloatArray, period: int) -> KnownOrbit | None:
+    def detect(self, motion: Simulator, points: FloatArray, period: int) -> KnownOrbit | None:
         """Return the orbit that a motion is shown to converge to, with a period in which it contracts, or 0."""
         own = self._shooter.motion
         if motion.now < self._until:
             return None
         own.reset(motion.state)
-        orbit = self._look(points, period) if own.to_section(1, self._longest(1)) else None
-        if self.leaving:
+        orbit = self._detect_at(points, period) if own.to_section(1, self._max_time(1)) else None
+        if self.near_unstable_orbit:
             self._until = motion.now + self._doubling
         return orbit
 
     def known_orbit(self, state: FloatArray, period: int) -> KnownOrbit:
-        """Return the orbit near a full state; raises :class:`MissedError` where there is none of this period."""
+        """Return the orbit near a full state; raises :class:`NoConvergenceError` where there is none of this period."""
         motion = self._shooter.motion
         motion.reset(state)
-        motion.to_section(1, self._longest(1))
+        motion.to_section(1, self._max_time(1))
         problem, found = self._orbit_near(motion.state, motion.system.index, period)
-        return self._known(problem, found, Attraction(found, period))
+        return self._known(problem, found, AttractionEllipsoid(found, period))
 
-    def crossings(self, state: FloatArray, period: int) -> list[tuple[Attraction, float]]:
+    def section_ellipsoids(self, state: FloatArray, period: int) -> list[tuple[AttractionEllipsoid, float]]:
         """Return the surroundings of a stable orbit, one for each turn, and the radii from which they surely attract.
 
         Raises
         ------
-        MissedError
+        NoConvergenceError
             There is none of this period near the full state on the section.
         """
-        found, motion = list[tuple[Attraction, float]](), self._shooter.motion
+        found, motion = list[tuple[AttractionEllipsoid, float]](), self._shooter.motion
         motion.reset(state)
         for _ in range(period):
-            around = Attraction(self._orbit_near(motion.state, motion.system.index, period)[1], period)
+            around = AttractionEllipsoid(self._orbit_near(motion.state, motion.system.index, period)[1], period)
             found.append((around, around.radius(self._shooter)))
             motion.reset(around.state)
-            motion.to_section(1, self._longest(1))
+            motion.to_section(1, self._max_time(1))
         return found
 
-    def hunt(self, points: FloatArray, states: FloatArray) -> Hunt:
+    def search_near_returns(self, points: FloatArray, states: FloatArray) -> NearReturnOrbits:
         """Search for a stable orbit from returns of a section that does not repeat, and beside the unstable ones.
 
         An unstable orbit that arose together with a stable one leads to it from one of its sides.
@@ -129,121 +129,125 @@ class OrbitSeeker:
         points, states
             Of the section, in scaled units and full states, each shape (turns, 14).
         """
-        known, mild = list[tuple[int, FloatArray]](), dict[tuple[int, float], Attraction]()
+        known, mild = list[tuple[int, FloatArray]](), dict[tuple[int, float], AttractionEllipsoid]()
         trials = 0
-        for turns, place in returns(points, LONGEST, known):
+        for turns, place in near_returns(points, MAX_PERIOD_TURNS, known):
             trials += 1
             self._shooter.motion.reset(states[place])
             try:
-                problem, found = self._orbit_near(states[place], self._shooter.motion.system.index, turns, HUNT)
-            except MissedError:
+                problem, found = self._orbit_near(states[place], self._shooter.motion.system.index, turns, RETURN)
+            except NoConvergenceError:
                 continue
-            around, period = Attraction(found, turns), repeats_after(problem, found, turns)
-            if around.rate < 1.0 - NEUTRAL:
+            around, period = AttractionEllipsoid(found, turns), smallest_period(problem, found, turns)
+            if around.spectral_radius < 1.0 - UNIT_CIRCLE_DISTANCE:
                 orbit = (
                     self.known_orbit(around.state, period) if period < turns else self._known(problem, found, around)
                 )
-                return Hunt(orbit, trials, 0)
+                return NearReturnOrbits(orbit, trials, 0)
             known.append((period, self._section(around.state, period)))
-            if period == turns and 1.0 + MARGIN < around.rate < MILD:
-                mild[turns, round(around.rate, 6)] = around
-        left = sorted(mild.values(), key=lambda around: around.rate)[:SIDES]
-        orbits = (self._beside(state, around) for around in left for state in around.sides(ASIDE))
-        return Hunt(next((orbit for orbit in orbits if orbit is not None), None), trials, len(left))
+            if period == turns and 1.0 + MARGIN < around.spectral_radius < MAX_SADDLE:
+                mild[turns, round(around.spectral_radius, 6)] = around
+        left = sorted(mild.values(), key=lambda around: around.spectral_radius)[:SADDLES]
+        orbits = (self._leave_saddle(state, around) for around in left for state in around.sides(OFFSET))
+        return NearReturnOrbits(next((orbit for orbit in orbits if orbit is not None), None), trials, len(left))
 
-    def _beside(self, state: FloatArray, around: Attraction) -> KnownOrbit | None:
+    def _leave_saddle(self, state: FloatArray, around: AttractionEllipsoid) -> KnownOrbit | None:
         """Return the stable orbit to which motion converges soon from a full state beside an unstable orbit."""
-        periods = SETTLING + math.log(AWAY / ASIDE) / math.log(around.rate)
-        turns = max(math.ceil(min(around.turns * periods, MOST_TURNS)), LONGEST + 2)
+        periods = SETTLING + math.log(DEPARTURE / OFFSET) / math.log(around.spectral_radius)
+        turns = max(math.ceil(min(around.turns * periods, MAX_TURNS)), MAX_PERIOD_TURNS + 2)
         points = self._section(state, turns)
-        return self._look(points, around.turns) if len(points) > turns else None
+        return self._detect_at(points, around.turns) if len(points) > turns else None
 
     def _section(self, state: FloatArray, turns: int) -> FloatArray:
         """Follow the shooter's motion from a full state for some turns; points of its section, in scales."""
         motion = self._shooter.motion
         motion.reset(state)
-        return section_points(motion.advance_turns(turns, self._longest(turns)).measures, self._shooter.scene)
+        return section_points(motion.advance_turns(turns, self._max_time(turns)).measures, self._shooter.scene)
 
-    def _look(self, points: FloatArray, period: int) -> KnownOrbit | None:
+    def _detect_at(self, points: FloatArray, period: int) -> KnownOrbit | None:
         """Return the orbit that the shooter's motion converges to from where it is on the section."""
         motion = self._shooter.motion
         state, system = motion.state, motion.system.index
-        self.near = self.leaving = False
+        self.near = self.near_unstable_orbit = False
         for turns in _periods(points, period):
             try:
                 problem, found = self._orbit_near(state, system, turns)
-            except MissedError:
+            except NoConvergenceError:
                 continue
-            if repeats_after(problem, found, turns) < turns:
+            if smallest_period(problem, found, turns) < turns:
                 continue
-            around, self.near = Attraction(found, turns), True
+            around, self.near = AttractionEllipsoid(found, turns), True
             away = around.distance(state, system)
-            if around.rate > 1.0 - NEUTRAL:
-                self.leaving = around.rate > 1.0 + MARGIN
-                self._doubling = math.log(2.0) / math.log(max(around.rate, 1.0 + MARGIN)) * found.shot.duration
+            if around.spectral_radius > 1.0 - UNIT_CIRCLE_DISTANCE:
+                self.near_unstable_orbit = around.spectral_radius > 1.0 + MARGIN
+                self._doubling = (
+                    math.log(2.0) / math.log(max(around.spectral_radius, 1.0 + MARGIN)) * found.shot.duration
+                )
             elif (
-                around.draws(self._shooter, state)
-                if around.rate > SLOW
-                else around.attracts(self._shooter, BEYOND * away)
+                around.contracts_along_trajectory(self._shooter, state)
+                if around.spectral_radius > SLOW_DECAY
+                else around.contracts_on_shells(self._shooter, ATTRACTION_RADIUS_RATIO * away)
             ):
                 return self._known(problem, found, around)
         return None
 
     def _orbit_near(
-        self, state: FloatArray, system: int, turns: int, effort: tuple[int, tuple[float, ...]] = LOOK
+        self, state: FloatArray, system: int, turns: int, effort: tuple[int, tuple[float, ...]] = APPROACH
     ) -> tuple[Problem, NewtonResult]:
-        """Find an orbit by Newton's method from a full state on the section; ``effort`` is LOOK or HUNT."""
+        """Find an orbit by Newton's method from a full state on the section; ``effort`` is one of both above."""
         motion, here, (most, fall) = self._shooter.motion, state.copy(), effort
         here[3:5] -= TURN * np.round(here[3:5] / TURN)
         motion.reset(here)
-        if not motion.to_section(turns, self._longest(turns)):
-            raise MissedError("exciter 1 does not turn")
+        if not motion.to_section(turns, self._max_time(turns)):
+            raise NoConvergenceError("exciter 1 does not turn")
         both = np.round((motion.state - here)[3:5] / TURN).astype(int).tolist()
         problem = Problem(self._shooter, both, (), TOLERANCE)
         chart = problem.chart(here, system)
         u = chart.pack(here, motion.now)
-        found = correct_anywhere(problem, chart, u, most, fall)
+        found = correct_moving_section(problem, chart, u, most, fall)
         if found.chart is not chart:  # back to the section
             motion.reset(found.chart.unpack(found.u)[0])
-            motion.to_section(1, self._longest(1))
+            motion.to_section(1, self._max_time(1))
             back = motion.state
             back[3:5] -= TURN * np.round(back[3:5] / TURN)
             chart = problem.chart(back)
-            found = correct(problem, chart, chart.pack(back, found.shot.duration), held(chart), most=most)
+            found = correct(
+                problem, chart, chart.pack(back, found.shot.duration), fixed_border(chart), max_iterations=most
+            )
         return problem, found
 
-    def _known(self, problem: Problem, found: NewtonResult, around: Attraction) -> KnownOrbit:
+    def _known(self, problem: Problem, found: NewtonResult, around: AttractionEllipsoid) -> KnownOrbit:
         """Gather what a sweep tells of an orbit."""
         motion, heights = self._shooter.motion, [float(around.state[1])]
         motion.reset(around.state)
         for _ in range(1, around.turns):
-            motion.to_section(1, self._longest(1))
+            motion.to_section(1, self._max_time(1))
             heights.append(float(motion.state[1]))
         events = found.shot.events
         return KnownOrbit(
             state=around.state,
             period=around.turns,
             turn=found.shot.duration / around.turns,
-            multiplier=around.rate,
-            measures=measured_over_period(problem, found.shot, self._shooter.scene),
+            multiplier=around.spectral_radius,
+            measures=measure_period(problem, found.shot, self._shooter.scene),
             section_y=heights,
             impact_speeds=(-events["rate_before"][events["kind"] == IMPACT]).tolist(),
         )
 
-    def _longest(self, turns: int) -> float:
+    def _max_time(self, turns: int) -> float:
         """Time within which exciter 1 must make so many turns (s)."""
         return 4.0 * (turns + 1) * self._turn
 
 
 def _periods(points: FloatArray, period: int) -> Iterator[int]:
     """Yield what the period of a section may be: 1, that after which its last points are near, and a given one."""
-    if len(points) < LONGEST + 2:
+    if len(points) < MAX_PERIOD_TURNS + 2:
         return
-    near = np.array([np.abs(points[-2:] - points[-2 - n : -n]).max() for n in range(1, LONGEST + 1)])
-    if near[0] < FARTHEST:
+    near = np.array([np.abs(points[-2:] - points[-2 - n : -n]).max() for n in range(1, MAX_PERIOD_TURNS + 1)])
+    if near[0] < MAX_SEARCH_DISTANCE:
         yield 1
     shortest = int(np.flatnonzero(near <= 2.0 * near.min())[0]) + 1
-    if shortest > 1 and near.min() < FARTHEST:
+    if shortest > 1 and near.min() < MAX_SEARCH_DISTANCE:
         yield shortest
     if period > 1 and period != shortest:
         yield period

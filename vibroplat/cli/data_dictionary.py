@@ -32,7 +32,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
 }
 
 #: Columns that an engineer reads first, in this order.
-FIRST = (
+LEADING_COLUMNS = (
     *("outcome", "notes", "energy_residual"),
     *("sync", "motion", "period", "stable", "excitation_frequency_hz", "phase_difference_rad", "phase_coherence"),
     *("synchronized_at_s", "captured_by"),
@@ -79,7 +79,7 @@ def columns_page() -> str:
         "",
         "The outcome, synchronization, motion, flight and impacts, loads on the foundation, and motors.",
         "",
-        *_table(("column", "unit", "meaning", "definition", "tables"), map(_row_of_all_tables, FIRST)),
+        *_table(("column", "unit", "meaning", "definition", "tables"), map(_row_of_all_tables, LEADING_COLUMNS)),
     ]
     for table, (about, described) in TABLES.items():
         lines += ["", f"## {table}", "", about, ""]

@@ -29,16 +29,16 @@ try:
 except ImportError:  # on Windows
     _fcntl = None  # type: ignore[assignment]
 
-from vibroplat.system.memory import COMPILING, available
+from vibroplat.system.memory import MIN_COMPILING_ADDRESS_SPACE, available
 
 _log = logging.getLogger(__name__)
 
 #: Signals that end a command, and with it its second process.
 _SIGNALS = {signal.SIGINT, signal.SIGTERM}
 #: Name of the file in the folder whose bytes are locked, one for each kernel.
-LOCKS = ".locks"
+LOCK_FILE = ".locks"
 #: Longest time (s) to wait for a kernel, which takes seconds: its process may have been stopped. And how often to try.
-LONGEST, PAUSE = 120.0, 0.002
+MAX_WAIT_S, PAUSE_S = 120.0, 0.002
 #: PR_SET_PDEATHSIG: which signal a process gets when its parent dies.
 _WHEN_PARENT_DIES = 1
 
@@ -78,14 +78,14 @@ def _file(folder: Path) -> int | None:
     if _fcntl is None:
         return None
     try:
-        return os.open(folder / LOCKS, os.O_RDWR | os.O_CREAT, 0o600)
+        return os.open(folder / LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o600)
     except OSError:
         return None
 
 
 def _take(file: int, place: int) -> bool:
     """Lock a byte of a file; False where that is not possible."""
-    latest = time.monotonic() + LONGEST
+    latest = time.monotonic() + MAX_WAIT_S
     while True:
         try:
             _fcntl.lockf(file, _fcntl.LOCK_EX | _fcntl.LOCK_NB, 1, place)
@@ -94,15 +94,15 @@ def _take(file: int, place: int) -> bool:
                 return False
             if time.monotonic() > latest:
                 _Shared.waits = False
-                _log.warning("a process that compiles was waited for %g s; has it been stopped?", LONGEST)
+                _log.warning("a process that compiles was waited for %g s; has it been stopped?", MAX_WAIT_S)
                 return False
         else:
             return True
-        time.sleep(PAUSE)
+        time.sleep(PAUSE_S)
 
 
 @contextmanager
-def helped_by(work: Callable[[], object]) -> Iterator[None]:
+def second_compiler(work: Callable[[], object]) -> Iterator[None]:
     """Run ``work`` (compiling kernels) in a second process while the block runs, if a core and memory are available.
 
     The second process is silent, and its failure does no harm: this process compiles the kernels that it does not find.
@@ -128,7 +128,7 @@ def _is_of_use() -> bool:
         sys.platform == "linux"
         and len(os.sched_getaffinity(0)) > 1
         and threading.active_count() == 1
-        and available() > COMPILING
+        and available() > MIN_COMPILING_ADDRESS_SPACE
     )
 
 

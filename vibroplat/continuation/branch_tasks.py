@@ -18,34 +18,41 @@ from vibroplat.columns import Column, Columns
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.arclength import Branch
-from vibroplat.continuation.locate import specials
-from vibroplat.continuation.newton import ANGLE, MissedError, Problem, correct, n_unstable
+from vibroplat.continuation.locate import find_special_points
+from vibroplat.continuation.newton import ANGLE_INDEX, NoConvergenceError, Problem, correct, n_unstable
 from vibroplat.continuation.orbit import OrbitError, first_orbit, measures_of_orbit, orbit_near, read_guess
-from vibroplat.continuation.shooting import Shooter, spelled
-from vibroplat.continuation.special_points import DOUBLING, MIRRORED, Point, Special, new_branches, tangent_of
+from vibroplat.continuation.shooting import Shooter, event_sequence_text
+from vibroplat.continuation.special_points import (
+    DOUBLING,
+    MIRROR_INVARIANTS,
+    OrbitPoint,
+    SpecialPoint,
+    new_branches,
+    tangent_of,
+)
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
 
 #: Version of the records of parts of branches and of boundaries: those of another one cannot be gone on with.
-RECORDS = 2
+RECORD_VERSION = 2
 #: Points of a branch that a task makes.
-PART = 100
+POINTS_PER_TASK = 100
 #: Largest multipliers that tables have.
-MULTIPLIERS = 4
+MAX_MULTIPLIERS = 4
 #: Distance of two special points, as a part of the key's range, within which they are one.
-SAME_PLACE = 1e-4
+SAME_POINT = 1e-4
 #: Points back within which a branch that meets itself has not gone round, but come back from a corner.
-RETURN = 8
-RETURNED = "lost at a corner: the continuation turned back along the branch"
+CORNER_POINTS = 8
+CAME_BACK = "lost at a corner: the continuation turned back along the branch"
 #: Measures that tell points apart, and how far that of a point may lie from a former one, as a part of the step between
 #: its neighbours, to be the same. Where impacts accumulate, the parts of a branch between its folds differ in stability
 #: much more than in other measures.
-COMPARED = dict.fromkeys(("period_s", *MIRRORED), 0.1) | {"multiplier_1_re": 0.3}
+DEVIATIONS = dict.fromkeys(("period_s", *MIRROR_INVARIANTS), 0.1) | {"multiplier_1_re": 0.3}
 
 
 @dataclass(frozen=True)
-class Family:
+class GridCell:
     """All branches of one combination of the grid's values; the scene at the start, with the tolerance of orbits."""
 
     number: int
@@ -58,35 +65,35 @@ class Family:
 
 def same_special(one: Record, other: Record, plan: OrbitsPlan) -> bool:
     """Whether two branches have found the same point where they cross."""
-    near = abs(one["value"] - other["value"]) <= SAME_PLACE * abs(plan.stop - plan.start)
+    near = abs(one["value"] - other["value"]) <= SAME_POINT * abs(plan.stop - plan.start)
     frequencies = one["excitation_frequency_hz"], other["excitation_frequency_hz"]
-    return bool(near and one["kind"] == other["kind"] and abs(frequencies[0] / frequencies[1] - 1.0) < SAME_PLACE)
+    return bool(near and one["kind"] == other["kind"] and abs(frequencies[0] / frequencies[1] - 1.0) < SAME_POINT)
 
 
-class Known(NamedTuple):
+class KnownPoints(NamedTuple):
     """What is known of a family: special points already switched at, other branches by number, and own points."""
 
     special: Sequence[Record]
     others: Sequence[tuple[int, Sequence[Record]]]
     own: Sequence[Record]
 
-    def met_again(self, row: Record, rows: Sequence[Record], values: Sequence[FloatArray]) -> str:
+    def find_revisit(self, row: Record, rows: Sequence[Record], values: Sequence[FloatArray]) -> str:
         """Say in which way a branch has passed a new point before, of which ``rows`` precede it; empty if it has not.
 
         ``values`` are those of the key at the points of each other branch, then at own points.
         """
         *of_others, of_own = values
         for (number, former), at in zip(self.others, of_others, strict=True):
-            mirrored = _passed(row, former, at)
+            mirrored = _find_pass(row, former, at)
             if mirrored is not None:
                 return f"{'mirror image of' if mirrored else 'joins'} branch {number}"
         own = [*self.own, *rows][:-2]
-        mirrored = _passed(row, own, np.concatenate([of_own, _values(rows)])[:-2])
+        mirrored = _find_pass(row, own, np.concatenate([of_own, _values(rows)])[:-2])
         if mirrored is None:
             return ""
-        last = own[-RETURN:]
-        back = not mirrored and _passed(row, last, _values(last)) is not None
-        return RETURNED if back else "mirror image" if mirrored else "loop"
+        last = own[-CORNER_POINTS:]
+        back = not mirrored and _find_pass(row, last, _values(last)) is not None
+        return CAME_BACK if back else "mirror image" if mirrored else "loop"
 
 
 def _values(rows: Sequence[Record]) -> FloatArray:
@@ -94,7 +101,7 @@ def _values(rows: Sequence[Record]) -> FloatArray:
     return np.array([row["value"] for row in rows], dtype=float)
 
 
-def _passed(row: Record, former: Sequence[Record], values: FloatArray) -> bool | None:
+def _find_pass(row: Record, former: Sequence[Record], values: FloatArray) -> bool | None:
     """Whether a branch has passed a point: None if not, else whether as its mirror image."""
     beyond = values - row["value"]
     for i in (beyond[:-1] * beyond[1:] <= 0.0).nonzero()[0].tolist():
@@ -104,7 +111,7 @@ def _passed(row: Record, former: Sequence[Record], values: FloatArray) -> bool |
         low, high = sorted((first["value"], second["value"]))
         thirds = [p for p in (*former[max(i - 1, 0) : i], *former[i + 2 : i + 3]) if not low <= p["value"] <= high]
         ways = [[first, second], *([first, second, third] for third in thirds)]
-        if any(all(_near(row, *alike, known) for alike in COMPARED.items()) for known in ways):
+        if any(all(_near(row, *alike, known) for alike in DEVIATIONS.items()) for known in ways):
             here, there = row["phase_difference_rad"], first["phase_difference_rad"]
             apart, mirrored = (abs(np.angle(np.exp(1j * (here - sign * there)))) for sign in (1, -1))
             return bool(mirrored < apart - 1e-6)
@@ -124,24 +131,24 @@ def _near(row: Record, name: str, part: float, known: Sequence[Record]) -> bool:
 # -- a part of a branch ------------------------------------------------------------------------------------------------
 
 
-def part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) -> Record:
+def compute_part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: KnownPoints) -> Record:
     """Make a part of a branch: points, special points, and first points of branches that begin there.
 
-    It begins at the start where ``begin`` is None, else at a place that :func:`_place` describes. The record has new
-    ``rows`` and ``special`` points, the ``last`` place, and why the branch ``ended``, or has ``failed``.
+    It begins at the start where ``begin`` is None, else at a place that :func:`_point_record` describes. The record has
+    new ``rows`` and ``special`` points, the ``last`` place, and why the branch ``ended``, or has ``failed``.
     """
     record: Record = {"rows": [], "special": [], "last": None, "ended": "", "failed": False}
     with closing(Shooter(scene, [plan.key], plan.range)) as shooter:
         try:
-            branch = _begun(shooter, plan, begin)
-        except (MissedError, OrbitError) as error:
+            branch = _begin_branch(shooter, plan, begin)
+        except (NoConvergenceError, OrbitError) as error:
             return record | {"ended": str(error), "failed": True}
-        rows, ends, step = record["rows"], list[Special](), list[Point]()
+        rows, ends, step = record["rows"], list[SpecialPoint](), list[OrbitPoint]()
         values = [*(_values(former) for _, former in known.others), _values(known.own)]
 
-        def look(before: Point, after: Point, strictly: bool) -> None:
+        def look(before: OrbitPoint, after: OrbitPoint, strictly: bool) -> None:
             step[:] = before, after
-            for special in list(specials(branch, before, after, strictly=strictly)):
+            for special in list(find_special_points(branch, before, after, strictly=strictly)):
                 if not (plan.covers(special.value) or plan.covers(after.value)):
                     return  # beyond the end of the branch
                 found = branch.problem.describe(special.point) | {"kind": special.kind, "value": special.value}
@@ -149,7 +156,7 @@ def part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) -> 
                 old = any(same_special(found, other, plan) for other in (*known.special, *record["special"]))
                 if special.kind in plan.switch and not old and not (special.kind == DOUBLING and special.mirrors):
                     starts = new_branches(branch.problem, special, _steps(plan)[0], branch.largest)
-                    found["branches"] = [_place(*start) for start in starts]
+                    found["branches"] = [_point_record(*start) for start in starts]
                 record["special"].append(found)
                 if special.mirrors and len(known.own) + len(rows) > 1:
                     ends.append(special)
@@ -158,15 +165,15 @@ def part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) -> 
         def take() -> None:
             """Add the row of the last point, unless it was passed before: then the branch ends."""
             row = _row(branch.problem, branch.points[-1])
-            again = known.met_again(row, rows, values)
-            record["ended"], record["failed"] = again or branch.ended, again == RETURNED
+            again = known.find_revisit(row, rows, values)
+            record["ended"], record["failed"] = again or branch.ended, again == CAME_BACK
             if not again:
                 rows.append(row)
 
         if begin is None or begin["new"]:
             take()
-        while len(rows) < PART and not record["ended"]:
-            if not branch.grow(look):
+        while len(rows) < POINTS_PER_TASK and not record["ended"]:
+            if not branch.extend(look):
                 return record | {"ended": branch.ended, "failed": True}
             if ends:
                 beyond = "half the period beyond" if ends[0].kind == DOUBLING else "mirror image beyond"
@@ -174,7 +181,7 @@ def part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) -> 
             else:
                 _stop_at_end(branch, plan, *step)
             take()
-        record["last"] = _place(branch.problem, branch.points[-1], branch.step, new=False)
+        record["last"] = _point_record(branch.problem, branch.points[-1], branch.step, new=False)
     return record
 
 
@@ -183,7 +190,7 @@ def _steps(plan: OrbitsPlan) -> list[float]:
     return [length / plan.unit for length in plan.step.lengths(abs(plan.stop - plan.start))]
 
 
-def _begun(shooter: Shooter, plan: OrbitsPlan, begin: Record | None) -> Branch:
+def _begin_branch(shooter: Shooter, plan: OrbitsPlan, begin: Record | None) -> Branch:
     """Begin a branch towards the stop, or go on with one from one of its points."""
     first, largest, least = _steps(plan)
     if begin is None:
@@ -194,7 +201,7 @@ def _begun(shooter: Shooter, plan: OrbitsPlan, begin: Record | None) -> Branch:
         towards = np.zeros(found.u.size)
         towards[-1] = np.sign(plan.stop - plan.start)
         branch = Branch(problem, first, least, largest)
-        point = Point.of(found, tangent_of(found.jacobian, towards))
+        point = OrbitPoint.of(found, tangent_of(found.jacobian, towards))
     else:
         state, full = np.array(begin["state"]), np.array(begin["tangent"])
         shooter.set([begin["value"]])
@@ -203,21 +210,21 @@ def _begun(shooter: Shooter, plan: OrbitsPlan, begin: Record | None) -> Branch:
         tangent = np.append(full[chart.places], full[-1])
         tangent[chart.phase] = full[-2]
         u = chart.pack(state, begin["period_s"], [begin["value"]])
-        point = branch.corrected(chart, u, tangent / np.linalg.norm(tangent), most=20)
-    branch.points.append(branch.in_middle(point))
+        point = branch.correct(chart, u, tangent / np.linalg.norm(tangent), most=20)
+    branch.points.append(branch.centre_section(point))
     return branch
 
 
-def _place(problem: Problem, point: Point, step: float, new: bool) -> Record:
+def _point_record(problem: Problem, point: OrbitPoint, step: float, new: bool) -> Record:
     """Describe a point of a branch, whether it is new or has a row already, so that a worker can go on from there."""
     chart, tangent = point.chart, point.tangent
     full = np.zeros(chart.base.size + 2)  # along the state, the period and the key
     full[chart.places] = tangent[: chart.places.size]
-    full[ANGLE], full[-2], full[-1] = 0.0, tangent[chart.phase], tangent[-1]
+    full[ANGLE_INDEX], full[-2], full[-1] = 0.0, tangent[chart.phase], tangent[-1]
     return problem.describe(point) | {"tangent": full.tolist(), "step": step, "new": new}
 
 
-def _stop_at_end(branch: Branch, plan: OrbitsPlan, before: Point, last: Point) -> None:
+def _stop_at_end(branch: Branch, plan: OrbitsPlan, before: OrbitPoint, last: OrbitPoint) -> None:
     """End a branch at the end of the key's range, if its last step, between points in one chart, has left it."""
     if plan.covers(last.value):
         return
@@ -225,12 +232,12 @@ def _stop_at_end(branch: Branch, plan: OrbitsPlan, before: Point, last: Point) -
     branch.ended = "start of the key's range" if end == plan.start else "stop of the key's range"
     u = before.u + (end - before.value) / (last.value - before.value) * (last.u - before.u)
     u[-1] = end / plan.unit
-    with suppress(MissedError):
+    with suppress(NoConvergenceError):
         found = correct(branch.problem, last.chart, u, np.eye(u.size)[-1:], last.jacobian)
-        branch.points[-1] = Point.of(found, tangent_of(found.jacobian, last.tangent))
+        branch.points[-1] = OrbitPoint.of(found, tangent_of(found.jacobian, last.tangent))
 
 
-def _row(problem: Problem, point: Point) -> Record:
+def _row(problem: Problem, point: OrbitPoint) -> Record:
     """Return the row of a point in the table of branches; ``turns`` are those since the point before."""
     found, unstable, turns = problem.describe(point), n_unstable(point.multipliers), problem.shooter.turns
     problem.shooter.turns = 0.0
@@ -238,10 +245,10 @@ def _row(problem: Problem, point: Point) -> Record:
         **found,
         "value": float(f"{found['value']:.15g}"),  # without what units leave of a round number
         **measures_of_orbit(problem, point),
-        "sequence": spelled(point.word),
+        "sequence": event_sequence_text(point.event_sequence),
         "stable": unstable == 0,
         "n_unstable": unstable,
-        **multiplier_columns(point.multipliers, MULTIPLIERS),
+        **multiplier_columns(point.multipliers, MAX_MULTIPLIERS),
         "residual": point.residuals[-1],
         "turns": turns,
     }
@@ -251,10 +258,10 @@ def _row(problem: Problem, point: Point) -> Record:
 
 
 @dataclass
-class Traced:
+class ComputedBranch:
     """A branch that has been followed: its points and special points, as plain values, and why it ended."""
 
-    family: Family
+    family: GridCell
     number: int
     parent: int  # that on which it was found, or −1
     origin: str  # start, or the kind of the special point at which it begins
@@ -271,13 +278,15 @@ class Traced:
         return any(same_special(source, special, plan) for special in self.special)
 
 
-def follow_family(family: Family, plan: OrbitsPlan, traced: list[Traced], progress: Callable[[], None]) -> Tasks[None]:
+def follow_family(
+    family: GridCell, plan: OrbitsPlan, traced: list[ComputedBranch], progress: Callable[[], None]
+) -> Tasks[None]:
     """Follow the branches of a family, one after the other, and add them to those that are traced.
 
     Branches that begin at special points wait until those found before have ended, as one of these may pass there. One
     of which nothing is new is a direction of a branch that is known.
     """
-    own, scene = list[Traced](), family.scene
+    own, scene = list[ComputedBranch](), family.scene
     waiting: list[tuple[int, Record | None, Record | None]] = [(-1, None, None)]
     switched: list[Record] = []
     nothing: Record = {"rows": [], "special": [], "last": None, "failed": True}
@@ -285,12 +294,12 @@ def follow_family(family: Family, plan: OrbitsPlan, traced: list[Traced], progre
         parent, source, begin = waiting.pop(0)
         if any(other.number != parent and other.passes(source, plan) for other in own):
             continue
-        branch = Traced(family, len(own), parent, "start" if source is None else source["kind"], source)
+        branch = ComputedBranch(family, len(own), parent, "start" if source is None else source["kind"], source)
         traced.append(branch)
         while not branch.ended:
             left = [special for special in (*switched, *branch.special) if special["branches"]]
-            known = Known(left, [(other.number, _compared(other.rows)) for other in own], _compared(branch.rows))
-            record = yield Task(part, (scene, plan, begin, known), lambda reason: nothing | {"ended": reason})
+            known = KnownPoints(left, [(other.number, _measures(other.rows)) for other in own], _measures(branch.rows))
+            record = yield Task(compute_part, (scene, plan, begin, known), lambda reason: nothing | {"ended": reason})
             branch.ended, branch.failed, begin = record["ended"], record["failed"], record["last"]
             branch.special += record["special"]
             branch.rows += record["rows"]
@@ -307,9 +316,9 @@ def follow_family(family: Family, plan: OrbitsPlan, traced: list[Traced], progre
                 waiting += [(branch.number, special, place) for place in special["branches"]]
 
 
-def _compared(rows: Sequence[Record]) -> list[Record]:
+def _measures(rows: Sequence[Record]) -> list[Record]:
     """Return what tells points apart."""
-    return [{n: row[n] for n in ("value", "period", "sequence", "phase_difference_rad", *COMPARED)} for row in rows]
+    return [{n: row[n] for n in ("value", "period", "sequence", "phase_difference_rad", *DEVIATIONS)} for row in rows]
 
 
 def multiplier_columns(multipliers: NDArray[np.complex128], most: int) -> dict[str, float | None]:
@@ -335,7 +344,7 @@ def describe_multipliers(most: int) -> Columns:
     }
 
 
-def found_again(scene: Scene, row: Record, tolerance: float) -> Record:
+def find_orbit_again(scene: Scene, row: Record, tolerance: float) -> Record:
     """Find the orbit of a row of the table of branches anew; the ``row`` of the result is empty if there is none."""
     try:
         found = orbit_near(scene, row, row["period"], tolerance)

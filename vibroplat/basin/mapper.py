@@ -14,15 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.basin.starts import states_of
-from vibroplat.basin.windows import TOLD
+from vibroplat.basin.initial_conditions import initial_states
+from vibroplat.basin.windows import MEASURES
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.plans import SweepPlan
-from vibroplat.config.questions import BasinsPlan
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.attraction import promised
-from vibroplat.continuation.newton import MissedError
-from vibroplat.continuation.seeker import LONGEST, OrbitSeeker
+from vibroplat.config.study_plans import BasinsPlan
+from vibroplat.continuation.attraction import expected_decay
+from vibroplat.continuation.newton import NoConvergenceError
+from vibroplat.continuation.orbit_detection import MAX_PERIOD_TURNS, NewtonOrbitDetector
 from vibroplat.continuation.shooting import TURN
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
@@ -35,21 +35,21 @@ from vibroplat.study.point import measure_point, on_orbit, row_of
 from vibroplat.study.settling import KnownOrbit
 from vibroplat.study.store import Record
 
-#: Turns between two looks whether a motion is in an ellipsoid, in its first FIRST turns and later.
-STRIDE, LATE_STRIDE = 8, 16
+#: Turns between two looks whether a motion is in an ellipsoid, in its first FIRST_SEARCH_TURNS turns and later.
+CHECK_TURNS, LATE_CHECK_TURNS = 8, 16
 #: A motion that is in none after so many turns, or so many times the median of the others, is searched for orbits,
 #: and again each time after twice as long.
-FIRST, PATIENT, EXPERIENCED = 96, 4.0, 20
+FIRST_SEARCH_TURNS, SEARCH_TURNS_RATIO, MIN_HISTORY = 96, 4.0, 20
 #: Turns of such a look, and the distance of a return from which Newton's method begins, in scaled units.
-LOOK, NEAR = 16, 0.05
+SEARCH_TURNS, RETURN_DISTANCE = 16, 0.05
 #: Periods in which a motion in an ellipsoid must come nearer to the orbit, unless it is this near already, over the
 #: radius.
-CONFIRMED, DEEP = 2, 0.1
+CONTRACTION_PERIODS, INNER_RADIUS_RATIO = 2, 0.1
 #: Distance of the same orbit found twice, in scaled units.
-SAME = 1e-4
+SAME_ORBIT_DISTANCE = 1e-4
 #: Windows in which a motion that has converged to no orbit is measured, and whole turns of each, a multiple of many
 #: periods. They are its last ones; of a motion that is followed for few turns, half of these.
-WINDOWS, WINDOW = 4, 240
+WINDOWS, WINDOW_TURNS = 4, 240
 
 
 def same_orbit(one: Record, other: Record, scales: FloatArray) -> bool:
@@ -58,10 +58,10 @@ def same_orbit(one: Record, other: Record, scales: FloatArray) -> bool:
         return False
     away = np.array(other["centres"]) - one["state"]
     away[:, 3:5] -= TURN * np.round(away[:, 3:5] / TURN)
-    return bool(np.abs(away / scales).max(axis=1).min(initial=np.inf) < SAME)
+    return bool(np.abs(away / scales).max(axis=1).min(initial=np.inf) < SAME_ORBIT_DISTANCE)
 
 
-class Follower:
+class AttractorMapper:
     """Follows motions of a scene.
 
     Parameters
@@ -76,43 +76,43 @@ class Follower:
         self.scene, self.longest, self.attractors = scene, longest, list(known)
         p = parameters(scene)
         self._scales, self._turn = state_scales(scene), TURN / scene.speed_scale
-        self._seeker, self._engine = OrbitSeeker(scene), make_engine(scene, p)
+        self._detector, self._engine = NewtonOrbitDetector(scene), make_engine(scene, p)
         self._motion = Simulator(scene, p, self._engine)
         self._inside, self._size, self._history = same_types(ellipsoid_of), same_types(form_of), list(history)
         self._pack()
 
     def close(self) -> None:
         """Free what the engines hold."""
-        self._seeker.close()
+        self._detector.close()
         self._engine.close()
 
-    def follow(self, start: FloatArray) -> Record:
+    def map_state(self, start: FloatArray) -> Record:
         """Map a full state to its attractor: its number, or None and what was measured; and the turns it took."""
         motion = self._motion
         motion.reset(start)
-        self._seeker.forget()
-        longest = 4.0 * (LATE_STRIDE + 1) * self._turn
-        unmeasured = self.longest - WINDOWS * (window_of(self.longest) + 1)
-        turns, look = 0, FIRST
-        if len(self._history) >= EXPERIENCED:
-            look = max(FIRST, min(int(PATIENT * np.median(self._history)), self.longest // 2))
+        self._detector.reset()
+        longest = 4.0 * (LATE_CHECK_TURNS + 1) * self._turn
+        unmeasured = self.longest - WINDOWS * (window_length(self.longest) + 1)
+        turns, look = 0, FIRST_SEARCH_TURNS
+        if len(self._history) >= MIN_HISTORY:
+            look = max(FIRST_SEARCH_TURNS, min(int(SEARCH_TURNS_RATIO * np.median(self._history)), self.longest // 2))
         while turns < unmeasured and motion.now < unmeasured * self._turn:
-            stride = min(STRIDE if turns < FIRST else LATE_STRIDE, unmeasured - turns)
+            stride = min(CHECK_TURNS if turns < FIRST_SEARCH_TURNS else LATE_CHECK_TURNS, unmeasured - turns)
             motion.to_section(stride, longest)
             turns += stride
-            found, more = self._entered()
+            found, more = self._find_ellipsoid()
             if motion.outcome != "ok":
                 return {"attractor": None, "turns": turns, "outcome": motion.outcome, "detail": motion.detail}
-            if found is None and look <= turns + more < unmeasured - LOOK:
-                found = self._discovered(motion.advance_turns(LOOK, longest))
-                more, look = more + LOOK + 1, 2 * look
+            if found is None and look <= turns + more < unmeasured - SEARCH_TURNS:
+                found = self._search_new_orbit(motion.advance_turns(SEARCH_TURNS, longest))
+                more, look = more + SEARCH_TURNS + 1, 2 * look
             if found is not None:
                 self._history.append(turns)
                 return {"attractor": found, "turns": turns}
             turns += more
-        return self._measured(turns)
+        return self._measure_unconverged(turns)
 
-    def _entered(self) -> tuple[int | None, int]:
+    def _find_ellipsoid(self) -> tuple[int | None, int]:
         """Return the number of the orbit in whose ellipsoid the motion is and comes nearer, and turns that this took.
 
         An ellipsoid was tested in some directions: beside chaos, it may still hold states of another basin.
@@ -123,27 +123,27 @@ class Follower:
         if place < 0:
             return None, 0
         number, before = self._owners[place], self._size(state, centres[place], forms[place])
-        turns = CONFIRMED * self.attractors[number]["row"]["period"]
+        turns = CONTRACTION_PERIODS * self.attractors[number]["row"]["period"]
         motion.to_section(turns, 4.0 * (turns + 1) * self._turn)
-        bound = promised(self.attractors[number]["row"]["multiplier_max"], CONFIRMED)
+        bound = expected_decay(self.attractors[number]["row"]["multiplier_max"], CONTRACTION_PERIODS)
         inside = motion.outcome == "ok" and motion.system.index == systems[place]
-        nearer = self._size(state, centres[place], forms[place]) < max(bound**2 * before, DEEP**2)
+        nearer = self._size(state, centres[place], forms[place]) < max(bound**2 * before, INNER_RADIUS_RATIO**2)
         return number if inside and nearer else None, turns
 
-    def adopt_at(self, state: FloatArray, period: int) -> int:
-        """Return the number of the stable orbit near a full state; raises :class:`MissedError` where there is none."""
-        return self.adopt(self._seeker.known_orbit(state, period))
+    def register_near(self, state: FloatArray, period: int) -> int:
+        """Return the number of the stable orbit near a full state; raises :class:`NoConvergenceError` without one."""
+        return self.register(self._detector.known_orbit(state, period))
 
-    def adopt(self, orbit: KnownOrbit) -> int:
+    def register(self, orbit: KnownOrbit) -> int:
         """Return the number of an orbit among the attractors; one that is not there yet is added."""
-        row = on_orbit(self.scene, orbit, 0.0, self._seeker.work).row
+        row = on_orbit(self.scene, orbit, 0.0, self._detector.work).row
         record: Record = {"row": row, "state": orbit.state.tolist(), "centres": [], "forms": [], "systems": []}
         for number, known in enumerate(self.attractors):
             if same_orbit(record, known, self._scales):
                 return number
         try:
-            around = self._seeker.crossings(orbit.state, orbit.period)
-        except MissedError:
+            around = self._detector.section_ellipsoids(orbit.state, orbit.period)
+        except NoConvergenceError:
             around = []
         radii = [radius for _, radius in around if radius > 0.0]
         record |= {"radius": min(radii, default=0.0), "ellipsoids": len(radii)}
@@ -169,32 +169,32 @@ class Follower:
             np.array(systems, dtype=np.int64),
         )
 
-    def _discovered(self, part: MeasuredInterval) -> int | None:
+    def _search_new_orbit(self, part: MeasuredInterval) -> int | None:
         """Return the number of the orbit to which the motion converges after a part of it, or None; add a new one."""
         points = section_points(part.measures, self.scene)
-        if self._motion.outcome != "ok" or len(points) <= LONGEST:
+        if self._motion.outcome != "ok" or len(points) <= MAX_PERIOD_TURNS:
             return None
-        if min(np.abs(points[-1] - points[-1 - n]).max() for n in range(1, LONGEST + 1)) > NEAR:
+        if min(np.abs(points[-1] - points[-1 - n]).max() for n in range(1, MAX_PERIOD_TURNS + 1)) > RETURN_DISTANCE:
             return None
-        orbit = self._seeker.seek(self._motion, points, 0)
-        return None if orbit is None else self.adopt(orbit)
+        orbit = self._detector.detect(self._motion, points, 0)
+        return None if orbit is None else self.register(orbit)
 
-    def _measured(self, turns: int) -> Record:
+    def _measure_unconverged(self, turns: int) -> Record:
         """Measure a motion that has converged to no orbit, in windows; it may still converge to one."""
         motion, rows = self._motion, list[dict[str, Any]]()
         for left in range(WINDOWS, 0, -1):
             window = max((self.longest - turns) // left - 1, 1)
             part = motion.advance_turns(window, 2.0 * (window + 2) * self._turn)
             turns += window + 1
-            found, more = self._entered()
-            found = self._discovered(part) if found is None else found
+            found, more = self._find_ellipsoid()
+            found = self._search_new_orbit(part) if found is None else found
             if motion.outcome != "ok":
                 return {"attractor": None, "turns": turns, "outcome": motion.outcome, "detail": motion.detail}
             if found is not None:
                 return {"attractor": found, "turns": turns}
             turns += more
             row = row_of(measure(part, self.scene), self.scene)
-            rows.append({name: row[name] for name in (*TOLD, "flight_fraction", "sync", PHASE_COLUMN)})
+            rows.append({name: row[name] for name in (*MEASURES, "flight_fraction", "sync", PHASE_COLUMN)})
         end = {"outcome": "ok", "detail": "", "state": motion.state.tolist(), "windows": rows}
         return {"attractor": None, "turns": self.longest, **end}
 
@@ -203,36 +203,36 @@ class Follower:
         self._motion.reset(np.array(state))
         part = self._motion.advance_turns(2 * period, 4.0 * (2 * period + 2) * self._turn)
         points = section_points(part.measures, self.scene)[-2 * period :]
-        return len(points) == 2 * period and bool(np.abs(points[period:] - points[:period]).max() < SAME)
+        return len(points) == 2 * period and bool(np.abs(points[period:] - points[:period]).max() < SAME_ORBIT_DISTANCE)
 
 
-def window_of(longest: int) -> int:
+def window_length(longest: int) -> int:
     """Return the length of a window (turns) of motions that are followed for ``longest`` turns."""
-    return min(WINDOW, longest // (2 * WINDOWS) - 1)
+    return min(WINDOW_TURNS, longest // (2 * WINDOWS) - 1)
 
 
-def follow_starts(
+def map_initial_conditions(
     scene: Scene, plan: BasinsPlan, first: int, count: int, known: Sequence[Record], history: Sequence[int] = ()
 ) -> Record:
     """Follow some starts; return what became of each, and the attractors that were found besides the known ones.
 
     ``history`` are turns that others have taken.
     """
-    with closing(Follower(scene, plan.max_turns, known, history)) as follower:
-        starts = [follower.follow(state) for state in states_of(scene, plan, range(first, first + count))]
+    with closing(AttractorMapper(scene, plan.max_turns, known, history)) as follower:
+        starts = [follower.map_state(state) for state in initial_states(scene, plan, range(first, first + count))]
         return {"starts": starts, "known": len(known), "found": follower.attractors[len(known) :]}
 
 
-def followed_alone(scene: Scene, plan: BasinsPlan, number: int) -> Record:
+def map_alone(scene: Scene, plan: BasinsPlan, number: int) -> Record:
     """Follow a start without what others have found: the ``row`` of what it comes to."""
-    with closing(Follower(scene, plan.max_turns, [])) as follower:
-        found = follower.follow(states_of(scene, plan, [number])[0])
+    with closing(AttractorMapper(scene, plan.max_turns, [])) as follower:
+        found = follower.map_state(initial_states(scene, plan, [number])[0])
         if found["attractor"] is not None:
             return {"row": follower.attractors[found["attractor"]]["row"]}
         return {"row": {"motion": None, "period": 0, **found.get("windows", [{"sync": None}])[-1]}}
 
 
-def representative(scene: Scene, state: list[float]) -> Record:
+def classify_unconverged(scene: Scene, state: list[float]) -> Record:
     """Measure and classify a motion that has converged to no orbit in the turns given."""
     frequency = scene.drive.largest_frequency
     plan = {"supply_frequency_hz": {"start": frequency, "stop": frequency}, "perturbation": 0.0}
@@ -241,7 +241,7 @@ def representative(scene: Scene, state: list[float]) -> Record:
     return {"row": point.row, "state": point.state}
 
 
-def repeating(scene: Scene, states: Sequence[Sequence[float]], period: int) -> Record:
+def repeats(scene: Scene, states: Sequence[Sequence[float]], period: int) -> Record:
     """Tell which motions from full states repeat after a period already."""
-    with closing(Follower(scene, 0, [])) as follower:
+    with closing(AttractorMapper(scene, 0, [])) as follower:
         return {"repeats": [follower.repeats(state, period) for state in states]}

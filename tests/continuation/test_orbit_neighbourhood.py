@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from vibroplat import load_config, orbit
-from vibroplat.continuation.local import Local
-from vibroplat.continuation.newton import MissedError
+from vibroplat.continuation.newton import NoConvergenceError
+from vibroplat.continuation.orbit_neighbourhood import OrbitNeighbourhood
 
 KEYS = ["machine.platform_mass_kg", "machine.stiffness_y_n_per_m", "drive.supply_frequency_hz", "material.mass_ratio"]
 CALIBRATED = Path(__file__).parents[2] / "configs/machines/calibrated.yaml"
@@ -18,7 +18,7 @@ CALIBRATED = Path(__file__).parents[2] / "configs/machines/calibrated.yaml"
 def local():
     """An orbit with flight."""
     scene = load_config(CALIBRATED, {"drive.supply_frequency_hz": 55.0, "material.mass_ratio": 0.1})
-    with closing(Local.near(scene.replace({"solver.engine": "taylor"}), KEYS, tolerance=1e-10)) as found:
+    with closing(OrbitNeighbourhood.near(scene.replace({"solver.engine": "taylor"}), KEYS, tolerance=1e-10)) as found:
         yield found
 
 
@@ -46,7 +46,10 @@ def test_a_long_step_leads_to_the_orbit_that_settling_finds(local):
 
 def test_an_orbit_that_ends_is_lost(local):
     """The motors cannot follow so low a torque; the scene that was left is as before."""
-    with closing(Local.near(local.scene, ["motor.critical_torque_n_m"])) as weak, pytest.raises(MissedError):
+    with (
+        closing(OrbitNeighbourhood.near(local.scene, ["motor.critical_torque_n_m"])) as weak,
+        pytest.raises(NoConvergenceError),
+    ):
         weak.correct(0.02 * weak.values)
 
 

@@ -15,15 +15,15 @@ from typing import Any, Unpack
 import numpy as np
 import pandas as pd
 
-from vibroplat.basin.follow import follow_starts, followed_alone, repeating, representative
-from vibroplat.basin.found import Found, carried, names
-from vibroplat.basin.rates import CHAOTIC, DOUBT, LATE, RESTLESS, Rate, rates_of
-from vibroplat.basin.starts import begun, values_of
-from vibroplat.columns import COUNT, PHASE_COLUMN, TEXT, Column, Columns, words_in_place
+from vibroplat.basin.attractors import AttractorSet, continue_attractors, name_attractors
+from vibroplat.basin.initial_conditions import key_values, validated_base_scene
+from vibroplat.basin.mapper import classify_unconverged, map_alone, map_initial_conditions, repeats
+from vibroplat.basin.rates import ALPHA, CHAOTIC, LATE_FRACTION, TRANSIENT_MOTIONS, Rate, estimate_rates
+from vibroplat.columns import COUNT, PHASE_COLUMN, TEXT, Column, Columns, indexed_name
 from vibroplat.config.coordinates import COORDINATES, RATES
-from vibroplat.config.questions import BasinsPlan
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.orbit import accurate
+from vibroplat.config.study_plans import BasinsPlan
+from vibroplat.continuation.orbit import with_orbit_tolerance
 from vibroplat.errors import ConfigError
 from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.results.result import Answer, Result
@@ -31,13 +31,13 @@ from vibroplat.study.branches import column_of, place_words, study_table
 from vibroplat.study.point import ERRORS, MEASURED
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.store import Record, Store
-from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, run_study, spread
+from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, choose_evenly, run_study
 from vibroplat.study.sweep import SWEEP
 
 #: Number of initial conditions in a task.
 BLOCK = 100
 #: Maximum number of motions of a group that are continued until one of them can be classified.
-TRIES = 3
+MAX_FOLLOWED = 3
 #: Columns of the tables after the key that varies.
 ATTRACTORS: Columns = {
     "attractor": Column(
@@ -122,14 +122,14 @@ class BasinsStudy(Study):
     def __init__(self, scene: Scene) -> None:
         if scene.basins is None:
             raise ConfigError("this configuration has no basins section; add basins: {initial_conditions: …}")
-        accurate(scene, 1e-8)  # refuses a program of the drive
+        with_orbit_tolerance(scene, 1e-8)  # refuses a program of the drive
         self.scene, self.plan = scene, scene.basins
         over = self.plan.over
         self.key = None if over is None else over.key
         self.values: list[float] = [math.nan] if over is None else over.upward
         if over is not None and over.direction == ["down"]:
             self.values.reverse()
-        self._scenes = [begun(self._at(value), self.plan) for value in self.values]
+        self._scenes = [validated_base_scene(self._at(value), self.plan) for value in self.values]
         self._blocks = [(first, min(BLOCK, self.plan.number - first)) for first in range(0, self.plan.number, BLOCK)]
 
     def _at(self, value: float) -> Scene:
@@ -152,38 +152,38 @@ class BasinsStudy(Study):
 
         Over a key, the attractors found at a value are continued to the next one.
         """
-        found: list[Found] = []
+        found: list[AttractorSet] = []
         history: list[int] = []
         for place, scene in enumerate(self._scenes):
-            now = Found(scene, self._carried(place, found, store, workers))
+            now = AttractorSet(scene, self._continue(place, found, store, workers))
             found.append(now)
             done = 0
             while done < len(self._blocks):
                 numbers = range(done, min(2 * done + 1, len(self._blocks)))
-                now.add(self._followed(place, store, workers, progress, now.attractors, history, numbers))
+                now.add(self._map_blocks(place, store, workers, progress, now.attractors, history, numbers))
                 assigned = [start["turns"] for start in now.starts if "outcome" not in start]
                 history = history if done else assigned
                 done = numbers.stop
-            self._classified(place, now, store, workers)
-        return _told(self, found)
+            self._classify_groups(place, now, store, workers)
+        return _make_result(self, found)
 
-    def _classified(self, place: int, now: Found, store: Store, workers: Pool) -> None:
+    def _classify_groups(self, place: int, now: AttractorSet, store: Store, workers: Pool) -> None:
         """Follow a motion of each group longer; where it converges to an orbit of its own, another one."""
         groups = now.groups()
-        for attempt in range(TRIES):
+        for attempt in range(MAX_FOLLOWED):
             open_ = [group for group in groups if group.starts]
-            tasks = [Task(representative, (now.scene, group.starts[0]["state"])) for group in open_]
+            tasks = [Task(classify_unconverged, (now.scene, group.starts[0]["state"])) for group in open_]
             records = _run(f"{place} motion {attempt}", tasks, store, workers)
-            like = [now.like(group, record) for group, record in zip(open_, records, strict=True)]
+            like = [now.find_alike(group, record) for group, record in zip(open_, records, strict=True)]
             tasks = [
-                Task(repeating, (now.scene, [start["state"] for start in starts], record["row"].get("period") or 1))
+                Task(repeats, (now.scene, [start["state"] for start in starts], record["row"].get("period") or 1))
                 for starts, record in zip(like, records, strict=True)
             ]
             told = _run(f"{place} repeating {attempt}", tasks, store, workers)
             for group, record, starts, one in zip(open_, records, like, told, strict=True):
-                now.take(group, record, list(compress(starts, one["repeats"])))
+                now.take_continued(group, record, list(compress(starts, one["repeats"])))
         for group in groups:
-            now.give_up(group)
+            now.mark_undecided(group)
 
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
         """Choose starts, as far from each other as they can be, that must converge to the same attractors.
@@ -194,13 +194,13 @@ class BasinsStudy(Study):
         attractors, starts = result.attractors, result.starts
         names = ["attractor"] if self.key is None else [column_of(self.key), "attractor"]
         joined = starts[[*names, "turns"]].merge(attractors, on=names, how="left")
-        late = joined["period"].gt(0) & joined["turns"].gt(LATE * self.plan.max_turns)
-        kept = joined["period"].gt(0) | joined["rate_per_turn"].eq(0.0) | ~joined["motion"].isin(RESTLESS)
+        late = joined["period"].gt(0) & joined["turns"].gt(LATE_FRACTION * self.plan.max_turns)
+        kept = joined["period"].gt(0) | joined["rate_per_turn"].eq(0.0) | ~joined["motion"].isin(TRANSIENT_MOTIONS)
         places = np.flatnonzero(kept & ~late & joined["outcome"].eq("ok"))
         count, order, cases = self.plan.number, self.order, list[CrossCheckCase]()
-        for place in spread(places.tolist()):
+        for place in choose_evenly(places.tolist()):
             value, start = divmod(place, count)
-            task = Task(followed_alone, (other(self._scenes[value]), self.plan, int(order[start])))
+            task = Task(map_alone, (other(self._scenes[value]), self.plan, int(order[start])))
             known = {name: joined[name].iloc[place] for name in (*COMPARED, PHASE_COLUMN) if name != "motion"}
             cases.append(CrossCheckCase(f"from start {place} of the table", task, known))
         return cases
@@ -211,9 +211,9 @@ class BasinsStudy(Study):
         plan = self.plan
         if not plan.shape or plan.random:
             return range(plan.number)
-        return [int(k) for k in np.lexsort(values_of(plan, range(plan.number)).T[::-1])]
+        return [int(k) for k in np.lexsort(key_values(plan, range(plan.number)).T[::-1])]
 
-    def _followed(
+    def _map_blocks(
         self,
         place: int,
         store: Store,
@@ -225,7 +225,7 @@ class BasinsStudy(Study):
     ) -> list[Record]:
         """Follow the starts of some blocks at a value of the key."""
         given = self._scenes[place], self.plan
-        tasks = [Task(follow_starts, (*given, *self._blocks[number], known, history)) for number in numbers]
+        tasks = [Task(map_initial_conditions, (*given, *self._blocks[number], known, history)) for number in numbers]
         before, all_ = place * self.plan.number, self.plan.number * len(self._scenes)
 
         def tell(done: int) -> None:
@@ -233,14 +233,14 @@ class BasinsStudy(Study):
 
         return _run(f"{place} from {numbers.start}", tasks, store, workers, tell)
 
-    def _carried(self, place: int, found: Sequence[Found], store: Store, workers: Pool) -> list[Record]:
+    def _continue(self, place: int, found: Sequence[AttractorSet], store: Store, workers: Pool) -> list[Record]:
         """Return the attractors at a value of the key that are continued from the one before."""
         if self.key is None or not found:
             return []
         ends = self.values[place - 1 : place + 1]
         attractors = [{name: a[name] for name in ("row", "state")} for a in found[-1].attractors]
         arguments = (self._scenes[place - 1], self._scenes[place], self.key, self.plan.max_turns, ends, attractors)
-        [record] = _run(f"{place} carried", [Task(carried, arguments)], store, workers)
+        [record] = _run(f"{place} carried", [Task(continue_attractors, arguments)], store, workers)
         return list(record["found"])
 
 
@@ -256,14 +256,14 @@ def _run(
     return run_stored(chains, workers, tell)
 
 
-def bounds(count: int, number: int) -> tuple[float, float]:
+def clopper_pearson(count: int, number: int) -> tuple[float, float]:
     """Return confidence bounds of a fraction, from ``count`` of ``number`` samples; one-sided for none or all.
 
     Clopper and Pearson (1934), Biometrika 26, 404.
     """
     from scipy.special import betaincinv  # noqa: PLC0415  (half a second)
 
-    tail = DOUBT / 2.0 if 0 < count < number else DOUBT
+    tail = ALPHA / 2.0 if 0 < count < number else ALPHA
     low = float(betaincinv(count, number - count + 1, tail)) if count else 0.0
     high = float(betaincinv(count + 1, number - count, 1.0 - tail)) if count < number else 1.0
     return low, high
@@ -272,16 +272,16 @@ def bounds(count: int, number: int) -> tuple[float, float]:
 # -- tables -----------------------------------------------------------------------------------------------
 
 
-def _told(question: BasinsStudy, found: Sequence[Found]) -> Result:
+def _make_result(question: BasinsStudy, found: Sequence[AttractorSet]) -> Result:
     """Make the tables and the printed answer."""
     plan, key = question.plan, question.key
     column = {} if key is None else {column_of(key): None}
-    attractors, starts, places = [], [], values_of(plan, range(plan.number))
+    attractors, starts, places = [], [], key_values(plan, range(plan.number))
     escaped: dict[str, int] = {}
-    for value, f, labels in zip(question.values, found, names(found), strict=True):
+    for value, f, labels in zip(question.values, found, name_attractors(found), strict=True):
         escaped |= {label: a.get("escaped", 0) for label, a in zip(labels, f.attractors, strict=True)}
         at = dict.fromkeys(column, value)
-        counts, rates = f.counts, rates_of(f.attractors, f.starts, plan.max_turns)
+        counts, rates = f.counts, estimate_rates(f.attractors, f.starts, plan.max_turns)
         order = sorted(range(len(counts)), key=lambda k: (-counts[k], k))
         attractors += [at | _row(f.attractors[k], labels[k], counts[k], rates[k], plan) for k in order]
         starts += [
@@ -308,7 +308,7 @@ def _told(question: BasinsStudy, found: Sequence[Found]) -> Result:
 
 def _row(record: Record, label: str, count: int, rate: Rate | None, plan: BasinsPlan) -> dict[str, Any]:
     """Return the row of an attractor to which a count of the starts converges, at a rate."""
-    low, high = bounds(count, plan.number)
+    low, high = clopper_pearson(count, plan.number)
     found: dict[str, Any] = {"attractor": label, "count": count, "fraction": count / plan.number}
     found |= {"fraction_low": low, "fraction_high": high, "within_turns": plan.max_turns}
     if rate is not None:
@@ -324,7 +324,7 @@ def _lines(plan: BasinsPlan, tables: Mapping[str, pd.DataFrame], values: int) ->
     ways = [f"{plan.number}"] + ([f"at each of {values} values of {plan.over.key}"] if plan.over else [])
     lines = {"initial conditions": f"{' '.join(ways)}, for at most {plan.max_turns} turns"}
     for key, (low, high, *count) in plan.initial_conditions.items():
-        lines[words_in_place(key)] = f"{low:g} … {high:g}" + (f", {int(count[0])} values" if count else ", random")
+        lines[indexed_name(key)] = f"{low:g} … {high:g}" + (f", {int(count[0])} values" if count else ", random")
     turns = tables["starts"]["turns"]
     lines["turns until assigned"] = f"median {turns.median():.0f}, maximum {turns.max():.0f}"
     return lines
@@ -347,12 +347,12 @@ def _text(table: pd.DataFrame, key: str | None, escaped: Mapping[str, int]) -> l
             sure = pd.notna(row["rms_y_m"]) and row["motion"] != "undecided"
             told += f", RMS y {1e3 * row['rms_y_m']:.4g} mm" if sure else ""
             told += f", multiplier {row['multiplier_max']:.4f}" if pd.notna(row["multiplier_max"]) else ""
-            told += _life(row, escaped.get(str(name), 0))
+            told += _lifetime_text(row, escaped.get(str(name), 0))
         lines.append(f"{name:<{max(map(len, table['attractor']))}}  {told}")
     return lines
 
 
-def _life(row: pd.Series, escaped: int) -> str:
+def _lifetime_text(row: pd.Series, escaped: int) -> str:
     """Return the mean life of a chaotic motion with bounds, in words; empty if it is not known."""
     if row["motion"] != CHAOTIC or pd.isna(row["rate_high_per_turn"]):
         return ""
@@ -361,7 +361,7 @@ def _life(row: pd.Series, escaped: int) -> str:
         return f"; transient: {escaped} motion{'s' * (escaped > 1)} converged to an orbit when continued"
     if not rate > 0.0:
         return f"; mean life above {_turns(1.0 / fastest)} turns"
-    if row["rate_constant_p"] < DOUBT:
+    if row["rate_constant_p"] < ALPHA:
         return "; transient, with a rate that is not constant"
     return f"; transient, mean life {_turns(1.0 / rate)} ({_turns(1.0 / fastest)} … {_turns(1.0 / slowest)}) turns"
 
@@ -371,11 +371,11 @@ def _turns(number: float) -> str:
     return f"{float(f'{number:.2g}'):,.0f}".replace(",", " ")
 
 
-def _notes(plan: BasinsPlan, table: pd.DataFrame, found: Sequence[Found]) -> list[str]:
+def _notes(plan: BasinsPlan, table: pd.DataFrame, found: Sequence[AttractorSet]) -> list[str]:
     """Return warnings."""
-    least = bounds(0, plan.number)[1]
+    least = clopper_pearson(0, plan.number)[1]
     notes = [f"attractors that attract less than {least:.2g} of the initial conditions may have been missed"]
-    if table["motion"].isin(RESTLESS).any():
+    if table["motion"].isin(TRANSIENT_MOTIONS).any():
         notes.append(
             f"motions that did not converge to an orbit within {plan.max_turns} turns were grouped by windows of "
             "their last turns; one motion of each group was classified"
@@ -398,7 +398,7 @@ def _notes(plan: BasinsPlan, table: pd.DataFrame, found: Sequence[Found]) -> lis
     return notes
 
 
-def _failures(found: Found) -> Iterator[str]:
+def _failures(found: AttractorSet) -> Iterator[str]:
     """Yield a line for each failed simulation."""
     for start in found.starts:
         row = found.attractors[start["attractor"]]["row"]

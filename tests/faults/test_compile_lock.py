@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from vibroplat.kernels.cache import KernelCache
-from vibroplat.system import two_processes
-from vibroplat.system.two_processes import helped_by
+from vibroplat.system import compile_lock
+from vibroplat.system.compile_lock import second_compiler
 
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2, reason="one core, or a system without fork"
@@ -49,7 +49,7 @@ import numpy as np
 from vibroplat.kernels.cache import count
 from vibroplat.kernels.compiled import compile_for
 from vibroplat.kernels.polynomial import crossing
-from vibroplat.system.two_processes import helped_by, is_second
+from vibroplat.system.compile_lock import second_compiler, is_second
 
 c = np.array([[1.0], [-0.5], [0.2], [1.0]])
 
@@ -60,7 +60,7 @@ def work():
         raise KeyboardInterrupt
     compile_for(crossing, c, 3, 0, 1.2)
 
-with helped_by(work):
+with second_compiler(work):
     while "wait" in sys.argv and count() == 0:
         time.sleep(0.001)
     found = crossing(c, 3, 0, 1.2)
@@ -84,7 +84,7 @@ def test_kernel_is_compiled_once_by_one_of_them(how, loaded, tmp_path):
 KEEP = """
 import os, sys, time
 from pathlib import Path
-from vibroplat.system.two_processes import helped_by, locked
+from vibroplat.system.compile_lock import second_compiler, locked
 
 here = Path.cwd()
 
@@ -97,7 +97,7 @@ def work():
             os.abort()
         time.sleep(600.0)
 
-with helped_by(work):
+with second_compiler(work):
     while not (os.path.exists("second") and os.path.getsize("second")):
         time.sleep(0.01)
     with locked(here, 8), locked(here, 9):
@@ -145,19 +145,19 @@ def test_there_is_no_second_process_where_it_would_be_of_no_use(why, monkeypatch
     if why == "one core":
         monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
     elif why == "threads":
-        monkeypatch.setattr(two_processes.threading, "active_count", lambda: 2)
+        monkeypatch.setattr(compile_lock.threading, "active_count", lambda: 2)
     else:
-        monkeypatch.setattr(two_processes, "available", lambda: 1e9)
+        monkeypatch.setattr(compile_lock, "available", lambda: 1e9)
     monkeypatch.setattr(os, "fork", lambda: pytest.fail("it was copied"))
-    with helped_by(lambda: None):
-        assert not two_processes.is_second()
+    with second_compiler(lambda: None):
+        assert not compile_lock.is_second()
 
 
 #: Takes a lock, tells so, and keeps it.
 TAKE = """
 import sys
 from pathlib import Path
-from vibroplat.system.two_processes import locked
+from vibroplat.system.compile_lock import locked
 
 with locked(Path.cwd(), 7):
     print("taken", flush=True)
@@ -177,24 +177,24 @@ def test_others_wait_for_a_kernel_until_its_process_ends(here):
 
 
 def test_a_process_that_was_stopped_is_not_waited_for_in_vain(here, monkeypatch):
-    monkeypatch.setattr(two_processes, "LONGEST", 0.1)
-    monkeypatch.setattr(two_processes._Shared, "waits", True)
+    monkeypatch.setattr(compile_lock, "MAX_WAIT_S", 0.1)
+    monkeypatch.setattr(compile_lock._Shared, "waits", True)
     with script(TAKE, stdin=subprocess.PIPE) as process:
         assert process.stdout.readline() == "taken\n"
         process.send_signal(signal.SIGSTOP)
         began = time.monotonic()
-        with two_processes.locked(here, 7):
+        with compile_lock.locked(here, 7):
             assert 0.05 < time.monotonic() - began < 30.0
-        monkeypatch.setattr(two_processes, "LONGEST", 1e3)  # it may hold several, and is waited for once
-        with two_processes.locked(here, 7):
+        monkeypatch.setattr(compile_lock, "MAX_WAIT_S", 1e3)  # it may hold several, and is waited for once
+        with compile_lock.locked(here, 7):
             assert time.monotonic() - began < 60.0
         process.kill()
 
 
 def test_without_a_folder_or_a_file_nobody_waits(here):
-    (here / two_processes.LOCKS).mkdir()  # that cannot be opened, for root as well
+    (here / compile_lock.LOCK_FILE).mkdir()  # that cannot be opened, for root as well
     for folder in (None, here):
-        with two_processes.locked(folder, 7), two_processes.locked(folder, 8):
+        with compile_lock.locked(folder, 7), compile_lock.locked(folder, 8):
             pass
 
 

@@ -8,16 +8,16 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from vibroplat.config.coordinates import COORDINATES, RATES
-from vibroplat.config.questions import INITIAL, PHASES, BasinsPlan
 from vibroplat.config.scene import Scene
+from vibroplat.config.study_plans import INITIAL_PREFIX, PHASES, BasinsPlan
 from vibroplat.errors import ConfigError
 from vibroplat.hybrid.state import initial_state, perturb_state
 from vibroplat.kernels.compiled import FloatArray
 
-_STATE = {f"{INITIAL}state.{name}": place for place, name in enumerate((*COORDINATES, *RATES))}
+_STATE = {f"{INITIAL_PREFIX}state.{name}": place for place, name in enumerate((*COORDINATES, *RATES))}
 
 
-def values_of(plan: BasinsPlan, numbers: Iterable[int]) -> FloatArray:
+def key_values(plan: BasinsPlan, numbers: Iterable[int]) -> FloatArray:
     """Return the values of the keys of some starts, shape (starts, keys).
 
     Starts next to each other in number are far apart on the grid, so that few of them tell of all basins. Those at
@@ -27,7 +27,7 @@ def values_of(plan: BasinsPlan, numbers: Iterable[int]) -> FloatArray:
     found = np.empty((rows.size, len(plan.initial_conditions)))
     places = np.unravel_index(rows * _stride(plan) % math.prod(plan.shape), plan.shape) if plan.shape else ()
     random = [key for key, ends in plan.initial_conditions.items() if len(ends) == 2]
-    drawn = np.array([_drawn(plan.seed, len(random), int(row)) for row in rows]).reshape(rows.size, len(random))
+    drawn = np.array([_draw(plan.seed, len(random), int(row)) for row in rows]).reshape(rows.size, len(random))
     grids, draws = iter(places), iter(drawn.T)
     for column, (low, high, *count) in enumerate(plan.initial_conditions.values()):
         shares = next(grids) / (count[0] - 1.0) if count else next(draws)
@@ -44,18 +44,18 @@ def _stride(plan: BasinsPlan) -> int:
     return stride
 
 
-def _drawn(seed: int, count: int, number: int) -> FloatArray:
+def _draw(seed: int, count: int, number: int) -> FloatArray:
     """Draw the random numbers of a start."""
     return np.random.Generator(np.random.PCG64(seed).advance(number * count)).random(count)
 
 
-def states_of(scene: Scene, plan: BasinsPlan, numbers: Sequence[int]) -> FloatArray:
+def initial_states(scene: Scene, plan: BasinsPlan, numbers: Sequence[int]) -> FloatArray:
     """Return the full states of some starts, shape (starts, 14)."""
     keys, initial, share = list(plan.initial_conditions), scene.run.initial, scene.start_perturbation
     found = []
-    for number, values in zip(numbers, values_of(plan, numbers).tolist(), strict=True):
+    for number, values in zip(numbers, key_values(plan, numbers).tolist(), strict=True):
         given = dict(zip(keys, values, strict=True))
-        phases = {name: given[INITIAL + name] for name in PHASES if INITIAL + name in given}
+        phases = {name: given[INITIAL_PREFIX + name] for name in PHASES if INITIAL_PREFIX + name in given}
         state = initial_state(scene, initial.model_copy(update=phases))
         state = perturb_state(state, scene, share, (plan.seed, number))
         for key, place in _STATE.items():
@@ -64,7 +64,7 @@ def states_of(scene: Scene, plan: BasinsPlan, numbers: Sequence[int]) -> FloatAr
     return np.array(found)
 
 
-def begun(scene: Scene, plan: BasinsPlan) -> Scene:
+def validated_base_scene(scene: Scene, plan: BasinsPlan) -> Scene:
     """Return the scene as its starts begin, once the ends of their ranges have been found possible.
 
     Raises

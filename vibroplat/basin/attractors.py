@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.basin.follow import Follower, same_orbit, window_of
-from vibroplat.basin.windows import ALIKE, TOLD, alike, classes_of, components
+from vibroplat.basin.mapper import AttractorMapper, same_orbit, window_length
+from vibroplat.basin.windows import MAX_DIFFERENCE, MEASURES, classify_windows, components, is_alike
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.local import Local
-from vibroplat.continuation.newton import MissedError
+from vibroplat.continuation.newton import NoConvergenceError
 from vibroplat.continuation.orbit import OrbitError
+from vibroplat.continuation.orbit_neighbourhood import OrbitNeighbourhood
 from vibroplat.hybrid.state import state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.classification import same_phase
@@ -26,10 +26,10 @@ from vibroplat.study.store import Record
 
 #: Motions that repeat are the same if their measures are this near, over themselves; and a window of one, whose turns
 #: need not be a multiple of its period.
-REPEATED, IN_WINDOW = 1e-3, 0.02
-#: A parameter step is divided into PARTS sub-steps. The orbit keeps its identity if its largest displacement in a
-#: sub-step is at most LONGER times the smallest plus SHORT (scaled units).
-PARTS, LONGER, SHORT = 4, 3.0, 0.05
+PERIODIC_TOLERANCE, WINDOW_TOLERANCE = 1e-3, 0.02
+#: A parameter step is divided into CONTINUATION_PARTS sub-steps. The orbit keeps its identity if its largest
+#: displacement in a sub-step is at most MAX_PART_RATIO times the smallest plus SMALL_PART (scaled units).
+CONTINUATION_PARTS, MAX_PART_RATIO, SMALL_PART = 4, 3.0, 0.05
 
 
 @dataclass
@@ -47,7 +47,7 @@ class Group:
     escaped: list[Record]
 
 
-class Found:
+class AttractorSet:
     """What was found at one value of the key: attractors, and for each start its attractor's number and turns.
 
     Parameters
@@ -60,7 +60,7 @@ class Found:
         self.scene, self.attractors, self.starts = scene, list(known), list[Record]()
 
     def add(self, blocks: Sequence[Record]) -> None:
-        """Add records of :func:`vibroplat.basin.follow.follow_starts`; what several have found is the same."""
+        """Add records of :func:`vibroplat.basin.mapper.map_initial_conditions`; what several have found is the same."""
         scales = state_scales(self.scene)
         for block in blocks:
             numbers = list(range(block["known"]))
@@ -96,7 +96,7 @@ class Found:
     def unchanged(self, longest: int) -> int:
         """Return the turns in which motions without an orbit might have been seen to change into each other."""
         windows = [start["windows"] for start in self.starts if "windows" in start]
-        return sum(len(path) - 1 for path in windows) * (window_of(longest) + 1)
+        return sum(len(path) - 1 for path in windows) * (window_length(longest) + 1)
 
     def groups(self) -> list[Group]:
         """Group the starts that have converged to no orbit by the motions into which their windows change for good.
@@ -104,7 +104,7 @@ class Found:
         Where a group was left for one other group alone, its starts join that one, behind the other's own starts.
         """
         left = [start for start in self.starts if start["attractor"] is None]
-        ends, closed = components(classes_of([start["windows"] for start in left], state_scales(self.scene)))
+        ends, closed = components(classify_windows([start["windows"] for start in left], state_scales(self.scene)))
         found: dict[int, Group] = {}
         for start, end in zip(left, ends, strict=True):
             group = found.setdefault(min(closed[end]) if len(closed[end]) == 1 else end, Group([], []))
@@ -114,14 +114,14 @@ class Found:
             group.starts.sort(key=lambda start: id(start) not in own)
         return list(found.values())
 
-    def like(self, group: Group, record: Record) -> list[Record]:
+    def find_alike(self, group: Group, record: Record) -> list[Record]:
         """Return the starts of a group whose last windows are like a motion that repeats: they may be on its orbit."""
         scales, row = state_scales(self.scene), record["row"]
         if not row.get("period"):
             return []
-        return [start for start in group.starts if alike(start["windows"][-1], row, scales, IN_WINDOW)]
+        return [start for start in group.starts if is_alike(start["windows"][-1], row, scales, WINDOW_TOLERANCE)]
 
-    def take(self, group: Group, record: Record, repeating: Sequence[Record]) -> None:
+    def take_continued(self, group: Group, record: Record, repeating: Sequence[Record]) -> None:
         """Take what the motion of the first start of a group is when it is followed longer.
 
         Where it repeats, ``repeating`` are the starts that were on its orbit already. If the first is none of them, it
@@ -138,7 +138,7 @@ class Found:
         self._assign(mine, number)
         group.starts = [start for start in group.starts if start["attractor"] is None and start is not first]
 
-    def give_up(self, group: Group) -> None:
+    def mark_undecided(self, group: Group) -> None:
         """Call the motion of a group undecided, as all that were followed longer have escaped to orbits."""
         left = group.starts + group.escaped
         left = [start for start in left if start["attractor"] is None]
@@ -172,55 +172,55 @@ def _same(one: Mapping[str, Any], other: Mapping[str, Any], scales: FloatArray) 
         return True
     if not same_phase(one, other):
         return False
-    return alike(one, other, scales, REPEATED if other["period"] else ALIKE)
+    return is_alike(one, other, scales, PERIODIC_TOLERANCE if other["period"] else MAX_DIFFERENCE)
 
 
 # -- over a key -------------------------------------------------------------------------------------------------------
 
 
-def carried(
+def continue_attractors(
     before: Scene, scene: Scene, key: str, longest: int, ends: Sequence[float], attractors: Sequence[Record]
 ) -> Record:
     """Continue the orbits of attractors from one value of a key to the next, in parts of the step.
 
     Those that stay stable are returned as attractors there, each with ``former``, its number among the given ones.
     """
-    with closing(Follower(scene, longest, ())) as follower:
+    with closing(AttractorMapper(scene, longest, ())) as follower:
         for number, attractor in enumerate(attractors):
             if not attractor["row"].get("period") or attractor["state"] is None:
                 continue
             try:
-                state = _continued(before, key, ends, attractor)
+                state = _continue_orbit(before, key, ends, attractor)
                 if state is not None:
-                    place = follower.adopt_at(state, attractor["row"]["period"])
+                    place = follower.register_near(state, attractor["row"]["period"])
                     follower.attractors[place].setdefault("former", number)
-            except (MissedError, OrbitError, ValueError):
+            except (NoConvergenceError, OrbitError, ValueError):
                 continue
         return {"found": [record for record in follower.attractors if "former" in record]}
 
 
-def _continued(scene: Scene, key: str, ends: Sequence[float], attractor: Record) -> FloatArray | None:
+def _continue_orbit(scene: Scene, key: str, ends: Sequence[float], attractor: Record) -> FloatArray | None:
     """Return a full state of the orbit at the end of a step, None where it is unstable or another one."""
-    local = Local.near(scene, [key], np.array(attractor["state"]), period=attractor["row"]["period"])
+    local = OrbitNeighbourhood.near(scene, [key], np.array(attractor["state"]), period=attractor["row"]["period"])
     with closing(local):
-        places = [_place(local)]
-        for value in np.linspace(ends[0], ends[1], PARTS + 1)[1:]:
+        places = [_location(local)]
+        for value in np.linspace(ends[0], ends[1], CONTINUATION_PARTS + 1)[1:]:
             local = local.correct([float(value)])
-            places.append(_place(local))
+            places.append(_location(local))
         ways = np.abs(np.diff(places, axis=0)).max(axis=1)
-        alike = ways.max() <= LONGER * ways.min() + SHORT
+        alike = ways.max() <= MAX_PART_RATIO * ways.min() + SMALL_PART
         return local.state if alike and local.margin > 0.0 else None
 
 
-def _place(local: Local) -> list[float]:
+def _location(local: OrbitNeighbourhood) -> list[float]:
     """Say where an orbit is, by its measures in scaled units."""
     scales, found = state_scales(local.scene), local.measures
     phase = found["phase_difference_rad"] or 0.0
-    lengths = (found[name] / scales[place] for place, name in enumerate(TOLD))
+    lengths = (found[name] / scales[place] for place, name in enumerate(MEASURES))
     return [*lengths, np.cos(phase), np.sin(phase)]
 
 
-def identified(found: Sequence[Found]) -> list[list[int]]:
+def match_attractors(found: Sequence[AttractorSet]) -> list[list[int]]:
     """Give each attractor a number at all values of a key; those that were carried, and motions of a class, keep it."""
     numbers: list[list[int]] = []
     count = 0
@@ -229,7 +229,7 @@ def identified(found: Sequence[Found]) -> list[list[int]]:
         for record in now.attractors:
             former = record.get("former")
             if former is None and place and not record["row"].get("period"):
-                former = _of_class(found[place - 1].attractors, record["row"])
+                former = _number_of_class(found[place - 1].attractors, record["row"])
             free = former is not None and numbers[-1][former] not in own
             own.append(numbers[-1][former] if free and former is not None else count)
             count += own[-1] == count
@@ -237,7 +237,7 @@ def identified(found: Sequence[Found]) -> list[list[int]]:
     return numbers
 
 
-def _of_class(attractors: Sequence[Record], row: Mapping[str, Any]) -> int | None:
+def _number_of_class(attractors: Sequence[Record], row: Mapping[str, Any]) -> int | None:
     """Return the number of the first attractor that has the class of a row."""
     names = (*_CLASS, "outcome")
     same = (k for k, a in enumerate(attractors) if all(a["row"].get(name) == row.get(name) for name in names))
@@ -247,12 +247,12 @@ def _of_class(attractors: Sequence[Record], row: Mapping[str, Any]) -> int | Non
 # -- names ------------------------------------------------------------------------------------------------------------
 
 
-def names(found: Sequence[Found]) -> Iterator[list[str]]:
+def name_attractors(found: Sequence[AttractorSet]) -> Iterator[list[str]]:
     """Name attractors as a reader would, at each value: by synchronization and period, where these are alike by more.
 
     One that is continued over a key has the name that it has where it is first.
     """
-    numbers = identified(found)
+    numbers = match_attractors(found)
     first: dict[int, Mapping[str, Any]] = {}
     for own, now in zip(numbers, found, strict=True):
         for number, record in zip(own, now.attractors, strict=True):

@@ -9,13 +9,13 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from vibroplat.config.coordinates import COORDINATES, RATES
-from vibroplat.config.plans import Frequencies, OrbitsPlan, Over, SweepPlan, may_vary
-from vibroplat.config.schema import LARGEST, Positive, Real, Section, Share, meant
+from vibroplat.config.plans import Frequencies, OrbitsPlan, ParameterRange, SweepPlan, may_vary
+from vibroplat.config.schema import MAX_SIZE, Fraction, Positive, Real, Section, did_you_mean
 
 #: What keys of starts begin with, and those that there are.
-INITIAL = "run.initial."
+INITIAL_PREFIX = "run.initial."
 PHASES = ("phase_difference_rad", "phase_sum_rad", "phi1_rad", "speed_ratio")
-STARTS = tuple(INITIAL + name for name in (*PHASES, *(f"state.{name}" for name in (*COORDINATES, *RATES))))
+INITIAL_KEYS = tuple(INITIAL_PREFIX + name for name in (*PHASES, *(f"state.{name}" for name in (*COORDINATES, *RATES))))
 #: Pairs of them that say the same.
 EXCLUSIVE = (
     ("phase_difference_rad", "phase_sum_rad"),
@@ -23,7 +23,7 @@ EXCLUSIVE = (
     *(("speed_ratio", f"state.{phase}_rate_rad_per_s") for phase in ("phi1", "phi2")),
 )
 #: Starts at random that there are without a number of them, and most starts at all values of a key.
-RANDOM, MAX_STARTS = 1000, 10_000_000
+DEFAULT_RANDOM, MAX_INITIAL_CONDITIONS = 1000, 10_000_000
 
 
 class BasinsPlan(Section, title="Basins"):
@@ -35,7 +35,7 @@ class BasinsPlan(Section, title="Basins"):
         description="keys of run.initial (phases, speed_ratio, state.NAME) and their ranges: [low, high, count] "
         "for a grid, [low, high] for random values; all other keys are as in run.initial"
     )
-    random: Annotated[int, Field(ge=1, le=MAX_STARTS)] | None = Field(
+    random: Annotated[int, Field(ge=1, le=MAX_INITIAL_CONDITIONS)] | None = Field(
         None,
         description="number of random initial conditions for each point of the grid; default: 1 with, 1000 without "
         "grid",
@@ -43,7 +43,7 @@ class BasinsPlan(Section, title="Basins"):
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(
         0, description="seed of initial conditions and perturbations"
     )
-    over: Over | None = Field(None, description="values of another key, with the same initial conditions")
+    over: ParameterRange | None = Field(None, description="values of another key, with the same initial conditions")
     max_turns: Annotated[int, Field(ge=100, le=10_000_000)] = Field(
         6000,
         description="maximum number of turns; a motion that has not converged to a periodic orbit by then "
@@ -53,19 +53,19 @@ class BasinsPlan(Section, title="Basins"):
     @model_validator(mode="after")
     def _possible(self) -> Self:
         for key, (low, high, *count) in self.initial_conditions.items():
-            if key not in STARTS:
-                hint = f"{meant(key, STARTS)}allowed: {', '.join(STARTS[:5])}, … of run.initial"
+            if key not in INITIAL_KEYS:
+                hint = f"{did_you_mean(key, INITIAL_KEYS)}allowed: {', '.join(INITIAL_KEYS[:5])}, … of run.initial"
                 raise ValueError(f"initial_conditions.{key!a} is no key of an initial condition; {hint}")
             if not low < high:
                 raise ValueError(
                     f"initial_conditions.{key} = [{low:g}, {high:g}] is empty; allowed: a low end below the high one"
                 )
-            if count and not (count[0].is_integer() and 2 <= count[0] <= MAX_STARTS):
+            if count and not (count[0].is_integer() and 2 <= count[0] <= MAX_INITIAL_CONDITIONS):
                 raise ValueError(
                     f"initial_conditions.{key} = […, {count[0]:g}]; allowed: a whole number from 2 as count"
                 )
         for one, other in EXCLUSIVE:
-            if {INITIAL + one, INITIAL + other} <= self.initial_conditions.keys():
+            if {INITIAL_PREFIX + one, INITIAL_PREFIX + other} <= self.initial_conditions.keys():
                 raise ValueError(f"initial_conditions has {one} and {other}; allowed: one of the two")
         if self.random is not None and all(len(ends) == 3 for ends in self.initial_conditions.values()):
             raise ValueError(
@@ -76,8 +76,8 @@ class BasinsPlan(Section, title="Basins"):
         if self.over is not None and len(self.over.direction) > 1:
             raise ValueError("over.direction = [up, down]; allowed: one of the two")
         number = self.number * (1 if self.over is None else self.over.number)
-        if number > MAX_STARTS:
-            raise ValueError(f"initial_conditions are {number}; allowed: at most {MAX_STARTS}")
+        if number > MAX_INITIAL_CONDITIONS:
+            raise ValueError(f"initial_conditions are {number}; allowed: at most {MAX_INITIAL_CONDITIONS}")
         return self
 
     @property
@@ -88,11 +88,11 @@ class BasinsPlan(Section, title="Basins"):
     @property
     def number(self) -> int:
         """How many starts there are at each value of ``over``."""
-        return math.prod(self.shape) * (self.random or (1 if self.shape else RANDOM))
+        return math.prod(self.shape) * (self.random or (1 if self.shape else DEFAULT_RANDOM))
 
 
 #: Width at which a threshold is found, over the range of its key, where none is given.
-NARROW = 1e-5
+DEFAULT_TOLERANCE = 1e-5
 #: A column, how it is compared, and a number.
 COMPARISON = re.compile(r"\s*([A-Za-z]\w*)\s*(>=|<=|>|<)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
 
@@ -125,7 +125,7 @@ class FindPlan(Section, title="Find", populate_by_name=True):
     tolerance: Positive | None = Field(
         None,
         description="final width of the interval that contains the threshold, in the unit of the key; default: "
-        f"{NARROW:g} of the range",
+        f"{DEFAULT_TOLERANCE:g} of the range",
     )
     max_settle_s: Positive = Field(150.0, description="maximum settling time; both ends are repeated with twice of it")
     measure_s: Positive = Field(2.0, description="measuring interval, as in a sweep")
@@ -145,9 +145,9 @@ class FindPlan(Section, title="Find", populate_by_name=True):
         return self
 
     @property
-    def over(self) -> Over:
+    def over(self) -> ParameterRange:
         """The values of the scan."""
-        return Over(key=self.key, start=self.start, stop=self.stop, count=self.scan, scale=self.scale)
+        return ParameterRange(key=self.key, start=self.start, stop=self.stop, count=self.scan, scale=self.scale)
 
     @property
     def compared(self) -> tuple[str, str, float] | None:
@@ -163,7 +163,7 @@ class FindPlan(Section, title="Find", populate_by_name=True):
     @property
     def narrow(self) -> float:
         """Distance of the values below and above a threshold in the end."""
-        return NARROW * (self.stop - self.start) if self.tolerance is None else self.tolerance
+        return DEFAULT_TOLERANCE * (self.stop - self.start) if self.tolerance is None else self.tolerance
 
     def measuring(self, times: int, perturbation: float) -> SweepPlan:
         """Return how a motion settles and is measured, with so many times the settling and measuring time."""
@@ -189,7 +189,7 @@ class DesignPlan(Section, title="Design"):
     pareto: dict[str, Annotated[list[Real], Field(min_length=2, max_length=100)]] = Field(
         {}, description="several values for the bound of one measure of constraints, for a Pareto front"
     )
-    parameter_tolerances: dict[str, Annotated[Share, Field(gt=0.0, lt=1.0)]] = Field(
+    parameter_tolerances: dict[str, Annotated[Fraction, Field(gt=0.0, lt=1.0)]] = Field(
         {},
         description="relative tolerances ± of keys, as {machine.platform_mass_kg: 0.05}; the optimum satisfies the "
         "bounds at both ends of each tolerance, with all other keys at their nominal values",
@@ -208,7 +208,7 @@ class DesignPlan(Section, title="Design"):
             if not low < high:
                 raise ValueError(f"keys.{key} = [{low}, {high}] is empty; allowed: [low, high] with low below high")
         for measure, text in self.constraints.items():
-            if not (self.bound(measure)[0] and abs(self.bound(measure)[1]) <= LARGEST):
+            if not (self.bound(measure)[0] and abs(self.bound(measure)[1]) <= MAX_SIZE):
                 raise ValueError(f'constraints.{measure} = {text!r} is no bound; allowed: ">= NUMBER" or "<= NUMBER"')
         if self.minimize is None:
             for name in ("constraints", "pareto"):

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from vibroplat.columns import split, with_shaking
-from vibroplat.config.plausibility import rounded
+from vibroplat.columns import describe_sync, split
+from vibroplat.config.plausibility import as_text
 from vibroplat.config.scene import Scene
 from vibroplat.observe.section import MAX_PERIOD
 from vibroplat.observe.summary import COHERENCE, synchronization
 
 
-def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] | None) -> dict[str, str]:
+def main_results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] | None) -> dict[str, str]:
     """Return the most important results of the measured part of a run.
 
     ``origin`` is what provenance says of the run that it continues from, if any.
@@ -42,7 +42,7 @@ def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] 
     )
 
 
-def sheet(scene: Scene, summary: Mapping[str, Any]) -> dict[str, str]:
+def data_sheet_lines(scene: Scene, summary: Mapping[str, Any]) -> dict[str, str]:
     """Return the data sheet of a run: of the measured part and, after "whole run", the largest values of all of it.
 
     A summary from before there were data sheets has none.
@@ -107,7 +107,7 @@ def _motor(summary: Mapping[str, Any], n: int) -> dict[str, str]:
 def _short(summary: Mapping[str, Any], column: str, factor: float = 1.0) -> str:
     """Write a value of a summary with three digits."""
     value = summary[column]
-    return "none" if value is None else rounded(factor * value)
+    return "none" if value is None else as_text(factor * value)
 
 
 def _peak(summary: Mapping[str, Any], column: str, unit: str, factor: float = 1.0) -> str:
@@ -115,7 +115,7 @@ def _peak(summary: Mapping[str, Any], column: str, unit: str, factor: float = 1.
     base, value = split(column)[0], summary[f"whole_{column}"]
     if not value:
         return ""
-    whole = f"whole run: {rounded(factor * value)} {unit}"
+    whole = f"whole run: {as_text(factor * value)} {unit}"
     at, pace = (summary.get(f"whole_{base}_at_{end}") for end in ("s", "hz"))
     if at is None:
         return "" if value == summary[column] else f"; {whole}"
@@ -124,7 +124,7 @@ def _peak(summary: Mapping[str, Any], column: str, unit: str, factor: float = 1.
     return f"; {'that' if same else whole} at {at:.4g} s{speed}"
 
 
-def whole(summary: Mapping[str, Any]) -> dict[str, str]:
+def whole_run_lines(summary: Mapping[str, Any]) -> dict[str, str]:
     """Return what is of the whole run, and the work done."""
     steps, calls = summary["steps"], summary["residual_calls"]  # engine taylor has no residual
     return _lines(
@@ -163,7 +163,7 @@ def _phase(scene: Scene, summary: Mapping[str, Any]) -> tuple[float | str | None
     if drifts or summary["phase_difference_rad"] is None:
         return ("drifts" if drifts else None), ""
     named = synchronization(summary)
-    told = with_shaking(named, scene.rotation)
+    told = describe_sync(named, scene.rotation)
     if not scene.has_mirrored_exciters:
         told = told.replace(": ", ": mainly ")
     return summary["phase_difference_rad"], "rad" if named == "none" else f"rad, {told}"

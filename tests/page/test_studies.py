@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from common.results import unproven
 
-from vibroplat.continuation.rows import motion_of
+from vibroplat.continuation.rows import orbit_motion
 from vibroplat.errors import VibroplatError
 from vibroplat.page import report
 from vibroplat.page.report import write_report
@@ -32,7 +32,7 @@ def changed(source, place, name, **columns):
 
 
 def test_each_start_moves_as_its_attractor(answered):
-    (study,) = shown(answered["basins"], mover=motion_of)["pictures"]
+    (study,) = shown(answered["basins"], mover=orbit_motion)["pictures"]
     names, attractors = column(study["table"], "attractor"), column(study["special"], "attractor")
     assert len(set(names)) == 2
     assert [attractors[row] for row in study["owner"]] == [*names, *attractors]
@@ -59,7 +59,7 @@ def test_over_a_key_shares_are_stacked_and_starts_are_of_one_value(answered):
 
 
 def test_thresholds_are_lines_and_move_as_what_is_below(answered):
-    (study,) = shown(answered["thresholds"], mover=motion_of)["pictures"]
+    (study,) = shown(answered["thresholds"], mover=orbit_motion)["pictures"]
     (line,) = study["lines"]
     assert line["at"] == pytest.approx([0.202220, 0.410803], abs=1e-5)
     values, moved = column(study["table"], "material.mass_ratio"), study["motions"]["rows"]
@@ -70,7 +70,7 @@ def test_thresholds_are_lines_and_move_as_what_is_below(answered):
 
 
 def test_designs_have_elasticities_samples_and_searches_with_a_front(answered):
-    data = shown(answered["design"], answered["best"], mover=motion_of)
+    data = shown(answered["design"], answered["best"], mover=orbit_motion)
     titles = ["Elasticities", "Tolerances", "Elasticities", "Searches"]
     assert [study["title"] for study in data["pictures"]] == titles
     assert [len(set(column(one["table"], "key"))) for one in data["pictures"][::2]] == [1, 3]
@@ -143,7 +143,7 @@ def test_motions_that_settle_nowhere_and_values_that_are_missing(answered, tmp_p
     values = changed(answered["thresholds"], tmp_path / "find", "scan", **failed)
     none = read_table(values, "thresholds").iloc[:0]
     write_table(none, values, "thresholds", "parquet")
-    study, other = shown(basins, values, mover=motion_of)["pictures"]
+    study, other = shown(basins, values, mover=orbit_motion)["pictures"]
     assert all("does not repeat" in text for text in study["motions"]["rows"].values())
     assert (other["lines"][0]["at"], other["motions"]["list"], other["special"]["rows"]) == ([], [], 0)
     assert {*other["states"]} == {STATES.index("failed")}
