@@ -14,7 +14,7 @@ FINAL = re.compile(
 #: What the finished points of a sweep, and the finished parts of branches of orbits, are kept in. A kill while a store
 #: is made leaves the journal of what was under way; the next command undoes that.
 _ENDS = ("sqlite", "sqlite-wal", "sqlite-shm", "sqlite-journal", "lock")
-KEPT = {f"{name}.{end}" for name in ("points", "points-sweep", "points-orbits") for end in _ENDS}
+KEPT = {f"{name}.{end}" for name in ("points", "orbits") for end in _ENDS}
 KEPT.add("files.lock")
 #: Tables that are not finished.
 TEMPORARY = re.compile(r"\.[\w-]+-\d+-\w+\.(parquet|csv|json|png)")
@@ -63,7 +63,7 @@ def bits(table):
 def finished_points(directory, text=""):
     """Number of points that a running sweep has on disk, of those with a text in them."""
     try:
-        (file,) = directory.glob("points*.sqlite") if directory.is_dir() else ["nothing"]
+        (file,) = directory.glob("*.sqlite") if directory.is_dir() else ["nothing"]
         base = sqlite3.connect(f"file:{file}?mode=ro", uri=True)
         try:
             return base.execute("SELECT COUNT(*) FROM records WHERE instr(record, ?)", (text,)).fetchone()[0]

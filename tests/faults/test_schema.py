@@ -36,7 +36,7 @@ def test_plot_and_resume_refuse_in_a_line_and_leave_all_as_it_is(here, kernels):
     assert command("sweep", "c.yaml").code == 0
     directory = here / "results/c"
     proof, before = directory / "provenance.json", bits(left(directory)[0]["sweep.parquet"])
-    with closing(sqlite3.connect(directory / "points-sweep.sqlite")) as base, base:
+    with closing(sqlite3.connect(directory / "points.sqlite")) as base, base:
         base.execute("DELETE FROM records WHERE second = 1")
     lost = {"schema": 1, "configuration": {}}
     for content, commands in (({"schema": 3}, ("plot", "sweep")), (lost, ("plot",))):

@@ -28,7 +28,7 @@ POINTS = 6
 #: A sweep of 22 points.
 LONGER = CONFIGURATION.replace("47.0", "51.0")
 WRITE = "vibroplat.study.store:Store.write"
-FILE = "points-sweep.sqlite"
+FILE = "points.sqlite"
 STORED = f"results/c/{FILE}"
 
 

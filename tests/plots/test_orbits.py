@@ -165,7 +165,7 @@ def test_boundaries_are_drawn_over_two_keys(followed):
 
 
 def test_what_is_missing_is_refused(followed, tmp_path):
-    (tmp_path / "points-orbits.sqlite").touch()
+    (tmp_path / "orbits.sqlite").touch()
     with pytest.raises(TableError, match="holds unfinished work; continue it with `vibroplat orbits --resume`"):
         drawn(tmp_path)
     (followed / "boundaries.parquet").unlink()

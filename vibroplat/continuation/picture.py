@@ -70,9 +70,9 @@ def pictures(results: Sequence[Result], kinds: Sequence[str] = (), *, x: str | N
     for result in results:
         branches, has_curves = read(result, None if x is None else ABSCISSAE[x]), "boundaries" in result.tables
         if branches.x not in branches.table:
-            raise TableError(f"--x {x}: the branches table in {result.directory} has no column {branches.x}")
+            raise TableError(f"--x {x}: the branches table in {result.place} has no column {branches.x}")
         if "boundaries" in kinds and not has_curves:
-            raise TableError(f"{result.directory} holds no boundaries; add orbits.boundaries to its configuration")
+            raise TableError(f"{result.place} holds no boundaries; add orbits.boundaries to its configuration")
         found += [_MAKERS[kind](branches) for kind in kinds or [*_MAKERS][: 3 if has_curves else 2]]
     return found
 
@@ -85,7 +85,7 @@ def read(result: Result, x: str | None = None) -> Branches:
     numbers = (key, EXCITATION, "branch", "rms_x_m", "rms_y_m", PHASE_COLUMN, "motor_power_w", "multiplier_1_re")
     points = picture.rows_in(result, "branches", ("sequence",), numbers, ("contact_force_max_n",))
     if "stable" not in points:
-        raise TableError(f"the branches table in {result.directory} has no column stable")
+        raise TableError(f"the branches table in {result.place} has no column stable")
     special = result.columns("special", ("kind",), (key, EXCITATION, "branch", "point"))
     points, special = (picture.finite(table).reset_index(drop=True) for table in (points, special))
     grid = list(points.columns[: list(points.columns).index(key)])
@@ -276,7 +276,7 @@ def boundaries(found: Branches) -> picture.Picture:
     """Return curves of special points over two keys: the second one over the first; a colour for each kind."""
     table = picture.finite(found.result.columns("boundaries", ("kind",), ("curve", "n_unstable")))
     if not all(key in table and is_number(table[key]) for key in (found.key, found.second)):
-        raise TableError(f"the boundaries table in {found.result.directory} has no numbers of two keys")
+        raise TableError(f"the boundaries table in {found.result.place} has no numbers of two keys")
     groups = [*picture.in_groups(table, found.varied)] if found.varied else [table]
     series, facets = list[picture.Series](), list[picture.Facet]()
     for rows in groups:

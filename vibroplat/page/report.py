@@ -213,8 +213,9 @@ def _runs(found: Sequence[Result], start: float | None, stop: float | None) -> t
 
 def _told(one: Result) -> dict[str, Any]:
     """Return the summary of a run, or what a command printed with its check, if its provenance has it."""
-    told = one.provenance.get("answer")
-    return told | {"check": one.provenance.get("check")} if isinstance(told, dict) else summary_of(one)
+    if isinstance(one, RunResult) or not isinstance(one.provenance.get("answer"), dict):
+        return summary_of(one)
+    return one.answer.to_tree() | {"check": one.provenance.get("check")}
 
 
 def _events(one: Result) -> pd.DataFrame:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from vibroplat.columns import COORDINATES
 from vibroplat.config.kinds import KINDS
 from vibroplat.continuation.orbit import Orbit
+from vibroplat.errors import TableError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.plots import histories
 from vibroplat.plots import run as drawing
@@ -55,7 +56,9 @@ def _study_figure(result: Result, kind: str | None, options: Mapping[str, Any]) 
     if wrong := [name for name in options if name not in own.OPTIONS]:
         raise ValueError(f"option {wrong[0]} is unknown; allowed: {', '.join(own.OPTIONS) or 'none'}")
     figures = draw_study(result.command, [result], [] if kind is None else [kind], **options)
-    return next(figure for _, figure in figures)
+    for _, figure in figures:
+        return figure
+    raise TableError(f"{result.place} holds nothing to draw")
 
 
 def _run_figure(run: RunResult, kind: str, start: float | None = None, stop: float | None = None) -> Figure:

@@ -19,10 +19,11 @@ from pathlib import Path
 from typing import Any
 
 from vibroplat.config.kinds import KINDS
-from vibroplat.config.schema import RENAMED_KEYS as KEYS
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
+from vibroplat.results import renamed
 from vibroplat.results.locks import replacement_lock
+from vibroplat.results.renamed import rename_keys, rename_summary, rename_table
 from vibroplat.results.tables import (
     Format,
     Table,
@@ -44,21 +45,6 @@ from vibroplat.results.tables import (
 COMMANDS = ("run", *KINDS, "paper")
 #: Version of the contents of result directories; increased when an older reader would misread them.
 SCHEMA = 2
-#: Columns of results with schema 1, and their names now.
-RENAMED_COLUMNS = {
-    "latches": "chatters",
-    "measured_latches": "measured_chatters",
-    "unstable": "n_unstable",
-    "coexists": "coexisting",
-    "margin": "stability_margin",
-    "stage": "reason",
-    **{
-        f"{part}torque_share_{n}{end}": f"{part}torque_ratio_{n}{end}"
-        for part in ("", "whole_")
-        for n in (1, 2)
-        for end in ("", "_max")
-    },
-}
 
 
 def write_result(
@@ -175,26 +161,34 @@ class SavedFiles:
     def names(self, *forms: str) -> list[str]:
         """Return the names of the files that have one of these endings."""
         files = [path.name for path in self.directory.iterdir()] if self._digests is None else self._digests
-        return [Path(name).stem for name in files if Path(name).suffix.removeprefix(".") in forms]
+        stems = [Path(name).stem for name in files if Path(name).suffix.removeprefix(".") in forms]
+        present = {old: new for new, old in renamed.TABLES.items()} if self._is_former else {}
+        return [present.get(name, name) for name in stems]
 
     def table(self, name: str) -> pd.DataFrame:
         """Read a table; raises :class:`TableError` if it is missing, damaged or of another result."""
-        return self._renamed(read_table(self.directory, name, self._digests))
+        name = renamed.TABLES.get(name, name) if self._is_former else name
+        return self._present(read_table(self.directory, name, self._digests))
 
     def parts(self, name: str, columns: Collection[str] | None = None, *, last: bool = False) -> Iterator[pd.DataFrame]:
         """Read a table in parts; see :func:`vibroplat.results.tables.read_parts`."""
-        if columns is not None and self.provenance["schema"] == 1:
-            columns = [*columns, *(old for old, new in RENAMED_COLUMNS.items() if new in columns)]
-        return map(self._renamed, read_parts(self.directory, name, self._digests, columns, last=last))
+        if columns is not None and self._is_former:
+            columns = [*columns, *(old for old, new in renamed.COLUMNS.items() if new in columns)]
+        return map(self._present, read_parts(self.directory, name, self._digests, columns, last=last))
 
-    def _renamed(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Return a table with the present names of its columns; the margins of the paper's claims keep theirs."""
-        names = RENAMED_COLUMNS if self.command != "paper" else {**RENAMED_COLUMNS, "margin": "margin"}
-        return table.rename(columns=names) if self.provenance["schema"] == 1 else table
+    def _present(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Return a table with present names."""
+        return rename_table(table, self.command) if self._is_former else table
+
+    @property
+    def _is_former(self) -> bool:
+        return bool(self.provenance["schema"] == 1)
 
     def document(self, name: str) -> Any:
         """Read a JSON file; raises :class:`TableError` if it is missing, damaged or of another result."""
-        return read_json(self.directory, name, self._digests)
+        found = read_json(self.directory, name, self._digests)
+        former = self._is_former and name == "summary" and isinstance(found, dict)
+        return rename_summary(found) if former else found
 
     def configuration(self, name: str) -> str:
         """Read a YAML file, as :meth:`document`."""
@@ -204,7 +198,7 @@ class SavedFiles:
 
 def store_file(command: str) -> str:
     """Return the name of the file with the records of a command, which are kept for ``--resume``."""
-    return f"points-{command}.sqlite"
+    return f"{'points' if command == 'sweep' else command}.sqlite"
 
 
 def commands_in(directory: Path) -> list[str]:
@@ -222,19 +216,8 @@ def read_provenance(directory: Path, command: str) -> dict[str, Any]:
     if type(found) is not int or found not in (1, SCHEMA):
         raise TableError(f"{directory} holds results of schema {found}; this version reads schemas 1 and {SCHEMA}")
     if found == 1 and isinstance(origin.get("configuration"), dict):
-        _rename_keys(origin["configuration"])
+        rename_keys(origin["configuration"])
     return dict(origin)
-
-
-def _rename_keys(configuration: dict[str, Any]) -> None:
-    """Give the keys of a configuration of schema 1 their present names."""
-    values = {"sweep.settle": {"orbits": "newton", "motion": "section"}}
-    for old, new in KEYS.items():
-        section, _, key = old.partition(".")
-        given = configuration.get(section)
-        if isinstance(given, dict) and key in given:
-            value = given.pop(key)
-            given[new.partition(".")[2]] = values[old].get(value, value) if old in values else value
 
 
 def _former_files(path: Path, command: str) -> set[str]:

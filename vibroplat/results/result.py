@@ -14,7 +14,7 @@ from vibroplat.errors import ConfigError, TableError
 from vibroplat.extensions import figure_of
 from vibroplat.frames import pd
 from vibroplat.integrate import engine_name
-from vibroplat.results.files import SavedFiles, commands_in, store_file, write_result
+from vibroplat.results.files import SCHEMA, SavedFiles, commands_in, store_file, write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import FORMATS, Format, result_directory
 
@@ -49,7 +49,9 @@ class Answer(NamedTuple):
     def from_tree(cls, tree: object) -> Self:
         """Return the answer that a provenance holds; an empty one if it holds none."""
         found = tree if isinstance(tree, Mapping) else {}
-        return cls(dict(found.get("lines", {})), *(list(found.get(name, ())) for name in cls._fields[1:]))
+        lines, *texts = (found.get(name) for name in cls._fields)
+        overview = {str(label): str(text) for label, text in lines.items()} if isinstance(lines, Mapping) else {}
+        return cls(overview, *([str(line) for line in given] if isinstance(given, list) else [] for given in texts))
 
     def to_tree(self) -> dict[str, object]:
         """Return it as plain values, for a provenance."""
@@ -138,7 +140,7 @@ class Result:
         try:
             return Scene.from_tree(self.given())
         except (TypeError, AttributeError, ConfigError) as error:
-            raise TableError(f"the configuration in {self.directory}: {error}") from None
+            raise TableError(f"the configuration in {self.place}: {error}") from None
 
     @property
     def known_scene(self) -> Scene | None:
@@ -191,6 +193,11 @@ class Result:
         return None if self.saved is None else self.saved.directory
 
     @property
+    def place(self) -> str:
+        """What messages call it: its directory, or the name of its scene."""
+        return self.name if self.saved is None else str(self.saved.directory)
+
+    @property
     def name(self) -> str:
         """Name in figures: name of the directory, or of the scene."""
         return self.scene.name if self.directory is None else self.directory.resolve().name
@@ -213,7 +220,7 @@ class Result:
         for name in path:
             found = found.get(name) if isinstance(found, dict) else None
         if found is None or not (path or isinstance(found, dict)):
-            raise TableError(f"{self.directory}/provenance.json is not the provenance of {noun_of(self.command)}")
+            raise TableError(f"{self.place}/provenance.json is not the provenance of {noun_of(self.command)}")
         return found
 
     def columns(
@@ -225,7 +232,7 @@ class Result:
     def table(self, name: str) -> pd.DataFrame:
         """Return a table; raises TableError if there is none of that name."""
         if name not in self.tables:
-            raise TableError(f"{self.directory or self.name} holds no {name} table; allowed: {', '.join(self.tables)}")
+            raise TableError(f"{self.place} holds no {name} table; allowed: {', '.join(self.tables)}")
         return self.tables[name]
 
     def column_parts(
@@ -244,7 +251,7 @@ class Result:
         optional: Collection[str],
     ) -> pd.DataFrame:
         """Return a table that has columns of texts, of numbers, and maybe optional ones of numbers."""
-        told = f"the {name} table in {self.directory} has no"
+        told = f"the {name} table in {self.place} has no"
         for column in (*numbers, *(column for column in optional if column in table)):
             if column not in table or not _holds_numbers(table[column]):
                 raise TableError(f"{told} numbers in column {column}")
@@ -259,7 +266,7 @@ class Result:
 
     def __repr__(self) -> str:
         """Return what the command prints."""
-        return f"vibroplat {self.command} {self.scene.name}\n{self.answer}"
+        return f"vibroplat {self.command} {self.name}\n{self.answer}"
 
     def _repr_html_(self) -> str:
         """Return what the command prints, for a notebook."""
@@ -296,7 +303,8 @@ class Result:
         result_directory(place.parent, place.name)
         tables = {name: self.tables.parts(name) for name in self.tables}
         more = {"documents": self.documents, "configurations": self.configurations}
-        write_result(place, self.command, self.provenance, tables, form=form, **more)
+        origin = self.provenance | {"schema": SCHEMA}  # one that was loaded may have another
+        write_result(place, self.command, origin, tables, form=form, **more)
         return place
 
 
@@ -327,6 +335,10 @@ class Tables(Mapping[str, "pd.DataFrame"]):
 
     def __len__(self) -> int:
         return len(self._sources)
+
+    def make_all(self) -> None:
+        """Make all tables, and forget what they are made from."""
+        self._sources = dict(self)
 
     def parts(self, name: str) -> Iterable[pd.DataFrame]:
         """Return a table in parts, at least one, which are not kept; one that was made already as a whole."""

@@ -129,7 +129,7 @@ class RunResult(Result):
             It was not made while the run went on, and does not fit into memory.
         """
         if self.saved is not None:
-            return self.tables["trajectory"]
+            return self.table("trajectory")
         if self._table is not None:
             return self._table
         if self.segments:
@@ -144,7 +144,7 @@ class RunResult(Result):
     @cached_property
     def events(self) -> pd.DataFrame:
         """Event table."""
-        return event_table(self.event_rows).frame if self.saved is None else self.tables["events"]
+        return event_table(self.event_rows).frame if self.saved is None else self.table("events")
 
     @property
     def tables(self) -> Tables:

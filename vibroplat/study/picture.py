@@ -169,7 +169,7 @@ def read(results: Sequence[Result], *, x: str | None = None, columns: Sequence[s
     keys = [swept(result) for result in results]
     for key, result in zip(keys, results, strict=True):
         if key != keys[0]:
-            raise TableError(f"{result.directory} is over {key}, not {keys[0]}; allowed: several sweeps over one key")
+            raise TableError(f"{result.place} is over {key}, not {keys[0]}; allowed: several sweeps over one key")
         numbers = (key, "branch", *_NUMBERS, *columns, *([x] if x else []))
         tables.append(picture.rows_in(result, "sweep", _TEXTS, numbers, list(QUANTITIES)))
     grid = list(dict.fromkeys(key for table in tables for key in grid_of(table)))
@@ -373,7 +373,7 @@ def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     """Return maps of synchronization, period and flight, or of measures, over the key and one of the grid."""
     key, table, (result,) = sweeps.scale, sweeps.table, sweeps.results
     if not key:
-        raise TableError(f"{result.directory} varies {sweeps.varied}; a map needs one grid key with several numbers")
+        raise TableError(f"{result.place} varies {sweeps.varied}; a map needs one grid key with several numbers")
     curves = picture.beside(result, "orbits", "boundaries")
     if curves is None or not {sweeps.key, key} <= {*curves.columns}:
         curves = pd.DataFrame()

@@ -146,5 +146,5 @@ def run_study(study: Study, **options: Unpack[Options]) -> Result:
     jobs, scheduler, wait = options.get("jobs", 1), options.get("scheduler"), options.get("wait", WAIT)
     with Store(None, {}) as store, pool(jobs, scheduler, wait=wait, chains=study.chains(store)) as workers:
         result = study.run(store, workers, progress)
-        dict(result.tables)  # all are made while there is a store
+        result.tables.make_all()  # while there is a store
         return result
