@@ -29,7 +29,7 @@ KEY, DRAG = "contact.gap_damping_n_s_per_m", 20.0
 #: What is added, by files: the line before which it stands or, where that is a literal zero, which it replaces.
 ADDED = {
     "vibroplat/config/sections.py": {
-        "    added_mass_share: Share = described(": [
+        "    added_mass_share: Fraction = described(": [
             '    gap_damping_n_s_per_m: NonNegative = described(0.0, "b_g", "drag of the lower layer in flight")'
         ]
     },
