@@ -217,3 +217,7 @@ def test_an_engine_takes_its_module_and_a_line(vibroplat):
     refused = vibroplat("run", "configs/quickstart.yaml", "--engine", "heun", code=2)
     assert "allowed: 'auto', 'again', 'native'" in refused
     assert "again" in vibroplat("schema", "--markdown")
+    checked = vibroplat(
+        "run", "configs/quickstart.yaml", "--engine", "again", "--check", "--set", "solver.tolerance=1e-12"
+    )
+    assert "engine native" in checked

@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from vibroplat.config.coordinates import MAX_NAMED_POINTS
 from vibroplat.config.schema import PERTURBATION, Angle, Fraction, NonNegative, Positive, Real, Section, described
-from vibroplat.kernels.engines import ENGINES
+from vibroplat.kernels.engines import ENGINES, uses_sundials
 
 #: Least tolerances: what the engines can reach.
 MIN_TOLERANCE, MIN_TOLERANCE_SUNDIALS = 1e-14, 1e-12
@@ -383,7 +383,7 @@ class Solver(Section):
 
     @model_validator(mode="after")
     def _require_reachable_tolerance(self) -> Self:
-        if self.engine != "taylor" and self.tolerance < MIN_TOLERANCE_SUNDIALS:
+        if uses_sundials(self.engine) and self.tolerance < MIN_TOLERANCE_SUNDIALS:
             raise ValueError(
                 f"tolerance = {self.tolerance:g} with engine {self.engine}; "
                 f"allowed: at least {MIN_TOLERANCE_SUNDIALS:g}, or {MIN_TOLERANCE:g} with engine taylor"

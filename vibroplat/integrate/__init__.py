@@ -13,7 +13,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from vibroplat.integrate.sundials import Library, UnavailableError, library
-from vibroplat.kernels.engines import ENGINES
+from vibroplat.kernels.engines import ENGINES, uses_sundials
 from vibroplat.system import memory
 
 if TYPE_CHECKING:
@@ -86,4 +86,4 @@ def other_engine(name: str) -> str:
 
     Engines ``native`` and ``sundae`` are two ways to SUNDIALS, so ``taylor`` checks both, and SUNDIALS checks it.
     """
-    return "auto" if name == "taylor" else "taylor"
+    return "taylor" if uses_sundials(name) else "auto"

@@ -6,8 +6,8 @@ each with a polynomial, to ``h.steps``, and calls ``end_segment``. Whoever reads
 
 To add an integrator, implement :class:`Integrator`, some fifty lines for a library's own, as
 ``tests/integrate/dop853.py`` does for scipy's. :class:`vibroplat.integrate.stepwise.Stepwise` makes an engine of it,
-which ``simulate(scene, engine=…)`` runs. One that users may choose also has a name in ``solver.engine``
-(:mod:`vibroplat.config.sections`) and a line in :mod:`vibroplat.integrate`. Engines with a compiled loop of their own,
+which ``simulate(scene, engine=…)`` runs. One that users may choose has a line in :mod:`vibroplat.kernels.engines`.
+Engines with a compiled loop of their own,
 as ``native``, save a return to Python in each step.
 """
 

@@ -15,10 +15,13 @@ class EngineKind(NamedTuple):
         Function of scene and parameters, below the package.
     loop
         Its compiled loop; "" for none.
+    is_sundials
+        Whether SUNDIALS integrates: its least tolerance holds then, and an engine of another kind checks it.
     """
 
     make: str
     loop: str = ""
+    is_sundials: bool = False
 
     @property
     def factory(self) -> Any:
@@ -28,8 +31,8 @@ class EngineKind(NamedTuple):
 
 
 ENGINES = {
-    "native": EngineKind("integrate.native.make_native", "integrate.ida.run_loop"),
-    "sundae": EngineKind("integrate.sundae.make_sundae"),
+    "native": EngineKind("integrate.native.make_native", "integrate.ida.run_loop", is_sundials=True),
+    "sundae": EngineKind("integrate.sundae.make_sundae", is_sundials=True),
     "taylor": EngineKind("integrate.taylor.TaylorEngine", "integrate.taylor.run_loop"),
 }
 
@@ -37,3 +40,8 @@ ENGINES = {
 def loop_of(engine: str) -> str:
     """Return the compiled loop of an engine, or that of ``native``."""
     return (ENGINES[engine].loop if engine in ENGINES else "") or ENGINES["native"].loop
+
+
+def uses_sundials(engine: str) -> bool:
+    """Whether a value of ``solver.engine`` asks for SUNDIALS, as ``auto`` does."""
+    return engine == "auto" or ENGINES[engine].is_sundials

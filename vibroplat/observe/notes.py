@@ -14,6 +14,7 @@ import numpy as np
 from vibroplat.config.plausibility import as_text
 from vibroplat.config.scene import Scene
 from vibroplat.frames import pd
+from vibroplat.kernels.engines import uses_sundials
 from vibroplat.observe.data_sheet import steady_supply
 
 #: Rotation of the platform (rad) beyond which a model of first order in φ is inaccurate.
@@ -49,10 +50,10 @@ def notes_on_measures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
 def coarseness(scene: Scene, measures: Mapping[str, Any]) -> str:
     """Return the note on a tolerance that is coarse for impacts which amplify errors, or an empty text.
 
-    Engine ``taylor`` is far more accurate than its tolerance.
+    Engines other than SUNDIALS are far more accurate than their tolerance.
     """
     tolerance = scene.solver.tolerance
-    if not scene.contact.restitution or scene.solver.engine == "taylor" or tolerance <= COARSE:
+    if not scene.contact.restitution or not uses_sundials(scene.solver.engine) or tolerance <= COARSE:
         return ""
     if not (measures["impacts_per_period"] or 0.0) > 1.0:
         return ""

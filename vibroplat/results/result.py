@@ -130,6 +130,7 @@ class Result:
             raise TableError(f"{place} holds unfinished work; continue it with `vibroplat {command} --resume`")
         found = cls.__new__(cls)
         found.command, found.saved = command, SavedFiles(place, command)
+        found.check = found.saved.provenance.get("check")
         return found
 
     # -- what it holds ------------------------------------------------------------------------------
