@@ -104,7 +104,7 @@ def prepare_store(store: Store, engine: str, *others: str) -> None:
     store.require("arithmetic", arithmetic(engine))
 
 
-def records_kept(resume: bool, overwrite: bool) -> dict[str, Any]:
+def store_options(resume: bool, overwrite: bool) -> dict[str, Any]:
     """Return the arguments of a store for ``--resume`` and ``--overwrite``, which exclude each other."""
     if overwrite and resume:
         raise ConfigError("--overwrite with --resume; allowed: one of the two")

@@ -49,7 +49,7 @@ def paper(
     for name, numbers in chosen.items():
         study = PaperStudy(numbers, range(seed, seed + seeds), name)
         directory = result_directory(out / "paper", name)
-        kept = common.records_kept(resume, overwrite)
+        kept = common.store_options(resume, overwrite)
         good &= run_and_print(study, directory, jobs, scheduler, wait, format_, kept, check=check)
         print(f"{'figures':<28}{len(plot_results([directory]))}")
     if not good:

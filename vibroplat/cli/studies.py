@@ -42,7 +42,7 @@ def study_command(kind: Kind) -> Callable[..., None]:
         common.announce_first_run(scene.solver.engine)
         with common.config_errors_from(config):
             study = kind.load()(scene)
-        kept = common.records_kept(resume, overwrite)
+        kept = common.store_options(resume, overwrite)
         common.require_scheduler(scheduler)
         directory = common.study_directory(out, scene.name, kind.name, resume=resume)
         if not run_and_print(study, directory, jobs, scheduler, wait, format_, kept, check=check):

@@ -48,7 +48,7 @@ class Kind(NamedTuple):
         return import_module(f"vibroplat.{self.study.rpartition('.')[0]}.picture")
 
 
-#: All kinds, in the order in which commands, results and pages have them. The last two have commands of their own.
+#: All kinds, in the order of commands, results and pages. Runs and the paper have commands of their own.
 KINDS = {
     kind.name: kind
     for kind in (

@@ -182,6 +182,7 @@ class SavedFiles:
 
     @property
     def _is_former(self) -> bool:
+        """Whether the result has schema 1."""
         return bool(self.provenance["schema"] == 1)
 
     def document(self, name: str) -> Any:
@@ -197,7 +198,10 @@ class SavedFiles:
 
 
 def store_file(command: str) -> str:
-    """Return the name of the file with the records of a command, which are kept for ``--resume``."""
+    """Return the name of the file with the records of a command, which ``--resume`` reads.
+
+    Names are those of former versions, whose unfinished work must be found.
+    """
     return f"{'points' if command == 'sweep' else command}.sqlite"
 
 

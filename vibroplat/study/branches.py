@@ -183,9 +183,10 @@ def study_table(
     meant: Columns,
     grid: Mapping[str, Any] | None = None,
 ) -> pd.DataFrame:
-    """Make a table whose types do not depend on what was found.
+    """Make a table whose column types do not depend on its rows.
 
-    Columns that ``meant`` does not have are keys of the configuration; those of ``grid`` have the type of its values.
+    Columns without a description in ``meant`` are keys of the configuration. Columns of ``grid`` have the type of the
+    grid's values.
     """
     about = {name: meant.get(name) or Column(key_of(name).meaning) for name in columns}
     types: dict[Any, Any] = {name: TYPES[column.kind] for name, column in about.items()}
