@@ -32,55 +32,57 @@ def solve(system: int, y: FloatArray, z: FloatArray, p: Parameters) -> None:
 def solve_coupled(system: int, z: FloatArray, coupled: Coupled, p: Parameters) -> None:
     """Do as :func:`solve`, with the couplings of both exciters in this state."""
     first, second = coupled
-    inverse = compliance(first, second, mobility(ALGEBRAIC[system], p), p)
-    n = z.size // 2
-    layers, attached = LAYERS[system], ALGEBRAIC[system]
+    n, layers, attached = z.size // 2, LAYERS[system], ALGEBRAIC[system]
+    held = 1.0 if attached else 0.0
+    inverse = compliance(first, second, mobility(held, p), p)
     lower = upper = 0.0 * z[n]
     if layers > 0:
         lower = z[2 * n] if attached else z[n + 5]
     if layers == 2:
         upper = z[2 * n - 1]
-    a, lower, upper = solve_rows(attached, (z[n], z[n + 1], z[n + 2], z[n + 3], z[n + 4]), lower, upper, inverse, p)
+    share = 1.0 / p.lower_mass if layers > 0 else 0.0 * p.lower_mass
+    b = (z[n], z[n + 1], z[n + 2], z[n + 3], z[n + 4])
+    a, contact, opening, upper = solve_rows(held, share, b, lower, upper, inverse, p)
     for i in range(5):
         z[n + i] = a[i]
     if layers == 2:
         z[2 * n - 1] = upper
-    if layers > 0:
-        z[2 * n if attached else n + 5] = lower
+    if attached:
+        z[2 * n] = contact
+    elif layers > 0:
+        z[n + 5] = opening
 
 
-@inlined
-def mobility(attached: bool, p: Parameters) -> Three:
-    """One over the inertias of x, y, φ; attached, the platform's y carries the lower layer."""
-    carried = p.lower_mass if attached else 0.0 * p.lower_mass
-    return 1.0 / p.mass, 1.0 / (p.mass + carried), 1.0 / p.inertia
+@fused_inline
+def mobility(attached: float, p: Parameters) -> Three:
+    """One over the inertias of x, y, φ; attached (1, otherwise 0), the platform's y carries the lower layer."""
+    return 1.0 / p.mass, 1.0 / (p.mass + attached * p.lower_mass), 1.0 / p.inertia
 
 
 @fused_inline
 def solve_rows(
-    attached: bool, b: Five, lower: float, upper: float, inverse: Compliance, p: Parameters
-) -> tuple[Five, float, float]:
+    attached: float, lower_share: float, b: Five, lower: float, upper: float, inverse: Compliance, p: Parameters
+) -> tuple[Five, float, float, float]:
     """Solve the dynamic rows for accelerations and F_c.
 
     Parameters
     ----------
+    attached, lower_share
+        1 if the lower layer is attached, otherwise 0; one over its mass, 0 without layers (1/kg).
     b, lower, upper
-        Right-hand sides of the rows of platform and exciters, lower and upper layer; without layers the last two are
-        of no use.
+        Right-hand sides of the rows of platform and exciters, lower and upper layer.
     inverse
         That of the mass matrix of platform and exciters, with :func:`mobility`.
 
     Returns
     -------
-    a, contact, upper
-        Accelerations of x, y, φ, φ₁, φ₂; F_c if attached, else the gap's acceleration; acceleration of y_w2.
+    a, contact, opening, upper
+        Accelerations of x, y, φ, φ₁, φ₂; F_c if attached; the gap's acceleration if not; acceleration of y_w2.
     """
-    pressed = lower if attached else 0.0 * b[1]
-    a = solve_platform((b[0], b[1] + pressed, b[2], b[3], b[4]), inverse)
-    if attached:
-        return a, p.lower_mass * a[1] - lower, upper - a[1]
-    carried = lower / p.lower_mass  # the lower layer's own acceleration
-    return a, carried - a[1], upper - carried
+    a = solve_platform((b[0], b[1] + attached * lower, b[2], b[3], b[4]), inverse)
+    alone = lower * lower_share  # the lower layer's own acceleration
+    carried = attached * a[1] + (1.0 - attached) * alone
+    return a, p.lower_mass * a[1] - lower, alone - a[1], upper - carried
 
 
 @compiled

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+from vibroplat.kernels.vectors import select
 from vibroplat.model.parameters import Parameters
 
 
@@ -40,7 +41,8 @@ def motor_at(i: int, t: float, speed: float, p: Parameters) -> MotorTerms:
     """Prepare the terms of exciter i's torque at a time and a speed (rad/s)."""
     slip, critical = slip_speeds(i, t, speed, p)
     square = critical * critical + slip * slip
-    return MotorTerms(slip, critical, p.speed_ramp[i], p.slip_ramp[i], square, 1.0 / square if square > 0.0 else 0.0)
+    share = select(square > 0.0, 1.0 / square, 0.0)
+    return MotorTerms(slip, critical, p.speed_ramp[i], p.slip_ramp[i], square, share)
 
 
 @inlined

@@ -11,10 +11,12 @@ row holds k (c aʸ − s aˣ), with the acceleration a of its axis (X, Y) = (X�
 
     aˣ = ẍ − Y₀ φ̈ − X₀ (φφ̈ + φ̇²) + Y₀ φφ̇²,    aʸ = ÿ + g + X₀ φ̈ − Y₀ (φφ̈ + φ̇²) − X₀ φφ̇².
 
-Products of series are sums over two lists of coefficients (Cauchy). All of them are formed at once, as vectors of 16
-numbers: :data:`ROOM` says which. Of a sum at order k the rows have the middle terms; those with the newest
-coefficients are added by themselves, from numbers that have not been stored yet. What is computed for each exciter is
-computed for both at once, in pairs (:mod:`vibroplat.kernels.pairs`).
+Products of series are sums over two lists of coefficients (Cauchy). Of a sum at order k :func:`middle_terms` has the
+middle terms; those with the newest coefficients are added by themselves, from numbers that have not been stored yet.
+
+One source serves one motion and several side by side (:mod:`vibroplat.kernels.vectors`): the mode is data, not a branch,
+so that motions in contact and in flight may stand beside each other. What is computed for each exciter is computed for
+both at once.
 
 Literature: Jorba and Zou, A software package for the numerical integration of ODEs by means of high-order Taylor
 methods, 2005; Pryce, Solving high-index DAEs by Taylor series, 1998.
@@ -26,56 +28,57 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, fused, inlined
-from vibroplat.kernels.lanes import in_lines, products_2, products_16, put_row
-from vibroplat.kernels.pairs import Pair, pack_pair, unpack_pair
-from vibroplat.kernels.sines import sincos_pair
+from vibroplat.kernels.compiled import fused, fused_inline, inlined
+from vibroplat.kernels.vectors import Lanes, Pair, align_stack, at, join, lanes_record, part, select, sine_cosine, some, zero
 from vibroplat.model.accelerations import mobility, solve_rows
 from vibroplat.model.motor import MotorTerms, kloss_term, motor_at, resistance_term, square_term
-from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import Five, Unbalance, compliance, couplings
-from vibroplat.model.springs import relative, restoring
-from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS
+from vibroplat.model.parameters import PARAMETERS, Parameters
+from vibroplat.model.platform import Unbalance, compliance, couplings
+from vibroplat.model.springs import restoring
 
 #: Highest degree of a series.
 MAX_DEGREE = 32
 
-#: Column of F_c among the coefficients; coordinates stand before it in the order of the system's unknowns.
+#: Column of F_c among the coefficients; before it stand the seven coordinates of the full state.
 FORCE = 7
 
 _ROWS = MAX_DEGREE + 2
 
-Four = tuple[float, float, float, float]
-
 #: 1/k; of k = 0 nothing is asked.
 _SHARE = np.concatenate([[0.0], 1.0 / np.arange(1.0, MAX_DEGREE + 2.0)])
 
+#: A motion: coordinates and rates, then 0; the time (s); its mode by three factors, each 0 or 1: whether the layer is
+#: attached, whether it flies, whether there are two layers; one over the lower layer's mass, 0 without it (1/kg).
+MOTION = {"y": (8, 1), "v": (8, 1), "t": (1,), "attached": (1,), "flying": (1,), "two": (1,), "lower_share": (1,)}
 
-#: Where a series is formed. Row k + 2 of ``early`` and row k of ``late`` hold what is known after order k. Columns 0–1:
-#: c and φ̇ᵢ, their product is s′. 2–3: s and φ̇ᵢ, −c′. 4–5: s and aˣ. 6–7: c and aʸ. 8–9: slip speed u with itself, one
-#: order later; 10–11: the same of φ̇ᵢ. 12: φ and Σ k (Y₀ s″ + X₀ c″). 13: φ and φ̈. 14: φ and φ̇². 15: φ̇ with itself, one
-#: order later. Pairs are of exciters 1 and 2.
-ROOM = np.dtype(
-    [
-        ("early", float, (_ROWS, 16)),
-        ("late", float, (_ROWS, 16)),
-        # coefficients in powers of time (SI units): coordinates in the order of the system's unknowns, F_c in column
-        # FORCE, which has two orders less; 0 in the columns between
-        ("q", float, (_ROWS, 8)),
-        ("squares", float, (_ROWS, 2)),  # terms of both motors' Δ² + u², and of their torques
-        ("torques", float, (_ROWS, 2)),
-    ],
-    align=True,
+#: Where a series is formed. ``q`` has the coefficients in powers of time (SI units), coordinates and F_c, which has two
+#: orders less. Then the factors of products: c, s, φ̇ᵢ, slip speeds u, aˣ, aʸ, Δ² + u² and torques of both exciters; φ, φ̇,
+#: Σ k (Y₀ s″ + X₀ c″), φ̈ and φ̇².
+ROOM = (
+    {"q": (_ROWS, 8, 1)}
+    | dict.fromkeys(("c", "s", "w", "u", "ax", "ay", "square", "torque"), (_ROWS, 2))
+    | dict.fromkeys(("phi", "turning", "unbalances", "centre", "lifted"), (_ROWS, 1))
 )
+#: Coefficients of four coordinates side by side.
+QUADS = {"quads": ("q", (_ROWS, 2, 4))}
+
+#: The parameters, each as a row of motions, and all rows, those of :data:`vibroplat.model.parameters.PARAMETERS`.
+PARAMETER_ROWS = {name: (*PARAMETERS[name].shape, 1) for name in PARAMETERS.names or ()}
+WORDS = {"words": ("mass", (PARAMETERS.itemsize // 8, 1))}
 
 
-def room() -> Any:
-    """Make room for a series: a record of :data:`ROOM` that begins with a line of the processor's cache."""
-    return in_lines((ROOM.itemsize // 8,)).view(ROOM)[0]
+def room(width: int = 1) -> Any:
+    """Make room for the series of so many motions."""
+    return lanes_record(width, ROOM, QUADS)
+
+
+def parameter_rows(width: int = 1) -> Any:
+    """Make room for the parameters of so many motions."""
+    return lanes_record(width, PARAMETER_ROWS, WORDS)
 
 
 class Constants(NamedTuple):
-    """What of an exciter, or in pairs, is the same in all orders; σ, k_R k and M_c are those of the parameters."""
+    """What of an exciter, or of both side by side, is the same in all orders; σ, k_R k and M_c are the parameters'."""
 
     x0: Pair  # its axis in the platform, not turned and turned (m)
     y0: Pair
@@ -121,165 +124,213 @@ class Terms(NamedTuple):
     torque: Pair  # of the motors, in their own directions (N·m)
 
 
+class Sums(NamedTuple):
+    """Middle terms of the products of order k, for both exciters and for the platform."""
+
+    cosine_speed: Pair  # c and φ̇ᵢ, one order later: s′
+    sine_speed: Pair  # s and φ̇ᵢ, one order later: −c′
+    sine_ax: Pair
+    cosine_ay: Pair
+    slip_slip: Pair
+    speed_speed: Pair
+    square_torque: Pair
+    moment: Lanes  # φ and Σ k (Y₀ s″ + X₀ c″)
+    centre: Lanes  # φ and φ̈
+    lifted: Lanes  # φ and φ̇²
+    turning: Lanes  # φ̇ with itself
+
+
 class Rotation(NamedTuple):
     """Terms of order k of what the platform's turning adds to the accelerations of the axes: φφ̈ + φ̇², φφ̇², and g."""
 
-    centre: float
-    lifted: float
-    weight: float
+    centre: Lanes
+    lifted: Lanes
+    weight: Lanes
 
 
 @fused
-def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Parameters) -> None:
-    """Fill ``room.q`` with the coefficients of a motion at a state, coordinates to this degree and F_c to degree − 2.
+def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
+    """Fill ``room.q`` with the coefficients of motions at their states, coordinates to this degree and F_c to degree − 2.
 
-    The degree is from 2 to MAX_DEGREE; of the unknowns the differential ones are read. Where an exciter is at rest, its
-    resistance is that of the sense in which it is about to turn.
+    All three records are those of lanes: a :data:`MOTION`, a :data:`ROOM` and :data:`PARAMETER_ROWS`. The degree is from
+    2 to MAX_DEGREE. Where an exciter is at rest, its resistance is that of the sense in which it is about to turn.
     """
-    n = DIFFERENTIAL[system] // 2
-    attached, layers = ALGEBRAIC[system], LAYERS[system]
-    s1, c1, s2, c2 = sincos_pair(y[3], y[4])
-    fixed_1, fixed_2 = constants_of(0, t, y, n, s1, c1, p), constants_of(1, t, y, n, s2, c2, p)
+    y, v, q = motion.y, motion.v, room.q
+    attached, flying, two, phi, turning_0 = motion.attached, motion.flying, motion.two, y[2], v[2]
+    align_stack(phi)
+    none = zero(phi)
+    (s1, s2), (c1, c2) = sines_of(y[3], y[4])
+    fixed_1, fixed_2 = constants_of(0, motion, s1, c1, p), constants_of(1, motion, s2, c2, p)
     inverse = compliance(fixed_1.couplings, fixed_2.couplings, mobility(attached, p), p)
-    f = pack_pair(fixed_1, fixed_2)
-    e, sense = at_order_0(f), pack_pair(sense_of(y[n + 3]), sense_of(y[n + 4]))
-    at_rest = y[n + 3] == 0.0 or y[n + 4] == 0.0
-    q, rate = relative(system, y, 0, n), relative(system, y, n, n)
-    phi_1, unbalances, turning, square = 0.0, 0.0, 0.0, 0.0
+    f = join(fixed_1, fixed_2)
+    e, sense = at_order_0(f), sense_of(f.speed)
+    at_rest = some(f.speed == 0.0)
+    x0, x1, x2, x6, v0, v1, v2, v5, v6 = y[0], y[1], y[2], y[6], v[0], v[1], v[2], v[5], v[6]
+    x5 = y[5]
+    phi_1, unbalances, turning, square = none, none, none, none
     for i in range(FORCE):
-        room.q[0, i], room.q[1, i] = (y[i], y[n + i]) if i < n else (0.0, 0.0)
+        q[0, i], q[1, i] = y[i], v[i]
+    q[degree - 1, FORCE] = q[degree, FORCE] = none
     for k in range(degree - 1):
-        sums = products_16(room.early, room.late, k, k)
-        torques = products_2(room.squares, room.torques, k, k - 1)[0]
-        weight, twice = (p.gravity, 1.0) if k == 0 else (0.0, 2.0)
-        (moment, centre), (lifted, squares) = unpack_pair(sums[6]), unpack_pair(sums[7])
-        moment, centre, lifted = moment + phi_1 * unbalances, centre + phi_1 * turning, lifted + phi_1 * square
-        square = squares + twice * y[n + 2] * rate[2]
-        rotation = Rotation(centre + square, lifted + y[2] * square, weight)
-        known = from_lower_orders(k, twice, rotation, e, sense, f, sums, torques)
-        held, (moment_1, moment_2) = restoring(q, rate, p), unpack_pair(known.moment)
+        sums = middle_terms(k, room, f.speed, phi)
+        twice = 1.0 if k == 0 else 2.0
+        weight = p.gravity if k == 0 else none
+        both = sums.turning + twice * turning_0 * v2
+        rotation = Rotation(
+            sums.centre + phi_1 * turning + both, sums.lifted + phi_1 * square + phi * both, weight
+        )
+        known = from_lower_orders(k, twice, rotation, e, sense, f, sums)
+        held = restoring((x0, x1, x2, x5, x6), (v0, v1, v2, v5, v6), p)
+        moment_1, moment_2 = part(known.moment)
         b = (
             -held[0] - total(f.unbalance * known.cosine),
             -(held[1] - held[3]) - total(f.unbalance * known.sine) - p.mass * weight,
-            -held[2] - total(f.unbalance * (f.x * known.sine - f.y * known.cosine)) + moment,  # k (X s″ − Y c″)
+            # k (X s″ − Y c″)
+            -held[2] - total(f.unbalance * (f.x * known.sine - f.y * known.cosine)) + sums.moment + phi_1 * unbalances,
             moment_1,
             moment_2,
         )
         lower = p.upper_mass * held[4] - p.lower_mass * weight - held[3]
-        a, contact, above = solve_rows(attached, b, lower, -weight - held[4], inverse, p)
-        share = _SHARE[k + 1]
-        twofold = share * _SHARE[k + 2]
-        opening, above = (contact if layers > 0 and not attached else 0.0), (above if layers == 2 else 0.0)
-        q = (rate[0] * share, rate[1] * share, rate[2] * share, rate[3] * share, rate[4] * share)
-        rate = (a[0] * share, a[1] * share, a[2] * share, opening * share, above * share)
-        material = (above * twofold, 0.0) if attached else (opening * twofold, above * twofold)
-        moved = (a[0] * twofold, a[1] * twofold, a[2] * twofold, a[3] * twofold, a[4] * twofold)
-        put_row(room.q, k + 2, (*moved, *material, 0.0))
-        room.q[k, FORCE] = contact if attached else 0.0
+        a, contact, opening, above = solve_rows(
+            attached, motion.lower_share, b, lower, -weight - held[4], inverse, p
+        )
+        share = _SHARE[at(k + 1)]
+        twofold = share * _SHARE[at(k + 2)]
+        opening, above = flying * opening, two * above
+        x0, x1, x2, x5, x6 = v0 * share, v1 * share, v2 * share, v5 * share, v6 * share
+        v0, v1, v2, v5, v6 = a[0] * share, a[1] * share, a[2] * share, opening * share, above * share
+        r = at(k + 2)
+        q[r, 0], q[r, 1], q[r, 2], q[r, 3], q[r, 4] = (
+            a[0] * twofold,
+            a[1] * twofold,
+            a[2] * twofold,
+            a[3] * twofold,
+            a[4] * twofold,
+        )
+        q[r, 5], q[r, 6], q[at(k), FORCE] = opening * twofold, above * twofold, attached * contact
         if k == 0:
-            phi_1 = y[n + 2]
-        own = pack_pair(a[3], a[4])
-        unbalances, turning = total(curvature(own, known, f)), a[2]
-        e = advance(k, share, a, own, known, e, f)
+            phi_1 = turning_0
+        own = join(a[3], a[4])
+        unbalances, turning, square = total(curvature(own, known, f)), a[2], both
+        e = advance(k, share, twofold, (a[0], a[1], a[2]), own, known, e, f)
         if at_rest:
-            sense = about_to_turn(sense, e.speed)
-        put_factors(room, k, e, a[2] * twofold, (unbalances, turning, square, rate[2]))
-        put_row(room.squares, k, (known.square,))
-        put_row(room.torques, k, (known.torque,))
+            sense = select(sense == 0.0, sense_of(e.speed), sense)
+        put_factors(room, k, e, known, (a[2] * twofold, v2, unbalances, turning, square))
+
+
+@fused_inline
+def middle_terms(k: int, r: Any, pair: Pair, single: Lanes) -> Sums:
+    """Sum up the middle terms of the products of order k; of a product with itself half of them are formed."""
+    cw, sw, sx, cy, tt, uu, ww = zero(pair), zero(pair), zero(pair), zero(pair), zero(pair), zero(pair), zero(pair)
+    moment, centre, lifted, turning = zero(single), zero(single), zero(single), zero(single)
+    for j in range(2, k + 1):
+        i, m, n = at(j), at(k - j), at(k - j + 1)
+        c, s, w, phi = r.c[i], r.s[i], r.w[n], r.phi[i]
+        cw, sw, sx, cy = cw + c * w, sw + s * w, sx + s * r.ax[m], cy + c * r.ay[m]
+        moment, centre, lifted = moment + phi * r.unbalances[m], centre + phi * r.centre[m], lifted + phi * r.lifted[m]
+    for j in range(2, k):
+        tt += r.square[at(j)] * r.torque[at(k - j)]
+    for j in range(1, (k + 1) // 2):
+        i, m = at(j), at(k - j)
+        uu, ww, turning = uu + r.u[i] * r.u[m], ww + r.w[i] * r.w[m], turning + r.turning[i] * r.turning[m]
+    uu, ww, turning = uu + uu, ww + ww, turning + turning
+    if k > 1 and k % 2 == 0:
+        i = at(k // 2)
+        uu, ww, turning = uu + r.u[i] * r.u[i], ww + r.w[i] * r.w[i], turning + r.turning[i] * r.turning[i]
+    return Sums(cw, sw, sx, cy, uu, ww, tt, moment, centre, lifted, turning)
+
+
+@fused_inline
+def put_factors(
+    room: Any, k: int, e: Coefficients, known: Terms, turned: tuple[Lanes, Lanes, Lanes, Lanes, Lanes]
+) -> None:
+    """Store what is known after order k for products to come; ``turned`` is what they take of the platform's turning."""
+    i, m, r = at(k), at(k + 1), at(k + 2)
+    room.c[r], room.s[r], room.w[m], room.u[m], room.ax[i], room.ay[i] = e.cosine, e.sine, e.speed, e.slip, e.ax, e.ay
+    room.square[i], room.torque[i] = known.square, known.torque
+    room.phi[r], room.turning[m], room.unbalances[i], room.centre[i], room.lifted[i] = turned
 
 
 @inlined
-def put_factors(room: Any, k: int, e: Coefficients, phi: float, turned: Four) -> None:
-    """Store what is known after order k for products to come; ``turned`` is columns 12 to 15 of ``late``."""
-    c, s, u, w = e.cosine, e.sine, e.slip, e.speed
-    put_row(room.early, k + 2, (c, s, s, c, u, w, phi, phi, phi, turned[3]))
-    put_row(room.late, k, (w, w, e.ax, e.ay, u, w, *turned))
+def sines_of(first: Lanes, second: Lanes) -> tuple[Any, Any]:
+    """Sines, then cosines, of two angles."""
+    sine, cosine = sine_cosine(join(first, second))
+    return part(sine), part(cosine)
 
 
 @inlined
-def total(both: Pair) -> float:
+def total(both: Pair) -> Lanes:
     """Add up what both exciters contribute."""
-    first, second = unpack_pair(both)
+    first, second = part(both)
     return first + second
 
 
 @inlined
-def sense_of(speed: float) -> float:
+def sense_of(speed: Pair) -> Pair:
     """Sense of a speed, ±1; 0 for none."""
-    return 1.0 if speed > 0.0 else (-1.0 if speed < 0.0 else 0.0)
+    return select(speed > 0.0, 1.0, select(speed < 0.0, -1.0, 0.0))
 
 
-@inlined
-def about_to_turn(sense: Pair, speed: Pair) -> Pair:
-    """Senses in which exciters turn, where all lower coefficients of φ̇ᵢ are 0 by the sign of this one."""
-    (first, second), (first_speed, second_speed) = unpack_pair(sense), unpack_pair(speed)
-    return pack_pair(
-        first if first != 0.0 else sense_of(first_speed), second if second != 0.0 else sense_of(second_speed)
-    )
-
-
-@inlined
-def constants_of(i: int, t: float, y: FloatArray, n: int, sine: float, cosine: float, p: Parameters) -> Constants:
+@fused_inline
+def constants_of(i: int, motion: Any, sine: Lanes, cosine: Lanes, p: Parameters) -> Constants:
     """Gather what of an exciter is the same in all orders."""
-    phi, speed, x0, y0 = y[2], y[n + 3 + i], p.axis_x[i], p.axis_y[i]
+    phi, speed, x0, y0 = motion.y[2], motion.v[at(3 + i)], p.axis_x[i], p.axis_y[i]
     axis = (x0, y0, x0 - phi * y0, y0 + phi * x0)
     own = (p.direction[i], p.friction[i], p.torque[i], p.unbalance[i])
-    coupled, motor = couplings(i, phi, sine, cosine, p), motor_at(i, t, speed, p)
+    coupled, motor = couplings(i, phi, sine, cosine, p), motor_at(i, motion.t, speed, p)
     return Constants(*axis, sine, cosine, speed, *own, coupled, motor)
 
 
 @inlined
 def at_order_0(f: Constants) -> Coefficients:
     """Begin both exciters' series."""
-    w, none = f.speed, pack_pair(0.0, 0.0)
-    return Coefficients(
-        f.cosine * w, -1.0 * f.sine * w, none, none, w, f.motor.slip, none, none, none, none, none, none
-    )
+    w, none = f.speed, zero(f.speed)
+    return Coefficients(f.cosine * w, -(f.sine * w), none, none, w, f.motor.slip, none, none, none, none, none, none)
 
 
-@inlined
+@fused_inline
 def from_lower_orders(
-    k: int,
-    twice: float,
-    rotation: Rotation,
-    e: Coefficients,
-    sense: Pair,
-    f: Constants,
-    sums: tuple[Pair, ...],
-    torques: Pair,
+    k: int, twice: float, rotation: Rotation, e: Coefficients, sense: Pair, f: Constants, sums: Sums
 ) -> Terms:
     """Terms of order k of the exciters, without those of the accelerations of order k.
 
     ``twice`` is how often a product of a series with itself has its first and last term: 1 if they are the same.
-    ``sums`` are those of products, ``torques`` that of Δ² + u² and the torque.
     """
     order = k + 1.0
-    sine = order * (sums[0] + e.cosine_1 * e.speed + e.cosine * f.speed)
-    cosine = -order * (sums[1] + e.sine_1 * e.speed + e.sine * f.speed)
+    sine = order * (sums.cosine_speed + e.cosine_1 * e.speed + e.cosine * f.speed)
+    cosine = -order * (sums.sine_speed + e.sine_1 * e.speed + e.sine * f.speed)
     ax = f.y0 * rotation.lifted - f.x0 * rotation.centre
     ay = rotation.weight - f.x0 * rotation.lifted - f.y0 * rotation.centre
-    pulled = sums[3] - sums[2] + e.cosine_1 * e.ay - e.sine_1 * e.ax
-    square = square_term(k, sums[4] + twice * f.motor.slip * e.slip, f.motor)
-    products = torques + square * e.torque_0 + e.square_1 * e.torque
+    pulled = sums.cosine_ay - sums.sine_ax + e.cosine_1 * e.ay - e.sine_1 * e.ax
+    square = square_term(k, sums.slip_slip + twice * f.motor.slip * e.slip, f.motor)
+    products = sums.square_torque + square * e.torque_0 + e.square_1 * e.torque
     torque = kloss_term(e.slip, e.slip_before, products, f.motor, f.critical_torque)
-    resistance = resistance_term(sums[5] + twice * f.speed * e.speed, sense, f.friction)
+    resistance = resistance_term(sums.speed_speed + twice * f.speed * e.speed, sense, f.friction)
     # what is known last is added last: all waits for it
     moment = f.direction * torque - (resistance + f.couplings.x * ax + f.couplings.y * ay) - f.unbalance * pulled
     return Terms(sine, cosine, ax, ay, moment, square, torque)
 
 
-@inlined
+@fused_inline
 def curvature(a: Pair, known: Terms, f: Constants) -> Pair:
     """Terms of k (Y₀ s″ + X₀ c″) under accelerations φ̈ᵢ."""
     return f.unbalance * (f.y0 * (known.sine + f.cosine * a) + f.x0 * (known.cosine - f.sine * a))
 
 
-@inlined
-def advance(k: int, share: float, a: Five, own: Pair, known: Terms, e: Coefficients, f: Constants) -> Coefficients:
+@fused_inline
+def advance(
+    k: int,
+    share: float,
+    twofold: float,
+    a: tuple[Lanes, Lanes, Lanes],
+    own: Pair,
+    known: Terms,
+    e: Coefficients,
+    f: Constants,
+) -> Coefficients:
     """Newest coefficients of the exciters at the beginning of order k + 1, under accelerations of order k."""
-    twofold = share * _SHARE[k + 2]
     speed = own * share
-    slip = -1.0 * f.direction * speed
+    slip = -(f.direction * speed)
     sine_1, cosine_1, torque_0, square_1 = e.sine_1, e.cosine_1, e.torque_0, e.square_1
     if k == 0:
         sine_1, cosine_1, torque_0 = e.sine, e.cosine, known.torque
