@@ -245,7 +245,7 @@ def test_in_an_ellipsoid_a_motion_is_assigned_only_if_it_comes_nearer():
     everything |= {"state": [0.0] * 14, "forms": [(1e-6 * np.eye(14)).tolist()]}
     with closing(AttractorMapper(scene, plan.max_turns, [everything])) as follower:
         follower._packed = (*follower._packed[:2], np.array([follower._motion.system.index]))
-        told = follower.map_state(initial_states(scene, plan, [0])[0])
+        told = follower.map_states(initial_states(scene, plan, [0]))[0]
         assert told["attractor"] is None
         assert len(told["windows"]) == 4
         centre, system = np.array([follower._motion.state]), np.array([follower._motion.system.index])
@@ -306,7 +306,7 @@ def test_assigned_starts_stay_on_their_orbit(frequency, ratio, restitution):
     plan, scene, assigned = scene.basins, scene.replace({"basins": None}), 0
     with closing(AttractorMapper(validated_base_scene(scene, plan), longest, [])) as follower:
         for state in initial_states(scene, plan, range(starts)):
-            number = follower.map_state(state)["attractor"]
+            number = follower.map_states(state[np.newaxis])[0]["attractor"]
             if number is not None:
                 assigned += 1
                 follower._motion.to_section(700, math.inf)

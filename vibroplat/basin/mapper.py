@@ -13,6 +13,7 @@ from contextlib import closing
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from vibroplat.basin.initial_conditions import initial_states
 from vibroplat.basin.windows import MEASURES
@@ -25,11 +26,25 @@ from vibroplat.continuation.newton import NoConvergenceError
 from vibroplat.continuation.orbit_detection import MAX_PERIOD_TURNS, NewtonOrbitDetector
 from vibroplat.continuation.shooting import TURN
 from vibroplat.hybrid.state import state_scales
-from vibroplat.integrate import make_engine
+from vibroplat.integrate import group_for, make_engine
 from vibroplat.kernels.compiled import FloatArray, same_types
+from vibroplat.kernels.target import lanes
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
-from vibroplat.observe.section import ellipsoid_of, form_of, section_points
+from vibroplat.observe.assignment import (
+    ASSIGNED,
+    ENDED,
+    FOLLOWED,
+    GO_ON,
+    UNCONVERGED,
+    Ellipsoids,
+    Followers,
+    Limits,
+    decide,
+    follow,
+    numbers_of,
+)
+from vibroplat.observe.section import section_points
 from vibroplat.observe.summary import MeasuredInterval, measure
 from vibroplat.study.point import measure_point, on_orbit, row_of
 from vibroplat.study.settling import KnownOrbit
@@ -78,7 +93,22 @@ class AttractorMapper:
         self._scales, self._turn = state_scales(scene), TURN / scene.speed_scale
         self._detector, self._engine = NewtonOrbitDetector(scene), make_engine(scene, p)
         self._motion = Simulator(scene, p, self._engine)
-        self._inside, self._size, self._history = same_types(ellipsoid_of), same_types(form_of), list(history)
+        self._group = group_for(self._engine, scene, p, lanes())
+        self._follow, self._decide = same_types(follow), same_types(decide)
+        self._search = FIRST_SEARCH_TURNS
+        if len(history) >= MIN_HISTORY:
+            after = min(int(SEARCH_TURNS_RATIO * np.median(history)), longest // 2)
+            self._search = max(FIRST_SEARCH_TURNS, after)
+        self._limits = Limits(
+            early=CHECK_TURNS,
+            later=LATE_CHECK_TURNS,
+            late=FIRST_SEARCH_TURNS,
+            unsearched=SEARCH_TURNS,
+            most=longest - WINDOWS * (window_length(longest) + 1),
+            turn=self._turn,
+            longest=4.0 * self._turn,
+            near=INNER_RADIUS_RATIO**2,
+        )
         self._pack()
 
     def close(self) -> None:
@@ -86,49 +116,80 @@ class AttractorMapper:
         self._detector.close()
         self._engine.close()
 
-    def map_state(self, start: FloatArray) -> Record:
-        """Map a full state to its attractor: its number, or None and what was measured; and the turns it took."""
-        motion = self._motion
-        motion.reset(start)
-        self._detector.reset()
-        longest = 4.0 * (LATE_CHECK_TURNS + 1) * self._turn
-        unmeasured = self.longest - WINDOWS * (window_length(self.longest) + 1)
-        turns, look = 0, FIRST_SEARCH_TURNS
-        if len(self._history) >= MIN_HISTORY:
-            look = max(FIRST_SEARCH_TURNS, min(int(SEARCH_TURNS_RATIO * np.median(self._history)), self.longest // 2))
-        while turns < unmeasured and motion.now < unmeasured * self._turn:
-            stride = min(CHECK_TURNS if turns < FIRST_SEARCH_TURNS else LATE_CHECK_TURNS, unmeasured - turns)
-            motion.to_section(stride, longest)
-            turns += stride
-            found, more = self._find_ellipsoid()
-            if motion.outcome != "ok":
-                return {"attractor": None, "turns": turns, "outcome": motion.outcome, "detail": motion.detail}
-            if found is None and look <= turns + more < unmeasured - SEARCH_TURNS:
-                found = self._search_new_orbit(motion.advance_turns(SEARCH_TURNS, longest))
-                more, look = more + SEARCH_TURNS + 1, 2 * look
-            if found is not None:
-                self._history.append(turns)
-                return {"attractor": found, "turns": turns}
-            turns += more
-        return self._measure_unconverged(turns)
+    def map_states(self, starts: FloatArray) -> list[Record]:
+        """Map full states, shape (starts, 14), to their attractors.
+
+        A record has the number of the attractor, or None and what was measured, and the turns it took.
+        """
+        count, motion = len(starts), self._motion
+        runs, followed = motion.beginnings(starts), np.zeros(count, FOLLOWED)
+        followed["place"], followed["fresh"], followed["search"] = -1, 1, self._search
+        waiting, taken, held = np.arange(count), np.array([0, count]), np.full(lanes(), -1)
+        in_lanes = np.zeros((0, 0)) if self._group is None else numbers_of(self._group.runs)
+        work, others = Followers(numbers_of(runs), in_lanes, followed, waiting, taken, held), dict[int, Record]()
+        while (stopped := self._advance(work, runs))[0] >= 0:
+            number, fate = stopped
+            motion.resume(runs[number])
+            self._detector.reset()
+            turns, more = (int(followed[number][name]) for name in ("turns", "more"))
+            if fate == ENDED:
+                ended = {"outcome": motion.outcome, "detail": motion.detail}
+                others[number] = {"attractor": None, "turns": turns, **ended}
+            elif fate == UNCONVERGED:
+                others[number] = self._measure_unconverged(turns)
+            else:
+                part = motion.advance_turns(SEARCH_TURNS, 4.0 * (LATE_CHECK_TURNS + 1) * self._turn)
+                found = self._search_new_orbit(part)
+                if found is not None:
+                    others[number] = {"attractor": found, "turns": turns}
+                    continue
+                followed[number]["turns"] += more + SEARCH_TURNS + 1
+                followed[number]["search"] *= 2
+                runs[number] = motion.automaton.run
+                taken[0] -= 1  # it goes on before the others
+                waiting[taken[0]] = number
+        places, turns_of = followed["place"].tolist(), followed["turns"].tolist()
+        return [
+            others.get(number) or {"attractor": self._owners[places[number]], "turns": turns_of[number]}
+            for number in range(count)
+        ]
+
+    def _advance(self, work: Followers, runs: npt.NDArray[np.void]) -> tuple[int, int]:
+        """Follow motions until one is not assigned but needs more: its number, −1 without one, and what it needs."""
+        if self._group is not None:
+            return self._follow(self._group, work, self._limits, self._ellipsoids)
+        motion, run = self._motion, self._motion.automaton.run
+        while work.taken[0] < work.taken[1]:
+            number = int(work.waiting[work.taken[0]])
+            work.taken[0] += 1
+            motion.resume(runs[number])
+            if work.followed[number]["fresh"]:
+                work.followed[number]["fresh"] = 0
+                motion.find_mode()
+            while (fate := self._decide(run, work.followed[number], self._limits, self._ellipsoids)) == GO_ON:
+                motion.to_time(float(run["end"]))
+            run["target"] = np.nan
+            runs[number] = run
+            if fate != ASSIGNED:
+                return number, fate
+        return -1, GO_ON
 
     def _find_ellipsoid(self) -> tuple[int | None, int]:
         """Return the number of the orbit in whose ellipsoid the motion is and comes nearer, and turns that this took.
 
         An ellipsoid was tested in some directions: beside chaos, it may still hold states of another basin.
         """
-        motion, state = self._motion, self._motion.automaton.run["state"]
-        centres, forms, systems = self._packed
-        place = self._inside(state, motion.system.index, *self._packed) if motion.outcome == "ok" else -1
-        if place < 0:
+        motion, run, followed = self._motion, self._motion.automaton.run, np.zeros(1, FOLLOWED)[0]
+        if motion.outcome != "ok":
             return None, 0
-        number, before = self._owners[place], self._size(state, centres[place], forms[place])
-        turns = CONTRACTION_PERIODS * self.attractors[number]["row"]["period"]
-        motion.to_section(turns, 4.0 * (turns + 1) * self._turn)
-        bound = expected_decay(self.attractors[number]["row"]["multiplier_max"], CONTRACTION_PERIODS)
-        inside = motion.outcome == "ok" and motion.system.index == systems[place]
-        nearer = self._size(state, centres[place], forms[place]) < max(bound**2 * before, INNER_RADIUS_RATIO**2)
-        return number if inside and nearer else None, turns
+        followed["place"], followed["stride"], followed["turns"], followed["search"] = -1, 1, self.longest, 2**62
+        turns = 0
+        while (fate := self._decide(run, followed, self._limits, self._ellipsoids)) == GO_ON:
+            place = int(followed["place"])
+            turns = int(self._ellipsoids.turns[place])
+            motion.to_time(float(run["end"]))
+        run["target"] = np.nan
+        return self._owners[place] if fate == ASSIGNED else None, turns
 
     def register_near(self, state: FloatArray, period: int) -> int:
         """Return the number of the stable orbit near a full state; raises :class:`NoConvergenceError` without one."""
@@ -163,10 +224,13 @@ class AttractorMapper:
             [part for known in self.attractors if known["forms"] for part in known[name]]
             for name in ("centres", "forms", "systems")
         )
-        self._packed = (
+        rows = [self.attractors[number]["row"] for number in self._owners]
+        self._ellipsoids = Ellipsoids(
             np.array(centres, dtype=float).reshape(-1, 14),
             np.array(forms, dtype=float).reshape(-1, 14, 14),
             np.array(systems, dtype=np.int64),
+            turns=np.array([CONTRACTION_PERIODS * row["period"] for row in rows], dtype=np.int64),
+            bound=np.array([expected_decay(row["multiplier_max"], CONTRACTION_PERIODS) ** 2 for row in rows]),
         )
 
     def _search_new_orbit(self, part: MeasuredInterval) -> int | None:
@@ -219,14 +283,14 @@ def map_initial_conditions(
     ``history`` are turns that others have taken.
     """
     with closing(AttractorMapper(scene, plan.max_turns, known, history)) as follower:
-        starts = [follower.map_state(state) for state in initial_states(scene, plan, range(first, first + count))]
+        starts = follower.map_states(initial_states(scene, plan, range(first, first + count)))
         return {"starts": starts, "known": len(known), "found": follower.attractors[len(known) :]}
 
 
 def map_alone(scene: Scene, plan: BasinsPlan, number: int) -> Record:
     """Follow a start without what others have found: the ``row`` of what it comes to."""
     with closing(AttractorMapper(scene, plan.max_turns, [])) as follower:
-        found = follower.map_state(initial_states(scene, plan, [number])[0])
+        found = follower.map_states(initial_states(scene, plan, [number]))[0]
         if found["attractor"] is not None:
             return {"row": follower.attractors[found["attractor"]]["row"]}
         return {"row": {"motion": None, "period": 0, **found.get("windows", [{"sync": None}])[-1]}}

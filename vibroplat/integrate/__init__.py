@@ -12,6 +12,8 @@ import threading
 from functools import cache
 from typing import TYPE_CHECKING
 
+from vibroplat.hybrid.loop import automaton
+from vibroplat.hybrid.state import MARGIN, empty_steps
 from vibroplat.integrate.sundials import Library, UnavailableError, library
 from vibroplat.kernels.engines import ENGINES, uses_sundials
 from vibroplat.system import memory
@@ -19,6 +21,7 @@ from vibroplat.system import memory
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
     from vibroplat.integrate.interface import Engine
+    from vibroplat.integrate.taylor import Group
     from vibroplat.model.parameters import Parameters
 
 # Each engine's module is imported where it is asked for: its kernels are compiled or loaded then.
@@ -35,6 +38,16 @@ def make_engine(scene: Scene, p: Parameters) -> Engine:
     announce_compilation(scene.solver.engine)
     engine: Engine = ENGINES[engine_name(scene)].factory(scene, p)
     return engine
+
+
+def group_for(engine: Engine, scene: Scene, p: Parameters, width: int) -> Group | None:
+    """Make room for so many motions of a scene side by side; None with an engine that carries one alone."""
+    side_by_side = getattr(engine, "side_by_side", None)
+    if side_by_side is None:
+        return None
+    rows, turns = MARGIN + 2, engine.turns_per_segment
+    group: Group = side_by_side([automaton(scene, p, empty_steps(rows, engine.degree), turns) for _ in range(width)])
+    return group
 
 
 @cache

@@ -4,34 +4,54 @@ A one-step method of high order: it has its full order at once after an impact, 
 further work, and it takes four to six of them a turn where IDA, of order 5, takes hundreds. It is explicit: a layer or
 motor that is stiff against the excitation makes its steps short even where it does not move, which the run then says.
 
-A step is the series at its beginning, as far as its last coefficients allow (:func:`longest_step`); it ends earlier
-where the guard falls, where an exciter comes to rest or reaches the angle that the run waits for. Each finished step is
-checked: its polynomial's accelerations at the end against those of the equations there, which the next series begins
-with. One that fails is halved.
+A step is the series at its beginning, as far as its last coefficients allow; it ends earlier where the guard falls,
+where an exciter comes to rest or reaches the angle that the run waits for. Each finished step is confirmed: its
+polynomial's accelerations at the end against those of the equations there, which the next series begins with. One that
+fails is halved.
+
+One source carries one motion, and several side by side (:class:`Group`), each with a step, parameters and events of its
+own. Series, lengths and ends of steps are computed in vectors. What ends a segment, jumps included, is the code for one
+motion: sums of sizes in the vector say which motions may have something of that kind in their step. A motion with an
+event is confirmed at once, jumps, and goes on with the next expansion, so that no place in the vector is lost.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid import loop
-from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
-from vibroplat.hybrid.modes import GUARDS
+from vibroplat.hybrid.loop import AT_TARGET, FAILED, NOT_FINITE
 from vibroplat.hybrid.resets import cut_piece
-from vibroplat.hybrid.state import MARGIN, RUNNING, WIDTH, Automaton, rewind
+from vibroplat.hybrid.state import CONSISTENT, MARGIN, RUNNING, Automaton, Steps, rewind
 from vibroplat.integrate.interface import WORK
-from vibroplat.kernels.compiled import FloatArray, borrow, compiled, inlined, same_types
-from vibroplat.kernels.lanes import horner_8, in_lines, put_step, sizes_16
-from vibroplat.kernels.polynomial import crossing, first_downcrossing
-from vibroplat.model.equations import finite
+from vibroplat.integrate.step_end import ERROR_COEFFICIENTS, ON, end_of_step, is_shifted, statuses
+from vibroplat.kernels.compiled import FloatArray, borrow, call_int, compiled, fused, fused_inline, inlined, same_types
+from vibroplat.kernels.lanes import put_step
+from vibroplat.kernels.vectors import (
+    Lanes,
+    align_stack,
+    as_lanes,
+    at,
+    exp2,
+    greater,
+    lanes_record,
+    lesser,
+    log2,
+    part,
+    select,
+    size,
+    some,
+    zero,
+)
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import is_definite
-from vibroplat.model.series import FORCE, MAX_DEGREE, expand, room
-from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, FULL_SIZE
+from vibroplat.model.series import FORCE, MAX_DEGREE, MOTION, WORDS, expand, parameter_rows, room
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS, PLACES
 
 #: Degree of the series at tolerance 1e-6, and degrees more for each power of ten below it. At equal errors degrees from
 #: 14 to 22 take equal times within a tenth at this tolerance, and higher ones at tighter tolerances.
@@ -42,10 +62,108 @@ MIN_DEGREE = 10
 #: within a period, where that is more.
 MAX_STEPS, STEPS_PER_EVENT = 300_000, 60
 
+#: Largest difference of accelerations at the end of a step, times its length over its degree, in tolerances of rates.
+MAX_DEFECT = 5.0
+
+#: Round-off of an acceleration over the sum of its polynomial's terms.
+_NOISE = 1e3 * float(np.finfo(float).eps)
+
+#: Shortest step, as a part of a period.
+MIN_STEP = 1e-13
+
+#: Length of a step that nothing limits, and a size of nothing whose logarithm is finite.
+_LONG, _NOTHING = 1e300, 1e-300
+
+#: Motions side by side: where they are, and besides
+LANES = MOTION | {
+    "y0": (8, 1),  # coordinates and rates where the last step began
+    "v0": (8, 1),
+    "a": (8, 1),  # accelerations at its end by its polynomial; F_c there is number 7 of the coordinates
+    "weights": (8, 1),  # one over the tolerances of rates, then 0
+    "force_weight": (1,),
+    "noise": (1,),  # difference at the end of the step that may be round-off, in tolerances, and whether that is known
+    "noisy": (1,),
+    "length": (1,),  # its duration (s)
+    "origin": (1,),  # when the segment began, time of it now and where the step began, and the longest it may take (s)
+    "done": (1,),
+    "done0": (1,),
+    "until": (1,),
+    "cap": (1,),  # longest next step (s)
+    "target": (1,),  # angle of exciter 1 at which the run ends, or nan (rad)
+    "pending": (1,),  # 1 where the step is to be confirmed; where its end needs code for one motion; where it is out
+    "singly": (1,),  # of the model or not finite; where nothing moves
+    "doubtful": (1,),
+    "idle": (1,),
+    "period": (1,),  # turn of the synchronous speed (s)
+    "counted": (1,),  # steps in this period, and when it began (s)
+    "counted_from": (1,),
+    "steps": (1,),
+    "rejected": (1,),
+}
+#: Four columns side by side.
+_QUADS = {f"{name}4": (name, (2, 4)) for name in ("y", "v", "y0", "v0", "a", "weights")}
+
 
 def degree_of(tolerance: float) -> int:
     """Choose the degree of the series for a tolerance."""
     return min(max(round(DEGREE - DEGREES_PER_DECADE * (math.log10(tolerance) + 6.0)), MIN_DEGREE), MAX_DEGREE)
+
+
+class Group(NamedTuple):
+    """Motions side by side, as compiled code knows them: what an automaton has, with an axis of lanes in front."""
+
+    p: npt.NDArray[np.void]
+    inelastic: npt.NDArray[np.void]
+    runs: npt.NDArray[np.void]
+    recent: FloatArray
+    events: npt.NDArray[np.void]
+    begins: FloatArray  # of steps
+    lengths: FloatArray
+    c: FloatArray
+    ends: FloatArray
+    pieces: npt.NDArray[np.void]
+    used: npt.NDArray[np.void]
+    start: int
+    parameters: int  # address of the first
+    words: FloatArray  # the parameters as numbers
+    status: npt.NDArray[np.void]
+    lanes: Any  # records of lanes: LANES, and of the series
+    room: Any
+    rows: Any
+    degree: int
+    keep: bool  # whether steps are kept for observers
+    max_steps: int
+
+
+def group_of(automata: Sequence[Automaton], degree: int, max_steps: int, *, keep: bool) -> Group:
+    """Make a group of automata; that of one shares its memory, of several each has a copy in the group."""
+    width = len(automata)
+
+    def joined(values: Sequence[Any]) -> Any:
+        arrays = [np.asarray(value)[np.newaxis] for value in values]
+        return arrays[0] if width == 1 else np.concatenate(arrays)
+
+    names = ("p", "inelastic", "run", "recent", "events")
+    p, inelastic, runs, recent, events = (joined([getattr(h, name) for h in automata]) for name in names)
+    steps = [joined([part for part in parts]) for parts in zip(*(h.steps for h in automata), strict=True)]
+    return Group(
+        p,
+        inelastic,
+        runs,
+        recent,
+        events,
+        *steps,
+        start=automata[0].start,
+        parameters=p.ctypes.data,
+        words=p.view(np.float64).reshape(width, -1),
+        status=statuses(width),
+        lanes=lanes_record(width, LANES, _QUADS),
+        room=room(width),
+        rows=parameter_rows(width),
+        degree=degree,
+        keep=keep,
+        max_steps=max_steps,
+    )
 
 
 class TaylorEngine:
@@ -59,304 +177,401 @@ class TaylorEngine:
 
     def __init__(self, scene: Scene, p: Parameters) -> None:
         self.degree = degree_of(scene.solver.tolerance)
+        self.max_steps = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
         self._p = p  # not a copy: a drive's program changes it in place
         self._run_loop = same_types(run_loop)
-        self._e = empty_records()
-        self._e.status["degree"] = self.degree
-        self._e.status["max_steps"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
+        self._h: Automaton | None = None
+        self._groups: list[Group] = []  # of one motion, and of several
+
+    def side_by_side(self, automata: Sequence[Automaton]) -> Group:
+        """Make a group of motions of the scene, none of which is there yet; observers read none of their steps."""
+        group = group_of(automata, self.degree, self.max_steps, keep=False)
+        group.lanes["idle"][:] = 1.0
+        self._groups.append(group)
+        return group
 
     @property
     def work(self) -> dict[str, int | None]:
         """How much was done so far."""
-        status = self._e.status
-        return dict.fromkeys(WORK) | {"steps": int(status["steps"]), "error_test_failures": int(status["rejected"])}
+        steps, rejected = (sum(int(g.lanes[name].sum()) for g in self._groups) for name in ("steps", "rejected"))
+        return dict.fromkeys(WORK) | {"steps": steps, "error_test_failures": rejected}
 
     @property
     def detail(self) -> str:
         """Why the integrator failed."""
-        status = self._e.status
-        if status["counted"] > status["max_steps"]:
-            return f"taylor: more than {int(status['max_steps'])} steps within a period"
-        return "taylor: no step is short enough" if status["short"] else "the series is not finite"
+        if any(g.lanes["counted"].max() > self.max_steps for g in self._groups):
+            return f"taylor: more than {self.max_steps} steps within a period"
+        short = any(g.status["short"].any() for g in self._groups)
+        return "taylor: no step is short enough" if short else "the series is not finite"
 
     def advance(self, h: Automaton) -> None:
         """Go on with a run; see :class:`vibroplat.integrate.interface.Engine`."""
-        self._run_loop(h, self._e)
+        if self._h is not h:
+            self._h, self._groups = h, [group_of([h], self.degree, self.max_steps, keep=True)]
+        self._run_loop(self._groups[0])
 
     def close(self) -> None:
         """Do nothing: Python frees what the engine holds."""
 
 
-#: Coefficients at the end of a series that choose its step. Kloss' torque has complex poles, which let pairs of them
-#: vanish by turns: of the last two, an error of 1e-6 becomes 2e-5.
-ERROR_COEFFICIENTS = 4
-
-#: Largest difference of accelerations at the end of a step, times its length over its degree, in tolerances of rates.
-MAX_DEFECT = 5.0
-
-#: Round-off of an acceleration over the sum of its polynomial's terms.
-_NOISE = 1e3 * float(np.finfo(float).eps)
-#: Truncation of a guard that is round-off beside the sum of its polynomial's terms.
-_NO_TRUNCATION = 4.0 * float(np.finfo(float).eps)
-
-#: Shortest step, as a part of a period.
-MIN_STEP = 1e-13
-
-#: Why a segment ends, besides the reasons of the loop: it does not; there is no room for more steps.
-_ON, _FULL = -1, 9
-
-#: What the engine remembers.
-STATUS = np.dtype(
-    [
-        ("at_end", float, (3, 8)),  # coordinates, rates and accelerations at the end of a step by its polynomial
-        ("sizes", float, WIDTH),  # sums of the sizes of a step's coefficients but the first
-        ("y", float, FULL_SIZE),  # unknowns at the beginning of a step, and at its end
-        ("ahead", float, FULL_SIZE),
-        ("weights", float, 8),  # one over the tolerances of rates, then 0, and in column FORCE of F_c
-        ("guard", float, (MAX_DEGREE + 1, 1)),  # a guard's polynomial, and one that bounds it
-        ("bound", float, (MAX_DEGREE + 1, 1)),
-        ("done", float),  # time of the segment (s)
-        ("counted_from", float),  # when the counted steps began (s)
-        ("open", int),  # whether a segment is
-        ("degree", int),  # of the series
-        ("steps", int),
-        ("rejected", int),
-        ("counted", int),  # steps in this period, and most of them
-        ("max_steps", int),
-        ("short", int),  # whether steps have become too short
-        ("resting", int),  # exciter that comes to rest at the end of a step, or −1
-    ],
-    align=True,
-)
+def loop_arguments(h: Automaton) -> tuple[Group]:
+    """Make the arguments of :func:`run_loop` for an automaton."""
+    return (group_of([h], h.steps.degree, MAX_STEPS, keep=True),)
 
 
-class Expansion(NamedTuple):
-    """What compiled code needs of the engine: a series' :data:`vibroplat.model.series.ROOM`, and a :data:`STATUS`."""
-
-    room: Any
-    status: Any
-
-
-def empty_records() -> Expansion:
-    """Make what compiled code needs of the engine, empty."""
-    return Expansion(room(), in_lines((STATUS.itemsize // 8,)).view(STATUS)[0])
-
-
-@compiled
-def run_loop(owned_h: Automaton, owned_e: Expansion) -> None:
-    """Go through segments and resets until there is no room for more steps or the run has ended."""
-    h, e = borrow(owned_h), borrow(owned_e)
-    rewind(h.steps)
-    while h.run.outcome == RUNNING:
-        if e.status.open == 0:
-            full = h.steps.used.steps + 1 + MARGIN > h.steps.start.size or h.run.events + 2 > h.events.size
-            if full or not loop.begin_segment(h):
-                return
-            start(h, e)
-        stop = _ON
-        while stop == _ON:
-            stop = _FULL if h.steps.used.steps + MARGIN >= h.steps.start.size else step(h, e)
-        if stop == _FULL:
-            cut_piece(h)
-            return
-        e.status.open = 0
-        loop.end_segment(h, stop)
-
-
-@compiled
-def start(h: Automaton, e: Expansion) -> None:
-    """Begin a segment: its unknowns, the tolerances of its rates, its series."""
-    run, status = h.run, e.status
-    system = run.systems[run.mode]
-    n = DIFFERENTIAL[system] // 2
-    for i in range(2 * n):
-        status.y[i] = run.y[run.mode, i]
-    for i in range(FORCE):
-        status.weights[i] = 1.0 / run.atol[n + i] if i < n else 0.0
-    status.weights[FORCE] = 1.0 / run.atol[2 * n] if ALGEBRAIC[system] else 0.0
-    status.open, status.done = 1, 0.0
-    if run.origin <= status.counted_from:  # the motion has begun, or begun again
-        status.counted, status.counted_from = 0, run.origin
-    expand(system, run.origin, status.y, status.degree, e.room, h.p)
+# What is done with a motion alone: a segment is begun where there is none, a confirmed step is added, the end of a step
+# is looked at before the motion goes there, and after it; the mode of a state is found.
+_BEGIN, _ADD, _BEFORE, _BEHIND, FIRST = range(5)
 
 
 @inlined
-def step(h: Automaton, e: Expansion) -> int:
-    """Take a step by the series at its beginning, and move to its end; why the segment ends with it, or _ON."""
-    run, steps, status = h.run, h.steps, e.status
-    system, row, degree = run.systems[run.mode], steps.used.steps, status.degree
-    c = steps.c[row]
-    length = longest_step(e.room.q, degree, status.weights)
+def attend(g: Group, lane: int, task: int) -> bool:
+    """Do something with the motion in a lane; whether it goes on."""
+    steps = Steps(g.begins[lane], g.lengths[lane], g.c[lane], g.ends[lane], g.pieces[lane], g.used[lane])
+    address = g.parameters + 8 * lane * g.words.shape[1]
+    h = Automaton(
+        g.p[lane], g.inelastic[lane], g.runs[lane], g.recent[lane], g.events[lane], steps, g.start, address
+    )
+    if task == _BEGIN:
+        return begin(h, g, lane)
+    if task == _ADD:
+        add_step(h, g, lane)
+    elif task == _BEFORE:
+        look_at_end(h, g, lane)
+    elif task == FIRST:
+        loop.first_mode(h)
+    else:
+        look_behind(h, g, lane)
+    return True
+
+
+@fused
+def run_loop(owned_g: Group) -> int:
+    """Carry motions on until one has ended or has no room for more steps: its lane; −1 once all are idle."""
+    g = borrow(owned_g)
+    s, r, p = as_lanes(g.lanes), as_lanes(g.room), as_lanes(g.rows)
+    align_stack(s.t)
+    for lane in range(g.status.size):
+        g.used[lane].steps = g.used[lane].first = g.used[lane].pieces = 0
     while True:
-        if not length >= MIN_STEP * run.period:
-            status.short = 1 if length > 0.0 else 0
-            return FAILED if length > 0.0 else NOT_FINITE
-        stop, length = end_of_step(h, e, c, min(length, run.until - status.done))
-        status.steps += 1
-        horner_8(e.room.q, degree, length, status.at_end)
-        if accept_step(h, e, system, stop, length):
-            break
-        status.rejected += 1
-        expand(system, run.origin + status.done, status.y, degree, e.room, h.p)
-        length *= 0.5
-    n = DIFFERENTIAL[system] // 2
-    steps.start[row], steps.length[row] = status.done, length
-    for i in range(2 * n):
-        steps.ends[row, i] = status.y[i] = status.ahead[i]
-    if ALGEBRAIC[system]:
-        steps.ends[row, 2 * n] = status.at_end[0, FORCE]
-    if stop == AT_TARGET:
-        steps.ends[row, 3] = run.target - run.turns[0]
-    steps.used.steps = row + 1
-    status.done += length
-    run.zeros = 0  # they were of the segment's start
-    if stop != _ON:
-        return stop
-    status.counted += 1
-    now = run.origin + status.done
-    if now - status.counted_from >= run.period:
-        status.counted, status.counted_from = 0, now
-    return FAILED if status.counted > status.max_steps else _ON
+        for lane in range(g.status.size):
+            open_ = g.status[lane].open == 1 and g.status[lane].full == 0
+            if not (open_ or g.lanes.idle[lane] > 0.5 or attend(g, lane, _BEGIN)):
+                return lane
+        if not some(s.idle < 0.5):
+            return -1
+        expand(s, g.degree, r, p)
+        confirm(g, s, r)
+        propose(g, s, r, p)
 
 
 @inlined
-def longest_step(q: FloatArray, degree: int, weights: FloatArray) -> float:
+def begin(h: Automaton, g: Group, lane: int) -> bool:
+    """Begin a segment, unless the motion has ended or has no room for more steps."""
+    status = g.status[lane]
+    if status.full == 1:
+        status.full = 0
+        cut_piece(h)
+        return False
+    if h.run.outcome != RUNNING:
+        return False
+    if not g.keep:
+        rewind(h.steps)
+        h.run.events = 0
+    elif h.steps.used.steps + 1 + MARGIN > h.steps.start.size or h.run.events + 2 > h.events.size:
+        return False
+    if not loop.begin_segment(h):
+        return False
+    start(h, g, lane)
+    return True
+
+
+@compiled
+def start(h: Automaton, g: Group, lane: int) -> None:
+    """Begin a segment: its state, the tolerances of its rates, its mode as data, its parameters."""
+    run, s = h.run, g.lanes
+    system = run.systems[run.mode]
+    n, layers = DIFFERENTIAL[system] // 2, LAYERS[system]
+    for i in range(FORCE):
+        s.y[i, lane], s.v[i, lane], s.weights[i, lane] = run.state[i], run.state[FORCE + i], 0.0
+    for i in range(n):
+        s.weights[PLACES[system, i], lane] = 1.0 / run.atol[n + i]
+    s.force_weight[lane] = 1.0 / run.atol[2 * n] if ALGEBRAIC[system] else 0.0
+    s.attached[lane] = 1.0 if ALGEBRAIC[system] else 0.0
+    s.flying[lane] = 1.0 if layers > 0 and not ALGEBRAIC[system] else 0.0
+    s.two[lane] = 1.0 if layers == 2 else 0.0
+    s.lower_share[lane] = 1.0 / h.p.lower_mass if layers > 0 else 0.0
+    s.origin[lane], s.t[lane], s.done[lane], s.until[lane] = run.origin, run.origin, 0.0, run.until
+    s.cap[lane], s.pending[lane], s.period[lane], s.target[lane] = _LONG, 0.0, run.period, run.target - run.turns[0]
+    g.status[lane].open, g.status[lane].before = 1, 0.0
+    if run.origin <= s.counted_from[lane]:  # the motion has begun, or begun again
+        s.counted[lane], s.counted_from[lane] = 0.0, run.origin
+    for i in range(WORDS):
+        g.rows.words[i, lane] = g.words[lane, i]
+
+
+@fused_inline
+def largest(quad: Any) -> Lanes:
+    """Largest of four columns."""
+    first, second = part(quad)
+    first, second = part(greater(first, second))
+    return greater(first, second)
+
+
+@fused_inline
+def total(quad: Any) -> Lanes:
+    """Sum of four columns."""
+    first, second = part(quad)
+    first, second = part(first + second)
+    return first + second
+
+
+@fused_inline
+def confirm(g: Group, s: Any, r: Any) -> None:
+    """Confirm the last steps by the accelerations and F_c that the next series begin with, or take them back."""
+    quads = r.quads
+    share, worst, sums = s.length * (1.0 / g.degree), size(s.y[FORCE] - r.q[0, FORCE]) * s.force_weight, zero(s.length)
+    for i in range(2):
+        worst = greater(worst, largest(size(s.a4[i] - 2.0 * quads[2, i]) * s.weights4[i]) * share)
+        sums += total(quads[2, i])
+    good = (worst <= greater(s.noise, MAX_DEFECT)) & is_finite(sums)
+    kept = select(good, s.pending, 0.0)
+    back = s.pending > kept
+    # whether the difference is round-off, which few steps need to know, the same step says once more
+    s.cap = select(back, select(s.noisy > 0.5, 0.5 * s.length, s.length), _LONG)
+    if some(back):
+        s.noisy = select(back, 1.0, s.noisy)
+        s.rejected += s.pending - kept
+        s.done = select(back, s.done0, s.done)
+        s.t = s.origin + s.done
+        for i in range(2):
+            s.y4[i], s.v4[i] = select(back, s.y04[i], s.y4[i]), select(back, s.v04[i], s.v4[i])
+    s.pending = kept
+    s.counted += kept
+    for lane in range(g.status.size):
+        if g.lanes.pending[lane] > 0.5:
+            attend(g, lane, _ADD)
+    over = s.t - s.counted_from >= s.period
+    s.counted, s.counted_from = select(over, 0.0, s.counted), select(over, s.t, s.counted_from)
+
+
+@inlined
+def add_step(h: Automaton, g: Group, lane: int) -> None:
+    """Add a confirmed step to those that observers read, or note its duration."""
+    s, status = g.lanes, g.status[lane]
+    h.run.zeros = 0  # they were of the segment's start
+    status.before = s.length[lane]
+    if g.keep:
+        write_step(h, g, lane, h.steps.used.steps)
+        h.steps.used.steps += 1
+        status.full = 1 if h.steps.used.steps + MARGIN >= h.steps.start.size else 0
+
+
+@inlined
+def write_step(h: Automaton, g: Group, lane: int, row: int) -> None:
+    """Write beginning, duration and end of a step whose polynomials are in a row already."""
+    s, steps = g.lanes, h.steps
+    system = h.run.systems[h.run.mode]
+    n = DIFFERENTIAL[system] // 2
+    steps.start[row], steps.length[row] = s.done0[lane], s.length[lane]
+    for i in range(n):
+        place = PLACES[system, i]
+        steps.ends[row, i], steps.ends[row, n + i] = s.y[place, lane], s.v[place, lane]
+    if ALGEBRAIC[system]:
+        steps.ends[row, 2 * n] = s.y[FORCE, lane]
+
+
+@fused_inline
+def longest_step(s: Any, q: Any, quads: Any, degree: int) -> Lanes:
     """Longest step with which none of the last coefficients of rates, and of F_c, is above its tolerance (s)."""
-    least = -np.inf
+    least = zero(s.length) - _LONG
     for m in range(ERROR_COEFFICIENTS + 1):
         k = degree - m  # rates have k times the coefficient of their coordinate, and the exponent of F_c before it
-        largest = 0.0
+        i, worst = at(k), zero(s.length)
         if m < ERROR_COEFFICIENTS:
-            for i in range(FORCE):
-                largest = max(largest, abs(q[k, i]) * weights[i])
-            largest *= k
+            first, second = size(quads[i, 0]) * s.weights4[0], size(quads[i, 1]) * s.weights4[1]
+            worst = float(k) * largest(greater(first, second))
         if m > 0:
-            largest = max(largest, abs(q[k - 1, FORCE]) * weights[FORCE])
-        if largest > 0.0:
-            least = max(least, math.log(largest) / (k - 1))
-    return math.exp(-least)
+            worst = greater(worst, size(q[at(k - 1), FORCE]) * s.force_weight)
+        least = greater(least, log2(greater(worst, _NOTHING)) * (1.0 / (k - 1.0)))
+    return exp2(-least)
 
 
-@inlined
-def end_of_step(h: Automaton, e: Expansion, c: FloatArray, length: float) -> tuple[int, float]:
-    """Write the series as a step's polynomials, and find where the step ends: why the segment does, and its length."""
-    run, status, degree = h.run, e.status, e.status.degree
-    system = run.systems[run.mode]
-    n, guard = DIFFERENTIAL[system] // 2, GUARDS[system]
-    stop, share = AT_TIME if length >= run.until - status.done else _ON, 1.0
-    while True:
-        put_step(e.room.q, degree, length, n, c)
-        sizes_16(c, 1, degree, status.sizes)
-        fall, sure = guard_fall(c, degree, guard, run.zeros, ALGEBRAIC[system], e) if guard >= 0 else (-1.0, True)
-        if sure:
-            break
-        stop, length = _ON, 0.5 * length
-    if fall >= 0.0:
-        stop, share = AT_GUARD, fall
-    status.resting = -1
-    for i in range(2):
-        j = n + 3 + i
-        if abs(c[0, j]) <= status.sizes[j]:
-            rest = find_standstill(c, degree, j, status.guard)
-            if 0.0 <= rest < share:
-                stop, share, status.resting = _ON, rest, i
-    if share < 1.0:
-        length *= share
-        put_step(e.room.q, degree, length, n, c)
-    target = run.target - run.turns[0]
-    # the last steps before it alone, as sizes of coefficients say with room for round-off; none without one, nan
-    if c[0, 3] + 2.0 * status.sizes[3] >= target:
-        angle = c[degree, 3]  # of exciter 1 at the end
-        for k in range(degree - 1, -1, -1):
-            angle += c[k, 3]
-        if angle >= target:
-            stop, status.resting = AT_TARGET, -1
-            length *= crossing(c, degree, 3, target)
-            put_step(e.room.q, degree, length, n, c)
-    return stop, length
+@fused_inline
+def may_end(s: Any, q: Any, degree: int, h: Lanes) -> Any:
+    """Where a step may hold a fall of the guard, a standstill, or the angle that ends the run.
 
-
-@inlined
-def guard_fall(c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bool, e: Expansion) -> tuple[float, bool]:
-    """Fraction of a step at which its guard falls through zero, −1 if it does not, and whether that is sure.
-
-    A guard is its polynomial of degree d and a remainder, which is taken to be within T sᵈ at fraction s of the step; T
-    is the sum of the sizes of the last four coefficients, as much as is left where coefficients halve every four. No
-    fall of the polynomial is missed (:func:`vibroplat.kernels.polynomial.first_downcrossing`). Whether the guard falls
-    in the step is sure, within these bounds, if polynomial − T sᵈ does not fall, or polynomial + T sᵈ does as well. If
-    it is not, as near a touch, a shorter step will be, for T shrinks with sᵈ; where T is round-off the polynomial
-    decides. Where a step holds a touch and then a fall, the polynomial alone says which is first: T sᵈ is least there.
+    What is left out by sums of sizes here has none of these for :func:`end_of_step` either.
     """
-    used = degree - 2 if algebraic else degree
-    rest, first = 0.0, 0
-    for k in range(used - ERROR_COEFFICIENTS + 1, used + 1):
-        rest += abs(c[k, guard])
-    if c[0, guard] > e.status.sizes[guard] + rest:
-        return -1.0, True
-    while first < zeros and c[first, guard] <= 0.0:
-        first += 1
-    lowest, at_end = c[first, guard] - rest, c[first, guard]
-    for k in range(max(first + 1, zeros), used + 1):
-        lowest += min(c[k, guard], 0.0)
-        at_end += c[k, guard]
-    if lowest > 0.0:
-        return -1.0, True
-    for k in range(used + 1):
-        e.status.guard[k, 0] = e.status.bound[k, 0] = c[k, guard]
-    fall = first_downcrossing(e.status.guard, used, 0, zeros)
-    if rest <= _NO_TRUNCATION * (abs(c[0, guard]) + e.status.sizes[guard]) or (fall >= 0.0 and at_end < -rest):
-        return fall, True
-    e.status.bound[used, 0] += rest if fall >= 0.0 else -rest
-    return fall, (first_downcrossing(e.status.bound, used, 0, zeros) >= 0.0) == (fall >= 0.0)
+    attached = s.attached > 0.5
+    none = zero(h)
+    power, sizes, down, rest = h, none, none, none
+    turned, faster, slower = none, none, none
+    for k in range(1, degree + 1):
+        i = at(k)
+        c = select(attached, q[i, FORCE], q[i, 5]) * power
+        sizes, down = sizes + size(c), down + lesser(c, 0.0)
+        if k > degree - ERROR_COEFFICIENTS - 2:
+            rest += size(c)
+        following = power * (k + 1.0)
+        turned += size(q[i, 3]) * power
+        faster += size(q[at(k + 1), 3]) * following
+        slower += size(q[at(k + 1), 4]) * following
+        power *= h
+    first = select(attached, q[0, FORCE], q[0, 5])
+    falls = (first <= sizes + rest) & (first + down - rest <= 0.0) & (s.attached + s.flying > 0.5)
+    stops = (size(s.v[3]) <= faster) | (size(s.v[4]) <= slower)
+    return falls | stops | (s.y[3] + 2.0 * turned >= s.target)
+
+
+@fused_inline
+def propose(g: Group, s: Any, r: Any, p: Any) -> None:
+    """Choose the next steps, and move to their ends by their polynomials."""
+    q, quads, degree = r.q, r.quads, g.degree
+    left = s.until - s.done
+    length = lesser(longest_step(s, q, quads, degree), s.cap)
+    singly = may_end(s, q, degree, lesser(length, left)) | (length >= left) | (s.counted > 1.0 * g.max_steps)
+    # what is no number is not long enough
+    s.singly = select(singly, 1.0, select(length >= MIN_STEP * s.period, 0.0, 1.0))
+    s.length = lesser(length, left)
+    s.pending = 1.0 - s.idle
+    for lane in range(g.status.size):
+        attend(g, lane, _BEFORE)
+    s.steps += s.pending
+    move(s, q, quads, degree)
+    good = (size(s.y[2]) <= p.safe_rotation) & is_finite(total(s.a4[0]) + total(s.a4[1]))
+    s.doubtful = select(good, 0.0, s.pending)
+    if some(greater(s.singly, s.doubtful) > 0.5):
+        for lane in range(g.status.size):
+            if g.lanes.pending[lane] > 0.5 and (g.lanes.singly[lane] > 0.5 or g.lanes.doubtful[lane] > 0.5):
+                attend(g, lane, _BEHIND)
+
+
+@inlined
+def is_finite(x: Lanes) -> Any:
+    """Whether a number is finite."""
+    return x - x == 0.0
+
+
+@fused_inline
+def move(s: Any, q: Any, quads: Any, degree: int) -> None:
+    """Move to the ends of the steps, and note where they began."""
+    length, goes = s.length, s.pending > 0.5
+    for i in range(2):
+        y, v, a = quads[degree, i], zero(s.y4[i]), zero(s.y4[i])
+        for k in range(degree - 1, -1, -1):
+            a, v, y = a * length + v, v * length + y, y * length + quads[at(k), i]
+        s.y04[i], s.v04[i], s.a4[i] = s.y4[i], s.v4[i], 2.0 * a
+        s.y4[i], s.v4[i] = select(goes, y, s.y4[i]), select(goes, v, s.v4[i])
+    s.done0 = s.done
+    s.done = select(goes, s.done + length, s.done)
+    s.t = s.origin + s.done
+    if some(s.noisy > 0.5):
+        s.noise = _NOISE * round_off(s, q, quads, degree)
+
+
+@fused_inline
+def round_off(s: Any, q: Any, quads: Any, degree: int) -> Lanes:
+    """Sums of the sizes of the terms that make the accelerations and F_c at the ends of the steps, in tolerances."""
+    length, force, worst = s.length, zero(s.length), zero(s.length)
+    for k in range(degree, -1, -1):
+        force = force * length + size(q[at(k), FORCE])
+    for i in range(2):
+        terms = zero(s.y4[i])
+        for k in range(degree, 1, -1):
+            terms = terms * length + k * (k - 1.0) * size(quads[at(k), i])
+        worst = greater(worst, largest(terms * s.weights4[i]))
+    return greater(worst * length * (1.0 / degree), force * s.force_weight)
+
+
+@inlined
+def look_at_end(h: Automaton, g: Group, lane: int) -> None:
+    """Write the polynomials of a lane's step where they are needed, and find whether it ends earlier, or not at all."""
+    s, status, degree = g.lanes, g.status[lane], g.degree
+    status.stop, status.resting = ON, -1
+    if status.full == 1 or s.pending[lane] < 0.5:
+        s.pending[lane] = s.singly[lane] = 0.0
+        return
+    row = h.steps.used.steps if g.keep else (1 if status.before > 0.0 else 0)
+    if s.singly[lane] > 0.5:
+        length = s.length[lane]
+        if length >= MIN_STEP * h.run.period and s.counted[lane] <= g.max_steps:
+            length = end_of_step(h, status, g.room.q, lane, degree, s.done[lane], length, h.steps.c[row])
+            s.length[lane] = length
+        if not (length >= MIN_STEP * h.run.period and s.counted[lane] <= g.max_steps):
+            status.short = 1 if length > 0.0 else 0
+            s.pending[lane] = s.singly[lane] = 0.0
+            status.open = 0
+            loop.end_segment(h, FAILED if length > 0.0 else NOT_FINITE)
+    elif g.keep:
+        write_series(h, g, lane, row)
+
+
+@inlined
+def write_series(h: Automaton, g: Group, lane: int, row: int) -> None:
+    """Write the series of a lane as the polynomials of its step."""
+    system = h.run.systems[h.run.mode]
+    n = DIFFERENTIAL[system] // 2
+    put_step(g.room.q, lane, g.degree, g.lanes.length[lane], n, is_shifted(system), h.steps.c[row])
+
+
+@inlined
+def look_behind(h: Automaton, g: Group, lane: int) -> None:
+    """Confirm the step of a lane at once where its segment ends, and end that; take back a step out of the model."""
+    s, status = g.lanes, g.status[lane]
+    if status.resting >= 0:
+        s.v[3 + status.resting, lane] = 0.0
+    if status.stop == ON and s.doubtful[lane] < 0.5:
+        return
+    if not agrees(h, g, lane):
+        take_back(g, lane)
+        return
+    if status.stop == ON:
+        return
+    row = h.steps.used.steps
+    if not g.keep and status.before > 0.0:
+        h.steps.start[0], h.steps.length[0] = s.done0[lane] - status.before, status.before
+        row = h.steps.used.steps = 1
+    write_step(h, g, lane, row)
+    if status.stop == AT_TARGET:
+        h.steps.ends[row, 3] = h.run.target - h.run.turns[0]
+    h.steps.used.steps += 1
+    h.run.zeros = 0  # they were of the segment's start
+    s.pending[lane] = 0.0
+    status.open = 0
+    loop.end_segment(h, status.stop)
+
+
+@inlined
+def take_back(g: Group, lane: int) -> None:
+    """Take a step back, for one of half its length."""
+    s = g.lanes
+    for i in range(8):
+        s.y[i, lane], s.v[i, lane] = s.y0[i, lane], s.v0[i, lane]
+    s.done[lane], s.cap[lane], s.pending[lane] = s.done0[lane], 0.5 * s.length[lane], 0.0
+    s.t[lane] = s.origin[lane] + s.done[lane]
+    s.rejected[lane] += 1.0
 
 
 @compiled
-def find_standstill(c: FloatArray, degree: int, j: int, room: FloatArray) -> float:
-    """Fraction of a step at which the rate in column j passes zero, −1 if it does not; not at the step's beginning."""
-    first = 0
-    while first < degree and c[first, j] == 0.0:
-        first += 1
-    sense = 1.0 if c[first, j] > 0.0 else -1.0
-    for k in range(degree + 1):
-        room[k, 0] = sense * c[k, j]
-    return first_downcrossing(room, degree, 0, first)
-
-
-@inlined
-def accept_step(h: Automaton, e: Expansion, system: int, stop: int, length: float) -> bool:
-    """Whether a step ends where the model holds, with the accelerations and the contact force of the equations there.
-
-    Leaves the unknowns there in ``ahead``, and their series.
-    """
-    run, n, ahead, at_end = h.run, DIFFERENTIAL[system] // 2, e.status.ahead, e.status.at_end
+def agrees(h: Automaton, g: Group, lane: int) -> bool:
+    """Whether a step ends where the model holds, with the accelerations and the contact force of the equations there."""
+    s, status, system = g.lanes, g.status[lane], h.run.systems[h.run.mode]
+    n, y, yp = DIFFERENTIAL[system] // 2, g.status[lane].y, g.status[lane].yp
     for i in range(n):
-        ahead[i], ahead[n + i] = at_end[0, i], at_end[1, i]
-    if e.status.resting >= 0:
-        ahead[n + 3 + e.status.resting] = 0.0
-    if not (finite(ahead[: 2 * n]) and is_definite(ahead, h.p)):
+        place = PLACES[system, i]
+        y[i], y[n + i] = s.y[place, lane], s.v[place, lane]
+    addresses = (y.ctypes.data, yp.ctypes.data, status.ypp.ctypes.data)
+    if call_int(h.start, (system, s.t[lane], *addresses, h.parameters, CONSISTENT)) == 0:
         return False
-    degree = e.status.degree
-    force = at_end[0, FORCE]
-    expand(system, run.origin + e.status.done + length, ahead, degree if stop == _ON else 2, e.room, h.p)
-    q, weights, worst = e.room.q, e.status.weights, abs(force - e.room.q[0, FORCE]) * e.status.weights[FORCE]
+    worst = 0.0
     for i in range(n):
-        difference = abs(at_end[2, i] - 2.0 * q[2, i])
-        worst = max(worst, difference * length / degree * weights[i])
+        place = PLACES[system, i]
+        difference = abs(s.a[place, lane] - yp[n + i])
         if not difference < np.inf:
             return False
-    return worst <= MAX_DEFECT or is_round_off(h.steps.c[h.steps.used.steps], n, worst, e)
-
-
-@compiled
-def is_round_off(c: FloatArray, n: int, worst: float, e: Expansion) -> bool:
-    """Whether a difference at the end of a step is round-off of the sums that made it."""
-    size = 0.0
-    for i in range(n):
-        terms = 0.0
-        for k in range(1, e.status.degree + 1):
-            terms += k * abs(c[k, n + i])
-        size = max(size, terms / e.status.degree * e.status.weights[i])
-    force = 0.0
-    for k in range(e.status.degree + 1):
-        force += abs(c[k, 2 * n])
-    return worst <= _NOISE * max(size, force * e.status.weights[FORCE])
+        worst = max(worst, difference * s.weights[place, lane])
+    worst *= s.length[lane] / g.degree
+    if ALGEBRAIC[system]:
+        worst = max(worst, abs(s.y[FORCE, lane] - y[2 * n]) * s.force_weight[lane])
+    return worst <= max(MAX_DEFECT, s.noise[lane])

@@ -34,7 +34,7 @@ from numba.extending import intrinsic
 
 from vibroplat.errors import VibroplatError
 from vibroplat.kernels.cache import KernelCache, cache_of, folder
-from vibroplat.kernels.target import TARGET, InsideLibrary
+from vibroplat.kernels.target import TARGET, WIDE_TARGET, InsideLibrary
 from vibroplat.system.compile_lock import is_second, locked
 
 if getattr(numba.config, "DISABLE_JIT", 0):
@@ -158,6 +158,17 @@ class _InsideCompiler(Compiler):
     def __init__(self, typing_context: Any, context: Any, library: Any, *rest: Any) -> None:
         library = library or InsideLibrary(context.codegen(), "kernel")  # type: ignore[no-untyped-call]
         super().__init__(typing_context, context, library, *rest)  # type: ignore[no-untyped-call]
+
+
+class _WideKernel(Kernel):
+    """A kernel that Python alone calls, for the widest vectors of this machine."""
+
+    targetdescr = WIDE_TARGET
+
+
+def wide(function: Callable[P, T]) -> Callable[P, T]:
+    """Compile a kernel that carries several motions."""
+    return cast("Callable[P, T]", _WideKernel(function))
 
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:

@@ -16,7 +16,6 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.kernels.pairs import PAIR, Pair, pair_of
 
 INDEX = ir.IntType(64)
 PLACE = ir.IntType(32)
@@ -96,70 +95,20 @@ def loop(builder: Any, first: Any, last: Any, step: int, initial: list[Any], bod
     phis = [builder.phi(number.type) for number in before]
     after = [*body(phis[0], phis[1:])]
     after.insert(0, builder.add(phis[0], ir.Constant(INDEX, step)))
+    behind = builder.block  # where the body has ended
     builder.cbranch(builder.icmp_signed(order, after[0], last), loop, end)
     builder.position_at_end(end)
     results = [builder.phi(number.type) for number in before]
     for phi, result, number, next_number in zip(phis, results, before, after, strict=True):
         for merged in (phi, result):
             merged.add_incoming(number, entry)
-            merged.add_incoming(next_number, loop)
+            merged.add_incoming(next_number, behind)
     return results
 
 
 def multiply_add(builder: Any, a: Any, b: Any, c: Any) -> Any:
     """Return a b + c."""
     return builder.fadd(builder.fmul(a, b, flags=_FUSED), c, flags=_FUSED)
-
-
-def _cauchy(numbers: int) -> Any:
-    """Make the intrinsic for rows of so many numbers."""
-
-    @intrinsic
-    def products(typing_context: Any, a: Any, b: Any, n: Any, last: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            first_rows, second_rows = (Rows(context, builder, signature.args[i], values[i], numbers) for i in (0, 1))
-            n, last = values[2], values[3]
-            one, two = ir.Constant(INDEX, 1), ir.Constant(INDEX, 2)
-            zero = ir.Constant(first_rows.vector, [0.0] * numbers)
-
-            def add_product(total: Any, j: Any) -> Any:
-                return multiply_add(builder, first_rows.load(j), second_rows.load(builder.sub(n, j)), total)
-
-            # two sums side by side: an addition need not wait for the one before
-            j, even, odd = loop(
-                *(builder, two, builder.sub(last, one), 2, [zero, zero]),
-                lambda j, sums: (add_product(sums[0], j), add_product(sums[1], builder.add(j, one))),
-            )
-            total, before = builder.fadd(even, odd, flags=_FUSED), builder.block
-            with builder.if_then(builder.icmp_signed("==", j, last)):
-                whole, within = add_product(total, j), builder.block
-            vector = builder.phi(total.type)
-            vector.add_incoming(total, before)
-            vector.add_incoming(whole, within)
-            sums = [builder.extract_element(vector, ir.Constant(PLACE, i)) for i in range(numbers)]
-            pairs = [pair_of(builder, *sums[i : i + 2]) for i in range(0, numbers, 2)]
-            return context.make_tuple(builder, signature.return_type, pairs)
-
-        return types.UniTuple(PAIR, numbers // 2)(a, b, types.int64, types.int64), generate
-
-    return products
-
-
-@intrinsic
-def _put_row(typing_context: Any, a: Any, row: Any, numbers: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        single: list[Any] = []
-        for kind, part in zip(signature.args[2], cgutils.unpack_tuple(builder, values[2]), strict=True):
-            places = range(2) if kind == PAIR else ()
-            single += [builder.extract_element(part, ir.Constant(PLACE, i)) for i in places] or [part]
-        rows = Rows(context, builder, signature.args[0], values[0], len(single))
-        vector = ir.Constant(rows.vector, ir.Undefined)
-        for i, number in enumerate(single):
-            vector = builder.insert_element(vector, number, ir.Constant(PLACE, i))
-        rows.store(values[1], vector)
-        return context.get_dummy_value()
-
-    return types.void(a, types.int64, numbers), generate
 
 
 def _horner(builder: Any, rows: Rows, degree: Any, places: list[Any], derivatives: int = 0) -> list[Any]:
@@ -338,38 +287,50 @@ def _means(typing_context: Any, samples: Any, weights: Any, nodes: Any, n: Any, 
 
 
 @intrinsic
-def _put_step(typing_context: Any, q: Any, degree: Any, length: Any, n: Any, c: Any) -> Any:
+def _put_step(
+    typing_context: Any, q: Any, lane: Any, degree: Any, length: Any, n: Any, shifted: Any, c: Any
+) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows, out_rows = (Rows(context, builder, signature.args[i], values[i], 8) for i in (0, 4))
-        _, degree, length, n, _ = values
+        _, lane, degree, length, n, shifted, _ = values
+        width = signature.args[0].shape[-1]
+        rows = Rows(context, builder, signature.args[0], values[0], 8)
+        out_rows = Rows(context, builder, signature.args[6], values[6], 8)
         one, zero = ir.Constant(INDEX, 1), ir.Constant(INDEX, 0)
         last = builder.add(n, n)
+        fifth, eleventh = (ir.Constant(INDEX, i) for i in (5, 11))
 
-        def body(k: Any, powers: list[Any]) -> list[Any]:
-            following, scale = builder.add(k, one), repeat(builder, powers[0], rows.vector)
-            order = repeat(builder, builder.fmul(powers[0], builder.sitofp(following, ir.DoubleType())), rows.vector)
-            coordinates, rates = builder.fmul(rows.load(k), scale), builder.fmul(rows.load(following), order)
+        def load(k: Any) -> Any:
+            if width == 1:
+                return rows.load(k)
+            row = ir.Constant(rows.vector, ir.Undefined)
+            for i in range(8):
+                single = rows.load_one(k, builder.add(lane, ir.Constant(INDEX, i * width)))
+                row = builder.insert_element(row, single, ir.Constant(PLACE, i))
+            return row
+
+        def body(k: Any, totals: list[Any]) -> list[Any]:
+            scale, row = totals
+            following = builder.add(k, one)
+            after = load(following)
+            order = repeat(builder, builder.fmul(scale, builder.sitofp(following, ir.DoubleType())), rows.vector)
+            coordinates = builder.fmul(row, repeat(builder, scale, rows.vector))
             out_rows.store(k, coordinates, zero)
+            rates = builder.fmul(after, order)
             out_rows.store(k, rates, n)
+            with builder.if_then(shifted):
+                for numbers, place in ((coordinates, fifth), (rates, eleventh)):
+                    out_rows.store(k, builder.extract_element(numbers, ir.Constant(PLACE, 6)), place)
             out_rows.store(k, builder.extract_element(coordinates, ir.Constant(PLACE, 7)), last)
-            return [builder.fmul(powers[0], length)]
+            return [builder.fmul(scale, length), after]
 
-        loop(builder, zero, degree, 1, [ir.Constant(ir.DoubleType(), 1.0)], body)
+        loop(builder, zero, degree, 1, [ir.Constant(ir.DoubleType(), 1.0), load(zero)], body)
         return context.get_dummy_value()
 
-    return types.void(q, types.int64, types.float64, types.int64, c), generate
+    kinds = types.int64, types.int64, types.float64, types.int64, types.boolean
+    return types.void(q, *kinds, c), generate
 
 
 if TYPE_CHECKING:
-
-    def put_row(a: FloatArray, row: int, numbers: tuple[float, ...]) -> None:
-        """Store numbers and pairs at the beginning of a row."""
-
-    def products_2(a: FloatArray, b: FloatArray, n: int, last: int) -> tuple[Pair]:
-        """Do as :func:`products_16` for rows of 2 numbers."""
-
-    def products_16(a: FloatArray, b: FloatArray, n: int, last: int) -> tuple[Pair, ...]:
-        """Return, for each of the 16 numbers of rows, the sum of a[j] b[n − j] from j = 2 to ``last``, as pairs."""
 
     def horner_16(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
         """Evaluate polynomials of 16 columns at s, with first derivatives: ``out`` has shape (2, 16)."""
@@ -419,25 +380,25 @@ if TYPE_CHECKING:
         In the last row are those of the products of the first four columns with those from n on.
         """
 
-    def horner_8(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
-        """Evaluate polynomials of 8 columns at s, with first and second derivatives: ``out`` has shape (3, 8)."""
-
-    def put_step(q: FloatArray, degree: int, length: float, n: int, c: FloatArray) -> None:
+    def put_step(
+        q: FloatArray, lane: int, degree: int, length: float, n: int, shifted: bool, c: FloatArray
+    ) -> None:
         """Write series in powers of time as a step's polynomials in its fraction: coordinates, rates, F_c.
 
         Parameters
         ----------
-        q
-            Coefficients, shape (degree + 2 or more, 8): n coordinates, then 0 up to column 7, F_c. The row after the
-            last is 0.
+        q, lane
+            Coefficients, shape (degree + 2 or more, 8 lanes), and which lane's: seven coordinates, then F_c. The row
+            after the last is 0.
         length
             Duration of the step (s).
+        n, shifted
+            Number of coordinates that count, and whether the seventh of them comes in place of the sixth.
         c
             Filled, shape (degree + 1, 16): coordinates, their rates from column n on, F_c in column 2n, then numbers of
             no meaning.
         """
 else:
-    products_2, products_16 = _cauchy(2), _cauchy(16)
-    put_row, put_step, horner_pair_16, sizes_16 = _put_row, _put_step, _horner_pair, _sizes
+    put_step, horner_pair_16, sizes_16 = _put_step, _horner_pair, _sizes
     exceeds_limits, means_16 = _exceeds_limits, _means
-    horner_16, horner_8 = _horner_at_one(16, derivatives=1), _horner_at_one(8, derivatives=2)
+    horner_16 = _horner_at_one(16, derivatives=1)

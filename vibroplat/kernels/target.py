@@ -8,6 +8,7 @@ everywhere, and computes the same bits. A user's own choice (``NUMBA_CPU_NAME``,
 from __future__ import annotations
 
 import platform
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -23,6 +24,18 @@ GENERIC = {
     "aarch64": ("generic", "neon"),
 }
 GENERIC |= {"AMD64": GENERIC["x86_64"], "arm64": GENERIC["aarch64"]}  # as other systems name them
+
+
+#: What vectors of eight numbers take, and the processor that kernels for them are compiled for: LLVM would halve them.
+_WIDE, _EIGHT = "avx512f avx512bw avx512cd avx512dq avx512vl", ("x86-64-v4", "-prefer-256-bit")
+
+
+@cache
+def lanes() -> int:
+    """Return how many motions go side by side in the processor's vectors."""
+    if processor() != (GENERIC["x86_64"][0], ""):
+        return 2 if processor()[0] == GENERIC["aarch64"][0] else 4
+    return 8 if {f"+{one}" for one in _WIDE.split()} <= set(get_host_cpu_features().split(",")) else 4
 
 
 @cache
@@ -74,13 +87,17 @@ class _NoMachineCode:
 
 
 class _Codegen(JITCPUCodegen):
-    """Numba's generator of machine code, for that processor."""
+    """Numba's generator of machine code, for a processor."""
+
+    def __init__(self, name: str, made_for: tuple[str, str]) -> None:
+        self._made_for = made_for
+        super().__init__(name)  # type: ignore[no-untyped-call]
 
     def _get_host_cpu_name(self) -> str:
-        return processor()[0]
+        return self._made_for[0]
 
     def _get_host_cpu_features(self) -> str:
-        return processor()[1]
+        return self._made_for[1]
 
     def unserialize_library(self, serialized: tuple[str, str, Any]) -> Any:
         """Load a kernel; of what others call there is no machine code, as when it has just been compiled.
@@ -100,9 +117,14 @@ class _Codegen(JITCPUCodegen):
 class _Target(CPUTarget):
     """Numba's target with a generator of its own: what others compile in this process stays for this machine."""
 
+    def __init__(self, made_for: Callable[[], tuple[str, str]]) -> None:
+        self._made_for = made_for
+        super().__init__("cpu")  # type: ignore[no-untyped-call]
+
     @threadsafe_cached_property
     def _toplevel_target_context(self) -> Any:
-        return cpu_target.target_context.subtarget(_internal_codegen=_Codegen("vibroplat"))  # type: ignore[no-untyped-call]
+        codegen = _Codegen("vibroplat", self._made_for())
+        return cpu_target.target_context.subtarget(_internal_codegen=codegen)  # type: ignore[no-untyped-call]
 
     @property
     def typing_context(self) -> Any:
@@ -110,4 +132,6 @@ class _Target(CPUTarget):
         return cpu_target.typing_context
 
 
-TARGET = _Target("cpu")  # type: ignore[no-untyped-call]
+TARGET = _Target(processor)
+#: The target of kernels that carry several motions.
+WIDE_TARGET = _Target(lambda: _EIGHT if lanes() == 8 else processor())  # noqa: PLR2004

@@ -391,28 +391,3 @@ def exp2(x: Lanes) -> Lanes:
     f = (x - whole) * 0.693147180559945309
     rest = 1.0 / 120.0 + f * (1.0 / 720.0 + f * (1.0 / 5040.0 + f * (1.0 / 40320.0)))
     return (1.0 + f * (1.0 + f * (1.0 / 2.0 + f * (1.0 / 6.0 + f * (1.0 / 24.0 + f * rest))))) * power(whole)
-
-
-@fused_inline
-def sine_cosine(x: Lanes) -> tuple[Lanes, Lanes]:
-    """Sine and cosine, to round-off below 1e5 rad.
-
-    π/2 has three parts, the first ones with so many zeros at their ends that their products with a number of quarter
-    turns are exact; coefficients on [−π/4, π/4] are those of Moshier, Cephes, 1989.
-    """
-    n = nearest(x * 0.63661977236758134308)
-    r = ((x - n * 1.57079625129699707031) - n * 7.54978941586159635335e-8) - n * 5.39030285815811905290e-15
-    z = r * r
-    s = (z * 1.58962301576546568060e-10 - 2.50507477628578072866e-8) * z + 2.75573136213857245213e-6
-    s = ((s * z - 1.98412698295895385996e-4) * z + 8.33333333332211858878e-3) * z - 1.66666666666666307295e-1
-    c = (z * -1.13585365213876817300e-11 + 2.08757008419747316778e-9) * z - 2.75573141792967388112e-7
-    c = ((c * z + 2.48015872888517045348e-5) * z - 1.38888888888730564116e-3) * z + 4.16666666666665929218e-2
-    s, c = r + r * z * s, 1.0 - 0.5 * z + z * z * c
-    quarter = n - 4.0 * nearest(0.25 * n)  # quarter turns, −2 to 2
-    quarter = select(quarter < 0.0, quarter + 4.0, quarter)
-    odd = size(quarter - 2.0) == 1.0
-    a, b = select(odd, c, s), select(odd, s, c)
-    lower_half = quarter > 1.5
-    # the cosine is the sine a quarter turn later
-    behind = (quarter > 0.5) & (quarter < 2.5)
-    return select(lower_half, -a, a), select(behind, -b, b)

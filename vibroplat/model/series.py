@@ -29,7 +29,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.kernels.compiled import fused, fused_inline, inlined
-from vibroplat.kernels.vectors import Lanes, Pair, align_stack, at, join, lanes_record, part, select, sine_cosine, some, zero
+from vibroplat.kernels.sines import sincos_pair
+from vibroplat.kernels.vectors import Lanes, Pair, align_stack, at, join, lanes_record, part, select, some, zero
 from vibroplat.model.accelerations import mobility, solve_rows
 from vibroplat.model.motor import MotorTerms, kloss_term, motor_at, resistance_term, square_term
 from vibroplat.model.parameters import PARAMETERS, Parameters
@@ -62,9 +63,10 @@ ROOM = (
 #: Coefficients of four coordinates side by side.
 QUADS = {"quads": ("q", (_ROWS, 2, 4))}
 
-#: The parameters, each as a row of motions, and all rows, those of :data:`vibroplat.model.parameters.PARAMETERS`.
-PARAMETER_ROWS = {name: (*PARAMETERS[name].shape, 1) for name in PARAMETERS.names or ()}
-WORDS = {"words": ("mass", (PARAMETERS.itemsize // 8, 1))}
+#: The parameters of a series, the first of :data:`vibroplat.model.parameters.PARAMETERS`, and all of them as rows.
+_NAMES = (PARAMETERS.names or ())[: (PARAMETERS.names or ()).index("restitution")]
+PARAMETER_ROWS = {name: (*PARAMETERS[name].shape, 1) for name in _NAMES}
+WORDS = int((PARAMETERS.fields or {})["restitution"][1]) // 8
 
 
 def room(width: int = 1) -> Any:
@@ -74,7 +76,7 @@ def room(width: int = 1) -> Any:
 
 def parameter_rows(width: int = 1) -> Any:
     """Make room for the parameters of so many motions."""
-    return lanes_record(width, PARAMETER_ROWS, WORDS)
+    return lanes_record(width, PARAMETER_ROWS, {"words": (_NAMES[0], (WORDS, 1))})
 
 
 class Constants(NamedTuple):
@@ -159,7 +161,7 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
     attached, flying, two, phi, turning_0 = motion.attached, motion.flying, motion.two, y[2], v[2]
     align_stack(phi)
     none = zero(phi)
-    (s1, s2), (c1, c2) = sines_of(y[3], y[4])
+    s1, c1, s2, c2 = sincos_pair(y[3], y[4])
     fixed_1, fixed_2 = constants_of(0, motion, s1, c1, p), constants_of(1, motion, s2, c2, p)
     inverse = compliance(fixed_1.couplings, fixed_2.couplings, mobility(attached, p), p)
     f = join(fixed_1, fixed_2)
@@ -200,14 +202,10 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
         x0, x1, x2, x5, x6 = v0 * share, v1 * share, v2 * share, v5 * share, v6 * share
         v0, v1, v2, v5, v6 = a[0] * share, a[1] * share, a[2] * share, opening * share, above * share
         r = at(k + 2)
-        q[r, 0], q[r, 1], q[r, 2], q[r, 3], q[r, 4] = (
-            a[0] * twofold,
-            a[1] * twofold,
-            a[2] * twofold,
-            a[3] * twofold,
-            a[4] * twofold,
-        )
-        q[r, 5], q[r, 6], q[at(k), FORCE] = opening * twofold, above * twofold, attached * contact
+        # rows are stored as they are loaded: a part of a row must else leave the processor before the whole comes back
+        room.quads[r, 0] = join(join(a[0], a[1]), join(a[2], a[3])) * twofold
+        room.quads[r, 1] = join(join(a[4], opening), join(above, none)) * twofold
+        q[at(k), FORCE] = attached * contact
         if k == 0:
             phi_1 = turning_0
         own = join(a[3], a[4])
@@ -249,13 +247,6 @@ def put_factors(
     room.c[r], room.s[r], room.w[m], room.u[m], room.ax[i], room.ay[i] = e.cosine, e.sine, e.speed, e.slip, e.ax, e.ay
     room.square[i], room.torque[i] = known.square, known.torque
     room.phi[r], room.turning[m], room.unbalances[i], room.centre[i], room.lifted[i] = turned
-
-
-@inlined
-def sines_of(first: Lanes, second: Lanes) -> tuple[Any, Any]:
-    """Sines, then cosines, of two angles."""
-    sine, cosine = sine_cosine(join(first, second))
-    return part(sine), part(cosine)
 
 
 @inlined

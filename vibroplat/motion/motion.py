@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.drive import interval_at
@@ -128,6 +129,21 @@ class Simulator:
         self.events = 0
         if not self._interval.start <= self.now < self._interval.end:
             self._change_supply()
+        self._first_mode(self.automaton)
+
+    def beginnings(self, states: FloatArray) -> npt.NDArray[np.void]:
+        """Return records of :data:`vibroplat.hybrid.state.RUN` of motions from full states, shape (motions, 14)."""
+        runs = np.repeat(self._beginning.reshape(1), len(states))
+        runs["state"] = states
+        return runs
+
+    def resume(self, run: np.void) -> None:
+        """Go on from where another motion of the scene is, a record of :data:`vibroplat.hybrid.state.RUN`."""
+        self._run[0] = run
+        self.events = 0
+
+    def find_mode(self) -> None:
+        """Find the mode of the present state, as at the beginning of a motion."""
         self._first_mode(self.automaton)
 
     def _change_supply(self) -> None:

@@ -213,7 +213,7 @@ def compile_loop(engine: str) -> None:
     if engine == "auto" or ENGINES[engine].loop:
         place, _, name = loop_of(engine).rpartition(".")
         module = import_module(f"vibroplat.{place}")
-        compile_for(getattr(module, name), _any_automaton(engine)[-1], module.empty_records())
+        compile_for(getattr(module, name), *module.loop_arguments(_any_automaton(engine)[-1]))
 
 
 def _any_automaton(engine: str) -> tuple[Scene, Parameters, Automaton]:
