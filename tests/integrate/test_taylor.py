@@ -2,21 +2,15 @@
 
 import numpy as np
 import pytest
-from numpy.polynomial import polynomial
 
 from vibroplat import Scene, simulate
-from vibroplat.integrate.taylor import (
-    ERROR_COEFFICIENTS,
-    TaylorEngine,
-    accept_step,
-    degree_of,
-    end_of_step,
-    find_standstill,
-    guard_fall,
-    longest_step,
-    start,
-)
+from vibroplat.hybrid.state import RUNNING
+from vibroplat.integrate import taylor
+from vibroplat.integrate.step_end import ERROR_COEFFICIENTS, find_standstill, guard_fall, statuses
+from vibroplat.integrate.taylor import TaylorEngine, degree_of
+from vibroplat.kernels.compiled import compiled
 from vibroplat.kernels.lanes import in_lines
+from vibroplat.kernels.vectors import as_lanes
 from vibroplat.model.parameters import parameters
 from vibroplat.model.series import MAX_DEGREE
 from vibroplat.motion.motion import Simulator
@@ -25,21 +19,13 @@ TAYLOR = {"solver.engine": "taylor"}
 DEGREE, GUARD = 17, 5
 
 
-@pytest.fixture(scope="module")
-def engine():
-    scene = Scene().replace(TAYLOR)
-    with_room = TaylorEngine(scene, parameters(scene))
-    assert with_room.degree == DEGREE
-    return with_room
-
-
-def fall(engine, coefficients, zeros=0):
+def fall(coefficients, zeros=0):
     """Fraction at which a guard falls, and whether that is sure; as in a step in flight."""
     c = in_lines((DEGREE + 1, 16))
     c[: len(coefficients), GUARD] = coefficients
-    e = engine._e
-    e.status["sizes"][GUARD] = np.abs(c[1:, GUARD]).sum()
-    return guard_fall(c, DEGREE, GUARD, zeros, False, e)
+    status = statuses(1)[0]
+    status["sizes"][GUARD] = np.abs(c[1:, GUARD]).sum()
+    return guard_fall(c, DEGREE, GUARD, zeros, False, status)
 
 
 def with_rest(coefficients, size):
@@ -50,30 +36,30 @@ def with_rest(coefficients, size):
     return c
 
 
-def test_clear_falls_are_sure(engine):
-    assert fall(engine, [1.0, -2.0]) == (pytest.approx(0.5), True)
-    assert fall(engine, [1.0, 2.0]) == (-1.0, True)
-    found, sure = fall(engine, with_rest([1.0, -2.0], 1e-6))
+def test_clear_falls_are_sure():
+    assert fall([1.0, -2.0]) == (pytest.approx(0.5), True)
+    assert fall([1.0, 2.0]) == (-1.0, True)
+    found, sure = fall(with_rest([1.0, -2.0], 1e-6))
     assert sure
     assert found == pytest.approx(0.5, abs=1e-6)
 
 
 @pytest.mark.parametrize(("depth", "sure"), [(1e-3, True), (1e-7, False), (-1e-7, False), (-1e-3, True)])
-def test_near_a_touch_the_answer_is_sure_beyond_the_remainder(engine, depth, sure):
+def test_near_a_touch_the_answer_is_sure_beyond_the_remainder(depth, sure):
     """(s − 0.9)² − depth: a remainder of up to 1e-5 decides where the depth is smaller."""
     touching = with_rest([0.81 - depth, -1.8, 1.0], 1e-5)
-    found, decided = fall(engine, touching)
+    found, decided = fall(touching)
     assert decided == sure
     if sure:
         assert (found >= 0.0) == (depth > 0.0)
 
 
-def test_known_zeros_at_the_start_are_no_falls(engine):
+def test_known_zeros_at_the_start_are_no_falls():
     for zeros in (1, 2, 3):
         c = np.zeros(DEGREE + 1)
         c[zeros], c[zeros + 1] = 1.0, -2.0
         c[:zeros] = -1e-18
-        assert fall(engine, c, zeros) == (pytest.approx(0.5), True)
+        assert fall(c, zeros) == (pytest.approx(0.5), True)
 
 
 def test_rest_of_an_exciter():
@@ -97,22 +83,43 @@ def test_degree_follows_the_tolerance():
     assert max(degrees) <= MAX_DEGREE
 
 
-@pytest.mark.parametrize(("longer", "taken"), [(1.0, True), (2.0, False)])
-def test_a_step_that_its_series_does_not_reach_is_not_taken(longer, taken):
-    """At its end the series must have the accelerations that the equations have there."""
+@compiled
+def begin(g):
+    return taylor.attend(g, 0, 0)
+
+
+@compiled
+def take(g):
+    s, r, p = as_lanes(g.lanes), as_lanes(g.room), as_lanes(g.rows)
+    taylor.expand(s, g.degree, r, p)
+    taylor.propose(g, s, r, p)
+    taylor.expand(s, g.degree, r, p)
+
+
+@compiled
+def confirm(g):
+    taylor.confirm(g, as_lanes(g.lanes), as_lanes(g.room))
+
+
+@pytest.mark.parametrize(("defect", "kept"), [(0.5, True), (2.0, False)])
+def test_a_step_is_kept_where_its_series_ends_with_the_accelerations_of_the_equations(defect, kept):
     scene = Scene().replace(TAYLOR)
     p = parameters(scene)
     engine = TaylorEngine(scene, p)
     motion = Simulator(scene, p, engine)
     motion.to_time(0.01)
-    h, e = motion.automaton, engine._e
-    start(h, e)
-    h.run["until"] = 1.0
-    stop, length = end_of_step(h, e, h.steps.c[0], longer * longest_step(e.room["q"], DEGREE, e.status["weights"]))
-    series = e.room["q"][: DEGREE + 1]
-    for order in range(3):
-        e.status["at_end"][order] = polynomial.polyval(length, polynomial.polyder(series, order))
-    assert accept_step(h, e, int(h.run["systems"][h.run["mode"]]), stop, length) == taken
+    motion.automaton.run["end"], motion.automaton.run["outcome"] = 1.0, RUNNING
+    g = engine._groups[0]
+    s = g.lanes
+    assert begin(g)
+    take(g)
+    assert s["pending"] == 1.0
+    before = s["y0"].copy()
+    s["a"][3] = 2.0 * g.room["q"][2, 3] + defect * taylor.MAX_DEFECT * DEGREE / (s["length"] * s["weights"][3])
+    confirm(g)
+    assert s["pending"] == kept
+    assert s["rejected"] == (not kept)
+    assert kept or (s["y"] == before).all()
 
 
 def test_few_steps_a_turn(quickstart):

@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
+from vibroplat.kernels.compiled import compiled
+from vibroplat.kernels.vectors import as_lanes, lanes_record
 from vibroplat.model.accelerations import accelerations
-from vibroplat.model.series import FORCE, MAX_DEGREE, expand, room
+from vibroplat.model.parameters import record_words
+from vibroplat.model.series import FORCE, MAX_DEGREE, MOTION, WORDS, expand, parameter_rows, room
 from vibroplat.model.systems import SYSTEMS
 
 from .helpers import EACH_PAIR, EACH_SYSTEM, TIME, random_states, record_of, settled
@@ -19,12 +22,31 @@ TERMS = (
 )
 
 
+@compiled
+def expand_lanes(motion, degree, room, rows):
+    expand(as_lanes(motion), degree, as_lanes(room), as_lanes(rows))
+
+
+def side_by_side(given, degree=DEGREE):
+    """Coefficients (degree + 1, 8, lanes) of motions, each a system, its unknowns and parameters, and the records."""
+    width = len(given)
+    motion, formed, rows = lanes_record(width, MOTION, {}), room(width), parameter_rows(width)
+    motion["t"] = TIME
+    for lane, (system, y, p) in enumerate(given):
+        full = system.full(y)
+        motion["y"][:7, lane], motion["v"][:7, lane] = full[:7], full[7:]
+        motion["attached"][lane], motion["two"][lane] = system.algebraic, system.layers == 2
+        motion["flying"][lane] = system.layers > 0 and not system.algebraic
+        motion["lower_share"][lane] = 1.0 / p["lower_mass"] if system.layers else 0.0
+        rows["words"][:, lane] = record_words(p).ravel()[:WORDS]
+    expand_lanes(motion, degree, formed, rows)
+    return formed["q"][: degree + 1]
+
+
 def series(system, y, p, degree=DEGREE):
     """Coefficients (degree + 1, n) of coordinates and (degree − 1,) of F_c."""
-    formed = room()
-    expand(system.index, TIME, y, degree, formed, p)
-    n = system.differential // 2
-    return formed["q"][: degree + 1, :n].copy(), formed["q"][: degree - 1, FORCE].copy()
+    q = side_by_side([(system, y, p)], degree)[:, :, 0]
+    return q[:, system.places[: system.differential // 2]].copy(), q[: degree - 1, FORCE].copy()
 
 
 def along(coefficients, elapsed, derivative=0):
@@ -113,3 +135,19 @@ def test_degree_only_cuts_the_series(degree):
     q, forces = series(system, y, p, degree)
     np.testing.assert_array_equal(q, longest[: degree + 1])
     np.testing.assert_array_equal(forces, force[: degree - 1])
+
+
+@pytest.mark.parametrize("width", [pytest.param(2, marks=pytest.mark.long), 4, pytest.param(8, marks=pytest.mark.long)])
+def test_motions_side_by_side_are_each_as_alone(width):
+    """In contact, in flight and bare beside each other, one with an exciter at rest."""
+    given = []
+    for lane, state in enumerate(random_states(seed=11, count=width)):
+        system = SYSTEMS[(3 * lane + 1) % len(SYSTEMS)]
+        state[10] *= lane != 1
+        p = record_of(system.layers, "rising" if lane % 2 else "uneven")
+        given.append((system, settled(system, state[system.places], p)[0], p))
+    for lane, alone in enumerate(given):
+        expected = side_by_side([alone])[:, :, 0]
+        np.testing.assert_allclose(
+            side_by_side(given)[:, :, lane], expected, rtol=1e-9, atol=1e-12 * abs(expected).max()
+        )

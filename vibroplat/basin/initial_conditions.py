@@ -6,12 +6,14 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.scene import Scene
+from vibroplat.config.sections import exciter_angles
 from vibroplat.config.study_plans import INITIAL_PREFIX, PHASES, BasinsPlan
 from vibroplat.errors import ConfigError
-from vibroplat.hybrid.state import initial_state, perturb_state
+from vibroplat.hybrid.state import initial_state, perturb_states
 from vibroplat.kernels.compiled import FloatArray
 
 _STATE = {f"{INITIAL_PREFIX}state.{name}": place for place, name in enumerate((*COORDINATES, *RATES))}
@@ -27,7 +29,7 @@ def key_values(plan: BasinsPlan, numbers: Iterable[int]) -> FloatArray:
     found = np.empty((rows.size, len(plan.initial_conditions)))
     places = np.unravel_index(rows * _stride(plan) % math.prod(plan.shape), plan.shape) if plan.shape else ()
     random = [key for key, ends in plan.initial_conditions.items() if len(ends) == 2]
-    drawn = np.array([_draw(plan.seed, len(random), int(row)) for row in rows]).reshape(rows.size, len(random))
+    drawn = _draw(plan.seed, len(random), rows)
     grids, draws = iter(places), iter(drawn.T)
     for column, (low, high, *count) in enumerate(plan.initial_conditions.values()):
         shares = next(grids) / (count[0] - 1.0) if count else next(draws)
@@ -44,24 +46,32 @@ def _stride(plan: BasinsPlan) -> int:
     return stride
 
 
-def _draw(seed: int, count: int, number: int) -> FloatArray:
-    """Draw the random numbers of a start."""
-    return np.random.Generator(np.random.PCG64(seed).advance(number * count)).random(count)
+def _draw(seed: int, count: int, rows: npt.NDArray[np.int64]) -> FloatArray:
+    """Draw so many random numbers for each of some starts."""
+    if rows.size and (np.diff(rows) == 1).all():
+        return np.random.Generator(np.random.PCG64(seed).advance(int(rows[0]) * count)).random((rows.size, count))
+    single = [_draw(seed, count, rows[k : k + 1]) for k in range(rows.size)]
+    return np.concatenate([np.empty((0, count)), *single])
 
 
 def initial_states(scene: Scene, plan: BasinsPlan, numbers: Sequence[int]) -> FloatArray:
     """Return the full states of some starts, shape (starts, 14)."""
-    keys, initial, share = list(plan.initial_conditions), scene.run.initial, scene.start_perturbation
-    found = []
-    for number, values in zip(numbers, key_values(plan, numbers).tolist(), strict=True):
-        given = dict(zip(keys, values, strict=True))
-        phases = {name: given[INITIAL_PREFIX + name] for name in PHASES if INITIAL_PREFIX + name in given}
-        state = initial_state(scene, initial.model_copy(update=phases))
-        state = perturb_state(state, scene, share, (plan.seed, number))
-        for key, place in _STATE.items():
-            state[place] = given.get(key, state[place])
-        found.append(state)
-    return np.array(found)
+    initial, values = scene.run.initial, key_values(plan, numbers)
+    states = np.tile(initial_state(scene, initial), (len(values), 1))
+    if initial.state is None:
+        speeds = initial_state(scene, initial.model_copy(update={"speed_ratio": 1.0}))[10:12]
+        named = {name: getattr(initial, name) for name in PHASES}
+        for state, row in zip(states, values.tolist(), strict=True):
+            given = dict(zip(plan.initial_conditions, row, strict=True))
+            difference, whole, phi1, ratio = (given.get(INITIAL_PREFIX + name, own) for name, own in named.items())
+            angle = difference if whole is None else whole
+            state[3:5] = exciter_angles(angle, phi1, ratio, scene.phase_weights[1])
+            state[10:12] = ratio * speeds
+    states = perturb_states(states, scene, scene.start_perturbation, [(plan.seed, number) for number in numbers])
+    for column, key in enumerate(plan.initial_conditions):
+        if key in _STATE:
+            states[:, _STATE[key]] = values[:, column]
+    return states
 
 
 def validated_base_scene(scene: Scene, plan: BasinsPlan) -> Scene:

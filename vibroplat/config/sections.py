@@ -343,10 +343,15 @@ class Initial(Section, populate_by_name=True):
     def angles(self, sign: float) -> tuple[float, float]:
         """Angles φ₁ and φ₂ of the exciters (rad); ``sign`` is that of φ₂ in the phase difference."""
         given = self.phase_difference_rad if self.phase_sum_rad is None else self.phase_sum_rad
-        if given is None and self.phi1_rad is None and self.speed_ratio == 0.0:
-            return -0.5 * math.pi, -0.5 * math.pi
-        first = self.phi1_rad or 0.0
-        return first, sign * ((math.pi if given is None else given) - first)
+        return exciter_angles(given, self.phi1_rad, self.speed_ratio, sign)
+
+
+def exciter_angles(given: float | None, phi1: float | None, speed_ratio: float, sign: float) -> tuple[float, float]:
+    """Angles φ₁ and φ₂ of the exciters (rad) at a phase difference or sum; hanging, where nothing else is said."""
+    if given is None and phi1 is None and speed_ratio == 0.0:
+        return -0.5 * math.pi, -0.5 * math.pi
+    first = phi1 or 0.0
+    return first, sign * ((math.pi if given is None else given) - first)
 
 
 class Run(Section):

@@ -12,6 +12,7 @@ that two runs of one machine are integrated alike wherever they start, and a cha
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -322,9 +323,14 @@ def perturb_state(state: FloatArray, scene: Scene, share: float, key: tuple[int,
     Their standard deviation is ``share`` in scaled units; the numbers of ``key`` determine them. A symmetric
     motion that has lost stability would otherwise stay symmetric for ever.
     """
+    return perturb_states(state[np.newaxis], scene, share, [key])[0]
+
+
+def perturb_states(states: FloatArray, scene: Scene, share: float, keys: Sequence[tuple[int, ...]]) -> FloatArray:
+    """Do as :func:`perturb_state` for several states, shape (states, 14), each with a key of its own."""
     if share == 0.0:
-        return state
-    random = np.random.default_rng(key)
-    changed = state.copy()
-    changed[7:12] += share * state_scales(scene)[7:12] * random.standard_normal(5)
+        return states
+    changed, scales = states.copy(), share * state_scales(scene)[7:12]
+    for state, key in zip(changed, keys, strict=True):
+        state[7:12] += scales * np.random.default_rng(key).standard_normal(5)
     return changed

@@ -103,9 +103,7 @@ def end_of_step(
 
 
 @inlined
-def guard_fall(
-    c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bool, status: Any
-) -> tuple[float, bool]:
+def guard_fall(c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bool, status: Any) -> tuple[float, bool]:
     """Fraction of a step at which its guard falls through zero, −1 if it does not, and whether that is sure.
 
     A guard is its polynomial of degree d and a remainder, which is taken to be within T sᵈ at fraction s of the step; T

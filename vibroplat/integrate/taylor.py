@@ -145,24 +145,21 @@ def group_of(automata: Sequence[Automaton], degree: int, max_steps: int, *, keep
 
     names = ("p", "inelastic", "run", "recent", "events")
     p, inelastic, runs, recent, events = (joined([getattr(h, name) for h in automata]) for name in names)
-    steps = [joined([part for part in parts]) for parts in zip(*(h.steps for h in automata), strict=True)]
+    steps = [joined(parts) for parts in zip(*(h.steps for h in automata), strict=True)]
+    begins, lengths, c, ends, pieces, used = steps
     return Group(
-        p,
-        inelastic,
-        runs,
-        recent,
-        events,
-        *steps,
-        start=automata[0].start,
-        parameters=p.ctypes.data,
-        words=p.view(np.float64).reshape(width, -1),
-        status=statuses(width),
-        lanes=lanes_record(width, LANES, _QUADS),
-        room=room(width),
-        rows=parameter_rows(width),
-        degree=degree,
-        keep=keep,
-        max_steps=max_steps,
+        *(p, inelastic, runs, recent, events),
+        *(begins, lengths, c, ends, pieces, used),
+        automata[0].start,
+        p.ctypes.data,
+        p.view(np.float64).reshape(width, -1),
+        statuses(width),
+        lanes_record(width, LANES, _QUADS),
+        room(width),
+        parameter_rows(width),
+        degree,
+        keep,
+        max_steps,
     )
 
 
@@ -229,9 +226,7 @@ def attend(g: Group, lane: int, task: int) -> bool:
     """Do something with the motion in a lane; whether it goes on."""
     steps = Steps(g.begins[lane], g.lengths[lane], g.c[lane], g.ends[lane], g.pieces[lane], g.used[lane])
     address = g.parameters + 8 * lane * g.words.shape[1]
-    h = Automaton(
-        g.p[lane], g.inelastic[lane], g.runs[lane], g.recent[lane], g.events[lane], steps, g.start, address
-    )
+    h = Automaton(g.p[lane], g.inelastic[lane], g.runs[lane], g.recent[lane], g.events[lane], steps, g.start, address)
     if task == _BEGIN:
         return begin(h, g, lane)
     if task == _ADD:
@@ -472,7 +467,7 @@ def move(s: Any, q: Any, quads: Any, degree: int) -> None:
 
 @fused_inline
 def round_off(s: Any, q: Any, quads: Any, degree: int) -> Lanes:
-    """Sums of the sizes of the terms that make the accelerations and F_c at the ends of the steps, in tolerances."""
+    """Sum up the sizes of the terms that make the accelerations and F_c at the ends of the steps, in tolerances."""
     length, force, worst = s.length, zero(s.length), zero(s.length)
     for k in range(degree, -1, -1):
         force = force * length + size(q[at(k), FORCE])
@@ -555,7 +550,7 @@ def take_back(g: Group, lane: int) -> None:
 
 @compiled
 def agrees(h: Automaton, g: Group, lane: int) -> bool:
-    """Whether a step ends where the model holds, with the accelerations and the contact force of the equations there."""
+    """Whether a step ends where the model holds, with the accelerations and F_c that the equations have there."""
     s, status, system = g.lanes, g.status[lane], h.run.systems[h.run.mode]
     n, y, yp = DIFFERENTIAL[system] // 2, g.status[lane].y, g.status[lane].yp
     for i in range(n):

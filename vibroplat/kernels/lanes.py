@@ -287,9 +287,7 @@ def _means(typing_context: Any, samples: Any, weights: Any, nodes: Any, n: Any, 
 
 
 @intrinsic
-def _put_step(
-    typing_context: Any, q: Any, lane: Any, degree: Any, length: Any, n: Any, shifted: Any, c: Any
-) -> Any:
+def _put_step(typing_context: Any, q: Any, lane: Any, degree: Any, length: Any, n: Any, shifted: Any, c: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         _, lane, degree, length, n, shifted, _ = values
         width = signature.args[0].shape[-1]
@@ -380,9 +378,7 @@ if TYPE_CHECKING:
         In the last row are those of the products of the first four columns with those from n on.
         """
 
-    def put_step(
-        q: FloatArray, lane: int, degree: int, length: float, n: int, shifted: bool, c: FloatArray
-    ) -> None:
+    def put_step(q: FloatArray, lane: int, degree: int, length: float, n: int, shifted: bool, c: FloatArray) -> None:
         """Write series in powers of time as a step's polynomials in its fraction: coordinates, rates, F_c.
 
         Parameters

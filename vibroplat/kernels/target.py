@@ -124,7 +124,7 @@ class _Target(CPUTarget):
     @threadsafe_cached_property
     def _toplevel_target_context(self) -> Any:
         codegen = _Codegen("vibroplat", self._made_for())
-        return cpu_target.target_context.subtarget(_internal_codegen=codegen)  # type: ignore[no-untyped-call]
+        return cpu_target.target_context.subtarget(_internal_codegen=codegen)
 
     @property
     def typing_context(self) -> Any:
@@ -134,4 +134,4 @@ class _Target(CPUTarget):
 
 TARGET = _Target(processor)
 #: The target of kernels that carry several motions.
-WIDE_TARGET = _Target(lambda: _EIGHT if lanes() == 8 else processor())  # noqa: PLR2004
+WIDE_TARGET = _Target(lambda: _EIGHT if lanes() == 8 else processor())

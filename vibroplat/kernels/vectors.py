@@ -1,4 +1,4 @@
-"""Numbers of several motions side by side, for numba: a type ``Lanes(n)`` that is a vector of n numbers in the processor.
+"""Numbers of several motions side by side, for numba: a type ``Lanes(n)``, a vector of n numbers of the processor.
 
 A kernel that is written for numbers takes lanes as well: numba's own typing is the template, and one source serves one
 motion (a plain number), four and eight. A record whose fields have a last axis of n numbers is read and written by
@@ -10,7 +10,7 @@ Where a formula holds for both exciters, theirs are side by side as well (:func:
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -202,8 +202,8 @@ def _as_vector(builder: Any, value: Any) -> Any:
 
 def _pair_kind(first: Any, second: Any) -> Any:
     if isinstance(first, types.BaseTuple):
-        parts: Any = zip(first, second, strict=True)
-        kinds = [_pair_kind(*both) for both in parts]
+        parts: Any = first
+        kinds = [_pair_kind(*both) for both in zip(parts, second, strict=True)]
         return types.BaseTuple.from_types(kinds, getattr(first, "instance_class", None))
     return LanesType(2 * max(_count(first), _count(second)))
 
@@ -273,21 +273,23 @@ def _field(kind: Any) -> Any:
         return kind
     if kind.ndim == 1:
         return lanes_of(kind.shape[-1])
-    found = types.NestedArray(lanes_of(kind.shape[-1]), kind.shape[:-1])  # type: ignore[no-untyped-call]
+    found = types.NestedArray(lanes_of(kind.shape[-1]), kind.shape[:-1])
     found.aligned = False  # any address will do
     return found
 
 
 @intrinsic
 def _as_lanes(typing_context: Any, record: Any) -> Any:
-    fields = [
+    fields: Any = [
         (name, {"type": _field(field.type), "offset": field.offset, "alignment": None, "title": None})
         for name, field in record.fields.items()
     ]
     return _LanesRecord(fields, record.size, False)(record), lambda context, builder, sig, values: values[0]
 
 
-def lanes_record(width: int, fields: dict[str, tuple[int, ...]], views: dict[str, tuple[str, tuple[int, ...]]]) -> Any:
+def lanes_record(
+    width: int, fields: Mapping[str, tuple[int, ...]], views: Mapping[str, tuple[str, tuple[int, ...]]]
+) -> Any:
     """Make a record of zeros for :func:`as_lanes`, in lines of the processor's cache.
 
     The last number of a field's shape says how many values a motion has side by side. A view is another name, and

@@ -14,9 +14,9 @@ row holds k (c aʸ − s aˣ), with the acceleration a of its axis (X, Y) = (X�
 Products of series are sums over two lists of coefficients (Cauchy). Of a sum at order k :func:`middle_terms` has the
 middle terms; those with the newest coefficients are added by themselves, from numbers that have not been stored yet.
 
-One source serves one motion and several side by side (:mod:`vibroplat.kernels.vectors`): the mode is data, not a branch,
-so that motions in contact and in flight may stand beside each other. What is computed for each exciter is computed for
-both at once.
+One source serves one motion and several side by side (:mod:`vibroplat.kernels.vectors`). The mode is data, not a
+branch, so that motions in contact and in flight may stand beside each other. What is computed for each exciter is
+computed for both at once.
 
 Literature: Jorba and Zou, A software package for the numerical integration of ODEs by means of high-order Taylor
 methods, 2005; Pryce, Solving high-index DAEs by Taylor series, 1998.
@@ -53,8 +53,8 @@ _SHARE = np.concatenate([[0.0], 1.0 / np.arange(1.0, MAX_DEGREE + 2.0)])
 MOTION = {"y": (8, 1), "v": (8, 1), "t": (1,), "attached": (1,), "flying": (1,), "two": (1,), "lower_share": (1,)}
 
 #: Where a series is formed. ``q`` has the coefficients in powers of time (SI units), coordinates and F_c, which has two
-#: orders less. Then the factors of products: c, s, φ̇ᵢ, slip speeds u, aˣ, aʸ, Δ² + u² and torques of both exciters; φ, φ̇,
-#: Σ k (Y₀ s″ + X₀ c″), φ̈ and φ̇².
+#: orders less. Then the factors of products: of both exciters c, s, φ̇ᵢ, slip speeds u, aˣ, aʸ, Δ² + u² and torques; of
+#: the platform φ, φ̇, Σ k (Y₀ s″ + X₀ c″), φ̈ and φ̇².
 ROOM = (
     {"q": (_ROWS, 8, 1)}
     | dict.fromkeys(("c", "s", "w", "u", "ax", "ay", "square", "torque"), (_ROWS, 2))
@@ -66,7 +66,7 @@ QUADS = {"quads": ("q", (_ROWS, 2, 4))}
 #: The parameters of a series, the first of :data:`vibroplat.model.parameters.PARAMETERS`, and all of them as rows.
 _NAMES = (PARAMETERS.names or ())[: (PARAMETERS.names or ()).index("restitution")]
 PARAMETER_ROWS = {name: (*PARAMETERS[name].shape, 1) for name in _NAMES}
-WORDS = int((PARAMETERS.fields or {})["restitution"][1]) // 8
+WORDS = sum(PARAMETERS[name].itemsize for name in _NAMES) // 8
 
 
 def room(width: int = 1) -> Any:
@@ -152,10 +152,10 @@ class Rotation(NamedTuple):
 
 @fused
 def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
-    """Fill ``room.q`` with the coefficients of motions at their states, coordinates to this degree and F_c to degree − 2.
+    """Fill ``room.q`` with the coefficients of motions at their states, coordinates to this degree, F_c to degree − 2.
 
-    All three records are those of lanes: a :data:`MOTION`, a :data:`ROOM` and :data:`PARAMETER_ROWS`. The degree is from
-    2 to MAX_DEGREE. Where an exciter is at rest, its resistance is that of the sense in which it is about to turn.
+    All records are those of lanes: a :data:`MOTION`, a :data:`ROOM` and :data:`PARAMETER_ROWS`. The degree is from 2 to
+    MAX_DEGREE. Where an exciter is at rest, its resistance is that of the sense in which it is about to turn.
     """
     y, v, q = motion.y, motion.v, room.q
     attached, flying, two, phi, turning_0 = motion.attached, motion.flying, motion.two, y[2], v[2]
@@ -178,9 +178,7 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
         twice = 1.0 if k == 0 else 2.0
         weight = p.gravity if k == 0 else none
         both = sums.turning + twice * turning_0 * v2
-        rotation = Rotation(
-            sums.centre + phi_1 * turning + both, sums.lifted + phi_1 * square + phi * both, weight
-        )
+        rotation = Rotation(sums.centre + phi_1 * turning + both, sums.lifted + phi_1 * square + phi * both, weight)
         known = from_lower_orders(k, twice, rotation, e, sense, f, sums)
         held = restoring((x0, x1, x2, x5, x6), (v0, v1, v2, v5, v6), p)
         moment_1, moment_2 = part(known.moment)
@@ -193,9 +191,7 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
             moment_2,
         )
         lower = p.upper_mass * held[4] - p.lower_mass * weight - held[3]
-        a, contact, opening, above = solve_rows(
-            attached, motion.lower_share, b, lower, -weight - held[4], inverse, p
-        )
+        a, contact, opening, above = solve_rows(attached, motion.lower_share, b, lower, -weight - held[4], inverse, p)
         share = _SHARE[at(k + 1)]
         twofold = share * _SHARE[at(k + 2)]
         opening, above = flying * opening, two * above
@@ -242,7 +238,7 @@ def middle_terms(k: int, r: Any, pair: Pair, single: Lanes) -> Sums:
 def put_factors(
     room: Any, k: int, e: Coefficients, known: Terms, turned: tuple[Lanes, Lanes, Lanes, Lanes, Lanes]
 ) -> None:
-    """Store what is known after order k for products to come; ``turned`` is what they take of the platform's turning."""
+    """Store what is known after order k for products to come; ``turned`` is of the platform's turning."""
     i, m, r = at(k), at(k + 1), at(k + 2)
     room.c[r], room.s[r], room.w[m], room.u[m], room.ax[i], room.ay[i] = e.cosine, e.sine, e.speed, e.slip, e.ax, e.ay
     room.square[i], room.torque[i] = known.square, known.torque

@@ -139,7 +139,7 @@ def numbers_of(runs: npt.NDArray[np.void]) -> FloatArray:
 
 @wide
 def follow(owned_g: Group, owned_f: Followers, limits: Limits, e: Ellipsoids) -> tuple[int, int]:
-    """Follow motions until one is not assigned but needs more, or none is left: its number, or −1, and what it needs."""
+    """Follow motions until one is not assigned but needs more: its number, −1 without one, and what it needs."""
     g, f = borrow(owned_g), borrow(owned_f)
     while True:
         for lane in range(f.held.size):
