@@ -5,8 +5,13 @@ import pytest
 from common.known import motion_of
 
 from vibroplat import simulate
+from vibroplat.observe.data_sheet import whole_run
+from vibroplat.observe.extremes import HEIGHT
+from vibroplat.observe.measures import SECTION_POINTS, SUMMED, WHOLE_RUN, WITH_EXTREMES
+from vibroplat.observe.section import section_rows
 from vibroplat.observe.statistics import Statistics
-from vibroplat.observe.summary import synchronization
+from vibroplat.observe.summary import measure, synchronization
+from vibroplat.study.coexisting import block_values
 
 
 def test_statistics_agree_with_the_tables(quickstart):
@@ -153,3 +158,47 @@ def test_a_run_that_begins_on_the_section_and_goes_backwards_loses_nothing(quick
     summary = simulate(scene, keep="summary").summary
     assert summary["momentum_residual"] < 1e-5
     assert summary["energy_residual"] < 1e-5
+
+
+@pytest.fixture(scope="module")
+def parts(quickstart):
+    """The same motion measured in each scope, in two blocks."""
+    found = []
+    for scope in (SECTION_POINTS, SUMMED, WITH_EXTREMES, WHOLE_RUN):
+        with motion_of(quickstart) as motion:
+            motion.to_time(1.0)
+            found.append(motion.advance(1.0, blocks=2, scope=scope))
+    return found
+
+
+def test_a_smaller_scope_measures_the_same_bits(parts, quickstart):
+    everything = parts[WHOLE_RUN]
+    for part in parts:
+        for field in ("t", "state"):
+            assert np.array_equal(section_rows(part.measures)[field], section_rows(everything.measures)[field])
+        assert part.measures.marks["counts"].tolist() == everything.measures.marks["counts"].tolist()
+    for part in parts[SUMMED:]:
+        assert np.array_equal(block_values(part.blocks), block_values(everything.blocks))
+        assert part.measures.work.tolist() == everything.measures.work.tolist()
+    assert measure(parts[WITH_EXTREMES], quickstart) == measure(everything, quickstart)
+
+
+def test_what_was_not_measured_is_refused_instead_of_0(parts, quickstart):
+    asked = (
+        lambda part: block_values(part.blocks),
+        lambda part: measure(part, quickstart),
+        lambda part: whole_run(part.measures, quickstart, 0.0, False, False),
+    )
+    for needed, ask in enumerate(asked, SUMMED):
+        ask(parts[needed])
+        with pytest.raises(ValueError, match=f"{needed} is needed"):
+            ask(parts[needed - 1])
+
+
+def test_what_nobody_asks_for_is_not_computed(parts):
+    without_sums, without_extremes, without_run = (part.measures for part in parts[:WHOLE_RUN])
+    assert not without_sums.work.any()
+    assert not without_sums.whole.any()
+    assert np.isinf(without_extremes.extremes["least"][:, HEIGHT]).all()
+    assert not without_run.extremes["pace_least"].any()
+    assert np.isinf(without_run.seen[..., 0]).all()

@@ -30,7 +30,7 @@ from vibroplat.observe.extremes import (
     TORQUE_1,
     merge_extremes,
 )
-from vibroplat.observe.measures import BINS, FASTEST, SUMS, TIME, Accumulators, measured_extremes
+from vibroplat.observe.measures import BINS, FASTEST, SUMS, TIME, WHOLE_RUN, Accumulators, measured_extremes, require
 from vibroplat.observe.section import section_rows
 
 #: Part of its mean by which a speed may differ from it while the motion has its measured speed.
@@ -299,6 +299,7 @@ def whole_run(ms: Accumulators, scene: Scene, start: float, captured: bool, lock
     locked
         Whether the exciters are synchronized in the measured part.
     """
+    require(ms, WHOLE_RUN)
     numbers: dict[str, Any] = {}
     extremes, columns = merge_extremes(ms.extremes), _from_extremes(scene)
     for name, value in _largest(extremes, columns).items():

@@ -19,7 +19,16 @@ from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import DAMPERS
 from vibroplat.observe.data_sheet import data_sheet, means
 from vibroplat.observe.extremes import FORCE, HEIGHT, IMPULSE, OPENING, ROTATION, merge_extremes
-from vibroplat.observe.measures import N_POWERS, TIME, Accumulators, block_difference, measured_extremes
+from vibroplat.observe.measures import (
+    N_POWERS,
+    SUMMED,
+    TIME,
+    WITH_EXTREMES,
+    Accumulators,
+    block_difference,
+    measured_extremes,
+    require,
+)
 
 #: Phase coherence below which exciters are not synchronous: their phase difference has no mean that says anything.
 COHERENCE = 0.8
@@ -145,6 +154,7 @@ class MeasuredInterval(NamedTuple):
 
 def statistics(ms: Accumulators, extremes: Any) -> dict[str, float | None]:
     """RMS about the mean, amplitude, frequencies, phase of the measured part with its extremes; None if too short."""
+    require(ms, SUMMED)
     marks, mean, turned = ms.marks, means(ms), ms.whole[TIME] > 0.0
     names = ("rms_x_m", "rms_y_m", "rms_phi_rad")
     if not mean:
@@ -253,6 +263,7 @@ def measure(part: MeasuredInterval, scene: Scene, *, brief: bool = False) -> dic
     |φ|, and two checks, the least gap and how far the contact force fell below 0. A ``brief`` one has only the
     statistics and extremes.
     """
+    require(part.measures, WITH_EXTREMES)
     extremes = measured_extremes(part.measures)
     shown = statistics(part.measures, extremes) | largest_values(extremes)
     if brief:
