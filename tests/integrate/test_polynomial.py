@@ -1,11 +1,13 @@
 """Polynomials of steps: guards' falls against numpy's roots, extremes, crossings, fits."""
 
+from fractions import Fraction
 from itertools import product
 
 import numpy as np
 import pytest
 
 from vibroplat.kernels.polynomial import (
+    MAX_DEGREE,
     crossing,
     first_downcrossing,
     fit,
@@ -101,6 +103,20 @@ def test_first_of_several_falls():
         c = np.polynomial.Polynomial.fromroots(roots).coef
         c *= sign * np.sign(c[0])
         assert fall(c) == pytest.approx(roots[0 if sign > 0.0 else 1], abs=1e-11)
+
+
+@pytest.mark.parametrize("degree", [4, 17, MAX_DEGREE])
+def test_falls_are_as_exact_as_the_coefficients(degree):
+    """One zero, the others away from the step, up to the highest degree: against exact sums of fractions."""
+    rng = np.random.default_rng(degree)
+    for root in rng.uniform(0.01, 0.99, 25):
+        away = np.polynomial.Polynomial(rng.uniform(0.1, 1.0, degree) * 0.7 ** np.arange(degree))
+        c = (away * np.polynomial.Polynomial([root, -1.0])).coef
+        found = Fraction(fall(c))
+        value = sum(Fraction(number) * found**k for k, number in enumerate(c))
+        slope = sum(k * Fraction(number) * found ** (k - 1) for k, number in enumerate(c) if k)
+        assert abs(found - Fraction(root)) < 1e-13
+        assert abs(value / slope) < 4e-16 * np.abs(c * root ** np.arange(len(c))).sum() / abs(float(slope)) + 2e-16
 
 
 def test_low_flight_lands():
