@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 from itertools import product
+from math import factorial
 
 import numpy as np
 import pytest
@@ -140,6 +141,18 @@ def test_falling_from_the_start_falls_there():
     assert fall([-1e-15, -1.0, 0.0, 0.5]) == 0.0
     assert fall([-1e-15, 1.0, 0.0, 0.0]) == -1.0
     assert fall([-1e-3, 1.0, -2.0, 0.0]) == pytest.approx(0.25 + np.sqrt(0.0625 - 5e-4))
+
+
+@pytest.mark.parametrize("turn", [2.0, 3.0])
+def test_extremes_of_an_oscillation_are_exact_to_round_off(turn):
+    for phase in np.linspace(0.01, 2.0 * np.pi, 60):
+        c = [turn**k * np.cos(phase + k * np.pi / 2.0) / factorial(k) for k in range(25)]
+        ends = c[0], np.cos(phase + turn)
+        least, largest, *_ = value_range(column(c), 24, 0, 0.0, 1.0, ends)
+        if phase < 2.0 * np.pi < phase + turn:
+            assert abs(largest - 1.0) < 5e-14
+        if phase < np.pi < phase + turn:
+            assert abs(least + 1.0) < 5e-14
 
 
 @pytest.mark.parametrize(("first", "last"), [(0.0, 1.0), (0.3, 0.8)])

@@ -17,8 +17,8 @@ from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused, fused_
 HALVINGS = 54
 #: Step of Newton's iteration after which its square, the error, is below round-off; round-off may keep it from less.
 NEWTON_TOLERANCE = 2.0**-40
-#: Part of a step within which Taylor polynomials of degree 2 and 3 are exact nearly to round-off.
-QUADRATIC_RANGE, CUBIC_RANGE = 1e-4, 1e-3
+#: Part of a step within which Taylor polynomials of degree 2 and 5 are exact nearly to round-off.
+QUADRATIC_RANGE, QUINTIC_RANGE = 1e-4, 3e-3
 #: Highest degree of series, and of polynomials whose zeros are searched for.
 MAX_DEGREE = 32
 #: One over the binomial coefficients C(n, k).
@@ -268,24 +268,30 @@ def turning_point(
 ) -> tuple[float, float]:
     """Value of unknown j near fraction s of a step where its slope is zero, and where that is; or ``otherwise`` and s.
 
-    By Halley's iteration between ``low`` and ``high``, up to a way that its Taylor polynomial covers to round-off; at
-    the ends of the step there is nothing to look for.
+    By Halley's iteration between ``low`` and ``high``, up to a way that its Taylor polynomial covers to round-off; a
+    step of Newton's iteration makes the slope of that 0. At the ends of the step there is nothing to look for. From the
+    vertex of a parabola through three samples the first way mostly is that short.
     """
     start = s
     for _ in range(4):
-        here, rate, half, sixth = c[degree, j], 0.0, 0.0, 0.0  # derivatives over their factorials
+        here, rate, half, third, fourth, fifth = c[degree, j], 0.0, 0.0, 0.0, 0.0, 0.0  # derivatives over factorials
         for k in range(degree - 1, -1, -1):
-            sixth = sixth * s + half
+            fifth = fifth * s + fourth
+            fourth = fourth * s + third
+            third = third * s + half
             half = half * s + rate
             rate = rate * s + here
             here = here * s + c[k, j]
         if half == 0.0:
             return otherwise, start
-        bent = 2.0 * half * half - 1.5 * rate * sixth
+        bent = 2.0 * half * half - 1.5 * rate * third
         way = -rate * half / bent if bent > half * half else -0.5 * rate / half
+        if abs(way) <= QUINTIC_RANGE:
+            left = rate + way * (2.0 * half + way * (3.0 * third + way * (4.0 * fourth + way * (5.0 * fifth))))
+            way -= 0.5 * left / half
+            if 0.0 < s + way < 1.0:
+                return here + way * (rate + way * (half + way * (third + way * (fourth + way * fifth)))), s + way
         s += way
-        if abs(way) <= CUBIC_RANGE and 0.0 < s < 1.0:
-            return here + way * (rate + way * (half + way * sixth)), s
         s = min(max(s, low), high)
     return (value(c, degree, j, s), s) if 0.0 < s < 1.0 else (otherwise, start)
 

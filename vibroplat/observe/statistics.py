@@ -66,9 +66,9 @@ _MAX_TURNS = 1000.0
 
 #: What is overwritten at each step: unknowns and phase differences at the nodes; means of the unknowns, of their
 #: squares and their sizes, of products with the rates, and of the powers; a full state; stiffnesses and dampings; a sum
-#: of two unknowns, and its values at the nodes; squares of mean accelerations; unknowns and rates; unknowns and
-#: derivatives at both ends of a part of a step. What stays is what the known extremes are, for which system and row,
-#: and how many named points there are.
+#: of two unknowns, and its samples; extremes of speeds before a step; squares of mean accelerations; unknowns and
+#: rates; unknowns and derivatives at both ends of a part of a step. What stays is what the known extremes are, for
+#: which system and row, and how many named points there are.
 ROOM = np.dtype(
     [
         ("samples", float, (MAX_NODES, WIDTH)),
@@ -78,7 +78,8 @@ ROOM = np.dtype(
         ("phases", float, MAX_NODES),
         ("springs", float, (2, 4)),
         ("form", float, (MAX_DEGREE + 1, 1)),
-        ("form_samples", float, (MAX_NODES, 1)),
+        ("form_samples", float, MAX_NODES + 2),
+        ("driven", float, (2, 2)),
         ("squares", float, MAX_NODES + 1),
         ("y", float, FULL_SIZE),
         ("yp", float, FULL_SIZE),
