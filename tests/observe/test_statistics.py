@@ -6,7 +6,8 @@ from common.known import motion_of
 
 from vibroplat import simulate
 from vibroplat.kernels.compiled import compiled
-from vibroplat.kernels.lanes import LOWER, exceeds_limits, in_lines
+from vibroplat.kernels.lanes import in_lines
+from vibroplat.kernels.screening import LOWER, exceeds_limits
 from vibroplat.observe.data_sheet import whole_run
 from vibroplat.observe.extremes import GAPS, HEIGHT, NODES, REACH
 from vibroplat.observe.measures import SECTION_POINTS, SUMMED, WHOLE_RUN, WITH_EXTREMES

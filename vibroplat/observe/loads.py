@@ -13,8 +13,8 @@ import numpy as np
 from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.hybrid.state import WIDTH
 from vibroplat.kernels.compiled import FloatArray, call_int, compiled, fused_inline, inlined
-from vibroplat.kernels.lanes import LOWER, exceeds_limits
 from vibroplat.kernels.polynomial import QUADRATIC_RANGE, values
+from vibroplat.kernels.screening import LOWER, exceeds_limits
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import DIFFERENTIAL, GAP, SIZES
 from vibroplat.observe.extremes import (
@@ -281,7 +281,7 @@ def update_columns(
 ) -> None:
     """Let the extremes of columns whose bits are set cover a step.
 
-    Bits are those of :func:`vibroplat.kernels.lanes.exceeds_limits`: of the unknowns, of three forces into the
+    Bits are those of :func:`vibroplat.kernels.screening.exceeds_limits`: of the unknowns, of three forces into the
     foundation and of the acceleration, with and without its part along x. Named points are evaluated in any case.
     One loop goes through all forms and senses: copies of the search for each of them would not stay in the processor's
     cache.

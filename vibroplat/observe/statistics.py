@@ -16,12 +16,11 @@ from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.hybrid.state import WIDTH, Automaton, Steps
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, same_types
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16
-from vibroplat.kernels.polynomial import crossing, slope, value
+from vibroplat.kernels.polynomial import MAX_DEGREE, crossing, slope, value
 from vibroplat.kernels.sines import sincos_pair
 from vibroplat.model.energy import DISSIPATIONS, exciter_powers, powers
 from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.series import MAX_DEGREE
 from vibroplat.model.springs import slopes
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, LAYERS, PLACES, SIZES
 from vibroplat.observe.extremes import IMPULSE, MAX_NODES, NODES, WEIGHTS, Span, set_pace
