@@ -166,20 +166,20 @@ def statistics(ms: Accumulators, extremes: Any) -> dict[str, float | None]:
         name: math.sqrt(max(mean[square] - mean[first] ** 2, 0.0))
         for name, first, square in zip(names, ("x", "y", "phi"), ("xx", "yy", "phi_phi"), strict=True)
     }
-    result["amplitude_y_m"] = 0.5 * (extremes["largest"][HEIGHT] - extremes["least"][HEIGHT])
+    result["amplitude_y_m"] = 0.5 * float(extremes["largest"][HEIGHT] - extremes["least"][HEIGHT])
     # without a whole turn: of exciters that swing or stand still
-    passed = marks["last"] - marks["first"]
+    passed = (marks["last"] - marks["first"]).tolist()
     seconds, one, two = passed[:3] if turned else (1.0, mean["speed_1"], mean["speed_2"])
     first, second = (abs(angle) / (2.0 * math.pi * seconds) for angle in (one, two))
     result["excitation_frequency_hz"] = 0.5 * (first + second)
     result["frequency_split_hz"] = first - second
-    result["impacts_per_period"] = passed[3 + IMPACT] / (marks["turns"] - 1.0) if turned else None
+    result["impacts_per_period"] = passed[3 + IMPACT] / (int(marks["turns"]) - 1.0) if turned else None
     result["phase_difference_rad"] = wrap_angle(math.atan2(mean["sine"], mean["cosine"]))
     result["phase_coherence"] = math.hypot(mean["sine"], mean["cosine"])
     result["flight_fraction"] = mean["flying"]
     result["motor_power_w"] = mean["power_1"] + mean["power_2"]
     result["measured_s"] = mean["time"]
-    return {k: None if v is None else float(v) for k, v in result.items()}
+    return result
 
 
 #: Largest correlation of neighbouring blocks that is counted; 24 blocks cannot tell a larger one.
