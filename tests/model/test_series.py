@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from vibroplat.kernels.compiled import compiled
+from vibroplat.kernels.polynomial import MAX_DEGREE
 from vibroplat.kernels.vectors import as_lanes, lanes_record
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import record_words
-from vibroplat.model.series import FORCE, MAX_DEGREE, MOTION, WORDS, expand, parameter_rows, room
+from vibroplat.model.series import FORCE, MOTION, WORDS, expand, parameter_rows, room
 from vibroplat.model.systems import SYSTEMS
 
 from .helpers import EACH_PAIR, EACH_SYSTEM, TIME, random_states, record_of, settled

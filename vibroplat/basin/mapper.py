@@ -44,6 +44,7 @@ from vibroplat.observe.assignment import (
     follow,
     numbers_of,
 )
+from vibroplat.observe.measures import SECTION_POINTS, WITH_EXTREMES
 from vibroplat.observe.section import section_points
 from vibroplat.observe.summary import MeasuredInterval, measure
 from vibroplat.study.point import measure_point, on_orbit, row_of
@@ -138,7 +139,8 @@ class AttractorMapper:
             elif fate == UNCONVERGED:
                 others[number] = self._measure_unconverged(turns)
             else:
-                part = motion.advance_turns(SEARCH_TURNS, 4.0 * (LATE_CHECK_TURNS + 1) * self._turn)
+                longest = 4.0 * (LATE_CHECK_TURNS + 1) * self._turn
+                part = motion.advance_turns(SEARCH_TURNS, longest, scope=SECTION_POINTS)
                 found = self._search_new_orbit(part)
                 if found is not None:
                     others[number] = {"attractor": found, "turns": turns}
@@ -248,7 +250,7 @@ class AttractorMapper:
         motion, rows = self._motion, list[dict[str, Any]]()
         for left in range(WINDOWS, 0, -1):
             window = max((self.longest - turns) // left - 1, 1)
-            part = motion.advance_turns(window, 2.0 * (window + 2) * self._turn)
+            part = motion.advance_turns(window, 2.0 * (window + 2) * self._turn, scope=WITH_EXTREMES)
             turns += window + 1
             found, more = self._find_ellipsoid()
             found = self._search_new_orbit(part) if found is None else found
@@ -265,7 +267,8 @@ class AttractorMapper:
     def repeats(self, state: Sequence[float], period: int) -> bool:
         """Whether the motion from a full state repeats after a period already."""
         self._motion.reset(np.array(state))
-        part = self._motion.advance_turns(2 * period, 4.0 * (2 * period + 2) * self._turn)
+        longest = 4.0 * (2 * period + 2) * self._turn
+        part = self._motion.advance_turns(2 * period, longest, scope=SECTION_POINTS)
         points = section_points(part.measures, self.scene)[-2 * period :]
         return len(points) == 2 * period and bool(np.abs(points[period:] - points[:period]).max() < SAME_ORBIT_DISTANCE)
 

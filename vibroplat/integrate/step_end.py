@@ -11,8 +11,7 @@ from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.state import WIDTH, Automaton
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.kernels.lanes import in_lines, put_step, sizes_16
-from vibroplat.kernels.polynomial import crossing, first_downcrossing
-from vibroplat.model.series import MAX_DEGREE
+from vibroplat.kernels.polynomial import MAX_DEGREE, crossing, first_downcrossing
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, FULL_SIZE, LAYERS
 
 #: Coefficients at the end of a series that choose its step. Kloss' torque has complex poles, which let pairs of them

@@ -33,6 +33,7 @@ from vibroplat.integrate.interface import WORK
 from vibroplat.integrate.step_end import ERROR_COEFFICIENTS, ON, end_of_step, is_shifted, statuses
 from vibroplat.kernels.compiled import FloatArray, borrow, call_int, compiled, fused, fused_inline, inlined, same_types
 from vibroplat.kernels.lanes import put_step
+from vibroplat.kernels.polynomial import MAX_DEGREE
 from vibroplat.kernels.vectors import (
     Lanes,
     align_stack,
@@ -50,7 +51,7 @@ from vibroplat.kernels.vectors import (
     zero,
 )
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.series import FORCE, MAX_DEGREE, MOTION, WORDS, expand, parameter_rows, room
+from vibroplat.model.series import FORCE, MOTION, WORDS, expand, parameter_rows, room
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS, PLACES
 
 #: Degree of the series at tolerance 1e-6, and degrees more for each power of ten below it. At equal errors degrees from

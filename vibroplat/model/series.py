@@ -29,6 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.kernels.compiled import fused, fused_inline, inlined
+from vibroplat.kernels.polynomial import MAX_DEGREE
 from vibroplat.kernels.sines import sincos_pair
 from vibroplat.kernels.vectors import Lanes, Pair, align_stack, at, join, lanes_record, part, select, some, zero
 from vibroplat.model.accelerations import mobility, solve_rows
@@ -36,9 +37,6 @@ from vibroplat.model.motor import MotorTerms, kloss_term, motor_at, resistance_t
 from vibroplat.model.parameters import PARAMETERS, Parameters
 from vibroplat.model.platform import Unbalance, compliance, couplings
 from vibroplat.model.springs import restoring
-
-#: Highest degree of a series.
-MAX_DEGREE = 32
 
 #: Column of F_c among the coefficients; before it stand the seven coordinates of the full state.
 FORCE = 7
