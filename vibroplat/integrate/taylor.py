@@ -51,7 +51,7 @@ from vibroplat.kernels.vectors import (
     zero,
 )
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.series import FORCE, MOTION, WORDS, expand, parameter_rows, room
+from vibroplat.model.series import FORCE, MOTION, WORDS, expand, four, parameter_rows, room
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS, PLACES
 
 #: Degree of the series at tolerance 1e-6, and degrees more for each power of ten below it. At equal errors degrees from
@@ -380,17 +380,27 @@ def write_step(h: Automaton, g: Group, lane: int, row: int) -> None:
 @fused_inline
 def longest_step(s: Any, q: Any, quads: Any, degree: int) -> Lanes:
     """Longest step with which none of the last coefficients of rates, and of F_c, is above its tolerance (s)."""
-    least = zero(s.length) - _LONG
-    for m in range(ERROR_COEFFICIENTS + 1):
-        k = degree - m  # rates have k times the coefficient of their coordinate, and the exponent of F_c before it
-        i, worst = at(k), zero(s.length)
-        if m < ERROR_COEFFICIENTS:
-            first, second = size(quads[i, 0]) * s.weights4[0], size(quads[i, 1]) * s.weights4[1]
-            worst = float(k) * largest(greater(first, second))
-        if m > 0:
-            worst = greater(worst, size(q[at(k - 1), FORCE]) * s.force_weight)
-        least = greater(least, log2(greater(worst, _NOTHING)) * (1.0 / (k - 1.0)))
-    return exp2(-least)
+    none = zero(s.length)
+    # rates have k times the coefficient of their coordinate of order k, and the exponent of F_c before it
+    first, second = last_size(s, q, quads, degree), last_size(s, q, quads, degree - 1)
+    third, fourth = last_size(s, q, quads, degree - 2), last_size(s, q, quads, degree - 3)
+    fifth = size(q[at(degree - ERROR_COEFFICIENTS - 1), FORCE]) * s.force_weight
+    shares = four(
+        none + 1.0 / (degree - 1.0),
+        none + 1.0 / (degree - 2.0),
+        none + 1.0 / (degree - 3.0),
+        none + 1.0 / (degree - 4.0),
+    )
+    least = largest(log2(greater(four(first, second, third, fourth), _NOTHING)) * shares)
+    return exp2(-greater(least, log2(greater(fifth, _NOTHING)) * (1.0 / (degree - 5.0))))
+
+
+@fused_inline
+def last_size(s: Any, q: Any, quads: Any, k: int) -> Lanes:
+    """Size of the last coefficients of rates, with k times that of their coordinates, and of F_c, in tolerances."""
+    i = at(k)
+    first, second = size(quads[i, 0]) * s.weights4[0], size(quads[i, 1]) * s.weights4[1]
+    return greater(float(k) * largest(greater(first, second)), size(q[at(k - 1), FORCE]) * s.force_weight)
 
 
 @fused_inline

@@ -155,7 +155,7 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
     All records are those of lanes: a :data:`MOTION`, a :data:`ROOM` and :data:`PARAMETER_ROWS`. The degree is from 2 to
     MAX_DEGREE. Where an exciter is at rest, its resistance is that of the sense in which it is about to turn.
     """
-    y, v, q = motion.y, motion.v, room.q
+    y, v, quads = motion.y, motion.v, room.quads
     attached, flying, two, phi, turning_0 = motion.attached, motion.flying, motion.two, y[2], v[2]
     align_stack(phi)
     none = zero(phi)
@@ -165,12 +165,11 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
     f = join(fixed_1, fixed_2)
     e, sense = at_order_0(f), sense_of(f.speed)
     at_rest = some(f.speed == 0.0)
-    x0, x1, x2, x6, v0, v1, v2, v5, v6 = y[0], y[1], y[2], y[6], v[0], v[1], v[2], v[5], v[6]
-    x5 = y[5]
+    x0, x1, x2, x5, x6, v0, v1, v2, v5, v6 = y[0], y[1], y[2], y[5], y[6], v[0], v[1], v[2], v[5], v[6]
+    x4, following = y[4], v[4]  # φ₂'s coefficients of order k and k + 1
     phi_1, unbalances, turning, square = none, none, none, none
-    for i in range(FORCE):
-        q[0, i], q[1, i] = y[i], v[i]
-    q[degree - 1, FORCE] = q[degree, FORCE] = none
+    # rows are stored as they are loaded: a part of a row must else leave the processor before the whole comes back
+    quads[0, 0], quads[1, 0] = four(x0, x1, x2, y[3]), four(v0, v1, v2, v[3])
     for k in range(degree - 1):
         sums = middle_terms(k, room, f.speed, phi)
         twice = 1.0 if k == 0 else 2.0
@@ -192,14 +191,11 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
         a, contact, opening, above = solve_rows(attached, motion.lower_share, b, lower, -weight - held[4], inverse, p)
         share = _SHARE[at(k + 1)]
         twofold = share * _SHARE[at(k + 2)]
-        opening, above = flying * opening, two * above
+        quads[at(k), 1] = four(x4, x5, x6, attached * contact)
+        quads[at(k + 2), 0] = four(a[0], a[1], a[2], a[3]) * twofold
         x0, x1, x2, x5, x6 = v0 * share, v1 * share, v2 * share, v5 * share, v6 * share
-        v0, v1, v2, v5, v6 = a[0] * share, a[1] * share, a[2] * share, opening * share, above * share
-        r = at(k + 2)
-        # rows are stored as they are loaded: a part of a row must else leave the processor before the whole comes back
-        room.quads[r, 0] = join(join(a[0], a[1]), join(a[2], a[3])) * twofold
-        room.quads[r, 1] = join(join(a[4], opening), join(above, none)) * twofold
-        q[at(k), FORCE] = attached * contact
+        v0, v1, v2, v5, v6 = a[0] * share, a[1] * share, a[2] * share, flying * opening * share, two * above * share
+        x4, following = following, a[4] * twofold
         if k == 0:
             phi_1 = turning_0
         own = join(a[3], a[4])
@@ -208,6 +204,17 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
         if at_rest:
             sense = select(sense == 0.0, sense_of(e.speed), sense)
         put_factors(room, k, e, known, (a[2] * twofold, v2, unbalances, turning, square))
+    share = _SHARE[at(degree)]
+    quads[at(degree - 1), 1], quads[at(degree), 1] = (
+        four(x4, x5, x6, none),
+        four(following, v5 * share, v6 * share, none),
+    )
+
+
+@inlined
+def four(first: Lanes, second: Lanes, third: Lanes, fourth: Lanes) -> Any:
+    """Put four columns side by side."""
+    return join(join(first, second), join(third, fourth))
 
 
 @fused_inline
