@@ -92,7 +92,7 @@ LANES = MOTION | {
     "cap": (1,),  # longest next step (s)
     "target": (1,),  # angle of exciter 1 at which the run ends, or nan (rad)
     "pending": (1,),  # 1 where the step is to be confirmed; where its end needs code for one motion; where it is out
-    "singly": (1,),  # of the model or not finite; where nothing moves
+    "singly": (1,),  # (2 where it is too short); where it is out of the model or not finite; where nothing moves
     "doubtful": (1,),
     "idle": (1,),
     "period": (1,),  # turn of the synchronous speed (s)
@@ -437,8 +437,7 @@ def propose(g: Group, s: Any, r: Any, p: Any) -> None:
     left = s.until - s.done
     length = lesser(longest_step(s, q, quads, degree), s.cap)
     singly = may_end(s, q, degree, lesser(length, left)) | (length >= left) | (s.counted > 1.0 * g.max_steps)
-    # what is no number is not long enough
-    s.singly = select(singly, 1.0, select(length >= MIN_STEP * s.period, 0.0, 1.0))
+    s.singly = select(length >= MIN_STEP * s.period, select(singly, 1.0, 0.0), 2.0)
     s.length = lesser(length, left)
     s.pending = 1.0 - s.idle
     for lane in range(g.status.size):
@@ -499,16 +498,16 @@ def look_at_end(h: Automaton, g: Group, lane: int) -> None:
         s.pending[lane] = s.singly[lane] = 0.0
         return
     row = h.steps.used.steps if g.keep else (1 if status.before > 0.0 else 0)
-    if s.singly[lane] > 0.5:
-        length = s.length[lane]
-        if length >= MIN_STEP * h.run.period and s.counted[lane] <= g.max_steps:
-            length = end_of_step(h, status, g.room.q, lane, degree, s.done[lane], length, h.steps.c[row])
-            s.length[lane] = length
-        if not (length >= MIN_STEP * h.run.period and s.counted[lane] <= g.max_steps):
-            status.short = 1 if length > 0.0 else 0
-            s.pending[lane] = s.singly[lane] = 0.0
-            status.open = 0
-            loop.end_segment(h, FAILED if length > 0.0 else NOT_FINITE)
+    if s.singly[lane] > 1.5 or s.counted[lane] > g.max_steps:
+        finite = True
+        for i in range(FORCE):
+            finite = finite and abs(g.room.q[2, i, lane]) < np.inf
+        s.pending[lane] = s.singly[lane] = 0.0
+        status.open, status.short = 0, 1 if finite else 0
+        loop.end_segment(h, FAILED if finite else NOT_FINITE)
+    elif s.singly[lane] > 0.5:
+        length = end_of_step(h, status, g.room.q, lane, degree, s.done[lane], s.length[lane], h.steps.c[row])
+        s.length[lane] = length
     elif g.keep:
         write_series(h, g, lane, row)
 
