@@ -69,15 +69,25 @@ class AttractionEllipsoid:
         kept = np.arange(chart.places.size) != chart.phase
         self.state, self.system, self.turns = chart.unpack(found.u)[0], chart.system, turns
         self._places, self._scales, self._turn = chart.places[kept], chart.scales[kept], TURN / chart.speed
-        values, right = np.linalg.eig(section_map)
-        self.spectral_radius = float(np.abs(values).max())
-        self._slowest: FloatArray = right[:, int(np.abs(values).argmax())].real
-        leading = values[np.abs(values).argmax()]
-        self._alternates = leading.imag != 0.0 or leading.real < 0.0
-        norm = contracting_norm(section_map, values, right)
-        self._root: FloatArray = np.linalg.qr(np.vstack([norm.real, norm.imag]))[1]  # ‖W ξ‖ is ‖R ξ‖ for real ξ
-        self.norm = np.zeros((kept.sum(), FULL_SIZE))
-        self.norm[:, self._places] = self._root / self._scales
+        values, right = self._eigen = np.linalg.eig(section_map)
+        self._map = section_map
+        largest = int(np.abs(values).argmax())
+        self.spectral_radius = float(np.abs(values[largest]))
+        self._slowest: FloatArray = right[:, largest].real
+        self._alternates = values[largest].imag != 0.0 or values[largest].real < 0.0
+
+    @cached_property
+    def _root(self) -> FloatArray:
+        """R with ‖R ξ‖ = ‖W ξ‖ for offsets in scaled units, real as these, shape (n, n)."""
+        norm = contracting_norm(self._map, *self._eigen)
+        return np.asarray(np.linalg.qr(np.vstack([norm.real, norm.imag]))[1])
+
+    @cached_property
+    def norm(self) -> FloatArray:
+        """The same for full states' differences, angles less than half a turn apart, shape (n, 14)."""
+        norm = np.zeros((self._scales.size, FULL_SIZE))
+        norm[:, self._places] = self._root / self._scales
+        return norm
 
     def distance(self, state: FloatArray, system: int) -> float:
         """How far a full state on the section is away, ‖W ξ‖; inf in another system."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from functools import cached_property
+from functools import cache, cached_property
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar, cast
 
@@ -230,7 +230,12 @@ def address_of(kernel: Callable[..., None], *arguments: Any) -> int:
     Where it has been compiled for a single list of types, the arguments must have these.
     """
     found = _overload(kernel, arguments)
-    return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
+    return _address(found.library, found.fndesc.llvm_func_name)
+
+
+@cache
+def _address(library: Any, name: str) -> int:
+    return int(library.get_pointer_to_function(name))
 
 
 class PythonFunction:

@@ -41,7 +41,7 @@ _TURN = 2.0 * math.pi
 #: Parts of measures that a shot needs; the others belong to a Poincaré section.
 PARTS = 6
 #: Events and pieces of a shot for which there is room at first.
-ROOM = 1024
+ROOM = 256
 
 #: What Python is asked for: to carry the motion on, to set the parameters of the next shot, with their directions too,
 #: and to solve equations that are nearly singular.
@@ -137,8 +137,8 @@ def shot_records(
         statistics=statistics.callee(h),
         blank=np.concatenate(parts),
         parts=np.array([(part.ctypes.data, part.size) for part in parts]),
-        events=np.zeros(ROOM, EVENT),
-        pieces=np.zeros(ROOM, PART),
+        events=np.empty(ROOM, EVENT),
+        pieces=np.empty(ROOM, PART),
         shot=np.zeros(1, SHOT)[0],
         end=np.zeros(FULL_SIZE),
         values=values,
