@@ -233,7 +233,8 @@ class Shooter:
         }
         self._variation = Variation([self.p.copy()] * len(self.keys))
         self._statistics = Statistics(0.0, points=0, named=len(scene.output.points))
-        self._python = PythonFunction(lambda wish: self.answers[wish]())
+        answers = self.answers
+        self._python = PythonFunction(lambda wish: answers[wish]())
         self._course = (
             None if course is None or len(self.keys) != 1 else ParameterInterpolant(scene, self.keys[0], *course)
         )
@@ -250,8 +251,9 @@ class Shooter:
         self.records = self.kernels.with_address(records)
 
     def close(self) -> None:
-        """Free what the engine holds."""
+        """Free what the engine holds, and take no more shots."""
         self.engine.close()
+        self.answers.clear()  # they hold this, which would wait for the garbage collector
 
     def scene_at(self, values: Mapping[str, float]) -> Scene:
         """Return the scene with other values of keys, without a check of their ranges."""
