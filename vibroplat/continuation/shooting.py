@@ -26,6 +26,7 @@ from vibroplat.model.parameters import parameters
 from vibroplat.model.sensitivity import ParameterInterpolant, flat, with_values
 from vibroplat.model.systems import SYSTEMS
 from vibroplat.motion.motion import Simulator
+from vibroplat.observe.measures import WITH_EXTREMES
 from vibroplat.observe.orbits import newton
 from vibroplat.observe.shots import (
     ADVANCE,
@@ -232,7 +233,7 @@ class Shooter:
             SET_DIRECTIONS: self._set_with_directions,
         }
         self._variation = Variation([self.p.copy()] * len(self.keys))
-        self._statistics = Statistics(0.0, points=0, named=len(scene.output.points))
+        self._statistics = Statistics(0.0, 0, len(scene.output.points), scope=WITH_EXTREMES)
         answers = self.answers
         self._python = PythonFunction(lambda wish: answers[wish]())
         self._course = (

@@ -21,7 +21,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
-from vibroplat.observe.measures import Accumulators, block_difference, measured_extremes
+from vibroplat.observe.measures import SUMMED, Accumulators, block_difference, measured_extremes
 from vibroplat.observe.section import section_points
 from vibroplat.observe.summary import statistics
 from vibroplat.study.lyapunov import largest_exponent
@@ -83,7 +83,7 @@ def compare(
         classes: list[FloatArray] = [class_of]
         for _ in range(WINDOWS):
             for place, motion in enumerate(motions):
-                part = motion.advance(length, blocks=BLOCKS)
+                part = motion.advance(length, blocks=BLOCKS, scope=SUMMED)
                 if motion.outcome != "ok":
                     return Comparison()
                 orbit = detector.detect(motion, section_points(part.measures, scene), 0)
