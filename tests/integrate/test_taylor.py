@@ -5,7 +5,7 @@ import pytest
 
 from vibroplat import Scene, simulate
 from vibroplat.hybrid.state import RUNNING
-from vibroplat.integrate import taylor
+from vibroplat.integrate import lockstep
 from vibroplat.integrate.step_end import ERROR_COEFFICIENTS, find_standstill, guard_fall, statuses
 from vibroplat.integrate.taylor import TaylorEngine, degree_of
 from vibroplat.kernels.compiled import compiled
@@ -85,20 +85,20 @@ def test_degree_follows_the_tolerance():
 
 @compiled
 def begin(g):
-    return taylor.attend(g, 0, 0)
+    return lockstep.attend(g, 0, 0)
 
 
 @compiled
 def take(g):
     s, r, p = as_lanes(g.lanes), as_lanes(g.room), as_lanes(g.rows)
-    taylor.expand(s, g.degree, r, p)
-    taylor.propose(g, s, r, p)
-    taylor.expand(s, g.degree, r, p)
+    lockstep.expand(s, g.degree, r, p)
+    lockstep.propose(g, s, r, p)
+    lockstep.expand(s, g.degree, r, p)
 
 
 @compiled
 def confirm(g):
-    taylor.confirm(g, as_lanes(g.lanes), as_lanes(g.room))
+    lockstep.confirm(g, as_lanes(g.lanes), as_lanes(g.room))
 
 
 @pytest.mark.parametrize(("defect", "kept"), [(0.5, True), (2.0, False)])
@@ -115,7 +115,7 @@ def test_a_step_is_kept_where_its_series_ends_with_the_accelerations_of_the_equa
     take(g)
     assert s["pending"] == 1.0
     before = s["y0"].copy()
-    s["a"][3] = 2.0 * g.room["q"][2, 3] + defect * taylor.MAX_DEFECT * DEGREE / (s["length"] * s["weights"][3])
+    s["a"][3] = 2.0 * g.room["q"][2, 3] + defect * lockstep.MAX_DEFECT * DEGREE / (s["length"] * s["weights"][3])
     confirm(g)
     assert s["pending"] == kept
     assert s["rejected"] == (not kept)

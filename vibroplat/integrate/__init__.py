@@ -20,8 +20,8 @@ from vibroplat.system import memory
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
+    from vibroplat.integrate.group import Group
     from vibroplat.integrate.interface import Engine
-    from vibroplat.integrate.taylor import Group
     from vibroplat.model.parameters import Parameters
 
 # Each engine's module is imported where it is asked for: its kernels are compiled or loaded then.

@@ -13,14 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.hybrid.state import OK, RUNNING
-from vibroplat.integrate.taylor import FIRST, Group, attend, run_loop
+from vibroplat.integrate.group import Group
+from vibroplat.integrate.lockstep import FIRST, attend, run_lanes
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, wide
-from vibroplat.observe.section import ellipsoid_of, form_of
+from vibroplat.observe.section import ON_SECTION, ellipsoid_of, form_of
 
 _TURN = 2.0 * math.pi
-
-#: Part of a turn that a state on the section may lie before it, by round-off.
-ON_SECTION = 1e-9
 
 # What becomes of a motion: it goes on; it is assigned to an ellipsoid; an orbit is to be searched for; it has converged
 # to none; it has ended early.
@@ -154,7 +152,7 @@ def follow(owned_g: Group, owned_f: Followers, limits: Limits, e: Ellipsoids) ->
                 fate = decide(g.runs[lane], f.followed[number], limits, e)
                 if fate != GO_ON:
                     return give_back(g, f, lane), fate
-        lane = run_loop(g)
+        lane = run_lanes(g)
         if lane < 0:
             return -1, GO_ON
         fate = decide(g.runs[lane], f.followed[f.held[lane]], limits, e)

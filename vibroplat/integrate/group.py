@@ -1,0 +1,98 @@
+"""Motions side by side, as engine ``taylor`` carries them in compiled code."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from vibroplat.hybrid.state import Automaton
+from vibroplat.integrate.step_end import statuses
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.kernels.vectors import lanes_record
+from vibroplat.model.series import MOTION, parameter_rows, room
+
+#: Motions side by side: where they are, and besides
+LANES = MOTION | {
+    "y0": (8, 1),  # coordinates and rates where the last step began
+    "v0": (8, 1),
+    "a": (8, 1),  # accelerations at its end by its polynomial; F_c there is number 7 of the coordinates
+    "weights": (8, 1),  # one over the tolerances of rates, then 0
+    "force_weight": (1,),
+    "noise": (1,),  # difference at the end of the step that may be round-off, in tolerances, and whether that is known
+    "noisy": (1,),
+    "length": (1,),  # its duration (s)
+    "origin": (1,),  # when the segment began, time of it now and where the step began, and the longest it may take (s)
+    "done": (1,),
+    "done0": (1,),
+    "until": (1,),
+    "cap": (1,),  # longest next step (s)
+    "target": (1,),  # angle of exciter 1 at which the run ends, or nan (rad)
+    "pending": (1,),  # 1 where the step is to be confirmed; where its end needs code for one motion; where it is out
+    "singly": (1,),  # (2 where it is too short); where it is out of the model or not finite; where nothing moves
+    "doubtful": (1,),
+    "idle": (1,),
+    "period": (1,),  # turn of the synchronous speed (s)
+    "counted": (1,),  # steps in this period, and when it began (s)
+    "counted_from": (1,),
+    "steps": (1,),
+    "rejected": (1,),
+}
+#: Four columns side by side.
+_QUADS = {f"{name}4": (name, (2, 4)) for name in ("y", "v", "y0", "v0", "a", "weights")}
+
+
+class Group(NamedTuple):
+    """Motions side by side, as compiled code knows them: what an automaton has, with an axis of lanes in front."""
+
+    p: npt.NDArray[np.void]
+    inelastic: npt.NDArray[np.void]
+    runs: npt.NDArray[np.void]
+    recent: FloatArray
+    events: npt.NDArray[np.void]
+    begins: FloatArray  # of steps
+    lengths: FloatArray
+    c: FloatArray
+    ends: FloatArray
+    pieces: npt.NDArray[np.void]
+    used: npt.NDArray[np.void]
+    start: int
+    parameters: int  # address of the first
+    words: FloatArray  # the parameters as numbers
+    status: npt.NDArray[np.void]
+    lanes: Any  # records of lanes: LANES, and of the series
+    room: Any
+    rows: Any
+    degree: int
+    keep: bool  # whether steps are kept for observers
+    max_steps: int
+
+
+def group_of(automata: Sequence[Automaton], degree: int, max_steps: int, *, keep: bool) -> Group:
+    """Make a group of automata; that of one shares its memory, of several each has a copy in the group."""
+    width = len(automata)
+
+    def joined(values: Sequence[Any]) -> Any:
+        arrays = [np.asarray(value)[np.newaxis] for value in values]
+        return arrays[0] if width == 1 else np.concatenate(arrays)
+
+    names = ("p", "inelastic", "run", "recent", "events")
+    p, inelastic, runs, recent, events = (joined([getattr(h, name) for h in automata]) for name in names)
+    steps = [joined(parts) for parts in zip(*(h.steps for h in automata), strict=True)]
+    begins, lengths, c, ends, pieces, used = steps
+    return Group(
+        *(p, inelastic, runs, recent, events),
+        *(begins, lengths, c, ends, pieces, used),
+        automata[0].start,
+        p.ctypes.data,
+        p.view(np.float64).reshape(width, -1),
+        statuses(width),
+        lanes_record(width, LANES, _QUADS),
+        room(width),
+        parameter_rows(width),
+        degree,
+        keep,
+        max_steps,
+    )
