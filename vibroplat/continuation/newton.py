@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -55,6 +55,26 @@ class NoConvergenceError(ArithmeticError):
         self.why = why
         self.residuals = tuple(residuals)
         self.section = section
+
+
+class Limits(NamedTuple):
+    """Limits of a course of Newton's method, beyond which it is given up.
+
+    Attributes
+    ----------
+    steps
+        Largest lengths of the second, the third, … step, relative to the first one.
+    residuals
+        Largest residuals after the first, the second, … step, relative to the one before the first.
+
+    The last limit of each holds for all that follow. Empty: there are none.
+    """
+
+    steps: Sequence[float] = ()
+    residuals: Sequence[float] = ()
+
+
+NO_LIMITS = Limits()
 
 
 class Chart:
@@ -337,7 +357,7 @@ def correct(
     max_iterations: int = 12,
     slack: FloatArray | None = None,
     halvings: int = 0,
-    limits: Sequence[float] = (),
+    limits: Limits = NO_LIMITS,
 ) -> NewtonResult:
     """Find an orbit near a vector of unknowns, in the directions that a border leaves free.
 
@@ -353,8 +373,8 @@ def correct(
         A vector, of which the residual may have as much as it needs; then the border has a row more.
     halvings
         How often a step is halved, at most, after which an event has passed the section.
-    fall
-        Limits of the steps' lengths, as :func:`_check_lengths` has them. Empty: there are none.
+    limits
+        Limits of steps and residuals, beyond which the iteration is given up.
 
     Raises
     ------
@@ -368,6 +388,7 @@ def correct(
             residual, shot, u, step, full = _shoot_halving(problem, chart, u, step, halvings, full=full)
             missing = residual if slack is None else residual + much * slack
             residuals.append(size := largest_size(missing))
+            _check(size, residuals[0], len(steps), limits.residuals)
             if full:
                 jacobian = problem.jacobian(chart, shot)
                 if size < problem.tolerance:
@@ -382,7 +403,7 @@ def correct(
             found = solve(add_border(jacobian, border, slack), -np.append(missing, border @ (u - begun)), MAX_STEP)
             step, more = found[: u.size], float(found[u.size :].sum())
             steps.append(float(np.linalg.norm(step)))
-            _check_lengths(steps, limits)
+            _check(steps[-1], steps[0], len(steps) - 1, limits.steps)
             u, left, much = u + step, residual, much + more
             full = size < EXPECTED_CONVERGENCE * problem.tolerance
     except NoConvergenceError as error:
@@ -390,14 +411,10 @@ def correct(
     raise NoConvergenceError(f"no convergence in {max_iterations} iterations", residuals)
 
 
-def _check_lengths(steps: Sequence[float], limits: Sequence[float]) -> None:
-    """Refuse a last step that is too long.
-
-    Limits are the largest lengths of the second, the third, … step relative to the first one; the last limit holds for
-    all that follow. Residuals have no limits: where motion is slow they are small although the orbit is far.
-    """
-    if limits and len(steps) > 1 and steps[-1] > steps[0] * limits[min(len(steps) - 2, len(limits) - 1)]:
-        raise NoConvergenceError("the steps do not become shorter")
+def _check(size: float, first: float, number: int, limits: Sequence[float]) -> None:
+    """Refuse a size that is beyond the limit of its number, relative to the first one, number 0."""
+    if limits and number > 0 and size > first * limits[min(number, len(limits)) - 1]:
+        raise NoConvergenceError("the iteration does not converge")
 
 
 def _shoot_halving(
@@ -418,11 +435,12 @@ def _shoot_halving(
 
 
 def correct_moving_section(
-    problem: Problem, chart: Chart, u: FloatArray, max_iterations: int, limits: Sequence[float] = ()
+    problem: Problem, chart: Chart, u: FloatArray, max_iterations: int, limits: Limits = NO_LIMITS
 ) -> NewtonResult:
     """Find an orbit near a vector of unknowns with its keys held; if an event passes the section, on another section.
 
     That is what happens to guesses from chaotic motion. The other one lies in the middle of a piece between events.
+    Limits of residuals hold there as well.
 
     Raises
     ------
@@ -440,7 +458,8 @@ def correct_moving_section(
         moved = problem.move_section(chart, u, guess.section_time(elsewhere=True)) if guess.outcome == "ok" else None
         if moved is None:
             raise
-    return correct(problem, *moved[:2], fixed_border(moved[0]), max_iterations=2 * max_iterations, halvings=4)
+    limits, most = Limits(residuals=limits.residuals), 2 * max_iterations
+    return correct(problem, *moved[:2], fixed_border(moved[0]), max_iterations=most, halvings=4, limits=limits)
 
 
 def fixed_border(chart: Chart) -> FloatArray:

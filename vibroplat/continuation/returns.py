@@ -20,6 +20,10 @@ MAX_DISTANCE, NEAREST_COUNT, RELATIVE_COUNT, MANY_TURNS_COUNT = 2.0, 6, 3, 2
 MAX_RATIO = 0.7
 #: How far apart returns of the same turns are, and how far from known orbits, relative to their own distances.
 MIN_SEPARATION = 0.5
+#: Growth of a distance until the next return, above which a relative return is not tried: the orbit near it, if there is
+#: one, is more unstable than those whose sides are searched. In 200 windows of chaos of five scenes, 134 instead of 137
+#: stable orbits are found this way, by 2082 instead of 2996 trials.
+MAX_GROWTH = 3.0
 #: Returns that are candidates, for each number of turns.
 MAX_CANDIDATES = 60
 
@@ -29,8 +33,8 @@ def near_returns(
 ) -> Iterator[tuple[int, int]]:
     """Yield numbers of turns and places after which a section comes back to itself, for a trial each.
 
-    First the nearest of all; then in rounds the nearest of each number of turns relative to its divisors; then long
-    ones.
+    First the nearest of all; then in rounds the nearest of each number of turns relative to its divisors, without those
+    that MAX_GROWTH excludes; then long ones.
 
     Parameters
     ----------
@@ -50,6 +54,11 @@ def near_returns(
         near = MIN_SEPARATION * away[turns, place]
         return all(np.abs(points[place] - way).max(axis=1).min() > near for way in ways)
 
+    def mild(trial: tuple[int, int]) -> bool:
+        turns, place = trial
+        again = place + turns
+        return again >= len(points) - turns or bool(away[turns, again] <= MAX_GROWTH * away[trial])
+
     def some(candidates: Iterable[tuple[int, int]], most: int) -> Iterator[tuple[int, int]]:
         for trial in itertools.islice((one for one in candidates if fresh(*one)), most):
             tried.append(trial)
@@ -60,7 +69,7 @@ def near_returns(
     rounds = {turns: _nearest(own, [turns]) for turns in short}
     for _ in range(RELATIVE_COUNT):
         for candidates in rounds.values():
-            yield from some(candidates, 1)
+            yield from filter(mild, some(candidates, 1))
     long = np.where(own < MAX_RATIO, away, np.inf)
     yield from some(_nearest(long, range(longest + 1, len(away))), MANY_TURNS_COUNT)
 

@@ -8,15 +8,16 @@ other, they count as one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
+from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
@@ -52,6 +53,38 @@ class Comparison(NamedTuple):
     apart_s: float = 0.0
 
 
+class AttractorClass:
+    """The class of an aperiodic motion: the bounds of CLASS_MEASURES over the blocks of a window.
+
+    Parameters
+    ----------
+    values
+        Values of its blocks, shape (blocks, 3).
+    smallest
+        Differences that say nothing, shape (3,): a motion that has lost its symmetry, or comes to it, is not another
+        one as long as it is nearer than that.
+    """
+
+    def __init__(self, values: FloatArray, smallest: FloatArray) -> None:
+        least, most = values.min(axis=0), values.max(axis=0)
+        wider = np.maximum(np.maximum(most - least, MIN_CLASS_WIDTH * most), smallest)
+        self._least, self._most = least - wider, most + wider
+
+    def holds(self, values: FloatArray) -> bool:
+        """Whether any of some blocks, shape (n, 3), is within the bounds, which it may exceed by their width."""
+        return bool(((values >= self._least) & (values <= self._most)).all(axis=1).any())
+
+    def met(self, ends: Sequence[Accumulators]) -> bool:
+        """Whether it holds the last block of a motion, from the sums at the ends of all blocks so far."""
+        return len(ends) > 0 and self.holds(block_values(ends[-2:])[-1:])
+
+
+def smallest_differences(scene: Scene, plan: SweepPlan) -> FloatArray:
+    """Return differences of CLASS_MEASURES that may be left of settling, shape (3,)."""
+    found: FloatArray = plan.settle_tolerance * state_scales(scene)[: len(CLASS_MEASURES)]
+    return found
+
+
 def block_values(blocks: Sequence[Accumulators]) -> FloatArray:
     """CLASS_MEASURES of each block, shape (blocks, 3), from the sums at their ends."""
     parts = [*blocks[:1], *(block_difference(a, b) for a, b in pairwise(blocks))]
@@ -59,40 +92,25 @@ def block_values(blocks: Sequence[Accumulators]) -> FloatArray:
     return np.array([[values[name] for name in CLASS_MEASURES] for values in found], dtype=float)
 
 
-def belongs_to_class(values: FloatArray, class_of: FloatArray) -> bool:
-    """Whether any of some blocks, shape (n, 3), belongs to the class of a window's blocks, which it may exceed once."""
-    least, most = class_of.min(axis=0), class_of.max(axis=0)
-    wider = np.maximum(most - least, MIN_CLASS_WIDTH * most)
-    return bool(((values >= least - wider) & (values <= most + wider)).all(axis=1).any())
-
-
-def class_measures(row: Mapping[str, Any]) -> FloatArray:
-    """CLASS_MEASURES of a row, as of one block."""
-    return np.array([[row[name] for name in CLASS_MEASURES]], dtype=float)
-
-
 def compare(
-    scene: Scene, plan: SweepPlan, states: Sequence[FloatArray], class_of: FloatArray, detector: OrbitDetector
+    scene: Scene, plan: SweepPlan, states: Sequence[FloatArray], known: AttractorClass, detector: OrbitDetector
 ) -> Comparison:
-    """Follow a motion of known class, shape (BLOCKS, 3), and another, from full states at their ends."""
+    """Follow a motion of known class, and another, from full states at their ends."""
     p, length = parameters(scene), BLOCKS * plan.measure_s
     with closing(make_engine(scene, p)) as one, closing(make_engine(scene, p)) as two:
         motions = [
             Simulator(scene, p, engine, state) for engine, state in zip((two, one), reversed(states), strict=True)
         ]
-        classes: list[FloatArray] = [class_of]
+        classes = [known]
         for _ in range(WINDOWS):
             for place, motion in enumerate(motions):
-                part = motion.advance(length, blocks=BLOCKS)
-                if motion.outcome != "ok":
+                part = motion.advance(length, blocks=BLOCKS, until=classes[place].met)
+                if motion.outcome != "ok" or classes[place].met(part.blocks):
                     return Comparison()
                 orbit = detector.detect(motion, section_points(part.measures, scene), 0)
                 if orbit is not None:
                     return Comparison(orbit)
-                values = block_values(part.blocks)
-                if belongs_to_class(values, classes[place]):
-                    return Comparison()
                 if len(classes) == 1:
-                    classes.append(values)
+                    classes.append(AttractorClass(block_values(part.blocks), smallest_differences(scene, plan)))
         chaotic = largest_exponent(scene, motions[0].state).sign > 0
         return Comparison(None, WINDOWS * length if chaotic else 0.0)

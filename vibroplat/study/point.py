@@ -22,7 +22,7 @@ from vibroplat.hybrid.state import Automaton, initial_state, perturb_state, stat
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Observer, Simulator
+from vibroplat.motion.motion import Observer, Simulator, Until, never
 from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.notes import notes_on_measures, stiffness
 from vibroplat.observe.section import section_points, section_rows, whole_periods
@@ -37,7 +37,7 @@ from vibroplat.observe.summary import (
     wrap_angle,
 )
 from vibroplat.study.classification import MotionClass, classify
-from vibroplat.study.coexisting import BLOCKS, belongs_to_class, block_values, class_measures, compare
+from vibroplat.study.coexisting import BLOCKS, AttractorClass, block_values, compare, smallest_differences
 from vibroplat.study.pool import Task
 from vibroplat.study.settling import KnownOrbit, OrbitDetector, SettlingResult, settle
 from vibroplat.study.store import Record
@@ -51,8 +51,8 @@ ANTIPHASE_OF_ORBITS = 1e-6
 MIN_PERIODS = 4
 #: A motion whose neighbours converge will repeat: it may settle this many times ``max_settle_s``.
 SETTLE_EXTENSION = 4.0
-#: Longest settling of motion from other starts (s), and its measured time over that of the plan.
-BRIEF, SHORTER = 20.0, 1.0 / 3.0
+#: Longest settling of motion from other initial conditions (s).
+BRIEF = 5.0
 #: How many of the last points of the Poincaré section and impacts a bifurcation diagram shows at each point.
 DIAGRAM_POINTS = 64
 
@@ -200,12 +200,14 @@ def _measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key
     return point
 
 
-def _detect_orbit(scene: Scene, plan: SweepPlan, start: FloatArray, detector: OrbitDetector) -> SweepPoint:
+def _detect_orbit(
+    scene: Scene, plan: SweepPlan, start: FloatArray, detector: OrbitDetector, until: Until = never
+) -> SweepPoint:
     """Search for the orbit that a motion converges to at once, and while it settles."""
     orbit = detector.first(start)
     if orbit is not None and detector.end_state is not None:
         return on_orbit(scene, orbit, detector.end_state[1], detector.work)
-    return _measure_by_simulation(scene, plan, *(detector.end_state or (start, 0.0)), detector)
+    return _measure_by_simulation(scene, plan, *(detector.end_state or (start, 0.0)), detector, until)
 
 
 def on_orbit(
@@ -234,14 +236,24 @@ def on_orbit(
 
 
 def _measure_by_simulation(
-    scene: Scene, plan: SweepPlan, start: FloatArray, began: float = 0.0, detector: OrbitDetector | None = None
+    scene: Scene,
+    plan: SweepPlan,
+    start: FloatArray,
+    began: float = 0.0,
+    detector: OrbitDetector | None = None,
+    until: Until = never,
 ) -> SweepPoint:
-    """Follow a motion from a full state and a time (s) until it has settled, and measure it."""
+    """Follow a motion from a full state and a time (s) until it has settled, and measure it.
+
+    If it ends ``until`` a block, it is not classified, and the point has no state.
+    """
     p = parameters(scene)
     impacts = _Impacts() if plan.kind == "bifurcation" else None
     with closing(make_engine(scene, p)) as engine:
         motion = Simulator(scene, p, engine, start, began)
-        settling, part, kind = _settled_and_measured(motion, plan, [] if impacts is None else [impacts], detector)
+        settling, part, kind = _settled_and_measured(
+            motion, plan, [] if impacts is None else [impacts], detector, until
+        )
         work = engine.work
         stiff = stiffness(scene, engine.name, work["steps"], motion.restarts, motion.now - began)
     if settling.orbit is not None:
@@ -291,24 +303,23 @@ def _coexisting(scene: Scene, plan: SweepPlan, part: MeasuredInterval, end: Floa
     Searched are stable orbits near its section, and what ``run.initial``, and the same with exciter 2 half a turn
     ahead, lead to. Only what has settled is an attractor.
     """
-    shorter = {"max_settle_s": min(BRIEF, plan.max_settle_s), "measure_s": SHORTER * plan.measure_s, "lyapunov": False}
-    brief = plan.model_copy(update=shorter)
+    brief = plan.model_copy(update={"max_settle_s": min(BRIEF, plan.max_settle_s), "lyapunov": False})
     turned = initial_state(scene)
     turned[4] += math.pi
     starts = [initial_state(scene), turned]
     hunt = detector.search_near_returns(section_points(part.measures, scene), section_rows(part.measures)["state"])
-    class_of = block_values(part.blocks)
+    known = AttractorClass(block_values(part.blocks), smallest_differences(scene, plan))
     told = set() if hunt.orbit is None else {_attractor_text(on_orbit(scene, hunt.orbit, 0.0, detector.work).row)}
     for number, start in enumerate(starts):
         begun = perturb_state(start, scene, plan.perturbation, (plan.seed, number))
-        other = _detect_orbit(scene, brief, begun, detector)
+        other = _detect_orbit(scene, brief, begun, detector, known.met)
         if other.state is None or other.row["period"] is None:
             continue
         if other.row["period"]:
             if other.row.get("multiplier_max") is not None or other.row["settle_s"] < brief.max_settle_s:
                 told.add(_attractor_text(other.row))
-        elif not belongs_to_class(class_measures(other.row), class_of):
-            found = compare(scene, plan, (end, np.array(other.state)), class_of, detector)
+        else:
+            found = compare(scene, plan, (end, np.array(other.state)), known, detector)
             if found.orbit is not None:
                 told.add(_attractor_text(on_orbit(scene, found.orbit, 0.0, detector.work).row))
             elif found.apart_s:
@@ -337,20 +348,24 @@ class _Impacts:
 
 
 def _settled_and_measured(
-    motion: Simulator, plan: SweepPlan, observers: Sequence[Observer], detector: OrbitDetector | None = None
+    motion: Simulator,
+    plan: SweepPlan,
+    observers: Sequence[Observer],
+    detector: OrbitDetector | None = None,
+    until: Until = never,
 ) -> tuple[SettlingResult, MeasuredInterval, MotionClass | None]:
     """Settle, measure and classify a motion; settle again if it turns out not to have settled.
 
     Motion that does not repeat is measured in blocks, from which the errors of its measures follow. A motion that
-    ended early has no kind.
+    ended early has no kind, also one that ended ``until`` a block.
     """
     longest = plan.max_settle_s
     while True:
         settling = settle(motion, plan, longest, detector)
         if settling.orbit is not None:  # it is measured already
             return settling, motion.advance(0.0), None
-        part = _measured_part(motion, plan, settling, observers)
-        if motion.outcome != "ok":
+        part = _measured_part(motion, plan, settling, observers, until)
+        if motion.outcome != "ok" or until(part.blocks):
             return settling, part, None
         points = section_points(part.measures, motion.scene)
         kind = classify(motion.scene, plan, settling, points, motion.state, last=longest > plan.max_settle_s)
@@ -371,12 +386,12 @@ def _settled_and_measured(
 
 
 def _measured_part(
-    motion: Simulator, plan: SweepPlan, settling: SettlingResult, observers: Sequence[Observer]
+    motion: Simulator, plan: SweepPlan, settling: SettlingResult, observers: Sequence[Observer], until: Until
 ) -> MeasuredInterval:
     """Measure a motion: in one part if it repeats; otherwise in blocks."""
     if settling.reason != "maximum":
         return _measure(motion, plan.measure_s, settling, observers)
-    return motion.advance(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers)
+    return motion.advance(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers, until=until)
 
 
 def _measure(
