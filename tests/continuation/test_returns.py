@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from vibroplat import load_config
-from vibroplat.continuation.newton import Limits, NoConvergenceError, Problem, correct, fixed_border
+from vibroplat.continuation.newton import NoConvergenceError, Problem, correct, fixed_border
 from vibroplat.continuation.returns import NEAREST_COUNT, RELATIVE_COUNT, near_returns
 from vibroplat.continuation.shooting import TURN, Shooter
 
@@ -86,8 +86,8 @@ def test_newtons_method_is_given_up_by_the_course_of_its_residuals():
         guess = chart, chart.pack(state, TURN / scene.speed_scale), fixed_border(chart)
         found = correct(problem, *guess)
         fall = found.residuals[1] / found.residuals[0]
-        kept = correct(problem, *guess, limits=Limits(residuals=(2.0 * fall, 1.0)))
+        kept = correct(problem, *guess, limits=((), (2.0 * fall, 1.0)))
         with pytest.raises(NoConvergenceError) as error:
-            correct(problem, *guess, limits=Limits(residuals=(0.5 * fall, 1.0)))
+            correct(problem, *guess, limits=((), (0.5 * fall, 1.0)))
     assert kept.residuals == found.residuals
     assert error.value.residuals == tuple(found.residuals[:2])

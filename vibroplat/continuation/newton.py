@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +40,10 @@ MAX_STEP, SINGULAR = 1.0, 1e-8
 UNIT_CIRCLE_DISTANCE = 1e-6
 #: Residual after half of the period, over the tolerance, within which an orbit repeats there.
 HALF_PERIOD_RESIDUAL_RATIO = 1e3
+#: Largest lengths of the second, the third, … step relative to the first one, and largest residuals after the first, the
+#: second, … step relative to the one before: beyond them, the last ones for all later steps, the iteration is given up.
+Limits = tuple[Sequence[float], Sequence[float]]
+NO_LIMITS: Limits = ((), ())
 #: Place of the angle of exciter 1 in the full state.
 ANGLE_INDEX = 3
 
@@ -55,26 +59,6 @@ class NoConvergenceError(ArithmeticError):
         self.why = why
         self.residuals = tuple(residuals)
         self.section = section
-
-
-class Limits(NamedTuple):
-    """Limits of a course of Newton's method, beyond which it is given up.
-
-    Attributes
-    ----------
-    steps
-        Largest lengths of the second, the third, … step, relative to the first one.
-    residuals
-        Largest residuals after the first, the second, … step, relative to the one before the first.
-
-    The last limit of each holds for all that follow. Empty: there are none.
-    """
-
-    steps: Sequence[float] = ()
-    residuals: Sequence[float] = ()
-
-
-NO_LIMITS = Limits()
 
 
 class Chart:
@@ -367,14 +351,12 @@ def correct(
         Directions in which the unknowns stay, one for each key, shape (keys, m + keys).
     jacobian
         Nearly that of the orbit, to begin with (Broyden 1965); a new one is made where it serves no longer.
-    most
-        Largest number of iterations.
+    max_iterations, limits
+        Largest number of iterations, and limits of their course.
     slack
         A vector, of which the residual may have as much as it needs; then the border has a row more.
     halvings
         How often a step is halved, at most, after which an event has passed the section.
-    limits
-        Limits of steps and residuals, beyond which the iteration is given up.
 
     Raises
     ------
@@ -388,7 +370,7 @@ def correct(
             residual, shot, u, step, full = _shoot_halving(problem, chart, u, step, halvings, full=full)
             missing = residual if slack is None else residual + much * slack
             residuals.append(size := largest_size(missing))
-            _check(size, residuals[0], len(steps), limits.residuals)
+            _check(size, residuals[0], len(steps), limits[1])
             if full:
                 jacobian = problem.jacobian(chart, shot)
                 if size < problem.tolerance:
@@ -402,8 +384,8 @@ def correct(
                 broyden_update(jacobian, step, residual - left)
             found = solve(add_border(jacobian, border, slack), -np.append(missing, border @ (u - begun)), MAX_STEP)
             step, more = found[: u.size], float(found[u.size :].sum())
-            steps.append(float(np.linalg.norm(step)))
-            _check(steps[-1], steps[0], len(steps) - 1, limits.steps)
+            steps.append(long := float(np.linalg.norm(step)))
+            _check(long, steps[0], len(steps) - 1, limits[0])
             u, left, much = u + step, residual, much + more
             full = size < EXPECTED_CONVERGENCE * problem.tolerance
     except NoConvergenceError as error:
@@ -440,7 +422,7 @@ def correct_moving_section(
     """Find an orbit near a vector of unknowns with its keys held; if an event passes the section, on another section.
 
     That is what happens to guesses from chaotic motion. The other one lies in the middle of a piece between events.
-    Limits of residuals hold there as well.
+    Limits of residuals hold there too.
 
     Raises
     ------
@@ -458,8 +440,8 @@ def correct_moving_section(
         moved = problem.move_section(chart, u, guess.section_time(elsewhere=True)) if guess.outcome == "ok" else None
         if moved is None:
             raise
-    limits, most = Limits(residuals=limits.residuals), 2 * max_iterations
-    return correct(problem, *moved[:2], fixed_border(moved[0]), max_iterations=most, halvings=4, limits=limits)
+    chart, u, limits = *moved[:2], ((), limits[1])
+    return correct(problem, chart, u, fixed_border(chart), max_iterations=2 * max_iterations, halvings=4, limits=limits)
 
 
 def fixed_border(chart: Chart) -> FloatArray:

@@ -49,8 +49,8 @@ MAX_SADDLE, SADDLES, OFFSET, DEPARTURE, SETTLING, MAX_TURNS = 3.0, 4, 1e-2, 0.3,
 #: motion. Of 4963 trials from returns in 203 windows of chaos, 2003 lead to an orbit. Limits of residuals lose 147 of
 #: these, among them 35 of 648 with a multiplier below 3 and no stable one, and save a third of all shots: 2539 of the
 #: 2960 other trials end there, after 2.9 instead of 6.4 shots.
-APPROACH = 10, Limits(steps=(math.inf, math.inf, 1.0, math.inf))
-RETURN = 12, Limits(residuals=(5.0, 2.0, 0.5, 0.2))
+APPROACH: tuple[int, Limits] = 10, ((math.inf, math.inf, 1.0, math.inf), ())
+RETURN: tuple[int, Limits] = 12, ((), (5.0, 2.0, 0.5, 0.2))
 
 
 class NewtonOrbitDetector:
