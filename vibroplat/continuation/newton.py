@@ -40,8 +40,8 @@ MAX_STEP, SINGULAR = 1.0, 1e-8
 UNIT_CIRCLE_DISTANCE = 1e-6
 #: Residual after half of the period, over the tolerance, within which an orbit repeats there.
 HALF_PERIOD_RESIDUAL_RATIO = 1e3
-#: Largest lengths of the second, the third, … step relative to the first one, and largest residuals after the first, the
-#: second, … step relative to the one before: beyond them, the last ones for all later steps, the iteration is given up.
+#: Largest lengths of the second, the third, … step relative to the first one, and largest residuals after the first,
+#: the second, … step relative to the one before: beyond them, the last ones for all later steps, it is given up.
 Limits = tuple[Sequence[float], Sequence[float]]
 NO_LIMITS: Limits = ((), ())
 #: Place of the angle of exciter 1 in the full state.
