@@ -8,7 +8,7 @@ import pytest
 
 from vibroplat import load_config
 from vibroplat.continuation.newton import NoConvergenceError, Problem, correct, fixed_border
-from vibroplat.continuation.returns import NEAREST_COUNT, RELATIVE_COUNT, near_returns
+from vibroplat.continuation.returns import NEAREST_COUNT, RELATIVE_COUNT, is_apart, near_returns
 from vibroplat.continuation.shooting import TURN, Shooter
 
 from .helpers import MACHINE
@@ -48,15 +48,15 @@ def test_returns_near_an_orbit_of_two_turns_do_not_hide_one_of_six():
     assert any(turns == 6 and place >= 24 for turns, place in tried[: NEAREST_COUNT + 8 * RELATIVE_COUNT])
 
 
-def test_returns_that_a_known_orbit_explains_are_not_tried():
+def test_returns_that_a_known_orbit_explains_are_not_apart_from_it():
     """Motion leaves a point from side to side."""
     leaving = column(1e-5 * (-2.0) ** np.arange(17))
-    known, tried = [], []
-    for trial in near_returns(leaving, LONGEST, known):
-        tried.append(trial)
-        known.append((1, column([0.0])))
-    assert tried == [(1, 0)]
-    assert len(list(near_returns(leaving, LONGEST))) == NEAREST_COUNT
+    tried = list(near_returns(leaving, LONGEST))
+    assert len(tried) == NEAREST_COUNT
+    for turns, place in tried:
+        distance = float(abs(leaving[place + turns] - leaving[place])[0])
+        assert not is_apart(leaving[place], column([0.0]), distance)
+        assert is_apart(leaving[place], column([0.0, distance]) + leaving[place] + 0.6 * distance, distance)
 
 
 def test_returns_from_which_motion_leaves_at_once_are_not_tried_for_their_turns():

@@ -32,7 +32,7 @@ class Calls:
 
     def __init__(self, *calls):
         self.calls = calls
-        self.results = []
+        self.results, self.asides = [], []
 
     @property
     def next(self):

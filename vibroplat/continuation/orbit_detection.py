@@ -8,7 +8,7 @@ the motion is. A stable orbit that attracts the motion from there is the one tha
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -25,13 +25,13 @@ from vibroplat.continuation.newton import (
     fixed_border,
 )
 from vibroplat.continuation.orbit import TOLERANCE, measure_period, smallest_period, with_orbit_tolerance
-from vibroplat.continuation.returns import near_returns
+from vibroplat.continuation.returns import is_apart, near_returns
 from vibroplat.continuation.shooting import TURN, Shooter
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.motion import Simulator
-from vibroplat.observe.section import section_points
-from vibroplat.study.settling import BLOCK, KnownOrbit, NearReturnOrbits
+from vibroplat.observe.section import scaled_points, section_points
+from vibroplat.study.settling import BLOCK, KnownOrbit, NearReturn, NearReturnOrbits
 
 #: Maximum period searched for (turns of exciter 1), and maximum distance of points of the section (scaled units) at
 #: which a search is worthwhile.
@@ -122,23 +122,30 @@ class NewtonOrbitDetector:
             motion.to_section(1, self._max_time(1))
         return found
 
-    def search_near_returns(self, points: FloatArray, states: FloatArray) -> NearReturnOrbits:
+    def near_returns(self, points: FloatArray, states: FloatArray) -> list[NearReturn]:
+        """Choose near returns of a section: its points, in scaled units, and full states, each shape (turns, 14)."""
+        return [
+            NearReturn(turns, float(np.abs(points[place + turns] - points[place]).max()), states[place].tolist())
+            for turns, place in near_returns(points, MAX_PERIOD_TURNS)
+        ]
+
+    def search_near_returns(self, returns: Sequence[NearReturn]) -> NearReturnOrbits:
         """Search for a stable orbit from returns of a section that does not repeat, and beside the unstable ones.
 
-        An unstable orbit that arose together with a stable one leads to it from one of its sides.
-
-        Parameters
-        ----------
-        points, states
-            Of the section, in scaled units and full states, each shape (turns, 14).
+        Returns near unstable orbits of the same turns are not tried. An unstable orbit that arose together with a
+        stable one leads to it from one of its sides.
         """
         known, mild = list[tuple[int, FloatArray]](), dict[tuple[int, float], AttractionEllipsoid]()
         trials = 0
-        for turns, place in near_returns(points, MAX_PERIOD_TURNS, known):
+        for turns, distance, numbers in returns:
+            state = np.array(numbers)
+            (point,) = scaled_points(state[np.newaxis], self._shooter.scene)
+            if not all(is_apart(point, way, distance) for period, way in known if turns % period == 0):
+                continue
             trials += 1
-            self._shooter.motion.reset(states[place])
+            self._shooter.motion.reset(state)
             try:
-                problem, found = self._orbit_near(states[place], self._shooter.motion.system.index, turns, RETURN)
+                problem, found = self._orbit_near(state, self._shooter.motion.system.index, turns, RETURN)
             except NoConvergenceError:
                 continue
             around, period = AttractionEllipsoid(found, turns), smallest_period(problem, found, turns)

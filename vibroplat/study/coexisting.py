@@ -23,10 +23,10 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
 from vibroplat.observe.measures import Accumulators, block_difference, measured_extremes
-from vibroplat.observe.section import section_points
-from vibroplat.observe.summary import statistics
+from vibroplat.observe.section import section_points, section_rows
+from vibroplat.observe.summary import MeasuredInterval, statistics
 from vibroplat.study.lyapunov import largest_exponent
-from vibroplat.study.settling import KnownOrbit, OrbitDetector
+from vibroplat.study.settling import KnownOrbit, NearReturn, OrbitDetector
 
 #: Number of blocks of a window; an aperiodic motion is measured in one.
 BLOCKS = 24
@@ -53,33 +53,33 @@ class Comparison(NamedTuple):
     apart_s: float = 0.0
 
 
-class AttractorClass:
-    """The class of an aperiodic motion: the bounds of CLASS_MEASURES over the blocks of a window.
+class AttractorClass(NamedTuple):
+    """The class of an aperiodic motion: the smallest and largest values of CLASS_MEASURES that belong to it."""
 
-    Parameters
-    ----------
-    values
-        Values of its blocks, shape (blocks, 3).
-    smallest
-        Differences that say nothing, shape (3,): a motion that has lost its symmetry, or comes to it, is not another
-        one as long as it is nearer than that.
-    """
+    smallest: Sequence[float]
+    largest: Sequence[float]
 
-    def __init__(self, values: FloatArray, smallest: FloatArray) -> None:
+    @classmethod
+    def of(cls, values: FloatArray, negligible: FloatArray) -> AttractorClass:
+        """Make the class of a window from the values of its blocks, shape (blocks, 3), which it exceeds by their width.
+
+        Differences that are ``negligible``, shape (3,), say nothing: a motion that comes back to its symmetry, or
+        leaves it, is not another one as long as it is nearer than that.
+        """
         least, most = values.min(axis=0), values.max(axis=0)
-        wider = np.maximum(np.maximum(most - least, MIN_CLASS_WIDTH * most), smallest)
-        self._least, self._most = least - wider, most + wider
+        wider = np.maximum(np.maximum(most - least, MIN_CLASS_WIDTH * most), negligible)
+        return cls((least - wider).tolist(), (most + wider).tolist())
 
     def holds(self, values: FloatArray) -> bool:
-        """Whether any of some blocks, shape (n, 3), is within the bounds, which it may exceed by their width."""
-        return bool(((values >= self._least) & (values <= self._most)).all(axis=1).any())
+        """Whether any of some blocks, shape (n, 3), belongs to the class."""
+        return bool(((values >= self.smallest) & (values <= self.largest)).all(axis=1).any())
 
     def met(self, ends: Sequence[Accumulators]) -> bool:
         """Whether it holds the last block of a motion, from the sums at the ends of all blocks so far."""
         return len(ends) > 0 and self.holds(block_values(ends[-2:])[-1:])
 
 
-def smallest_differences(scene: Scene, plan: SweepPlan) -> FloatArray:
+def negligible_differences(scene: Scene, plan: SweepPlan) -> FloatArray:
     """Return differences of CLASS_MEASURES that may be left of settling, shape (3,)."""
     found: FloatArray = plan.settle_tolerance * state_scales(scene)[: len(CLASS_MEASURES)]
     return found
@@ -90,6 +90,33 @@ def block_values(blocks: Sequence[Accumulators]) -> FloatArray:
     parts = [*blocks[:1], *(block_difference(a, b) for a, b in pairwise(blocks))]
     found = [statistics(part, measured_extremes(part)) for part in parts]
     return np.array([[values[name] for name in CLASS_MEASURES] for values in found], dtype=float)
+
+
+class SearchBeginning(NamedTuple):
+    """Where the search for attractors that coexist with an aperiodic motion begins, in plain values.
+
+    Attributes
+    ----------
+    returns
+        Near returns of its section.
+    class_of
+        Its class.
+    end
+        Full state at its end, shape (14,).
+    """
+
+    returns: Sequence[NearReturn]
+    class_of: AttractorClass
+    end: Sequence[float]
+
+
+def begin_search(
+    scene: Scene, plan: SweepPlan, part: MeasuredInterval, end: FloatArray, detector: OrbitDetector
+) -> SearchBeginning:
+    """Gather what a search needs from the blocks of a motion and the full state at its end."""
+    returns = detector.near_returns(section_points(part.measures, scene), section_rows(part.measures)["state"])
+    known = AttractorClass.of(block_values(part.blocks), negligible_differences(scene, plan))
+    return SearchBeginning(returns, known, end.tolist())
 
 
 def compare(
@@ -111,6 +138,6 @@ def compare(
                 if orbit is not None:
                     return Comparison(orbit)
                 if len(classes) == 1:
-                    classes.append(AttractorClass(block_values(part.blocks), smallest_differences(scene, plan)))
+                    classes.append(AttractorClass.of(block_values(part.blocks), negligible_differences(scene, plan)))
         chaotic = largest_exponent(scene, motions[0].state).sign > 0
         return Comparison(None, WINDOWS * length if chaotic else 0.0)

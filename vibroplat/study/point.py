@@ -37,7 +37,7 @@ from vibroplat.observe.summary import (
     wrap_angle,
 )
 from vibroplat.study.classification import MotionClass, classify
-from vibroplat.study.coexisting import BLOCKS, AttractorClass, block_values, compare, smallest_differences
+from vibroplat.study.coexisting import BLOCKS, SearchBeginning, begin_search
 from vibroplat.study.pool import Task
 from vibroplat.study.settling import KnownOrbit, OrbitDetector, SettlingResult, settle
 from vibroplat.study.store import Record
@@ -51,8 +51,6 @@ ANTIPHASE_OF_ORBITS = 1e-6
 MIN_PERIODS = 4
 #: A motion whose neighbours converge will repeat: it may settle this many times ``max_settle_s``.
 SETTLE_EXTENSION = 4.0
-#: Longest settling of motion from other initial conditions (s).
-BRIEF = 5.0
 #: How many of the last points of the Poincaré section and impacts a bifurcation diagram shows at each point.
 DIAGRAM_POINTS = 64
 
@@ -142,12 +140,16 @@ class SweepPoint:
         inaccurate.
     section_y, impact_speeds
         y at whole turns of exciter 1 (m) and speeds of the impacts (m/s), for a bifurcation diagram.
+    search
+        Where the search for coexisting attractors begins, if there shall be one; see
+        :func:`vibroplat.study.attractor_search.search_coexisting`.
     """
 
     row: dict[str, Any]
     state: list[float] | None
     section_y: list[float] = field(default_factory=list)
     impact_speeds: list[float] = field(default_factory=list)
+    search: SearchBeginning | None = None
 
 
 def point_task(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Task:
@@ -162,7 +164,7 @@ def failed_record(reason: str, outcome: str = "worker-lost") -> Record:
 
 
 def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> SweepPoint:
-    """Settle and measure one point of a sweep.
+    """Settle and measure one point of a sweep, without a search for coexisting attractors.
 
     Parameters
     ----------
@@ -195,15 +197,18 @@ def _measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key
         point = _measure_by_simulation(scene, plan, start)
     else:
         with closing(load_provided("NewtonOrbitDetector")(scene)) as detector:
-            point = _detect_orbit(scene, plan, start, detector)
+            point = settle_and_measure(scene, plan, start, detector)
     point.row["wall_s"] = time.perf_counter() - began
     return point
 
 
-def _detect_orbit(
+def settle_and_measure(
     scene: Scene, plan: SweepPlan, start: FloatArray, detector: OrbitDetector, until: Until = never
 ) -> SweepPoint:
-    """Search for the orbit that a motion converges to at once, and while it settles."""
+    """Search for the orbit that a motion converges to at once, and while it settles; measure what does not converge.
+
+    If the motion ends ``until`` a block, it is not classified, and the point has no state.
+    """
     orbit = detector.first(start)
     if orbit is not None and detector.end_state is not None:
         return on_orbit(scene, orbit, detector.end_state[1], detector.work)
@@ -271,6 +276,7 @@ def _measure_by_simulation(
     }
     final: list[float] | None = None
     heights: list[float] = []
+    search: SearchBeginning | None = None
     measures = whole_periods(part.measures, (kind and kind.period) or 1)
     found = measure(part._replace(measures=measures), scene)
     doubt = inaccuracy(found, scene) if kind is not None else ""
@@ -290,49 +296,11 @@ def _measure_by_simulation(
             and kind.period == 0
             and detector is not None
         ):
-            row["coexisting"] = _coexisting(scene, plan, part, motion.state, detector)
+            search = begin_search(scene, plan, part, motion.state, detector)
         if impacts is not None:
             points = section_points(part.measures, scene)
             heights = (points[-DIAGRAM_POINTS:, 1] * state_scales(scene)[1]).tolist()
-    return SweepPoint(row, final, heights, list(impacts.speeds) if final and impacts else [])
-
-
-def _coexisting(scene: Scene, plan: SweepPlan, part: MeasuredInterval, end: FloatArray, detector: OrbitDetector) -> str:
-    """Describe other attractors than that of a row that does not repeat, or how far the search for them went.
-
-    Searched are stable orbits near its section, and what ``run.initial``, and the same with exciter 2 half a turn
-    ahead, lead to. Only what has settled is an attractor.
-    """
-    brief = plan.model_copy(update={"max_settle_s": min(BRIEF, plan.max_settle_s), "lyapunov": False})
-    turned = initial_state(scene)
-    turned[4] += math.pi
-    starts = [initial_state(scene), turned]
-    hunt = detector.search_near_returns(section_points(part.measures, scene), section_rows(part.measures)["state"])
-    known = AttractorClass(block_values(part.blocks), smallest_differences(scene, plan))
-    told = set() if hunt.orbit is None else {_attractor_text(on_orbit(scene, hunt.orbit, 0.0, detector.work).row)}
-    for number, start in enumerate(starts):
-        begun = perturb_state(start, scene, plan.perturbation, (plan.seed, number))
-        other = _detect_orbit(scene, brief, begun, detector, known.met)
-        if other.state is None or other.row["period"] is None:
-            continue
-        if other.row["period"]:
-            if other.row.get("multiplier_max") is not None or other.row["settle_s"] < brief.max_settle_s:
-                told.add(_attractor_text(other.row))
-        else:
-            found = compare(scene, plan, (end, np.array(other.state)), known, detector)
-            if found.orbit is not None:
-                told.add(_attractor_text(on_orbit(scene, found.orbit, 0.0, detector.work).row))
-            elif found.apart_s:
-                told.add(f"{_attractor_text(other.row)}, apart for {found.apart_s:.4g} s")
-    if told:
-        return "; ".join(sorted(told))
-    return f"not found: {hunt.trials} returns, {hunt.left} unstable orbits, {len(starts)} initial conditions tried"
-
-
-def _attractor_text(row: Mapping[str, Any]) -> str:
-    """Say in a few words what an attractor is."""
-    kind = f"period {row['period']}" if row["period"] else "chaotic"
-    return f"{kind}, {row['sync']}, RMS y {row['rms_y_m']:.4g} m"
+    return SweepPoint(row, final, heights, list(impacts.speeds) if final and impacts else [], search)
 
 
 class _Impacts:

@@ -24,7 +24,7 @@ from pydantic import BaseModel
 
 from vibroplat.study import WAIT
 from vibroplat.study.cluster import Cluster, WorkerLostError
-from vibroplat.study.store import Record, Store, digest
+from vibroplat.study.store import Record, Store, aside_name, digest
 from vibroplat.system.interrupts import stop_if_asked, unwinding, watching, without_interrupts
 from vibroplat.system.memory import is_short_of_memory
 
@@ -51,13 +51,17 @@ class Task(NamedTuple):
     ----------
     function, arguments
         What is called. It returns a record, or an object whose attributes are one.
-    if_lost
+    on_worker_loss
         Makes the record of a task whose worker died more than once, from the reason. Without it the error is raised.
+    aside
+        Whether its chain goes on at once, and is sent None: it is done beside the chain, whose result does not depend
+        on it. Its record is the only one of a chain of its own; see :func:`vibroplat.study.store.aside_name`.
     """
 
     function: Callable[..., Any]
     arguments: tuple[Any, ...] = ()
     on_worker_loss: Callable[[str], Record] | None = None
+    aside: bool = False
 
     @property
     def digest(self) -> str:
@@ -79,7 +83,7 @@ def _json(model: BaseModel) -> str:
     return _last[1]
 
 
-#: A generator of tasks that is sent their records.
+#: A generator of tasks that is sent their records, None for those aside.
 Tasks = Generator[Task, Record, T]
 
 
@@ -99,6 +103,8 @@ class StoredChain(Generic[T]):
     ----------
     next
         The next task; None if the chain is done.
+    asides
+        Chains of tasks aside that are not done; whoever runs the chain takes them out.
     """
 
     def __init__(self, tasks: Tasks[T], records: Store | None, name: int | str) -> None:
@@ -107,6 +113,7 @@ class StoredChain(Generic[T]):
         self._name = name
         self._place = -1
         self._result: T
+        self.asides = list[StoredChain[Any]]()
         self.next: Task | None = None
         self._send(None)
 
@@ -147,6 +154,12 @@ class StoredChain(Generic[T]):
             except StopIteration as end:
                 self.next, self._result = None, end.value
                 return
+            if self.next.aside:
+                name = aside_name(self._name, self._place)
+                aside = StoredChain(_alone(self.next._replace(aside=False)), self._records, name)
+                self.asides += [] if aside.done else [aside]
+                record = None
+                continue
             if self._records is None:
                 return
             self._place += 1
@@ -154,6 +167,11 @@ class StoredChain(Generic[T]):
             record = self._records.get(self._name, self._place, self._digest)
             if record is None:
                 return
+
+
+def _alone(task: Task) -> Tasks[None]:
+    """Do a single task."""
+    yield task
 
 
 def run_stored(
@@ -164,35 +182,45 @@ def run_stored(
     ``progress`` is called before the first task and after each with the number of finished chains.
     """
     chains = list(chains)
-    done = sum(chain.done for chain in chains)
-    progress(done)
+    left = {id(chain) for chain in chains if not chain.done}
+    progress(len(chains) - len(left))
     for chain in run_chains(chains, workers):
-        done += chain.done
-        progress(done)
+        if chain.done:
+            left.discard(id(chain))
+        progress(len(chains) - len(left))
     return [chain.result for chain in chains]
 
 
 def run_chains(chains: Iterable[StoredChain[T]], workers: Pool, *, in_turn: bool = True) -> Iterator[StoredChain[T]]:
     """Run all chains to their ends; yield the chain of each task after it has taken the result.
 
-    Chains take turns, so that all end at about the same time. Otherwise the first ones are finished first.
+    Chains take turns, so that all end at about the same time. Otherwise the first ones are finished first. Tasks aside
+    come after the chain that they belong to has had its turn.
 
     When a worker dies, one of the tasks that were running has killed it. From then on each of them runs alone, until
     it has a result or has killed its worker :data:`MAX_LOSSES` times and is given up. A task that dask has given up
     runs alone too before it is lost: dask counts the death of a worker against every task that the worker held.
     """
-    waiting = deque(chain for chain in chains if not chain.done)
+    waiting = deque[StoredChain[Any]]()
     suspects: deque[StoredChain[T]] = deque()
     deaths: Counter[int] = Counter()
     running: dict[Future[Any], StoredChain[T]] = {}
+
+    def wait_for_turn(chain: StoredChain[T], take_place: Callable[[StoredChain[T]], object]) -> None:
+        if not chain.done:
+            take_place(chain)
+        waiting.extend(chain.asides)
+        chain.asides.clear()
+
+    for chain in chains:
+        wait_for_turn(chain, waiting.append)
 
     def taken(chain: StoredChain[T], result: Any) -> StoredChain[T]:
         del deaths[id(chain)]
         if suspects and suspects[0] is chain:
             suspects.popleft()
         chain.accept(result)
-        if not chain.done:
-            (waiting.append if in_turn else waiting.appendleft)(chain)
+        wait_for_turn(chain, waiting.append if in_turn else waiting.appendleft)
         return chain
 
     with nullcontext() if isinstance(workers, Inline) else watching():
