@@ -141,7 +141,7 @@ def test_chains_do_not_wait_for_tasks_aside_which_are_done_once(most, tmp_path):
 
     def follow(squares, store):
         chains = [StoredChain(squares.fourth_powers(*numbers), store, numbers[0]) for numbers in ((2, 3), (10,))]
-        return run_stored(chains, Inline(), lambda done: known.append(done))
+        return run_stored(chains, Inline(), known.append)
 
     known, whole = [], Aside()
     with Store(None, {}) as store:
