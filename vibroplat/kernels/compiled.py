@@ -25,7 +25,6 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.ccallback import CFunc
-from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.pythonapi import NativeValue, _unboxers
 from numba.core.registry import CPUDispatcher
@@ -35,7 +34,7 @@ from numba.extending import intrinsic
 
 from vibroplat.errors import VibroplatError
 from vibroplat.kernels.cache import KernelCache, cache_of, folder
-from vibroplat.kernels.target import TARGET
+from vibroplat.kernels.target import TARGET, InsideLibrary
 from vibroplat.system.compile_lock import is_second, locked
 
 if getattr(numba.config, "DISABLE_JIT", 0):
@@ -153,45 +152,11 @@ class Kernel(_Dispatcher):
         return self._inside.get_overload(sig)
 
 
-class _InsideLibrary(JITCodeLibrary):
-    """What LLVM knows of a kernel, for the libraries of its callers."""
-
-    @property
-    def codegen(self) -> Any:
-        """Ask for no changes of machine code, as there is none."""
-        return _NoMachineCode
-
-    def get_pointer_to_function(self, name: str) -> int:
-        """Return 0, as numba does for what it has no machine code of."""
-        self._ensure_finalized()  # type: ignore[no-untyped-call]
-        return 0
-
-    def _optimize_final_module(self) -> None:
-        """Leave it to the callers, which optimize all that they call."""
-
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()  # type: ignore[no-untyped-call]
-        self._finalized = True
-
-    def serialize_using_object_code(self) -> tuple[str, str, bytes]:
-        """Return what is kept on disk."""
-        module = self._get_module_for_linking()  # type: ignore[no-untyped-call]
-        return self.name, "bitcode", module.as_bitcode()
-
-
-class _NoMachineCode:
-    """The part of numba's code generator that would change machine code."""
-
-    @staticmethod
-    def set_env(name: str, environment: Any) -> None:
-        """Do nothing: an environment is for exceptions and objects of Python, which no kernel has."""
-
-
 class _InsideCompiler(Compiler):
     """Numba's compiler, with a library of ours."""
 
     def __init__(self, typing_context: Any, context: Any, library: Any, *rest: Any) -> None:
-        library = library or _InsideLibrary(context.codegen(), "kernel")  # type: ignore[no-untyped-call]
+        library = library or InsideLibrary(context.codegen(), "kernel")  # type: ignore[no-untyped-call]
         super().__init__(typing_context, context, library, *rest)  # type: ignore[no-untyped-call]
 
 
