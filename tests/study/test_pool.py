@@ -20,7 +20,6 @@ from vibroplat.study.branches import branches
 from vibroplat.study.point import SweepPoint
 from vibroplat.study.pool import (
     MAX_LOSSES,
-    PINNED,
     Cluster,
     Inline,
     Processes,
@@ -33,6 +32,7 @@ from vibroplat.study.pool import (
 )
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import point_along, run_sweeps, sweep_table
+from vibroplat.system.workers import PINNED
 
 from .helpers import MACHINE, Calls, planned
 

@@ -12,12 +12,10 @@ arguments alone, so results do not depend on how chains are spread over workers.
 from __future__ import annotations
 
 import logging
-import warnings
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from contextlib import contextmanager, nullcontext
-from multiprocessing import resource_tracker
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 from pydantic import BaseModel
@@ -25,17 +23,14 @@ from pydantic import BaseModel
 from vibroplat.study import WAIT
 from vibroplat.study.cluster import Cluster, WorkerLostError
 from vibroplat.study.store import Record, Store, aside_name, digest
-from vibroplat.system.interrupts import stop_if_asked, unwinding, watching, without_interrupts
+from vibroplat.system.interrupts import stop_if_asked, unwinding, watching
 from vibroplat.system.memory import is_short_of_memory
+from vibroplat.system.workers import close_workers, submit, worker_processes
 
-#: Environment of workers: without it numerical libraries would start a pool of threads in each process.
-PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
 #: Seconds without a result after which the pool is checked for workers.
 CHECK_AFTER_S = 1.0
 #: Longest time (s) until Ctrl-C is noticed while workers run.
 TICK_S = 0.1
-#: Seconds without a task after which a worker process exits.
-IDLE_S = 20
 #: How many times a task that runs alone may lose its worker before it is given up.
 MAX_LOSSES = 2
 
@@ -334,9 +329,7 @@ class Processes:
         """Start a task; if the workers have just died it fails like the tasks that they had."""
         try:
             with _starting():
-                resource_tracker.ensure_running()  # started later, it would unblock Ctrl-C (CPython < 3.14)
-                with without_interrupts():
-                    future: Future[Any] = self._executor.submit(function, *arguments)
+                future = submit(self._executor, function, *arguments)
         except BrokenExecutor as error:
             future = Future()
             future.set_exception(error)
@@ -344,19 +337,15 @@ class Processes:
 
     def renew(self) -> None:
         """Start new workers if the old ones are broken."""
-        from loky import get_reusable_executor  # noqa: PLC0415  (not needed for one job)
-
-        # a worker that has been idle for long ends, and is replaced when there is work
-        warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given", category=UserWarning)
         with _starting():
-            self._executor: Executor = get_reusable_executor(self._jobs, timeout=IDLE_S, env=PINNED)
+            self._executor = worker_processes(self._jobs)
 
     def check(self) -> None:
         """Nothing to look for: the futures of workers that die fail by themselves."""
 
     def close(self) -> None:
         """Stop the workers."""
-        self._executor.shutdown(wait=True, kill_workers=True)  # type: ignore[call-arg]
+        close_workers(self._executor)
 
 
 @contextmanager
