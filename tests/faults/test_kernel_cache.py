@@ -19,7 +19,6 @@ import vibroplat
 from vibroplat import Scene, simulate
 from vibroplat.integrate import announce_compilation
 from vibroplat.kernels import cache
-from vibroplat.kernels.compiled import Kernel
 from vibroplat.kernels.target import GENERIC, processor
 
 PACKAGE = Path(vibroplat.__file__).parent
@@ -428,24 +427,6 @@ def test_what_kernels_call_is_kept_for_kernels_of_later_processes(tmp_path):
     names = {path.name.split("-")[0] for path in tmp_path.rglob("*.bin")}
     assert names == {f"kernels.polynomial.{name}" for name in ("crossing", "slope.inside", "value.inside")}
     assert called(tmp_path, "at_highest", "c, 3, 0").endswith(" 1 0")
-
-
-def test_what_kernels_call_is_no_machine_code_where_it_comes_from_disk():
-    """A kernel that is compiled later would be linked with it, and nobody has optimized it."""
-
-    def leaf(number: float) -> float:
-        return 2.0 * number
-
-    leaf.__qualname__ = "leaf"
-    inside = Kernel(leaf)._inside
-    inside.compile((numba.float64,))
-    made = inside.overloads[numba.float64,]
-    codegen = made.library._codegen
-    read = codegen.unserialize_library(made.library.serialize_using_object_code())
-    name = made.fndesc.mangled_name
-    assert [function.name for function in read.get_defined_functions()] == [name]
-    assert (read.get_pointer_to_function(name), codegen._engine.is_symbol_defined(name)) == (0, False)
-    assert read.serialize_using_object_code() == made.library.serialize_using_object_code()
 
 
 @pytest.mark.long
