@@ -32,7 +32,7 @@ from vibroplat.study.pool import (
 )
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import point_along, run_sweeps, sweep_table
-from vibroplat.system.workers import PINNED
+from vibroplat.system.workers import PINNED, loading_workers
 
 from .helpers import MACHINE, Calls, planned
 
@@ -395,6 +395,18 @@ def test_workers_are_gone_when_the_pool_is_closed_and_another_may_be_opened():
 
 
 NO_CORES, NO_WORK = "there are no more cores", "no more tasks can run at the same time"
+
+
+def test_workers_that_load_early_are_those_of_the_pool_and_are_gone_in_the_end():
+    with loading_workers(2, math.sqrt, 4.0):
+        early = {worker.pid for worker in loky_workers()}
+        with pool(jobs=2) as workers:
+            ((found, *_),) = finish([Calls((os.getpid,), NAP)], workers)
+        assert len(early) == 2
+        assert found in early
+    assert not loky_workers()
+    with loading_workers(1, math.sqrt, 4.0):
+        assert not loky_workers()
 
 
 def test_processes_have_a_core_and_a_chain(monkeypatch, caplog):
