@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from vibroplat import basins, load_config, orbit
+from vibroplat.basin.attractors import AttractorSet, name_attractors
 from vibroplat.basin.initial_conditions import initial_states, key_values, validated_base_scene
 from vibroplat.basin.mapper import AttractorMapper
 from vibroplat.basin.study import BasinsStudy, clopper_pearson
@@ -170,6 +171,12 @@ def test_orbits_are_looked_for_after_chaos_too():
     assert last["motion"].tolist() == ["periodic"] * len(last)
 
 
+def test_a_motion_that_ends_early_only_where_it_is_followed_longer_has_a_name():
+    """The row that classifies it has neither motion nor synchronization."""
+    now = AttractorSet(scene_of({PHASE: [-3.0, 3.0]}), [{"row": {"outcome": "event-storm", "period": None}}])
+    assert list(name_attractors([now])) == [["event-storm"]]
+
+
 def test_motions_at_a_limit_of_classes_are_alike():
     one, other = ({"sync": sync, PHASE_COLUMN: phase} for sync, phase in (("antiphase", -2.1), ("intermediate", -2.09)))
     assert same_phase(one, other)
@@ -283,7 +290,7 @@ def test_what_is_printed_says_within_how_many_turns(found):
 
 def test_motions_that_end_early_or_may_escape_from_chaos_are_not_repeated_by_another_engine():
     """Their ends differ from engine to engine."""
-    scene = scene_of({PHASE: [-3.0, 3.0]}, 0.2, random=4, max_turns=200).replace({"solver.max_events_per_period": 3})
+    scene = scene_of({PHASE: [-3.0, 3.0]}, 0.2, random=4, max_turns=200).replace({"solver.max_events_per_period": 1})
     result = basins(scene)
     assert set(result.attractors["outcome"]) == {"event-storm"}
     assert BasinsStudy(scene).cross_check_cases(result, None, lambda other: other) == []

@@ -1,11 +1,14 @@
 """Polynomials of steps: guards' falls against numpy's roots, extremes, crossings, fits."""
 
+from fractions import Fraction
 from itertools import product
+from math import factorial
 
 import numpy as np
 import pytest
 
 from vibroplat.kernels.polynomial import (
+    MAX_DEGREE,
     crossing,
     first_downcrossing,
     fit,
@@ -103,6 +106,20 @@ def test_first_of_several_falls():
         assert fall(c) == pytest.approx(roots[0 if sign > 0.0 else 1], abs=1e-11)
 
 
+@pytest.mark.parametrize("degree", [4, 17, MAX_DEGREE])
+def test_falls_are_as_exact_as_the_coefficients(degree):
+    """One zero, the others away from the step, up to the highest degree: against exact sums of fractions."""
+    rng = np.random.default_rng(degree)
+    for root in rng.uniform(0.01, 0.99, 25):
+        away = np.polynomial.Polynomial(rng.uniform(0.1, 1.0, degree) * 0.7 ** np.arange(degree))
+        c = (away * np.polynomial.Polynomial([root, -1.0])).coef
+        found = Fraction(fall(c))
+        value = sum(Fraction(number) * found**k for k, number in enumerate(c))
+        slope = sum(k * Fraction(number) * found ** (k - 1) for k, number in enumerate(c) if k)
+        assert abs(found - Fraction(root)) < 1e-13
+        assert abs(value / slope) < 4e-16 * np.abs(c * root ** np.arange(len(c))).sum() / abs(float(slope)) + 2e-16
+
+
 def test_low_flight_lands():
     """A rebound so slow that the step is long against the flight: gap = v t − a t², then far away up again."""
     for ratio in (1e-3, 1e-9, 1e-15):
@@ -124,6 +141,18 @@ def test_falling_from_the_start_falls_there():
     assert fall([-1e-15, -1.0, 0.0, 0.5]) == 0.0
     assert fall([-1e-15, 1.0, 0.0, 0.0]) == -1.0
     assert fall([-1e-3, 1.0, -2.0, 0.0]) == pytest.approx(0.25 + np.sqrt(0.0625 - 5e-4))
+
+
+@pytest.mark.parametrize("turn", [2.0, 3.0])
+def test_extremes_of_an_oscillation_are_exact_to_round_off(turn):
+    for phase in np.linspace(0.01, 2.0 * np.pi, 60):
+        c = [turn**k * np.cos(phase + k * np.pi / 2.0) / factorial(k) for k in range(25)]
+        ends = c[0], np.cos(phase + turn)
+        least, largest, *_ = value_range(column(c), 24, 0, 0.0, 1.0, ends)
+        if phase < 2.0 * np.pi < phase + turn:
+            assert abs(largest - 1.0) < 5e-14
+        if phase < np.pi < phase + turn:
+            assert abs(least + 1.0) < 5e-14
 
 
 @pytest.mark.parametrize(("first", "last"), [(0.0, 1.0), (0.3, 0.8)])

@@ -5,8 +5,16 @@ import pytest
 from common.known import motion_of
 
 from vibroplat import simulate
+from vibroplat.kernels.compiled import compiled
+from vibroplat.kernels.lanes import in_lines
+from vibroplat.kernels.screening import LOWER, exceeds_limits
+from vibroplat.observe.data_sheet import whole_run
+from vibroplat.observe.extremes import GAPS, HEIGHT, NODES, REACH
+from vibroplat.observe.measures import SECTION_POINTS, SUMMED, WHOLE_RUN, WITH_EXTREMES
+from vibroplat.observe.section import section_rows
 from vibroplat.observe.statistics import Statistics
-from vibroplat.observe.summary import synchronization
+from vibroplat.observe.summary import measure, synchronization
+from vibroplat.study.coexisting import block_values
 
 
 def test_statistics_agree_with_the_tables(quickstart):
@@ -153,3 +161,77 @@ def test_a_run_that_begins_on_the_section_and_goes_backwards_loses_nothing(quick
     summary = simulate(scene, keep="summary").summary
     assert summary["momentum_residual"] < 1e-5
     assert summary["energy_residual"] < 1e-5
+
+
+@compiled
+def screen(start, samples, nodes, end, springs, gaps, reach, limits):
+    return exceeds_limits(start, samples, nodes, end, 8, springs, gaps, 1.0, reach, limits)
+
+
+def oscillations(s, rates, phases, sizes, slopes):
+    return np.cos(rates[0] * s + phases[0]) + sizes * np.cos(rates[1] * s + phases[1]) + slopes * s
+
+
+@pytest.mark.parametrize(("nodes", "turn"), [(4, 3.2), (6, 4.0), (8, 4.3), (10, 4.5)])
+def test_screening_lets_no_extreme_between_samples_pass(nodes, turn):
+    """Two oscillations as fast as the degree allows, and a straight line, against limits just inside their extremes."""
+    rng, places = np.random.default_rng(nodes), np.concatenate([[0.0], NODES[nodes, :nodes], [1.0]])
+    dense = np.linspace(0.0, 1.0, 2001)[:, np.newaxis]
+    limits, springs = in_lines((2, 24)), in_lines((2, 4))
+    for _ in range(300):
+        rates, phases = rng.uniform(0.05, turn, (2, 16)), rng.uniform(0.0, 2.0 * np.pi, (2, 16))
+        sizes, slopes = rng.uniform(-1.0, 1.0, 16) * rng.integers(0, 2, 16), rng.uniform(-3.0, 3.0, 16)
+        samples, true = in_lines((nodes + 2, 16)), oscillations(dense, rates, phases, sizes, slopes)
+        samples[:] = oscillations(places[:, np.newaxis], rates, phases, sizes, slopes)
+        limits[0], limits[1] = -np.inf, np.inf
+        least, largest = true.min(axis=0), true.max(axis=0)
+        limits[0, :16], limits[1, :16] = least + 1e-9 * np.abs(least), largest - 1e-9 * np.abs(largest)
+        start = np.vstack([samples[0], samples[0]])
+        flags = screen(start, samples[1:-1], nodes, samples[-1], springs, GAPS[nodes], REACH[nodes], limits)
+        assert flags & 0xFFFF == flags >> LOWER & 0xFFFF == 0xFFFF
+        limits[0, :16], limits[1, :16] = least - np.ptp(true, axis=0), largest + np.ptp(true, axis=0)
+        assert screen(start, samples[1:-1], nodes, samples[-1], springs, GAPS[nodes], REACH[nodes], limits) == 0
+
+
+@pytest.fixture(scope="module")
+def parts(quickstart):
+    """The same motion measured in each scope, in two blocks."""
+    found = []
+    for scope in (SECTION_POINTS, SUMMED, WITH_EXTREMES, WHOLE_RUN):
+        with motion_of(quickstart) as motion:
+            motion.to_time(1.0)
+            found.append(motion.advance(1.0, blocks=2, scope=scope))
+    return found
+
+
+def test_a_smaller_scope_measures_the_same_bits(parts, quickstart):
+    everything = parts[WHOLE_RUN]
+    for part in parts:
+        for field in ("t", "state"):
+            assert np.array_equal(section_rows(part.measures)[field], section_rows(everything.measures)[field])
+        assert part.measures.marks["counts"].tolist() == everything.measures.marks["counts"].tolist()
+    for part in parts[SUMMED:]:
+        assert np.array_equal(block_values(part.blocks), block_values(everything.blocks))
+        assert part.measures.work.tolist() == everything.measures.work.tolist()
+    assert measure(parts[WITH_EXTREMES], quickstart) == measure(everything, quickstart)
+
+
+def test_what_was_not_measured_is_refused_instead_of_0(parts, quickstart):
+    asked = (
+        lambda part: block_values(part.blocks),
+        lambda part: measure(part, quickstart),
+        lambda part: whole_run(part.measures, quickstart, 0.0, False, False),
+    )
+    for needed, ask in enumerate(asked, SUMMED):
+        ask(parts[needed])
+        with pytest.raises(ValueError, match=f"{needed} is needed"):
+            ask(parts[needed - 1])
+
+
+def test_what_nobody_asks_for_is_not_computed(parts):
+    without_sums, without_extremes, without_run = (part.measures for part in parts[:WHOLE_RUN])
+    assert not without_sums.work.any()
+    assert not without_sums.whole.any()
+    assert np.isinf(without_extremes.extremes["least"][:, HEIGHT]).all()
+    assert not without_run.extremes["pace_least"].any()
+    assert np.isinf(without_run.seen[..., 0]).all()

@@ -132,3 +132,15 @@ def test_a_result_can_be_copied_and_names_its_tables(run):
     assert copy.deepcopy(Result("sweep", run.scene, {"sweep": run.events}, Answer())).sweep.equals(run.events)
     with pytest.raises(AttributeError, match="a run has no table steps; allowed: trajectory, events"):
         run.steps  # noqa: B018
+
+
+@pytest.mark.parametrize(("keep", "more"), [("summary", 0), ("events", 0), ("segments", 1)])
+def test_a_run_without_its_table_needs_no_sample_rate(quickstart, monkeypatch, keep, more):
+    """Neither run nor notes make a table that nobody asked for; one that has no room is a note, not an error."""
+    fine = quickstart.replace({"run.duration_s": 0.2, "output.sample_rate_hz": 1e12})
+    if keep != "segments":
+        monkeypatch.setattr("vibroplat.results.run.TrajectoryRows", None)
+    run = simulate(fine, keep=keep)
+    assert repr(run)
+    assert len(run.notes) == len(run.summary["notes"]) + more
+    assert all("output.sample_rate_hz" in note for note in run.notes[len(run.notes) - more :])

@@ -271,7 +271,7 @@ def name_attractors(found: Sequence[AttractorSet]) -> Iterator[list[str]]:
 
 
 def _name(row: Mapping[str, Any]) -> str:
-    if row["motion"] is None:
+    if row.get("motion") is None:  # it may end early only where it is followed longer
         return str(row["outcome"])
     kind = f"period {row['period']}" if row["period"] else row["motion"]
     return f"{'not synchronized' if row['sync'] == 'none' else row['sync']}, {kind}"

@@ -29,6 +29,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
+from vibroplat.observe.measures import SECTION_POINTS, WITH_EXTREMES
 from vibroplat.observe.section import ellipsoid_of, form_of, section_points
 from vibroplat.observe.summary import MeasuredInterval, measure
 from vibroplat.study.attractor_search import search_coexisting
@@ -105,7 +106,8 @@ class AttractorMapper:
             if motion.outcome != "ok":
                 return {"attractor": None, "turns": turns, "outcome": motion.outcome, "detail": motion.detail}
             if found is None and look <= turns + more < unmeasured - SEARCH_TURNS:
-                found = self._search_new_orbit(motion.advance_turns(SEARCH_TURNS, longest))
+                part = motion.advance_turns(SEARCH_TURNS, longest, scope=SECTION_POINTS)
+                found = self._search_new_orbit(part)
                 more, look = more + SEARCH_TURNS + 1, 2 * look
             if found is not None:
                 self._history.append(turns)
@@ -185,7 +187,7 @@ class AttractorMapper:
         motion, rows = self._motion, list[dict[str, Any]]()
         for left in range(WINDOWS, 0, -1):
             window = max((self.longest - turns) // left - 1, 1)
-            part = motion.advance_turns(window, 2.0 * (window + 2) * self._turn)
+            part = motion.advance_turns(window, 2.0 * (window + 2) * self._turn, scope=WITH_EXTREMES)
             turns += window + 1
             found, more = self._find_ellipsoid()
             found = self._search_new_orbit(part) if found is None else found
@@ -202,7 +204,8 @@ class AttractorMapper:
     def repeats(self, state: Sequence[float], period: int) -> bool:
         """Whether the motion from a full state repeats after a period already."""
         self._motion.reset(np.array(state))
-        part = self._motion.advance_turns(2 * period, 4.0 * (2 * period + 2) * self._turn)
+        longest = 4.0 * (2 * period + 2) * self._turn
+        part = self._motion.advance_turns(2 * period, longest, scope=SECTION_POINTS)
         points = section_points(part.measures, self.scene)[-2 * period :]
         return len(points) == 2 * period and bool(np.abs(points[period:] - points[:period]).max() < SAME_ORBIT_DISTANCE)
 

@@ -30,6 +30,7 @@ from vibroplat.continuation.shooting import TURN, Shooter
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.motion import Simulator
+from vibroplat.observe.measures import SECTION_POINTS
 from vibroplat.observe.section import scaled_points, section_points
 from vibroplat.study.settling import BLOCK, KnownOrbit, NearReturn, NearReturnOrbits
 
@@ -80,7 +81,8 @@ class NewtonOrbitDetector:
         self.reset()
         motion = self._shooter.motion
         motion.reset(start)
-        points = section_points(motion.advance_turns(BLOCK, self._max_time(BLOCK)).measures, self._shooter.scene)
+        part = motion.advance_turns(BLOCK, self._max_time(BLOCK), scope=SECTION_POINTS)
+        points = section_points(part.measures, self._shooter.scene)
         if len(points) <= BLOCK:
             return None
         self.end_state = motion.state, motion.now
@@ -172,7 +174,8 @@ class NewtonOrbitDetector:
         """Follow the shooter's motion from a full state for some turns; points of its section, in scales."""
         motion = self._shooter.motion
         motion.reset(state)
-        return section_points(motion.advance_turns(turns, self._max_time(turns)).measures, self._shooter.scene)
+        part = motion.advance_turns(turns, self._max_time(turns), scope=SECTION_POINTS)
+        return section_points(part.measures, self._shooter.scene)
 
     def _detect_at(self, points: FloatArray, period: int) -> KnownOrbit | None:
         """Return the orbit that the shooter's motion converges to from where it is on the section."""

@@ -28,7 +28,7 @@ from vibroplat.model.systems import FULL_SIZE, SYSTEMS
 from vibroplat.motion.motion import Observer, Simulator
 from vibroplat.motion.recorder import Recorder
 from vibroplat.observe.guard_margins import GuardMargins
-from vibroplat.observe.measures import Accumulators
+from vibroplat.observe.measures import WITH_EXTREMES, Accumulators
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import Energies, MeasuredInterval
 from vibroplat.observe.variation import Variation
@@ -196,7 +196,7 @@ class Shooter:
         self.turns = 0.0
         self.held: dict[str, float] = {}
         self._variation = Variation([self.p.copy()] * len(self.keys))
-        self._statistics, self._near = Statistics(0.0, points=0, named=len(scene.output.points)), GuardMargins()
+        self._statistics, self._near = Statistics(0.0, 0, len(scene.output.points), scope=WITH_EXTREMES), GuardMargins()
         self._nothing = self._statistics.measures
         self._course = (
             None if course is None or len(self.keys) != 1 else ParameterInterpolant(scene, self.keys[0], *course)

@@ -26,11 +26,11 @@ from vibroplat.hybrid.state import MARGIN, RUNNING, WIDTH, Automaton, rewind
 from vibroplat.integrate.interface import WORK
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, inlined, same_types
 from vibroplat.kernels.lanes import horner_8, in_lines, put_step, sizes_16
-from vibroplat.kernels.polynomial import crossing, first_downcrossing
+from vibroplat.kernels.polynomial import MAX_DEGREE, crossing, first_downcrossing
 from vibroplat.model.equations import finite
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import is_definite
-from vibroplat.model.series import FORCE, MAX_DEGREE, expand, room
+from vibroplat.model.series import FORCE, expand, room
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, FULL_SIZE
 
 #: Degree of the series at tolerance 1e-6, and degrees more for each power of ten below it. At equal errors degrees from

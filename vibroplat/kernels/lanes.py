@@ -206,96 +206,6 @@ def _horner_pair(typing_context: Any, c: Any, degree: Any, s: Any, following: An
     return types.void(c, types.int64, types.float64, types.float64, out), generate
 
 
-def _load_sizes(builder: Any, springs: list[Any], places: Any, rates: Any, acceleration: Any) -> Any:
-    """Make a vector of the sizes of three forces, then of the squares of an acceleration and of its second component.
-
-    Springs and dampers give the forces from x, y, φ and their rates; the fourth number of each has no meaning.
-    """
-    stiffness, damping = springs
-    force = multiply_add(builder, rates, damping, builder.fmul(places, stiffness))
-    force = builder.call(elementwise(builder, "fabs", force.type), [force])
-    square = builder.fmul(acceleration, acceleration)
-    along = builder.shuffle_vector(square, square, ir.Constant(ir.VectorType(PLACE, 4), [1] * 4))
-    across = builder.fmul(square, ir.Constant(square.type, [1.0, 0.0, 0.0, 0.0]))
-    return builder.shuffle_vector(force, builder.fadd(across, along), ir.Constant(ir.VectorType(PLACE, 8), [*range(8)]))
-
-
-def _next_sample(builder: Any, known: list[Any], after: Any) -> list[Any]:
-    """Go on to the next sample of a screened step.
-
-    What is known is the last sample, the way to it from the one before, and the largest and the least value that may
-    have been met so far: a sample at which the way turns counts with the longer of both ways added to it.
-    """
-    here, way, top, low = known
-    size, none = elementwise(builder, "fabs", here.type), ir.Constant(here.type, [0.0] * here.type.count)
-    following = builder.fsub(after, here)
-    turn = builder.fcmp_ordered("<=", builder.fmul(way, following), none)
-    before, behind = builder.call(size, [way]), builder.call(size, [following])
-    beside = builder.select(turn, builder.select(builder.fcmp_ordered(">", before, behind), before, behind), none)
-    above, below = builder.fadd(here, beside), builder.fsub(here, beside)
-    top = builder.select(builder.fcmp_ordered(">", above, top), above, top)
-    low = builder.select(builder.fcmp_ordered("<", below, low), below, low)
-    return [after, following, top, low]
-
-
-@intrinsic
-def _exceeds_limits(
-    typing_context: Any,
-    beginning: Any,
-    samples: Any,
-    nodes: Any,
-    end: Any,
-    n: Any,
-    springs: Any,
-    gaps: Any,
-    inverse: Any,
-    limits: Any,
-) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        nodes, n, kinds = values[2], values[4], signature.args
-        one, zero = ir.Constant(INDEX, 1), ir.Constant(INDEX, 0)
-        rows, quarters = ([Rows(context, builder, kinds[i], values[i], m) for i in (0, 1, 3)] for m in (16, 4))
-        four = quarters[0].vector
-        springs = [Rows(context, builder, kinds[5], values[5], 4).load(row) for row in (zero, one)]
-        shares = Rows(context, builder, kinds[6], values[6], 1)
-        inverse = repeat(builder, values[7], four)
-
-        def take_sample(which: int, row: Any, k: Any, known: list[Any]) -> list[Any]:
-            rates, share = quarters[which].load(row, n), repeat(builder, shares.load_one(zero, k), four)
-            acceleration = builder.fmul(builder.fsub(rates, known[8]), builder.fmul(share, inverse))
-            after = _load_sizes(builder, springs, quarters[which].load(row), rates, acceleration)
-            return [
-                *_next_sample(builder, known[:4], rows[which].load(row)),
-                *_next_sample(builder, known[4:8], after),
-                rates,
-            ]
-
-        rates = quarters[0].load(zero, n)
-        gap = builder.fdiv(ir.Constant(ir.DoubleType(), 1.0), shares.load_one(zero, zero))
-        slope = builder.fmul(rows[0].load(one), repeat(builder, gap, rows[0].vector))
-        acceleration = builder.fmul(quarters[0].load(one, n), inverse)
-        starting = _load_sizes(builder, springs, quarters[0].load(zero), rates, acceleration)
-        known: list[Any] = []
-        for sample, way in ((rows[0].load(zero), slope), (starting, ir.Constant(starting.type, [0.0] * 8))):
-            known += [sample, way, sample, sample]
-        last = builder.sub(nodes, one)
-        known = loop(builder, zero, last, 1, [*known, rates], lambda k, known: take_sample(1, k, k, known))[1:]
-        known = take_sample(2, zero, nodes, known)
-        flags = ir.Constant(INDEX, 0)
-        for first, count, column in ((0, 16, zero), (4, 8, ir.Constant(INDEX, 16))):
-            _, _, top, low = _next_sample(builder, known[first : first + 4], known[first])
-            bounds = Rows(context, builder, kinds[8], values[8], count)
-            beyond = builder.fcmp_ordered(">", top, bounds.load(one, column))
-            beyond = builder.or_(beyond, builder.fcmp_ordered("<", low, bounds.load(zero, column)))
-            bits = builder.zext(builder.bitcast(beyond, ir.IntType(count)), INDEX)
-            flags = builder.or_(flags, builder.shl(bits, ir.Constant(INDEX, first * 4)))
-        return flags
-
-    return types.int64(
-        beginning, samples, types.int64, end, types.int64, springs, gaps, types.float64, limits
-    ), generate
-
-
 @intrinsic
 def _sizes(typing_context: Any, c: Any, first: Any, degree: Any, out: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -377,39 +287,6 @@ if TYPE_CHECKING:
     def horner_pair_16(c: FloatArray, degree: int, s: float, following: float, out: FloatArray) -> None:
         """Evaluate them at two places, in the time of one; degree above 0, ``out`` of shape (2, 16)."""
 
-    def exceeds_limits(
-        beginning: FloatArray,
-        samples: FloatArray,
-        nodes: int,
-        end: FloatArray,
-        n: int,
-        springs: FloatArray,
-        gaps: FloatArray,
-        inverse: float,
-        limits: FloatArray,
-    ) -> int:
-        """Find out which quantities may go beyond their limits in a part of a step; bits of their columns.
-
-        Of a smooth polynomial each sample that is higher, or lower, than its neighbours may have an extreme beside it:
-        beyond the sample by less than they are on this side. Without branches: what a step holds cannot be guessed.
-
-        Parameters
-        ----------
-        beginning, samples, end
-            Values and, by its fraction, derivatives at its beginning, values at its nodes and at its end: x, y, φ from
-            column 0 on, rates from column n on.
-        springs
-            Stiffnesses, and dampings, of x, y, φ, then 0, shape (2, 4).
-        gaps
-            One over the distances between beginning, nodes and end, in fractions of the part.
-        inverse
-            One over its duration (1/s).
-        limits
-            Least and largest values of the 16 columns, then of the sizes of three forces and of a number of no meaning,
-            then of the squares of the acceleration of x and y and of y alone, shape (2, 24). These are means between
-            samples.
-        """
-
     def sizes_16(c: FloatArray, first: int, degree: int, out: FloatArray) -> None:
         """Sum up the sizes of all 16 columns over rows ``first`` to ``degree``."""
 
@@ -438,6 +315,5 @@ if TYPE_CHECKING:
         """
 else:
     products_2, products_16 = _cauchy(2), _cauchy(16)
-    put_row, put_step, horner_pair_16, sizes_16 = _put_row, _put_step, _horner_pair, _sizes
-    exceeds_limits, means_16 = _exceeds_limits, _means
+    put_row, put_step, horner_pair_16, sizes_16, means_16 = _put_row, _put_step, _horner_pair, _sizes, _means
     horner_16, horner_8 = _horner_at_one(16, derivatives=1), _horner_at_one(8, derivatives=2)

@@ -6,6 +6,7 @@ A step's polynomial is Σ cₖ sᵏ in its fraction s ∈ [0, 1]. Coefficients o
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +17,12 @@ from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused, fused_
 HALVINGS = 54
 #: Step of Newton's iteration after which its square, the error, is below round-off; round-off may keep it from less.
 NEWTON_TOLERANCE = 2.0**-40
-#: Part of a step within which Taylor polynomials of degree 2 and 3 are exact nearly to round-off.
-QUADRATIC_RANGE, CUBIC_RANGE = 1e-4, 1e-3
+#: Part of a step within which Taylor polynomials of degree 2 and 5 are exact nearly to round-off.
+QUADRATIC_RANGE, QUINTIC_RANGE = 1e-4, 3e-3
+#: Highest degree of series, and of polynomials whose zeros are searched for.
+MAX_DEGREE = 32
+#: One over the binomial coefficients C(n, k).
+_SHARES = np.array([[1.0 / max(math.comb(n, k), 1) for k in range(MAX_DEGREE + 1)] for n in range(MAX_DEGREE + 1)])
 
 
 @inlined
@@ -79,17 +84,16 @@ def first_downcrossing(c: FloatArray, degree: int, j: int, zeros: int) -> float:
         lowest += min(c[k, j], 0.0)
     if lowest > 0.0:
         return -1.0
-    bernstein = np.empty(n + 1)
-    for i in range(n + 1):  # the Bernstein coefficient i is Σₖ C(i, k)/C(n, k) cₖ
-        total, ratio = 0.0, 1.0
-        for k in range(i + 1):
-            if first + k >= zeros or c[first + k, j] > 0.0:
-                total += ratio * c[first + k, j]
-            ratio *= (i - k) / max(n - k, 1)
-        bernstein[i] = total
+    powers, bernstein = np.empty(n + 1), np.empty(n + 1)
+    for k in range(n + 1):
+        powers[k] = c[first + k, j] if first + k >= zeros or c[first + k, j] > 0.0 else 0.0
+        bernstein[k] = _SHARES[n, k] * powers[k]
+    for level in range(1, n + 1):  # the Bernstein coefficient i is Σₖ C(i, k)/C(n, k) cₖ (Pascal's triangle)
+        for i in range(n, level - 1, -1):
+            bernstein[i] += bernstein[i - 1]
     begin = 0.0
     if bernstein[0] < 0.0:
-        begin = first_zero(bernstein, -1.0)
+        begin = first_zero(powers, bernstein, -1.0, 0.0)
         if begin < 0.0:
             return -1.0 if bernstein[n] > bernstein[0] else at_highest(c, degree, j)
         begin = min(begin + 2.0**-HALVINGS, 1.0)
@@ -97,28 +101,38 @@ def first_downcrossing(c: FloatArray, degree: int, j: int, zeros: int) -> float:
             for i in range(n + 1 - level):
                 bernstein[i] += begin * (bernstein[i + 1] - bernstein[i])
         bernstein[0] = max(bernstein[0], 0.0)  # it has just risen, up to round-off
-    zero = first_zero(bernstein, 1.0)
-    return -1.0 if zero < 0.0 else begin + zero * (1.0 - begin)
+    return first_zero(powers, bernstein, 1.0, begin)
 
 
 @compiled
-def first_zero(b: FloatArray, sign: float) -> float:
-    """Least fraction behind which ``sign`` times the polynomial is below zero, or −1 if that is nowhere.
+def first_zero(powers: FloatArray, b: FloatArray, sign: float, begin: float) -> float:
+    """Least fraction from ``begin`` on behind which ``sign`` times the polynomial is below zero, −1 if that is nowhere.
 
-    The polynomial is not below zero at 0. Its Bernstein coefficients ``b`` are kept.
+    The polynomial is not below zero at ``begin``. It is given by its coefficients, and by those of Bernstein's form
+    between ``begin`` and 1.
     """
-    n = b.size
-    part, room, waiting = np.empty(n), np.empty(n), np.empty((HALVINGS + 1, n))
+    leading, changes = sign_changes(b, sign)
+    if leading < 0.0:
+        return begin
+    if changes == 0:
+        return -1.0
+    if changes == 1:
+        return single_zero(powers, b, sign, begin, 1.0 - begin)
+    return first_of_zeros(powers, b, sign, begin)
+
+
+@compiled
+def first_of_zeros(powers: FloatArray, b: FloatArray, sign: float, begin: float) -> float:
+    """Do as :func:`first_zero` where there may be several zeros."""
+    part, waiting = b.copy(), np.empty((HALVINGS + 1, b.size))
     lows, sizes = np.empty(HALVINGS + 1), np.empty(HALVINGS + 1)
-    for i in range(n):
-        part[i] = sign * b[i]
-    low, size, parts = 0.0, 1.0, 0  # of the part [low, low + size]; parts further right are waiting
+    low, size, parts = begin, 1.0 - begin, 0  # of the part [low, low + size]; parts further right are waiting
     while True:
-        leading, changes = sign_changes(part)
+        leading, changes = sign_changes(part, sign)
         if leading < 0.0 or (changes > 0 and size <= 2.0**-HALVINGS):
             return low
         if changes == 1:
-            return low + size * single_zero(part, room)
+            return single_zero(powers, part, sign, low, size)
         if changes > 1:  # halve: its left half first
             size *= 0.5
             lows[parts], sizes[parts] = low + size, size
@@ -133,13 +147,13 @@ def first_zero(b: FloatArray, sign: float) -> float:
 
 
 @compiled
-def sign_changes(b: FloatArray) -> tuple[float, int]:
-    """First number that is not 0, or 0 without one, and how often the sign changes from one number to the next."""
+def sign_changes(b: FloatArray, sign: float) -> tuple[float, int]:
+    """First number that is not 0, times ``sign``, or 0 without one; how often signs change from one to the next."""
     leading, last, changes = 0.0, 0.0, 0
     for number in b:
         if number != 0.0:
             if last == 0.0:
-                leading = number
+                leading = sign * number
             elif (number > 0.0) != (last > 0.0):
                 changes += 1
             last = number
@@ -159,31 +173,29 @@ def halve(b: FloatArray, right: FloatArray) -> None:
 
 
 @compiled
-def single_zero(b: FloatArray, room: FloatArray) -> float:
-    """Fraction at which a polynomial falls through zero whose Bernstein coefficients change their sign once, to −.
+def single_zero(powers: FloatArray, b: FloatArray, sign: float, begin: float, size: float) -> float:
+    """Fraction at which ``sign`` times a polynomial falls through zero, the only one in [``begin``, ``begin + size``].
 
-    By Newton's iteration, and halving where it leaves the interval.
+    Its Bernstein coefficients ``b`` there change their sign once. By Newton's iteration from where their polygon falls,
+    and halving where it leaves the interval.
     """
-    n = b.size
-    low, high = 0.0, 1.0
+    n = b.size - 1
+    low, high = begin, begin + size
     i = 1
-    while b[i] >= 0.0:
+    while sign * b[i] >= 0.0:
         i += 1
-    s = (i - 1 + b[i - 1] / (b[i - 1] - b[i])) / (n - 1)  # where the control polygon does
+    s = begin + size * (i - 1 + b[i - 1] / (b[i - 1] - b[i])) / n
     for _ in range(HALVINGS):
-        copy(b, room)
-        for level in range(1, n - 1):
-            for k in range(n - level):
-                room[k] += s * (room[k + 1] - room[k])
-        rate = room[1] - room[0]
-        here = room[0] + s * rate
-        if here >= 0.0:
+        here, rate = powers[n], 0.0
+        for k in range(n - 1, -1, -1):
+            rate = rate * s + here
+            here = here * s + powers[k]
+        if sign * here >= 0.0:
             low = s
         else:
             high = s
-        rate *= n - 1
-        following = s - here / rate if rate < 0.0 else low
-        if abs(following - s) <= NEWTON_TOLERANCE:
+        following = s - here / rate if sign * rate < 0.0 else low
+        if abs(following - s) <= NEWTON_TOLERANCE * size:
             return following
         s = following if low < following < high else 0.5 * (low + high)
     return s
@@ -256,24 +268,30 @@ def turning_point(
 ) -> tuple[float, float]:
     """Value of unknown j near fraction s of a step where its slope is zero, and where that is; or ``otherwise`` and s.
 
-    By Halley's iteration between ``low`` and ``high``, up to a way that its Taylor polynomial covers to round-off; at
-    the ends of the step there is nothing to look for.
+    By Halley's iteration between ``low`` and ``high``, up to a way that its Taylor polynomial covers to round-off; a
+    step of Newton's iteration makes the slope of that 0. At the ends of the step there is nothing to look for. From the
+    vertex of a parabola through three samples the first way mostly is that short.
     """
     start = s
     for _ in range(4):
-        here, rate, half, sixth = c[degree, j], 0.0, 0.0, 0.0  # derivatives over their factorials
+        here, rate, half, third, fourth, fifth = c[degree, j], 0.0, 0.0, 0.0, 0.0, 0.0  # derivatives over factorials
         for k in range(degree - 1, -1, -1):
-            sixth = sixth * s + half
+            fifth = fifth * s + fourth
+            fourth = fourth * s + third
+            third = third * s + half
             half = half * s + rate
             rate = rate * s + here
             here = here * s + c[k, j]
         if half == 0.0:
             return otherwise, start
-        bent = 2.0 * half * half - 1.5 * rate * sixth
+        bent = 2.0 * half * half - 1.5 * rate * third
         way = -rate * half / bent if bent > half * half else -0.5 * rate / half
+        if abs(way) <= QUINTIC_RANGE:
+            left = rate + way * (2.0 * half + way * (3.0 * third + way * (4.0 * fourth + way * (5.0 * fifth))))
+            way -= 0.5 * left / half
+            if 0.0 < s + way < 1.0:
+                return here + way * (rate + way * (half + way * (third + way * (fourth + way * fifth)))), s + way
         s += way
-        if abs(way) <= CUBIC_RANGE and 0.0 < s < 1.0:
-            return here + way * (rate + way * (half + way * sixth)), s
         s = min(max(s, low), high)
     return (value(c, degree, j, s), s) if 0.0 < s < 1.0 else (otherwise, start)
 

@@ -29,6 +29,7 @@ import numpy as np
 from vibroplat.kernels.compiled import FloatArray, fused, inlined
 from vibroplat.kernels.lanes import in_lines, products_2, products_16, put_row
 from vibroplat.kernels.pairs import Pair, pack_pair, unpack_pair
+from vibroplat.kernels.polynomial import MAX_DEGREE
 from vibroplat.kernels.sines import sincos_pair
 from vibroplat.model.accelerations import mobility, solve_rows
 from vibroplat.model.motor import MotorTerms, kloss_term, motor_at, resistance_term, square_term
@@ -36,9 +37,6 @@ from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import Five, Unbalance, compliance, couplings
 from vibroplat.model.springs import relative, restoring
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS
-
-#: Highest degree of a series.
-MAX_DEGREE = 32
 
 #: Column of F_c among the coefficients; coordinates stand before it in the order of the system's unknowns.
 FORCE = 7

@@ -21,7 +21,7 @@ from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, record_words, supply
 from vibroplat.model.systems import SYSTEMS, System
-from vibroplat.observe.measures import Accumulators
+from vibroplat.observe.measures import FASTEST, MAX_FINAL_PERIOD, SECTION_ROWS, WHOLE_RUN, Accumulators
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import Energies, MeasuredInterval
 from vibroplat.system.memory import NO_MORE, OutOfMemoryError
@@ -99,6 +99,7 @@ class Simulator:
         self.engine = engine
         self.events = 0
         self._lack = ""
+        self._observer: Statistics | None = None
         steps = empty_steps(engine.rows, engine.degree)
         self._p = p
         self._intervals = scene.drive.intervals
@@ -153,6 +154,7 @@ class Simulator:
         blocks: int = 1,
         observers: Sequence[Observer] = (),
         until: Until = never,
+        scope: int = WHOLE_RUN,
     ) -> MeasuredInterval:
         """Carry the motion on for a time, and measure it.
 
@@ -169,9 +171,11 @@ class Simulator:
             What else reads it.
         until
             Whether it ends after a block already.
+        scope
+            What is measured, from :data:`vibroplat.observe.measures.SECTION_POINTS` to ``WHOLE_RUN``.
         """
         start, before, ends = self.now, self._energies, list[Accumulators]()
-        statistics = Statistics(start + settle, named=len(self.scene.output.points), blocks=blocks)
+        statistics = self._statistics(start + settle, seconds - settle, scope, blocks)
         for block in range(1, blocks + 1):
             self.to_time(start + seconds * block / blocks, (statistics, *observers))
             if self.outcome != "ok":
@@ -182,7 +186,9 @@ class Simulator:
                     break
         return MeasuredInterval(statistics.measures, before, self._energies, ends)
 
-    def advance_turns(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> MeasuredInterval:
+    def advance_turns(
+        self, turns: int, longest: float, observers: Sequence[Observer] = (), scope: int = WHOLE_RUN
+    ) -> MeasuredInterval:
         """Carry the motion on to the next point of its section and for whole turns of exciter 1 from there; measure it.
 
         Parameters
@@ -191,10 +197,24 @@ class Simulator:
             How many whole turns.
         longest, observers
             As in :meth:`to_section`.
+        scope
+            As in :meth:`advance`.
         """
-        statistics, before = Statistics(self.now, named=len(self.scene.output.points)), self._energies
+        statistics, before = self._statistics(self.now, longest, scope), self._energies
         self.to_section(turns + 1, longest, (statistics, *observers))
         return MeasuredInterval(statistics.measures, before, self._energies)
+
+    def _statistics(self, window: float, seconds: float, scope: int, blocks: int = 1) -> Statistics:
+        """Begin statistics of a part that begins at a time (s) and takes some time (s).
+
+        There is room for the last SECTION_ROWS points of its section; for fewer where a part of a run has no more turns
+        at FASTEST times the largest synchronous speed.
+        """
+        if self._observer is None:
+            self._observer = Statistics(window, named=len(self.scene.output.points))
+        turns = SECTION_ROWS if scope >= WHOLE_RUN else FASTEST * self.scene.speed_scale / _TURN * seconds
+        self._observer.begin(window, int(min(max(turns, MAX_FINAL_PERIOD) + 2.0, SECTION_ROWS)), blocks, scope)
+        return self._observer
 
     def to_time(self, time: float, observers: Sequence[Observer] = ()) -> None:
         """Carry the motion on to a time (s), unless it ends early, through the corners of the drive's program."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,7 +31,7 @@ from vibroplat.observe.extremes import (
     TORQUE_1,
     merge_extremes,
 )
-from vibroplat.observe.measures import BINS, FASTEST, SUMS, TIME, Accumulators, measured_extremes
+from vibroplat.observe.measures import BINS, FASTEST, SUMS, TIME, WHOLE_RUN, Accumulators, measured_extremes, require
 from vibroplat.observe.section import section_rows
 
 #: Part of its mean by which a speed may differ from it while the motion has its measured speed.
@@ -219,8 +220,8 @@ def data_sheet(ms: Accumulators, extremes: Any, scene: Scene) -> dict[str, float
         sheet[f"torque_ratio_{n}"] = mean[f"torque_{n}"] / critical if critical > 0.0 else None
         if speeds is not None and driven[i]:
             sheet[f"slip_{n}"] = 1.0 - exciter.direction * mean[f"speed_{n}"] / speeds[i]
-        ripple = extremes["largest"][SPEED_1 + i] - extremes["least"][SPEED_1 + i]
-        sheet[f"speed_ripple_{n}_hz"] = float(ripple) / _TURN
+        ripple = float(extremes["largest"][SPEED_1 + i] - extremes["least"][SPEED_1 + i])
+        sheet[f"speed_ripple_{n}_hz"] = ripple / _TURN
     return sheet | _largest(extremes, _from_extremes(scene))
 
 
@@ -236,22 +237,30 @@ class Extreme(NamedTuple):
     squared: bool = False
 
 
-def _from_extremes(scene: Scene) -> dict[str, Extreme]:
+def _from_extremes(scene: Scene) -> Mapping[str, Extreme]:
     """Return the columns of a scene's data sheet that follow from extremes."""
-    gravity = scene.machine.gravity_m_per_s2
+    torques = tuple(exciter.critical_torque_n_m for exciter in scene.exciter_pair)
+    return _columns_of_extremes(scene.machine.gravity_m_per_s2, scene.unbalances, torques, tuple(scene.output.points))
+
+
+@lru_cache
+def _columns_of_extremes(
+    gravity: float, unbalances: tuple[float, float], torques: tuple[float, ...], points: tuple[str, ...]
+) -> Mapping[str, Extreme]:
+    """Return them for the numbers of a scene on which they depend: points of a sweep share most of them."""
     columns = {f"foundation_{name}_max_{unit}": Extreme(k) for name, k, _, unit in _AXES} | {
         "stroke_x_m": Extreme(SIDEWAYS, difference=True),
         "stroke_y_m": Extreme(HEIGHT, difference=True),
         "acceleration_max_m_per_s2": Extreme(ACCELERATION),
         "gamma": Extreme(LIFT, 1.0 / gravity if gravity > 0.0 else math.inf),
     }
-    for i, k in enumerate(scene.unbalances):
+    for i, k in enumerate(unbalances):
         columns[f"motor_power_{i + 1}_max_w"] = Extreme(POWER_1 + i)
         columns[f"motor_torque_{i + 1}_max_n_m"] = Extreme(TORQUE_1 + i)
-        critical = scene.exciter_pair[i].critical_torque_n_m
+        critical = torques[i]
         columns[f"torque_ratio_{i + 1}_max"] = Extreme(TORQUE_1 + i, 1.0 / critical if critical > 0.0 else math.nan)
         columns[f"bearing_force_{i + 1}_max_n"] = Extreme(SPEED_1 + i, k, squared=True)
-    for i, name in enumerate(scene.output.points):
+    for i, name in enumerate(points):
         first = POINTS + 3 * i
         columns |= {f"stroke_{axis}_{name}_m": Extreme(first + j, difference=True) for j, axis in enumerate("xy")}
         columns[f"acceleration_max_{name}_m_per_s2"] = Extreme(first + 2)
@@ -299,6 +308,7 @@ def whole_run(ms: Accumulators, scene: Scene, start: float, captured: bool, lock
     locked
         Whether the exciters are synchronized in the measured part.
     """
+    require(ms, WHOLE_RUN)
     numbers: dict[str, Any] = {}
     extremes, columns = merge_extremes(ms.extremes), _from_extremes(scene)
     for name, value in _largest(extremes, columns).items():

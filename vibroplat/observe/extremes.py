@@ -24,6 +24,13 @@ GAPS = np.zeros((MAX_NODES + 1, MAX_NODES + 1))
 for _n in range(1, MAX_NODES + 1):
     GAPS[_n, : _n + 1] = 1.0 / np.diff([0.0, *NODES[_n, :_n], 1.0])
 
+#: Part of the range of samples, by the number of nodes, by which a polynomial goes beyond all of them: three squares of
+#: the longest distance of samples. A parabola goes one square beyond, sums of two oscillations and a straight line as
+#: fast as the degree allows (3.2 rad in a step of 4 nodes, 4 of 6, 4.5 of more) two squares.
+REACH = np.zeros(MAX_NODES + 1)
+for _n in range(1, MAX_NODES + 1):
+    REACH[_n] = 3.0 / GAPS[_n, : _n + 1].min() ** 2
+
 #: What has extremes, before three numbers of each named point: its x, y and the size of its acceleration. Speeds are
 #: here twice, the second time since the supply has changed; the impulse is that of events. Integers of numpy, so that
 #: functions are compiled once.
@@ -57,7 +64,8 @@ def empty_extremes(count: int) -> npt.NDArray[np.void]:
 
 def merge_extremes(*groups: npt.NDArray[np.void]) -> Any:
     """Return the extremes over all of some records, with when they are and at which pace: one record."""
-    merged = next(extremes[0] for extremes in groups if extremes.size).copy()
+    first = next(extremes for extremes in groups if extremes.size)[:1]
+    merged = first.view(np.float64).copy().view(EXTREMES)[0]  # numpy copies numbers far faster than a record
     for extremes in groups:
         _merge(extremes, merged)
     return merged
@@ -140,123 +148,70 @@ def margin(extremes: Any, k: int) -> float:
     return TIE * size if size < np.inf else 0.0
 
 
+#: A sum of two unknowns: column and factor of the first, then of the second. A force into the foundation is such a sum,
+#: of a coordinate and its rate, and so is a coordinate of a named point.
+Form = tuple[int, float, int, float]
+
+
 @compiled
 def update_extremes(
-    extremes: Any,
-    k: int,
-    c: FloatArray,
-    degree: int,
-    samples: FloatArray,
-    nodes: int,
-    j: int,
-    ends: tuple[float, float],
-    span: Span,
-    beyond: float,
-    sized: bool,
+    extremes: Any, k: int, room: Any, nodes: int, form: Form, span: Span, beyond: float, sense: float
 ) -> None:
-    """Let extremes k cover polynomial j in a part of a step.
+    """Let extremes k cover the largest values of a form in a part of a step, or the least.
 
-    Polynomials of low degree have few samples and are looked through. Of the others see
-    :func:`vibroplat.kernels.lanes.exceeds_limits`.
+    Samples that are larger than their neighbours, and may have a new extreme beside them, are searched: beyond the
+    sample the form goes by less than they are on this side. Polynomials of low degree have few samples and are looked
+    through.
 
     Parameters
     ----------
     extremes, k
         Record of :data:`EXTREMES`, and the place of the quantity in it.
-    c, degree
-        Polynomials in the step's fraction, and their degree.
-    samples, nodes
-        Their values at so many Gauss nodes of the part.
-    j
-        The column.
-    ends
-        Values at both ends of the part.
+    room, nodes
+        Record of :data:`vibroplat.observe.statistics.ROOM` with the unknowns at so many Gauss nodes of the part; its
+        form is overwritten.
+    form
+        The form of unknowns; one unknown is a form whose second factor is 0.
     span
         The part: what is remembered has a time and a pace.
     beyond
         What does not go beyond the extremes by so much is none.
-    sized
-        Whether only the larger of both sizes matters.
+    sense
+        1 for the largest values, −1 for the least.
     """
-    least, largest = extremes.least[k] - beyond, extremes.largest[k] + beyond
-    if sized:
-        largest = max(largest, -least)
-        least = -largest
-    if degree <= FEW_SAMPLES:
-        search_range(extremes, k, c, degree, j, ends, span)
-        return
-    before, here, bit, lower, higher = ends[0], ends[0], 1, 0, 0
-    for i in range(nodes + 2):
-        after = samples[i, j] if i < nodes else ends[1]
-        beside = max(abs(here - before), abs(here - after))
-        lower |= bit * ((here <= before) & (here <= after) & (here - beside < least))
-        higher |= bit * ((here >= before) & (here >= after) & (here + beside > largest))
-        before, here, bit = here, after, 2 * bit
-    if lower | higher:
-        search_samples(extremes, k, c, degree, samples, nodes, j, ends, lower, higher, span)
-
-
-@compiled
-def update_form_extremes(
-    extremes: Any,
-    k: int,
-    room: Any,
-    nodes: int,
-    form: tuple[int, float, int, float],
-    span: Span,
-    beyond: float,
-    sized: bool,
-) -> None:
-    """Do as :func:`update_extremes` for a sum of two unknowns, a form: column and factor of the first, then the second.
-
-    A force into the foundation is such a sum, of a coordinate and its rate, and so is a coordinate of a named point, of
-    that of the centre of mass and the rotation. Its polynomial and samples are made where a step is searched, in the
-    first columns of ``room.form`` and ``room.form_samples``, which are overwritten; the unknowns' samples at the nodes
-    are in ``room``.
-    """
-    c, degree, (first, share, second, other) = span.c, span.degree, form
-    for i in range(degree + 1):
-        room.form[i, 0] = share * c[i, first] + other * c[i, second]
+    (first, share, second, other), samples, few = form, room.form_samples, span.degree <= FEW_SAMPLES
+    known = (extremes.largest[k] if sense > 0.0 else -extremes.least[k]) + beyond
+    one, two = sense * share, sense * other
+    samples[0] = one * span.start[first] + two * span.start[second]
     for i in range(nodes):
-        room.form_samples[i, 0] = share * room.samples[i, first] + other * room.samples[i, second]
-    ends = share * span.start[first] + other * span.start[second], share * span.end[first] + other * span.end[second]
-    update_extremes(extremes, k, room.form, degree, room.form_samples, nodes, 0, ends, span, beyond, sized)
+        samples[i + 1] = one * room.samples[i, first] + two * room.samples[i, second]
+    samples[nodes + 1] = one * span.end[first] + two * span.end[second]
+    before, bit, near = samples[0], 1, 0
+    for i in range(nodes + 2):
+        here, after = samples[i], samples[min(i + 1, nodes + 1)]
+        near |= bit * ((here >= before) & (here >= after) & (here + max(here - before, here - after) > known))
+        before, bit = here, 2 * bit
+    if not (near or few):
+        return
+    for i in range(span.degree + 1):
+        room.form[i, 0] = one * span.c[i, first] + two * span.c[i, second]
+    if few:
+        search_range(extremes, k, room.form, (samples[0], samples[nodes + 1]), span, sense)
+        return
+    for i in range(nodes + 2):
+        if near >> i & 1:
+            extreme, s = extreme_near(room.form, nodes, i, samples, span)
+            remember(extremes, k, sense * samples[i], place_of(i, nodes, span), span)
+            remember(extremes, k, sense * extreme, s, span)
 
 
 @compiled
-def search_range(
-    extremes: Any, k: int, c: FloatArray, degree: int, j: int, ends: tuple[float, float], span: Span
-) -> None:
-    """Do as :func:`update_extremes` for any degree."""
-    reach = chord_deviation_bound(c, degree, j)
-    if not (extremes.least[k] < min(ends) - reach and max(ends) + reach < extremes.largest[k]):
-        low, high, at_low, at_high = value_range(c, degree, j, span.first, span.last, ends)
-        remember(extremes, k, low, at_low, span)
-        remember(extremes, k, high, at_high, span)
-
-
-@inlined
-def search_samples(
-    extremes: Any,
-    k: int,
-    c: FloatArray,
-    degree: int,
-    samples: FloatArray,
-    nodes: int,
-    j: int,
-    ends: tuple[float, float],
-    lower: int,
-    higher: int,
-    span: Span,
-) -> None:
-    """Let extremes k also cover the polynomial near samples, those of the bits that are set."""
-    for i in range(nodes + 2):
-        if (lower | higher) >> i & 1:
-            here = sample(samples, nodes, ends, i, j)
-            around = sample(samples, nodes, ends, max(i - 1, 0), j), sample(samples, nodes, ends, i + 1, j)
-            extreme, s = extreme_near(c, degree, nodes, j, i, here, around, -1.0 if lower >> i & 1 else 1.0, span)
-            remember(extremes, k, here, place_of(i, nodes, span), span)
-            remember(extremes, k, extreme, s, span)
+def search_range(extremes: Any, k: int, c: FloatArray, ends: tuple[float, float], span: Span, sense: float) -> None:
+    """Let extremes k cover ``sense`` times a polynomial of any degree, with its values at both ends of a part."""
+    reach, known = chord_deviation_bound(c, span.degree, 0), extremes.largest[k] if sense > 0.0 else -extremes.least[k]
+    if not max(ends) + reach < known:
+        _, high, _, at_high = value_range(c, span.degree, 0, span.first, span.last, ends)
+        remember(extremes, k, sense * high, at_high, span)
 
 
 @inlined
@@ -274,27 +229,19 @@ def place_of(i: int, nodes: int, span: Span) -> float:
 
 
 @inlined
-def extreme_near(
-    c: FloatArray,
-    degree: int,
-    nodes: int,
-    j: int,
-    at: int,
-    here: float,
-    around: tuple[float, float],
-    sense: float,
-    span: Span,
-) -> tuple[float, float]:
-    """Extreme value of polynomial j between the neighbours of sample ``at``, where it is ``here``, and its place.
+def extreme_near(c: FloatArray, nodes: int, at: int, samples: FloatArray, span: Span) -> tuple[float, float]:
+    """Largest value of a polynomial between the neighbours of sample ``at``, and its place.
 
-    ``sense`` is 1 for a largest value, −1 for a least; looked for where the parabola through the three has its own. At
-    an end that the polynomial comes to straight there is no other.
+    It is looked for where the parabola through the three samples has its own. At an end that the polynomial comes to
+    straight there is no other.
     """
-    s, low, high = place_of(at, nodes, span), place_of(at - 1, nodes, span), place_of(at + 1, nodes, span)
-    leaving = sense * slope(c, degree, j, s) if at == 0 or at > nodes else 0.0
+    here, s = samples[at], place_of(at, nodes, span)
+    leaving = slope(c, span.degree, 0, s) if at == 0 or at > nodes else 0.0
     if (at == 0 and leaving <= 0.0) or (at > nodes and leaving >= 0.0):
         return here, s
-    return turning_point(c, degree, j, vertex((low, s, high), (around[0], here, around[1])), low, high, here)
+    low, high = place_of(at - 1, nodes, span), place_of(at + 1, nodes, span)
+    around = samples[max(at - 1, 0)], here, samples[min(at + 1, nodes + 1)]
+    return turning_point(c, span.degree, 0, vertex((low, s, high), around), low, high, here)
 
 
 @inlined

@@ -13,8 +13,8 @@ import numpy as np
 from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.hybrid.state import WIDTH
 from vibroplat.kernels.compiled import FloatArray, call_int, compiled, fused_inline, inlined
-from vibroplat.kernels.lanes import exceeds_limits
 from vibroplat.kernels.polynomial import QUADRATIC_RANGE, values
+from vibroplat.kernels.screening import LOWER, exceeds_limits
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import DIFFERENTIAL, GAP, SIZES
 from vibroplat.observe.extremes import (
@@ -24,10 +24,12 @@ from vibroplat.observe.extremes import (
     GAPS,
     HEIGHT,
     LIFT,
+    MOMENT,
     OPENING,
     POINTS,
     PULL_X,
     PULL_Y,
+    REACH,
     ROTATION,
     SIDEWAYS,
     TIE,
@@ -36,13 +38,12 @@ from vibroplat.observe.extremes import (
     place_of,
     remember,
     update_extremes,
-    update_form_extremes,
     vertex,
 )
 from vibroplat.observe.motor_loads import update_motor_extremes
 
-#: Places of x, y, φ and the gap among the unknowns. Integers of numpy, so that functions are compiled once for all.
-_X, _Y, _PHI, _GAP = np.array([0, 1, 2, GAP])
+#: Place of φ among the unknowns. An integer of numpy, so that functions are compiled once for all.
+_PHI = np.array([2])[0]
 
 #: Part of the changes of the velocity along y up to which those along x do not matter for the acceleration's size.
 ALIKE = 1e-6
@@ -197,11 +198,21 @@ def exact_size(
 # -- a step ------------------------------------------------------------------------------------------------
 
 
+#: Quantities that are screened, and the largest of their kind; the last three are forces into the foundation.
+SCREENED = np.array([SIDEWAYS, HEIGHT, ROTATION, OPENING, FORCE, DRIVEN_1, DRIVEN_1 + 1, PULL_X, PULL_Y, MOMENT])
+GROUPS = np.array([HEIGHT, HEIGHT, HEIGHT, OPENING, FORCE, DRIVEN_1, DRIVEN_1 + 1, PULL_Y, PULL_Y, PULL_Y])
+#: Columns of the first four.
+_COLUMNS = np.array([0, 1, 2, GAP])
+
+
 @inlined
-def in_columns(force: int) -> tuple[tuple[int, int, int], ...]:
-    """Quantities that have a column of their own: their places, columns, and the largest of their kind."""
-    height, rotation = (HEIGHT, _Y, HEIGHT), (ROTATION, _PHI, HEIGHT)
-    return (SIDEWAYS, _X, HEIGHT), height, rotation, (OPENING, _GAP, OPENING), (FORCE, force, FORCE)
+def column_of(q: int, n: int) -> int:
+    """Column of a screened quantity of a system of n coordinates; forces into the foundation are from _PULLS on."""
+    if q < 4:
+        return _COLUMNS[q]
+    if q == 4:
+        return 2 * n
+    return n + q - 2 if q < 7 else _PULLS + q - 7
 
 
 @compiled
@@ -212,21 +223,20 @@ def put_limits(extremes: Any, room: Any, system: int, p: Parameters) -> None:
     extremes worth a search. Columns that the system does not have get no limits. While the supply changes, torque and
     power do not follow from the speed alone, and each step is evaluated.
     """
-    limits, force, n = room.limits, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
+    limits, n = room.limits, DIFFERENTIAL[system] // 2
     for i in range(2):
         if extremes.since != p.since or p.speed_ramp[i] != 0.0 or p.slip_ramp[i] != 0.0:
             extremes.least[DRIVEN_1 + i], extremes.largest[DRIVEN_1 + i] = np.inf, -np.inf
     extremes.since, extremes.changed = p.since, 0
     for j in range(COLUMNS):
         limits[0, j], limits[1, j] = -np.inf, np.inf
-    driven = (DRIVEN_1, n + 3, DRIVEN_1), (DRIVEN_1 + 1, n + 4, DRIVEN_1 + 1)
-    for k, j, group in in_columns(force) + driven:
-        if (j != _GAP or MODES[system] == FLIGHT) and j < SIZES[system]:
-            beyond = margin(extremes, group)
+    for q in range(len(SCREENED)):
+        k, j, beyond = SCREENED[q], column_of(q, n), margin(extremes, GROUPS[q])
+        if j >= _PULLS:  # their sizes
+            limits[1, j] = max(extremes.largest[k], -extremes.least[k]) + beyond
+            limits[0, j] = -limits[1, j]
+        elif (j != GAP or MODES[system] == FLIGHT) and j < SIZES[system]:
             limits[0, j], limits[1, j] = extremes.least[k] - beyond, extremes.largest[k] + beyond
-    for i in range(3):
-        k = PULL_X + i
-        limits[1, _PULLS + i] = max(extremes.largest[k], -extremes.least[k]) + margin(extremes, PULL_Y)
     limits[1, _VIBRATION] = (1.0 + 2.0 * TIE) * extremes.square[ACCELERATION]
     limits[1, _VIBRATION + 1] = (1.0 + 2.0 * TIE) * extremes.square[LIFT]
 
@@ -259,7 +269,8 @@ def update_step_extremes(
         put_limits(extremes, room, system, p)
         room.limited = system
     n, inverse = DIFFERENTIAL[system] // 2, 1.0 / (span.length * (span.last - span.first))
-    flags = exceeds_limits(start, room.samples, nodes, span.end, n, room.springs, GAPS[nodes], inverse, room.limits)
+    which = (start, room.samples, nodes, span.end, n)
+    flags = exceeds_limits(*which, room.springs, GAPS[nodes], inverse, REACH[nodes], room.limits)
     if flags != 0 or room.named > 0:
         update_columns(extremes, room, nodes, system, span, flags, equations, p)
 
@@ -270,24 +281,26 @@ def update_columns(
 ) -> None:
     """Let the extremes of columns whose bits are set cover a step.
 
-    Bits are those of :func:`vibroplat.kernels.lanes.exceeds_limits`: of the unknowns, of three forces into the
+    Bits are those of :func:`vibroplat.kernels.screening.exceeds_limits`: of the unknowns, of three forces into the
     foundation and of the acceleration, with and without its part along x. Named points are evaluated in any case.
+    One loop goes through all forms and senses: copies of the search for each of them would not stay in the processor's
+    cache.
     """
-    samples, force, n = room.samples, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
-    for k, j, group in in_columns(force):
-        if flags >> j & 1:
-            ends = span.start[j], span.end[j]
-            beyond = margin(extremes, group)
-            update_extremes(extremes, k, span.c, span.degree, samples, nodes, j, ends, span, beyond, False)
+    n, known = DIFFERENTIAL[system] // 2, room.driven
     for i in range(2):
-        if flags >> (n + 3 + i) & 1:
-            update_motor_extremes(extremes, i, samples, nodes, n, span, p)
-    if flags >> _PULLS & 7:
-        beyond = margin(extremes, PULL_Y)
-        for i in range(3):
-            if flags >> (_PULLS + i) & 1:
-                form = (i, room.springs[0, i], n + i, room.springs[1, i])
-                update_form_extremes(extremes, PULL_X + i, room, nodes, form, span, beyond, True)
+        known[0, i], known[1, i] = extremes.least[DRIVEN_1 + i], extremes.largest[DRIVEN_1 + i]
+    for q in range(len(SCREENED)):
+        column = column_of(q, n)
+        for sense in (1.0, -1.0):
+            if flags >> (column if sense > 0.0 else column + LOWER) & 1:
+                form, beyond = (column, 1.0, column, 0.0), margin(extremes, GROUPS[q])
+                if column >= _PULLS:
+                    i = column - _PULLS
+                    form = (i, room.springs[0, i], n + i, room.springs[1, i])
+                update_extremes(extremes, SCREENED[q], room, nodes, form, span, beyond, sense)
+    for i in range(2):
+        if (flags | flags >> LOWER) >> (n + 3 + i) & 1:
+            update_motor_extremes(extremes, i, (known[0, i], known[1, i]), room.samples, nodes, n, span, p)
     if flags >> _VIBRATION & 3:
         update_vibration(extremes, room, nodes, system, span, equations)
     if room.named > 0:
@@ -303,9 +316,10 @@ def update_points(
     """Let the extremes of named points cover a step."""
     for i in range(room.named):
         k, spot, beyond = POINTS + 3 * i, (p.point_x[i], p.point_y[i]), margin(extremes, HEIGHT)
-        for axis, arm in ((_X, -spot[1]), (_Y, spot[0])):
-            form = (axis, 1.0, _PHI, arm)
-            update_form_extremes(extremes, k + axis, room, nodes, form, span, beyond, False)
+        for axis in range(2):
+            form = (axis, 1.0, _PHI, spot[0] if axis else -spot[1])
+            for sense in (1.0, -1.0):
+                update_extremes(extremes, k + axis, room, nodes, form, span, beyond, sense)
         update_acceleration_extremes(extremes, k + 2, room, nodes, 1.0, system, spot, span, equations)
 
 
@@ -320,10 +334,10 @@ def update_vibration(extremes: Any, room: Any, nodes: int, system: int, span: Sp
     for i in range(nodes):
         across = max(across, abs(room.samples[i, n] - span.start[n]))
         along = max(along, abs(room.samples[i, n + 1] - span.start[n + 1]))
-    update_acceleration_extremes(extremes, LIFT, room, nodes, 0.0, system, spot, span, equations)
-    if across > ALIKE * along:
-        update_acceleration_extremes(extremes, ACCELERATION, room, nodes, 1.0, system, spot, span, equations)
-    elif extremes.square[LIFT] > extremes.square[ACCELERATION]:
+    for which in range(2 if across > ALIKE * along else 1):  # along y, then both
+        k = LIFT + which
+        update_acceleration_extremes(extremes, k, room, nodes, float(which), system, spot, span, equations)
+    if across <= ALIKE * along and extremes.square[LIFT] > extremes.square[ACCELERATION]:
         extremes.square[ACCELERATION] = extremes.square[LIFT]
         s = (extremes.at_largest[LIFT] - span.begin) / span.length
         remember(extremes, ACCELERATION, extremes.largest[LIFT], s, span)

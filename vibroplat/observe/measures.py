@@ -42,6 +42,14 @@ SECTION = np.dtype(
 
 #: Points of the Poincaré section that are kept, the last ones, where nothing else is said.
 SECTION_ROWS = 1024
+
+#: What is measured of a motion, each with all before it:
+#:
+#: * points of the section and counts of events: whether a motion repeats, for settling and searches for orbits;
+#: * sums: means and RMS values, which tell motions from each other;
+#: * extremes: all that :func:`vibroplat.observe.summary.measure` gathers, for rows of tables and orbits;
+#: * the whole run: pace at extremes, and when phase differences and speeds were met, for the sheet of a run.
+SECTION_POINTS, SUMMED, WITH_EXTREMES, WHOLE_RUN = range(4)
 #: Longest period, in turns of exciter 1, that is searched for at the end of a motion; so many of the last points of the
 #: section have the extremes until then.
 MAX_FINAL_PERIOD = 64
@@ -53,6 +61,7 @@ EARLY, AHEAD, WHOLE = range(3)
 #: What is remembered from step to step.
 MARKS = np.dtype(
     [
+        ("scope", np.int64),  # what is measured, from SECTION_POINTS to WHOLE_RUN
         ("window", np.float64),  # when the measured part begins (s)
         ("until", np.float64),  # when the last step ended (s)
         ("passed", np.float64),  # whole turns of exciter 1 until now, nan before the first step
@@ -111,18 +120,37 @@ class Accumulators(NamedTuple):
     section: npt.NDArray[np.void]
 
 
-def empty_accumulators(window: float, points: int = SECTION_ROWS, blocks: int = 1) -> Accumulators:
-    """Make empty sums whose measured part begins at a time (s), with room for points of the Poincaré section."""
-    marks = np.zeros(1, MARKS)[0]
-    marks["window"], marks["until"], marks["passed"] = window, window, math.nan
-    marks["row"], marks["due"], marks["turn"] = AHEAD, WHOLE, math.nan
+_MARKS, _SEEN = np.zeros(1, MARKS), np.zeros((3, BINS, 2))
+_MARKS["passed"], _MARKS["row"], _MARKS["due"], _MARKS["turn"] = math.nan, AHEAD, WHOLE, math.nan
+_SEEN[..., 0] = -math.inf
+#: Marks and extremes before the first step, as plain numbers: numpy copies these five times as quickly as records.
+_PLAIN_MARKS, _PLAIN_EXTREMES = _MARKS.view(np.uint8), empty_extremes(1).view(np.float64)
+
+
+def empty_accumulators(
+    window: float, points: int = SECTION_ROWS, blocks: int = 1, scope: int = WHOLE_RUN
+) -> Accumulators:
+    """Make empty sums whose measured part begins at a time (s), with room for points of the Poincaré section.
+
+    What the scope leaves out stays as it is before the first step.
+    """
+    marks = _PLAIN_MARKS.copy().view(MARKS)[0]
+    marks["scope"], marks["window"], marks["until"] = scope, window, window
     plain, open_turn, whole = np.zeros((3, len(SUMS)))
-    seen = np.zeros((3, BINS, 2))
-    seen[..., 0] = -math.inf
-    extremes, closed = empty_extremes(WHOLE + blocks), np.zeros(min(points, MAX_FINAL_PERIOD), EXTREMES)
+    extremes = np.concatenate([_PLAIN_EXTREMES] * (WHOLE + blocks)).view(EXTREMES)
+    closed = extremes[:1]
+    if scope >= WITH_EXTREMES:
+        closed = np.zeros(min(points, MAX_FINAL_PERIOD), EXTREMES)
+    seen = _SEEN.copy() if scope >= WHOLE_RUN else _SEEN
     return Accumulators(
         np.zeros(N_WORK), plain, open_turn, whole, marks, extremes, closed, seen, np.zeros(points, SECTION)
     )
+
+
+def require(ms: Accumulators, scope: int) -> None:
+    """Raise ValueError if less was measured than a scope, so that nothing is taken for 0 that was left out."""
+    if ms.marks["scope"] < scope:
+        raise ValueError(f"measured up to scope {ms.marks['scope']}, but {scope} is needed")
 
 
 def block_difference(earlier: Accumulators, later: Accumulators) -> Accumulators:

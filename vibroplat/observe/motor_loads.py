@@ -16,11 +16,9 @@ from vibroplat.observe.extremes import (
     SPEED_1,
     TORQUE_1,
     Span,
-    margin,
     place_of,
     remember,
     sample,
-    update_extremes,
     vertex,
 )
 
@@ -42,19 +40,24 @@ def update_motor_at(extremes: Any, i: int, speed: float, s: float, span: Span, p
 
 @inlined
 def update_motor_extremes(
-    extremes: Any, i: int, samples: FloatArray, nodes: int, n: int, span: Span, p: Parameters
+    extremes: Any,
+    i: int,
+    known: tuple[float, float],
+    samples: FloatArray,
+    nodes: int,
+    n: int,
+    span: Span,
+    p: Parameters,
 ) -> None:
-    """Let the extremes of speed, torque and power of motor i cover a step.
+    """Let the extremes of torque and power of motor i cover a step, and those of its speed over all supplies.
 
     At a constant supply torque and power depend on the speed alone: they have extremes at new extremes of the speed
     since the supply has changed, at the critical slip, and for the power where u² + 2uΔ²/ω₀ = Δ², with slip speed u and
-    critical slip speed Δ. While the supply changes they are searched for among samples.
+    critical slip speed Δ. While the supply changes they are searched for among samples. Extremes of the speed before
+    the step are ``known``.
     """
-    k, j = DRIVEN_1 + i, n + 3 + i
-    least, largest = extremes.least[k], extremes.largest[k]
+    k, j, (least, largest) = DRIVEN_1 + i, n + 3 + i, known
     last = span.end[j]
-    ends, beyond = (span.start[j], last), margin(extremes, k)
-    update_extremes(extremes, k, span.c, span.degree, samples, nodes, j, ends, span, beyond, False)
     for speed, at, new in (
         (extremes.least[k], extremes.at_least[k], extremes.least[k] < least),
         (extremes.largest[k], extremes.at_largest[k], extremes.largest[k] > largest),

@@ -25,6 +25,8 @@ REPEAT_DISTANCE, EQUAL_DISTANCE, DISTANCE_RATIO = 1e-3, 1e-5, 30.0
 def section_rows(ms: Accumulators) -> npt.NDArray[np.void]:
     """Points of the Poincaré section that are kept, records of :data:`SECTION` in the order of time."""
     turns, room = int(ms.marks["turns"]), ms.section.size
+    if turns <= room:
+        return ms.section[:turns]
     return ms.section[np.arange(max(turns - room, 0), turns) % room]
 
 

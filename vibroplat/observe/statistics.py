@@ -16,12 +16,11 @@ from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.hybrid.state import WIDTH, Automaton, Steps
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, same_types
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16
-from vibroplat.kernels.polynomial import crossing, slope, value
+from vibroplat.kernels.polynomial import MAX_DEGREE, crossing, slope, value
 from vibroplat.kernels.sines import sincos_pair
 from vibroplat.model.energy import DISSIPATIONS, exciter_powers, powers
 from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.series import MAX_DEGREE
 from vibroplat.model.springs import slopes
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, LAYERS, PLACES, SIZES
 from vibroplat.observe.extremes import IMPULSE, MAX_NODES, NODES, WEIGHTS, Span, set_pace
@@ -39,8 +38,11 @@ from vibroplat.observe.measures import (
     SECTION_ROWS,
     SINE,
     SPEED,
+    SUMMED,
     TIME,
     TORQUE,
+    WHOLE_RUN,
+    WITH_EXTREMES,
     XX,
     Accumulators,
     X,
@@ -63,9 +65,9 @@ _MAX_TURNS = 1000.0
 
 #: What is overwritten at each step: unknowns and phase differences at the nodes; means of the unknowns, of their
 #: squares and their sizes, of products with the rates, and of the powers; a full state; stiffnesses and dampings; a sum
-#: of two unknowns, and its values at the nodes; squares of mean accelerations; unknowns and rates; unknowns and
-#: derivatives at both ends of a part of a step. What stays is what the known extremes are, for which system and row,
-#: and how many named points there are.
+#: of two unknowns, and its samples; extremes of speeds before a step; squares of mean accelerations; unknowns and
+#: rates; unknowns and derivatives at both ends of a part of a step. What stays is what the known extremes are, for
+#: which system and row, and how many named points there are.
 ROOM = np.dtype(
     [
         ("samples", float, (MAX_NODES, WIDTH)),
@@ -75,7 +77,8 @@ ROOM = np.dtype(
         ("phases", float, MAX_NODES),
         ("springs", float, (2, 4)),
         ("form", float, (MAX_DEGREE + 1, 1)),
-        ("form_samples", float, (MAX_NODES, 1)),
+        ("form_samples", float, MAX_NODES + 2),
+        ("driven", float, (2, 2)),
         ("squares", float, MAX_NODES + 1),
         ("y", float, FULL_SIZE),
         ("yp", float, FULL_SIZE),
@@ -103,17 +106,21 @@ class Statistics:
         Number of the scene's named points.
     blocks
         In how many parts a motion is measured, each with its own extremes; see :meth:`end_block`.
+    scope
+        What is measured, from :data:`vibroplat.observe.measures.SECTION_POINTS` to ``WHOLE_RUN``: all that is asked.
     """
 
-    def __init__(self, window: float, points: int = SECTION_ROWS, named: int = 0, blocks: int = 1) -> None:
-        self._points, self._blocks, self._add_pieces = points, blocks, same_types(add_pieces)
+    def __init__(
+        self, window: float, points: int = SECTION_ROWS, named: int = 0, blocks: int = 1, scope: int = WHOLE_RUN
+    ) -> None:
         self._room = in_lines((ROOM.itemsize // 8,)).view(ROOM)[0]
         self._room["named"] = named
-        self.begin(window)
+        self.begin(window, points, blocks, scope)
 
-    def begin(self, window: float) -> None:
-        """Begin anew; what was measured before stays as it is with those who hold it."""
-        self.measures = empty_accumulators(window, self._points, self._blocks)
+    def begin(self, window: float, points: int = SECTION_ROWS, blocks: int = 1, scope: int = WHOLE_RUN) -> Accumulators:
+        """Begin anew and return the empty sums; those of before stay as they are with those who hold them."""
+        self.measures = empty_accumulators(window, points, blocks, scope)
+        return self.measures
 
     def end_block(self) -> Accumulators:
         """Copy what was measured until now; from the next whole turn on, extremes are those of the next block."""
@@ -132,9 +139,7 @@ class Statistics:
         nodes = min(nodes + nodes % 2, MAX_NODES)
         equations = Equations(h.start, h.parameters)
         fastest = FASTEST * float(h.run["speed"])
-        self._add_pieces(
-            self.measures, h.steps, h.events[: h.run["events"]], self._room, nodes, fastest, equations, h.p
-        )
+        _add_pieces(self.measures, h.steps, h.events[: h.run["events"]], self._room, nodes, fastest, equations, h.p)
 
 
 @compiled
@@ -165,12 +170,18 @@ def add_pieces(
         for row in range(piece.first, piece.end):
             if steps.length[row] > 0.0:
                 add_step(ms, steps, row, piece, degree, nodes, room, equations, p)
-                now = piece.origin + steps.start[row] + steps.length[row]
-                mark_bins(ms, steps.ends[row], now, piece.system, fastest, p)
+                if ms.marks.scope >= WHOLE_RUN:
+                    now = piece.origin + steps.start[row] + steps.length[row]
+                    mark_bins(ms, steps.ends[row], now, piece.system, fastest, p)
+                    follow_turn(ms, steps, row, piece, degree)
         ms.marks.until = piece.until
     while counted < events.size:
         count_event(ms, events[counted])
         counted += 1
+
+
+#: All statistics have arrays of the same types.
+_add_pieces = same_types(add_pieces)
 
 
 @compiled
@@ -223,7 +234,7 @@ def add_step(
             horner_16(c, degree, cut, room.at)
             for j in range(WIDTH):
                 start[1, j] *= cut - first
-        if first < cut:
+        if first < cut and marks.scope >= SUMMED:
             span = Span(begin, length, c, degree, first, cut, start[0], at)
             add_part(ms, span, start, since >= marks.window, piece.system, nodes, room, equations, p)
         first, turn = cut, turn + way
@@ -234,7 +245,6 @@ def add_step(
         marks.way = passes
         if same and now >= marks.window:
             close_turn(ms, now, turns, at, piece.system, room)
-    follow_turn(ms, steps, row, piece, degree)
 
 
 @inlined
@@ -307,7 +317,8 @@ def add_part(
     for i in range(0, nodes, 2):  # they are even in number
         places = span.first + width * NODES[nodes, i], span.first + width * NODES[nodes, i + 1]
         horner_pair_16(span.c, span.degree, places[0], places[1], room.samples[i : i + 2])
-    update_step_extremes(ms.extremes[row], start, room, nodes, system, span, equations, p)
+    if ms.marks.scope >= WITH_EXTREMES:
+        update_step_extremes(ms.extremes[row], start, room, nodes, system, span, equations, p)
     begin, duration = span.begin + span.first * span.length, width * span.length
     integrate(ms, begin, duration, system, measured, nodes, room, p)
 
@@ -423,6 +434,7 @@ def close_turn(ms: Accumulators, now: float, turns: FloatArray, at: FloatArray, 
         sums[i] += ms.open_turn[i]
         ms.open_turn[i] = 0.0
     copy(ms.whole, point.sums)
-    ms.closed[marks.turns % ms.closed.size] = ms.extremes[marks.row]
+    if marks.scope >= WITH_EXTREMES:
+        ms.closed[marks.turns % ms.closed.size] = ms.extremes[marks.row]
     marks.turns += 1
     marks.row = marks.due

@@ -19,7 +19,16 @@ from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import DAMPERS
 from vibroplat.observe.data_sheet import data_sheet, means
 from vibroplat.observe.extremes import FORCE, HEIGHT, IMPULSE, OPENING, ROTATION, merge_extremes
-from vibroplat.observe.measures import N_POWERS, TIME, Accumulators, block_difference, measured_extremes
+from vibroplat.observe.measures import (
+    N_POWERS,
+    SUMMED,
+    TIME,
+    WITH_EXTREMES,
+    Accumulators,
+    block_difference,
+    measured_extremes,
+    require,
+)
 
 #: Phase coherence below which exciters are not synchronous: their phase difference has no mean that says anything.
 COHERENCE = 0.8
@@ -145,6 +154,7 @@ class MeasuredInterval(NamedTuple):
 
 def statistics(ms: Accumulators, extremes: Any) -> dict[str, float | None]:
     """RMS about the mean, amplitude, frequencies, phase of the measured part with its extremes; None if too short."""
+    require(ms, SUMMED)
     marks, mean, turned = ms.marks, means(ms), ms.whole[TIME] > 0.0
     names = ("rms_x_m", "rms_y_m", "rms_phi_rad")
     if not mean:
@@ -156,20 +166,20 @@ def statistics(ms: Accumulators, extremes: Any) -> dict[str, float | None]:
         name: math.sqrt(max(mean[square] - mean[first] ** 2, 0.0))
         for name, first, square in zip(names, ("x", "y", "phi"), ("xx", "yy", "phi_phi"), strict=True)
     }
-    result["amplitude_y_m"] = 0.5 * (extremes["largest"][HEIGHT] - extremes["least"][HEIGHT])
+    result["amplitude_y_m"] = 0.5 * float(extremes["largest"][HEIGHT] - extremes["least"][HEIGHT])
     # without a whole turn: of exciters that swing or stand still
-    passed = marks["last"] - marks["first"]
+    passed = (marks["last"] - marks["first"]).tolist()
     seconds, one, two = passed[:3] if turned else (1.0, mean["speed_1"], mean["speed_2"])
     first, second = (abs(angle) / (2.0 * math.pi * seconds) for angle in (one, two))
     result["excitation_frequency_hz"] = 0.5 * (first + second)
     result["frequency_split_hz"] = first - second
-    result["impacts_per_period"] = passed[3 + IMPACT] / (marks["turns"] - 1.0) if turned else None
+    result["impacts_per_period"] = passed[3 + IMPACT] / (int(marks["turns"]) - 1.0) if turned else None
     result["phase_difference_rad"] = wrap_angle(math.atan2(mean["sine"], mean["cosine"]))
     result["phase_coherence"] = math.hypot(mean["sine"], mean["cosine"])
     result["flight_fraction"] = mean["flying"]
     result["motor_power_w"] = mean["power_1"] + mean["power_2"]
     result["measured_s"] = mean["time"]
-    return {k: None if v is None else float(v) for k, v in result.items()}
+    return result
 
 
 #: Largest correlation of neighbouring blocks that is counted; 24 blocks cannot tell a larger one.
@@ -253,6 +263,7 @@ def measure(part: MeasuredInterval, scene: Scene, *, brief: bool = False) -> dic
     |φ|, and two checks, the least gap and how far the contact force fell below 0. A ``brief`` one has only the
     statistics and extremes.
     """
+    require(part.measures, WITH_EXTREMES)
     extremes = measured_extremes(part.measures)
     shown = statistics(part.measures, extremes) | largest_values(extremes)
     if brief:

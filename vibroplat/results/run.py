@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from vibroplat.columns import split, unit_of
 from vibroplat.config.scene import Scene
-from vibroplat.errors import TableError
+from vibroplat.errors import ConfigError, TableError
 from vibroplat.frames import ArrayTable, pd
 from vibroplat.hybrid.state import EVENT
 from vibroplat.kernels.compiled import FloatArray
@@ -299,14 +299,21 @@ class RunResult(Result):
 
     @cached_property
     def notes(self) -> list[str]:
-        """Warnings, including those on peaks that the trajectory table misses, which is made for this."""
+        """Warnings, including those on peaks that the trajectory table misses, which is made for this.
+
+        A run that kept nothing to make a table of has no such warnings. If the table has no room in memory, a note says
+        so.
+        """
         notes: list[str] = self.summary["notes"]
-        if self.saved is not None:
+        if self.saved is not None or (self._peaks is None and not self.segments):
             return notes
         peaks = self._peaks
         if peaks is None:
             assert self.measures is not None  # of a run that was not read from its files
-            peaks = largest_samples(self.trajectory, float(self.measures.marks["window"]))
+            try:
+                peaks = largest_samples(self.trajectory, float(self.measures.marks["window"]))
+            except ConfigError as error:
+                return [*notes, str(error)]
         return notes + notes_on_samples(peaks, self.summary, self.scene.output.sample_rate_hz)
 
     def __repr__(self) -> str:

@@ -22,7 +22,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
-from vibroplat.observe.measures import Accumulators, block_difference, measured_extremes
+from vibroplat.observe.measures import SUMMED, Accumulators, block_difference, measured_extremes
 from vibroplat.observe.section import section_points, section_rows
 from vibroplat.observe.summary import MeasuredInterval, statistics
 from vibroplat.study.lyapunov import largest_exponent
@@ -131,7 +131,7 @@ def compare(
         classes = [known]
         for _ in range(WINDOWS):
             for place, motion in enumerate(motions):
-                part = motion.advance(length, blocks=BLOCKS, until=classes[place].met)
+                part = motion.advance(length, blocks=BLOCKS, scope=SUMMED, until=classes[place].met)
                 if motion.outcome != "ok" or classes[place].met(part.blocks):
                     return Comparison()
                 orbit = detector.detect(motion, section_points(part.measures, scene), 0)

@@ -33,6 +33,7 @@ from vibroplat.integrate import make_engine, native_library
 from vibroplat.kernels.target import processor
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
+from vibroplat.observe.measures import WITH_EXTREMES
 from vibroplat.observe.summary import measure
 from vibroplat.results.provenance import sundials_version
 
@@ -125,7 +126,7 @@ def _motion(engine: str) -> list[Any]:
     p = parameters(scene)
     with closing(make_engine(scene, p)) as integrator:
         motion = Simulator(scene, p, integrator)
-        part = motion.advance(FOLLOWED)
+        part = motion.advance(FOLLOWED, scope=WITH_EXTREMES)
         return [motion.outcome, motion.events, motion.state.tolist(), measure(part, scene)]
 
 

@@ -24,6 +24,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Observer, Simulator, Until, never
 from vibroplat.observe.data_sheet import columns
+from vibroplat.observe.measures import SECTION_POINTS, WITH_EXTREMES
 from vibroplat.observe.notes import notes_on_measures, stiffness
 from vibroplat.observe.section import section_points, section_rows, whole_periods
 from vibroplat.observe.summary import (
@@ -331,7 +332,7 @@ def _settled_and_measured(
     while True:
         settling = settle(motion, plan, longest, detector)
         if settling.orbit is not None:  # it is measured already
-            return settling, motion.advance(0.0), None
+            return settling, motion.advance(0.0, scope=SECTION_POINTS), None
         part = _measured_part(motion, plan, settling, observers, until)
         if motion.outcome != "ok" or until(part.blocks):
             return settling, part, None
@@ -359,7 +360,7 @@ def _measured_part(
     """Measure a motion: in one part if it repeats; otherwise in blocks."""
     if settling.reason != "maximum":
         return _measure(motion, plan.measure_s, settling, observers)
-    return motion.advance(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers, until=until)
+    return motion.advance(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers, scope=WITH_EXTREMES, until=until)
 
 
 def _measure(
@@ -367,9 +368,9 @@ def _measure(
 ) -> MeasuredInterval:
     """Measure a motion for at least a time (s), and for whole periods if it repeats."""
     if settling.turn == 0.0:
-        return motion.advance(least, observers=observers)
+        return motion.advance(least, observers=observers, scope=WITH_EXTREMES)
     turns = settling.period * max(math.ceil(least / (settling.period * settling.turn)), MIN_PERIODS)
-    return motion.advance_turns(turns, 2.0 * (turns + 1) * settling.turn, observers)
+    return motion.advance_turns(turns, 2.0 * (turns + 1) * settling.turn, observers, scope=WITH_EXTREMES)
 
 
 def row_of(

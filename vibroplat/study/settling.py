@@ -19,6 +19,7 @@ from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.model.parameters import FloatArray
 from vibroplat.motion.motion import Simulator
+from vibroplat.observe.measures import SECTION_POINTS
 from vibroplat.observe.section import section_points, section_rows, spreads
 
 #: Turns of exciter 1 that are compared with as many before, and turns between two checks.
@@ -177,7 +178,7 @@ def settle(motion: Simulator, plan: SweepPlan, longest: float, detector: OrbitDe
                 motion.to_time(motion.now + unseen)
                 points, times, phases = points[:0], times[:0], [phase_difference(motion)]
                 left -= unseen
-        part = motion.advance(min(block * turn, left))
+        part = motion.advance(min(block * turn, left), scope=SECTION_POINTS)
         if motion.outcome != "ok":
             return SettlingResult("unfinished", motion.now)
         points = np.concatenate([points, section_points(part.measures, motion.scene)])[-2 * TURNS :]
