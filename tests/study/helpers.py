@@ -32,7 +32,7 @@ class Calls:
 
     def __init__(self, *calls):
         self.calls = calls
-        self.results, self.asides = [], []
+        self.results = []
 
     @property
     def next(self):
@@ -41,6 +41,9 @@ class Calls:
     @property
     def done(self):
         return len(self.results) == len(self.calls)
+
+    def take_pending(self):
+        return [] if self.done else [self]
 
     def accept(self, result):
         self.results.append(result)

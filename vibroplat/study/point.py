@@ -249,10 +249,7 @@ def _measure_by_simulation(
     detector: OrbitDetector | None = None,
     until: Until = never,
 ) -> SweepPoint:
-    """Follow a motion from a full state and a time (s) until it has settled, and measure it.
-
-    If it ends ``until`` a block, it is not classified, and the point has no state.
-    """
+    """Follow a motion from a full state and a time (s) until it has settled; see :func:`settle_and_measure`."""
     p = parameters(scene)
     impacts = _Impacts() if plan.kind == "bifurcation" else None
     with closing(make_engine(scene, p)) as engine:

@@ -98,8 +98,6 @@ class StoredChain(Generic[T]):
     ----------
     next
         The next task; None if the chain is done.
-    asides
-        Chains of tasks aside that are not done; whoever runs the chain takes them out.
     """
 
     def __init__(self, tasks: Tasks[T], records: Store | None, name: int | str) -> None:
@@ -108,7 +106,7 @@ class StoredChain(Generic[T]):
         self._name = name
         self._place = -1
         self._result: T
-        self.asides = list[StoredChain[Any]]()
+        self._asides = list[StoredChain[Any]]()
         self.next: Task | None = None
         self._send(None)
 
@@ -122,6 +120,11 @@ class StoredChain(Generic[T]):
         """What the generator has returned; only of a chain that is done."""
         assert self.done
         return self._result
+
+    def take_pending(self) -> list[StoredChain[Any]]:
+        """Return what is not done: this chain, and chains of tasks aside, each of these once."""
+        pending, self._asides = [*([] if self.done else [self]), *self._asides], []
+        return pending
 
     def accept(self, result: Any) -> None:
         """Store the result of the next task and move on to the one after it.
@@ -152,7 +155,7 @@ class StoredChain(Generic[T]):
             if self.next.aside:
                 name = aside_name(self._name, self._place)
                 aside = StoredChain(_alone(self.next._replace(aside=False)), self._records, name)
-                self.asides += [] if aside.done else [aside]
+                self._asides += [] if aside.done else [aside]
                 record = None
                 continue
             if self._records is None:
@@ -186,36 +189,26 @@ def run_stored(
     return [chain.result for chain in chains]
 
 
-def run_chains(chains: Iterable[StoredChain[T]], workers: Pool, *, in_turn: bool = True) -> Iterator[StoredChain[T]]:
+def run_chains(chains: Iterable[StoredChain[T]], workers: Pool) -> Iterator[StoredChain[T]]:
     """Run all chains to their ends; yield the chain of each task after it has taken the result.
 
-    Chains take turns, so that all end at about the same time. Otherwise the first ones are finished first. Tasks aside
-    come after the chain that they belong to has had its turn.
+    Chains take turns, so that all end at about the same time. Tasks aside take turns as chains do.
 
     When a worker dies, one of the tasks that were running has killed it. From then on each of them runs alone, until
     it has a result or has killed its worker :data:`MAX_LOSSES` times and is given up. A task that dask has given up
     runs alone too before it is lost: dask counts the death of a worker against every task that the worker held.
     """
-    waiting = deque[StoredChain[Any]]()
+    waiting = deque(each for chain in chains for each in chain.take_pending())
     suspects: deque[StoredChain[T]] = deque()
     deaths: Counter[int] = Counter()
     running: dict[Future[Any], StoredChain[T]] = {}
-
-    def wait_for_turn(chain: StoredChain[T], take_place: Callable[[StoredChain[T]], object]) -> None:
-        if not chain.done:
-            take_place(chain)
-        waiting.extend(chain.asides)
-        chain.asides.clear()
-
-    for chain in chains:
-        wait_for_turn(chain, waiting.append)
 
     def taken(chain: StoredChain[T], result: Any) -> StoredChain[T]:
         del deaths[id(chain)]
         if suspects and suspects[0] is chain:
             suspects.popleft()
         chain.accept(result)
-        wait_for_turn(chain, waiting.append if in_turn else waiting.appendleft)
+        waiting.extend(chain.take_pending())
         return chain
 
     with nullcontext() if isinstance(workers, Inline) else watching():
