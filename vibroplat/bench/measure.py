@@ -181,6 +181,7 @@ def precision(
                 row |= {"engine": run.summary["engine"], "steps": run.summary["steps"]}
                 row |= coordinate_errors(run, case.trajectory) | event_errors(run.events, case.events)
                 row["coordinates"] = max(row[c] / scales[c] for c in COORDINATES if c in row)
+                solver.timed()  # it may fail later than the errors are measured
                 solvers[key] = solver
             except Exception as reason:  # whatever a library raises is its row's, not the bench's end
                 row["failed"] = f"{type(reason).__name__}: {reason}".splitlines()[0]
