@@ -34,6 +34,8 @@ from vibroplat.results.tables import result_directory
 FINEST = 1e-12
 #: Turns for which an ensemble follows each start: a fixed transient does not know when a motion has settled.
 TRANSIENTS = (100, 300, 1000)
+#: How many motions an ensemble has in a vector, and its name.
+ENSEMBLES = {1: "heyoka, one by one", 4: "heyoka, 4 in a vector", 8: "heyoka, 8 in a vector"}
 #: Gap with which a flight begins (m): a root at its very beginning would hide the landing.
 BARELY = 1e-25
 #: First and longest step of scipy where an event may come, in turns: longer ones could pass over a short flight.
@@ -60,9 +62,9 @@ class Peer(Solver):
         self.wanted = np.asarray(times)
         return super().run(times)
 
-    def timed(self):
+    def timed(self, *, bare=False):
         self.wanted, self.inside_s = np.empty(0), 0.0
-        seconds, part = super().timed()
+        seconds, part = super().timed(bare=bare)
         return self.inside_s if self.name.endswith(" alone") else seconds, part
 
     def close(self):
@@ -228,7 +230,8 @@ PEERS = {
 def ensemble(system, p, tolerance, batch):
     """Return what follows unknowns of a system without events, shape (motions, size), for a time by heyoka, on a core.
 
-    ``batch`` motions at a time are in one vector; their number is a multiple of it.
+    ``batch`` motions at a time are in one vector; their number is a multiple of it. One integrator follows all of them:
+    ``ensemble_propagate_until`` would copy it for each, which takes as long as 50 turns.
     """
     import heyoka as hk
 
@@ -240,22 +243,33 @@ def ensemble(system, p, tolerance, batch):
         made = hk.taylor_adaptive_batch(equations, np.zeros((size, batch)), tol=tolerance)
 
     def follow(unknowns, seconds):
-        groups = unknowns.reshape(-1, batch, size).transpose(0, 2, 1)
-
-        def begun(ta, number):
-            ta.state[:] = groups[number].reshape(ta.state.shape)
-            return ta
-
-        found = hk.ensemble_propagate_until(made, seconds, len(groups), begun, max_workers=1)
-        ends = np.array([ta.state.reshape(size, batch) for ta, *_ in found])
-        return ends.transpose(0, 2, 1).reshape(unknowns.shape)
+        ends = np.empty_like(unknowns)
+        for first in range(0, len(unknowns), batch):
+            motions = slice(first, first + batch)
+            if batch == 1:
+                made.time = 0.0
+            else:
+                made.set_time(0.0)
+            made.state[:] = unknowns[motions].T.reshape(made.state.shape)
+            made.propagate_until(seconds)
+            ends[motions] = made.state.reshape(size, batch).T
+        return ends
 
     return follow
 
 
-def basins_and_ensembles(repeats, starts=400):
-    """Measure the processor time of basins, and of ensembles of single starts and of four in one vector.
+def equal_tolerance(scene):
+    """Return the coarsest tolerance of heyoka with which the first seconds of a scene are as exact as with ours."""
+    known = truth("first seconds", scene.replace({"run.duration_s": 2.0}))
+    own = precision([known], ["taylor"], [scene.solver.tolerance], 1)["coordinates"].item()
+    table = precision([known], ["heyoka"], [10.0 ** (-0.5 * n) for n in range(6, 25)], 1, solver_of)
+    return table["tolerance"][table["coordinates"] <= own].max()
 
+
+def basins_and_ensembles(repeats, starts=400):
+    """Measure the processor time of basins, and of ensembles of single starts and of four and eight in one vector.
+
+    Both integrate with the same error; see :func:`equal_tolerance`.
     ``unlike`` counts starts whose phase difference after the transient is nearer to that of another attractor than the
     one basins assign.
     """
@@ -263,8 +277,9 @@ def basins_and_ensembles(repeats, starts=400):
     [system] = systems(scene).values()
     states = initial_states(validated_base_scene(scene, scene.basins), scene.basins, range(starts))[:, system.places]
     tasks = {("basins", 0): partial(timed, basins, scene)}
-    for batch, what in {1: "heyoka, one by one", 4: "heyoka, 4 in a vector"}.items():
-        follow = ensemble(system, parameters(scene), scene.solver.tolerance, batch)
+    tolerance = equal_tolerance(scene)
+    for batch, what in ENSEMBLES.items():
+        follow = ensemble(system, parameters(scene), tolerance, batch)
         for turns in TRANSIENTS:
             tasks[what, turns] = partial(timed, follow, states, 2.0 * math.pi * turns / scene.speed_scale)
     basins(scene.replace({"basins.random": 2}))  # loads the kernels

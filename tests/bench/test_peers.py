@@ -74,6 +74,6 @@ def test_storm_of_a_peer_is_an_error(monkeypatch):
 def test_long_transients_end_where_basins_say(monkeypatch):
     pytest.importorskip("heyoka")
     monkeypatch.setattr(peers, "TRANSIENTS", (1000,))
-    table = peers.basins_and_ensembles(1, 4)
-    assert list(table["what"]) == ["basins", "heyoka, one by one", "heyoka, 4 in a vector"]
-    assert list(table["unlike"]) == [0, 0, 0]
+    table = peers.basins_and_ensembles(1, 8)
+    assert list(table["what"]) == ["basins", *peers.ENSEMBLES.values()]
+    assert list(table["unlike"]) == [0, 0, 0, 0]

@@ -1,10 +1,17 @@
-"""Which returns of a section that does not repeat are tried."""
+"""Which returns of a section that does not repeat are tried, and for how long."""
 
+from contextlib import closing
 from itertools import pairwise
 
 import numpy as np
+import pytest
 
-from vibroplat.continuation.returns import NEAREST_COUNT, RELATIVE_COUNT, near_returns
+from vibroplat import load_config
+from vibroplat.continuation.newton import NoConvergenceError, Problem, correct, fixed_border
+from vibroplat.continuation.returns import NEAREST_COUNT, RELATIVE_COUNT, is_apart, near_returns
+from vibroplat.continuation.shooting import TURN, Shooter
+
+from .helpers import MACHINE
 
 LONGEST = 8
 
@@ -41,12 +48,46 @@ def test_returns_near_an_orbit_of_two_turns_do_not_hide_one_of_six():
     assert any(turns == 6 and place >= 24 for turns, place in tried[: NEAREST_COUNT + 8 * RELATIVE_COUNT])
 
 
-def test_returns_that_a_known_orbit_explains_are_not_tried():
+def test_returns_that_a_known_orbit_explains_are_not_apart_from_it():
     """Motion leaves a point from side to side."""
     leaving = column(1e-5 * (-2.0) ** np.arange(17))
-    known, tried = [], []
-    for trial in near_returns(leaving, LONGEST, known):
-        tried.append(trial)
-        known.append((1, column([0.0])))
-    assert tried == [(1, 0)]
-    assert len(list(near_returns(leaving, LONGEST))) == NEAREST_COUNT
+    tried = list(near_returns(leaving, LONGEST))
+    assert len(tried) == NEAREST_COUNT
+    for turns, place in tried:
+        distance = float(abs(leaving[place + turns] - leaving[place])[0])
+        assert not is_apart(leaving[place], column([0.0]), distance)
+        assert is_apart(leaving[place], column([0.0, distance]) + leaving[place] + 0.6 * distance, distance)
+
+
+def test_returns_from_which_motion_leaves_at_once_are_not_tried_for_their_turns():
+    """The nearest returns are: nothing is known of what is farther than all of them."""
+    heights = np.arange(0.0, 3000.0, 10.0)
+    for place, growth in ((20, 2.0), (60, 4.0)):
+        heights[[place, place + 5]] = place, place + 0.5
+        heights[place + 10] = place + 0.5 + 0.5 * growth
+    near = [(turns, 100 + 20 * turns) for turns in range(1, NEAREST_COUNT + 1)]
+    for turns, place in near:
+        heights[place + turns] = heights[place] + 0.01
+    tried = list(near_returns(column(heights), LONGEST))
+    assert sorted(tried[:NEAREST_COUNT]) == near
+    assert (5, 20) in tried
+    assert (5, 60) not in tried
+
+
+def test_newtons_method_is_given_up_by_the_course_of_its_residuals():
+    """A limit below the first residual after a step; one above it changes nothing."""
+    scene = load_config(MACHINE, {"solver.engine": "taylor", "drive.supply_frequency_hz": 50.0})
+    with closing(Shooter(scene)) as shooter:
+        shooter.motion.to_section(20, 40.0 * TURN / scene.speed_scale)
+        state = shooter.motion.state
+        state[3:5] -= TURN * np.round(state[3:5] / TURN)
+        problem = Problem(shooter, (1, -1))
+        chart = problem.chart(state)
+        guess = chart, chart.pack(state, TURN / scene.speed_scale), fixed_border(chart)
+        found = correct(problem, *guess)
+        fall = found.residuals[1] / found.residuals[0]
+        kept = correct(problem, *guess, limits=((), (2.0 * fall, 1.0)))
+        with pytest.raises(NoConvergenceError) as error:
+            correct(problem, *guess, limits=((), (0.5 * fall, 1.0)))
+    assert kept.residuals == found.residuals
+    assert error.value.residuals == tuple(found.residuals[:2])

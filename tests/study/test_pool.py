@@ -20,7 +20,6 @@ from vibroplat.study.branches import branches
 from vibroplat.study.point import SweepPoint
 from vibroplat.study.pool import (
     MAX_LOSSES,
-    PINNED,
     Cluster,
     Inline,
     Processes,
@@ -32,7 +31,8 @@ from vibroplat.study.pool import (
     run_stored,
 )
 from vibroplat.study.store import Store
-from vibroplat.study.sweep import run_sweeps, sweep_table
+from vibroplat.study.sweep import point_along, run_sweeps, sweep_table
+from vibroplat.system.workers import PINNED, loading_workers
 
 from .helpers import MACHINE, Calls, planned
 
@@ -123,6 +123,41 @@ def test_interrupted_chains_go_on_where_they_were(most, tmp_path):
         assert len(store) == most
         assert run(squares, store, 2, 3) == [(256, 3), (6561, 3)]
     assert len(squares.calls) == 6 - most
+
+
+class Aside(Squares):
+    def fourth_powers(self, *numbers):
+        """Square numbers; the squares of the squares are tasks aside."""
+        for number in numbers:
+            record = yield Task(self.square, (number,))
+            sent = yield Task(self.square, (record["square"],), aside=True)
+            assert sent is None
+        return len(numbers)
+
+
+@pytest.mark.parametrize("most", [1, 2, 3, 4, 5])
+def test_chains_do_not_wait_for_tasks_aside_which_are_done_once(most, tmp_path):
+    """They follow the other chains that wait; whatever is interrupted, each record is that of its task."""
+
+    def follow(squares, store):
+        chains = [StoredChain(squares.fourth_powers(*numbers), store, numbers[0]) for numbers in ((2, 3), (10,))]
+        return run_stored(chains, Inline(), known.append)
+
+    known, whole = [], Aside()
+    with Store(None, {}) as store:
+        assert follow(whole, store) == [2, 1]
+        assert [store.read_aside(2, place) for place in range(3)] == [{"square": 16}, {"square": 81}, None]
+        assert store.read_aside(10, 0) == {"square": 10_000}
+    assert whole.calls == [2, 10, 3, 4, 100, 9]
+    assert known == [0, 0, 1, 2, 2, 2, 2]
+    with Store(tmp_path, {}) as store, pytest.raises(Interrupted):
+        follow(Aside(most), store)
+    again = Aside()
+    with Store(tmp_path, {}, resume=True) as store:
+        assert follow(again, store) == [2, 1]
+        assert (store.read_aside(2, 1), store.read_aside(10, 0)) == ({"square": 81}, {"square": 10_000})
+        assert len(store) == 6
+    assert sorted(again.calls) == sorted(whole.calls[most:])
 
 
 def test_task_whose_worker_is_lost_has_no_record_but_that_for_this_case():
@@ -306,9 +341,9 @@ LOST, NEXT = (0.0, 0.3, 0, 54.0), (0.0, 0.3, 0, 62.0)
 class Mortal(Inline):
     """This process, which pretends to have died of this point."""
 
-    def submit(self, function, first, value, state, key):
-        if place(first.replace({FREQUENCY: value}), key) != LOST:
-            return super().submit(function, first, value, state, key)
+    def submit(self, function, first, value, *more):
+        if function is not point_along or place(first.replace({FREQUENCY: value}), more[1]) != LOST:
+            return super().submit(function, first, value, *more)
         future = Future()
         future.set_exception(BrokenExecutor())
         return future
@@ -360,6 +395,18 @@ def test_workers_are_gone_when_the_pool_is_closed_and_another_may_be_opened():
 
 
 NO_CORES, NO_WORK = "there are no more cores", "no more tasks can run at the same time"
+
+
+def test_workers_that_load_early_are_those_of_the_pool_and_are_gone_in_the_end():
+    with loading_workers(2, math.sqrt, 4.0):
+        early = {worker.pid for worker in loky_workers()}
+        with pool(jobs=2) as workers:
+            ((found, *_),) = finish([Calls((os.getpid,), NAP)], workers)
+        assert len(early) == 2
+        assert found in early
+    assert not loky_workers()
+    with loading_workers(1, math.sqrt, 4.0):
+        assert not loky_workers()
 
 
 def test_processes_have_a_core_and_a_chain(monkeypatch, caplog):

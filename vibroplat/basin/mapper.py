@@ -47,6 +47,7 @@ from vibroplat.observe.assignment import (
 from vibroplat.observe.measures import SECTION_POINTS, WITH_EXTREMES
 from vibroplat.observe.section import section_points
 from vibroplat.observe.summary import MeasuredInterval, measure
+from vibroplat.study.attractor_search import search_coexisting
 from vibroplat.study.point import measure_point, on_orbit, row_of
 from vibroplat.study.settling import KnownOrbit
 from vibroplat.study.store import Record
@@ -302,8 +303,11 @@ def map_alone(scene: Scene, plan: BasinsPlan, number: int) -> Record:
 def classify_unconverged(scene: Scene, state: list[float]) -> Record:
     """Measure and classify a motion that has converged to no orbit in the turns given."""
     frequency = scene.drive.largest_frequency
-    plan = {"supply_frequency_hz": {"start": frequency, "stop": frequency}, "perturbation": 0.0}
-    point = measure_point(scene, SweepPlan.model_validate(plan), state, (0,))
+    given = {"supply_frequency_hz": {"start": frequency, "stop": frequency}, "perturbation": 0.0}
+    plan = SweepPlan.model_validate(given)
+    point = measure_point(scene, plan, state, (0,))
+    if point.search is not None:
+        point.row.update(search_coexisting(scene, plan, point.search))
     del point.row["wall_s"]
     return {"row": point.row, "state": point.state}
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+import os
+import platform
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -30,8 +34,13 @@ SLOWEST = 1e-3
 CLOSEST = 1e-13
 #: Errors of coordinates over their scales at which run times are compared: larger ones where a motion amplifies errors.
 LEVEL, AMPLIFIED = 1e-6, {"chatters, R 0.5": 1e-3, "flights of many periods": 1e-2}
+#: Shortest motion that is timed (s): what a run takes once, whatever its length, is a tenth of a run of one second.
+TIMED_S = 10.0
 #: Processor time of a turn (s) up to which a task is repeated.
 SHORT = 0.02
+
+#: Columns of times, and whether statistics are left out.
+TIMES = {"ms_per_s": False, "bare_ms_per_s": True}
 
 K = TypeVar("K")
 T = TypeVar("T")
@@ -120,12 +129,19 @@ class Solver:
             raise RuntimeError(f"{run.outcome}: {run.summary['detail']}")
         return run
 
-    def timed(self) -> tuple[float, MeasuredInterval]:
-        """Return the processor time (s) of a run with its statistics, and what it measured."""
-        duration, p = self.scene.run.duration_s, parameters(self.scene)
+    @property
+    def timed_s(self) -> float:
+        """How long a motion is timed: the scene's, but at least TIMED_S (s)."""
+        return max(self.scene.run.duration_s, TIMED_S)
+
+    def timed(self, *, bare: bool = False) -> tuple[float, MeasuredInterval | None]:
+        """Return the processor time of a motion (s), and what it measured; a ``bare`` one is without statistics."""
+        p = parameters(self.scene)
         with closing(self.make(self.scene, p)) as engine:
             motion = Simulator(self.scene, p, engine)
-            return timed(motion.advance, duration, settle=SETTLE_FRACTION * duration)
+            if bare:
+                return timed(motion.to_time, self.timed_s)
+            return timed(motion.advance, self.timed_s, settle=SETTLE_FRACTION * self.timed_s)
 
 
 def of_engine(name: str, scene: Scene, tolerance: float) -> Solver:
@@ -149,6 +165,9 @@ def precision(
 ) -> pd.DataFrame:
     """Return a table of errors and run times by case, engine and tolerance; ``failed`` says why a run has none.
 
+    Times are processor times per simulated second: ``ms_per_s`` with the statistics of a run, ``bare_ms_per_s`` without
+    them. Errors are those of the case's duration, times those of TIMED_S at least.
+
     ``solver_of`` makes the solver of an engine's name, a scene and a tolerance.
     """
     rows: list[dict[str, Any]] = []
@@ -162,12 +181,18 @@ def precision(
                 row |= {"engine": run.summary["engine"], "steps": run.summary["steps"]}
                 row |= coordinate_errors(run, case.trajectory) | event_errors(run.events, case.events)
                 row["coordinates"] = max(row[c] / scales[c] for c in COORDINATES if c in row)
+                solver.timed()  # it may fail later than the errors are measured
                 solvers[key] = solver
             except Exception as reason:  # whatever a library raises is its row's, not the bench's end
                 row["failed"] = f"{type(reason).__name__}: {reason}".splitlines()[0]
             found[key] = row
-        for key, times in by_turns({key: solver.timed for key, solver in solvers.items()}, repeats).items():
-            found[key]["ms_per_s"] = 1e3 * np.median(times.seconds) / case.scene.run.duration_s
+        tasks = {
+            (key, column): partial(solver.timed, bare=bare)
+            for key, solver in solvers.items()
+            for column, bare in TIMES.items()
+        }
+        for (key, column), times in by_turns(tasks, repeats).items():
+            found[key][column] = 1e3 * np.median(times.seconds) / solvers[key].timed_s
         rows += found.values()
     return pd.DataFrame(rows)
 
@@ -183,22 +208,38 @@ def time_at(errors: pd.Series, times: pd.Series, level: float) -> float:
 
 
 def at_equal_error(table: pd.DataFrame) -> pd.DataFrame:
-    """Return run times (ms per s) at equal errors of coordinates, two for each case, and multiples of ``taylor``'s."""
+    """Return run times (ms per s) at equal errors of coordinates, two for each case, and multiples of ``taylor``'s.
+
+    With statistics and, in the columns ``bare_…``, without them.
+    """
     rows = []
     for case, runs in table.groupby("case", sort=False):
         level = AMPLIFIED.get(str(case), LEVEL)
         for error in (level, 1e-3 * level):
-            own = runs[runs["engine"] == "taylor"]
-            unit = time_at(own["coordinates"], own["ms_per_s"], error)
-            for engine, of in runs.groupby("engine", sort=False):
-                rows.append((case, error, engine, time_at(of["coordinates"], of["ms_per_s"], error), unit))
-    table = pd.DataFrame(rows, columns=["case", "error", "engine", "ms_per_s", "over_taylor"])
-    return table.assign(over_taylor=table["ms_per_s"] / table["over_taylor"])
+            taken = {
+                engine: {column: time_at(of["coordinates"], of[column], error) for column in TIMES}
+                for engine, of in runs.groupby("engine", sort=False)
+            }
+            for engine, times in taken.items():
+                row = {"case": case, "error": error, "engine": engine}
+                for column, time_s in times.items():
+                    own = taken["taylor"][column] if "taylor" in taken else math.nan
+                    row |= {column: time_s, column.replace("ms_per_s", "over_taylor"): time_s / own}
+                rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def processor_name() -> str:
+    """Return the name of this machine's processor and the number of its cores."""
+    known = Path("/proc/cpuinfo")
+    lines = known.read_text().splitlines() if known.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return f"{(names or [platform.processor() or platform.machine()])[0]}, {os.cpu_count()} cores"
 
 
 def show(table: pd.DataFrame, directory: Path, name: str) -> None:
-    """Write a table to a directory under a name, and print it."""
-    write_table(table, directory, name, "csv")
+    """Write a table to a directory under a name, with the processor that its times are of, and print it."""
+    write_table(table.assign(processor=processor_name()), directory, name, "csv")
     print(f"\n{name}\n{table.to_string(index=False, float_format='%.3g')}", flush=True)
 
 
@@ -207,6 +248,6 @@ def show_precision(table: pd.DataFrame, directory: Path, name: str) -> None:
     from vibroplat.plots.bench import plot_precision  # noqa: PLC0415  (half a second)
 
     show(table, directory, name)
-    print(plot_precision(table, directory, name))
+    print(plot_precision(table, directory, name, processor_name()))
     if "taylor" in set(table["engine"]):
         show(at_equal_error(table), directory, f"{name}-equal")

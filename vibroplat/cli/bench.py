@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 import platform
 from enum import StrEnum
 from pathlib import Path
@@ -47,7 +46,7 @@ def bench(
 
     load_kernels()
     directory = result_directory(out, "benchmarks")
-    print(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}, {platform.system()}")
+    print(f"{measure.processor_name()}, Python {platform.python_version()}, {platform.system()}")
     both, cases, fine = ["taylor", "native"], scenes.cases(), [10.0**-n for n in range(4, 11)]
     plans: dict[str, tuple[dict[str, Scene], list[str], list[float]]] = {
         "summary": (cases, both, fine[::2]),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -94,6 +94,16 @@ def load_kernels(*engines: str) -> None:
         with _compilation(engine) if announce_first_run(engine) else nullcontext():
             run.load_kernels(engine)
     gc.freeze()  # loaded modules stay: the garbage collector need not visit them
+
+
+def workers_of(study: str, engine: str | None, jobs: int | None, scheduler: str | None) -> AbstractContextManager[None]:
+    """Let worker processes load a study while this command does."""
+    if jobs == 1 or scheduler is not None:
+        return nullcontext()
+    from vibroplat.study.loading import load_study
+    from vibroplat.system.workers import loading_workers
+
+    return loading_workers(jobs, load_study, study, engine or "auto")
 
 
 def prepare_store(store: Store, engine: str, *others: str) -> None:

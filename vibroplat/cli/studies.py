@@ -38,15 +38,16 @@ def study_command(kind: Kind) -> Callable[..., None]:
         wait: common.Wait = WAIT,
         format_: common.Format = "parquet",
     ) -> None:
-        scene = common.scene_of(config, set_, engine)
-        common.announce_first_run(scene.solver.engine)
-        with common.config_errors_from(config):
-            study = kind.load()(scene)
-        kept = common.store_options(resume, overwrite)
-        common.require_scheduler(scheduler)
-        directory = common.study_directory(out, scene.name, kind.name, resume=resume)
-        if not run_and_print(study, directory, jobs, scheduler, wait, format_, kept, check=check):
-            raise typer.Exit(1)
+        with common.workers_of(kind.study, engine, jobs, scheduler):
+            scene = common.scene_of(config, set_, engine)
+            common.announce_first_run(scene.solver.engine)
+            with common.config_errors_from(config):
+                study = kind.load()(scene)
+            kept = common.store_options(resume, overwrite)
+            common.require_scheduler(scheduler)
+            directory = common.study_directory(out, scene.name, kind.name, resume=resume)
+            if not run_and_print(study, directory, jobs, scheduler, wait, format_, kept, check=check):
+                raise typer.Exit(1)
 
     command.__name__ = kind.name
     command.__doc__ = (

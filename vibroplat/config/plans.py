@@ -170,7 +170,7 @@ class SweepPlan(Section, title="Sweep"):
         "distinguish chaotic from quasi-periodic by the largest Lyapunov exponent; false: both are non-periodic",
     )
     find_coexisting: bool = described(
-        True, "", "search for attractors coexisting with each chaotic one; takes half of its time"
+        True, "", "search for attractors coexisting with each chaotic one; takes two fifths of its time"
     )
 
     max_points: Annotated[int, Field(ge=1, le=10**9)] = Field(200_000, description="maximum total of points")

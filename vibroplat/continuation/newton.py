@@ -22,11 +22,11 @@ from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
 from vibroplat.motion.motion import Simulator
 from vibroplat.observe.orbits import (
     ANGLE_INDEX,
+    BEYOND_LIMITS,
     CLOSED,
     CONVERGED,
     DIVERGED,
     ENDED,
-    LONG_STEPS,
     MAX_STEP,
     NO_PERIOD,
     OTHER_MODE,
@@ -43,6 +43,10 @@ SINGULAR = 1e-8
 UNIT_CIRCLE_DISTANCE = 1e-6
 #: Residual after half of the period, over the tolerance, within which an orbit repeats there.
 HALF_PERIOD_RESIDUAL_RATIO = 1e3
+#: Largest lengths of the second, the third, … step relative to the first one, and largest residuals after the first,
+#: the second, … step relative to the one before: beyond them, the last ones for all later steps, it is given up.
+Limits = tuple[Sequence[float], Sequence[float]]
+NO_LIMITS: Limits = ((), ())
 
 
 class NoConvergenceError(ArithmeticError):
@@ -270,7 +274,7 @@ def correct(
     max_iterations: int = 12,
     slack: FloatArray | None = None,
     halvings: int = 0,
-    limits: Sequence[float] = (),
+    limits: Limits = NO_LIMITS,
     tolerance: float | None = None,
 ) -> NewtonResult:
     """Find an orbit near a vector of unknowns, in the directions that a border leaves free.
@@ -281,16 +285,12 @@ def correct(
         Directions in which the unknowns stay, one for each key, shape (keys, m + keys).
     jacobian
         Nearly that of the orbit, to begin with (Broyden 1965); a new one is made where it serves no longer.
-    max_iterations
-        Largest number of iterations.
+    max_iterations, limits
+        Largest number of iterations, and limits of their course.
     slack
         A vector, of which the residual may have as much as it needs; then the border has a row more.
     halvings
         How often a step is halved, at most, after which an event has passed the section.
-    limits
-        Largest lengths of the second, the third, … step relative to the first one; the last limit holds for all that
-        follow. Empty: there are none. Residuals have no limits: where motion is slow they are small although the orbit
-        is far.
     tolerance
         Residual at which an orbit is found, if it is not that of the problem.
 
@@ -311,7 +311,8 @@ def correct(
             slack=np.empty(0) if slack is None else np.ascontiguousarray(slack),
             residual=np.empty(m),
             residuals=np.full(max_iterations, np.nan),
-            limits=np.array(limits, float),
+            limits=np.array(limits[0], float),
+            residual_limits=np.array(limits[1], float),
             matrix=np.zeros((n, n)),
             right=np.zeros(n),
             much=np.zeros(1),
@@ -343,7 +344,7 @@ def _reason(motion: Simulator, why: int, period: float, iterations: int) -> str:
     """Say why compiled code has found no orbit."""
     return {
         UNFINISHED: f"no convergence in {iterations} iterations",
-        LONG_STEPS: "the steps do not become shorter",
+        BEYOND_LIMITS: "the iteration does not converge",
         NO_PERIOD: f"Newton's method converged to a period of {period:.3g} s",
         CLOSED: "the gap closed on the section",
         OTHER_MODE: "the mode on the section changed",
@@ -353,11 +354,12 @@ def _reason(motion: Simulator, why: int, period: float, iterations: int) -> str:
 
 
 def correct_moving_section(
-    problem: Problem, chart: Chart, u: FloatArray, max_iterations: int, limits: Sequence[float] = ()
+    problem: Problem, chart: Chart, u: FloatArray, max_iterations: int, limits: Limits = NO_LIMITS
 ) -> NewtonResult:
     """Find an orbit near a vector of unknowns with its keys held; if an event passes the section, on another section.
 
     That is what happens to guesses from chaotic motion. The other one lies in the middle of a piece between events.
+    Limits of residuals hold there too.
 
     Raises
     ------
@@ -375,7 +377,8 @@ def correct_moving_section(
         moved = problem.move_section(chart, u, guess.section_time(elsewhere=True)) if guess.outcome == "ok" else None
         if moved is None:
             raise
-    return correct(problem, *moved[:2], fixed_border(moved[0]), max_iterations=2 * max_iterations, halvings=4)
+    chart, u, limits = *moved[:2], ((), limits[1])
+    return correct(problem, chart, u, fixed_border(chart), max_iterations=2 * max_iterations, halvings=4, limits=limits)
 
 
 def fixed_border(chart: Chart) -> FloatArray:

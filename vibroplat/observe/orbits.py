@@ -41,7 +41,7 @@ ANGLE_INDEX = 3
 #: Why an iteration has ended: an orbit is found; there were too many iterations, or the steps do not become shorter;
 #: no period, a gap that is closed, another mode on the section, a motion that ended, a residual that diverged; Python
 #: has raised.
-CONVERGED, UNFINISHED, LONG_STEPS, NO_PERIOD, CLOSED, OTHER_MODE, ENDED, DIVERGED, RAISED = range(9)
+CONVERGED, UNFINISHED, BEYOND_LIMITS, NO_PERIOD, CLOSED, OTHER_MODE, ENDED, DIVERGED, RAISED = range(9)
 
 
 class Chart(NamedTuple):
@@ -111,8 +111,8 @@ class Search(NamedTuple):
         Nearly the Jacobian, shape (m, m + keys), the rows under it, and the column beside it: empty, or shape (m,).
     residual, residuals
         Of the last shot, with its slack, shape (m,), and the largest of each iteration: nan for those not taken.
-    limits
-        Of the steps' lengths; see :func:`vibroplat.continuation.newton.correct`.
+    limits, residual_limits
+        Of the lengths of steps, and of residuals; see :func:`vibroplat.continuation.newton.correct`.
     matrix, right
         The linear equations of a step, and then their solution.
     much
@@ -127,6 +127,7 @@ class Search(NamedTuple):
     residual: FloatArray
     residuals: FloatArray
     limits: FloatArray
+    residual_limits: FloatArray
     matrix: FloatArray
     right: FloatArray
     much: FloatArray
@@ -139,7 +140,7 @@ def newton(owned_k: ShotRecords, owned_c: Chart, owned_s: Search, known: bool, h
     ``known`` is whether a Jacobian is. A step after which an event has passed the section is halved, so often at most.
     """
     k, c, s = borrow(owned_k), borrow(owned_c), borrow(owned_s)
-    m, free, limits = s.residual.size, s.u.size, s.limits.size
+    m, free = s.residual.size, s.u.size
     begun, step, raw, before = s.u.copy(), np.zeros(free), np.zeros(m), np.zeros(m)
     full, steps, first, length, last = not known, 0, 0.0, 0.0, np.inf
     for iteration in range(s.residuals.size):
@@ -149,6 +150,8 @@ def newton(owned_k: ShotRecords, owned_c: Chart, owned_s: Search, known: bool, h
         for i in range(m):
             s.residual[i] = raw[i] + s.much[0] * s.slack[i] if s.slack.size > 0 else raw[i]
         s.residuals[iteration] = size = largest_size(s.residual)
+        if is_beyond(size, s.residuals[0], steps, s.residual_limits):
+            return BEYOND_LIMITS
         slow, last = size > last / MIN_CONVERGENCE, size
         if full:
             differentiate(k, c, s.jacobian)
@@ -167,14 +170,20 @@ def newton(owned_k: ShotRecords, owned_c: Chart, owned_s: Search, known: bool, h
         copy(s.right[:free], step)
         length = length_of(step)
         first, steps = length if steps == 0 else first, steps + 1
-        if steps > 1 and limits > 0 and length > first * s.limits[min(steps - 1, limits) - 1]:
-            return LONG_STEPS
+        if is_beyond(length, first, steps - 1, s.limits):
+            return BEYOND_LIMITS
         for i in range(free):
             s.u[i] += step[i]
         if s.slack.size > 0:
             s.much[0] += s.right[free]
         full = size < EXPECTED_CONVERGENCE * tolerance
     return UNFINISHED
+
+
+@inlined
+def is_beyond(size: float, first: float, number: int, limits: FloatArray) -> bool:
+    """Whether a size is beyond the limit of its number, relative to the first one, number 0."""
+    return number > 0 and limits.size > 0 and size > first * limits[min(number, limits.size) - 1]
 
 
 @inlined

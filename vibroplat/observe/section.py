@@ -53,7 +53,11 @@ def section_points(measures: Accumulators, scene: Scene) -> FloatArray:
         Coordinates and rates over their scales. The exciters' angles are replaced by the cosine and sine of the
         phase difference, so that whole turns do not matter.
     """
-    states = section_rows(measures)["state"]
+    return scaled_points(section_rows(measures)["state"], scene)
+
+
+def scaled_points(states: FloatArray, scene: Scene) -> FloatArray:
+    """Return full states on the section, shape (turns, 14), as :func:`section_points` has them."""
     points = states / state_scales(scene)
     phase = states[:, 3:5] @ scene.phase_weights
     points[:, 3], points[:, 4] = np.cos(phase), np.sin(phase)

@@ -51,6 +51,11 @@ class SharedRecords:
         branch, store = self._homes[number]
         return store.read(branch.number)
 
+    def read_aside(self, number: int, place: int, /) -> Record | None:
+        """Return the record of a point's search; see :meth:`vibroplat.study.store.Store.read_aside`."""
+        branch, store = self._homes[number]
+        return store.read_aside(branch.number, place)
+
 
 def curve_of(branch: SweepBranch) -> str:
     """Return what determines the points of a branch, as text: branches of several figures may be the same curve.

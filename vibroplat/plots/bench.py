@@ -17,8 +17,11 @@ ERRORS = {
 }
 
 
-def plot_precision(table: pd.DataFrame, directory: Path, name: str) -> Path:
-    """Draw run time against error, and return the file: a row for each case, a panel for each of its errors."""
+def plot_precision(table: pd.DataFrame, directory: Path, name: str, processor: str = "") -> Path:
+    """Draw run time against error, and return the file: a row for each case, a panel for each of its errors.
+
+    The name of the ``processor`` stands with the title.
+    """
     table = finite(table)
     engines, cases = (list(dict.fromkeys(table[column])) for column in ("engine", "case"))
     with styled():
@@ -34,6 +37,8 @@ def plot_precision(table: pd.DataFrame, directory: Path, name: str) -> Path:
                 scale = "log" if len(runs) else "linear"
                 axis.set(xscale=scale, yscale=scale, xlabel=f"largest error of {label}", visible=len(runs) > 0)
                 axis.invert_xaxis()
-        figure.suptitle("run time over error; more accurate to the right, faster below", x=0.01, ha="left")
+        figure.suptitle(
+            f"run time over error; more accurate to the right, faster below\n{processor}", x=0.01, ha="left"
+        )
         legend_below(figure, axes[0, 0].lines)
         return save(figure, directory, name)

@@ -22,7 +22,7 @@ from vibroplat.hybrid.state import Automaton, initial_state, perturb_state, stat
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Observer, Simulator
+from vibroplat.motion.motion import Observer, Simulator, Until, never
 from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.measures import SECTION_POINTS, WITH_EXTREMES
 from vibroplat.observe.notes import notes_on_measures, stiffness
@@ -38,7 +38,7 @@ from vibroplat.observe.summary import (
     wrap_angle,
 )
 from vibroplat.study.classification import MotionClass, classify
-from vibroplat.study.coexisting import BLOCKS, belongs_to_class, block_values, class_measures, compare
+from vibroplat.study.coexisting import BLOCKS, SearchBeginning, begin_search
 from vibroplat.study.pool import Task
 from vibroplat.study.settling import KnownOrbit, OrbitDetector, SettlingResult, settle
 from vibroplat.study.store import Record
@@ -52,8 +52,6 @@ ANTIPHASE_OF_ORBITS = 1e-6
 MIN_PERIODS = 4
 #: A motion whose neighbours converge will repeat: it may settle this many times ``max_settle_s``.
 SETTLE_EXTENSION = 4.0
-#: Longest settling of motion from other starts (s), and its measured time over that of the plan.
-BRIEF, SHORTER = 20.0, 1.0 / 3.0
 #: How many of the last points of the Poincaré section and impacts a bifurcation diagram shows at each point.
 DIAGRAM_POINTS = 64
 
@@ -143,12 +141,16 @@ class SweepPoint:
         inaccurate.
     section_y, impact_speeds
         y at whole turns of exciter 1 (m) and speeds of the impacts (m/s), for a bifurcation diagram.
+    search
+        Where the search for coexisting attractors begins, if there shall be one; see
+        :func:`vibroplat.study.attractor_search.search_coexisting`.
     """
 
     row: dict[str, Any]
     state: list[float] | None
     section_y: list[float] = field(default_factory=list)
     impact_speeds: list[float] = field(default_factory=list)
+    search: SearchBeginning | None = None
 
 
 def point_task(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Task:
@@ -163,7 +165,7 @@ def failed_record(reason: str, outcome: str = "worker-lost") -> Record:
 
 
 def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> SweepPoint:
-    """Settle and measure one point of a sweep.
+    """Settle and measure one point of a sweep, without a search for coexisting attractors.
 
     Parameters
     ----------
@@ -196,17 +198,22 @@ def _measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key
         point = _measure_by_simulation(scene, plan, start)
     else:
         with closing(load_provided("NewtonOrbitDetector")(scene)) as detector:
-            point = _detect_orbit(scene, plan, start, detector)
+            point = settle_and_measure(scene, plan, start, detector)
     point.row["wall_s"] = time.perf_counter() - began
     return point
 
 
-def _detect_orbit(scene: Scene, plan: SweepPlan, start: FloatArray, detector: OrbitDetector) -> SweepPoint:
-    """Search for the orbit that a motion converges to at once, and while it settles."""
+def settle_and_measure(
+    scene: Scene, plan: SweepPlan, start: FloatArray, detector: OrbitDetector, until: Until = never
+) -> SweepPoint:
+    """Search for the orbit that a motion converges to at once, and while it settles; measure what does not converge.
+
+    If the motion ends ``until`` a block, it is not classified, and the point has no state.
+    """
     orbit = detector.first(start)
     if orbit is not None and detector.end_state is not None:
         return on_orbit(scene, orbit, detector.end_state[1], detector.work)
-    return _measure_by_simulation(scene, plan, *(detector.end_state or (start, 0.0)), detector)
+    return _measure_by_simulation(scene, plan, *(detector.end_state or (start, 0.0)), detector, until)
 
 
 def on_orbit(
@@ -235,14 +242,21 @@ def on_orbit(
 
 
 def _measure_by_simulation(
-    scene: Scene, plan: SweepPlan, start: FloatArray, began: float = 0.0, detector: OrbitDetector | None = None
+    scene: Scene,
+    plan: SweepPlan,
+    start: FloatArray,
+    began: float = 0.0,
+    detector: OrbitDetector | None = None,
+    until: Until = never,
 ) -> SweepPoint:
-    """Follow a motion from a full state and a time (s) until it has settled, and measure it."""
+    """Follow a motion from a full state and a time (s) until it has settled; see :func:`settle_and_measure`."""
     p = parameters(scene)
     impacts = _Impacts() if plan.kind == "bifurcation" else None
     with closing(make_engine(scene, p)) as engine:
         motion = Simulator(scene, p, engine, start, began)
-        settling, part, kind = _settled_and_measured(motion, plan, [] if impacts is None else [impacts], detector)
+        settling, part, kind = _settled_and_measured(
+            motion, plan, [] if impacts is None else [impacts], detector, until
+        )
         work = engine.work
         stiff = stiffness(scene, engine.name, work["steps"], motion.restarts, motion.now - began)
     if settling.orbit is not None:
@@ -260,6 +274,7 @@ def _measure_by_simulation(
     }
     final: list[float] | None = None
     heights: list[float] = []
+    search: SearchBeginning | None = None
     measures = whole_periods(part.measures, (kind and kind.period) or 1)
     found = measure(part._replace(measures=measures), scene)
     doubt = inaccuracy(found, scene) if kind is not None else ""
@@ -279,50 +294,11 @@ def _measure_by_simulation(
             and kind.period == 0
             and detector is not None
         ):
-            row["coexisting"] = _coexisting(scene, plan, part, motion.state, detector)
+            search = begin_search(scene, plan, part, motion.state, detector)
         if impacts is not None:
             points = section_points(part.measures, scene)
             heights = (points[-DIAGRAM_POINTS:, 1] * state_scales(scene)[1]).tolist()
-    return SweepPoint(row, final, heights, list(impacts.speeds) if final and impacts else [])
-
-
-def _coexisting(scene: Scene, plan: SweepPlan, part: MeasuredInterval, end: FloatArray, detector: OrbitDetector) -> str:
-    """Describe other attractors than that of a row that does not repeat, or how far the search for them went.
-
-    Searched are stable orbits near its section, and what ``run.initial``, and the same with exciter 2 half a turn
-    ahead, lead to. Only what has settled is an attractor.
-    """
-    shorter = {"max_settle_s": min(BRIEF, plan.max_settle_s), "measure_s": SHORTER * plan.measure_s, "lyapunov": False}
-    brief = plan.model_copy(update=shorter)
-    turned = initial_state(scene)
-    turned[4] += math.pi
-    starts = [initial_state(scene), turned]
-    hunt = detector.search_near_returns(section_points(part.measures, scene), section_rows(part.measures)["state"])
-    class_of = block_values(part.blocks)
-    told = set() if hunt.orbit is None else {_attractor_text(on_orbit(scene, hunt.orbit, 0.0, detector.work).row)}
-    for number, start in enumerate(starts):
-        begun = perturb_state(start, scene, plan.perturbation, (plan.seed, number))
-        other = _detect_orbit(scene, brief, begun, detector)
-        if other.state is None or other.row["period"] is None:
-            continue
-        if other.row["period"]:
-            if other.row.get("multiplier_max") is not None or other.row["settle_s"] < brief.max_settle_s:
-                told.add(_attractor_text(other.row))
-        elif not belongs_to_class(class_measures(other.row), class_of):
-            found = compare(scene, plan, (end, np.array(other.state)), class_of, detector)
-            if found.orbit is not None:
-                told.add(_attractor_text(on_orbit(scene, found.orbit, 0.0, detector.work).row))
-            elif found.apart_s:
-                told.add(f"{_attractor_text(other.row)}, apart for {found.apart_s:.4g} s")
-    if told:
-        return "; ".join(sorted(told))
-    return f"not found: {hunt.trials} returns, {hunt.left} unstable orbits, {len(starts)} initial conditions tried"
-
-
-def _attractor_text(row: Mapping[str, Any]) -> str:
-    """Say in a few words what an attractor is."""
-    kind = f"period {row['period']}" if row["period"] else "chaotic"
-    return f"{kind}, {row['sync']}, RMS y {row['rms_y_m']:.4g} m"
+    return SweepPoint(row, final, heights, list(impacts.speeds) if final and impacts else [], search)
 
 
 class _Impacts:
@@ -338,20 +314,24 @@ class _Impacts:
 
 
 def _settled_and_measured(
-    motion: Simulator, plan: SweepPlan, observers: Sequence[Observer], detector: OrbitDetector | None = None
+    motion: Simulator,
+    plan: SweepPlan,
+    observers: Sequence[Observer],
+    detector: OrbitDetector | None = None,
+    until: Until = never,
 ) -> tuple[SettlingResult, MeasuredInterval, MotionClass | None]:
     """Settle, measure and classify a motion; settle again if it turns out not to have settled.
 
     Motion that does not repeat is measured in blocks, from which the errors of its measures follow. A motion that
-    ended early has no kind.
+    ended early has no kind, also one that ended ``until`` a block.
     """
     longest = plan.max_settle_s
     while True:
         settling = settle(motion, plan, longest, detector)
         if settling.orbit is not None:  # it is measured already
             return settling, motion.advance(0.0, scope=SECTION_POINTS), None
-        part = _measured_part(motion, plan, settling, observers)
-        if motion.outcome != "ok":
+        part = _measured_part(motion, plan, settling, observers, until)
+        if motion.outcome != "ok" or until(part.blocks):
             return settling, part, None
         points = section_points(part.measures, motion.scene)
         kind = classify(motion.scene, plan, settling, points, motion.state, last=longest > plan.max_settle_s)
@@ -372,12 +352,12 @@ def _settled_and_measured(
 
 
 def _measured_part(
-    motion: Simulator, plan: SweepPlan, settling: SettlingResult, observers: Sequence[Observer]
+    motion: Simulator, plan: SweepPlan, settling: SettlingResult, observers: Sequence[Observer], until: Until
 ) -> MeasuredInterval:
     """Measure a motion: in one part if it repeats; otherwise in blocks."""
     if settling.reason != "maximum":
         return _measure(motion, plan.measure_s, settling, observers)
-    return motion.advance(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers, scope=WITH_EXTREMES)
+    return motion.advance(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers, scope=WITH_EXTREMES, until=until)
 
 
 def _measure(

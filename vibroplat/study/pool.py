@@ -12,30 +12,25 @@ arguments alone, so results do not depend on how chains are spread over workers.
 from __future__ import annotations
 
 import logging
-import warnings
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from contextlib import contextmanager, nullcontext
-from multiprocessing import resource_tracker
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 from pydantic import BaseModel
 
 from vibroplat.study import WAIT
 from vibroplat.study.cluster import Cluster, WorkerLostError
-from vibroplat.study.store import Record, Store, digest
-from vibroplat.system.interrupts import stop_if_asked, unwinding, watching, without_interrupts
+from vibroplat.study.store import Record, Store, aside_name, digest
+from vibroplat.system.interrupts import stop_if_asked, unwinding, watching
 from vibroplat.system.memory import is_short_of_memory
+from vibroplat.system.workers import close_workers, submit, worker_processes
 
-#: Environment of workers: without it numerical libraries would start a pool of threads in each process.
-PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
 #: Seconds without a result after which the pool is checked for workers.
 CHECK_AFTER_S = 1.0
 #: Longest time (s) until Ctrl-C is noticed while workers run.
 TICK_S = 0.1
-#: Seconds without a task after which a worker process exits.
-IDLE_S = 20
 #: How many times a task that runs alone may lose its worker before it is given up.
 MAX_LOSSES = 2
 
@@ -51,13 +46,17 @@ class Task(NamedTuple):
     ----------
     function, arguments
         What is called. It returns a record, or an object whose attributes are one.
-    if_lost
+    on_worker_loss
         Makes the record of a task whose worker died more than once, from the reason. Without it the error is raised.
+    aside
+        Whether its chain goes on at once, and is sent None: it is done beside the chain, whose result does not depend
+        on it. Its record is the only one of a chain of its own; see :func:`vibroplat.study.store.aside_name`.
     """
 
     function: Callable[..., Any]
     arguments: tuple[Any, ...] = ()
     on_worker_loss: Callable[[str], Record] | None = None
+    aside: bool = False
 
     @property
     def digest(self) -> str:
@@ -79,7 +78,7 @@ def _json(model: BaseModel) -> str:
     return _last[1]
 
 
-#: A generator of tasks that is sent their records.
+#: A generator of tasks that is sent their records, None for those aside.
 Tasks = Generator[Task, Record, T]
 
 
@@ -107,6 +106,7 @@ class StoredChain(Generic[T]):
         self._name = name
         self._place = -1
         self._result: T
+        self._asides = list[StoredChain[Any]]()
         self.next: Task | None = None
         self._send(None)
 
@@ -120,6 +120,11 @@ class StoredChain(Generic[T]):
         """What the generator has returned; only of a chain that is done."""
         assert self.done
         return self._result
+
+    def take_pending(self) -> list[StoredChain[Any]]:
+        """Return what is not done: this chain, and chains of tasks aside, each of these once."""
+        pending, self._asides = [*([] if self.done else [self]), *self._asides], []
+        return pending
 
     def accept(self, result: Any) -> None:
         """Store the result of the next task and move on to the one after it.
@@ -147,6 +152,12 @@ class StoredChain(Generic[T]):
             except StopIteration as end:
                 self.next, self._result = None, end.value
                 return
+            if self.next.aside:
+                name = aside_name(self._name, self._place)
+                aside = StoredChain(_alone(self.next._replace(aside=False)), self._records, name)
+                self._asides += [] if aside.done else [aside]
+                record = None
+                continue
             if self._records is None:
                 return
             self._place += 1
@@ -154,6 +165,11 @@ class StoredChain(Generic[T]):
             record = self._records.get(self._name, self._place, self._digest)
             if record is None:
                 return
+
+
+def _alone(task: Task) -> Tasks[None]:
+    """Do a single task."""
+    yield task
 
 
 def run_stored(
@@ -164,24 +180,25 @@ def run_stored(
     ``progress`` is called before the first task and after each with the number of finished chains.
     """
     chains = list(chains)
-    done = sum(chain.done for chain in chains)
-    progress(done)
+    left = {id(chain) for chain in chains if not chain.done}
+    progress(len(chains) - len(left))
     for chain in run_chains(chains, workers):
-        done += chain.done
-        progress(done)
+        if chain.done:
+            left.discard(id(chain))
+        progress(len(chains) - len(left))
     return [chain.result for chain in chains]
 
 
-def run_chains(chains: Iterable[StoredChain[T]], workers: Pool, *, in_turn: bool = True) -> Iterator[StoredChain[T]]:
+def run_chains(chains: Iterable[StoredChain[T]], workers: Pool) -> Iterator[StoredChain[T]]:
     """Run all chains to their ends; yield the chain of each task after it has taken the result.
 
-    Chains take turns, so that all end at about the same time. Otherwise the first ones are finished first.
+    Chains take turns, so that all end at about the same time. Tasks aside take turns as chains do.
 
     When a worker dies, one of the tasks that were running has killed it. From then on each of them runs alone, until
     it has a result or has killed its worker :data:`MAX_LOSSES` times and is given up. A task that dask has given up
     runs alone too before it is lost: dask counts the death of a worker against every task that the worker held.
     """
-    waiting = deque(chain for chain in chains if not chain.done)
+    waiting = deque(each for chain in chains for each in chain.take_pending())
     suspects: deque[StoredChain[T]] = deque()
     deaths: Counter[int] = Counter()
     running: dict[Future[Any], StoredChain[T]] = {}
@@ -191,8 +208,7 @@ def run_chains(chains: Iterable[StoredChain[T]], workers: Pool, *, in_turn: bool
         if suspects and suspects[0] is chain:
             suspects.popleft()
         chain.accept(result)
-        if not chain.done:
-            (waiting.append if in_turn else waiting.appendleft)(chain)
+        waiting.extend(chain.take_pending())
         return chain
 
     with nullcontext() if isinstance(workers, Inline) else watching():
@@ -306,9 +322,7 @@ class Processes:
         """Start a task; if the workers have just died it fails like the tasks that they had."""
         try:
             with _starting():
-                resource_tracker.ensure_running()  # started later, it would unblock Ctrl-C (CPython < 3.14)
-                with without_interrupts():
-                    future: Future[Any] = self._executor.submit(function, *arguments)
+                future = submit(self._executor, function, *arguments)
         except BrokenExecutor as error:
             future = Future()
             future.set_exception(error)
@@ -316,19 +330,15 @@ class Processes:
 
     def renew(self) -> None:
         """Start new workers if the old ones are broken."""
-        from loky import get_reusable_executor  # noqa: PLC0415  (not needed for one job)
-
-        # a worker that has been idle for long ends, and is replaced when there is work
-        warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given", category=UserWarning)
         with _starting():
-            self._executor: Executor = get_reusable_executor(self._jobs, timeout=IDLE_S, env=PINNED)
+            self._executor = worker_processes(self._jobs)
 
     def check(self) -> None:
         """Nothing to look for: the futures of workers that die fail by themselves."""
 
     def close(self) -> None:
         """Stop the workers."""
-        self._executor.shutdown(wait=True, kill_workers=True)  # type: ignore[call-arg]
+        close_workers(self._executor)
 
 
 @contextmanager

@@ -224,6 +224,10 @@ class Store:
                     raise CorruptRecordError(f"{self._path}: a record is damaged; --resume computes it again")
                 yield place, _record(content[1])
 
+    def read_aside(self, chain: int | str, place: int) -> Record | None:
+        """Return the record of the task aside after that of a place of a chain; None if there is none."""
+        return next((record for _, record in self.read(aside_name(chain, place))), None)
+
     def namespace(self, name: str) -> Store:
         """Return the same store with names of chains of its own, for one purpose."""
         part = copy(self)
@@ -307,6 +311,11 @@ class Store:
             raise TableError(f"{self._path} cannot be used: {error}") from None
         except UnicodeDecodeError:  # a message of SQLite that quotes damaged names
             raise self._corrupt_error("its names are no text") from None
+
+
+def aside_name(chain: int | str, place: int) -> str:
+    """Name the chain of the task aside that comes after the task of a place of a chain; there is one at most."""
+    return f"{chain} aside {place}"
 
 
 def _is_of_code(key: str) -> bool:

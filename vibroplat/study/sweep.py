@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import islice
-from typing import Protocol, Unpack
+from typing import Any, Protocol, Unpack
 
 import pandas as pd
 
@@ -16,6 +16,7 @@ from vibroplat.integrate.interface import WORK
 from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.observe.summary import MEASURES
 from vibroplat.results.result import Answer, Result
+from vibroplat.study.attractor_search import failed_search, search_coexisting
 from vibroplat.study.bands import BANDS, band_lines, bands
 from vibroplat.study.branches import (
     BRANCH,
@@ -27,6 +28,7 @@ from vibroplat.study.branches import (
     place_words,
     study_table,
 )
+from vibroplat.study.coexisting import SearchBeginning
 from vibroplat.study.point import (
     ERRORS,
     LOAD_MEASURES,
@@ -119,9 +121,10 @@ class SweepStudy(Study):
                     yield branch.scene.replace({branch.swept: end(branch.key_values)})
 
     def chains(self, store: Store) -> int:
-        """Return the number of branches whose points are not all stored."""
+        """Return the number of branches whose points are not all stored; twice it if searches go on beside them."""
         stored = store.lengths()
-        return sum(stored.get(branch.number, 0) < len(branch.key_values) for branch in self.branches)
+        count = sum(stored.get(branch.number, 0) < len(branch.key_values) for branch in self.branches)
+        return count if self.scene.sweep is None or not self.scene.sweep.find_coexisting else 2 * count
 
     def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
         """Measure the points of all branches."""
@@ -194,6 +197,9 @@ class Records(Protocol):
     def read(self, chain: int, /) -> Iterator[tuple[int, Record]]:
         """Yield places and records of a branch by its number, in their order."""
 
+    def read_aside(self, chain: int, place: int, /) -> Record | None:
+        """Return the record of the search for attractors that coexist with a point."""
+
 
 def run_sweeps(
     sweeps: Sequence[tuple[Sequence[SweepBranch], Store]],
@@ -231,7 +237,7 @@ def run_sweeps(
 def branch_points(branch: SweepBranch, take: Callable[[Record], object]) -> Tasks[None]:
     """Measure the points of a branch, each begun with the state in which the last good one ended.
 
-    ``take`` is called with the record of each point.
+    ``take`` is called with the record of each point. Searches for attractors that coexist with a point are tasks aside.
     """
     state: list[float] | None = None
     for place, value in enumerate(branch.key_values):
@@ -239,6 +245,8 @@ def branch_points(branch: SweepBranch, take: Callable[[Record], object]) -> Task
         record = yield Task(point_along, (branch.scene, value, state, branch.perturbation_key(value)), failed_record)
         state = record["state"] or state
         take(record)
+        if record["search"] is not None:
+            yield Task(search_along, (branch.scene, value, record["search"]), failed_search, aside=True)
 
 
 def point_along(first: Scene, value: float, state: list[float] | None, key: tuple[int, ...]) -> SweepPoint:
@@ -251,12 +259,30 @@ def point_along(first: Scene, value: float, state: list[float] | None, key: tupl
     return measure_point(first.replace({plan.swept.key: value}), plan, state, key)
 
 
+def search_along(first: Scene, value: float, beginning: Sequence[Any]) -> Record:
+    """Search for attractors that coexist with a point of a branch, from where its record says."""
+    plan = first.sweep
+    assert plan is not None
+    return search_coexisting(first.replace({plan.swept.key: value}), plan, SearchBeginning(*beginning))
+
+
 def branch_records(branch: SweepBranch, store: Records) -> Iterator[Record]:
-    """Yield the records of all points of a branch; raises :class:`CorruptRecordError` if one is missing or damaged."""
+    """Yield the records of all points of a branch, with the results of searches in their rows.
+
+    Raises
+    ------
+    CorruptRecordError
+        One is missing or damaged.
+    """
     found = 0
     for place, record in store.read(branch.number):
         if place != found or found == len(branch.key_values):
             break
+        if record["search"] is not None:
+            searched = store.read_aside(branch.number, place)
+            if searched is None:
+                break
+            record["row"] |= searched
         yield record
         found += 1
     if found < len(branch.key_values):
