@@ -251,7 +251,7 @@ def test_in_an_ellipsoid_a_motion_is_assigned_only_if_it_comes_nearer():
     everything = {"row": {"period": 1, "multiplier_max": 0.1}, "centres": [[0.0] * 14], "systems": [0]}
     everything |= {"state": [0.0] * 14, "forms": [(1e-6 * np.eye(14)).tolist()]}
     with closing(AttractorMapper(scene, plan.max_turns, [everything])) as follower:
-        follower._packed = (*follower._packed[:2], np.array([follower._motion.system.index]))
+        follower._ellipsoids = follower._ellipsoids._replace(systems=np.array([follower._motion.system.index]))
         told = follower.map_states(initial_states(scene, plan, [0]))[0]
         assert told["attractor"] is None
         assert len(told["windows"]) == 4
@@ -313,11 +313,12 @@ def test_assigned_starts_stay_on_their_orbit(frequency, ratio, restitution):
     plan, scene, assigned = scene.basins, scene.replace({"basins": None}), 0
     with closing(AttractorMapper(validated_base_scene(scene, plan), longest, [])) as follower:
         for state in initial_states(scene, plan, range(starts)):
-            number = follower.map_states(state[np.newaxis])[0]["attractor"]
-            if number is not None:
+            found = follower.map_states(state[np.newaxis])[0]
+            if found["attractor"] is not None:
                 assigned += 1
-                follower._motion.to_section(700, math.inf)
-                away = np.array(follower.attractors[number]["centres"]) - follower._motion.state
+                follower._motion.reset(state)
+                follower._motion.to_section(found["turns"] + 700, math.inf)
+                away = np.array(follower.attractors[found["attractor"]]["centres"]) - follower._motion.state
                 away[:, 3:5] -= 2.0 * math.pi * np.round(away[:, 3:5] / (2.0 * math.pi))
                 assert np.abs(away / state_scales(scene)).max(axis=1).min() < 0.02
     assert assigned > starts // 2

@@ -92,7 +92,7 @@ def begin(g):
 def take(g):
     s, r, p = as_lanes(g.lanes), as_lanes(g.room), as_lanes(g.rows)
     lockstep.expand(s, g.degree, r, p)
-    lockstep.propose(g, s, r, p)
+    lockstep.propose(g, s, r)
     lockstep.expand(s, g.degree, r, p)
 
 

@@ -95,7 +95,7 @@ def run_lanes(owned_g: Group) -> int:
             return -1
         expand(s, g.degree, r, p)
         confirm(g, s, r)
-        propose(g, s, r, p)
+        propose(g, s, r)
 
 
 @inlined
@@ -135,7 +135,8 @@ def start(h: Automaton, g: Group, lane: int) -> None:
     s.two[lane] = 1.0 if layers == 2 else 0.0
     s.lower_share[lane] = 1.0 / h.p.lower_mass if layers > 0 else 0.0
     s.origin[lane], s.t[lane], s.done[lane], s.until[lane] = run.origin, run.origin, 0.0, run.until
-    s.cap[lane], s.pending[lane], s.period[lane], s.target[lane] = _LONG, 0.0, run.period, run.target - run.turns[0]
+    s.cap[lane], s.pending[lane], s.target[lane] = _LONG, 0.0, run.target - run.turns[0]
+    s.period[lane], s.safe_rotation[lane] = run.period, h.p.safe_rotation
     g.status[lane].open, g.status[lane].before = 1, 0.0
     if run.origin <= s.counted_from[lane]:  # the motion has begun, or begun again
         s.counted[lane], s.counted_from[lane] = 0.0, run.origin
@@ -268,7 +269,7 @@ def may_end(s: Any, q: Any, degree: int, h: Lanes) -> Any:
 
 
 @fused_inline
-def propose(g: Group, s: Any, r: Any, p: Any) -> None:
+def propose(g: Group, s: Any, r: Any) -> None:
     """Choose the next steps, and move to their ends by their polynomials."""
     q, quads, degree = r.q, r.quads, g.degree
     left = s.until - s.done
@@ -281,7 +282,7 @@ def propose(g: Group, s: Any, r: Any, p: Any) -> None:
         attend(g, lane, _BEFORE)
     s.steps += s.pending
     move(s, q, quads, degree)
-    good = (size(s.y[2]) <= p.safe_rotation) & is_finite(total(s.a4[0]) + total(s.a4[1]))
+    good = (size(s.y[2]) <= s.safe_rotation) & is_finite(total(s.a4[0]) + total(s.a4[1]))
     s.doubtful = select(good, 0.0, s.pending)
     if some(greater(s.singly, s.doubtful) > 0.5):
         for lane in range(g.status.size):

@@ -49,11 +49,11 @@ PARAMETERS = np.dtype(
         ("upper_mass", float),  # m_w2 (kg)
         ("layer_stiffness", float),  # c_w / m_w2 (1/s²)
         ("layer_damping", float),  # b_w / m_w2 (1/s)
-        ("safe_rotation", float),  # |φ| up to which the mass matrix is positive definite (rad)
         ("restitution", float),  # R
         ("sticking_speed", float),  # slower impacts have no restitution (m/s)
         ("point_x", float, (MAX_NAMED_POINTS,)),  # named points of the platform, from the common centre of mass (m)
         ("point_y", float, (MAX_NAMED_POINTS,)),
+        ("safe_rotation", float),  # |φ| up to which the mass matrix is positive definite (rad)
         ("impact_law", np.int64),  # index into IMPACT_LAWS
     ],
     align=True,
