@@ -256,7 +256,7 @@ def test_in_an_ellipsoid_a_motion_is_assigned_only_if_it_comes_nearer():
         assert told["attractor"] is None
         assert len(told["windows"]) == 4
         centre, system = np.array([follower._motion.state]), np.array([follower._motion.system.index])
-        follower._packed = (centre, follower._packed[1], system)
+        follower._ellipsoids = follower._ellipsoids._replace(centres=centre, systems=system)
         follower._motion.to_section = lambda *arguments: True
         assert follower._find_ellipsoid() == (0, 2), "it is at the centre"
 
