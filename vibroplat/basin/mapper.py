@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import closing
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -93,7 +94,7 @@ class AttractorMapper:
         self.scene, self.longest, self.attractors = scene, longest, list(known)
         p = parameters(scene)
         self._scales, self._turn = state_scales(scene), TURN / scene.speed_scale
-        self._detector, self._engine = NewtonOrbitDetector(scene), make_engine(scene, p)
+        self._engine = make_engine(scene, p)
         self._motion = Simulator(scene, p, self._engine)
         self._group = group_for(self._engine, scene, p, lanes())
         self._follow, self._decide = same_types(follow), same_types(decide)
@@ -115,8 +116,14 @@ class AttractorMapper:
 
     def close(self) -> None:
         """Free what the engines hold."""
-        self._detector.close()
+        if "_detector" in vars(self):
+            self._detector.close()
         self._engine.close()
+
+    @cached_property
+    def _detector(self) -> NewtonOrbitDetector:
+        """What searches for orbits; few blocks of starts need it."""
+        return NewtonOrbitDetector(self.scene)
 
     def map_states(self, starts: FloatArray) -> list[Record]:
         """Map full states, shape (starts, 14), to their attractors.
@@ -132,14 +139,15 @@ class AttractorMapper:
         while (stopped := self._advance(work, runs))[0] >= 0:
             number, fate = stopped
             motion.resume(runs[number])
-            self._detector.reset()
             turns, more = (int(followed[number][name]) for name in ("turns", "more"))
             if fate == ENDED:
                 ended = {"outcome": motion.outcome, "detail": motion.detail}
                 others[number] = {"attractor": None, "turns": turns, **ended}
             elif fate == UNCONVERGED:
+                self._detector.reset()
                 others[number] = self._measure_unconverged(turns)
             else:
+                self._detector.reset()
                 longest = 4.0 * (LATE_CHECK_TURNS + 1) * self._turn
                 part = motion.advance_turns(SEARCH_TURNS, longest, scope=SECTION_POINTS)
                 found = self._search_new_orbit(part)

@@ -52,7 +52,7 @@ from vibroplat.model.parameters import PARAMETERS
 from vibroplat.model.systems import DIFFERENTIAL, GAP, GAP_RATE, PLACES, SIZES, gather, systems
 
 #: Events between two readings of their list: an engine returns when its steps are full, well before that.
-_EVENT_ROWS = 4096
+EVENT_ROWS = 4096
 
 
 def automaton(
@@ -62,6 +62,7 @@ def automaton(
     turns_per_segment: float,
     state: FloatArray | None = None,
     time: float = 0.0,
+    event_rows: int = EVENT_ROWS,
 ) -> Automaton:
     """Build the automaton of a scene at a full state and a time (s), or at its own initial state.
 
@@ -71,6 +72,8 @@ def automaton(
         Parameters of the scene, and where steps are written.
     turns_per_segment
         Turns of the synchronous speed after which a segment without an event is ended and restarted.
+    event_rows
+        Events for which there is room until they are read.
     """
     kept, runs = np.array([p, p], PARAMETERS), np.zeros(1, RUN)
     kept["restitution"][1] = 0.0
@@ -93,7 +96,7 @@ def automaton(
         inelastic=kept[1],
         run=runs[0],
         recent=np.empty(scene.solver.max_events_per_period),
-        events=np.zeros(_EVENT_ROWS, EVENT),
+        events=np.zeros(event_rows, EVENT),
         steps=steps,
         start=start_callback.address,
         parameters=kept.ctypes.data,

@@ -45,8 +45,9 @@ def group_for(engine: Engine, scene: Scene, p: Parameters, width: int) -> Group 
     side_by_side = getattr(engine, "side_by_side", None)
     if side_by_side is None:
         return None
-    rows, turns = MARGIN + 2, engine.turns_per_segment
-    group: Group = side_by_side([automaton(scene, p, empty_steps(rows, engine.degree), turns) for _ in range(width)])
+    rows = MARGIN + 2  # those of the last step of a segment
+    one = automaton(scene, p, empty_steps(rows, engine.degree), engine.turns_per_segment, event_rows=rows)
+    group: Group = side_by_side([one] * width)
     return group
 
 

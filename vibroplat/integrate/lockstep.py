@@ -115,6 +115,8 @@ def begin(h: Automaton, g: Group, lane: int) -> bool:
         return False
     if not loop.begin_segment(h):
         return False
+    if not g.keep:
+        rewind(h.steps)  # impacts that have been summed up took one
     start(h, g, lane)
     return True
 
