@@ -299,24 +299,11 @@ def correct(
     NoConvergenceError
         There is none.
     """
-    shooter, (m, n) = problem.shooter, (chart.scales.size, u.size + (slack is not None))
+    shooter = problem.shooter
     if not shooter.keys:
         shooter.vary()
     while True:
-        search = Search(
-            u=u.copy(),
-            turned=problem.turned,
-            jacobian=np.empty((m, u.size)) if jacobian is None else jacobian.copy(),
-            border=np.ascontiguousarray(border),
-            slack=np.empty(0) if slack is None else np.ascontiguousarray(slack),
-            residual=np.empty(m),
-            residuals=np.full(max_iterations, np.nan),
-            limits=np.array(limits[0], float),
-            residual_limits=np.array(limits[1], float),
-            matrix=np.zeros((n, n)),
-            right=np.zeros(n),
-            much=np.zeros(1),
-        )
+        search = _search(problem, u, border, jacobian, max_iterations, slack, limits)
         shooter.answers[SOLVE] = partial(_solve_in_place, search)
         how = jacobian is not None, halvings, problem.tolerance if tolerance is None else tolerance
         try:
@@ -333,6 +320,33 @@ def correct(
         raise NoConvergenceError(reason, residuals, section=why in (CLOSED, OTHER_MODE))
     shot = shooter.last_shot(state, period, full=True, measured=True)
     return NewtonResult(chart, search.u, shot, search.jacobian, search.residual, residuals, float(search.much[0]))
+
+
+def _search(
+    problem: Problem,
+    u: FloatArray,
+    border: FloatArray,
+    jacobian: FloatArray | None,
+    iterations: int,
+    slack: FloatArray | None,
+    limits: Limits,
+) -> Search:
+    """Make room for an iteration; see :func:`correct`."""
+    m, n = u.size - problem.units.size, u.size + (slack is not None)
+    return Search(
+        u=u.copy(),
+        turned=problem.turned,
+        jacobian=np.empty((m, u.size)) if jacobian is None else jacobian.copy(),
+        border=np.ascontiguousarray(border),
+        slack=np.empty(0) if slack is None else np.ascontiguousarray(slack),
+        residual=np.empty(m),
+        residuals=np.full(iterations, np.nan),
+        limits=np.array(limits[0], float),
+        residual_limits=np.array(limits[1], float),
+        matrix=np.zeros((n, n)),
+        right=np.zeros(n),
+        much=np.zeros(1),
+    )
 
 
 def _solve_in_place(search: Search) -> None:

@@ -147,9 +147,7 @@ def newton(owned_k: ShotRecords, owned_c: Chart, owned_s: Search, known: bool, h
         why, full = shoot_halving(k, c, s, step, full, halvings if length > 0.0 else 0, raw)
         if why != CONVERGED:
             return why
-        for i in range(m):
-            s.residual[i] = raw[i] + s.much[0] * s.slack[i] if s.slack.size > 0 else raw[i]
-        s.residuals[iteration] = size = largest_size(s.residual)
+        s.residuals[iteration] = size = fill_residual(s, raw)
         if is_beyond(size, s.residuals[0], steps, s.residual_limits):
             return BEYOND_LIMITS
         slow, last = size > last / MIN_CONVERGENCE, size
@@ -178,6 +176,14 @@ def newton(owned_k: ShotRecords, owned_c: Chart, owned_s: Search, known: bool, h
             s.much[0] += s.right[free]
         full = size < EXPECTED_CONVERGENCE * tolerance
     return UNFINISHED
+
+
+@inlined
+def fill_residual(s: Search, raw: FloatArray) -> float:
+    """Fill the residual with its slack, and return its size."""
+    for i in range(raw.size):
+        s.residual[i] = raw[i] + s.much[0] * s.slack[i] if s.slack.size > 0 else raw[i]
+    return largest_size(s.residual)
 
 
 @inlined

@@ -1,7 +1,6 @@
 """What is summed over a run while it goes: statistics of the measured part, powers for the audit, the section.
 
-All integrals use Gauss quadrature of the steps' polynomials, so nothing of the trajectory need be kept. What is
-measured, extremes and counts included, is cut to whole turns of exciter 1 where there is one.
+Integrals are Gauss quadratures of the steps' polynomials. What is measured is cut to whole turns of exciter 1.
 """
 
 from __future__ import annotations
