@@ -257,7 +257,7 @@ def test_in_an_ellipsoid_a_motion_is_assigned_only_if_it_comes_nearer():
         assert len(told["windows"]) == 4
         centre, system = np.array([follower._motion.state]), np.array([follower._motion.system.index])
         follower._ellipsoids = follower._ellipsoids._replace(centres=centre, systems=system)
-        follower._motion.to_section = lambda *arguments: True
+        follower._motion.to_time = lambda *arguments: None
         assert follower._find_ellipsoid() == (0, 2), "it is at the centre"
 
 
