@@ -61,10 +61,9 @@ def test_directions_are_even_in_the_ellipsoid(flying, monkeypatch):
     """Its axes differ by two orders of magnitude: directions that are even in the scales of the state miss the long."""
     around, shooter = flying
     seen = []
-    monkeypatch.setattr(AttractionEllipsoid, "_contracts", lambda self, shooter, offset, *more: not seen.append(offset))
+    monkeypatch.setattr(AttractionEllipsoid, "_contracts", lambda self, shooter, starts, *more: not seen.append(starts))
     assert around.contracts_on_shells(shooter, 1.0, 400)
-    root = np.linalg.cholesky(around.form[np.ix_(around._places, around._places)]).T * around._scales
-    shells = np.array(seen).reshape(3, 402, -1)[:, 2:] @ root.T
+    shells = (np.array(seen).reshape(3, 402, -1)[:, 2:] - around.state) @ around.norm.T
     sizes = np.linalg.norm(shells, axis=2)
     np.testing.assert_allclose(sizes, np.array([[1.0], [0.25], [0.0625]]) * np.ones(400))
     for ways in shells / sizes[..., np.newaxis]:
@@ -74,7 +73,7 @@ def test_directions_are_even_in_the_ellipsoid(flying, monkeypatch):
 
 def test_a_distance_that_is_no_number_is_not_nearer(flying, monkeypatch):
     around, shooter = flying
-    monkeypatch.setattr(around, "distance", lambda state, system: np.nan)
+    monkeypatch.setattr(around, "norm", np.full_like(around.norm, np.nan))
     assert not around.contracts_on_shells(shooter, 1e-3)
     assert not around.contracts_along_trajectory(shooter, moved(around, 1e-3))
 

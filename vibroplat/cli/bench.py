@@ -36,7 +36,7 @@ def bench(
 ) -> None:
     """Measure run time and accuracy on this machine.
 
-    Writes tables and plots to OUT/benchmarks. Without NAME, compares two engines at equal error in about twenty seconds.
+    Writes tables and plots to OUT/benchmarks. Without NAME, compares two engines at equal error in twenty seconds.
     """
     if names and long:
         raise VibroplatError(f"{names[0]} --long: --long runs all benchmarks; allowed: names or --long")

@@ -20,10 +20,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from vibroplat.continuation.newton import Chart, NoConvergenceError, Problem, add_border, correct
+from vibroplat.continuation.newton import NoConvergenceError, Problem, add_border, correct
 from vibroplat.continuation.special_points import OrbitPoint, tangent_of
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.observe.orbits import Chart
 
 #: Points that a prediction rests on, at most; the least cosine between the tangent at one of them and the direction in
 #: which its place is measured; and the least distance of two, as a part of the way that is predicted.
@@ -278,15 +279,15 @@ def _with_impact(problem: Problem, before: OrbitPoint, last: OrbitPoint) -> Gues
         return
     grazing, far = last.u + ahead * last.tangent, max(ahead, MIN_GRAZING_OFFSET)
     try:
-        residual, shot = problem.shoot(last.chart, grazing + far * last.tangent, full=True)
+        beyond = problem.shoot(last.chart, grazing + far * last.tangent)
     except NoConvergenceError:
         return
-    speed = shot.slowest_impact
+    speed = beyond.shot.slowest_impact
     if not np.isfinite(speed):
         return
-    normal = np.linalg.svd(problem.jacobian(last.chart, shot) - last.jacobian)[2][0]
+    normal = np.linalg.svd(beyond.jacobian - last.jacobian)[2][0]
     kappa = -(speed**2) / (far * float(normal @ last.tangent))
-    extended = _null(add_border(last.jacobian, normal, residual / speed))
+    extended = _null(add_border(last.jacobian, normal, beyond.residual / speed))
     extended *= np.copysign(1.0, extended[-1]) / np.linalg.norm(extended[:-1])
     direction, growth = extended[:-1], extended[-1]
     for share in GRAZING_OFFSETS:

@@ -20,6 +20,7 @@ from vibroplat.continuation.newton import NewtonResult
 from vibroplat.continuation.shooting import TURN, Shooter
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE, GAP
+from vibroplat.observe.shots import distance
 
 #: Condition number of the eigenvectors above which they are too nearly parallel to measure distances.
 MAX_CONDITION = 1e8
@@ -68,16 +69,29 @@ class AttractionEllipsoid:
         kept = np.arange(chart.places.size) != chart.phase
         self.state, self.system, self.turns = chart.unpack(found.u)[0], chart.system, turns
         self._places, self._scales, self._turn = chart.places[kept], chart.scales[kept], TURN / chart.speed
-        values, right = np.linalg.eig(section_map)
-        self.spectral_radius = float(np.abs(values).max())
-        self._slowest: FloatArray = right[:, int(np.abs(values).argmax())].real
-        leading = values[np.abs(values).argmax()]
-        self._alternates = leading.imag != 0.0 or leading.real < 0.0
-        self._norm = contracting_norm(section_map, values, right)
+        values, right = self._eigen = np.linalg.eig(section_map)
+        self._map = section_map
+        largest = int(np.abs(values).argmax())
+        self.spectral_radius = float(np.abs(values[largest]))
+        self._slowest: FloatArray = right[:, largest].real
+        self._alternates = values[largest].imag != 0.0 or values[largest].real < 0.0
+
+    @cached_property
+    def _root(self) -> FloatArray:
+        """R with ‖R ξ‖ = ‖W ξ‖ for offsets in scaled units, real as these, shape (n, n)."""
+        norm = contracting_norm(self._map, *self._eigen)
+        return np.asarray(np.linalg.qr(np.vstack([norm.real, norm.imag]))[1])
+
+    @cached_property
+    def norm(self) -> FloatArray:
+        """The same for full states' differences, angles less than half a turn apart, shape (n, 14)."""
+        norm = np.zeros((self._scales.size, FULL_SIZE))
+        norm[:, self._places] = self._root / self._scales
+        return norm
 
     def distance(self, state: FloatArray, system: int) -> float:
         """How far a full state on the section is away, ‖W ξ‖; inf in another system."""
-        return self._length(self._offset(state)) if system == self.system else math.inf
+        return distance(state, self.state, self.norm) if system == self.system else math.inf
 
     def sides(self, size: float) -> list[FloatArray]:
         """Full states at a distance from the orbit (scales of the scene) along its largest multiplier's direction.
@@ -91,10 +105,7 @@ class AttractionEllipsoid:
     @cached_property
     def form(self) -> FloatArray:
         """The quadratic form of full states' differences, angles less than half a turn apart, that is ‖W ξ‖²."""
-        found = np.zeros((FULL_SIZE, FULL_SIZE))
-        norm = self._norm / self._scales
-        found[np.ix_(self._places, self._places)] = (norm.conj().T @ norm).real
-        return found
+        return self.norm.T @ self.norm
 
     def radius(self, shooter: Shooter) -> float:
         """Return the radius of the attraction ellipsoid, within which convergence was tested; 0 if none is known."""
@@ -113,13 +124,13 @@ class AttractionEllipsoid:
         random, bound = np.random.default_rng(0), expected_decay(self.spectral_radius, periods)
         # even in the ellipsoid: drawn evenly in the scales of the state, they would miss its long axes
         sphere = random.standard_normal((SHELL_COUNT, self._scales.size, directions))
-        evenly = np.linalg.solve(np.linalg.qr(np.vstack([self._norm.real, self._norm.imag]))[1], sphere)
+        evenly = np.linalg.solve(self._root, sphere)
+        starts = list[FloatArray]()
         for shell in range(SHELL_COUNT):
             size = max(radius * SHELL_RATIO**shell, NOISE_TOLERANCE_RATIO * shooter.scene.solver.tolerance)
             for way in (self._slowest, -self._slowest, *evenly[shell].T):
-                if not self._contracts(shooter, way * (size / self._length(way)), 1, bound, periods):
-                    return False
-        return True
+                starts.append(self._displaced(way * (size / np.linalg.norm(self._root @ way))))
+        return self._contracts(shooter, np.array(starts), 1, bound, periods)
 
     def contracts_along_trajectory(self, shooter: Shooter, state: FloatArray) -> bool:
         """Whether motion comes nearer on the way from a full state on the section.
@@ -127,52 +138,31 @@ class AttractionEllipsoid:
         It must do so in each period: motion that goes round a stable orbit far away comes nearer now and then, too.
         Nearer to the orbit, it must do so over some periods.
         """
-        offset, bound = self._offset(state), 1.0 - MIN_DECAY_RATIO_ON_WAY * (1.0 - self.spectral_radius)
+        offset, bound = state - self.state, 1.0 - MIN_DECAY_RATIO_ON_WAY * (1.0 - self.spectral_radius)
+        offset[_ANGLES] -= TURN * np.round(offset[_ANGLES] / TURN)
         several = max(PERIODS, math.ceil(TURNS / self.turns))
         for place in range(MAX_PLACES):
-            if self._length(offset) < NOISE_TOLERANCE_RATIO * shooter.scene.solver.tolerance:
+            start = self._displaced(SHELL_RATIO**place * offset[self._places] / self._scales)
+            if self.distance(start, self.system) < NOISE_TOLERANCE_RATIO * shooter.scene.solver.tolerance:
                 break
             looks, periods = (1, several) if place else (FIRST_PERIODS, 1)
-            if not self._contracts(shooter, offset, looks, bound**periods, periods):
+            if not self._contracts(shooter, start[np.newaxis], looks, bound**periods, periods):
                 return False
-            offset = SHELL_RATIO * offset
         return True
-
-    def _offset(self, state: FloatArray) -> FloatArray:
-        away = state - self.state
-        away[_ANGLES] -= TURN * np.round(away[_ANGLES] / TURN)
-        return np.asarray(away[self._places] / self._scales)
 
     def _displaced(self, offset: FloatArray) -> FloatArray:
         state = self.state.copy()
         state[self._places] += offset * self._scales
         return state
 
-    def _length(self, offset: FloatArray) -> float:
-        return float(np.linalg.norm(self._norm @ offset))
-
-    def _contracts(self, shooter: Shooter, offset: FloatArray, looks: int, bound: float, periods: int = 1) -> bool:
-        """Whether a distance is multiplied by less than a bound from look to look, down to what says nothing.
+    def _contracts(self, shooter: Shooter, starts: FloatArray, looks: int, bound: float, periods: int) -> bool:
+        """Whether distances from full states are multiplied by less than a bound from look to look.
 
         ``periods`` are those between two looks.
         """
-        motion, start, far = shooter.motion, self._displaced(offset), self._length(offset)
-        if GAP in self._places and start[GAP] <= 0.0:
-            return False
-        motion.reset(start)
-        if motion.system.index != self.system:
-            return False
-        turns = periods * self.turns
-        for _ in range(looks):
-            if not motion.to_section(turns, 2.0 * (turns + 1) * self._turn):
-                return False
-            near = self.distance(motion.state, motion.system.index)
-            if not near <= bound * far:  # nor where it is no number
-                return False
-            far = near
-            if far < NOISE_TOLERANCE_RATIO * shooter.scene.solver.tolerance:
-                break
-        return True
+        turns, noise = periods * self.turns, NOISE_TOLERANCE_RATIO * shooter.scene.solver.tolerance
+        longest, orbit = 2.0 * (turns + 1) * self._turn, (self.state, self.system, self.norm)
+        return shooter.call(shooter.kernels.contracts, *orbit, starts, looks, turns, longest, bound, noise)
 
 
 def expected_decay(rate: float, periods: int) -> float:

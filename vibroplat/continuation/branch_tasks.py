@@ -19,7 +19,7 @@ from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.arclength import Branch
 from vibroplat.continuation.locate import find_special_points
-from vibroplat.continuation.newton import ANGLE_INDEX, NoConvergenceError, Problem, correct, n_unstable
+from vibroplat.continuation.newton import NoConvergenceError, Problem, correct, n_unstable
 from vibroplat.continuation.orbit import OrbitError, first_orbit, measures_of_orbit, orbit_near, read_guess
 from vibroplat.continuation.shooting import Shooter, event_sequence_text
 from vibroplat.continuation.special_points import (
@@ -31,6 +31,7 @@ from vibroplat.continuation.special_points import (
     tangent_of,
 )
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.observe.orbits import ANGLE_INDEX
 from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
 
@@ -239,8 +240,7 @@ def _stop_at_end(branch: Branch, plan: OrbitsPlan, before: OrbitPoint, last: Orb
 
 def _row(problem: Problem, point: OrbitPoint) -> Record:
     """Return the row of a point in the table of branches; ``turns`` are those since the point before."""
-    found, unstable, turns = problem.describe(point), n_unstable(point.multipliers), problem.shooter.turns
-    problem.shooter.turns = 0.0
+    found, unstable, turns = problem.describe(point), n_unstable(point.multipliers), problem.shooter.take_turns()
     return {
         **found,
         "value": float(f"{found['value']:.15g}"),  # without what units leave of a round number

@@ -18,7 +18,7 @@ import numpy as np
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.locate import OneSidedSearch, TrialOrbit, TwoSidedSearch, extrapolate, locate
-from vibroplat.continuation.newton import Chart, NewtonResult, NoConvergenceError, Problem, correct
+from vibroplat.continuation.newton import NewtonResult, NoConvergenceError, Problem, correct
 from vibroplat.continuation.shooting import Shooter, canonical_sequence
 from vibroplat.continuation.special_points import (
     BRANCH_POINT,
@@ -30,6 +30,7 @@ from vibroplat.continuation.special_points import (
 )
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of
+from vibroplat.observe.orbits import Chart
 from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
 
@@ -104,7 +105,7 @@ class BoundaryTracer:
         """Find the point of the curve near unknowns, with the tangent in the sense of the second key."""
         keys = np.eye(u.size)[-2:]
         if self.kind == BRANCH_POINT:
-            jacobian = self.problem.jacobian(chart, self.problem.shoot(chart, u, full=True)[1])
+            jacobian = self.problem.shoot(chart, u).jacobian
             point, beside = (
                 branch_point(self.problem, chart, u + length * keys[1], jacobian, keys[1:])[0]
                 for length in (0.0, FIRST_OFFSET * self.sense)
@@ -209,7 +210,7 @@ class BoundaryTracer:
         chart, u, (along, across) = moved
         try:
             if self.kind == BRANCH_POINT:
-                jacobian = self.problem.jacobian(chart, self.problem.shoot(chart, u, full=True)[1])
+                jacobian = self.problem.shoot(chart, u).jacobian
                 found = branch_point(self.problem, chart, u, jacobian, np.eye(u.size)[-1:])[0]
             else:
                 found = correct(self.problem, chart, u, np.vstack([along, across]))

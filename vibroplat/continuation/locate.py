@@ -339,9 +339,12 @@ def _far(one: OrbitPoint, other: OrbitPoint) -> bool:
 
     It has then gone too far to tell whether it has passed the unit circle.
     """
-    others = other.multipliers.tolist()
-    watched = [m for m in one.multipliers.tolist() if abs(m) > WATCHED_SIZE]
-    return any(min(abs(m - found) for found in others) > MAX_MULTIPLIER_CHANGE * max(1.0, abs(m)) for m in watched)
+    sizes = np.abs(one.multipliers)
+    watched = one.multipliers[sizes > WATCHED_SIZE, np.newaxis]
+    if not watched.size:
+        return False
+    away = np.abs(watched - other.multipliers).min(axis=1)
+    return bool((away > MAX_MULTIPLIER_CHANGE * np.maximum(1.0, sizes[sizes > WATCHED_SIZE])).any())
 
 
 def find_turns(before: OrbitPoint, after: OrbitPoint) -> float | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -17,25 +17,28 @@ import numpy.typing as npt
 
 from vibroplat.continuation.shooting import TURN, Shooter, Shot, canonical_sequence
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.kernels.linear import (
-    broyden_update,
-    closing_residual,
-    eliminate,
-    largest_size,
-    project_to_section,
-    take_scaled,
-)
+from vibroplat.kernels.linear import eliminate
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
+from vibroplat.motion.motion import Simulator
+from vibroplat.observe.orbits import (
+    ANGLE_INDEX,
+    BEYOND_LIMIT,
+    CLOSED,
+    CONVERGED,
+    DIVERGED,
+    ENDED,
+    MAX_STEP,
+    NO_PERIOD,
+    OTHER_MODE,
+    RAISED,
+    UNFINISHED,
+    Chart,
+    Search,
+)
+from vibroplat.observe.shots import SOLVE
 
-#: Residual, in scaled units, beyond which the iteration is given up.
-MAX_RESIDUAL = 1e3
-#: An old Jacobian serves for another iteration while the last one divided the residual by this.
-MIN_CONVERGENCE = 10.0
-#: What an iteration is expected to divide the residual by: the shot after it is measured at once.
-EXPECTED_CONVERGENCE = 300.0
-#: Steps longer than this, in units of the unknowns, are checked for directions that the equations do not determine:
-#: those with singular values below the other number.
-MAX_STEP, SINGULAR = 1.0, 1e-8
+#: Singular values below which directions are not determined by the equations.
+SINGULAR = 1e-8
 #: Distance of a multiplier from the unit circle that counts: its own error is far smaller.
 UNIT_CIRCLE_DISTANCE = 1e-6
 #: Residual after half of the period, over the tolerance, within which an orbit repeats there.
@@ -44,8 +47,6 @@ HALF_PERIOD_RESIDUAL_RATIO = 1e3
 #: the second, … step relative to the one before: beyond them, the last ones for all later steps, it is given up.
 Limits = tuple[Sequence[float], Sequence[float]]
 NO_LIMITS: Limits = ((), ())
-#: Place of the angle of exciter 1 in the full state.
-ANGLE_INDEX = 3
 
 
 class NoConvergenceError(ArithmeticError):
@@ -59,65 +60,6 @@ class NoConvergenceError(ArithmeticError):
         self.why = why
         self.residuals = tuple(residuals)
         self.section = section
-
-
-class Chart:
-    """Unknowns of orbits near a state on the section, in scales: the state without the angle, the period, and keys.
-
-    Parameters
-    ----------
-    base, system
-        Full state on the section, shape (14,), whose angle of exciter 1 says where that is, and number of its system.
-    scales, speed, units
-        Of full states, shape (14,), of exciters (rad/s), and of keys.
-
-    Attributes
-    ----------
-    places, phase
-        Places of the unknowns in the full state, shape (m,), and which of them is the period, at the angle's place.
-    """
-
-    def __init__(
-        self, base: FloatArray, system: int, scales: FloatArray, speed: float, units: Sequence[float] = ()
-    ) -> None:
-        self.base, self.system, self.speed, self.units = base, system, speed, tuple(units)
-        self.places: npt.NDArray[np.int64] = np.sort(SYSTEMS[system].places)
-        self.phase = int(np.searchsorted(self.places, ANGLE_INDEX))
-        self.scales: FloatArray = scales[self.places]
-        self._columns = np.append(self.places, np.arange(scales.size, scales.size + len(self.units)))
-        self._sizes = np.append(self.scales, self.units) / self.scales[:, np.newaxis]
-
-    def pack(self, state: FloatArray, period: float, values: Sequence[float] = ()) -> FloatArray:
-        """Write a state on the section, the period (s) and the values of the keys as a vector of unknowns."""
-        m = self.places.size
-        u = np.empty(m + len(self.units))
-        u[:m] = state[self.places] / self.scales
-        u[self.phase] = period * self.speed
-        u[m:] = [value / unit for value, unit in zip(values, self.units, strict=True)]
-        return u
-
-    def unpack(self, u: FloatArray) -> tuple[FloatArray, float, list[float]]:
-        """Read state, period (s) and values from a vector of unknowns."""
-        state, m = self.base.copy(), self.places.size
-        state[self.places] = u[:m] * self.scales
-        state[ANGLE_INDEX] = self.base[ANGLE_INDEX]
-        values = [v * unit for v, unit in zip(u[m:].tolist(), self.units, strict=True)]
-        return state, float(u[self.phase]) / self.speed, values
-
-    def derivative(self, shot: Shot) -> tuple[FloatArray, FloatArray]:
-        """Return the derivative of a shot's end by start and keys, shape (m, m + keys), and the rates there, (m,)."""
-        assert shot.derivative is not None
-        assert shot.rates is not None
-        found = np.empty(self._sizes.shape)
-        take_scaled(shot.derivative, self.places, self._columns, self._sizes, found)
-        return found, shot.rates[self.places] / self.scales
-
-    def section_map(self, shot: Shot) -> FloatArray:
-        """Differentiate the map from section to section, shape (m − 1, m − 1)."""
-        derivative, along = self.derivative(shot)
-        found = np.empty((along.size - 1, along.size - 1))
-        project_to_section(derivative, along, self.phase, found)
-        return found
 
 
 @dataclass(frozen=True)
@@ -160,7 +102,7 @@ class NewtonResult:
     @property
     def value(self) -> float:
         """Value of the only key."""
-        return float(self.u[-1]) * self.chart.units[0]
+        return float(self.u[-1] * self.chart.units[0])
 
 
 def n_unstable(multipliers: npt.NDArray[np.complex128]) -> int:
@@ -179,6 +121,11 @@ class Problem:
         Of the keys in the vector of unknowns.
     tolerance
         Residual, in scaled units, at which an orbit is found.
+
+    Attributes
+    ----------
+    turned
+        What a period adds to a full state, shape (14,).
     """
 
     def __init__(
@@ -186,50 +133,25 @@ class Problem:
     ) -> None:
         self.shooter = shooter
         self.turns = (turns[0], turns[1])
-        self.units = tuple(units)
+        self.units: FloatArray = np.array(units, float)
         self.tolerance = tolerance
-        self._turned = np.zeros(shooter.scales.size)  # what a period adds to a full state
-        self._turned[ANGLE_INDEX : ANGLE_INDEX + 2] = TURN * np.array(self.turns)
+        self.turned = np.zeros(shooter.scales.size)
+        self.turned[ANGLE_INDEX : ANGLE_INDEX + 2] = TURN * np.array(self.turns)
 
     def chart(self, base: FloatArray, system: int | None = None) -> Chart:
         """Make the chart about a state on the section, in a system or else in that of a motion from there."""
         system = self.shooter.shot(base, 0.0).begins if system is None else system
-        return Chart(base, system, self.shooter.scales, self.shooter.scene.speed_scale, self.units)
+        return Chart.at(base, system, self.shooter.scene.speed_scale, self.units, self.shooter.scales)
 
-    def shoot(self, chart: Chart, u: FloatArray, *, full: bool) -> tuple[FloatArray, Shot]:
-        """Take a shot from a vector of unknowns; its residual, and the shot, with derivative and measures if ``full``.
+    def shoot(self, chart: Chart, u: FloatArray) -> NewtonResult:
+        """Take a full shot from a vector of unknowns: its residual and Jacobian, whatever the residual is.
 
         Raises
         ------
         NoConvergenceError
             It does not end, or begins or ends in another mode than the section's.
         """
-        state, period, values = chart.unpack(u)
-        if not period > 0.0 or period * chart.speed > 1e4:
-            raise NoConvergenceError(f"Newton's method converged to a period of {period:.3g} s")
-        if GAP in chart.places and state[GAP] <= 0.0:
-            raise NoConvergenceError("the gap closed on the section", section=True)
-        try:
-            self.shooter.set(values)
-        except ValueError as error:
-            raise NoConvergenceError(f"no scene has these values: {error}") from None
-        shot = self.shooter.shot(state, period, full=full)
-        if shot.outcome != "ok":
-            raise NoConvergenceError(f"{shot.outcome}: {shot.detail}")
-        if not shot.begins == shot.ends == chart.system:
-            raise NoConvergenceError("the mode on the section changed", section=True)
-        residual = np.empty(chart.scales.size)
-        closing_residual(shot.state, state, self._turned, chart.places, chart.scales, residual)
-        if not largest_size(residual) < MAX_RESIDUAL:
-            raise NoConvergenceError("the residual diverged")
-        return residual, shot
-
-    def jacobian(self, chart: Chart, shot: Shot) -> FloatArray:
-        """Differentiate the residual by the unknowns, shape (m, m + keys)."""
-        found, along = chart.derivative(shot)
-        found.reshape(-1)[: along.size * found.shape[1] : found.shape[1] + 1] -= 1.0
-        found[:, chart.phase] = along / chart.speed
-        return found
+        return correct(self, chart, u, np.empty((0, u.size)), max_iterations=1, tolerance=math.inf)
 
     def describe(self, orbit: NewtonResult) -> dict[str, Any]:
         """Say as plain values where an orbit is: a row of tables, from which another worker can go on."""
@@ -252,7 +174,7 @@ class Problem:
         state, seconds, values = orbit.chart.unpack(orbit.u)
         self.shooter.set(values)
         difference = self.shooter.shot(state, 0.5 * seconds).state - state
-        difference -= 0.5 * self._turned
+        difference -= 0.5 * self.turned
         return bool(np.abs(difference / self.shooter.scales).max() < HALF_PERIOD_RESIDUAL_RATIO * self.tolerance)
 
     def move_from_events(
@@ -293,7 +215,7 @@ class Problem:
         start[here.places] = direction[:count]
         start[ANGLE_INDEX] = 0.0
         change = way.derivative[:, : scales.size] @ (start * scales)
-        change += way.derivative[:, scales.size :] @ (direction[count:] * np.array(self.units))
+        change += way.derivative[:, scales.size :] @ (direction[count:] * self.units)
         change -= way.rates * change[ANGLE_INDEX] / way.rates[ANGLE_INDEX]  # to the section
         carried = (change / scales)[there.places]
         carried[there.phase] = direction[here.phase]
@@ -324,6 +246,17 @@ def solve(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:
     found = right.copy()
     if abs(eliminate(matrix.copy(), found)) > 0.0 and math.sqrt(found @ found) <= longest:
         return found
+    return solve_determined(matrix, right)
+
+
+def solve_determined(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Solve linear equations in the directions that they determine; the solution is 0 in the others.
+
+    Raises
+    ------
+    NoConvergenceError
+        The matrix is not finite.
+    """
     if not np.isfinite(matrix).all():
         raise NoConvergenceError("the Jacobian is not finite")
     left, sizes, turned = np.linalg.svd(matrix)
@@ -342,6 +275,7 @@ def correct(
     slack: FloatArray | None = None,
     halvings: int = 0,
     limits: Limits = NO_LIMITS,
+    tolerance: float | None = None,
 ) -> NewtonResult:
     """Find an orbit near a vector of unknowns, in the directions that a border leaves free.
 
@@ -357,63 +291,66 @@ def correct(
         A vector, of which the residual may have as much as it needs; then the border has a row more.
     halvings
         How often a step is halved, at most, after which an event has passed the section.
+    tolerance
+        Residual at which an orbit is found, if it is not that of the problem.
 
     Raises
     ------
     NoConvergenceError
         There is none.
     """
-    begun, residuals, steps = u, list[float](), list[float]()
-    full, step, left, much = jacobian is None, np.zeros_like(u), np.zeros(0), 0.0
-    try:
-        while len(residuals) < max_iterations:
-            residual, shot, u, step, full = _shoot_halving(problem, chart, u, step, halvings, full=full)
-            missing = residual if slack is None else residual + much * slack
-            residuals.append(size := largest_size(missing))
-            _check(size, residuals[0], len(steps), limits[1])
-            if full:
-                jacobian = problem.jacobian(chart, shot)
-                if size < problem.tolerance:
-                    return NewtonResult(chart, u, shot, jacobian, missing, residuals, much)
-            elif size < problem.tolerance or (len(residuals) > 1 and size > residuals[-2] / MIN_CONVERGENCE):
-                full = True
-                continue
-            assert jacobian is not None
-            if not full and step.any():
-                jacobian = jacobian.copy()
-                broyden_update(jacobian, step, residual - left)
-            found = solve(add_border(jacobian, border, slack), -np.append(missing, border @ (u - begun)), MAX_STEP)
-            step, more = found[: u.size], float(found[u.size :].sum())
-            steps.append(long := float(np.linalg.norm(step)))
-            _check(long, steps[0], len(steps) - 1, limits[0])
-            u, left, much = u + step, residual, much + more
-            full = size < EXPECTED_CONVERGENCE * problem.tolerance
-    except NoConvergenceError as error:
-        raise NoConvergenceError(error.why, residuals, section=error.section) from None
-    raise NoConvergenceError(f"no convergence in {max_iterations} iterations", residuals)
-
-
-def _check(size: float, first: float, number: int, limits: Sequence[float]) -> None:
-    """Refuse a size that is beyond the limit of its number, relative to the first one, number 0."""
-    if limits and number > 0 and size > first * limits[min(number, len(limits)) - 1]:
-        raise NoConvergenceError("the iteration does not converge")
-
-
-def _shoot_halving(
-    problem: Problem, chart: Chart, u: FloatArray, step: FloatArray, halvings: int, *, full: bool
-) -> tuple[FloatArray, Shot, FloatArray, FloatArray, bool]:
-    """Take a shot after a step, which is halved, so often at most, while an event has passed the section.
-
-    Returns residual and shot, and the vector of unknowns, the step and ``full`` that they are of.
-    """
+    shooter, (m, n) = problem.shooter, (chart.scales.size, u.size + (slack is not None))
+    if not shooter.keys:
+        shooter.vary()
     while True:
+        search = Search(
+            u=u.copy(),
+            turned=problem.turned,
+            jacobian=np.empty((m, u.size)) if jacobian is None else jacobian.copy(),
+            border=np.ascontiguousarray(border),
+            slack=np.empty(0) if slack is None else np.ascontiguousarray(slack),
+            residual=np.empty(m),
+            residuals=np.full(max_iterations, np.nan),
+            limits=np.array(limits[0], float),
+            falls=np.array(limits[1], float),
+            matrix=np.zeros((n, n)),
+            right=np.zeros(n),
+            much=np.zeros(1),
+        )
+        shooter.answers[SOLVE] = partial(_solve_in_place, search)
+        how = jacobian is not None, halvings, problem.tolerance if tolerance is None else tolerance
         try:
-            return (*problem.shoot(chart, u, full=full), u, step, full)
+            why, reason = shooter.call(shooter.kernels.newton, chart, search, *how), ""
         except NoConvergenceError as error:
-            if not (error.section and step.any() and halvings > 0):
-                raise
-        halvings, step, full = halvings - 1, 0.5 * step, True
-        u = u - step
+            why, reason = RAISED, error.why
+        except ValueError as error:
+            why, reason = RAISED, f"no scene has these values: {error}"
+        if why != CONVERGED or shooter.has_room():
+            break
+    residuals, (state, period, _) = [r for r in search.residuals.tolist() if r >= 0.0], chart.unpack(search.u)
+    if why != CONVERGED:
+        reason = reason or _reason(shooter.motion, why, period, max_iterations)
+        raise NoConvergenceError(reason, residuals, section=why in (CLOSED, OTHER_MODE))
+    shot = shooter.last_shot(state, period, full=True, measured=True)
+    return NewtonResult(chart, search.u, shot, search.jacobian, search.residual, residuals, float(search.much[0]))
+
+
+def _solve_in_place(search: Search) -> None:
+    """Solve the equations of a step in the directions that they determine."""
+    search.right[:] = solve_determined(search.matrix, search.right)
+
+
+def _reason(motion: Simulator, why: int, period: float, iterations: int) -> str:
+    """Say why compiled code has found no orbit."""
+    return {
+        UNFINISHED: f"no convergence in {iterations} iterations",
+        BEYOND_LIMIT: "the iteration does not converge",
+        NO_PERIOD: f"Newton's method converged to a period of {period:.3g} s",
+        CLOSED: "the gap closed on the section",
+        OTHER_MODE: "the mode on the section changed",
+        ENDED: f"{motion.outcome}: {motion.detail}",
+        DIVERGED: "the residual diverged",
+    }[why]
 
 
 def correct_moving_section(
@@ -447,4 +384,4 @@ def correct_moving_section(
 def fixed_border(chart: Chart) -> FloatArray:
     """Return the border with which the keys keep their values, shape (keys, m + keys)."""
     m = chart.places.size
-    return np.eye(m + len(chart.units))[m:]
+    return np.eye(m + chart.units.size)[m:]

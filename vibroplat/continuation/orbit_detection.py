@@ -190,7 +190,6 @@ class NewtonOrbitDetector:
             if smallest_period(problem, found, turns) < turns:
                 continue
             around, self.near = AttractionEllipsoid(found, turns), True
-            away = around.distance(state, system)
             if around.spectral_radius > 1.0 - UNIT_CIRCLE_DISTANCE:
                 self.near_unstable_orbit = around.spectral_radius > 1.0 + MARGIN
                 self._doubling = (
@@ -199,7 +198,7 @@ class NewtonOrbitDetector:
             elif (
                 around.contracts_along_trajectory(self._shooter, state)
                 if around.spectral_radius > SLOW_DECAY
-                else around.contracts_on_shells(self._shooter, ATTRACTION_RADIUS_RATIO * away)
+                else around.contracts_on_shells(self._shooter, ATTRACTION_RADIUS_RATIO * around.distance(state, system))
             ):
                 return self._known(problem, found, around)
         return None

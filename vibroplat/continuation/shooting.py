@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, cast
+from functools import cache, cached_property
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -21,14 +21,24 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import CHATTER, IMPACT, LIFTOFF
 from vibroplat.hybrid.state import EVENT, state_scales
 from vibroplat.integrate import make_engine
-from vibroplat.kernels.compiled import FloatArray
+from vibroplat.kernels.compiled import FloatArray, PythonFunction, address_of, compile_for, same_types
 from vibroplat.model.parameters import parameters
 from vibroplat.model.sensitivity import ParameterInterpolant, flat, with_values
-from vibroplat.model.systems import FULL_SIZE, SYSTEMS
-from vibroplat.motion.motion import Observer, Simulator
-from vibroplat.motion.recorder import Recorder
-from vibroplat.observe.guard_margins import GuardMargins
-from vibroplat.observe.measures import WITH_EXTREMES, Accumulators
+from vibroplat.model.systems import SYSTEMS
+from vibroplat.motion.motion import Simulator
+from vibroplat.observe.measures import WITH_EXTREMES
+from vibroplat.observe.orbits import newton
+from vibroplat.observe.shots import (
+    ADVANCE,
+    PART,
+    SET,
+    SET_DIRECTIONS,
+    ShotRecords,
+    contracts,
+    copied,
+    shoot,
+    shot_records,
+)
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import Energies, MeasuredInterval
 from vibroplat.observe.variation import Variation
@@ -45,8 +55,8 @@ MIN_SECTION_MARGIN, MIN_CONTACT_FRACTION = 0.15, 0.06
 RETURN_TURNS, MAX_RETURNS = 1600, 16
 
 TURN = 2.0 * math.pi
-_ALL = np.eye(FULL_SIZE)
-_NONE = np.empty(0, EVENT)
+
+T = TypeVar("T")
 
 
 @dataclass
@@ -166,6 +176,27 @@ def event_sequence_text(word: str) -> str:
     return " ".join(EVENT_NAMES[letter] for letter in word) or "none"
 
 
+class _Kernels:
+    """Compiled functions that take shots with one type of engine: the types of their arguments depend on it alone."""
+
+    def __init__(self) -> None:
+        self.shoot, self.newton, self.contracts = same_types(shoot), same_types(newton), same_types(contracts)
+        self.address = 0  # of the first, for compiled callers
+
+    def with_address(self, records: ShotRecords) -> ShotRecords:
+        """Give records of shots the address."""
+        if not self.address:
+            arguments = (records, records.end, 0.0, True, True, True)
+            compile_for(shoot, *arguments)  # there may be one for another engine
+            self.address = address_of(shoot, *arguments)
+        return records._replace(shoot=self.address)
+
+
+@cache
+def _kernels(engine: type) -> _Kernels:
+    return _Kernels()
+
+
 class Shooter:
     """Takes shots of a scene, at any values of some of its keys.
 
@@ -182,8 +213,10 @@ class Shooter:
     ----------
     p, held
         Parameters, and values of the keys, at present.
-    turns
-        Of exciter 1 in all shots so far.
+    records, kernels
+        What compiled shots read and change, and the functions that take them.
+    answers
+        What is done for each wish of compiled code.
     """
 
     def __init__(self, scene: Scene, keys: Sequence[str] = (), course: tuple[float, float] | None = None) -> None:
@@ -193,18 +226,35 @@ class Shooter:
         self.p = parameters(scene)
         self.engine = make_engine(scene, self.p)
         self.motion = Simulator(scene, self.p, self.engine)
-        self.turns = 0.0
         self.held: dict[str, float] = {}
+        self.answers: dict[int, Callable[[], None]] = {
+            ADVANCE: self.motion.go_on,
+            SET: lambda: self.set(self.records.values.tolist()),
+            SET_DIRECTIONS: self._set_with_directions,
+        }
         self._variation = Variation([self.p.copy()] * len(self.keys))
-        self._statistics, self._near = Statistics(0.0, 0, len(scene.output.points), scope=WITH_EXTREMES), GuardMargins()
-        self._nothing = self._statistics.measures
+        self._statistics = Statistics(0.0, 0, len(scene.output.points), scope=WITH_EXTREMES)
+        answers = self.answers
+        self._python = PythonFunction(lambda wish: answers[wish]())
         self._course = (
             None if course is None or len(self.keys) != 1 else ParameterInterpolant(scene, self.keys[0], *course)
         )
+        self.kernels = _kernels(type(self.engine))
+        records = shot_records(
+            self.motion.automaton,
+            self.motion.beginning,
+            self.engine.compiled_loop(self.motion.automaton),
+            self._python.address,
+            self._variation,
+            self._statistics,
+            np.zeros(len(self.keys)),
+        )
+        self.records = self.kernels.with_address(records)
 
     def close(self) -> None:
-        """Free what the engine holds."""
+        """Free what the engine holds, and take no more shots."""
         self.engine.close()
+        self.answers.clear()  # they hold this, which would wait for the garbage collector
 
     def scene_at(self, values: Mapping[str, float]) -> Scene:
         """Return the scene with other values of keys, without a check of their ranges."""
@@ -234,6 +284,16 @@ class Shooter:
         found: FloatArray = (flat(above) - flat(below)) / (2.0 * step)
         return found
 
+    def _set_with_directions(self) -> None:
+        """Change the values of the keys, and the directions in which the next shot is varied."""
+        self.set(self.records.values.tolist())
+        self.vary()
+
+    def vary(self) -> None:
+        """Let the next full shot be differentiated by the keys at the present parameters."""
+        self._variation.turn([self.direction(key) for key in self.keys])
+        self._variation.update_parameters(self.motion.automaton)
+
     def returns(self, turns: int) -> Iterator[FloatArray]:
         """Yield full states on the section, φ₁ = 0, where the present motion nearly repeats after turns, nearest first.
 
@@ -256,29 +316,45 @@ class Shooter:
         It is ``measured`` if that is asked for; if ``full``, with rates, derivative and the margins of the guards too.
         Without ``events`` it has neither them nor these margins, and takes less time.
         """
-        motion, h, near = self.motion, self.motion.automaton, self._near
-        recorder = Recorder(motion.scene, "events") if events else None
-        observers: list[Observer] = [] if recorder is None else [recorder]
-        motion.reset(start)
-        begins, before = motion.system.index, None
+        start, measured = np.ascontiguousarray(start, float), measured or full
         if full:
-            observers += [self._variation, near] if events else [self._variation]
-            self._variation.begin(_ALL, [self.direction(key) for key in self.keys])
-            near.begin()
-        if full or measured:
-            observers.append(self._statistics)
-            *sums, closed, seen, section = self._nothing
-            empty: Any = (*(part.copy() for part in sums), closed, seen, section)  # the last three are not read
-            self._statistics.measures = Accumulators(*empty)
-            before = Energies.of(h.run["state"], h.p)
-        motion.to_time(duration, observers)
-        state, ends, restitution = motion.state, motion.system.index, float(h.p["restitution"])
-        self.turns += abs(float(state[3] - start[3])) / TURN
-        happened = _NONE if recorder is None else recorder.events
+            self.vary()
+        while True:
+            self.call(self.kernels.shoot, start, duration, full, measured, events)
+            if self.has_room():
+                return self.last_shot(start, duration, full=full, measured=measured)
+
+    def call(self, kernel: Callable[..., T], *arguments: Any) -> T:
+        """Call a compiled function that takes shots, of their records and of these arguments."""
+        result = kernel(self.records, *arguments)
+        self._python.check()
+        return result
+
+    def has_room(self) -> bool:
+        """Whether all events and pieces of the last shot were noted; if not, there is room for them from now on."""
+        _, _, events, pieces, _ = self.records.shot.item()
+        if events <= self.records.events.size and pieces <= self.records.pieces.size:
+            return True
+        self.records = self.records._replace(events=np.empty(2 * events, EVENT), pieces=np.empty(2 * pieces, PART))
+        return False
+
+    def last_shot(self, start: FloatArray, duration: float, *, full: bool, measured: bool) -> Shot:
+        """Copy what the last shot has left, which began at a full state."""
+        records, motion = self.records, self.motion
+        begins, ends, events, pieces, _ = records.shot.item()
+        h, state, happened = motion.automaton, records.end.copy(), records.events[:events].copy()
+        restitution = float(h.p["restitution"])
         found = Shot(state, begins, ends, duration, motion.outcome, motion.detail, happened, restitution)
-        if before is not None:
-            found.part = MeasuredInterval(self._statistics.measures, before, Energies.of(h.run["state"], h.p))
+        if measured:
+            before, after = (Energies.of(at, h.p) for at in (start, h.run["state"]))
+            found.part = MeasuredInterval(copied(self._statistics.measures), before, after)
         if full:
-            found.derivative, found.rates = self._variation.derivative(h), self._variation.rates
-            found.pieces, found.least_force, found.least_gap = near.pieces, near.least_force, near.least_gap
+            found.derivative, found.rates = self._variation.arrived, self._variation.rates
+            found.pieces = records.pieces[:pieces].tolist()
+            found.least_force, found.least_gap = records.least.tolist()
         return found
+
+    def take_turns(self) -> float:
+        """Return the turns of exciter 1 in all shots since the last call."""
+        turns, self.records.shot["turns"] = float(self.records.shot["turns"]), 0.0
+        return turns

@@ -20,10 +20,11 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.continuation.newton import Chart, NewtonResult, NoConvergenceError, Problem, add_border, correct, solve
+from vibroplat.continuation.newton import NewtonResult, NoConvergenceError, Problem, add_border, correct, solve
 from vibroplat.continuation.orbit import measures_of_orbit
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.kernels.linear import eliminate
+from vibroplat.observe.orbits import Chart
 from vibroplat.results.labels import SPECIAL_POINTS
 
 #: What happens at each kind, for people.
@@ -271,7 +272,7 @@ def new_branches(
     Yields problem, point and step of each, and whether the point is new, or one of another branch already.
     """
     if special.kind == DOUBLING:
-        doubled = Problem(problem.shooter, [2 * turns for turns in problem.turns], problem.units, problem.tolerance)
+        doubled = Problem(problem.shooter, [2 * n for n in problem.turns], problem.units.tolist(), problem.tolerance)
         point = _leave_branch(doubled, special, _doubling_direction(special.point), largest)
         if point is not None:
             yield doubled, point, first, True

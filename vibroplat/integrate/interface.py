@@ -18,7 +18,7 @@ from typing import Protocol
 
 from vibroplat.columns import COUNT, Column, Columns
 from vibroplat.hybrid.state import Automaton
-from vibroplat.kernels.compiled import FloatArray
+from vibroplat.kernels.compiled import Callee, FloatArray
 from vibroplat.model.systems import System
 
 #: What engines count, in the order of the summary.
@@ -102,6 +102,13 @@ class Engine(Protocol):
 
     def advance(self, h: Automaton) -> None:
         """Carry a run on for some segments, or part of one; its steps and events are read before the next call."""
+        ...
+
+    def compiled_loop(self, h: Automaton) -> Callee:
+        """Return the kernel that :meth:`advance` is, of a run and its arguments here; without arguments there is none.
+
+        Compiled code that drives many short motions calls it by its address, or else :meth:`advance` through Python.
+        """
         ...
 
     def close(self) -> None:

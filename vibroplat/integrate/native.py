@@ -23,7 +23,7 @@ from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.state import CUBIC, OK, Automaton, empty_steps
 from vibroplat.integrate import ida
 from vibroplat.integrate.sundials import Library, UnavailableError, library
-from vibroplat.kernels.compiled import FloatArray, same_types
+from vibroplat.kernels.compiled import Callee, FloatArray, address_of, same_types
 from vibroplat.model.parameters import Parameters, parameters, record_address
 from vibroplat.model.systems import System, systems
 
@@ -122,6 +122,10 @@ class NativeEngine:
     def advance(self, h: Automaton) -> None:
         """Go on with a run; see :class:`vibroplat.integrate.interface.Engine`."""
         self._run_loop(h, self._n)
+
+    def compiled_loop(self, h: Automaton) -> Callee:
+        """Return what :meth:`advance` calls."""
+        return Callee(address_of(ida.run_loop, h, self._n), (self._n,))
 
     def close(self) -> None:
         """Free solvers, vectors, matrices and the context."""

@@ -12,7 +12,7 @@ from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import CUBIC, MARGIN, RUNNING, Automaton, Steps, rewind
 from vibroplat.integrate.interface import IntegrationError, Integrator
-from vibroplat.kernels.compiled import FloatArray, compiled
+from vibroplat.kernels.compiled import Callee, FloatArray, compiled
 from vibroplat.kernels.polynomial import Fit, crossing, first_downcrossing, fit, fit_column, stretch, values
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.equations import finite
@@ -48,6 +48,10 @@ class Stepwise:
     def work(self) -> Mapping[str, int | None]:
         """How much was done so far."""
         return self._integrator.work
+
+    def compiled_loop(self, h: Automaton) -> Callee:
+        """Return none: its loop is Python's."""
+        return Callee(0)
 
     def close(self) -> None:
         """Do nothing: Python frees what an integrator holds."""

@@ -24,7 +24,7 @@ from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import CUBIC, MARGIN, ROUND_OFF, Automaton, rewind
 from vibroplat.integrate.interface import WORK
 from vibroplat.integrate.multistep import begin_steps, empty_step, limit_force_slopes, prepare_first_step, transcribe
-from vibroplat.kernels.compiled import FloatArray
+from vibroplat.kernels.compiled import Callee, FloatArray
 from vibroplat.model.equations import jacobian as fill_jacobian
 from vibroplat.model.equations import residual as fill_residual
 from vibroplat.model.parameters import Parameters
@@ -108,6 +108,10 @@ class SundaeEngine:
     def work(self) -> dict[str, int | None]:
         """How much was done so far; scikit-sundae does not tell of failed steps."""
         return dict.fromkeys(WORK) | self._counts
+
+    def compiled_loop(self, h: Automaton) -> Callee:
+        """Return none: its loop is Python's."""
+        return Callee(0)
 
     def close(self) -> None:
         """Free the solver objects."""

@@ -24,7 +24,7 @@ from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import MARGIN, RUNNING, WIDTH, Automaton, rewind
 from vibroplat.integrate.interface import WORK
-from vibroplat.kernels.compiled import FloatArray, borrow, compiled, inlined, same_types
+from vibroplat.kernels.compiled import Callee, FloatArray, address_of, borrow, compiled, inlined, same_types
 from vibroplat.kernels.lanes import horner_8, in_lines, put_step, sizes_16
 from vibroplat.kernels.polynomial import MAX_DEGREE, crossing, first_downcrossing
 from vibroplat.model.equations import finite
@@ -82,6 +82,10 @@ class TaylorEngine:
     def advance(self, h: Automaton) -> None:
         """Go on with a run; see :class:`vibroplat.integrate.interface.Engine`."""
         self._run_loop(h, self._e)
+
+    def compiled_loop(self, h: Automaton) -> Callee:
+        """Return what :meth:`advance` calls."""
+        return Callee(address_of(run_loop, h, self._e), (self._e,))
 
     def close(self) -> None:
         """Do nothing: Python frees what the engine holds."""

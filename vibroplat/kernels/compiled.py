@@ -5,7 +5,8 @@ which for tuples of arrays is more than most kernels. Kernels that call a kernel
 before it becomes machine code into each of them and optimizes it there. Without both a first run waits a third less.
 
 C functions are called by addresses that come as arguments: that leaves compiled code free of them, so that it can be
-kept on disk, and what is called that way is compiled once, not into each caller.
+kept on disk, and what is called that way is compiled once, not into each caller. Large kernels are called so as well,
+and functions of Python where nothing compiled will do.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from functools import cached_property
+from functools import cache, cached_property
 from types import FunctionType
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar, cast
 
 import numba
 import numba.core.boxing  # registers numba's own ways
@@ -186,11 +187,21 @@ def fused_inline(function: Callable[P, T]) -> Callable[P, T]:
     return cast("Callable[P, T]", Kernel(function, inline=True, fused=True))
 
 
+def _overload(dispatcher: Any, arguments: tuple[Any, ...]) -> Any:
+    """Return what a kernel has been compiled to, for arguments of the types of these if it is not one alone."""
+    # the values of numba's ordered dictionary as its own method gives them take a hash of all types each
+    known = list(dict.values(dispatcher.overloads))
+    if len(known) == 1:
+        return known[0]
+    kinds = tuple(numba.typeof(argument) for argument in arguments)  # takes some 0.1 ms
+    dispatcher.compile(kinds)
+    return dispatcher.overloads[kinds]
+
+
 def same_types(kernel: Callable[P, T]) -> Callable[P, T]:
     """Return a kernel for one caller, whose arguments always have the same types: they are checked at the first call.
 
-    Numba looks at each array of a tuple at each call, which for some tuples takes 20 µs. A kernel that has been
-    compiled for several types does not say which these are, and is called as it is.
+    Numba looks at each array of a tuple at each call, which for some tuples takes 20 µs and more.
     """
     dispatcher: Any = kernel
     entry_point: Any = None
@@ -200,12 +211,58 @@ def same_types(kernel: Callable[P, T]) -> Callable[P, T]:
         if entry_point is not None:
             return entry_point(*arguments)
         result = dispatcher(*arguments)
-        # the values of numba's ordered dictionary as its own method gives them take a hash of all types each
-        known = [overload.entry_point for overload in dict.values(dispatcher.overloads)]
-        entry_point = known[0] if len(known) == 1 else dispatcher
+        entry_point = _overload(dispatcher, arguments).entry_point
         return result
 
     return cast("Callable[P, T]", call)
+
+
+class Callee(NamedTuple):
+    """A kernel for compiled callers: its address, and those of its arguments that are always the same."""
+
+    address: int
+    arguments: tuple[Any, ...] = ()
+
+
+def address_of(kernel: Callable[..., None], *arguments: Any) -> int:
+    """Return the address of a kernel, for :func:`call_kernel` with arguments of the types of these.
+
+    Where it has been compiled for a single list of types, the arguments must have these.
+    """
+    found = _overload(kernel, arguments)
+    return _address(found.library, found.fndesc.llvm_func_name)
+
+
+@cache
+def _address(library: Any, name: str) -> int:
+    return int(library.get_pointer_to_function(name))
+
+
+class PythonFunction:
+    """A function of Python that compiled code calls with a number, :func:`call_int`; 0 means that it has raised.
+
+    The caller of the compiled code calls :meth:`check` afterwards, which raises that again.
+    """
+
+    def __init__(self, function: Callable[[int], None]) -> None:
+        self._error: BaseException | None = None
+
+        def call(number: int) -> int:
+            try:
+                function(number)
+            except BaseException as error:  # C would lose it
+                self._error = error
+                return 0
+            return 1
+
+        self._kept = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int)(call)
+        self.address = ctypes.cast(self._kept, ctypes.c_void_p).value or 0
+
+    def check(self) -> None:
+        """Raise what the function has raised."""
+        if self._error is not None:
+            error, self._error = self._error, None
+            raise error
 
 
 def compile_for(kernel: Callable[..., Any], *arguments: Any) -> None:
@@ -243,6 +300,20 @@ def _caller(returned: Any) -> Any:
         return returned(address, arguments), generate
 
     return intrinsic(call)
+
+
+@intrinsic
+def _call_kernel(typing_context: Any, address: Any, arguments: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        convention, kinds = context.call_conv, tuple(signature.args[1])
+        function = convention.get_function_type(types.none, kinds).as_pointer()
+        passed = cgutils.unpack_tuple(builder, values[1])
+        status, _ = convention.call_function(builder, builder.inttoptr(values[0], function), types.none, kinds, passed)
+        with cgutils.if_unlikely(builder, status.is_error):
+            convention.return_status_propagate(builder, status)
+        return context.get_dummy_value()
+
+    return types.none(address, arguments), generate
 
 
 def _pointer_to(kind: Any) -> Any:
@@ -289,6 +360,9 @@ if TYPE_CHECKING:
     def call_address(address: int, arguments: tuple[Any, ...]) -> int:
         """Call a C function that returns a pointer."""
 
+    def call_kernel(address: int, arguments: tuple[Any, ...]) -> None:
+        """Call a kernel that returns nothing, by :func:`address_of` for arguments of exactly these types."""
+
     def pointer(address: int) -> Any:
         """Turn an address into a pointer to doubles, for ``numba.carray``."""
 
@@ -304,6 +378,7 @@ if TYPE_CHECKING:
 else:
     call_int = _caller(types.int32)
     call_address = _caller(types.intp)
+    call_kernel = _call_kernel
     pointer = _pointer_to(types.CPointer(types.float64))
     void_pointer = _pointer_to(types.voidptr)
     borrow = _borrow

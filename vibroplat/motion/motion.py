@@ -22,6 +22,7 @@ from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, record_words, supply
 from vibroplat.model.systems import SYSTEMS, System
 from vibroplat.observe.measures import FASTEST, MAX_FINAL_PERIOD, SECTION_ROWS, WHOLE_RUN, Accumulators
+from vibroplat.observe.section import ON_SECTION
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import Energies, MeasuredInterval
 from vibroplat.system.memory import NO_MORE, OutOfMemoryError
@@ -39,9 +40,6 @@ OUTCOMES = {
 }
 
 _TURN = 2.0 * math.pi
-
-#: Part of a turn that a state on the section may lie before it, by round-off.
-_ON_SECTION = 1e-9
 
 
 class Observer(Protocol):
@@ -82,6 +80,8 @@ class Simulator:
     ----------
     automaton
         Where the motion is, in the records that the engine changes.
+    beginning
+        Where a motion begins anew: a record of :data:`vibroplat.hybrid.state.RUN`.
     events
         Events so far.
     """
@@ -106,7 +106,7 @@ class Simulator:
         self._interval = interval_at(self._intervals, time)
         supply(p, scene, self._interval)
         self.automaton = automaton(scene, p, steps, engine.turns_per_segment, state, time)
-        self._beginning = self.automaton.run.copy()
+        self.beginning = self.automaton.run.copy()
         self._run = np.asarray(self.automaton.run).reshape(1)
         # several times as quick to reach as the fields of a record
         self._field = {name: self._run[name] for name in ("now", "outcome", "mode", "awaited", "events", "systems")}
@@ -133,7 +133,7 @@ class Simulator:
 
         It saves making records and steps for each of many short motions. What the engine has counted goes on.
         """
-        self._run[0] = self._beginning
+        self._run[0] = self.beginning
         self._run["state"] = state
         self.events = 0
         if not self._interval.start <= self.now < self._interval.end:
@@ -231,11 +231,15 @@ class Simulator:
             outcome[0] = hy.RUNNING
             while outcome.item() == hy.RUNNING:
                 self._rewind(h.steps)  # should memory run out before the engine does so
-                try:
-                    self.engine.advance(h)
-                except MemoryError as error:
-                    self._end_without_memory(error)
+                self.go_on()
                 self._tell(observers)
+
+    def go_on(self) -> None:
+        """Let the engine carry the motion on until its steps are to be read."""
+        try:
+            self.engine.advance(self.automaton)
+        except MemoryError as error:
+            self._end_without_memory(error)
 
     def _tell(self, observers: Sequence[Observer]) -> None:
         """Let observers read the new steps and events, all of them even if one runs out of memory."""
@@ -269,11 +273,11 @@ class Simulator:
             Whether it got there.
         """
         run = self.automaton.run
-        passed = math.floor((run["state"][3] + run["turns"][0]) / _TURN + _ON_SECTION)
+        passed = math.floor((run["state"][3] + run["turns"][0]) / _TURN + ON_SECTION)
         run["target"] = target = _TURN * (passed + turns)
         self.to_time(self.now + longest, observers)
         run["target"] = math.nan
-        return self.outcome == "ok" and self.state[3] > target - _TURN * _ON_SECTION
+        return self.outcome == "ok" and self.state[3] > target - _TURN * ON_SECTION
 
     def to_event(self, kind: str, longest: float, observers: Sequence[Observer] = ()) -> bool:
         """Carry the motion on to the next event of a kind; the state is that after it.

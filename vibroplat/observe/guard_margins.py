@@ -2,60 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 
 from vibroplat.hybrid.modes import ATTACHED, FLIGHT, GUARDS, MODES
 from vibroplat.hybrid.state import Automaton, Steps
-from vibroplat.kernels.compiled import FloatArray, borrow, compiled, same_types
+from vibroplat.kernels.compiled import FloatArray, borrow, compiled
 from vibroplat.kernels.polynomial import HALVINGS, slope, values
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import ALGEBRAIC, SIZES
 
 
-class GuardMargins:
-    """Observes a motion: its pieces, and the least values at which F_c and the gap turn from falling to rising.
-
-    Attributes
-    ----------
-    pieces
-        System, beginning and end (s) of each piece.
-    """
-
-    def __init__(self) -> None:
-        self._look = same_types(update_minima)
-        self._least = np.empty(2)
-        self.begin()
-
-    def begin(self) -> None:
-        """Begin anew."""
-        self.pieces: list[tuple[int, float, float]] = []
-        self._least[:] = math.inf
-
-    def read(self, h: Automaton) -> None:
-        """Look at the closed pieces."""
-        closed = h.steps.pieces[: h.steps.used["pieces"]]
-        begins = closed["origin"] + h.steps.start[closed["first"]]
-        self.pieces += zip(closed["system"].tolist(), begins.tolist(), closed["until"].tolist(), strict=True)
-        self._look(h, self._least)
-
-    @property
-    def least_force(self) -> float:
-        """Least F_c at a turning point (N); inf without one."""
-        return float(self._least[0])
-
-    @property
-    def least_gap(self) -> float:
-        """Least gap at a turning point in flight (m); inf without one."""
-        return float(self._least[1])
-
-
 @compiled
 def update_minima(owned_h: Automaton, least: FloatArray) -> None:
-    """Lower the least values by those of the closed pieces."""
+    """Lower the least F_c (N) and gap in flight (m) at which they turn from falling to rising by the closed pieces'."""
     h = borrow(owned_h)
     for k in range(h.steps.used.pieces):
         piece = h.steps.pieces[k]

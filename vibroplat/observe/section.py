@@ -14,6 +14,8 @@ from vibroplat.observe.measures import Accumulators
 
 _TURN = 2.0 * math.pi
 
+#: Part of a turn that a state on the section may lie before it, by round-off.
+ON_SECTION = 1e-9
 #: Longest period, in turns of exciter 1, that is searched for while a motion settles.
 MAX_PERIOD = 16
 #: Of a run, in scaled units: largest distance of points that repeat, and the distance up to which they count
@@ -84,13 +86,14 @@ def form_of(state: FloatArray, centre: FloatArray, form: FloatArray) -> float:
     for i in range(centre.size):
         row = 0.0
         for j in range(centre.size):
-            row += form[i, j] * _offset(state, centre, j)
-        size += _offset(state, centre, i) * row
+            row += form[i, j] * offset_of(state, centre, j)
+        size += offset_of(state, centre, i) * row
     return size
 
 
 @inlined
-def _offset(state: FloatArray, centre: FloatArray, place: int) -> float:
+def offset_of(state: FloatArray, centre: FloatArray, place: int) -> float:
+    """Difference of two full states at a place, without whole turns of an exciter."""
     away = state[place] - centre[place]
     if 3 <= place < 5:
         away -= _TURN * np.round(away / _TURN)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.hybrid.state import WIDTH, Automaton, Steps
-from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, same_types
+from vibroplat.kernels.compiled import Callee, FloatArray, address_of, borrow, compiled, copy, inlined, same_types
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16
 from vibroplat.kernels.polynomial import MAX_DEGREE, crossing, slope, value
 from vibroplat.kernels.sines import sincos_pair
@@ -130,16 +130,27 @@ class Statistics:
         return copied
 
     def read(self, h: Automaton) -> None:
-        """Add the steps and events since the last reading.
+        """Add the steps and events since the last reading."""
+        _add_pieces(self.measures, h.steps, h.events[: h.run["events"]], *self._constants(h), h.p)
+
+    def callee(self, h: Automaton) -> Callee:
+        """Return the kernel that adds them, for compiled callers, with the arguments that stay the same in a motion.
+
+        It is called with the first of these, steps and events, the others, and parameters.
+        """
+        constants = self._constants(h)
+        address = address_of(add_pieces, self.measures, h.steps, h.events[:0], *constants, h.p)
+        return Callee(address, (self.measures, *constants))
+
+    def _constants(self, h: Automaton) -> tuple[Any, int, float, Equations]:
+        """Room, number of nodes, fastest speed and equations.
 
         A step has Gauss nodes in pairs: as many as keep the order of its polynomials, fewer where their degree is high.
         """
         degree = h.steps.degree
         nodes = (degree + 1) // 2 if degree <= 8 else (degree + 1) // 3
         nodes = min(nodes + nodes % 2, MAX_NODES)
-        equations = Equations(h.start, h.parameters)
-        fastest = FASTEST * float(h.run["speed"])
-        _add_pieces(self.measures, h.steps, h.events[: h.run["events"]], self._room, nodes, fastest, equations, h.p)
+        return self._room, nodes, FASTEST * float(h.run["speed"]), Equations(h.start, h.parameters)
 
 
 @compiled

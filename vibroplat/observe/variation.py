@@ -111,7 +111,7 @@ class Variation:
         self._directions: FloatArray = np.zeros(self._numbers.shape[1:])
         self._columns = FULL_SIZE + len(directions)
         columns = whole_lanes(self._columns)
-        self._carried = VariationalState(
+        self.carried = VariationalState(
             s=np.zeros((FULL_SIZE, columns)),
             event_time_derivative=np.zeros(columns),
             at_event=np.zeros(1, np.int64),
@@ -132,37 +132,46 @@ class Variation:
 
         If they are given, directions are other ones, as :func:`vibroplat.model.sensitivity.flat` views them.
         """
-        carried = self._carried
+        carried = self.carried
         carried.s[:], carried.event_time_derivative[:], carried.at_event[0] = 0.0, 0.0, 0
         carried.s[:, : start.shape[1]] = start
+        self.turn(directions)
+
+    def turn(self, directions: Sequence[FloatArray]) -> None:
+        """Let directions be other ones, if they are given."""
         for row, direction in enumerate(directions, 1):
             self._directions[row] = direction
             self._of = b""
 
     def read(self, h: Automaton) -> None:
         """Go along the closed pieces, and through the events."""
-        self._update_parameters(h)
-        self._follow(h, self._carried)
+        self.update_parameters(h)
+        self._follow(h, self.carried)
 
     def derivative(self, h: Automaton) -> FloatArray:
         """Find the derivative of the motion's full state now, shape (14, 14 + keys)."""
-        self._update_parameters(h)
-        self._arrive(h, self._carried)
-        derivative: FloatArray = self._carried.s[:, : self._columns].copy()
+        self.update_parameters(h)
+        self._arrive(h, self.carried)
+        return self.arrived
+
+    @property
+    def arrived(self) -> FloatArray:
+        """The last :meth:`derivative` that was asked for, or that compiled code has left."""
+        derivative: FloatArray = self.carried.s[:, : self._columns].copy()
         return derivative
 
     @property
     def rates(self) -> FloatArray:
         """Rates of the full state, shape (14,), where the last :meth:`derivative` was asked for."""
-        return self._carried.rates.copy()
+        return self.carried.rates.copy()
 
-    def _update_parameters(self, h: Automaton) -> None:
+    def update_parameters(self, h: Automaton) -> None:
         """Follow the parameters, which a drive's program changes."""
         now = h.p.tobytes()
         if now == self._of:
             return
-        self._of, perturbed = now, self._carried.perturbed_parameters
-        self._carried.step[:] = steps_of(h.p, float(h.run["period"]))
+        self._of, perturbed = now, self.carried.perturbed_parameters
+        self.carried.step[:] = steps_of(h.p, float(h.run["period"]))
         if not self._given or self._given[0] is not h.p:
             self._given = h.p, flat(h.p), flat(h.inelastic)
         self._numbers.imag = IMAGINARY * self._directions
@@ -170,6 +179,16 @@ class Variation:
         for name in CHOICES:
             perturbed[name] = h.p[name]
         perturbed["restitution"][1] = 0.0
+
+
+@inlined
+def begin_full(v: VariationalState) -> None:
+    """Begin anew with the derivative of the full state by all of its numbers."""
+    v.at_event[0] = 0
+    for j in range(v.event_time_derivative.size):
+        v.event_time_derivative[j] = 0.0
+        for i in range(FULL_SIZE):
+            v.s[i, j] = 1.0 if i == j else 0.0
 
 
 @compiled

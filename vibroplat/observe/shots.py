@@ -1,0 +1,301 @@
+"""Short motions with their observers in compiled code, each in one call: shots, and motion that is to come nearer.
+
+What is large is called by its address, the engine's loop and the observers, so it is compiled once. An engine without a
+compiled loop is called through Python, as is what else compiled code cannot do.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numba import carray  # type: ignore[attr-defined]
+
+from vibroplat.hybrid.loop import first_mode
+from vibroplat.hybrid.modes import FLIGHT, MODES
+from vibroplat.hybrid.state import EVENT, OK, RUNNING, Automaton, rewind
+from vibroplat.kernels.compiled import (
+    Callee,
+    FloatArray,
+    address_of,
+    borrow,
+    call_int,
+    call_kernel,
+    compiled,
+    copy,
+    inlined,
+    pointer,
+)
+from vibroplat.model.parameters import record_words
+from vibroplat.model.systems import FULL_SIZE, GAP
+from vibroplat.observe.guard_margins import update_minima
+from vibroplat.observe.measures import Accumulators
+from vibroplat.observe.section import ON_SECTION, offset_of
+from vibroplat.observe.statistics import Statistics
+from vibroplat.observe.variation import Variation, VariationalState, arrive, begin_full, follow
+
+_TURN = 2.0 * math.pi
+
+#: Parts of measures that a shot needs; the others belong to a Poincaré section.
+PARTS = 6
+#: Events and pieces of a shot for which there is room at first.
+ROOM = 256
+
+#: What Python is asked for: to carry the motion on, to set the parameters of the next shot, with their directions too,
+#: and to solve equations that are nearly singular.
+ADVANCE, SET, SET_DIRECTIONS, SOLVE = range(4)
+
+#: What a shot leaves beside its arrays: numbers of the systems at its ends, how many events and pieces it has, and
+#: turns of exciter 1 in all shots.
+SHOT = np.dtype(
+    [
+        ("begins", np.int64),
+        ("ends", np.int64),
+        ("events", np.int64),
+        ("pieces", np.int64),
+        ("turns", np.float64),
+    ],
+    align=True,
+)
+
+#: System, beginning and end (s) of a piece.
+PART = np.dtype([("system", np.int64), ("begin", np.float64), ("end", np.float64)], align=True)
+
+
+class ShotRecords(NamedTuple):
+    """What compiled shots read and change.
+
+    Attributes
+    ----------
+    shoot
+        Address of :func:`shoot`, for compiled callers.
+    run, beginning
+        The record ``h.run``, whole, as numbers: now, and where each motion begins.
+    engine, python
+        The engine's loop, and the address of a :class:`vibroplat.kernels.compiled.PythonFunction`.
+    variation, follow, arrive
+        The derivative that is carried along, and addresses of its kernels.
+    look, least
+        Address of :func:`vibroplat.observe.guard_margins.update_minima`, and what it lowers.
+    statistics, blank, parts
+        Kernel and arguments of :class:`vibroplat.observe.statistics.Statistics`; its measures at the beginning as
+        numbers, one part after the other; and addresses of the parts with how many numbers each is, shape (parts, 2).
+    events, pieces
+        Room for records of :data:`vibroplat.hybrid.state.EVENT` and of :data:`PART`.
+    shot, end, values
+        A record of :data:`SHOT`, the full state at the end of the last motion, with all turns, shape (14,), and values
+        of keys that Python is asked to set.
+    """
+
+    h: Automaton
+    shoot: int
+    run: FloatArray
+    beginning: FloatArray
+    engine: Callee
+    python: int
+    variation: VariationalState
+    follow: int
+    arrive: int
+    look: int
+    least: FloatArray
+    statistics: Callee
+    blank: FloatArray
+    parts: npt.NDArray[np.int64]
+    events: npt.NDArray[np.void]
+    pieces: npt.NDArray[np.void]
+    shot: Any
+    end: FloatArray
+    values: FloatArray
+
+
+def shot_records(
+    h: Automaton,
+    beginning: Any,
+    engine: Callee,
+    python: int,
+    variation: Variation,
+    statistics: Statistics,
+    values: FloatArray,
+) -> ShotRecords:
+    """Gather what shots need of a motion that always has the same ``beginning``, a record of RUN, and its observers."""
+    carried, least = variation.carried, np.empty(2)
+    parts: list[FloatArray] = [np.asarray(part).reshape(-1).view(float) for part in statistics.measures[:PARTS]]
+    return ShotRecords(
+        h=h,
+        shoot=0,
+        run=record_words(h.run),
+        beginning=record_words(beginning),
+        engine=engine,
+        python=python,
+        variation=carried,
+        follow=address_of(follow, h, carried),
+        arrive=address_of(arrive, h, carried),
+        look=address_of(update_minima, h, least),
+        least=least,
+        statistics=statistics.callee(h),
+        blank=np.concatenate(parts),
+        parts=np.array([(part.ctypes.data, part.size) for part in parts]),
+        events=np.empty(ROOM, EVENT),
+        pieces=np.empty(ROOM, PART),
+        shot=np.zeros(1, SHOT)[0],
+        end=np.zeros(FULL_SIZE),
+        values=values,
+    )
+
+
+def copied(measures: Accumulators) -> Accumulators:
+    """Copy what a shot has measured, without what belongs to a Poincaré section, which nobody reads."""
+    parts: Any = [part.copy() for part in measures[:PARTS]]
+    return Accumulators(*parts, *measures[PARTS:])
+
+
+@compiled
+def shoot(owned_k: ShotRecords, state: FloatArray, duration: float, full: bool, measured: bool, noted: bool) -> None:
+    """Follow the motion from a full state for a duration (s), until an engine in Python has raised.
+
+    It is ``measured``, carries the ``full`` derivative along, and its events are ``noted``, with its pieces and margins
+    if it is full: as many as there is room for.
+    """
+    k = borrow(owned_k)
+    h, run, shot = k.h, k.h.run, k.shot
+    begin_at(k, state)
+    shot.begins = run.systems[run.mode]
+    shot.events = shot.pieces = 0
+    k.least[0] = k.least[1] = np.inf
+    if full:
+        begin_full(k.variation)
+    done = 0
+    for i in range(k.parts.shape[0] if measured else 0):
+        part = carray(pointer(k.parts[i, 0]), (k.parts[i, 1],))
+        copy(k.blank[done : done + part.size], part)
+        done += part.size
+    run.end, run.outcome = duration, RUNNING
+    while run.outcome == RUNNING and advance(k):
+        if full:
+            call_kernel(k.follow, (h, k.variation))
+        if noted:
+            note_events(k)
+        if noted and full:
+            call_kernel(k.look, (h, k.least))
+        if measured:
+            events = h.events[: run.events]
+            first, others = k.statistics.arguments[:1], k.statistics.arguments[1:]
+            call_kernel(k.statistics.address, first + (h.steps, events) + others + (h.p,))  # noqa: RUF005
+        run.events = 0
+    leave(k)
+    shot.ends = run.systems[run.mode]
+    shot.turns += abs(k.end[3] - state[3]) / _TURN
+    if full:
+        call_kernel(k.arrive, (h, k.variation))
+
+
+@inlined
+def begin_at(k: ShotRecords, state: FloatArray) -> None:
+    """Begin anew at a full state; see :meth:`vibroplat.motion.motion.Simulator.reset`."""
+    copy(k.beginning, k.run)
+    copy(state, k.h.run.state)
+    first_mode(k.h)
+
+
+@inlined
+def advance(k: ShotRecords) -> bool:
+    """Carry the motion on until its steps are to be read; False if Python has raised."""
+    rewind(k.h.steps)
+    if len(k.engine.arguments) == 0:
+        return call_int(k.python, (np.int32(ADVANCE),)) != 0
+    call_kernel(k.engine.address, (k.h,) + k.engine.arguments)  # noqa: RUF005
+    return True
+
+
+@inlined
+def leave(k: ShotRecords) -> None:
+    """Note where the motion has ended."""
+    copy(k.h.run.state, k.end)
+    for i in range(2):
+        k.end[3 + i] += k.h.run.turns[i]
+
+
+@inlined
+def note_events(k: ShotRecords) -> None:
+    """Copy the new events and closed pieces, as far as there is room, and count them all."""
+    shot, steps = k.shot, k.h.steps
+    for i in range(k.h.run.events):
+        if shot.events < k.events.size:
+            k.events[shot.events] = k.h.events[i]
+        shot.events += 1
+    for i in range(steps.used.pieces):
+        piece = steps.pieces[i]
+        if shot.pieces < k.pieces.size:
+            part = k.pieces[shot.pieces]
+            part.system, part.begin, part.end = piece.system, piece.origin + steps.start[piece.first], piece.until
+        shot.pieces += 1
+
+
+@compiled
+def distance(state: FloatArray, centre: FloatArray, norm: FloatArray) -> float:
+    """How far a full state is from another on the section, ‖W ξ‖ with this W of the difference, shape (n, 14)."""
+    square = 0.0
+    for i in range(norm.shape[0]):
+        part = 0.0
+        for j in range(centre.size):
+            part += norm[i, j] * offset_of(state, centre, j)
+        square += part**2
+    return math.sqrt(square)
+
+
+@compiled
+def contracts(
+    owned_k: ShotRecords,
+    centre: FloatArray,
+    system: int,
+    norm: FloatArray,
+    starts: FloatArray,
+    looks: int,
+    turns: int,
+    longest: float,
+    bound: float,
+    noise: float,
+) -> bool:
+    """Whether motion from some full states comes nearer to a centre: by a factor from look to look, or down to noise.
+
+    Between two looks exciter 1 makes whole ``turns``, in less than a time (s). Motion does not come nearer where the
+    layer is within the platform, or where it is in another system than the centre.
+    """
+    k = borrow(owned_k)
+    run = k.h.run
+    for i in range(starts.shape[0]):
+        if MODES[system] == FLIGHT and starts[i, GAP] <= 0.0:
+            return False
+        begin_at(k, starts[i])
+        if run.systems[run.mode] != system:
+            return False
+        far = distance(starts[i], centre, norm)
+        for _ in range(looks):
+            if not to_section(k, turns, longest) or run.systems[run.mode] != system:
+                return False
+            near = distance(k.end, centre, norm)
+            if not near <= bound * far:  # nor where it is no number
+                return False
+            far = near
+            if far < noise:
+                break
+    return True
+
+
+@inlined
+def to_section(k: ShotRecords, turns: int, longest: float) -> bool:
+    """Carry the motion on for whole turns of exciter 1, in less than a time (s); return whether it got there.
+
+    See :meth:`vibroplat.motion.motion.Simulator.to_section`.
+    """
+    run = k.h.run
+    passed = math.floor((run.state[3] + run.turns[0]) / _TURN + ON_SECTION)
+    run.target = target = _TURN * (passed + turns)
+    run.end, run.outcome = run.now + longest, RUNNING
+    while run.outcome == RUNNING and advance(k):
+        run.events = 0
+    run.target = math.nan
+    leave(k)
+    return run.outcome == OK and k.end[3] > target - _TURN * ON_SECTION
