@@ -12,7 +12,7 @@ from vibroplat.bench import measure, scenes
 SOLVERS = {
     "native": (1e-8, 4.4e-6, 9.3e-9, 3.7e-7),
     "taylor": (1e-6, 2.6e-6, 5e-9, 7e-7),
-    "scipy DOP853": (1e-6, 3e-6, 8e-9, 6e-7),
+    "scipy DOP853": (1e-8, 3e-6, 8e-9, 6e-7),
     "scipy LSODA": (1e-8, 2e-6, 6e-9, 3e-7),
     "heyoka": (1e-6, 7e-6, 1.2e-8, 1.1e-6),
     "heyoka, integrator alone": (1e-6, 7e-6, 1.2e-8, 1.1e-6),

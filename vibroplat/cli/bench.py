@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 #: Approximate duration of each benchmark on two cores; "" is the default benchmark.
 DURATIONS = {
-    "": "about ten seconds",
+    "": "about twenty seconds",
     "precision": "half a minute",
-    "engines": "two minutes",
+    "engines": "ten minutes",
     "orbits": "eight minutes",
     "basins": "ten seconds",
 }
@@ -36,7 +36,7 @@ def bench(
 ) -> None:
     """Measure run time and accuracy on this machine.
 
-    Writes tables and plots to OUT/benchmarks. Without NAME, compares two engines at equal error in about ten seconds.
+    Writes tables and plots to OUT/benchmarks. Without NAME, compares two engines at equal error in twenty seconds.
     """
     if names and long:
         raise VibroplatError(f"{names[0]} --long: --long runs all benchmarks; allowed: names or --long")
