@@ -123,7 +123,8 @@ class Kernel(_Dispatcher):
     """A kernel that Python and other kernels call, each what is compiled for it; most have only one kind of caller."""
 
     def __init__(self, function: Callable[..., Any], *, inline: bool = False, fused: bool = False) -> None:
-        self._options = OPTIONS | ({"fastmath": {"contract"}} if fused else {})
+        # said in any case: numba else compiles what a fused kernel calls fused as well, if nobody has called it before
+        self._options = OPTIONS | {"fastmath": {"contract"} if fused else False}
         super().__init__(function, targetoptions=self._options)
         self._inline = inline
         self.enable_caching()
@@ -191,10 +192,7 @@ def inlined(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def fused_inline(function: Callable[P, T]) -> Callable[P, T]:
-    """Compile a kernel as both :func:`fused` and :func:`inlined` do.
-
-    A fused kernel makes kernels that are compiled for it fused as well, but not those that others had compiled before.
-    """
+    """Compile a kernel as both :func:`fused` and :func:`inlined` do."""
     return cast("Callable[P, T]", Kernel(function, inline=True, fused=True))
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
 from vibroplat.kernels.vectors import select
 from vibroplat.model.parameters import Parameters
 
@@ -36,7 +36,7 @@ class MotorTerms(NamedTuple):
     share: float  # one over it; 0 for a motor at rest at 0 Hz, which has no torque
 
 
-@inlined
+@fused_inline
 def motor_at(i: int, t: float, speed: float, p: Parameters) -> MotorTerms:
     """Prepare the terms of exciter i's torque at a time and a speed (rad/s)."""
     slip, critical = slip_speeds(i, t, speed, p)
@@ -45,7 +45,7 @@ def motor_at(i: int, t: float, speed: float, p: Parameters) -> MotorTerms:
     return MotorTerms(slip, critical, p.speed_ramp[i], p.slip_ramp[i], square, share)
 
 
-@inlined
+@fused_inline
 def square_term(k: int, slip_square: float, motor: MotorTerms) -> float:
     """Term k of Δ² + u² from that of u²."""
     if k == 0:
@@ -55,7 +55,7 @@ def square_term(k: int, slip_square: float, motor: MotorTerms) -> float:
     return slip_square + motor.critical_ramp * motor.critical_ramp if k == 2 else slip_square
 
 
-@inlined
+@fused_inline
 def kloss_term(slip: float, slip_before: float, products: float, motor: MotorTerms, torque: float) -> float:
     """Term k of :func:`kloss_torque`, by (Δ² + u²) L = 2 M_c Δ u, from terms k and k − 1 of u.
 
@@ -117,7 +117,7 @@ def resistance(speed: float, friction: float) -> float:
     return friction * speed * abs(speed)
 
 
-@inlined
+@fused_inline
 def resistance_term(square: float, sense: float, friction: float) -> float:
     """Term of :func:`resistance` from that of φ̇², while the exciter turns in a sense (±1)."""
     return friction * sense * square
