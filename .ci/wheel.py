@@ -26,6 +26,7 @@ INSIDE = "*.inside-*"
 
 SHORT = ("--set", "run.duration_s=0.3")
 SWEEP = ("--set", "sweep.supply_frequency_hz={start: 46.0, stop: 48.0, step: 2.0}", "--set", "sweep.max_settle_s=2.0")
+FEW = ("--set", "basins.initial_conditions={run.initial.phase_difference_rad: [-3.0, 3.0, 4]}")
 #: Commands that compute, of each kind; the second argument is a file in the folder of configurations.
 COMMANDS = (
     ("run", "quickstart.yaml", "--engine", "native", *SHORT),
@@ -35,7 +36,11 @@ COMMANDS = (
     ("orbits", "examples/branches.yaml", "--engine", "taylor", "--set", "orbits.stop=46.0"),
     ("orbits", "examples/boundaries-mass.yaml", "--engine", "taylor", "--set", "orbits.stop=46.0"),
     ("orbits", "examples/branches.yaml", "--engine", "native", "--set", "orbits.stop=42.5"),
+    ("basins", "examples/basins.yaml", "--engine", "native", *FEW),
+    ("basins", "examples/basins.yaml", "--engine", "taylor", *FEW),
 )
+#: Motions side by side on processors with shorter vectors; those of this machine are computed besides.
+SHORTER = {"VIBROPLAT_LANES": "4"}
 #: What can be computed from Python alone.
 PYTHON = """
 from vibroplat import load_config, lyapunov, simulate, variation
@@ -62,7 +67,9 @@ def compile_all(root: Path, place: Path) -> Path:
     ]
     for line in (*lines, ["-c", PYTHON.format(config=str(configs / "quickstart.yaml"))]):
         # in this folder Python finds the package here, even if another one is installed
-        subprocess.run([sys.executable, *line], cwd=root, env=environment, check=True, stdout=subprocess.DEVNULL)
+        for lanes in ({}, SHORTER) if "basins" in line else ({},):
+            kept = environment | lanes
+            subprocess.run([sys.executable, *line], cwd=root, env=kept, check=True, stdout=subprocess.DEVNULL)
     (made,) = {file.parent for file in (place / "vibroplat").glob("kernels-*/*") if not file.match(INSIDE)}
     return made
 

@@ -52,14 +52,15 @@ BY_ROOM = [
     ]),
     # integrators
     ("integrate", [
-        "least = max(least, math.log(largest) / (k - 1)) → least = max(least, math.log(largest) / (k + 1))",
-        "return worst <= MAX_DEFECT or is_round_off( → return True or rounded(",
+        "return greater(float(k) * largest(greater(first, second)) → return greater(largest(greater(first, second))",
+        "good = (worst <= greater(s.noise, MAX_DEFECT)) → good = (worst <= greater(s.noise, 1e9))",
+        "form < max(e.bound[place] * followed.before, limits.near) → form < 1.0",
         "stop, status.resting = AT_TARGET, -1\n            length *= crossing(c, degree, 3, target) → stop, status.resting = AT_TARGET, -1",
-        "ahead[n + 3 + e.status.resting] = 0.0 → ahead[n + 3 + e.status.resting] = 1e-3",
+        "s.v[3 + status.resting, lane] = 0.0 → s.v[3 + status.resting, lane] = 1e-3",
     ]),
     # what is observed
     ("observe motion", [
-        '0.5 * (extremes["largest"][HEIGHT] - extremes["least"][HEIGHT]) → extremes["largest"][HEIGHT] - extremes["least"][HEIGHT]',
+        '0.5 * float(extremes["largest"][HEIGHT] - extremes["least"][HEIGHT]) → float(extremes["largest"][HEIGHT] - extremes["least"][HEIGHT])',
         'result["excitation_frequency_hz"] = 0.5 * (first + second) → result["excitation_frequency_hz"] = first',
         'result["frequency_split_hz"] = first - second → result["frequency_split_hz"] = second - first',
         "mean[square] - mean[first] ** 2 → mean[square] + mean[first] ** 2",
@@ -104,7 +105,7 @@ BY_ROOM = [
     ]),
     # basins and thresholds
     ("basin", [
-        "return number if inside and nearer else None, turns → return number if inside else None, turns",
+        "min(stride, limits.most - followed.turns) → stride",
         "stays = reached.diagonal().copy() → stays = np.ones(count, dtype=bool)",
         "points[:period]).max() < SAME_ORBIT_DISTANCE → points[:period]).max() < 10.0",
         "begin = LATE_FRACTION * longest → begin = 0.0",
@@ -112,7 +113,7 @@ BY_ROOM = [
         "radii = [radius for _, radius in around if radius > 0.0] → radii = [radius for _, radius in around]",
     ]),
     ("continuation", [
-        "[self._norm.real, self._norm.imag]))[1], sphere) → [self._norm.real, self._norm.imag]))[1] * 0.0 + np.eye(len(sphere[0])), sphere)",
+        "np.linalg.qr(np.vstack([norm.real, norm.imag]))[1] → np.eye(len(norm))",
     ]),
     ("thresholds", [
         'one.kind != "level-crossing" or has_errors( → one.kind != "level-crossing" and has_errors(',
@@ -126,7 +127,7 @@ BY_ROOM = [
         "math.prod((1.0 + self.multipliers) → math.prod((2.0 + self.multipliers)",
         "(1.0 - 2.0 * away * steepness) → (1.0 + 2.0 * away * steepness)",
         "(np.abs(self.multipliers[nearest].imag) > MAX_IMAGINARY).all() → (np.abs(self.multipliers[nearest].imag) < MAX_IMAGINARY).all()",
-        "> MAX_MULTIPLIER_CHANGE * max(1.0, abs(m)) → < MAX_MULTIPLIER_CHANGE * max(1.0, abs(m))",
+        "(away > MAX_MULTIPLIER_CHANGE * np.maximum → (away < MAX_MULTIPLIER_CHANGE * np.maximum",
     ]),
     # what is kept on disk
     ("faults", [
@@ -136,7 +137,7 @@ BY_ROOM = [
         "del node.body[0] → pass",
     ]),
     ("study", [
-        "wider = np.maximum(most - least → wider = 0.5 * np.maximum(most - least",
+        "wider = np.maximum(np.maximum(most - least → wider = 0.5 * np.maximum(np.maximum(most - least",
         "for i in {*before.coordinates} ^ {*scene.coordinates}: → for i in {*before.coordinates} - {*scene.coordinates}:",
     ]),
     # figures

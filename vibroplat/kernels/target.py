@@ -7,6 +7,7 @@ everywhere, and computes the same bits. A user's own choice (``NUMBA_CPU_NAME``,
 
 from __future__ import annotations
 
+import os
 import platform
 from collections.abc import Callable
 from functools import cache
@@ -32,10 +33,13 @@ _WIDE, _EIGHT = "avx512f avx512bw avx512cd avx512dq avx512vl", ("x86-64-v4", "-p
 
 @cache
 def lanes() -> int:
-    """Return how many motions go side by side in the processor's vectors."""
-    if processor() != (GENERIC["x86_64"][0], ""):
-        return 2 if processor()[0] == GENERIC["aarch64"][0] else 4
-    return 8 if {f"+{one}" for one in _WIDE.split()} <= set(get_host_cpu_features().split(",")) else 4
+    """Return how many motions go side by side in the processor's vectors; ``VIBROPLAT_LANES`` asks for fewer."""
+    most = 2 if processor()[0] == GENERIC["aarch64"][0] else 4
+    own = set(get_host_cpu_features().split(","))
+    if processor() == (GENERIC["x86_64"][0], "") and {f"+{one}" for one in _WIDE.split()} <= own:
+        most = 8
+    asked = os.environ.get("VIBROPLAT_LANES", "")
+    return int(asked) if asked in ("2", "4") and int(asked) < most else most
 
 
 @cache
