@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 #: Approximate duration of each benchmark on two cores; "" is the default benchmark.
 DURATIONS = {
-    "": "about twenty seconds",
+    "": "twenty seconds",
     "precision": "half a minute",
     "engines": "ten minutes",
     "orbits": "eight minutes",
