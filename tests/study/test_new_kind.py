@@ -132,7 +132,7 @@ ADDED = {
 }
 #: An engine in a module of its own, and the line that makes it known.
 ENGINE = "from vibroplat.integrate.taylor import TaylorEngine\n\n\nclass Again(TaylorEngine):\n    name = 'again'\n"
-KNOWN = {"ENGINES = {\n": '    "again": EngineKind("integrate.again.Again", "integrate.taylor.run_loop"),\n'}
+KNOWN = {"ENGINES = {\n": '    "again": EngineKind("integrate.again.Again", "integrate.taylor.carry"),\n'}
 #: Its section, which stands beside the others.
 PLAN = '''"""The section ``changes``."""
 

@@ -11,11 +11,11 @@ import math
 from collections.abc import Sequence
 
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.state import Automaton, rewind
+from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.group import Group, group_of
 from vibroplat.integrate.interface import WORK
 from vibroplat.integrate.lockstep import run_lanes
-from vibroplat.kernels.compiled import Callee, address_of, borrow, compiled, same_types
+from vibroplat.kernels.compiled import Callee, address_of, call_kernel, compiled, same_types
 from vibroplat.kernels.polynomial import MAX_DEGREE
 from vibroplat.model.parameters import Parameters
 
@@ -47,7 +47,7 @@ class TaylorEngine:
         self.degree = degree_of(scene.solver.tolerance)
         self.max_steps = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
         self._p = p  # not a copy: a drive's program changes it in place
-        self._run_loop = same_types(run_loop)
+        self._carry = same_types(carry)
         self._h: Automaton | None = None
         self._groups: list[Group] = []  # of several motions, the last of one
 
@@ -74,12 +74,13 @@ class TaylorEngine:
 
     def advance(self, h: Automaton) -> None:
         """Go on with a run; see :class:`vibroplat.integrate.interface.Engine`."""
-        self._run_loop(h, self._group_of(h))
+        self._carry(self._group_of(h))
 
     def compiled_loop(self, h: Automaton) -> Callee:
         """Return what :meth:`advance` calls."""
         group = self._group_of(h)
-        return Callee(address_of(run_loop, h, group), (group,))
+        address = address_of(carry, group)
+        return Callee(address_of(run_loop, h, address, group), (address, group))
 
     def _group_of(self, h: Automaton) -> Group:
         if self._h is not h:
@@ -94,13 +95,20 @@ class TaylorEngine:
         """Do nothing: Python frees what the engine holds."""
 
 
-def loop_arguments(h: Automaton) -> tuple[Automaton, Group]:
-    """Make the arguments of :func:`run_loop` for an automaton, for the compiler."""
-    return h, group_of([h], h.steps.degree, MAX_STEPS, keep=True)
+def loop_arguments(h: Automaton) -> tuple[Group]:
+    """Make the arguments of :func:`carry` for an automaton, for the compiler."""
+    return (group_of([h], h.steps.degree, MAX_STEPS, keep=True),)
 
 
 @compiled
-def run_loop(owned_h: Automaton, owned_g: Group) -> None:
+def carry(owned_g: Group) -> None:
     """Carry the motion of an automaton, a group of its own, on until it has ended or has no room for more steps."""
-    rewind(borrow(owned_h).steps)
+    used = owned_g.used[0]
+    used.steps = used.first = used.pieces = 0
     run_lanes(owned_g)
+
+
+@compiled
+def run_loop(h: Automaton, address: int, g: Group) -> None:
+    """Call :func:`carry` by its address, for callers who know engines by their automaton."""
+    call_kernel(address, (g,))

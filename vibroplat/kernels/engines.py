@@ -33,7 +33,7 @@ class EngineKind(NamedTuple):
 ENGINES = {
     "native": EngineKind("integrate.native.make_native", "integrate.ida.run_loop", is_sundials=True),
     "sundae": EngineKind("integrate.sundae.make_sundae", is_sundials=True),
-    "taylor": EngineKind("integrate.taylor.TaylorEngine", "integrate.taylor.run_loop"),
+    "taylor": EngineKind("integrate.taylor.TaylorEngine", "integrate.taylor.carry"),
 }
 
 

@@ -25,7 +25,7 @@ MAX_DEGREE = 32
 _SHARES = np.array([[1.0 / max(math.comb(n, k), 1) for k in range(MAX_DEGREE + 1)] for n in range(MAX_DEGREE + 1)])
 
 
-@inlined
+@fused_inline
 def value(c: FloatArray, degree: int, j: int, s: float) -> float:
     """Evaluate unknown j at fraction s of a step."""
     total = c[degree, j]
@@ -34,7 +34,7 @@ def value(c: FloatArray, degree: int, j: int, s: float) -> float:
     return total
 
 
-@inlined
+@fused_inline
 def slope(c: FloatArray, degree: int, j: int, s: float) -> float:
     """Differentiate unknown j with respect to s."""
     total = degree * c[degree, j]
@@ -43,7 +43,7 @@ def slope(c: FloatArray, degree: int, j: int, s: float) -> float:
     return total
 
 
-@inlined
+@fused_inline
 def values(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
     """Fill the values of all unknowns at fraction s of a step, ``out.size`` of them."""
     for j in range(out.size):
@@ -172,7 +172,7 @@ def halve(b: FloatArray, right: FloatArray) -> None:
     b[n - 1] = right[0]
 
 
-@compiled
+@fused
 def single_zero(powers: FloatArray, b: FloatArray, sign: float, begin: float, size: float) -> float:
     """Fraction at which ``sign`` times a polynomial falls through zero, the only one in [``begin``, ``begin + size``].
 
