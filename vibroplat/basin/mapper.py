@@ -112,6 +112,7 @@ class AttractorMapper:
             longest=4.0 * self._turn,
             near=INNER_RADIUS_RATIO**2,
         )
+        self._never = np.full(scene.solver.max_events_per_period, -np.inf)  # when other motions have restarted
         self._pack()
 
     def close(self) -> None:
@@ -135,10 +136,11 @@ class AttractorMapper:
         followed["place"], followed["fresh"], followed["search"] = -1, 1, self._search
         waiting, taken, held = np.arange(count), np.array([0, count]), np.full(lanes(), -1)
         in_lanes = np.zeros((0, 0)) if self._group is None else numbers_of(self._group.runs)
-        work, others = Followers(numbers_of(runs), in_lanes, followed, waiting, taken, held), dict[int, Record]()
+        arrays = (numbers_of(runs), in_lanes, followed, waiting, taken, held, self._never.copy())
+        work, others = Followers(*arrays), dict[int, Record]()
         while (stopped := self._advance(work, runs))[0] >= 0:
             number, fate = stopped
-            motion.resume(runs[number])
+            motion.resume(runs[number], work.recent)
             turns, more = (int(followed[number][name]) for name in ("turns", "more"))
             if fate == ENDED:
                 ended = {"outcome": motion.outcome, "detail": motion.detail}
@@ -173,7 +175,7 @@ class AttractorMapper:
         while work.taken[0] < work.taken[1]:
             number = int(work.waiting[work.taken[0]])
             work.taken[0] += 1
-            motion.resume(runs[number])
+            motion.resume(runs[number], self._never)
             if work.followed[number]["fresh"]:
                 work.followed[number]["fresh"] = 0
                 motion.find_mode()
@@ -182,6 +184,7 @@ class AttractorMapper:
             run["target"] = np.nan
             runs[number] = run
             if fate != ASSIGNED:
+                work.recent[:] = motion.automaton.recent
                 return number, fate
         return -1, GO_ON
 

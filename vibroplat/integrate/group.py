@@ -34,6 +34,7 @@ LANES = MOTION | {
     "singly": (1,),  # (2 where it is too short); where it is out of the model or not finite; where nothing moves
     "doubtful": (1,),
     "idle": (1,),
+    "stale": (1,),  # 1 where the series is that of a state that was left again
     "safe_rotation": (1,),  # that of the parameters (rad)
     "period": (1,),  # turn of the synchronous speed (s)
     "counted": (1,),  # steps in this period, and when it began (s)

@@ -175,6 +175,7 @@ def confirm(g: Group, s: Any, r: Any) -> None:
     back = s.pending > kept
     # whether the difference is round-off, which few steps need to know, the same step says once more
     s.cap = select(back, select(s.noisy > 0.5, 0.5 * s.length, s.length), select(kept > 0.5, _LONG, s.cap))
+    s.stale = select(back, 1.0, 0.0)
     if some(back):
         s.noisy = select(back, 1.0, s.noisy)
         s.rejected += s.pending - kept
@@ -279,7 +280,9 @@ def propose(g: Group, s: Any, r: Any) -> None:
     singly = may_end(s, q, degree, lesser(length, left)) | (length >= left) | (s.counted > 1.0 * g.max_steps)
     s.singly = select(length >= MIN_STEP * s.period, select(singly, 1.0, 0.0), 2.0)
     s.length = lesser(length, left)
-    s.pending = 1.0 - s.idle
+    s.pending = 1.0 - greater(
+        s.idle, s.stale
+    )  # a step that was taken back left a series that is not that of its beginning
     for lane in range(g.status.size):
         attend(g, lane, _BEFORE)
     s.steps += s.pending
@@ -344,6 +347,10 @@ def look_at_end(h: Automaton, g: Group, lane: int) -> None:
             finite = finite and abs(g.room.q[2, i, lane]) < np.inf
         s.pending[lane] = s.singly[lane] = 0.0
         status.open, status.short = 0, 1 if finite else 0
+        if not g.keep and status.before > 0.0:  # where the motion is
+            s.done0[lane], s.length[lane] = s.done[lane] - status.before, status.before
+            write_step(h, g, lane, 0)
+            h.steps.used.steps = 1
         loop.end_segment(h, FAILED if finite else NOT_FINITE)
     elif s.singly[lane] > 0.5:
         length = end_of_step(h, status, g.room.q, lane, degree, s.done[lane], s.length[lane], h.steps.c[row])

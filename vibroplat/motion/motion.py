@@ -147,9 +147,10 @@ class Simulator:
         runs["state"] = states
         return runs
 
-    def resume(self, run: np.void) -> None:
-        """Go on from where another motion of the scene is, a record of :data:`vibroplat.hybrid.state.RUN`."""
+    def resume(self, run: np.void, recent: FloatArray) -> None:
+        """Go on from where another motion of the scene is: its record of RUN and the times of its last restarts."""
         self._run[0] = run
+        self.automaton.recent[:] = recent
         self.events = 0
 
     def find_mode(self) -> None:

@@ -80,6 +80,7 @@ def go_on(run: Any, turns: int, longest: float) -> int:
 def decide(run: Any, followed: Any, limits: Limits, e: Ellipsoids) -> int:
     """Decide what becomes of a motion that has stopped."""
     if run.outcome not in (OK, RUNNING):
+        followed.turns += followed.stride if followed.place < 0 else 0
         return ENDED
     more, place, system = 0, followed.place, run.systems[run.mode]
     if place >= 0:
@@ -120,6 +121,8 @@ class Followers(NamedTuple):
         Numbers of motions in the order in which they are taken; how many have been taken, and how many there are.
     held
         Numbers of the motions in the lanes, or −1.
+    recent
+        Times of the last restarts of the motion that was given back last (s).
     """
 
     runs: FloatArray
@@ -128,6 +131,7 @@ class Followers(NamedTuple):
     waiting: npt.NDArray[np.int64]
     taken: npt.NDArray[np.int64]
     held: npt.NDArray[np.int64]
+    recent: FloatArray
 
 
 def numbers_of(runs: npt.NDArray[np.void]) -> FloatArray:
@@ -146,6 +150,9 @@ def follow(owned_g: Group, owned_f: Followers, limits: Limits, e: Ellipsoids) ->
                 f.taken[0] += 1
                 f.held[lane], g.lanes.idle[lane] = number, 0.0
                 copy(f.runs[number], f.lanes[lane])
+                g.recent[lane][:] = -np.inf  # what restarted there was another motion
+                g.lanes.counted[lane], g.lanes.counted_from[lane] = 0.0, g.runs[lane].now
+                g.lanes.noisy[lane] = 0.0
                 if f.followed[number].fresh == 1:
                     f.followed[number].fresh = 0
                     attend(g, lane, FIRST)
@@ -169,5 +176,6 @@ def give_back(g: Group, f: Followers, lane: int) -> int:
     number = f.held[lane]
     g.runs[lane].target = math.nan
     copy(f.lanes[lane], f.runs[number])
+    copy(g.recent[lane], f.recent)
     f.held[lane], g.lanes.idle[lane] = -1, 1.0
     return number
