@@ -232,6 +232,23 @@ def test_ctrl_c_while_workers_start(place):
 
 
 @pytest.mark.faults
+@pytest.mark.parametrize("signal_", TOLD)
+@pytest.mark.parametrize("seconds", [0.2, 0.8])
+def test_workers_that_load_end_with_the_command(signal_, seconds, place):
+    """The signal goes to the command alone; its workers would keep its output open for a minute."""
+    with Child(place, *SWEEP, "2", before=LISTENING) as child:
+        until = time.monotonic() + SOON
+        while not (place / "listening").exists() and time.monotonic() < until:
+            time.sleep(0.01)
+        time.sleep(seconds)
+        os.kill(child.process.pid, signal_)
+        began = time.monotonic()
+        assert problem(child.end(), signal_) == ""
+        assert time.monotonic() - began < SOON
+        assert all_gone(child)
+
+
+@pytest.mark.faults
 def test_program_started_with_ctrl_c_ignored_goes_on(place):
     """As by ``sh -c 'vibroplat … &'``: Ctrl-C is for the foreground then."""
     ignoring = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"

@@ -43,8 +43,8 @@ SINGULAR = 1e-8
 UNIT_CIRCLE_DISTANCE = 1e-6
 #: Residual after half of the period, over the tolerance, within which an orbit repeats there.
 HALF_PERIOD_RESIDUAL_RATIO = 1e3
-#: Largest lengths of the second, the third, … step relative to the first one, and largest residuals after the first,
-#: the second, … step relative to the one before: beyond them, the last ones for all later steps, it is given up.
+#: Largest lengths of the second, the third, … step, and largest residuals after the first, the second, … step, relative
+#: to the first ones: beyond them, the last ones for all later steps, it is given up.
 Limits = tuple[Sequence[float], Sequence[float]]
 NO_LIMITS: Limits = ((), ())
 

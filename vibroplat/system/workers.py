@@ -5,6 +5,7 @@ Starting takes a worker as long as the command itself: half a second, a third of
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
@@ -43,6 +44,19 @@ def close_workers(workers: Executor) -> None:
 
 
 @contextmanager
+def _quiet_trackers() -> Iterator[None]:
+    """Let processes that start in the block clean up without a warning once a request to end has killed workers."""
+    before = os.environ.get("PYTHONWARNINGS")
+    os.environ["PYTHONWARNINGS"] = ",".join([*filter(None, [before]), "ignore:resource_tracker"])
+    try:
+        yield
+    finally:
+        del os.environ["PYTHONWARNINGS"]
+        if before is not None:
+            os.environ["PYTHONWARNINGS"] = before
+
+
+@contextmanager
 def loading_workers(jobs: int | None, function: Callable[..., Any], *arguments: Any) -> Iterator[None]:
     """Let the workers of so many jobs, None for one on each core, call a function while the block begins.
 
@@ -56,9 +70,10 @@ def loading_workers(jobs: int | None, function: Callable[..., Any], *arguments: 
         return
     workers = None
     try:
-        workers = worker_processes(count)
-        for _ in range(count):
-            submit(workers, function, *arguments)
+        with _quiet_trackers():
+            workers = worker_processes(count)
+            for _ in range(count):
+                submit(workers, function, *arguments)
     except OSError:
         pass
     try:
