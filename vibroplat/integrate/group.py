@@ -14,31 +14,31 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.kernels.vectors import lanes_record
 from vibroplat.model.series import MOTION, parameter_rows, room
 
-#: Motions side by side: where they are, and besides
+#: Motions side by side: their states, and what an engine knows of each. Flags are 1 or 0.
 LANES = MOTION | {
     "y0": (8, 1),  # coordinates and rates where the last step began
     "v0": (8, 1),
     "a": (8, 1),  # accelerations at its end by its polynomial; F_c there is number 7 of the coordinates
     "weights": (8, 1),  # one over the tolerances of rates, then 0
     "force_weight": (1,),
-    "noise": (1,),  # difference at the end of the step that may be round-off, in tolerances, and whether that is known
-    "noisy": (1,),
-    "length": (1,),  # its duration (s)
-    "origin": (1,),  # when the segment began, time of it now and where the step began, and the longest it may take (s)
-    "done": (1,),
+    "noise": (1,),  # difference at the end of the step that may be round-off, in tolerances
+    "noisy": (1,),  # flag: it is computed
+    "length": (1,),  # duration of the step (s)
+    "origin": (1,),  # beginning of the segment (s)
+    "done": (1,),  # time in the segment, now and where the last step began (s)
     "done0": (1,),
-    "until": (1,),
+    "until": (1,),  # longest that the segment may take (s)
     "cap": (1,),  # longest next step (s)
     "target": (1,),  # angle of exciter 1 at which the run ends, or nan (rad)
-    "pending": (1,),  # 1 where the step is to be confirmed; where its end needs code for one motion; where it is out
-    "singly": (1,),  # (2 where it is too short); where it is out of the model or not finite; where nothing moves
-    "doubtful": (1,),
-    "idle": (1,),
-    "stale": (1,),  # 1 where the series is that of a state that was left again
+    "pending": (1,),  # flag: the step is to be confirmed
+    "singly": (1,),  # flag: the end of the step needs the code for one motion; 2 if the step is too short
+    "doubtful": (1,),  # flag: the step ends outside the model, or where it is not finite
+    "idle": (1,),  # flag: there is no motion
+    "stale": (1,),  # flag: the series is that of a state that was left again
     "safe_rotation": (1,),  # that of the parameters (rad)
     "period": (1,),  # turn of the synchronous speed (s)
-    "counted": (1,),  # steps in this period, and when it began (s)
-    "counted_from": (1,),
+    "counted": (1,),  # steps in this period
+    "counted_from": (1,),  # beginning of the period (s)
     "steps": (1,),
     "rejected": (1,),
 }

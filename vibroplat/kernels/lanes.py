@@ -24,14 +24,14 @@ _FUSED = ("contract",)
 _BYTES = 8
 
 
-_LINE = 64  # bytes of a line of the processor's cache
+LINE = 64  # bytes of a line of the processor's cache
 
 
 def in_lines(shape: tuple[int, ...]) -> FloatArray:
     """Make an array of zeros that begins with a line of the processor's cache: its rows are loaded faster."""
     size = math.prod(shape)
-    whole = np.zeros(size + _LINE // _BYTES)
-    first = -(whole.ctypes.data // _BYTES) % (_LINE // _BYTES)
+    whole = np.zeros(size + LINE // _BYTES)
+    first = -(whole.ctypes.data // _BYTES) % (LINE // _BYTES)
     return whole[first : first + size].reshape(shape)
 
 

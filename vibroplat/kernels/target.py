@@ -1,8 +1,10 @@
 """Which processor the kernels are compiled for: a generic one, so that machines share machine code and results.
 
-Code for x86-64-v3 (AVX2 and FMA, in nearly all processors since 2015) runs as fast as code for all that a newer
-processor has: kernels are chains of scalars that gain nothing from wider vectors. The same machine code then runs
-everywhere, and computes the same bits. A user's own choice (``NUMBA_CPU_NAME``, ``NUMBA_CPU_FEATURES``) goes before.
+Code for x86-64-v3 (AVX2 and FMA, in nearly all processors since 2015) carries one motion as fast as code for all that a
+newer processor has: its kernels are chains of scalars that gain nothing from wider vectors. The same machine code then
+runs everywhere, and computes the same bits. Kernels that carry several motions side by side take the widest vectors of
+the machine (:func:`lanes`); their results differ by round-off from one width to another. A user's own choice
+(``NUMBA_CPU_NAME``, ``NUMBA_CPU_FEATURES``) goes before.
 """
 
 from __future__ import annotations

@@ -14,16 +14,15 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 from llvmlite import ir
 from numba.core import types
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
 from vibroplat.kernels.compiled import fused_inline
+from vibroplat.kernels.lanes import LINE, in_lines
 
 _PLACE, _INDEX, _BIT, _DOUBLE = ir.IntType(32), ir.IntType(64), ir.IntType(1), ir.DoubleType()
-_LINE = 64  # bytes of a line of the processor's cache
 
 
 class LanesType(types.Type):
@@ -65,10 +64,15 @@ def _spread(builder: Any, value: Any, count: int) -> Any:
     have = value.type.count if isinstance(value.type, ir.VectorType) else 1
     if have == count:
         return value
-    if not isinstance(value.type, ir.VectorType):
-        single = ir.Constant(ir.VectorType(value.type, 1), ir.Undefined)
-        value = builder.insert_element(single, value, ir.Constant(_PLACE, 0))
+    value = _as_vector(builder, value)
     return _shuffle(builder, value, value, [i % have for i in range(count)])
+
+
+def _as_vector(builder: Any, value: Any) -> Any:
+    if isinstance(value.type, ir.VectorType):
+        return value
+    single = ir.Constant(ir.VectorType(value.type, 1), ir.Undefined)
+    return builder.insert_element(single, value, ir.Constant(_PLACE, 0))
 
 
 # -- operators, and functions of one to three arguments --------------------------------------------------------
@@ -193,13 +197,6 @@ def _joined(builder: Any, context: Any, kind: Any, first: Any, second: Any) -> A
     return _shuffle(builder, first, second, [*range(kind.count)])
 
 
-def _as_vector(builder: Any, value: Any) -> Any:
-    if isinstance(value.type, ir.VectorType):
-        return value
-    single = ir.Constant(ir.VectorType(value.type, 1), ir.Undefined)
-    return builder.insert_element(single, value, ir.Constant(_PLACE, 0))
-
-
 def _pair_kind(first: Any, second: Any) -> Any:
     if isinstance(first, types.BaseTuple):
         parts: Any = first
@@ -242,7 +239,7 @@ def _align_stack(typing_context: Any, like: Any) -> Any:
         if _count(like) > 1:
             # without another attribute llvmlite does not write this one
             builder.function.attributes.add("nounwind")
-            builder.function.attributes.alignstack = _LINE
+            builder.function.attributes.alignstack = LINE
         return context.get_dummy_value()
 
     return types.void(like), generate
@@ -301,14 +298,7 @@ def lanes_record(
         parts[name] = np.dtype((float, (*shape[:-1], shape[-1] * width))), parts[below][1]
     formats, offsets = zip(*parts.values(), strict=True)
     kind = np.dtype({"names": [*parts], "formats": formats, "offsets": offsets, "itemsize": whole.itemsize})
-    return lines(whole.itemsize // 8).view(kind)[0]
-
-
-def lines(size: int) -> npt.NDArray[np.float64]:
-    """Make an array of zeros that begins with a line of the processor's cache: its rows are loaded faster."""
-    whole = np.zeros(size + _LINE // 8)
-    first = -(whole.ctypes.data // 8) % (_LINE // 8)
-    return whole[first : first + size]
+    return in_lines((whole.itemsize // 8,)).view(kind)[0]
 
 
 if TYPE_CHECKING:
