@@ -1,0 +1,138 @@
+"""Numbers for people: digits, prefixes and zeros by one rule, for prints, notes, pages and figures."""
+
+from __future__ import annotations
+
+import math
+
+#: Digits that a number has, and a frequency.
+DIGITS, FREQUENCY_DIGITS = 3, 4
+#: Size below which a quantity counts as nothing, over the largest one of its kind.
+NEGLIGIBLE = 1e-3
+#: What stands where there is no number.
+MISSING = "–"
+#: Units that take a prefix, with the factors to those that are written, in ascending order. Motion is in mm and mrad
+#: whatever its size, so that columns can be compared.
+PREFIXES: dict[str, tuple[tuple[float, str], ...]] = {
+    "m": ((1e-3, "mm"),),
+    "rad": ((1e-3, "mrad"),),
+    "N": ((1.0, "N"), (1e3, "kN"), (1e6, "MN")),
+    "N·s": ((1e-3, "mN·s"), (1.0, "N·s"), (1e3, "kN·s")),
+    "N·m": ((1e-3, "mN·m"), (1.0, "N·m"), (1e3, "kN·m")),
+    "W": ((1e-3, "mW"), (1.0, "W"), (1e3, "kW")),
+    "J": ((1e-3, "mJ"), (1.0, "J"), (1e3, "kJ"), (1e6, "MJ")),
+    "N/m": ((1.0, "N/m"), (1e3, "kN/m"), (1e6, "MN/m")),
+}
+#: Units whose numbers are written without decimals.
+WHOLE = ("rpm", "1/min", "°")
+#: A size this close to the next prefix is written with it, as rounding would.
+_ALMOST = 1.0 - 0.5 * 10.0**-DIGITS
+
+
+def prefixed(size: float, unit: str) -> tuple[float, str]:
+    """Return the factor and the name of the unit in which a size has 1 … 999 before its point, as far as one has it."""
+    ladder = PREFIXES.get(unit, ((1.0, unit),))
+    return next((step for step in reversed(ladder) if abs(size) >= _ALMOST * step[0]), ladder[0])
+
+
+def places(value: float, digits: int = DIGITS, error: float | None = None) -> int:
+    """Return the decimals of a number: so many digits, none beyond the first digit of its error; negative for tens."""
+    if not value or not math.isfinite(value):
+        return 0
+    found = digits - 1 - _first_digit(value, digits)
+    return found if not error else min(found, -_first_digit(error, 1))
+
+
+def decimal(value: float, decimals: int) -> str:
+    """Write a number with so many decimals; never −0 and no exponent."""
+    return f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", "−")
+
+
+def number(value: float | None, digits: int = DIGITS, error: float | None = None) -> str:
+    """Write a number without a unit and without an exponent; what is not finite is ``MISSING``."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    return decimal(value, places(value, digits, error))
+
+
+def quantity(
+    value: float | None,
+    unit: str = "",
+    *,
+    digits: int | None = None,
+    error: float | None = None,
+    largest: float | None = None,
+    size: float | None = None,
+) -> str:
+    """Write a number with its unit.
+
+    Parameters
+    ----------
+    value
+        Number, in SI units; None or one that is not finite is ``MISSING``.
+    unit
+        SI unit, as :data:`vibroplat.columns.UNITS` writes it; it gets a prefix where :data:`PREFIXES` has one.
+    digits
+        Significant digits. Default: 3, of a frequency 4, of a speed in 1/min and of an angle in degrees no decimals.
+    error
+        How far the number may be wrong: no digits are written beyond its first one, and what is not above it is "0".
+    largest
+        The largest of its kind: what is not above 1/1000 of it is "0", without a unit.
+    size
+        Number whose prefix is taken, for numbers beside each other.
+    """
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if abs(value) <= max(error or 0.0, NEGLIGIBLE * abs(largest or 0.0)):
+        return "0"
+    factor, name = prefixed(value if size is None else size, unit)
+    scaled = value / factor
+    if digits is None and unit in WHOLE:
+        decimals = 0
+    else:
+        decimals = places(scaled, digits or _digits_of(unit), error and error / factor)
+    return f"{decimal(scaled, decimals)} {name}".strip()
+
+
+def spread(value: float, around: float, unit: str) -> str:
+    """Write a number and one to either side in one unit: two digits of the smaller, three or four of the larger."""
+    factor, name = prefixed(max(abs(value), abs(around)), unit)
+    small, large = sorted((abs(value) / factor, abs(around) / factor))
+    first = _first_digit(large, 3) if large else 0
+    decimals = min(max(1 - _first_digit(small, 2) if small else 0, 2 - first), 3 - first)
+    return f"{decimal(value / factor, decimals)} ± {decimal(around / factor, decimals)} {name}".strip()
+
+
+def interval(low: float, high: float, unit: str = "", *, digits: int | None = None) -> str:
+    """Write an interval in one unit, with the decimals of its larger end."""
+    factor, name = prefixed(max(abs(low), abs(high)), unit)
+    decimals = places(max(abs(low), abs(high)) / factor, digits or _digits_of(unit))
+    first, last = (decimal(end / factor, decimals) for end in (low, high))
+    return f"{first if first == last else f'{first} … {last}'} {name}".strip()
+
+
+def share(value: float | None) -> str:
+    """Write a share in per cent: whole from 10 to 90, else with one decimal; 0 and 100 only where they are exact."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    percent = 100.0 * value
+    if percent in (0.0, 100.0):
+        return f"{percent:.0f} %"
+    if 0.0 < percent < 0.05:
+        return "< 0.1 %"
+    if 99.95 <= percent < 100.0:
+        return "> 99.9 %"
+    return f"{decimal(percent, 0 if 10.0 <= abs(percent) <= 90.0 or abs(percent) > 100.0 else 1)} %"
+
+
+def given(value: float) -> str:
+    """Write a number that a user gave as he gave it, up to twelve digits."""
+    return f"{value:.12g}"
+
+
+def _digits_of(unit: str) -> int:
+    return FREQUENCY_DIGITS if unit == "Hz" else DIGITS
+
+
+def _first_digit(value: float, digits: int) -> int:
+    """Return the power of ten of the first digit of a number that is rounded to so many digits."""
+    return int(f"{abs(value):.{digits - 1}e}".partition("e")[2])
