@@ -307,6 +307,8 @@ def _move_to_exciters(tree: Mapping[str, Any]) -> dict[str, Any]:
 
 def nest(dotted: Mapping[str, Any]) -> dict[str, Any]:
     """Turn dotted keys into nested sections: ``{"a.b": 1}`` becomes ``{"a": {"b": 1}}``."""
+    if not isinstance(dotted, Mapping):
+        raise ConfigError(f"{short(dotted)} is no mapping; allowed: dotted keys and their values")
     tree: dict[str, Any] = {}
     for path, value in dotted.items():
         if not isinstance(path, str):

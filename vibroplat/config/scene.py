@@ -16,6 +16,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, Field, ValidationError, ValidationInfo, model_validator
 
+from vibroplat.config.arguments import FileName, instance_of, validated
 from vibroplat.config.body import RigidBody, rigid_body
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.drive import Drive
@@ -419,6 +420,11 @@ class Scene(Section):
             raise ConfigError(explain(error, cls)) from None
 
 
+#: A scene that is given to a function.
+SceneArgument = instance_of(Scene, "a Scene, as load_config(FILE) returns one")
+
+
+@validated(path=FileName)
 def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None) -> Scene:
     """Read a scene from a YAML 1.2 file.
 

@@ -27,6 +27,8 @@ _ALLOWED = {
     "string_type": "text",
     "bool_type": "true or false",
     "list_type": "a list",
+    "callable_type": "a function",
+    "is_instance_of": "a {class}",
     "model_type": "a section of keys and values",
     "model_attributes_type": "a section of keys and values",
     "dict_type": "a section of keys and values",
@@ -187,20 +189,20 @@ def explain(error: ValidationError, model: type[BaseModel]) -> str:
     """
     first, *more = sorted(error.errors(), key=lambda one: ".".join(map(str, one["loc"])) not in RENAMED_KEYS)
     path = [str(part) for part in first["loc"]]
-    key = ".".join(path)
+    key = ".".join(path) or model.__name__.lower()
     if first["type"] == "extra_forbidden" and in_lists(path) in REMOVED_KEYS:
         line = f"unknown key {key}; it was removed: {REMOVED_KEYS[in_lists(path)]}"
     elif first["type"] == "extra_forbidden" and key in RENAMED_KEYS:
         line = f"unknown key {key}; it is now {RENAMED_KEYS[key]}"
     elif first["type"] == "extra_forbidden":
         *section, wrong = path
-        names = [name.rpartition(".") for name in nodes(model)]
+        names = [name.rpartition(".") for name in (nodes(model) if issubclass(model, Section) else model.model_fields)]
         known = [last for above, _, last in names if above == in_lists(section)]
         elsewhere = [".".join((above, last)) for above, _, last in names if last == wrong]  # its section is missing
         hint = f"did you mean {elsewhere[0]}? " if elsewhere else did_you_mean(wrong, known)
         line = f"unknown key {key}; {hint}allowed: {', '.join(known)}"
     elif first["type"] == "value_error":
-        line = f"{key}: {first['ctx']['error']}" if key else str(first["ctx"]["error"])
+        line = f"{key}: {first['ctx']['error']}" if path else str(first["ctx"]["error"])
     elif first["type"] == "missing":
         line = f"{key} is missing; allowed: a value"
     else:

@@ -334,4 +334,4 @@ def design(scene: Scene, **options: Unpack[Options]) -> Result:
     OrbitError
         The motion converges to no periodic orbit.
     """
-    return run_study(DesignStudy(scene), **options)
+    return run_study(DesignStudy, scene, **options)
