@@ -25,6 +25,7 @@ def test_name_is_that_given_or_the_stem_of_the_file(here, scene_of):
     (here / "f25.75-R0.3.yaml").write_text("")
     assert load_config("f25.75-R0.3.yaml").name == "f25.75-R0.3"
     assert scene_of("name: given").name == "given"
+    assert scene_of("name: Förderer-2").name == "Förderer-2"
     assert scene_of("name: given", {"name": "set"}).name == "set"
     # anchors may be reused (YAML 1.2, section 3.2.2.2), and no warning may reach the user's terminal
     assert scene_of("motor: &m {pole_pairs: &m 2}\n").motor.pole_pairs == 2

@@ -35,7 +35,7 @@ Grid = dict[str, Annotated[list[float | int | bool | str], Field(min_length=1)]]
 
 
 def _as_list(value: Any) -> Any:
-    return [value] if isinstance(value, str) else value
+    return ["up", "down"] if value == "both" else [value] if isinstance(value, str) else value
 
 
 def _in_range(start: float, stop: float, step: float | None, direction: list[Direction]) -> None:

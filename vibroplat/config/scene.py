@@ -22,7 +22,7 @@ from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.drive import Drive
 from vibroplat.config.plans import FREQUENCY, OrbitsPlan, SweepPlan
 from vibroplat.config.reader import add_line, load_tree, merge, nest
-from vibroplat.config.schema import PERTURBATION, Section, described, explain
+from vibroplat.config.schema import NAME, PERTURBATION, Section, described, explain
 from vibroplat.config.sections import (
     OF_EXCITERS,
     ROTATIONS,
@@ -67,7 +67,7 @@ class Scene(Section):
     (<Mode.BARE: 2>,)
     """
 
-    name: Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9][A-Za-z0-9._+-]*$")] = Field(
+    name: Annotated[str, Field(min_length=1, max_length=100, pattern=NAME)] = Field(
         "scene", description="name of the results' directory; not given: that of the file"
     )
     machine: Machine = Field(Machine(), description="platform, springs and exciters")
@@ -441,9 +441,9 @@ def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | Non
         One line with the file, the key, the value and what is allowed.
     """
     file = Path(path)
-    tree = {"name": file.stem} | merge(load_tree(file), nest(overrides or {}))
+    lower = load_tree(file)
     try:
-        return Scene.from_tree(tree)
+        return Scene.from_tree({"name": file.stem} | merge(lower, nest(overrides or {})))
     except ConfigError as error:
         told = add_line(str(error), file.read_text(encoding="utf-8"))
         raise ConfigError(f"{file}: {told}") from None
