@@ -232,7 +232,7 @@ SETTINGS = [
     ("", "exciters.-1.critical_slip=0.1", "c.yaml: unknown key exciters.-1; allowed: exciters.0 to exciters.1"),
     ("motors: [{}, {}]", "motors.0.pole_pairs='3'", "c.yaml: motors.0.pole_pairs = '3'; allowed: a whole number"),
     (program(), "drive.program.1.t_s=2", "c.yaml: unknown key drive.program.1; allowed: none"),
-    (program(START), "drive.program.1.t_s=2", "unknown key drive.program.1; allowed: drive.program.0"),
+    (program(START), "drive.program.1.t_s=2", "c.yaml: unknown key drive.program.1; allowed: drive.program.0"),
     ("exciters: [{}, {}]", "exciters=[{}]", "c.yaml: exciters = [{}]; allowed: entries, at least 2"),
     (
         "exciters: [{}, {}]",
@@ -252,5 +252,5 @@ def test_messages_about_settings(scene_of, complaint):
             scene_of(text, parse_overrides([setting]))
         told.append(str(caught.value))
     assert told == [line for _, _, line in SETTINGS]
-    line = "drive.supply_frequency_hz lies inside drive, which already has a value"
+    line = "c.yaml: drive.supply_frequency_hz lies inside drive, which already has a value"
     assert complaint("", {"drive": 3, "drive.supply_frequency_hz": 50.0}) == line
