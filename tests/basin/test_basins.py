@@ -214,7 +214,7 @@ def test_bounds_hold_the_share():
         (
             {PHASE: [0, 1], "phase_difference_rad": [0, 2]},
             {},
-            "basins.initial_conditions: initial_conditions has a key",
+            "basins.initial_conditions: initial_conditions has",
         ),
         ({PHASE: [0, 1, 5]}, {"random": 5}, "basins: random = 5 but every range of initial_conditions has a count"),
         (

@@ -129,8 +129,8 @@ MESSAGES = {
     },
     "values that do not go together": {
         f"motor: {{{PLATE[PLATE.index(',') + 2 :]}, rated_speed_rpm: 1425, critical_slip: 0.1}}": "motor: "
-        "critical_torque_n_m or critical_slip is given over a nameplate, which has both; allowed: another rated_power_w "
-        "or breakdown_ratio, or both of them with rated_speed_rpm and breakdown_ratio = null",
+        "critical_torque_n_m or critical_slip is given over a nameplate, which has both; allowed: another "
+        "rated_power_w or breakdown_ratio, or both of them with rated_speed_rpm and breakdown_ratio = null",
         f"motor: {{{PLATE}}}": "motor: rated_power_w is given without rated_speed_rpm; allowed: rated_power_w, "
         "rated_speed_rpm, breakdown_ratio together with rated_frequency_hz, or none of them",
         f"motor: {{{PLATE}, rated_speed_rpm: 1500}}": "motor: rated_speed_rpm = 1500; allowed: less than the "
@@ -237,7 +237,7 @@ SETTINGS = [
     (
         "exciters: [{}, {}]",
         "motor.pole_pairs=3",
-        "c.yaml: motor.pole_pairs is given, but each of the exciters has a "
+        "c.yaml: motor.pole_pairs is given, but each exciter has a "
         "motor of its own; allowed: exciters.N.pole_pairs, for both",
     ),
     ("motor: 3", "motors.0.pole_pairs=2", f"c.yaml: motors.1 = 3; allowed: {SECTION}"),

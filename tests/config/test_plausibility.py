@@ -155,6 +155,6 @@ def test_each_of_two_motors_is_noted():
 def test_motors_that_cannot_turn_at_the_same_speed_are_noted():
     poles = [MOTOR | {"pole_pairs": 1}, MOTOR | {"pole_pairs": 3}]
     assert notes_on_input(load_config(QUICKSTART, {"motors": poles})) == [
-        "the motors have 1 and 3 pole pairs: at one supply their synchronous speeds differ 3 times, and they cannot turn "
-        "at the same speed; give both the same pole_pairs"
+        "the motors have 1 and 3 pole pairs: at one supply their synchronous speeds differ 3 times, and they cannot "
+        "turn at the same speed; give both the same pole_pairs"
     ]

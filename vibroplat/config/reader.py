@@ -276,7 +276,7 @@ def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "")
     if not section and isinstance(upper.get("motor"), Mapping) and merged.get("exciters") and not upper.get("exciters"):
         key = next(iter(upper["motor"]), "critical_slip")
         raise ConfigError(
-            f"motor.{key} is given, but each of the exciters has a motor of its own; allowed: exciters.N.{key}, for both"
+            f"motor.{key} is given, but each exciter has a motor of its own; allowed: exciters.N.{key}, for both"
         )
     if not section and upper.get("exciters") is not None and merged.get("exciters") is None:
         merged = _move_to_exciters(merged)
