@@ -43,9 +43,10 @@ MAX_TURNS = 1e9
 #: The same with engine ``sundae``, which is ten to twenty times slower.
 MAX_TURNS_SUNDAE = 5e7
 
-#: Sections from which the numbers of exciters and rigid body come, and the names of both.
+#: Sections from which the numbers of exciters and rigid body come, the names of both, and of what else is kept.
 EXCITERS_FROM = frozenset(("machine", "motor", "motors", "exciters"))
 _FOUND = frozenset(("exciter_pair", "body"))
+_SCALES = frozenset(("unbalances", "synchronous_speeds", "speed_scale", "length_scale", "force_scale"))
 
 
 def _plain(value: Any) -> Any:
@@ -181,11 +182,10 @@ class Scene(Section):
     # -- derived quantities -------------------------------------------------------------------------
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Copy the scene, with some sections changed; what these give of exciters and body is found anew."""
+        """Copy the scene, with some sections changed; what follows from these is found anew."""
         copied = super().model_copy(update=update, deep=deep)
-        if update and not EXCITERS_FROM.isdisjoint(update):
-            for name in _FOUND:
-                copied.__dict__.pop(name, None)
+        for name in (*_SCALES, *([] if EXCITERS_FROM.isdisjoint(update or ()) else _FOUND)):
+            copied.__dict__.pop(name, None)
         return copied
 
     @cached_property
@@ -235,7 +235,7 @@ class Scene(Section):
         """Weights of φ₁ and φ₂ in the phase difference: φ₁ + φ₂ if counter-rotating, φ₁ − φ₂ if co-rotating."""
         return 1.0, -1.0 if self.co_rotating else 1.0
 
-    @property
+    @cached_property
     def unbalances(self) -> tuple[float, float]:
         """The static moments k_i = m_i r_i of both exciters (kg·m)."""
         first, second = (
@@ -252,7 +252,7 @@ class Scene(Section):
         )
         return first, second
 
-    @property
+    @cached_property
     def synchronous_speeds(self) -> tuple[float, float]:
         """ω_0 = 2π f_e / P of both motors (rad/s), at the largest supply frequency of a program."""
         return self.synchronous_speeds_at(self.drive.largest_frequency)
@@ -289,17 +289,17 @@ class Scene(Section):
         given = initial.state is not None or initial.from_ is not None
         return 0.0 if given or not any(self.driven(0.0, run.duration_s)) else PERTURBATION
 
-    @property
+    @cached_property
     def speed_scale(self) -> float:
         """The larger of both ω_0 (rad/s)."""
         return max(self.synchronous_speeds)
 
-    @property
+    @cached_property
     def length_scale(self) -> float:
         """(k_1 + k_2)/M, the platform's amplitude far above resonance (m)."""
         return sum(self.unbalances) / self.body.mass
 
-    @property
+    @cached_property
     def force_scale(self) -> float:
         """Weight of the material plus its inertia force at the scales of length and speed (N)."""
         inertia = self.length_scale * self.speed_scale**2
