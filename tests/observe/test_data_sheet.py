@@ -40,6 +40,7 @@ def test_closed_forms_of_a_bare_platform_in_antiphase():
     expected = {
         "foundation_force_y_mean_n": -weight,
         "foundation_force_y_rms_n": abs(spring * y) / math.sqrt(2.0),
+        "foundation_force_y_amplitude_n": abs(spring * y),
         "foundation_force_y_max_n": weight + abs(spring * y),
         "stroke_y_m": 2.0 * amplitude,
         "stroke_y_inlet_m": 2.0 * amplitude,
@@ -298,6 +299,7 @@ def test_the_viscous_force_of_the_material_does_not_reach_the_foundation(quickst
     mean = -(scene.body.mass + 0.5 * scene.material_mass) * scene.machine.gravity_m_per_s2
     assert summary["foundation_force_y_mean_n"] == pytest.approx(mean, rel=1e-3)
     assert summary["foundation_force_y_max_n"] == pytest.approx(force.abs().max(), rel=1e-6)
+    assert summary["foundation_force_y_amplitude_n"] == pytest.approx(0.5 * np.ptp(force), rel=1e-6)
     assert summary["foundation_force_y_rms_n"] == pytest.approx(force.std(), rel=1e-3)
 
 

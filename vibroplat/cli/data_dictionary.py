@@ -38,7 +38,7 @@ LEADING_COLUMNS = (
     *("synchronized_at_s", "captured_by"),
     *("amplitude_y_m", "stroke_x_m", "stroke_y_m", "whole_stroke_y_m", "acceleration_max_m_per_s2", "gamma"),
     *("flight_fraction", "impacts_per_period", "impulse_max_n_s", "contact_force_max_n"),
-    *("foundation_force_x_max_n", "foundation_force_y_max_n", "whole_foundation_force_y_max_n"),
+    *("foundation_force_y_amplitude_n", "foundation_force_y_max_n", "whole_foundation_force_y_max_n"),
     *("motor_power_w", "motor_torque_1_max_n_m", "motor_torque_2_max_n_m", "slip_1", "slip_2"),
 )
 

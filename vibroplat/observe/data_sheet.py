@@ -107,6 +107,7 @@ SHEET: Columns = {
         for how, meaning, told in (
             *((("mean", "mean", "static part: minus the weight on the springs"),) * (name == "force_y")),
             ("rms", "RMS", "about its mean"),
+            ("amplitude", "dynamic amplitude", "half the difference of maximum and minimum; without the static part"),
             ("max", "maximum magnitude", _SUSPENSION + ("; with the static part" if name == "force_y" else "")),
         )
     },
@@ -248,7 +249,9 @@ def _columns_of_extremes(
     gravity: float, unbalances: tuple[float, float], torques: tuple[float, ...], points: tuple[str, ...]
 ) -> Mapping[str, Extreme]:
     """Return them for the numbers of a scene on which they depend: points of a sweep share most of them."""
-    columns = {f"foundation_{name}_max_{unit}": Extreme(k) for name, k, _, unit in _AXES} | {
+    columns = {f"foundation_{name}_max_{unit}": Extreme(k) for name, k, _, unit in _AXES}
+    columns |= {f"foundation_{name}_amplitude_{unit}": Extreme(k, 0.5, difference=True) for name, k, _, unit in _AXES}
+    columns |= {
         "stroke_x_m": Extreme(SIDEWAYS, difference=True),
         "stroke_y_m": Extreme(HEIGHT, difference=True),
         "acceleration_max_m_per_s2": Extreme(ACCELERATION),
@@ -311,6 +314,7 @@ def whole_run(ms: Accumulators, scene: Scene, start: float, captured: bool, lock
     require(ms, WHOLE_RUN)
     numbers: dict[str, Any] = {}
     extremes, columns = merge_extremes(ms.extremes), _from_extremes(scene)
+    columns = {name: columns[name] for name in _names_of_largest(columns)}
     for name, value in _largest(extremes, columns).items():
         numbers[f"whole_{name}"] = value
         if not name.startswith(TIMED):
