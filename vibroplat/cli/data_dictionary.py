@@ -13,14 +13,17 @@ from vibroplat.config.keys import keys, yaml
 from vibroplat.config.kinds import KINDS
 from vibroplat.motion.run import SUMMARY
 from vibroplat.observe.data_sheet import point_columns, whole_columns
-from vibroplat.observe.tables import EVENTS, TRAJECTORY
+from vibroplat.observe.tables import EVENTS, TRAJECTORY, acceleration_columns
 from vibroplat.paper.tables import TABLES as PAPER
 
 _POINTS = point_columns(["NAME"])
 #: All result tables except those of benchmarks, by the names of their files, in the order of the commands that write
 #: them: a sentence on their rows, and their columns.
 TABLES: dict[str, tuple[str, Columns]] = {
-    "trajectory": ("`vibroplat run`: one row per sample; two rows at an event, before and after it.", TRAJECTORY),
+    "trajectory": (
+        "`vibroplat run`: one row per sample; two rows at an event, before and after it.",
+        {**TRAJECTORY, **acceleration_columns(["NAME"])},
+    ),
     "events": ("`vibroplat run`: one row per event.", EVENTS),
     "summary.json": (
         "`vibroplat run`: values for the second half of the run, cut to whole turns or periods. Meanings that say "

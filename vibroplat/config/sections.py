@@ -272,8 +272,8 @@ class Contact(Section):
 class State(Section):
     """A full state. Omitted coordinates are at static rest; omitted rates are 0.
 
-    ``t_s``, ``mode``, the contact force and the columns of the supply are accepted but not used, so that the last row
-    of a trajectory can be given unchanged. Time starts at 0; mode and force follow from the state.
+    ``t_s``, ``mode``, the contact force, accelerations and the columns of the supply are accepted but not used, so that
+    the last row of a trajectory can be given unchanged. Time starts at 0; the others follow from the state.
     """
 
     x_m: Real | None = described(
@@ -304,6 +304,13 @@ class State(Section):
     supply_frequency_hz: Real | None = described(None, "f_e", "supply frequency, if a program changes it")
     motor_power_1_w: Real | None = described(None, "", "mechanical power of motor 1: torque times speed")
     motor_power_2_w: Real | None = described(None, "", "mechanical power of motor 2: torque times speed")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_accelerations(cls, tree: Any) -> Any:
+        if not isinstance(tree, dict):
+            return tree
+        return {key: value for key, value in tree.items() if not str(key).startswith("acceleration_")}
 
 
 #: Keys of a start with rotating exciters.
@@ -400,6 +407,11 @@ class Output(Section):
     """Output tables."""
 
     sample_rate_hz: Positive = described(2000.0, "", "number of rows of the trajectory table per second")
+    accelerations: bool = Field(
+        False,
+        description="whether the trajectory table has the accelerations of the machine's centre of mass and of the "
+        "named points along x and y, by the equations of motion; impulses of impacts do not count",
+    )
     points: Annotated[
         dict[
             Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,39}$")],
