@@ -35,8 +35,9 @@ from vibroplat.system.memory import available, free_memory, size_text
 BLOCK = 2**15
 #: Memory that an array takes besides its numbers (bytes).
 OVERHEAD = 150
-#: Bytes of a number in memory and in a Parquet file, and about as many in CSV.
-NUMBER, NUMBER_IN_CSV = 8, 20
+#: Bytes of a number in memory, and about as many in files: exports of other formats are written beside Parquet.
+NUMBER = 8
+FILED = {"parquet": 8, "csv": 20}
 #: Times that a table is in memory at most, when its parts are put together.
 COPIES = 2
 
@@ -336,7 +337,10 @@ def require_room(scene: Scene, directory: Path | None = None, form: str = "parqu
         limit, number = free_memory(there), COPIES * NUMBER
         where = f"of memory, where {size_text(limit)} may be taken of {size_text(there)} available"
     else:
-        limit, number = float(shutil.disk_usage(directory).free), NUMBER_IN_CSV if form == "csv" else NUMBER
+        limit, number = (
+            float(shutil.disk_usage(directory).free),
+            FILED.get(form, sum(FILED.values())),
+        )
         where = f"on disk, where {size_text(limit)} are free"
     seconds, rate = scene.run.duration_s, scene.output.sample_rate_hz
     rows, columns = seconds * rate, len(Sampler(scene).table(np.empty(0, ROW)).columns)
