@@ -16,7 +16,7 @@ from vibroplat.observe.data_sheet import point_columns, whole_columns
 from vibroplat.observe.tables import EVENTS, TRAJECTORY, acceleration_columns
 from vibroplat.paper.tables import TABLES as PAPER
 
-_POINTS = point_columns(["NAME"])
+_POINTS = point_columns()
 #: All result tables except those of benchmarks, by the names of their files, in the order of the commands that write
 #: them: a sentence on their rows, and their columns.
 TABLES: dict[str, tuple[str, Columns]] = {

@@ -424,3 +424,16 @@ class Output(Section):
         "named points of the platform at which to report stroke and acceleration: {NAME: [x, y]} in metres, from the "
         f"platform's own centre of mass; at most {MAX_NAMED_POINTS}",
     )
+    springs: dict[str, Annotated[int, Field(ge=1)]] = described(
+        {},
+        "",
+        "number of springs at named points: {NAME: NUMBER}; reports the force along y in each of them. All are alike: "
+        "their stiffness is machine.stiffness_y_n_per_m divided by the sum of the numbers",
+    )
+
+    @model_validator(mode="after")
+    def _require_points(self) -> Self:
+        for name in self.springs.keys() - self.points.keys():
+            known = ", ".join(self.points) or "none until points has some"
+            raise ValueError(f"springs.{name}: there is no such point; allowed: names in points ({known})")
+        return self
