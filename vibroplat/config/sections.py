@@ -130,6 +130,13 @@ class Exciter(Motor):
         "0.1 … 1.5 each",
     )
     rotor_inertia_kg_m2: Positive = described(0.8e-3, "J_d,i", "moment of inertia of the rotor", "0.005 … 0.5")
+    mounted_on: Literal["ground", "deck"] = described(
+        "ground",
+        "delta_i",
+        "where the motor stands: ground, as in the paper, whose platform feels no reaction; or deck: the motor is "
+        "bolted to the platform, which takes the reaction of its torque and of the resistance. Torque, slip and power "
+        "are those of the exciter's own speed",
+    )
     rotation: Rotation | None = described(
         None, "sigma_i", "sense in which the motor drives; default: exciter 1 counter-clockwise, exciter 2 clockwise"
     )

@@ -133,7 +133,9 @@ def second_derivatives(system: int, t: float, y: FloatArray, yp: FloatArray, ypp
         for j in range(2 * n):
             ypp[i] -= jac[i, j] * yp[j]
     for i in range(2):
-        ypp[n + 3 + i] += torque_rate(i, t, y[n + 3 + i], p)
+        rate = torque_rate(i, t, y[n + 3 + i], p)
+        ypp[n + 3 + i] += rate
+        ypp[n + 2] -= p.deck[i] * rate
     solve(system, y, ypp, p)
     if ALGEBRAIC[system]:
         yp[2 * n], ypp[2 * n] = ypp[2 * n], 0.0
