@@ -19,7 +19,7 @@ from vibroplat.config.sections import OF_EXCITERS, Motor
 #: swing: the largest (1 - cos a)/a. With less it swings, more each time if the torque grows with the speed, or stays.
 SWING_TORQUE_RATIO = 0.7246
 #: Keys whose default holds for any machine.
-UNIVERSAL_KEYS = frozenset({"gravity_m_per_s2"})
+UNIVERSAL_KEYS = frozenset({"gravity_m_per_s2", "mounted_on"})
 #: Most keys that were left out and are all named.
 MAX_NAMED = 3
 

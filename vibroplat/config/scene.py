@@ -212,6 +212,12 @@ class Scene(Section):
         return {name: (x - x_c, y - y_c) for name, (x, y) in self.output.points.items()}
 
     @property
+    def spring_stiffness(self) -> float:
+        """Stiffness along y of each of the springs of ``output.springs`` (N/m); 0 without any."""
+        count = sum(self.output.springs.values())
+        return self.machine.stiffness_y_n_per_m / count if count else 0.0
+
+    @property
     def co_rotating(self) -> bool:
         """Whether both exciters are driven in the same sense of rotation."""
         first, second = self.exciter_pair

@@ -144,6 +144,13 @@ class Exciter(Motor):
         "0.1 … 1.5 each",
     )
     rotor_inertia_kg_m2: Positive = described(0.8e-3, "J_d,i", "moment of inertia of the rotor", "0.005 … 0.5")
+    mounted_on: Literal["ground", "deck"] = described(
+        "ground",
+        "delta_i",
+        "where the motor stands: ground, as in the paper, whose platform feels no reaction; or deck: the motor is "
+        "bolted to the platform, which takes the reaction of its torque and of the resistance. Torque, slip and power "
+        "are those of the exciter's own speed",
+    )
     rotation: Rotation | None = described(
         None, "sigma_i", "sense in which the motor drives; default: exciter 1 counter-clockwise, exciter 2 clockwise"
     )
@@ -286,8 +293,8 @@ class Contact(Section):
 class State(Section):
     """A full state. Omitted coordinates are at static rest; omitted rates are 0.
 
-    ``t_s``, ``mode``, the contact force and the columns of the supply are accepted but not used, so that the last row
-    of a trajectory can be given unchanged. Time starts at 0; mode and force follow from the state.
+    ``t_s``, ``mode``, the contact force, accelerations and the columns of the supply are accepted but not used, so that
+    the last row of a trajectory can be given unchanged. Time starts at 0; the others follow from the state.
     """
 
     x_m: Real | None = described(
@@ -318,6 +325,13 @@ class State(Section):
     supply_frequency_hz: Real | None = described(None, "f_e", "supply frequency, if a program changes it")
     motor_power_1_w: Real | None = described(None, "", "mechanical power of motor 1: torque times speed")
     motor_power_2_w: Real | None = described(None, "", "mechanical power of motor 2: torque times speed")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_accelerations(cls, tree: Any) -> Any:
+        if not isinstance(tree, dict):
+            return tree
+        return {key: value for key, value in tree.items() if not str(key).startswith("acceleration_")}
 
 
 #: Keys of a start with rotating exciters.
@@ -414,6 +428,11 @@ class Output(Section):
     """Output tables."""
 
     sample_rate_hz: Positive = described(2000.0, "", "number of rows of the trajectory table per second")
+    accelerations: bool = Field(
+        False,
+        description="whether the trajectory table has the accelerations of the machine's centre of mass and of the "
+        "named points along x and y, by the equations of motion; impulses of impacts do not count",
+    )
     points: Annotated[
         dict[
             Annotated[str, Field(pattern=POINT_NAME)],
@@ -426,3 +445,16 @@ class Output(Section):
         "named points of the platform at which to report stroke and acceleration: {NAME: [x, y]} in metres, from the "
         f"platform's own centre of mass; at most {MAX_NAMED_POINTS}",
     )
+    springs: dict[str, Annotated[int, Field(ge=1)]] = described(
+        {},
+        "",
+        "number of springs at named points: {NAME: NUMBER}; reports the force along y in each of them. All are alike: "
+        "their stiffness is machine.stiffness_y_n_per_m divided by the sum of the numbers",
+    )
+
+    @model_validator(mode="after")
+    def _require_points(self) -> Self:
+        for name in self.springs.keys() - self.points.keys():
+            known = ", ".join(self.points) or "none until points has some"
+            raise ValueError(f"springs.{name}: there is no such point; allowed: names in points ({known})")
+        return self

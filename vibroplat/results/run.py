@@ -38,6 +38,7 @@ from vibroplat.observe.tables import (
     require_room,
     state_places,
 )
+from vibroplat.results.exports import plain_array, write_mat
 from vibroplat.results.files import commands_in
 from vibroplat.results.provenance import provenance
 from vibroplat.results.result import LABELS, Answer, Result, Tables
@@ -366,7 +367,9 @@ class RunResult(Result):
         except ImportError:
             raise ImportError("to_xarray needs xarray; pip install 'vibroplat[xarray]'") from None
         table = self.rows(sample)
-        found = xarray.Dataset({str(c): ("t_s", _plain(table[c])) for c in table if c != "t_s"}, {"t_s": table["t_s"]})
+        found = xarray.Dataset(
+            {str(c): ("t_s", plain_array(table[c])) for c in table if c != "t_s"}, {"t_s": table["t_s"]}
+        )
         for name in found.variables:
             found[name].attrs = {"units": unit_of(name), "long_name": table.attrs["meanings"].get(name, name)}
         return found.assign_attrs(name=self.scene.name, outcome=self.outcome)
@@ -381,26 +384,11 @@ class RunResult(Result):
         TableError
             It cannot be written, or there is something else already.
         """
-        savemat = import_module("scipy.io").savemat
         trajectory, place = self.rows(sample), Path(path)
         require_replaceable(place, b"MATLAB", overwrite=overwrite)
-        contents = {
-            "trajectory": {str(c): _plain(trajectory[c]) for c in trajectory},
-            "events": {str(c): _plain(self.events[c]) for c in self.events},
-            "summary": {k: np.nan if v is None else v for k, v in self.summary.items() if k != "notes"},
-            "units": {str(c): unit_of(str(c)) for c in trajectory},
-        }
-
-        def write(temporary: Path) -> None:
-            savemat(temporary, contents, appendmat=False, long_field_names=True, oned_as="column")
-
-        replace_file(place, write)
+        tables = {"trajectory": trajectory, "events": self.events}
+        replace_file(place, lambda path: write_mat(path, tables, {"summary": self.summary}))
         return place
-
-
-def _plain(column: pd.Series) -> Any:
-    """Return a column as an array of numbers, or of texts."""
-    return column.to_numpy() if pd.api.types.is_numeric_dtype(column) else column.astype(object).to_numpy()
 
 
 @validated(directory=FileName, command=str | None)
