@@ -34,11 +34,11 @@ def answer():
 
 def test_the_least_power_is_found_from_each_start(answer, tmp_path):
     """3.4307 W, as with derivative-free searches; the file that is written has it."""
-    assert answer.answer.headline == "best: motor power 3.43 W with RMS y 1.00 mm"
+    assert answer.answer.headline == "best: motor power 3.43 W with RMS y 1.00 mm, stability margin 0.0275"
     first, radius, *_ = answer.answer.short
     assert first == "found by 2 of 2 searches:"
     assert radius.startswith("machine.unbalance_radius_m ")
-    assert radius.endswith(" at the upper end of its range in design.keys")
+    assert radius.endswith(" 0.04407 m")
     assert "(from 2 of 2 starting points)" in answer.answer.lines["there"]
     assert answer.answer.lines["from rest"] == "antiphase, period 1, motor power 3.43 W, RMS y 1.00 mm"
     assert answer.answer.notes == []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from vibroplat.columns import unit_of
+from vibroplat.columns import split, unit_of
 from vibroplat.config.digits import given, quantity, share
 from vibroplat.config.scene import Scene
 from vibroplat.observe.section import MAX_PERIOD
@@ -122,9 +122,13 @@ def whole_run_lines(summary: Mapping[str, Any]) -> dict[str, str]:
 
 def _with_peak(summary: Mapping[str, Any], column: str, more: str = "", largest: float | None = None) -> str:
     """Write the largest value of the measured part, what qualifies it, and the largest one of the whole run."""
-    whole = peak_text(summary, column, unit_of(column))
-    value, told = _text(summary, column, largest), f"whole run: {whole}" if whole else ""
-    return "; ".join(filter(None, (", ".join(filter(None, (value, more))), told)))
+    whole, at = peak_text(summary, column, unit_of(column)), summary.get(f"whole_{split(column)[0]}_at_s")
+    inside = at is None or summary["measured_from_s"] <= at <= summary["measured_to_s"]
+    if inside and summary[f"whole_{column}"] == summary[column]:
+        told = whole.partition(" at ")[2] and f"that at {whole.partition(' at ')[2]}"
+    else:
+        told = whole and f"whole run: {whole.removeprefix('largest ')}"
+    return "; ".join(filter(None, (", ".join(filter(None, (_text(summary, column, largest), more))), told)))
 
 
 def _text(summary: Mapping[str, Any], column: str, largest: float | None = None) -> str | None:
