@@ -10,7 +10,7 @@ import pytest
 from scipy.io import loadmat
 
 from vibroplat import Scene, load, simulate
-from vibroplat.errors import TableError
+from vibroplat.errors import ConfigError, TableError
 from vibroplat.results.result import Answer, Result
 
 
@@ -111,7 +111,7 @@ def test_unique_rows_ascend_and_begin_after_an_event(run):
     impact = events[events["kind"] == "impact"].iloc[0]
     after = rows.loc[rows["t_s"] == impact["t_s"], "gap_rate_m_per_s"].item()
     assert after == pytest.approx(impact["gap_rate_after_m_per_s"], abs=1e-9)
-    with pytest.raises(ValueError, match="sample = 'some'; allowed: all, unique"):
+    with pytest.raises(ConfigError, match="sample = 'some'; allowed: all, unique"):
         run.rows("some")
 
 

@@ -443,4 +443,4 @@ def basins(scene: Scene, **options: Unpack[Options]) -> Result:
     >>> found.starts["turns"].size
     4
     """
-    return run_study(BasinsStudy(scene), **options)
+    return run_study(BasinsStudy, scene, **options)

@@ -14,7 +14,17 @@ from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from vibroplat.config.coordinates import MAX_NAMED_POINTS
-from vibroplat.config.schema import PERTURBATION, Angle, Fraction, NonNegative, Positive, Real, Section, described
+from vibroplat.config.schema import (
+    PERTURBATION,
+    POINT_NAME,
+    Angle,
+    Fraction,
+    NonNegative,
+    Positive,
+    Real,
+    Section,
+    described,
+)
 from vibroplat.kernels.engines import ENGINES, uses_sundials
 
 #: Least tolerances: what the engines can reach.
@@ -78,9 +88,13 @@ class Motor(Section):
         missing = [name for name, value in given.items() if value is None]
         plate = [name for name in given if name not in (*missing, "rated_frequency_hz")]
         if missing:
-            replaced = ", which critical_torque_n_m or critical_slip replaces" if missing == ["rated_power_w"] else ""
+            if missing == ["rated_power_w"] and {"critical_torque_n_m", "critical_slip"} & self._given():
+                raise ValueError(
+                    "critical_torque_n_m or critical_slip is given over a nameplate, which has both; allowed: another "
+                    f"rated_power_w or breakdown_ratio, or both of them with {' and '.join(plate)} = null"
+                )
             raise ValueError(
-                f"{plate[0]} is given without {' and '.join(missing)}{replaced}; "
+                f"{plate[0]} is given without {' and '.join(missing)}; "
                 f"allowed: {', '.join(NAMEPLATE[:-1])} together with {NAMEPLATE[-1]}, or none of them"
             )
         if not self.rated_slip > 0.0:
@@ -421,7 +435,7 @@ class Output(Section):
     )
     points: Annotated[
         dict[
-            Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,39}$")],
+            Annotated[str, Field(pattern=POINT_NAME)],
             Annotated[list[Real], Field(min_length=2, max_length=2)],
         ],
         Field(max_length=MAX_NAMED_POINTS),

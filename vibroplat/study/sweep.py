@@ -188,7 +188,7 @@ def sweep(scene: Scene, **options: Unpack[Options]) -> Result:
     >>> sweep(scene).sweep["outcome"].tolist()
     ['ok', 'ok', 'ok']
     """
-    return run_study(SweepStudy(scene), **options)
+    return run_study(SweepStudy, scene, **options)
 
 
 class Records(Protocol):

@@ -369,4 +369,4 @@ def find(scene: Scene, **options: Unpack[Options]) -> Result:
     >>> find(Scene().replace({"find": plan})).answer.text
     ['drive.supply_frequency_hz = 44.40 Hz: level-crossing; below excitation_frequency_hz = 21.996; above ...']
     """
-    return run_study(ThresholdStudy(scene), **options)
+    return run_study(ThresholdStudy, scene, **options)
