@@ -81,7 +81,9 @@ def test_of_motion_that_repeats_the_smallest_shift_is_taken():
     assert best_shift(measured, computed) == pytest.approx(0.02, abs=1e-4)
     with pytest.raises(TableError, match="shift=fit finds nothing to correlate"):
         best_shift((t, 0.0 * t), computed)
-    with pytest.raises(TableError, match="times span 499000 s; allowed with shift=fit: times in s"):
+    with pytest.raises(TableError, match="shift=fit needs values over time"):
+        best_shift((t[:1], t[:1]), computed)
+    with pytest.raises(TableError, match="times span 499000 s; allowed with shift=fit: seconds"):
         best_shift((1e6 * t, measured[1]), computed)
 
 

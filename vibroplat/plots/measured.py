@@ -136,11 +136,11 @@ def best_shift(measured: Curve, computed: Curve) -> float:
     TableError
         Nothing to compare, or a curve of one value.
     """
-    step = float(np.median(np.diff(np.unique(computed[0]))))
-    if np.ptp(measured[0]) > MOST_SAMPLES * step:
-        raise TableError(
-            f"--data: times span {np.ptp(measured[0]):g} s; allowed with shift=fit: times in s, t=NAME*0.001"
-        )
+    if not len(measured[0]) > 1:
+        raise TableError("--data: shift=fit needs values over time; allowed: shift=S in seconds")
+    step, span = float(np.median(np.diff(np.unique(computed[0])))), float(np.ptp(measured[0]))
+    if span > MOST_SAMPLES * step:
+        raise TableError(f"--data: times span {span:g} s; allowed with shift=fit: seconds, as by t=NAME*0.001")
     grids = [np.arange(times[0], times[-1] + 1e-9 * step, step) for times, _ in (measured, computed)]
     sampled = [np.interp(grid, *curve) for grid, curve in zip(grids, (measured, computed), strict=True)]
     longer_is_measured = len(grids[0]) > len(grids[1])
