@@ -20,7 +20,7 @@ from vibroplat.config.digits import quantity
 from vibroplat.plots.histories import Run
 from vibroplat.plots.measured import FloatArray, Measured
 from vibroplat.plots.style import new_figure
-from vibroplat.plots.timelines import FROM_REST, draw_coordinate
+from vibroplat.plots.timelines import FROM_REST, TURN, draw_coordinate
 from vibroplat.results.labels import plain
 from vibroplat.results.picture import CURVES, REFERENCE
 
@@ -108,7 +108,7 @@ def draw_spectra(runs: Sequence[Run], names: Sequence[str], data: Measured | Non
     lines = _lines(runs, names)
     figure, axes = _panels(lines)
     run = runs[0]
-    speed = run.turns / float(np.ptp(run.shown["t_s"]))
+    speed = float(run.shown["phi1_rate_rad_per_s"].abs().median()) / TURN  # also where a start is shown
     for axis, (along, of) in zip(axes, lines.items(), strict=False):
         found = [amplitude_spectrum(run, column) for run, column, _ in of]
         end = min(found[0][0][-1], ORDERS * speed if run.turns >= 1.0 else math.inf)

@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from scipy.signal import correlate
 
 from vibroplat.columns import PHASE_COLUMN, display_name
 from vibroplat.config.digits import quantity, share
@@ -136,6 +135,8 @@ def best_shift(measured: Curve, computed: Curve) -> float:
     TableError
         Nothing to compare, or a curve of one value.
     """
+    from scipy.signal import correlate  # noqa: PLC0415  (takes half a second, and few figures need it)
+
     if not len(measured[0]) > 1:
         raise TableError("--data: shift=fit needs values over time; allowed: shift=S in seconds")
     step, span = float(np.median(np.diff(np.unique(computed[0])))), float(np.ptp(measured[0]))
