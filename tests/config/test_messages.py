@@ -18,8 +18,10 @@ MOTOR = (
     "critical_torque_n_m, critical_slip, rated_power_w, rated_speed_rpm, breakdown_ratio, pole_pairs, "
     "friction_radius_m, rated_frequency_hz"
 )
-OWN = "unbalance_mass_kg, unbalance_radius_m, static_moment_kg_m, position_m, rotor_inertia_kg_m2, mounted_on, rotation"
-EXCITER = f"{MOTOR}, {OWN}"
+EXCITER = (
+    f"{MOTOR}, unbalance_mass_kg, unbalance_radius_m, static_moment_kg_m, position_m, rotor_inertia_kg_m2, "
+    "mounted_on, rotation"
+)
 PLATE = "rated_power_w: 1500, breakdown_ratio: 2.6, rated_frequency_hz: 50"
 INITIAL = "phase_difference_rad, phase_sum_rad, phi1_rad, speed_ratio, state, from"
 NAME = "letters, digits and . _ + -, starting with a letter or digit"

@@ -25,6 +25,7 @@ from vibroplat.plots.style import (
     legend_below,
     new_figure,
 )
+from vibroplat.results.files import directory_of
 from vibroplat.results.labels import compared, distinct, run_parameters
 from vibroplat.results.picture import BLACK, CURVES, REFERENCE
 
@@ -128,7 +129,7 @@ def run_figures(
     if not drawn:
         raise TableError(f"--kind {kinds[0]}: {directories[0]} {missing(kinds[0], shown)}")
     for kind in drawn:
-        yield directories[0], kind, FIGURES[kind](shown)
+        yield directory_of(directories[0], "run"), kind, FIGURES[kind](shown)
 
 
 def missing(kind: str, shown: Shown) -> str:
