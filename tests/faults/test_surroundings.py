@@ -121,7 +121,7 @@ def test_errors_are_told_apart_from_a_lack_of_memory():
 
 def test_processes_that_the_system_refuses_are_not_blamed_on_the_output(command, here, kernels, monkeypatch):
     refused = raising(OSError(errno.EAGAIN, "Resource temporarily unavailable"))
-    monkeypatch.setattr("vibroplat.system.workers.subprocess.Popen", refused)
+    monkeypatch.setattr("vibroplat.system.workers._start", refused)
     (here / "few.yaml").write_text(SWEEP.replace("measure_s", "grid: {contact.restitution: [0.0, 0.3]}, measure_s"))
     told = "worker processes cannot be started: Resource temporarily unavailable; one job needs none"
     assert command("sweep", "few.yaml", "--jobs", "2") == (1, "", f"vibroplat: {told}; {RESUMABLE}\n")

@@ -155,7 +155,7 @@ def test_worker_answers_whatever_a_task_does():
         "print": (print, "not a result"),
     }
     with opened(1) as workers:
-        assert isinstance(workers.submit(int, "x").exception(SOON).__cause__, Exception)  # with its traceback there
+        assert "Traceback" in workers.submit(int, "x").exception(SOON).__notes__[0]
         assert workers.submit(lambda: 0).exception(SOON) is not None
         raised = {name: workers.submit(*task).exception(SOON) for name, task in tasks.items()}
         assert workers.submit(len, bytes(10_000_000)).result(SOON) == 10_000_000

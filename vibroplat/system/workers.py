@@ -23,6 +23,7 @@ from concurrent.futures import BrokenExecutor, Future
 from contextlib import contextmanager, suppress
 from math import ceil
 from queue import SimpleQueue
+from traceback import format_exception
 from typing import Any
 
 from vibroplat.system.interrupts import without_interrupts
@@ -120,13 +121,13 @@ class Workers:
                 future.set_exception(BrokenExecutor("a worker process has died"))
                 continue
             try:
-                error, result = pickle.loads(answer)
-            except Exception as unreadable:
-                error, result = unreadable, None
-            if error is None:
-                future.set_result(result)
-            else:
+                raised, result = pickle.loads(answer)
+                if raised is not None:
+                    raise raised
+            except BaseException as error:  # SystemExit too, or an answer that cannot be read here
                 future.set_exception(error)
+            else:
+                future.set_result(result)
 
 
 def _start() -> subprocess.Popen[bytes]:
@@ -171,10 +172,9 @@ def _answer(work: bytes) -> bytes:
         function, arguments = pickle.loads(work)
         return pickle.dumps((None, function(*arguments)), pickle.HIGHEST_PROTOCOL)
     except BaseException as error:
-        from concurrent.futures.process import _ExceptionWithTraceback  # noqa: PLC0415
-
+        error.add_note(f"in a worker process: {''.join(format_exception(error))}")
         with suppress(Exception):
-            return pickle.dumps((_ExceptionWithTraceback(error, error.__traceback__), None))
+            return pickle.dumps((error, None))
         return pickle.dumps((RuntimeError(f"{type(error).__name__}: {error}"), None))
 
 
