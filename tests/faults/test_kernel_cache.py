@@ -549,6 +549,19 @@ def test_name_of_sources_that_is_not_believed_is_made_anew(kernel, package):
     assert state.stat().st_mode & 0o777 == 0o600
 
 
+def test_sources_that_are_changed_while_a_process_runs_have_no_machine_code_of_it(kernel, package):
+    """It has loaded the old ones; a process that begins later would take what they were compiled to for the new."""
+    kernel.path.unlink()
+    source = package / "model/source.py"
+    before = source.read_text()
+    source.write_text("four = 4\n")
+    kernel.save()
+    assert not kernel.path.exists()
+    source.write_text(before)
+    kernel.save()
+    assert kernel.load() == ("word",)
+
+
 # -- callers from Python and from other kernels ---------------------------------------------------------
 
 #: Where 1 − 0.5 s + 0.2 s² + s³ is 1.2.

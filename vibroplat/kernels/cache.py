@@ -105,6 +105,11 @@ def _state() -> str:
     return f"sources-{_digest(bytes)[:16]}"
 
 
+def _is_current() -> bool:
+    """Whether the sources are still those of the beginning of this process, which it has compiled."""
+    return _state.__wrapped__() == _state()
+
+
 def _folders() -> Iterator[Path]:
     """Folders that may keep machine code, best first."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
@@ -360,6 +365,8 @@ class KernelCache(NullCache):
         kept = folder()
         if kept is None or data.library.has_dynamic_globals:  # addresses that are valid in this process only
             return
+        if not _is_current():  # it would be kept as that of sources which it is not of
+            return
         code = serialize.dumps(data._reduce())
         path = kept / self._file(sig)
         part = kept / f".{path.name}-{os.getpid()}"
@@ -382,3 +389,6 @@ def cache_of(function: Callable[..., Any]) -> Any:
     if elsewhere or "<" in function.__qualname__:  # lambdas, and functions of functions
         return NullCache()
     return KernelCache(f"{source.parent.name}.{source.stem}.{function.__qualname__}")
+
+
+_state()  # of the sources as they are now, while they are loaded
