@@ -54,15 +54,10 @@ PARAMETERS = np.dtype(
         ("point_x", float, (MAX_NAMED_POINTS,)),  # named points of the platform, from the common centre of mass (m)
         ("point_y", float, (MAX_NAMED_POINTS,)),
         ("safe_rotation", float),  # |φ| up to which the mass matrix is positive definite (rad)
-        ("runaway_rate", float),  # |φ′| of a platform that has turned further, from which it runs away (rad/s)
         ("impact_law", np.int64),  # index into IMPACT_LAWS
     ],
     align=True,
 )
-
-#: |φ′|, over the scale of angular speeds, of a platform that runs away. Its rate goes to infinity in finite time, which
-#: no integrator follows to the end: some have jumped over it, back to small φ with rates of 1e15 rad/s.
-RUNAWAY_RATIO = 1e3
 
 IMPACT_LAWS = ("conservative", "central", "printed")
 CONSERVATIVE, CENTRAL, PRINTED = range(3)
@@ -111,7 +106,6 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     p["restitution"] = scene.contact.restitution
     p["sticking_speed"] = scene.contact.sticking_speed_m_per_s
     p["safe_rotation"] = scene.body.safe_rotation
-    p["runaway_rate"] = RUNAWAY_RATIO * scene.speed_scale
     for i, (x, y) in enumerate(scene.named_points.values()):
         p["point_x"][i], p["point_y"][i] = x, y
     p["impact_law"] = IMPACT_LAWS.index(scene.contact.impact_law)

@@ -19,7 +19,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import PARAMETERS, Parameters, blank_record, parameters
 
 #: Names of the fields that enter the equations as numbers; the others are choices, or say where the equations hold.
-CHOICES = ("safe_rotation", "runaway_rate", "impact_law")
+CHOICES = ("safe_rotation", "impact_law")
 NUMBERS = tuple(name for name in PARAMETERS.names or () if name not in CHOICES)
 #: How many numbers they are; they are the first of the record.
 _WIDTH = int(np.zeros(1, PARAMETERS).itemsize // 8 - len(CHOICES))
@@ -161,5 +161,5 @@ class ParameterInterpolant:
 def flat(p: Any) -> Any:
     """View the numbers that enter the equations, of a record or an array of records, along a last axis."""
     records = np.asarray(p)
-    words = records.reshape(records.shape or 1).view(float).reshape(*records.shape, -1)
-    return words[..., : 2 * _WIDTH].view(complex) if records.dtype == COMPLEX else words[..., :_WIDTH]
+    numbers = records.reshape(records.shape or 1).view(complex if records.dtype == COMPLEX else float)
+    return numbers.reshape(*records.shape, -1)[..., :_WIDTH]
