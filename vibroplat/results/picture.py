@@ -17,7 +17,7 @@ import numpy as np
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
-from vibroplat.results.files import SavedFiles
+from vibroplat.results.files import SavedFiles, directory_of
 from vibroplat.results.labels import EXCITATION, in_ratios, is_number
 from vibroplat.results.result import Result
 
@@ -360,6 +360,6 @@ def rows_in(result: Result, name: str, *columns: Collection[str]) -> pd.DataFram
 
 
 def beside(result: Result, command: str, name: str) -> pd.DataFrame | None:
-    """Return a table of another command in the directory of a result, None if there is none."""
-    place = result.directory
+    """Return a table of another command beside a result, None if there is none."""
+    place = result.home and directory_of(result.home, command)
     return SavedFiles(place, command).table(name) if place and any(place.glob(f"{name}.*")) else None
