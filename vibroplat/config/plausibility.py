@@ -144,8 +144,8 @@ def _unequal_motors(scene: Scene) -> str:
         return ""
     ratio = max(first, second) / min(first, second)
     return (
-        f"the motors have {first} and {second} pole pairs: at one supply their synchronous speeds differ {ratio:.3g} "
-        "times, and they cannot turn at the same speed; give both the same pole_pairs"
+        f"the motors have {first} and {second} pole pairs: at one supply their synchronous speeds differ "
+        f"{given(round(ratio, 2))} times, and they cannot turn at the same speed; give both the same pole_pairs"
     )
 
 
