@@ -1,0 +1,321 @@
+"""The data sheet of runs on the page: what an engineer asks for, by its groups, a row for each quantity."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from html import escape
+from typing import Any, NamedTuple
+
+from vibroplat.columns import describe_sync, split
+from vibroplat.config.digits import MISSING, NEGLIGIBLE, number, quantity, share, spread
+from vibroplat.config.scene import Scene
+from vibroplat.observe.summary import COHERENCE, synchronization
+
+#: Part of the larger one up to which two motors, or exciters, have one number.
+ALIKE = 0.01
+#: Headings of the columns of a single run.
+HEADS = ("", "in operation", "largest, with start", "when")
+
+
+class Row(NamedTuple):
+    """A row of a data sheet.
+
+    Attributes
+    ----------
+    label
+        What it is.
+    now, also
+        Value in operation, and what is said beside it.
+    most, when
+        Largest value of the whole run, and when that was.
+    """
+
+    label: str
+    now: str = ""
+    also: str = ""
+    most: str = ""
+    when: str = ""
+
+
+@dataclass
+class Sheet:
+    """Writes the data sheet of a run.
+
+    Attributes
+    ----------
+    summary, scene
+        Its summary, and what was simulated.
+    steady
+        When its stroke was steady (s), if that is known.
+    """
+
+    summary: Mapping[str, Any]
+    scene: Scene
+    steady: float | None = None
+    groups: dict[str, list[Row]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.summary.get("rms_y_m") is not None:
+            self.groups = {
+                "Amplitude and stroke": self._strokes(),
+                "Force into the foundation": self._loads(),
+                "Motors, each or 1 / 2": self._motors(),
+                "Bearings, each or 1 / 2": self._bearings(),
+                "Synchronization": self._synchronization(),
+                "Material": self._material() if self.scene.has_contact else [],
+                "Balances": self._balances(),
+            }
+        self.groups = {
+            name: kept for name, rows in self.groups.items() if (kept := [r for r in rows if r[1:] != ("",) * 4])
+        }
+
+    # -- parts of rows ------------------------------------------------------------------------------
+
+    def _get(self, key: str) -> Any:
+        return self.summary.get(key)
+
+    def _when(self, column: str) -> str:
+        base = split(column)[0]
+        at, pace = (self._get(f"whole_{base}_at_{end}") for end in ("s", "hz"))
+        told = [quantity(at, "s")] + ([quantity(pace, "Hz", digits=3)] if pace is not None else [])
+        return ", ".join(told) if at is not None else ""
+
+    def _row(
+        self, label: str, column: str, unit: str, *, largest: float | None = None, sign: str = "", also: str = ""
+    ) -> Row:
+        """Return the row of a column; beside ``largest`` what is small is 0, and was so at no time."""
+        now, most = self._get(column), self._get(f"whole_{column}")
+        told, peak = ("" if value is None else quantity(value, unit, largest=largest) for value in (now, most))
+        signed = f"{sign}{told}" if told and told != "0" else told
+        return Row(label, signed, also, peak, self._when(column) if peak and peak != "0" else "")
+
+    def _pair(self, column: str, unit: str, write: Any = quantity) -> str:
+        """Return the numbers of both motors, one if they are alike."""
+        first, second = (self._get(column.format(n)) for n in (1, 2))
+        if first is None or second is None:
+            told = [MISSING if value is None else write(value, unit) for value in (first, second)]
+            return "" if first is second else " / ".join(told)
+        size = max(abs(first), abs(second))
+        if abs(first - second) <= ALIKE * size:
+            return str(write(first, unit))
+        one, other = (write(value, unit, size=size, largest=size) for value in (first, second))
+        return one if one == other else f"{one.removesuffix(' ' + other.rpartition(' ')[2])} / {other}"
+
+    def _pair_row(self, label: str, column: str, unit: str, most: str = "") -> Row:
+        peaks = [(self._get(f"whole_{most.format(n)}"), most.format(n)) for n in (1, 2)]
+        known = [(value, name) for value, name in peaks if value is not None] if most else []
+        value, name = max(known, default=(None, ""))
+        told = "" if value is None else quantity(value, unit)
+        return Row(label, self._pair(column, unit), "", told, self._when(name) if told else "")
+
+    # -- groups -------------------------------------------------------------------------------------
+
+    def _strokes(self) -> list[Row]:
+        s = self.summary
+        motion = max(s["rms_x_m"], s["rms_y_m"])
+        stroke = max((s.get(f"stroke_{axis}_m") or 0.0 for axis in "xy"), default=0.0)
+        names = {f"stroke {axis}": f"stroke_{axis}_m" for axis in "yx"}
+        names |= {
+            f"stroke {axis} of {name}": f"stroke_{axis}_{name}_m" for name in self.scene.output.points for axis in "yx"
+        }
+        rows = [self._row(label, column, "m", largest=stroke) for label, column in names.items()]
+        main = "x" if s["rms_x_m"] > s["rms_y_m"] else "y"
+        if main == "y" and s.get("amplitude_y_m") is not None:
+            rows.append(
+                Row(
+                    "amplitude y",
+                    quantity(s["amplitude_y_m"], "m", largest=motion),
+                    f"RMS {quantity(s['rms_y_m'], 'm', largest=motion)}",
+                )
+            )
+        else:
+            rows.append(Row(f"RMS {main}", quantity(s[f"rms_{main}_m"], "m")))
+        still = NEGLIGIBLE * motion / self.scene.body.distance if self.scene.body.distance else None
+        most = s.get("phi_max_rad")
+        turned = quantity(s.get("rms_phi_rad"), "rad", error=still)
+        rows.append(
+            Row(
+                "rotation",
+                turned,
+                "RMS" if turned != "0" else "",
+                "" if most is None else quantity(most, "rad", error=still),
+            )
+        )
+        accelerations = {"acceleration": "acceleration_max_m_per_s2"}
+        accelerations |= {
+            f"acceleration of {name}": f"acceleration_max_{name}_m_per_s2" for name in self.scene.output.points
+        }
+        rows += [self._acceleration(label, column) for label, column in accelerations.items()]
+        return [
+            *rows,
+            Row(
+                "throw index",
+                *(("" if s.get(k) is None else number(s[k])) if k else "" for k in ("gamma", "", "whole_gamma")),
+            ),
+        ]
+
+    def _acceleration(self, label: str, column: str) -> Row:
+        gravity = self.scene.machine.gravity_m_per_s2
+        now, most = self._get(column), self._get(f"whole_{column}")
+        if not gravity or now is None:
+            return self._row(label, column, "m/s²")
+        return Row(
+            label,
+            f"{number(now / gravity)} g",
+            quantity(now, "m/s²"),
+            "" if most is None else f"{number(most / gravity)} g",
+        )
+
+    def _loads(self) -> list[Row]:
+        s = self.summary
+        mean, most = s.get("foundation_force_y_mean_n"), s.get("foundation_force_y_max_n")
+        if mean is None or most is None:
+            return []
+        around = s.get("foundation_force_y_amplitude_n")
+        around = max(most - abs(mean), 0.0) if around is None else around
+        upright = self._row("y, static ± dynamic", "foundation_force_y_max_n", "N")._replace(
+            now=spread(-mean, around, "N")
+        )
+        largest = max(most, s.get("whole_foundation_force_y_max_n") or 0.0)
+        turning = s.get("whole_foundation_moment_max_n_m")
+        return [
+            upright,
+            self._row("x", "foundation_force_x_max_n", "N", largest=largest, sign="± "),
+            self._row("moment", "foundation_moment_max_n_m", "N·m", largest=turning, sign="± "),
+            Row("static sag", "" if s.get("static_sag_m") is None else quantity(s["static_sag_m"], "m")),
+        ]
+
+    def _motors(self) -> list[Row]:
+        if self._get("motor_power_1_mean_w") is None:
+            power = self._get("motor_power_w")
+            return [] if power is None else [Row("power of both, mean", quantity(power, "W"))]
+        most = [value for n in (1, 2) if (value := self._get(f"whole_torque_ratio_{n}_max")) is not None]
+        return [
+            self._pair_row("power, mean", "motor_power_{}_mean_w", "W", "motor_power_{}_max_w"),
+            self._pair_row("torque, mean", "motor_torque_{}_mean_n_m", "N·m", "motor_torque_{}_max_n_m"),
+            Row("of breakdown torque", self._pair("torque_ratio_{}", "", _share), "", share(max(most)) if most else ""),
+            Row(
+                "slip",
+                self._pair("slip_{}", "", _share),
+                f"ripple {self._pair('speed_ripple_{}_hz', 'Hz', partial(quantity, digits=3))}",
+            ),
+        ]
+
+    def _bearings(self) -> list[Row]:
+        return [self._pair_row("centrifugal force", "bearing_force_{}_max_n", "N", "bearing_force_{}_max_n")]
+
+    def _synchronization(self) -> list[Row]:
+        s, frequency, apart = self.summary, self._get("excitation_frequency_hz"), self._get("frequency_split_hz") or 0.0
+        if not frequency:
+            return [Row("speed", "the exciters do not turn")]
+        name, phase = synchronization(s), s.get("phase_difference_rad")
+        drifts = phase is None or (s.get("phase_coherence") is not None and s["phase_coherence"] < COHERENCE)
+        told = "drifts" if drifts or phase is None else quantity(math.degrees(phase), "°")
+        rows = [Row("phase difference", told, "not synchronous" if name == "none" else name)]
+        if name == "none" and abs(apart) > 1e-4 * frequency:
+            speeds = [quantity(frequency + 0.5 * sign * apart, "Hz") for sign in (1.0, -1.0)]
+            rows.append(Row("speeds", " / ".join(speeds)))
+        else:
+            rows.append(Row("speed", quantity(frequency, "Hz"), quantity(60.0 * frequency, "rpm")))
+        at, work = s.get("synchronized_at_s"), s.get("start_energy_j")
+        if at is not None:
+            told = f"after {quantity(at, 's')}" if at > 0.0 else "from the start"
+            rows.append(
+                Row("in step", told, "", quantity(work, "J") if work else "", "work until then" if work else "")
+            )
+        if self.steady is not None:
+            rows.append(
+                Row(
+                    "stroke steady",
+                    f"after {quantity(self.steady, 's', digits=2)}" if self.steady else "from the start",
+                    "within 1 %",
+                )
+            )
+        return [*rows, Row("motion repeats", repeats(s.get("period")))]
+
+    def _material(self) -> list[Row]:
+        s = self.summary
+        flies = bool(s.get("flight_fraction"))
+        impulse, gap = s.get("impulse_max_n_s"), s.get("gap_max_m")
+        per_turn = s.get("impacts_per_period")
+        return [
+            Row("in flight", share(s.get("flight_fraction")), f"gap {quantity(gap, 'm')}" if flies and gap else ""),
+            Row(
+                "impacts a turn",
+                "" if per_turn is None else number(per_turn) if per_turn % 1 else str(int(per_turn)),
+                f"impulse {quantity(impulse, 'N·s')}" if impulse else "",
+            ),
+            Row(
+                "contact force, largest",
+                "" if s.get("contact_force_max_n") is None else quantity(s["contact_force_max_n"], "N"),
+            ),
+        ]
+
+    def _balances(self) -> list[Row]:
+        names = {"energy, residual": "energy_residual", "momentum y, residual": "momentum_residual"}
+        return [Row(label, share(self._get(key))) for label, key in names.items() if self._get(key) is not None]
+
+
+def _share(value: float | None, _: str, **__: Any) -> str:
+    """Write a share as :func:`quantity` writes numbers."""
+    return share(value)
+
+
+def repeats(period: int | None) -> str:
+    """Say after how many turns a motion repeats."""
+    if period is None:
+        return ""
+    return {0: "never", 1: "every turn"}.get(period, f"every {period} turns")
+
+
+def caption(summary: Mapping[str, Any], scene: Scene) -> str:
+    """Return what a machine does, in a few words."""
+    if not summary.get("excitation_frequency_hz"):
+        return "the exciters do not turn"
+    name = synchronization(summary)
+    told = (
+        "not synchronous"
+        if name == "none"
+        else describe_sync(name, scene.rotation if scene.has_mirrored_exciters else "")
+    )
+    return ", ".join(filter(None, (told, f"repeats {text}" if (text := repeats(summary.get("period"))) else "")))
+
+
+# -- as HTML -----------------------------------------------------------------------------------------------------------
+
+
+def sheet_html(sheets: Sequence[Sheet], names: Sequence[str]) -> str:
+    """Return the data sheet of one run, or of several with a column for each."""
+    if not any(one.groups for one in sheets):
+        return ""
+    single = len(sheets) == 1
+    heads = HEADS if single else ("", *names)
+    rows = "".join(_group(name, sheets, len(heads)) for name in dict.fromkeys(n for one in sheets for n in one.groups))
+    head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
+    more = "" if single else '<p class="hint">Pale: the largest value of the whole run, with its start.</p>'
+    return f'<table class="sheet{"" if single else " several"}"><thead><tr>{head}</tr></thead>{rows}</table>{more}'
+
+
+def _group(name: str, sheets: Sequence[Sheet], width: int) -> str:
+    """Return the rows of a group."""
+    found = [{row.label: row for row in one.groups.get(name, [])} for one in sheets]
+    labels = dict.fromkeys(label for rows in found for label in rows)
+    body = "".join(_line(label, [rows.get(label) for rows in found]) for label in labels)
+    return f'<tbody><tr class="group"><th scope="rowgroup" colspan="{width}">{escape(name)}</th></tr>{body}</tbody>'
+
+
+def _line(label: str, rows: Sequence[Row | None]) -> str:
+    """Return a line: of a single run with what was largest and when, of several their values beside each other."""
+    cells = []
+    for row in rows:
+        known = row or Row(label)
+        also = f" <small>{escape(known.also)}</small>" if known.also else ""
+        cells.append(f"<b>{escape(known.now)}</b>{also}")
+        if len(rows) == 1:
+            cells += [escape(known.most), escape(known.when)]
+        elif known.most:
+            cells[-1] += f' <small class="most">{escape(known.most)}</small>'
+    return f'<tr><th scope="row">{escape(label)}</th>{"".join(f"<td>{cell}</td>" for cell in cells)}</tr>'
