@@ -24,7 +24,8 @@ from vibroplat.page.pictures import SYMBOLS, plain_column, spread
 from vibroplat.page.results import find_results, parameters
 from vibroplat.page.run import packed, packed_coarsely
 from vibroplat.plots.reading import Ends
-from vibroplat.results.picture import CURVES, STATES, measures
+from vibroplat.results.content import measures
+from vibroplat.results.picture import CURVES, STATES
 from vibroplat.results.tables import read_json, read_table, write_table
 
 HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>"
@@ -258,8 +259,18 @@ def test_a_sweep_is_broken_where_it_jumps(swept):
     assert first["label"] == "mass ratio 0, supply frequency up"
     assert [row for row, state in enumerate(sweep["states"]) if state] == [2, 10, 18, 23, 26, 31]
     assert [sweep["states"][row] for row in (2, 31)] == [STATES.index(name) for name in ("open", "failed")]
-    looks = [(one["colour"], one["symbol"]) for one in (first, *others)]
-    assert looks == [(colour, f"triangle-{way}") for colour in CURVES[:2] for way in ("up", "down")]
+    lines = [one for one in (first, *others) if one["mode"] == "lines"]
+    assert [(one["colour"], one["dash"], one["of"]) for one in lines][:1] == [(CURVES[0], "solid", ["rms_y_m"])]
+    assert {one["label"] for one in others if one["mode"] == "markers"} == {""}  # those that failed
+    assert sweep["jumps"][0] == {"before": 3, "after": 4, "colour": CURVES[0], "of": ("rms_y_m",)}
+    strips = sweep["strips"]
+    assert [row["label"] for row in strips["rows"]] == ["0 ↑↓", "0.2 ↑↓"]
+    spans = strips["rows"][0]["spans"]["supply_frequency_hz"]
+    assert [(low, high, kind) for low, high, kind, *_ in spans if not _[0]] == [
+        (41.5, 43.5, "antiphase"),
+        (44.5, 45.5, "antiphase"),
+        (45.5, 49.5, "in-phase"),
+    ]
 
 
 def test_orbits_are_solid_where_stable_and_dashed_elsewhere(followed):
@@ -308,14 +319,17 @@ def test_points_can_be_drawn_over_each_key(swept, followed):
     assert orbits["special"]["rows"] == 2
 
 
-def test_motion_that_is_rounding_has_no_panel(followed):
-    table = read_table(followed, "branches").assign(rms_y_m=9e-3, rms_x_m=2e-13, rms_phi_rad=4e-9)
-    drawn = [panel.column for panel in measures(table)]
+def test_what_has_no_content_is_told_instead_of_drawn(followed):
+    table = read_table(followed, "branches").assign(rms_y_m=np.linspace(8e-3, 9e-3, 31), rms_x_m=8e-6, rms_phi_rad=4e-4)
+    panels, left = measures(table.assign(rms_phi_rad=np.linspace(3e-4, 4e-4, 31)))
+    drawn = [panel.column for panel in panels]
     assert {"rms_y_m", "rms_phi_rad"} <= {*drawn}
-    assert "rms_x_m" not in drawn
-    least = {panel.column: panel.least for panel in measures(table.assign(rms_x_m=9e-8))}
-    assert least["rms_x_m"] == pytest.approx(0.18e-3)
-    assert least["motor_power_w"] is None
+    assert not {"rms_x_m", "motor_power_w"} & {*drawn}
+    assert left == "not drawn: motor power 10.0 W, RMS x 0"
+    least = {panel.column: panel.least for panel in panels}
+    assert least["rms_phi_rad"] == pytest.approx(0.18e-3)
+    (only,), _ = measures(table.assign(rms_y_m=9e-3), ["rms_y_m"])
+    assert only.column == "rms_y_m"  # at least one
 
 
 def test_boundaries_lie_in_the_plane_of_both_keys_and_an_empty_section_is_not_told(followed, tmp_path):

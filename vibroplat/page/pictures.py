@@ -85,12 +85,14 @@ def picture_data(number: int, picture: Picture, motions: Motions) -> dict[str, A
     places = np.concatenate([kept, np.arange(count, len(points))])
     renumbered = np.full(len(points) + 1, BROKEN - 1)
     renumbered[places], renumbered[BROKEN] = np.arange(len(places)), BROKEN
-    drawn = {*picture.axes, *(name for panel in picture.panels for name in (panel.column, panel.by) if name)}
+    shown = (name for panel in picture.panels for name in (panel.column, panel.by, panel.hatch) if name)
+    drawn = {*picture.axes, *shown}
     values = {name: points[name].iloc[places] for name in drawn if name in points}
     special = None if picture.special is None else table_data(picture.special_name, number, picture.special)
     return {
         "name": picture.name,
         "title": picture.heading,
+        "answer": picture.title.replace("$", ""),
         "result": number,
         "meaning": picture.meaning,
         "table": table_data(picture.table_name, number, picture.table, kept),
@@ -118,10 +120,33 @@ def picture_data(number: int, picture: Picture, motions: Motions) -> dict[str, A
             }
             for one in picture.lines
         ],
+        "strips": None if picture.strips is None else _strips(picture),
+        "jumps": [
+            one._asdict() | {"before": int(renumbered[one.before]), "after": int(renumbered[one.after])}
+            for one in picture.jumps
+        ],
+        "words": [one._asdict() for one in picture.words],
         "ranges": [one._asdict() | _column(one.column) for one in picture.ranges],
         "high": picture.high,
         **motions.of(picture, places),
     }
+
+
+def _strips(picture: Picture) -> dict[str, Any]:
+    """Return strips with their intervals over each axis, in SI units."""
+    strips = picture.strips
+    assert strips is not None
+    rows = [
+        {
+            "label": one.label.replace("$", ""),
+            "colour": one.colour,
+            "spans": {name: [[*span] for span in one.spans(picture.points[name])] for name in picture.axes},
+        }
+        for one in strips.rows
+    ]
+    classes = [[name, colour, told] for name, (colour, told) in strips.classes.items()]
+    more = {"hatches": [[*one] for one in strips.hatches.items()], "line": strips.line, "label": strips.label}
+    return {"rows": rows, "classes": classes, **more}
 
 
 def _column(name: str) -> dict[str, Any]:
@@ -133,7 +158,8 @@ def _panel(panel: Panel, points: pd.DataFrame) -> dict[str, Any]:
     """Return a panel; ``least`` is the end of an axis of what is small."""
     found, size = _column(panel.column), float(points[panel.column].abs().max()) if panel.least else 0.0
     least = found["factor"] * panel.least if panel.least is not None and not panel.by and size < panel.least else 0.0
-    more = {"kind": panel.kind, "by": panel.by, "title": panel.title, "least": least, "log": panel.scale == "log"}
+    more = {"note": panel.note, "kind": panel.kind, "by": panel.by, "title": panel.title}
+    more |= {"least": least, "log": panel.scale == "log", "hatch": panel.hatch, "hatches": dict(panel.hatches)}
     label = panel.label.replace("$", "").rpartition(" (")[0] if panel.label.endswith(")") else panel.label
     classes = [[name, colour, told] for name, (colour, told) in panel.classes.items()]
     of = _column(panel.by) if panel.by else None
@@ -167,6 +193,7 @@ def _series(series: Series, renumbered: Any) -> dict[str, Any]:
         "width": series.width,
         "size": series.size,
         "opacity": 0.5 if series.pale else 1.0,
+        "of": [*series.of],
     }
 
 

@@ -155,7 +155,7 @@ class Picture {
       named.add(trace.name);
     };
     this.data.measures.forEach((measure, panel) => {
-      const place = {xaxis: "x", yaxis: panel ? `y${panel + 1}` : "y"}, series = this.shown();
+      const place = {xaxis: "x", yaxis: panel ? `y${panel + 1}` : "y"}, series = this.shown().filter(one => !one.of.length || one.of.includes(measure.column));
       if (measure.kind === "bars") return series.forEach(one => add({...place, ...this.bars(one, measure)}));
       if (measure.kind === "tiles") for (const trace of this.tiles(series, measure, over)) add({...place, ...trace});
       else for (const one of series) for (const trace of this.curves(one, measure, over)) add({...place, ...trace});
