@@ -80,4 +80,5 @@ class Figure:
 def figures_of(text):
     """Figures of a page, or of a part of it, by their titles; the first of those with one title."""
     found = [Figure(part) for part in re.findall(r"<figure class=\"plot.*?</figure>", text, re.DOTALL)]
-    return {one.title: one for one in reversed(found)}
+    titles = dict.fromkeys(one.title for one in found)
+    return {title: next(one for one in found if one.title == title) for title in titles}

@@ -46,8 +46,7 @@ def told_of(result: Result) -> Told:
         notes = tuple(_texts(result.summary.get("notes")))
         return Told(*_of_run(result), notes=notes, failures=failures)
     answer = result.answer
-    headline = getattr(answer, "headline", "") or "; ".join(f"{k}: {v}" for k, v in list(answer.lines.items())[:2])
-    short = tuple(getattr(answer, "short", ()))
+    headline, short = str(getattr(answer, "headline", "")), tuple(getattr(answer, "short", ()))
     return Told(headline.removeprefix(name), "", short, answer.lines, tuple(answer.text), tuple(answer.notes), failures)
 
 

@@ -16,7 +16,7 @@ from vibroplat.page.run import impulses_of, resampled
 from vibroplat.results.picture import Picture
 
 #: Samples of a turn, and most samples of all orbits on a page: half a megabyte.
-SAMPLES, MOST_SAMPLES = 36, 20_000
+SAMPLES, MOST_SAMPLES = 32, 16_000
 
 #: What is said of a point whose orbit had no room.
 NOT_HELD = "The page does not hold the orbit of this point."

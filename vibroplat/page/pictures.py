@@ -10,9 +10,10 @@ import numpy as np
 
 from vibroplat.page.machine import as_json
 from vibroplat.page.orbits import Motions
-from vibroplat.page.panels import SIGNS, View, axis_name, coloured, dashes, ends_of_scale, heading
+from vibroplat.page.panels import SIGNS, figures
 from vibroplat.page.svg import Plot, Scale, plain_text
 from vibroplat.page.tables import fold, hint, rows_on_page, table_html
+from vibroplat.page.view import View, axis_name, coloured, dashes, ends_of_scale, heading
 from vibroplat.results.picture import Facet, Picture
 
 #: Most points of figures over further axes together: each of them has all panels once more.
@@ -33,7 +34,7 @@ def picture_html(number: int, picture: Picture, motions: Motions, file: str) -> 
     facets: list[Facet | None] = [*picture.facets] if len(picture.facets) > 1 else [None]
     bars = bool(picture.panels) and picture.panels[0].kind == "bars"
     shown = facets if bars else facets[:1]
-    first = [figure for facet in shown for figure in view.figures(facet)]
+    first = [figure for facet in shown for figure in figures(view, facet)]
     title = f"<h3>{escape(plain_text(facets[0].label))}</h3>" if facets[0] is not None and not bars else ""
     nothing = plain_text(picture.panels[0].title) if picture.panels else ""
     empty = hint(nothing or "Nothing here has a value that could be drawn.")
@@ -44,7 +45,8 @@ def picture_html(number: int, picture: Picture, motions: Motions, file: str) -> 
         tables = table_html(f"Table {picture.table_name}", picture.table, kept, file=f"{file}-{picture.table_name}.csv")
     if picture.special is not None:
         tables += table_html(picture.special_name, picture.special, special, file=f"{file}-{picture.special_name}.csv")
-    told = plain_text(" ".join(filter(None, (picture.meaning, _orbits_told(moved, len(places))))))
+    told = [picture.told.replace("\n", "; "), picture.meaning, _orbits_told(moved, len(places))]
+    sentences = " ".join(f"{text.removesuffix('.')}." for text in told if text)
     own = moved if home == number else moved | {"list": []}
     data = as_json(own | {"home": home, "rows": len(kept), "marks": _marks_of(picture, renumbered)})
     look = f"panels{' high' if picture.high else ''}{' bars' if bars else ''}"
@@ -53,7 +55,7 @@ def picture_html(number: int, picture: Picture, motions: Motions, file: str) -> 
         f"<small>{escape(plain_text(picture.title))}</small></h2>{_key(picture)}"
         f'<div class="beside{"" if moved["list"] else " wide-one"}">'
         f'<div class="{look}">{title}{"".join(first) or empty}</div>'
-        f"{_aside(moved)}</div>{hint(told)}{more}{tables}"
+        f"{_aside(moved)}</div>{hint(plain_text(sentences))}{more}{tables}"
         f'<script type="application/json" class="data">{data}</script></section>'
     )
 
@@ -67,19 +69,19 @@ def _home(number: int, picture: Picture, motions: Motions) -> int:
 
 def _more(view: View, others: Sequence[Facet | None], facets: Sequence[Facet | None], room: int) -> str:
     """Return the other facets of a picture, and it over its other axes, folded."""
-    found = "".join(_figures(plain_text(facet.label), view.figures(facet)) for facet in others if facet is not None)
+    found = "".join(_figures(plain_text(facet.label), figures(view, facet)) for facet in others if facet is not None)
     axes = view.picture.axes[1:][:room]
     over = ""
     for axis in axes:
         other = View(view.picture, axis, view.renumbered)
-        over += _figures(f"Over {axis_name(axis)}", [figure for facet in facets for figure in other.figures(facet)])
+        over += _figures(f"Over {axis_name(axis)}", [figure for facet in facets for figure in figures(other, facet)])
     if len(axes) < 2 or not over:
         return found + over
     return found + fold("Over another column", ", ".join(map(axis_name, axes)), over)
 
 
-def _figures(label: str, figures: list[str]) -> str:
-    return fold(label, "", f'<div class="panels">{"".join(figures)}</div>') if figures else ""
+def _figures(label: str, found: list[str]) -> str:
+    return fold(label, "", f'<div class="panels">{"".join(found)}</div>') if found else ""
 
 
 def _marks_of(picture: Picture, renumbered: Any) -> dict[str, str]:
@@ -133,9 +135,7 @@ def _classes(panel: Any, picture: Picture) -> dict[str, str]:
         return {name: f"<span>{box.format(colour)}{escape(name)}</span>" for name, colour, _ in named}
     values = picture.points[panel.by].to_numpy(dtype=float, na_value=np.nan)
     low, high, unit, factor = ends_of_scale(panel, values)
-    told = f"{heading(panel, bare=True)}: {low * factor:.3g}, pale, to {high * factor:.3g} {unit}, dark".replace(
-        " ,", ","
-    )
+    told = f"{heading(panel)}: {low * factor:.3g}, pale, to {high * factor:.3g} {unit}, dark".replace(" ,", ",")
     return {panel.by: f"<span>{escape(told)}</span>"}
 
 

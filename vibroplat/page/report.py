@@ -27,8 +27,9 @@ from vibroplat.page.pictures import picture_html
 from vibroplat.page.results import differences, find_results, parameters
 from vibroplat.page.run import Course, course_of
 from vibroplat.page.sheet import Sheet, caption, sheet_html
+from vibroplat.page.svg import plain_text
 from vibroplat.page.tables import fold, hint, listing, parameters_html, table_html
-from vibroplat.results.picture import finite
+from vibroplat.results.picture import Picture, finite
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
 from vibroplat.results.tables import replace_file, require_replaceable
@@ -129,6 +130,13 @@ class Report:
         return [told_of(one) for one in self.results]
 
     @cached_property
+    def pictures(self) -> list[tuple[Result, Picture]]:
+        """The pictures of all studies."""
+        studies = [one for one in self.results if not isinstance(one, RunResult)]
+        found = [(one, picture) for one in studies for picture in KINDS[one.command].pictures.pictures([one])]
+        return [(one, picture) for one, picture in found if "page" in picture.places]
+
+    @cached_property
     def differs(self) -> list[str]:
         """The parameters in which results of one command differ."""
         return differences([one.command for one in self.results], [one.scene.to_tree() for one in self.results])
@@ -196,7 +204,8 @@ class Report:
             name = f"<small>{escape(called)}{escape(f' ({differs})' if differs else '')}</small><br>" if several else ""
             failed = "; ".join(told.failures)
             bad = bool(failed) or (isinstance(one, RunResult) and bool(one.summary.get("captured_by")))
-            headline = escape(failed or told.headline)
+            titles = [plain_text(picture.title) for of, picture in self.pictures if of is one]
+            headline = escape(failed or told.headline or next(iter(titles), ""))
             found += f'<p class="answer{" bad" if bad else ""}{" run" if several else ""}">{name}{headline}</p>'
             if failed and told.headline:
                 found += f'<p class="more">{escape(told.headline)}</p>'
@@ -258,15 +267,11 @@ class Report:
 
     def _studies(self, machines: list[dict[str, Any]]) -> str:
         """Return the pictures of all studies; machines of orbits are added."""
-        studies = [one for one in self.results if not isinstance(one, RunResult)]
-        room, found, number = MOST_SAMPLES // max(len(studies), 1), "", 0
-        for one in studies:
-            motions = Motions(one.scene, self.mover, room, machines, self.progress)
-            for picture in KINDS[one.command].pictures.pictures([one]):
-                if "page" in picture.places:
-                    found += picture_html(number, picture, motions, one.label)
-                    number += 1
-        return found
+        studies = list(dict.fromkeys(one for one, _ in self.pictures))
+        room = MOST_SAMPLES // max(len(studies), 1)
+        motions = {one: Motions(one.scene, self.mover, room, machines, self.progress) for one in studies}
+        shown = enumerate(self.pictures)
+        return "".join(picture_html(n, picture, motions[one], one.label) for n, (one, picture) in shown)
 
     # -- what is folded -----------------------------------------------------------------------------
 

@@ -251,7 +251,7 @@ class Plot:
 
     def __init__(self, title: str, x: Scale, y: Scale, look: str = "") -> None:
         self.title, self.x, self.y, self.look = title, x, y, look
-        self.height = ""
+        self.height = self.note = ""
         self.key: list[tuple[str, str]] = []
         self.hits = ""
         self._drawn: list[str] = []
@@ -382,7 +382,7 @@ class Plot:
         size, hits = (f' style="{self.height}"' if self.height else ""), (f" data-p='{self.hits}'" if self.hits else "")
         units = f'data-u="{escape(self.y.unit)}" data-xu="{escape(self.x.unit)}"'
         told = f'data-x="{self.x.told}" data-y="{self.y.told}" {units}{hits}'
-        title = f"<figcaption><b>{escape(self.title)}</b> {escape(self.y.unit)} {key}</figcaption>"
+        title = f"<figcaption><b>{escape(self.title)}</b> {escape(self.y.unit)} {key} {escape(self.note)}</figcaption>"
         low = "" if self.x.label else " low"
         texts = f'<div class="on">{"".join(self._texts)}</div></div>{numbers}{below}'
         return (

@@ -18,7 +18,7 @@ from vibroplat.results.picture import finite
 #: Most cells and most rows of a table on the page.
 MOST_CELLS, MOST_ROWS = 40_000, 2_000
 #: Significant digits of the largest number of a column.
-DIGITS = 6
+DIGITS = 5
 
 
 def kept_rows(count: int, most: int) -> Any:

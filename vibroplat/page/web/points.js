@@ -1,6 +1,7 @@
 // Points of studies: a click or a tap shows the numbers of one, its orbit, and the machine that moves through it.
 
 const REACH = 30; // px
+const FIRST = 14; // numbers of a point that are seen at once
 const BLUE = "#0072B2", ORANGE = "#D55E00";
 
 class Study {
@@ -65,14 +66,16 @@ class Study {
   tell(place) {
     const second = place >= this.data.rows, row = this.rows[second ? 1 : 0][place - (second ? this.data.rows : 0)];
     const heads = [...this.tables[second ? 1 : 0].tHead.rows[0].cells], list = document.createElement("dl");
+    const more = document.createElement("details"), rest = document.createElement("dl");
     const cells = [...row.cells].map((cell, n) => [heads[n].dataset.n, heads[n].textContent, cell.textContent]);
     for (const [name, words, text] of cells) {
       if (text === "–" || text === "" || /^multiplier_|_rad_per_s$|_m_per_s$/.test(name)) continue;
-      list.append(Object.assign(document.createElement("dt"), {textContent: words, title: name}), Object.assign(document.createElement("dd"), {textContent: text}));
+      (list.children.length < 2 * FIRST ? list : rest).append(Object.assign(document.createElement("dt"), {textContent: words, title: name}), Object.assign(document.createElement("dd"), {textContent: text}));
     }
     for (const old of this.section.querySelectorAll("tr.picked")) old.classList.remove("picked");
     row.classList.add("picked");
-    this.aside.querySelector(".numbers").replaceChildren(list);
+    more.append(Object.assign(document.createElement("summary"), {textContent: "All numbers of this point"}), rest);
+    this.aside.querySelector(".numbers").replaceChildren(list, ...(rest.children.length ? [more] : []));
     this.circle(cells);
     this.orbit(place, second);
   }
