@@ -129,6 +129,7 @@ def test_a_directory_without_results_is_refused(tmp_path, command):
         assert done.err == f"vibroplat: {told}\n"
 
 
+@pytest.mark.long
 def test_a_page_replaces_no_configuration_and_has_orbits_unless_told_otherwise(moved, branched, tmp_path, command):
     config = tmp_path / "machine.yaml"
     config.write_text("name: mine")

@@ -150,20 +150,22 @@ class Runs:
 
     def third(self) -> str:
         """Return the speeds while the exciters start, or the force of the last turns."""
-        until = max(
-            max(one.steady or one.first, one.first + START * (one.last - one.first), one.first + 1.0)
-            for one in self.courses
-        )
-        starts = any(
-            one.size(column) > 0.1 * (one.frequency or 0.0)
-            for one in self.courses
-            for column in ("speed_1_hz", "speed_2_hz")
-        )
-        lines = self.whole(_EXCITERS, until) if starts else self.detail({"force_y_n": "force y"})
+        moves = [
+            one for one in self.courses for n in (1, 2) if one.size(f"speed_{n}_hz") > 0.1 * (one.frequency or 0.0)
+        ]
+        if not moves:
+            lines, title = self.detail({"force_y_n": "force y"}), f"Force into the foundation, {self.last}"
+        elif any(one.steady is None for one in self.courses):
+            lines, title = self.whole(_EXCITERS), "Speed, whole run"
+        else:
+            ends = [
+                max(one.steady or 0.0, one.first + max(START * (one.last - one.first), 1.0)) for one in self.courses
+            ]
+            lines, title = self.whole(_EXCITERS, max(ends)), "Speed until the stroke is steady"
         if not lines:
             return ""
-        title = "Speed until the stroke is steady" if starts else f"Force into the foundation, {self.last}"
-        plot = drawn(title, lines, "speed_1_hz" if starts else "force_y_n", detail=not starts and not self.chosen)
+        column = "speed_1_hz" if moves else "force_y_n"
+        plot = drawn(title, lines, column, detail=not moves and not self.chosen)
         plot.height = "--h:150px"
         return plot.html()
 

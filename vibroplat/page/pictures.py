@@ -22,8 +22,11 @@ MOST_POINTS = 60_000
 MOST_SPECIAL = 500
 
 
-def picture_html(number: int, picture: Picture, motions: Motions, file: str) -> str:
-    """Return the section of a picture: figures, what a click shows, further axes and facets, and tables, folded."""
+def picture_html(number: int, picture: Picture, motions: Motions, file: str, title: str) -> str:
+    """Return the section of a picture: figures, what a click shows, further axes and facets, and tables, folded.
+
+    Files have a name; a title that is the headline of the page is not told again.
+    """
     count = len(picture.table)
     kept = rows_on_page(picture.table)
     special = np.arange(0 if picture.special is None else min(len(picture.special), MOST_SPECIAL))
@@ -35,7 +38,7 @@ def picture_html(number: int, picture: Picture, motions: Motions, file: str) -> 
     bars = bool(picture.panels) and picture.panels[0].kind == "bars"
     shown = facets if bars else facets[:1]
     first = [figure for facet in shown for figure in figures(view, facet)]
-    title = f"<h3>{escape(plain_text(facets[0].label))}</h3>" if facets[0] is not None and not bars else ""
+    name = f"<h3>{escape(plain_text(facets[0].label))}</h3>" if facets[0] is not None and not bars else ""
     nothing = plain_text(picture.panels[0].title) if picture.panels else ""
     empty = hint(nothing or "Nothing here has a value that could be drawn.")
     moved = motions.of(picture, places)
@@ -52,9 +55,9 @@ def picture_html(number: int, picture: Picture, motions: Motions, file: str) -> 
     look = f"panels{' high' if picture.high else ''}{' bars' if bars else ''}"
     return (
         f'<section class="study" id="picture-{number}"><h2>{escape(picture.heading)} '
-        f"<small>{escape(plain_text(picture.title))}</small></h2>{_key(picture)}"
+        f"<small>{escape(title)}</small></h2>{_key(picture)}"
         f'<div class="beside{"" if moved["list"] else " wide-one"}">'
-        f'<div class="{look}">{title}{"".join(first) or empty}</div>'
+        f'<div class="{look}">{name}{"".join(first) or empty}</div>'
         f"{_aside(moved)}</div>{hint(plain_text(sentences))}{more}{tables}"
         f'<script type="application/json" class="data">{data}</script></section>'
     )

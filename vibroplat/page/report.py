@@ -204,8 +204,7 @@ class Report:
             name = f"<small>{escape(called)}{escape(f' ({differs})' if differs else '')}</small><br>" if several else ""
             failed = "; ".join(told.failures)
             bad = bool(failed) or (isinstance(one, RunResult) and bool(one.summary.get("captured_by")))
-            titles = [plain_text(picture.title) for of, picture in self.pictures if of is one]
-            headline = escape(failed or told.headline or next(iter(titles), ""))
+            headline = escape(failed or told.headline or self._title_of(one))
             found += f'<p class="answer{" bad" if bad else ""}{" run" if several else ""}">{name}{headline}</p>'
             if failed and told.headline:
                 found += f'<p class="more">{escape(told.headline)}</p>'
@@ -270,8 +269,18 @@ class Report:
         studies = list(dict.fromkeys(one for one, _ in self.pictures))
         room = MOST_SAMPLES // max(len(studies), 1)
         motions = {one: Motions(one.scene, self.mover, room, machines, self.progress) for one in studies}
-        shown = enumerate(self.pictures)
-        return "".join(picture_html(n, picture, motions[one], one.label) for n, (one, picture) in shown)
+        found, headlines = (
+            "",
+            {told.headline or self._title_of(one) for one, told in zip(self.results, self.told, strict=True)},
+        )
+        for number, (one, picture) in enumerate(self.pictures):
+            title = plain_text(picture.title)
+            found += picture_html(number, picture, motions[one], one.label, "" if title in headlines else title)
+        return found
+
+    def _title_of(self, result: Result) -> str:
+        """Return the title of the first picture of a result, which says what came out; "" if it has none."""
+        return next((plain_text(picture.title) for one, picture in self.pictures if one is result), "")
 
     # -- what is folded -----------------------------------------------------------------------------
 

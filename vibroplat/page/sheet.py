@@ -80,8 +80,10 @@ class Sheet:
     def _when(self, column: str) -> str:
         base = split(column)[0]
         at, pace = (self._get(f"whole_{base}_at_{end}") for end in ("s", "hz"))
-        told = [quantity(at, "s")] + ([quantity(pace, "Hz", digits=3)] if pace is not None else [])
-        return ", ".join(told) if at is not None else ""
+        if at is None:
+            return ""
+        told = quantity(at, "s") if at else "0 s"
+        return told if pace is None else f"{told}, {quantity(pace, 'Hz', digits=3)}"
 
     def _row(
         self, label: str, column: str, unit: str, *, largest: float | None = None, sign: str = "", also: str = ""

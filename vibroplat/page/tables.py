@@ -16,7 +16,7 @@ from vibroplat.page.svg import power_of_ten, unit_for
 from vibroplat.results.picture import finite
 
 #: Most cells and most rows of a table on the page.
-MOST_CELLS, MOST_ROWS = 40_000, 2_000
+MOST_CELLS, MOST_ROWS = 36_000, 2_000
 #: Significant digits of the largest number of a column.
 DIGITS = 5
 
