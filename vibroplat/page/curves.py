@@ -10,7 +10,7 @@ import numpy as np
 
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.digits import NEGLIGIBLE, quantity
-from vibroplat.page.run import LAST_TURNS, Course
+from vibroplat.page.run import LAST_TURNS, Course, accelerations
 from vibroplat.page.svg import Floats, Plot, Scale
 from vibroplat.page.tables import hint
 from vibroplat.results.picture import CURVES, ORANGE, VERMILION
@@ -191,7 +191,9 @@ class Runs:
     def all_figures(self) -> tuple[str, int, list[str]]:
         """Return all curves in pairs, how many quantities these are, and what has nothing to show."""
         pairs, none = [], []
-        for title, columns in PANELS:
+        measured = {column: label for one in self.courses for column, label in accelerations(one.result.scene).items()}
+        named = (("Acceleration", measured),) if any(map(self.whole, ({column: ""} for column in measured))) else ()
+        for title, columns in (*PANELS, *named):
             whole, detail = self.whole(columns), self.detail(columns)
             if not whole or not any(self._matters(one, column) for one in self.courses for column in columns):
                 none.append(title[0].lower() + title[1:])

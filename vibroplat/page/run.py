@@ -133,7 +133,8 @@ def course_of(
         detail = max(first, last - LAST_TURNS / frequency)
     turns = int((last - first) * (frequency or 0.0))
     parts = turns // math.ceil(turns / PARTS) if turns > 12 else PARTS
-    cut = Cut(curves_of(found), (detail, end), (first, last, parts), CURVES)
+    columns = (*CURVES, *accelerations(found.scene))
+    cut = Cut(curves_of(found), (detail, end), (first, last, parts), columns)
     if cut.shown["t_s"].nunique() < 2:
         allowed = f"allowed: an interval within {first:g} … {last:g} s"
         raise TableError(f"no data between {begin:g} and {end:g} s in {found.directory}; {allowed}")
@@ -152,7 +153,8 @@ def curves_of(found: RunResult) -> Iterator[pd.DataFrame]:
     rest, machine = rest_of(scene), scene.machine
     forward = [exciter.direction / (2.0 * math.pi) for exciter in scene.exciter_pair]
     weights = scene.phase_weights
-    for part in map(finite, found.column_parts("trajectory", ("mode",), _NEEDED, _OPTIONAL)):
+    optional = (*_OPTIONAL, *accelerations(scene))
+    for part in map(finite, found.column_parts("trajectory", ("mode",), _NEEDED, optional)):
         angles = part[["phi1_rad", "phi2_rad"]].to_numpy(dtype=float)
         table = part.assign(
             y_m=part["y_m"] - rest,
@@ -169,6 +171,12 @@ def curves_of(found: RunResult) -> Iterator[pd.DataFrame]:
         if "supply_frequency_hz" in part:
             table["synchronous_hz"] = part["supply_frequency_hz"] / scene.exciter_pair[0].pole_pairs
         yield table
+
+
+def accelerations(scene: Scene) -> dict[str, str]:
+    """Return the columns of accelerations that a trajectory may have, and whose they are."""
+    points = {"": "centre of mass"} | {f"{name}_": name for name in scene.output.points}
+    return {f"acceleration_{axis}_{name}m_per_s2": f"{axis}, {told}" for name, told in points.items() for axis in "xy"}
 
 
 def wrapped(phase: Any) -> Floats:

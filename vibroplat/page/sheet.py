@@ -187,8 +187,16 @@ class Sheet:
             upright,
             self._row("x", "foundation_force_x_max_n", "N", largest=largest, sign="± "),
             self._row("moment", "foundation_moment_max_n_m", "N·m", largest=turning, sign="± "),
+            *(self._spring(name) for name in getattr(self.scene.output, "springs", {})),
             Row("static sag", "" if s.get("static_sag_m") is None else quantity(s["static_sag_m"], "m")),
         ]
+
+    def _spring(self, name: str) -> Row:
+        """Return the force in each spring at a point."""
+        column = f"spring_force_max_{name}_n"
+        mean, around = (self._get(f"spring_force_{part}_{name}_n") for part in ("mean", "amplitude"))
+        told = spread(-mean, around, "N") if mean is not None and around is not None else ""
+        return self._row(f"each spring at {name}", column, "N")._replace(now=told)
 
     def _motors(self) -> list[Row]:
         if self._get("motor_power_1_mean_w") is None:
