@@ -21,7 +21,7 @@ ROOMS = (
     "__main__",
 )
 #: What the page may use: it is drawn from result tables alone.
-OF_THE_PAGE = {"errors", "columns", "system", "config", "observe", "results", "plots", "page"}
+OF_THE_PAGE = {"errors", "columns", "system", "config", "results", "plots", "page"}
 
 
 def name_of(path):

@@ -128,6 +128,8 @@ def test_one_job_and_two_give_the_same_bits(tmp_path):
         asked = ("design", example, "--set", "design.samples=20", "--out", tmp_path / str(jobs), "--jobs", jobs)
         assert process(*asked).code == 0
         tables = ("evaluations", "samples", "sensitivities")
-        found.append([pd.read_parquet(tmp_path / str(jobs) / "design-power" / f"{name}.parquet") for name in tables])
+        found.append(
+            [pd.read_parquet(tmp_path / str(jobs) / "design-power/design" / f"{name}.parquet") for name in tables]
+        )
     for one, other in zip(*found, strict=True):
         pd.testing.assert_frame_equal(one, other, check_exact=True)

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from vibroplat.cli.common import announce_first_run
-from vibroplat.config.kinds import KINDS
+from vibroplat.config.kinds import KINDS, RUN_FIGURES
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
     from vibroplat.continuation.rows import OrbitMotion
 
 #: Figures: those of a run, and of each kind of study.
-_FIGURES = " ".join(["motion force exciters loads", *(kind.figures for kind in KINDS.values())])
+_FIGURES = " ".join([RUN_FIGURES, *(kind.figures for kind in KINDS.values())])
 Kind = StrEnum("Kind", _FIGURES)  # type: ignore[misc]
 
 

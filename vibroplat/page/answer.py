@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 from vibroplat.config.digits import quantity, share, spread
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
+from vibroplat.results.run_answer import headline
 
 #: Most failures of a result that are told.
 MOST_FAILURES = 5
@@ -43,11 +45,13 @@ def told_of(result: Result) -> Told:
     """Return the answer of a result."""
     failures, name = _failures(result), f"{result.label}: "
     if isinstance(result, RunResult):
+        known = defaultdict(lambda: None, result.summary)  # results of former versions lack some
+        told = headline(result.scene, known).removeprefix(f"{known['name']}: ")
         notes = tuple(_texts(result.summary.get("notes")))
-        return Told(*_of_run(result), notes=notes, failures=failures)
+        return Told(told[:1].upper() + told[1:], _numbers(result), notes=notes, failures=failures)
     answer = result.answer
-    headline, short = str(getattr(answer, "headline", "")), tuple(getattr(answer, "short", ()))
-    return Told(headline.removeprefix(name), "", short, answer.lines, tuple(answer.text), tuple(answer.notes), failures)
+    told = answer.headline.removeprefix(name)
+    return Told(told, "", tuple(answer.short), answer.lines, tuple(answer.text), tuple(answer.notes), failures)
 
 
 def _texts(found: Any) -> list[str]:
@@ -67,26 +71,20 @@ def _failures(result: Result) -> tuple[str, ...]:
     return (*failed[:MOST_FAILURES], *([f"{more} more"] if more > 0 else []))
 
 
-def _of_run(result: RunResult) -> tuple[str, str]:
-    """Return what a run comes to: its motion; and its stroke, force into the foundation and power."""
+def _numbers(result: RunResult) -> str:
+    """Return the numbers that a run comes to: its motion, force into the foundation and power."""
     s = result.summary
-    frequency = s.get("excitation_frequency_hz")
     if s.get("rms_y_m") is None:
-        return "The run ended before anything could be measured.", ""
+        return ""
     axis = "x" if s["rms_x_m"] > s["rms_y_m"] else "y"
     stroke = s.get(f"stroke_{axis}_m")
-    size = f"Stroke {quantity(stroke, 'm')}" if stroke is not None else f"RMS {quantity(s[f'rms_{axis}_m'], 'm')}"
-    size += f" along {axis}"
+    told = f"Stroke {quantity(stroke, 'm')}" if stroke is not None else f"RMS {quantity(s[f'rms_{axis}_m'], 'm')}"
+    told += f" along {axis}"
     if (s.get("rms_phi_rad") or 0.0) * result.scene.body.distance > s[f"rms_{axis}_m"]:
-        size = f"Rotation {quantity(s['rms_phi_rad'], 'rad')} RMS"
-    speed = f" at {quantity(frequency, 'Hz')} ({quantity(60.0 * frequency, 'rpm')})" if frequency else ""
+        told = f"Rotation {quantity(s['rms_phi_rad'], 'rad')} RMS"
     flies = f", material in flight {share(s['flight_fraction'])} of the time" if s.get("flight_fraction") else ""
-    told = f"{size}{speed}{flies}."
-    if s.get("captured_by"):
-        told = f"Captured by the resonance in {s['captured_by']}: turns at {quantity(frequency, 'Hz')} for good. {told}"
-    return told, " ".join(
-        [*_force(s), *([f"Motors {quantity(s['motor_power_w'], 'W')}."] if s.get("motor_power_w") is not None else [])]
-    )
+    power = [f"Motors {quantity(s['motor_power_w'], 'W')}."] if s.get("motor_power_w") else []
+    return " ".join([f"{told}{flies}.", *_force(s), *power])
 
 
 def _force(s: Mapping[str, Any]) -> list[str]:

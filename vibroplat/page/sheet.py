@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from html import escape
 from typing import Any, NamedTuple
 
-from vibroplat.columns import describe_sync, split
+from vibroplat.columns import split
 from vibroplat.config.digits import MISSING, NEGLIGIBLE, number, quantity, share, spread
 from vibroplat.config.scene import Scene
-from vibroplat.observe.summary import COHERENCE, synchronization
+from vibroplat.results.run_answer import phase_text, sync_text
 
 #: Part of the larger one up to which two motors, or exciters, have one number.
 ALIKE = 0.01
@@ -221,10 +220,8 @@ class Sheet:
         s, frequency, apart = self.summary, self._get("excitation_frequency_hz"), self._get("frequency_split_hz") or 0.0
         if not frequency:
             return [Row("speed", "the exciters do not turn")]
-        name, phase = synchronization(s), s.get("phase_difference_rad")
-        drifts = phase is None or (s.get("phase_coherence") is not None and s["phase_coherence"] < COHERENCE)
-        told = "drifts" if drifts or phase is None else quantity(math.degrees(phase), "°")
-        rows = [Row("phase difference", told, "not synchronous" if name == "none" else name)]
+        name = sync_text(self.scene, s).partition(":")[0]
+        rows = [Row("phase difference", phase_text(s) or "drifts", "not synchronous" if name == "none" else name)]
         if name == "none" and abs(apart) > 1e-4 * frequency:
             speeds = [quantity(frequency + 0.5 * sign * apart, "Hz") for sign in (1.0, -1.0)]
             rows.append(Row("speeds", " / ".join(speeds)))
@@ -285,13 +282,8 @@ def caption(summary: Mapping[str, Any], scene: Scene) -> str:
     """Return what a machine does, in a few words."""
     if not summary.get("excitation_frequency_hz"):
         return "the exciters do not turn"
-    name = synchronization(summary)
-    told = (
-        "not synchronous"
-        if name == "none"
-        else describe_sync(name, scene.rotation if scene.has_mirrored_exciters else "")
-    )
-    return ", ".join(filter(None, (told, f"repeats {text}" if (text := repeats(summary.get("period"))) else "")))
+    told = sync_text(scene, summary)
+    return "not synchronous" if told == "none" else told
 
 
 # -- as HTML -----------------------------------------------------------------------------------------------------------

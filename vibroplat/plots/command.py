@@ -15,7 +15,7 @@ from vibroplat.plots.paper import paper_figures
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.style import Saving, save, styled
 from vibroplat.plots.timelines import read_measured
-from vibroplat.results.files import commands_in
+from vibroplat.results.files import commands_in, directory_of
 from vibroplat.results.labels import ABSCISSAE
 from vibroplat.results.result import Result
 
@@ -67,7 +67,9 @@ def _draw(
     """Draw the pictures of results of studies, those that can be laid over each other at once."""
     for places in [directories] if command in _COMPARED else [[place] for place in directories]:
         results = [Result.read(place, command) for place in places]
-        yield from ((places[0], *drawn) for drawn in draw_study(command, results, kinds, **options))
+        yield from (
+            (directory_of(places[0], command), *drawn) for drawn in draw_study(command, results, kinds, **options)
+        )
 
 
 def draw_study(
@@ -90,7 +92,7 @@ def plot_results(
     Parameters
     ----------
     directories
-        Result directories; figures are saved in the first one, those of branches in each.
+        Result directories; figures are saved beside the tables of the first one, those of branches in each.
     kinds
         Figures; all that the results have if empty.
     saving

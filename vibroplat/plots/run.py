@@ -23,6 +23,7 @@ from vibroplat.plots.style import (
     legend_below,
     new_figure,
 )
+from vibroplat.results.files import directory_of
 from vibroplat.results.labels import compared, distinct, run_parameters
 from vibroplat.results.picture import BLACK, CURVES, REFERENCE
 
@@ -117,7 +118,7 @@ def run_figures(
     if not drawn:
         raise TableError(f"--kind force: {directories[0]} has no contact force, as its scene is bare or non-impact")
     for kind in drawn:
-        yield directories[0], kind, FIGURES[kind](shown)
+        yield directory_of(directories[0], "run"), kind, FIGURES[kind](shown)
 
 
 def _shown(runs: Sequence[Run], directories: Sequence[Path], data: timelines.Measured | None) -> Shown:

@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
 from vibroplat.columns import COORDINATES, FORCES, PHASE, PHASE_COLUMN, describe_sync, quantity_of
-from vibroplat.config.plausibility import as_text
+from vibroplat.config.digits import quantity
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import MAX_SIZE
 from vibroplat.errors import TableError
@@ -91,10 +91,10 @@ def mark_peak(axis: Axes, envelope: pd.DataFrame, column: str, value: float, tim
     speed = "" if pace is None else f", {pace:.3g} Hz"
     least, largest = envelope[f"{column}:min"], envelope[f"{column}:max"]
     if column in FORCES:
-        place, told = (-value if -least.min() > largest.max() else value), f"{as_text(value, 4)} N"
+        place, told = (-value if -least.min() > largest.max() else value), quantity(value, "N")
     else:
         place = least.min() if least.argmin() > largest.argmax() else largest.max()
-        place, told = float(in_units(place, column)), f"stroke {as_text(float(in_units(value, column)), 4)} mm"
+        place, told = float(in_units(place, column)), f"stroke {quantity(value, 'm')}"
     axis.plot(time, place, "o", ms=4.5, mfc="white", mec=BLACK, clip_on=False, zorder=5)
     axis.annotate(
         f"{told} at {time:.4g} s{speed}", (time, place), (7.0, 0.0), textcoords="offset points", fontsize=8,

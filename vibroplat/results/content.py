@@ -11,7 +11,7 @@ from vibroplat.columns import PHASE_COLUMN, display_name, unit_of
 from vibroplat.config import digits
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
-from vibroplat.results.files import SavedFiles
+from vibroplat.results.files import SavedFiles, directory_of
 from vibroplat.results.labels import EXCITATION, is_number
 from vibroplat.results.picture import FULL, HALF, LOST, OPEN, Panel, Places
 from vibroplat.results.result import Result
@@ -117,6 +117,6 @@ def rows_in(result: Result, name: str, *columns: Collection[str]) -> pd.DataFram
 
 
 def beside(result: Result, command: str, name: str) -> pd.DataFrame | None:
-    """Return a table of another command in the directory of a result, None if there is none."""
-    place = result.directory
+    """Return a table of another command beside a result, None if there is none."""
+    place = result.home and directory_of(result.home, command)
     return SavedFiles(place, command).table(name) if place and any(place.glob(f"{name}.*")) else None
