@@ -167,7 +167,7 @@ def test_a_machine_that_does_not_turn_is_shown_by_time():
 
 def test_curves_that_coincide_are_one():
     t = np.arange(10.0)
-    lines = [Line(f"exciter {n}", "#000", t, t + shift, t + shift) for n, shift in ((1, 0.0), (2, 1e-3), (3, 1.0))]
+    lines = [Line(f"exciter {n}", "#000", "", t, t + shift, t + shift) for n, shift in ((1, 0.0), (2, 1e-3), (3, 1.0))]
     assert [line.name for line in one_line(lines)] == ["exciter 1 = 2", "exciter 3"]
 
 

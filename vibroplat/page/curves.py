@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,8 +21,8 @@ COINCIDE = 0.015
 NARROW = 0.02
 #: The same of speeds, which change within a turn while exciters start.
 SPEEDING = 0.25
-#: Part of a run that its start takes at least, where speeds are shown (and 1 s).
-START = 0.05
+#: Least time from the beginning of a run in which its start is shown (s).
+START = 1.0
 #: Colours of the curves of a panel: along y blue, along x orange.
 _COLOURS = {
     "x_m": ORANGE,
@@ -49,14 +49,14 @@ PANELS: tuple[tuple[str, dict[str, str]], ...] = (
 
 
 class Line(NamedTuple):
-    """A curve of a panel: its name and colour, times (s), smallest and largest values; one array is both."""
+    """A curve of a panel: its look, times (s), smallest and largest values; one array is both."""
 
     name: str
     colour: str
+    dash: str
     t: Floats
     low: Floats
     high: Floats
-    dash: str = ""
 
 
 class Runs:
@@ -76,53 +76,29 @@ class Runs:
 
     # -- lines --------------------------------------------------------------------------------------
 
-    def whole(self, columns: dict[str, str], until: float = math.inf) -> list[Line]:
+    def whole(self, columns: Mapping[str, str], until: float = math.inf) -> list[Line]:
         """Return the ranges of curves over the runs, up to a time (s)."""
-        found = []
-        for run, (course, name) in enumerate(zip(self.courses, self.names, strict=True)):
-            for number, (column, label) in enumerate(columns.items()):
-                if (band := course.band(column)) is not None and np.isfinite(band[1]).any():
-                    shown = band[0] <= max(until, course.first + 1e-9)
-                    found.append(
-                        self._line(
-                            run, number, column, name, label, *(part[shown] for part in band), several=len(columns) > 1
-                        )
-                    )
-        return one_line(found)
+        return self._lines(columns, lambda course, column: course.band(column, until))
 
-    def detail(self, columns: dict[str, str]) -> list[Line]:
+    def detail(self, columns: Mapping[str, str]) -> list[Line]:
         """Return curves of the last turns, or of the interval that was asked for."""
+        return self._lines(columns, lambda course, column: course.turns(column, self._origin(course)))
+
+    def _origin(self, course: Course) -> float:
+        """Return the time (s) from which those of the detail are counted."""
+        return 0.0 if self.chosen else float(course.detail["t_s"].iloc[0])
+
+    def _lines(self, columns: Mapping[str, str], parts_of: Callable[[Course, str], Any]) -> list[Line]:
+        """Return curves: of several runs each has a colour, of one run each of its curves."""
         found = []
         for run, (course, name) in enumerate(zip(self.courses, self.names, strict=True)):
-            t = course.detail["t_s"].to_numpy(dtype=float)
             for number, (column, label) in enumerate(columns.items()):
-                if column in course.detail and course.detail[column].notna().any():
-                    values = course.detail[column].to_numpy(dtype=float)
-                    found.append(
-                        self._line(
-                            run,
-                            number,
-                            column,
-                            name,
-                            label,
-                            t - self._origin(t),
-                            values,
-                            values,
-                            several=len(columns) > 1,
-                        )
-                    )
+                if (parts := parts_of(course, column)) is not None:
+                    own = _COLOURS.get(column, CURVES[number % len(CURVES)])
+                    dash = "2 3" if column == "synchronous_hz" else "6 3" if name and number else ""
+                    called = ", ".join(filter(None, (name, label if len(columns) > 1 else ""))) or label
+                    found.append(Line(called, CURVES[run % len(CURVES)] if name else own, dash, *parts))
         return one_line(found)
-
-    def _origin(self, t: Floats) -> float:
-        return 0.0 if self.chosen else float(t[0])
-
-    def _line(self, run: int, number: int, column: str, name: str, label: str, *parts: Floats, several: bool) -> Line:
-        """Return a curve: of several runs each has a colour, of one run each of its curves."""
-        colour = CURVES[run % len(CURVES)] if name else _COLOURS.get(column, CURVES[number % len(CURVES)])
-        dash = "2 3" if column == "synchronous_hz" else "6 3" if name and number else ""
-        called = ", ".join(filter(None, (name, label if several else ""))) or label
-        t, low, high = parts
-        return Line(called, colour, t, low, high, dash)
 
     # -- figures ------------------------------------------------------------------------------------
 
@@ -150,18 +126,15 @@ class Runs:
 
     def third(self) -> str:
         """Return the speeds while the exciters start, or the force of the last turns."""
-        moves = [
-            one for one in self.courses for n in (1, 2) if one.size(f"speed_{n}_hz") > 0.1 * (one.frequency or 0.0)
-        ]
+        sizes = [(one.size(f"speed_{n}_hz"), one.frequency or 0.0) for one in self.courses for n in (1, 2)]
+        moves = any(size > 0.1 * frequency for size, frequency in sizes)
         if not moves:
             lines, title = self.detail({"force_y_n": "force y"}), f"Force into the foundation, {self.last}"
         elif any(one.steady is None for one in self.courses):
             lines, title = self.whole(_EXCITERS), "Speed, whole run"
         else:
-            ends = [
-                max(one.steady or 0.0, one.first + max(START * (one.last - one.first), 1.0)) for one in self.courses
-            ]
-            lines, title = self.whole(_EXCITERS, max(ends)), "Speed until the stroke is steady"
+            until = max(max(one.steady or 0.0, one.first + START) for one in self.courses)
+            lines, title = self.whole(_EXCITERS, until), "Speed until the stroke is steady"
         if not lines:
             return ""
         column = "speed_1_hz" if moves else "force_y_n"
@@ -173,18 +146,11 @@ class Runs:
         """Mark the static force, and the largest one with its time."""
         for course in self.courses:
             s = course.result.summary
-            mean, most, at = (
-                s.get(key)
-                for key in (
-                    "foundation_force_y_mean_n",
-                    "whole_foundation_force_y_max_n",
-                    "whole_foundation_force_y_max_at_s",
-                )
-            )
-            if mean is not None and len(self.courses) == 1:
-                plot.rule("static", y=-mean)
+            most, at = (s.get(f"whole_foundation_force_y_max_{end}") for end in ("n", "at_s"))
+            if s.get("foundation_force_y_mean_n") is not None and len(self.courses) == 1:
+                plot.rule("static", y=-s["foundation_force_y_mean_n"])
             band = course.band("force_y_n")
-            if most is not None and at is not None and band is not None and np.isfinite(band[1]).any():
+            if most is not None and at is not None and band is not None:
                 side = 1.0 if np.nanmax(band[2]) >= -np.nanmin(band[1]) else -1.0
                 plot.mark(at, side * most, f"{quantity(most, 'N')} at {quantity(at, 's')}")
 
@@ -214,48 +180,32 @@ class Runs:
 
     def _matters(self, course: Course, column: str) -> bool:
         """Whether a curve has content beside the largest one of its kind."""
-        arm = course.result.scene.body.distance
-        motion = max(course.size("x_m"), course.size("y_m"), arm * course.size("phi_rad"))
-        kinds = {
-            "x_m": motion,
-            "y_m": motion,
-            "force_x_n": course.size("force_y_n"),
-            "force_y_n": course.size("force_x_n"),
-        }
-        size = course.size(column) * (arm if column == "phi_rad" else 1.0)
-        return size > NEGLIGIBLE * (motion if column == "phi_rad" else kinds.get(column, 0.0))
+        arms = {"phi_rad": course.result.scene.body.distance}
+        kinds = (("x_m", "y_m", "phi_rad"), ("force_x_n", "force_y_n"))
+        alike = next((kind for kind in kinds if column in kind), ())
+        largest = max((arms.get(name, 1.0) * course.size(name) for name in alike), default=0.0)
+        return arms.get(column, 1.0) * course.size(column) > NEGLIGIBLE * largest
 
     def _impulses(self, *, detail: bool) -> str:
         """Return the impulses of all impacts of the runs, or of their last turns."""
-        shown = []
-        for course in self.courses:
-            t = course.detail["t_s"].to_numpy(dtype=float)
-            inside = course.impulses[course.impulses["t_s"].between(t[0], t[-1])] if detail else course.impulses
-            shown.append(
-                (
-                    inside["t_s"].to_numpy(dtype=float) - (self._origin(t) if detail else 0.0),
-                    inside["impulse_n_s"].to_numpy(dtype=float),
-                    t[-1] - self._origin(t),
-                )
-            )
-        sizes = np.concatenate([size for _, size, _ in shown])
-        until = max(end for _, _, end in shown) if detail else max(one.last for one in self.courses)
-        ms = detail and not self.chosen
-        x = Scale(
-            0.0 if not self.chosen or not detail else min(float(one.detail["t_s"].iloc[0]) for one in self.courses),
-            until,
-            *(("ms", 1e3) if ms else ("s", 1.0)),
-        )
-        plot = Plot(
-            self.last.capitalize() if detail else "Impulse of each impact, whole run",
-            x,
-            Scale.of(np.append(sizes, 0.0), "impulse_n_s"),
-        )
-        for run, (t, size, _) in enumerate(shown):
+        ends = [
+            (one.detail["t_s"].iloc[0], one.detail["t_s"].iloc[-1]) if detail else (one.first, one.last)
+            for one in self.courses
+        ]
+        origins = [self._origin(one) if detail else 0.0 for one in self.courses]
+        struck = [one.impulses[one.impulses["t_s"].between(*end)] for one, end in zip(self.courses, ends, strict=True)]
+        sizes = np.concatenate([one["impulse_n_s"].to_numpy(dtype=float) for one in struck])
+        times = [(a - origin, b - origin) for (a, b), origin in zip(ends, origins, strict=True)]
+        unit = ("ms", 1e3) if detail and not self.chosen else ("s", 1.0)
+        x = Scale(float(np.min(times)), float(np.max(times)), *unit)
+        title = self.last.capitalize() if detail else "Impulse of each impact, whole run"
+        plot = Plot(title, x, Scale.of(np.append(sizes, 0.0), "impulse_n_s"))
+        for run, (one, origin) in enumerate(zip(struck, origins, strict=True)):
+            t, size = one["t_s"].to_numpy(dtype=float) - origin, one["impulse_n_s"].to_numpy(dtype=float)
             name, colour = self.names[run] or "impulse", CURVES[run % len(CURVES)] if self.names[run] else VERMILION
             if detail:
-                stems = (np.repeat(t, 3), np.column_stack([0.0 * size, size, np.full(len(size), np.nan)]).ravel())
-                plot.curve(*stems, "", colour, width=1.0)
+                stems = np.column_stack([0.0 * size, size, np.full(len(size), np.nan)]).ravel()
+                plot.curve(np.repeat(t, 3), stems, "", colour, width=1.0)
             plot.dots(t, size, name, colour, size=5.0 if detail else 2.5)
         return plot.html()
 

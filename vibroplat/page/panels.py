@@ -19,8 +19,16 @@ from vibroplat.results.picture import BEHIND, BLACK, FULL, LOST, VERMILION, Face
 
 #: Signs of matplotlib's markers.
 SIGNS = dict(zip("osD^vXP*", "○□◇△▽✕✚★", strict=True))
+#: What the hatches of the page are called.
+HATCHES = ("stripes", "bars", "dots")
 #: Samples up to which dots are large, and failed points that are marked.
 FEW = 400
+
+
+def hatches_told(hatches: Mapping[str, str], more: str) -> str:
+    """Return what hatches mean, and more."""
+    told = [f"{HATCHES[number % len(HATCHES)]}: {text}" for number, text in enumerate(hatches.values())]
+    return plain_text("; ".join(filter(None, (*told, more))))
 
 
 def figures(view: View, facet: Facet | None) -> list[str]:
@@ -136,9 +144,9 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]
         looks[chosen] = f"{colour}|{name}"
     _boxes(plot, _grid(looks, at, (len(levels), len(over)), ""), ends)
     if panel.hatch:
-        numbers = {
-            hatch: f"url(#hatch-{number % 3})|{told}" for number, (hatch, told) in enumerate(panel.hatches.items())
-        }
+        each = enumerate(panel.hatches.items())
+        numbers = {hatch: f"url(#hatch-{number % len(HATCHES)})|{told}" for number, (hatch, told) in each}
+        plot.note = hatches_told(panel.hatches, panel.note)
         hatched = points[panel.hatch].map(numbers).fillna("").to_numpy(dtype=object)
         _boxes(plot, _grid(hatched, at, (len(levels), len(over)), ""), ends)
     if panel.contours and min(len(levels), len(over)) > 1:
@@ -244,29 +252,29 @@ def strips(view: View) -> list[str]:
         return []
     at = view.values(view.axis)
     spans = [strip.spans(at) for strip in strips.rows]
-    ends = [end for row in spans for span in row for end in (span.low, span.high)]
-    if not ends:
+    if not any(spans):
         return []
     x = view.across(Panel(view.axis), view.picture.series)
     y = Scale(len(spans) - 0.5, -0.5, names=[plain_text(strip.label) for strip in strips.rows])
     plot = Plot(plain_text(strips.label), x, y, "picture strips")
-    plot.height = f"--h:{24 * len(spans) + 6}px"
-    hatches = list(strips.hatches)
+    plot.height, hatches = f"--h:{24 * len(spans) + 6}px", list(strips.hatches)
+    plot.note = hatches_told(strips.hatches, f"line: {strips.line}" if strips.line else "")
     for row, found in enumerate(spans):
         for span in found:
             colour, meaning = strips.classes.get(span.kind, ("", ""))
             ends_of = (max(span.low, x.low), min(span.high, x.high))
-            tip = ", ".join(
-                filter(None, (meaning, strips.hatches.get(span.hatch, ""), strips.line if span.lined else ""))
-            )
             if colour:
-                plot.box(ends_of, (row - 0.36, row + 0.36), colour, plain_text(tip))
+                plot.box(ends_of, (row - 0.36, row + 0.36), colour, plain_text(meaning))
             if span.hatch in hatches:
-                plot.box(ends_of, (row - 0.36, row + 0.36), f"url(#hatch-{hatches.index(span.hatch) % 3})")
+                hatch = hatches.index(span.hatch) % len(HATCHES)
+                plot.box(ends_of, (row - 0.36, row + 0.36), f"url(#hatch-{hatch})", strips.hatches[span.hatch])
             if span.lined:
                 plot.box(ends_of, (row + 0.38, row + 0.46), "#000")
             if span.text:
                 plot.word(0.5 * (span.low + span.high), row, span.text, "#fff" if colour else "#222")
+    places = np.concatenate([np.asarray(strip.rows, dtype=int) for strip in strips.rows])
+    rows = np.repeat(np.arange(len(spans), dtype=float), [len(strip.rows) for strip in strips.rows])
+    view.hits(plot, at[places], rows, places)
     plot.key = [(plain_text(meaning), colour) for colour, meaning in strips.classes.values()]
     return [plot.html()]
 

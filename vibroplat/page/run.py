@@ -70,17 +70,25 @@ class Course:
     impulses: pd.DataFrame
     motion: Mapping[str, Any]
 
-    def band(self, column: str) -> tuple[Floats, Floats, Floats] | None:
-        """Return times, smallest and largest values of a curve; None if the run has none."""
-        if f"{column}:min" not in self.range:
+    def band(self, column: str, until: float = math.inf) -> tuple[Floats, Floats, Floats] | None:
+        """Return times (s), up to one, smallest and largest values of a curve; None if the run has none."""
+        if f"{column}:min" not in self.range or self.range[f"{column}:min"].isna().all():
             return None
         found = self.range[["t_s", f"{column}:min", f"{column}:max"]].to_numpy(dtype=float)
+        found = found[found[:, 0] <= max(until, found[0, 0])]
         return found[:, 0], found[:, 1], found[:, 2]
+
+    def turns(self, column: str, origin: float) -> tuple[Floats, Floats, Floats] | None:
+        """Return times in the detail from an origin (s), and values of a curve twice; None if the run has none."""
+        if column not in self.detail or self.detail[column].isna().all():
+            return None
+        values = self.detail[column].to_numpy(dtype=float)
+        return self.detail["t_s"].to_numpy(dtype=float) - origin, values, values
 
     def size(self, column: str) -> float:
         """Return the range of a curve over the whole run; 0 if it has none."""
         band = self.band(column)
-        return 0.0 if band is None or not np.isfinite(band[1]).any() else float(np.nanmax(band[2]) - np.nanmin(band[1]))
+        return 0.0 if band is None else float(np.nanmax(band[2]) - np.nanmin(band[1]))
 
     @property
     def main(self) -> str:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from vibroplat.columns import split
 from vibroplat.config.digits import MISSING, NEGLIGIBLE, number, quantity, share, spread
 from vibroplat.config.scene import Scene
-from vibroplat.results.run_answer import phase_text, sync_text
+from vibroplat.results.run_answer import phase_text, speeds_of_both, sync_text
 
 #: Part of the larger one up to which two motors, or exciters, have one number.
 ALIKE = 0.01
@@ -37,6 +37,11 @@ class Row(NamedTuple):
     also: str = ""
     most: str = ""
     when: str = ""
+
+
+def told(value: float | None, unit: str = "", **how: Any) -> str:
+    """Write a number as :func:`quantity` does; "" if there is none."""
+    return "" if value is None else quantity(value, unit, **how)
 
 
 @dataclass
@@ -81,24 +86,21 @@ class Sheet:
         at, pace = (self._get(f"whole_{base}_at_{end}") for end in ("s", "hz"))
         if at is None:
             return ""
-        told = quantity(at, "s") if at else "0 s"
-        return told if pace is None else f"{told}, {quantity(pace, 'Hz', digits=3)}"
+        return ", ".join(filter(None, (quantity(at, "s") if at else "0 s", told(pace, "Hz", digits=3))))
 
-    def _row(
-        self, label: str, column: str, unit: str, *, largest: float | None = None, sign: str = "", also: str = ""
-    ) -> Row:
+    def _row(self, label: str, column: str, unit: str, *, largest: float | None = None, sign: str = "") -> Row:
         """Return the row of a column; beside ``largest`` what is small is 0, and was so at no time."""
         now, most = self._get(column), self._get(f"whole_{column}")
-        told, peak = ("" if value is None else quantity(value, unit, largest=largest) for value in (now, most))
-        signed = f"{sign}{told}" if told and told != "0" else told
-        return Row(label, signed, also, peak, self._when(column) if peak and peak != "0" else "")
+        size, peak = (told(value, unit, largest=largest) for value in (now, most))
+        signed = f"{sign}{size}" if size not in ("", "0") else size
+        return Row(label, signed, "", peak, self._when(column) if peak and peak != "0" else "")
 
     def _pair(self, column: str, unit: str, write: Any = quantity) -> str:
         """Return the numbers of both motors, one if they are alike."""
         first, second = (self._get(column.format(n)) for n in (1, 2))
         if first is None or second is None:
-            told = [MISSING if value is None else write(value, unit) for value in (first, second)]
-            return "" if first is second else " / ".join(told)
+            known = [MISSING if value is None else write(value, unit) for value in (first, second)]
+            return "" if first is second else " / ".join(known)
         size = max(abs(first), abs(second))
         if abs(first - second) <= ALIKE * size:
             return str(write(first, unit))
@@ -109,66 +111,36 @@ class Sheet:
         peaks = [(self._get(f"whole_{most.format(n)}"), most.format(n)) for n in (1, 2)]
         known = [(value, name) for value, name in peaks if value is not None] if most else []
         value, name = max(known, default=(None, ""))
-        told = "" if value is None else quantity(value, unit)
-        return Row(label, self._pair(column, unit), "", told, self._when(name) if told else "")
+        return Row(label, self._pair(column, unit), "", told(value, unit), "" if value is None else self._when(name))
 
     # -- groups -------------------------------------------------------------------------------------
 
     def _strokes(self) -> list[Row]:
-        s = self.summary
-        motion = max(s["rms_x_m"], s["rms_y_m"])
-        stroke = max((s.get(f"stroke_{axis}_m") or 0.0 for axis in "xy"), default=0.0)
-        names = {f"stroke {axis}": f"stroke_{axis}_m" for axis in "yx"}
-        names |= {
-            f"stroke {axis} of {name}": f"stroke_{axis}_{name}_m" for name in self.scene.output.points for axis in "yx"
-        }
-        rows = [self._row(label, column, "m", largest=stroke) for label, column in names.items()]
-        main = "x" if s["rms_x_m"] > s["rms_y_m"] else "y"
-        if main == "y" and s.get("amplitude_y_m") is not None:
-            rows.append(
-                Row(
-                    "amplitude y",
-                    quantity(s["amplitude_y_m"], "m", largest=motion),
-                    f"RMS {quantity(s['rms_y_m'], 'm', largest=motion)}",
-                )
-            )
-        else:
-            rows.append(Row(f"RMS {main}", quantity(s[f"rms_{main}_m"], "m")))
-        still = NEGLIGIBLE * motion / self.scene.body.distance if self.scene.body.distance else None
-        most = s.get("phi_max_rad")
-        turned = quantity(s.get("rms_phi_rad"), "rad", error=still)
-        rows.append(
-            Row(
-                "rotation",
-                turned,
-                "RMS" if turned != "0" else "",
-                "" if most is None else quantity(most, "rad", error=still),
-            )
-        )
-        accelerations = {"acceleration": "acceleration_max_m_per_s2"}
-        accelerations |= {
-            f"acceleration of {name}": f"acceleration_max_{name}_m_per_s2" for name in self.scene.output.points
-        }
-        rows += [self._acceleration(label, column) for label, column in accelerations.items()]
-        return [
-            *rows,
-            Row(
-                "throw index",
-                *(("" if s.get(k) is None else number(s[k])) if k else "" for k in ("gamma", "", "whole_gamma")),
-            ),
+        s, arm = self.summary, self.scene.body.distance
+        largest = max(s.get(f"stroke_{axis}_m") or 0.0 for axis in "xy")
+        whose = {"": ""} | {f"_{name}": f" of {name}" for name in self.scene.output.points}
+        rows = [
+            self._row(f"stroke {axis}{of}", f"stroke_{axis}{point}_m", "m", largest=largest)
+            for point, of in whose.items()
+            for axis in "yx"
         ]
+        axis = "x" if s["rms_x_m"] > s["rms_y_m"] else "y"
+        rms, amplitude = told(s[f"rms_{axis}_m"], "m"), told(s.get(f"amplitude_{axis}_m"), "m")
+        rows.append(Row(f"amplitude {axis}", amplitude, f"RMS {rms}") if amplitude else Row(f"RMS {axis}", rms))
+        still = NEGLIGIBLE * s[f"rms_{axis}_m"] / arm if arm else None
+        turned, most = (told(s.get(key), "rad", error=still) for key in ("rms_phi_rad", "phi_max_rad"))
+        rows.append(Row("rotation", turned, "RMS" if turned not in ("", "0") else "", most))
+        rows += [
+            self._acceleration(f"acceleration{of}", f"acceleration_max{point}_m_per_s2") for point, of in whose.items()
+        ]
+        return [*rows, Row("throw index", told(s.get("gamma")), "", told(s.get("whole_gamma")))]
 
     def _acceleration(self, label: str, column: str) -> Row:
-        gravity = self.scene.machine.gravity_m_per_s2
-        now, most = self._get(column), self._get(f"whole_{column}")
-        if not gravity or now is None:
-            return self._row(label, column, "m/s²")
-        return Row(
-            label,
-            f"{number(now / gravity)} g",
-            quantity(now, "m/s²"),
-            "" if most is None else f"{number(most / gravity)} g",
-        )
+        gravity, row = self.scene.machine.gravity_m_per_s2, self._row(label, column, "m/s²")
+        if not gravity or not row.now:
+            return row
+        now, most = ((self._get(name) or 0.0) / gravity for name in (column, f"whole_{column}"))
+        return Row(label, f"{number(now)} g", row.now, f"{number(most)} g" if row.most else "")
 
     def _loads(self) -> list[Row]:
         s = self.summary
@@ -177,88 +149,69 @@ class Sheet:
             return []
         around = s.get("foundation_force_y_amplitude_n")
         around = max(most - abs(mean), 0.0) if around is None else around
-        upright = self._row("y, static ± dynamic", "foundation_force_y_max_n", "N")._replace(
-            now=spread(-mean, around, "N")
-        )
+        upright = self._row("y, static ± dynamic", "foundation_force_y_max_n", "N")
         largest = max(most, s.get("whole_foundation_force_y_max_n") or 0.0)
         turning = s.get("whole_foundation_moment_max_n_m")
         return [
-            upright,
+            upright._replace(now=spread(-mean, around, "N")),
             self._row("x", "foundation_force_x_max_n", "N", largest=largest, sign="± "),
             self._row("moment", "foundation_moment_max_n_m", "N·m", largest=turning, sign="± "),
             *(self._spring(name) for name in getattr(self.scene.output, "springs", {})),
-            Row("static sag", "" if s.get("static_sag_m") is None else quantity(s["static_sag_m"], "m")),
+            Row("static sag", told(s.get("static_sag_m"), "m")),
         ]
 
     def _spring(self, name: str) -> Row:
         """Return the force in each spring at a point."""
         column = f"spring_force_max_{name}_n"
         mean, around = (self._get(f"spring_force_{part}_{name}_n") for part in ("mean", "amplitude"))
-        told = spread(-mean, around, "N") if mean is not None and around is not None else ""
-        return self._row(f"each spring at {name}", column, "N")._replace(now=told)
+        now = spread(-mean, around, "N") if mean is not None and around is not None else ""
+        return self._row(f"each spring at {name}", column, "N")._replace(now=now)
 
     def _motors(self) -> list[Row]:
         if self._get("motor_power_1_mean_w") is None:
-            power = self._get("motor_power_w")
-            return [] if power is None else [Row("power of both, mean", quantity(power, "W"))]
+            return [Row("power of both, mean", told(self._get("motor_power_w"), "W"))]
         most = [value for n in (1, 2) if (value := self._get(f"whole_torque_ratio_{n}_max")) is not None]
+        ripple = self._pair("speed_ripple_{}_hz", "Hz", partial(quantity, digits=3))
         return [
             self._pair_row("power, mean", "motor_power_{}_mean_w", "W", "motor_power_{}_max_w"),
             self._pair_row("torque, mean", "motor_torque_{}_mean_n_m", "N·m", "motor_torque_{}_max_n_m"),
             Row("of breakdown torque", self._pair("torque_ratio_{}", "", _share), "", share(max(most)) if most else ""),
-            Row(
-                "slip",
-                self._pair("slip_{}", "", _share),
-                f"ripple {self._pair('speed_ripple_{}_hz', 'Hz', partial(quantity, digits=3))}",
-            ),
+            Row("slip", self._pair("slip_{}", "", _share), f"ripple {ripple}"),
         ]
 
     def _bearings(self) -> list[Row]:
         return [self._pair_row("centrifugal force", "bearing_force_{}_max_n", "N", "bearing_force_{}_max_n")]
 
     def _synchronization(self) -> list[Row]:
-        s, frequency, apart = self.summary, self._get("excitation_frequency_hz"), self._get("frequency_split_hz") or 0.0
+        s, frequency = self.summary, self._get("excitation_frequency_hz")
         if not frequency:
             return [Row("speed", "the exciters do not turn")]
         name = sync_text(self.scene, s).partition(":")[0]
-        rows = [Row("phase difference", phase_text(s) or "drifts", "not synchronous" if name == "none" else name)]
-        if name == "none" and abs(apart) > 1e-4 * frequency:
-            speeds = [quantity(frequency + 0.5 * sign * apart, "Hz") for sign in (1.0, -1.0)]
-            rows.append(Row("speeds", " / ".join(speeds)))
-        else:
-            rows.append(Row("speed", quantity(frequency, "Hz"), quantity(60.0 * frequency, "rpm")))
-        at, work = s.get("synchronized_at_s"), s.get("start_energy_j")
-        if at is not None:
-            told = f"after {quantity(at, 's')}" if at > 0.0 else "from the start"
-            rows.append(
-                Row("in step", told, "", quantity(work, "J") if work else "", "work until then" if work else "")
-            )
-        if self.steady is not None:
-            rows.append(
-                Row(
-                    "stroke steady",
-                    f"after {quantity(self.steady, 's', digits=2)}" if self.steady else "from the start",
-                    "within 1 %",
+        speeds = speeds_of_both(s) if name == "none" else None
+        rows = [
+            Row("phase difference", phase_text(s) or "drifts", "not synchronous" if name == "none" else name),
+            Row("speeds", " / ".join(told(speed, "Hz") for speed in speeds))
+            if speeds
+            else Row("speed", told(frequency, "Hz"), told(60.0 * frequency, "rpm")),
+        ]
+        work = s.get("start_energy_j") or None
+        when = {"in step": s.get("synchronized_at_s"), "stroke steady": self.steady}
+        more = {"in step": ("", told(work, "J"), "work until then" if work else ""), "stroke steady": ("within 1 %",)}
+        for label, at in when.items():
+            if at is not None:
+                rows.append(
+                    Row(label, f"after {quantity(at, 's', digits=2)}" if at else "from the start", *more[label])
                 )
-            )
         return [*rows, Row("motion repeats", repeats(s.get("period")))]
 
     def _material(self) -> list[Row]:
-        s = self.summary
-        flies = bool(s.get("flight_fraction"))
-        impulse, gap = s.get("impulse_max_n_s"), s.get("gap_max_m")
-        per_turn = s.get("impacts_per_period")
+        s, flies = self.summary, bool(self._get("flight_fraction"))
+        impacts, gap, impulse = (s.get(key) for key in ("impacts_per_period", "gap_max_m", "impulse_max_n_s"))
+        rate = told(impacts) if impacts is None or impacts % 1 else str(int(impacts))
         return [
-            Row("in flight", share(s.get("flight_fraction")), f"gap {quantity(gap, 'm')}" if flies and gap else ""),
-            Row(
-                "impacts a turn",
-                "" if per_turn is None else number(per_turn) if per_turn % 1 else str(int(per_turn)),
-                f"impulse {quantity(impulse, 'N·s')}" if impulse else "",
-            ),
-            Row(
-                "contact force, largest",
-                "" if s.get("contact_force_max_n") is None else quantity(s["contact_force_max_n"], "N"),
-            ),
+            Row("in flight", share(s.get("flight_fraction")), f"gap {told(gap, 'm')}" if flies and gap else ""),
+            Row("impacts a turn", rate, f"impulse {told(impulse, 'N·s')}" if impulse else ""),
+            Row("contact force, largest", told(s.get("contact_force_max_n"), "N")),
         ]
 
     def _balances(self) -> list[Row]:
