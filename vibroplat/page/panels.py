@@ -19,6 +19,8 @@ from vibroplat.results.picture import BEHIND, BLACK, FULL, LOST, VERMILION, Face
 
 #: Signs of matplotlib's markers.
 SIGNS = dict(zip("osD^vXP*", "○□◇△▽✕✚★", strict=True))
+#: What columns of classes are called.
+_CALLED = {"sync": "synchronization"}
 #: What the hatches of the page are called.
 HATCHES = ("stripes", "bars", "dots")
 #: Samples up to which dots are large, and failed points that are marked.
@@ -137,7 +139,7 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]
     ends, units = halfway(over), unit_for(view.axis, float(over[-1]))
     x = Scale(ends[0], ends[-1], *units, label=axis_name(panel.x or view.axis), log=in_ratios(over))
     y = Scale(-0.5, len(levels) - 0.5, unit, names=[f"{level * factor:.4g}" for level in levels])
-    title = plain_text(panel.title or panel.label) or axis_name(panel.by)
+    title = plain_text(panel.title or panel.label) or _CALLED.get(panel.by) or axis_name(panel.by)
     plot = view.plot(panel, x, y, f"{title}; upwards: {axis_name(panel.column)}")
     points, looks = view.picture.points.iloc[places], np.full(len(places), "", dtype=object)
     for name, colour, chosen in coloured(panel, points):
