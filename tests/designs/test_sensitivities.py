@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vibroplat import design, load_config, orbit
+from vibroplat.config.digits import share
 from vibroplat.designs.sensitivities import settling_plan
 from vibroplat.designs.study import DesignStudy
 from vibroplat.errors import ConfigError
@@ -73,7 +74,7 @@ def test_samples_are_what_motions_settle_to(spread):
         point = measure_point(spread.replace(place), settling_plan(spread), None, (0,)).row
         assert (point["period"] == 1) == row["stable"]
         assert row["rms_y_m"] == pytest.approx(point["rms_y_m"], rel=1e-4 if row["stable"] else 0.1)
-    assert result.answer.lines["orbit stable"] == f"{100.0 * table['stable'].mean():.1f} %"
+    assert result.answer.lines["orbit stable"] == share(table["stable"].mean())
 
 
 def test_shares_of_the_variance_are_those_of_the_slopes_where_a_spread_is_small(scene):

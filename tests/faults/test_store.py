@@ -38,9 +38,9 @@ def finished(tmp_path_factory):
     place = tmp_path_factory.mktemp("finished")
     (place / "c.yaml").write_text(CONFIGURATION)
     assert command("sweep", place / "c.yaml", "--out", place).code == 0
-    table = bits(read_table(place / "c", "sweep"))
-    (place / "c/sweep.parquet").unlink()
-    return place / "c", table
+    table = bits(read_table(place / "c/sweep", "sweep"))
+    (place / "c/sweep/sweep.parquet").unlink()
+    return place / "c/sweep", table
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.text import Text
 
 from vibroplat import load_config, simulate
+from vibroplat.config.digits import quantity
 from vibroplat.errors import TableError
 from vibroplat.plots import histories
 from vibroplat.plots.command import plot_results
@@ -141,8 +142,8 @@ def test_loads_are_forces_and_displacements_with_their_peaks(result):
     size, at, pace = (summary[f"whole_foundation_force_y_max_{what}"] for what in ("n", "at_s", "at_hz"))
     assert (force.lines[-1].get_xdata()[0], abs(force.lines[-1].get_ydata()[0])) == (at, size)
     assert size == pytest.approx(along_y.abs().max(), rel=1e-3)
-    assert force.texts[-1].get_text() == f"{float(f'{size:.4g}'):g} N at {at:.4g} s, {pace:.3g} Hz"
-    assert height.texts[-1].get_text().startswith(f"stroke {1e3 * summary['whole_stroke_y_m']:.4g} mm at ")
+    assert force.texts[-1].get_text() == f"{quantity(size, 'N')} at {at:.4g} s, {pace:.3g} Hz"
+    assert height.texts[-1].get_text().startswith(f"stroke {quantity(summary['whole_stroke_y_m'], 'm')} at ")
     assert [line.get_label() for line in speeds.lines] == ["exciter 1", "exciter 2"]
     late = drawn(result, kinds=["loads"], start=at + 1e-3)["loads"].axes[0]
     assert not late.texts  # the peak is before

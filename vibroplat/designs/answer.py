@@ -28,6 +28,8 @@ def short_answer(plan: DesignPlan, tables: Mapping[str, pd.DataFrame], motion: s
     tolerances = [] if samples is None else list(_samples(plan, samples, tables["variance_contributions"]))
     if evaluations is not None:
         found = evaluations[evaluations["best"].astype(bool)]
+        if evaluations.empty:
+            return "unknown: the orbit was lost on the way to every starting point of the search", []
         if found.empty:
             return "no design in this box satisfies all constraints", list(_nearest(plan, evaluations))
         best = found.iloc[0]
@@ -79,9 +81,6 @@ def _values(plan: DesignPlan, best: pd.Series) -> Iterator[str]:
 
 def _nearest(plan: DesignPlan, evaluations: pd.DataFrame) -> Iterator[str]:
     """Yield the evaluated design that violates the constraints least."""
-    if evaluations["violation"].notna().sum() == 0:
-        yield "the orbit was lost on the way to every starting point of the search"
-        return
     nearest = evaluations.sort_values("violation").iloc[0]
     yield f"the closest one violates a bound by {share(nearest['violation'])} of it; wider design.keys may help"
     yield from _values(plan, nearest)

@@ -120,7 +120,7 @@ def _rows(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
     if groups[MAX_ROWS:]:
         yield f"and {len(groups) - MAX_ROWS} more combinations of the grid: -v, table bands"
     if kinds[MAX_JUMPS:]:
-        yield f"and {', '.join(kinds[MAX_JUMPS:])}: -v, table bands"
+        yield f"and {', '.join(kinds[MAX_JUMPS : 2 * MAX_JUMPS])}, …: -v, table bands"
 
 
 def _changes(bands: pd.DataFrame, key: str) -> dict[str, dict[str, list[tuple[float, float]]]]:
