@@ -63,6 +63,13 @@ def test_the_dynamic_force_is_its_column_where_there_is_one(sheet):
     assert rows["y, static ± dynamic"].now == "14.13 ± 0.90 kN"
 
 
+def test_each_spring_at_a_point_has_its_static_and_dynamic_force(sheet):
+    forces = {"spring_force_mean_inlet_n": -3500.0, "spring_force_amplitude_inlet_n": 210.0}
+    forces |= {"spring_force_max_inlet_n": 3710.0, "whole_spring_force_max_inlet_n": 3900.0}
+    row = sheet(**forces)._spring("inlet")
+    assert (row.label, row.now, row.most) == ("each spring at inlet", "3.50 ± 0.21 kN", "3.90 kN")
+
+
 def test_motors_that_are_alike_have_one_number(sheet):
     assert rows_of(sheet(**POWERS))["power, mean"].now == "960 W"
     unlike = rows_of(sheet(**POWERS | {"motor_power_2_mean_w": 1200.0, "slip_1": 0.0005, "slip_2": 0.0009}))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import logging
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -120,9 +121,10 @@ class Report:
         return [one for one in self.results if isinstance(one, RunResult)]
 
     @cached_property
-    def courses(self) -> list[Course | None]:
-        """What is shown of each run; None of those without rows."""
-        return [course_of(one, _events(one), self.start, self.stop) for one in self.runs]
+    def courses(self) -> dict[str, Course]:
+        """What is shown of each run that has rows, by its label."""
+        found = {one.label: course_of(one, _events(one), self.start, self.stop) for one in self.runs}
+        return {label: course for label, course in found.items() if course is not None}
 
     @cached_property
     def told(self) -> list[Told]:
@@ -143,11 +145,9 @@ class Report:
 
     def smaller(self) -> str:
         """Say what would make the page smaller."""
-        ways = {
-            "fewer results": len(self.results) > 1,
-            "--no-orbits": self.mover is not None and len(self.runs) < len(self.results),
-        }
-        return "smaller with " + ", or ".join([way for way, helps in ways.items() if helps] or ["fewer rows"])
+        studies = self.mover is not None and len(self.runs) < len(self.results)
+        ways = [*["fewer results"] * (len(self.results) > 1), *["--no-orbits"] * studies] or ["fewer rows"]
+        return f"smaller with {', or '.join(ways)}"
 
     # -- the page -----------------------------------------------------------------------------------
 
@@ -168,23 +168,13 @@ class Report:
             "FOLDS": self._folds(),
             "MACHINES": _machines(machines),
         }
-        wanted = {
-            "machine": any(self.courses) or bool(machines),
-            "plots": True,
-            "points": len(self.runs) < len(self.results),
-            "tables": True,
-        }
-        ours = "\n".join(_web(f"{name}.js") for name, is_wanted in wanted.items() if is_wanted)
-        parts["SCRIPT"] = f'(() => {{\n"use strict";\n{ours}\ndocument.documentElement.dataset.ready = "true";\n}})();'
-        parts["POLICY"] = (
-            f"'sha256-{base64.b64encode(hashlib.sha256(parts['SCRIPT'].encode()).digest()).decode('ascii')}'"
-        )
-        before, *rest = _web("page.html").split("{{")
-        pieces = [before]
-        for piece in rest:
-            name, _, after = piece.partition("}}")
-            pieces += [parts[name], after]
-        return "".join(pieces)
+        studies = len(self.runs) < len(self.results)
+        names = [*["machine"] * bool(self.courses or machines), "plots", *["points"] * studies, "tables"]
+        ours = "\n".join(_web(f"{name}.js") for name in names)
+        script = f'(() => {{\n"use strict";\n{ours}\ndocument.documentElement.dataset.ready = "true";\n}})();'
+        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
+        parts |= {"SCRIPT": script, "POLICY": f"'sha256-{digest}'"}
+        return re.sub(r"\{\{(\w+)\}\}", lambda name: parts[name[1]], _web("page.html"))
 
     @property
     def title(self) -> str:
@@ -193,11 +183,9 @@ class Report:
 
     def _header(self) -> str:
         """Return title and answers, and what is to be noted."""
-        made = [
-            f"{str(one.provenance.get('created', ''))[:10]}, vibroplat {one.provenance.get('vibroplat', '')}"
-            for one in self.results[:1]
-        ]
-        found = f'<h1 id="title">{escape(self.title)} <span>{escape(made[0])}</span></h1>'
+        made = self.results[0].provenance
+        day = f"{str(made.get('created', ''))[:10]}, vibroplat {made.get('vibroplat', '')}"
+        found = f'<h1 id="title">{escape(self.title)} <span>{escape(day)}</span></h1>'
         several = len(self.results) > 1
         for one, told, differs in zip(self.results, self.told, self.differs, strict=True):
             called = one.label if isinstance(one, RunResult) else f"{one.label}, {one.command}"
@@ -219,47 +207,44 @@ class Report:
 
     def _runs(self) -> str:
         """Return the first screen of runs: machines, data sheet, and the curves that matter."""
-        known = [(one, course) for one, course in zip(self.runs, self.courses, strict=True) if course is not None]
         several = len(self.runs) > 1
-        steady = {one.label: course.steady for one, course in known}
+        steady = {label: course.steady for label, course in self.courses.items()}
         sheets = [Sheet(one.summary, one.scene, steady.get(one.label)) for one in self.runs]
         curves = self._curves
         key = "".join(curves.key_figures()) if curves else ""
         third = f'<div class="third">{curves.third()}</div>' if curves and not several else ""
         sheet = sheet_html(sheets, [one.label for one in self.runs])
         look, many = ("several", "many") if several else ("single", "one")
-        stages = f'<section id="machines" class="{many}">{self._stages(known, several=several)}{third}</section>'
+        stages = f'<section id="machines" class="{many}">{self._stages(several=several)}{third}</section>'
         beside = f'<section id="sheet" aria-label="Data sheet">{sheet}</section>'
         return f'<main class="{look}">{stages}{beside}<section id="curves" aria-label="Curves">{key}</section></main>'
 
     @cached_property
     def _curves(self) -> Runs | None:
         """What draws the curves of the runs."""
-        known = [(one.label, course) for one, course in zip(self.runs, self.courses, strict=True) if course is not None]
-        return Runs([course for _, course in known], [name for name, _ in known]) if known else None
+        return Runs([*self.courses.values()], [*self.courses]) if self.courses else None
 
-    def _stages(self, known: Sequence[tuple[RunResult, Course]], *, several: bool) -> str:
+    def _stages(self, *, several: bool) -> str:
         """Return the drawings of the machines with what moves them, and what they are."""
         figures = ""
-        for one, _ in known:
+        for one in (course.result for course in self.courses.values()):
             told = escape(f"{one.label}: " * several + caption(one.summary, one.scene))
             picture = drawing(machine_of(one.scene), escape(f"Drawing of the machine: {one.label}"))
             figures += f"<figure><figcaption>{told}</figcaption>{picture}</figure>"
         inputs = "" if several or not self.runs else _inputs(self.runs[0].scene)
-        if not known:
+        if not self.courses:
             return inputs
-        count = len(known[0][1].motion["windows"])
-        note = f"motion × {known[0][1].motion['k']:g}"
-        note += f"; {count} turns, evenly over the run" if count > 1 else ""
+        motions = [course.motion for course in self.courses.values()]
+        count = len(motions[0]["windows"])
+        note = f"motion × {motions[0]['k']:g}" + (f"; {count} turns, evenly over the run" if count > 1 else "")
         controls = (
             '<button type="button" class="play" aria-pressed="true">Pause</button>'
             '<button type="button" class="whole">Whole run</button>'
             f'<input type="range" min="0" max="{count - 1}" value="{count - 1}" aria-label="time">'
             f'<span class="clock"></span><span>{escape(note)}</span>'
         )
-        frames = as_json([course.motion for _, course in known])
         beside = f'<div><div class="controls scripted">{controls}</div>{inputs}</div>'
-        data = f'<script type="application/json" id="frames">{frames}</script>'
+        data = f'<script type="application/json" id="frames">{as_json(motions)}</script>'
         return f'<div class="stages">{figures}</div>{beside}{data}'
 
     # -- studies ------------------------------------------------------------------------------------
@@ -269,10 +254,8 @@ class Report:
         studies = list(dict.fromkeys(one for one, _ in self.pictures))
         room = MOST_SAMPLES // max(len(studies), 1)
         motions = {one: Motions(one.scene, self.mover, room, machines, self.progress) for one in studies}
-        found, headlines = (
-            "",
-            {told.headline or self._title_of(one) for one, told in zip(self.results, self.told, strict=True)},
-        )
+        headlines = {told.headline or self._title_of(one) for one, told in zip(self.results, self.told, strict=True)}
+        found = ""
         for number, (one, picture) in enumerate(self.pictures):
             title = plain_text(picture.title)
             found += picture_html(number, picture, motions[one], one.label, "" if title in headlines else title)
@@ -346,20 +329,14 @@ def _events(one: Result) -> pd.DataFrame:
 def _inputs(scene: Scene) -> str:
     """Return what a machine is, in a few lines."""
     drive, torques = scene.drive, [exciter.critical_torque_n_m for exciter in scene.exciter_pair]
-    material = (
-        f"{quantity(scene.material_mass, 'kg')} = {share(scene.material.mass_ratio)}" if scene.material_mass else "none"
-    )
-    supply = (
-        f"{given(drive.largest_frequency)} Hz"
-        if drive.program is None
-        else f"program up to {given(drive.largest_frequency)} Hz"
-    )
+    material = f"{quantity(scene.material_mass, 'kg')} = {share(scene.material.mass_ratio)}"
+    supply = f"{given(drive.largest_frequency)} Hz"
     rows = {
         "platform with unbalances": quantity(scene.platform_mass, "kg", digits=4),
-        "material": material,
+        "material": material if scene.material_mass else "none",
         "static moments": f"{' + '.join(f'{value:.4g}' for value in scene.unbalances)} kg·m",
         "breakdown torques": f"{' + '.join(f'{value:.4g}' for value in torques)} N·m",
-        "supply": supply,
+        "supply": supply if drive.program is None else f"program up to {supply}",
     }
     lines = "".join(f"<li><span>{label}</span> {escape(text)}</li>" for label, text in rows.items())
     return f'<ul class="inputs">{lines}</ul>'
