@@ -72,7 +72,7 @@ def report(
         bool, typer.Option("--overwrite", help="Replace FILE even if it is not a page of vibroplat.")
     ] = False,
 ) -> None:
-    """Write results as one HTML page that opens offline and prints.
+    """Write results as one HTML page that opens offline.
 
     The answer comes first, then the moving machine, the data sheet and curves; all else is folded.
     """
