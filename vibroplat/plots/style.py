@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import wrap
 from typing import Any, Literal
 
 import matplotlib as mpl
@@ -17,7 +18,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
-from vibroplat.results.labels import plain
 from vibroplat.results.picture import BLUE, GREEN, VERMILION
 from vibroplat.results.tables import replace_file, result_directory
 
@@ -33,11 +33,11 @@ MOST_ENTRIES = 24
 #: Share of an axis beyond what is on it, so that markers are whole.
 MARGIN = 0.05
 #: Least range of an axis over its largest number.
-LEAST_SHARE = 2e-4
+LEAST_SHARE = 1e-3
 #: Ratio of the ends of a logarithmic axis up to which there are ticks between its powers of ten.
 NEAR_DECADES = 300.0
-#: Letters of a legend that an inch has room for.
-LETTERS = 14.0
+#: Letters of a legend, of a title and of what is told below it that an inch has room for; colour of the last.
+LETTERS, TITLE_LETTERS, TOLD_LETTERS, TOLD = 14.0, 11.5, 15.0, "#777777"
 
 _STYLE: Any = {
     "figure.constrained_layout.use": True,
@@ -106,16 +106,27 @@ def new_figure(rows: int, columns: int, size: tuple[float, float], **options: An
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
-def panel_grid(count: int, columns: int, size: tuple[float, float], label: str) -> tuple[Figure, list[Axes]]:
-    """Return a figure and its panels, which share a horizontal axis of this label; each column is filled downwards."""
-    figure, axes = new_figure(-(-count // columns), columns, size, sharex=True)
-    panels = list(axes.T.ravel())
-    for axis in panels[count:]:
-        axis.set_axis_off()
-    for axis in (panels[len(axes) - 1], panels[count - 1]):
-        axis.set_xlabel(label)
-        axis.tick_params(labelbottom=True)
-    return figure, panels
+def below_strips(
+    rows: int, columns: int, size: tuple[float, float], above: float, *, sharex: bool = True, sharey: bool = False
+) -> tuple[Figure, Any, Any]:
+    """Return a figure of a size (inch), its axes in rows and columns, and above them one of this height; or None.
+
+    Axes share the horizontal axis, or those of a row the vertical one.
+    """
+    figure = _Figure(figsize=(size[0], size[1] + above))
+    heights = [above, *[size[1] / max(rows, 1)] * rows] if above else None
+    grid = figure.add_gridspec(rows + bool(above), columns, height_ratios=heights)
+    strip = figure.add_subplot(grid[0, :]) if above else None
+    axes = np.empty((rows, columns), dtype=object)
+    for row in range(rows):
+        for column in range(columns):
+            along = (axes[0, 0] if row or column else strip) if sharex else None
+            beside = axes[row, 0] if sharey and column else None
+            axes[row, column] = figure.add_subplot(grid[row + bool(above), column], sharex=along, sharey=beside)
+            axes[row, column].tick_params(labelbottom=not sharex or row == rows - 1, labelleft=beside is None)
+    if strip is not None and rows:
+        strip.tick_params(labelbottom=False)
+    return figure, axes, strip
 
 
 def begin_at_zero(axis: Axes, end: float | None = None) -> None:
@@ -143,13 +154,24 @@ def in_decades(axis: Axes, which: Literal["x", "y"]) -> None:
     along.set_minor_formatter("")
 
 
-def head(figure: Figure, name: str, parameters: str = "") -> None:
-    """Put the name of a result above a figure, and below it its parameters."""
-    figure.suptitle(plain(name), x=0.01, ha="left")
-    if parameters:
+def head(figure: Figure, title: str, told: str = "") -> None:
+    """Put what a figure shows above it, and below that, in grey, of what it is."""
+    width = figure.get_figwidth()
+    figure.suptitle(_wrapped(title, TITLE_LETTERS * width), x=0.01, ha="left")
+    if told:
         first: Axes = figure.axes[0]
-        own = first.get_title(loc="left")
-        first.set_title(f"{parameters}\n{own}" if own else parameters, loc="left")
+        lines = "\n".join(_wrapped(line, TOLD_LETTERS * (width - 1.0)) for line in told.splitlines())
+        own = first.get_title(loc="left") or (" " if first.get_title(loc="right") else "")
+        first.set_title(f"{lines}\n{own}" if own else lines, loc="left", color=TOLD, fontsize=8.5)
+
+
+def _wrapped(text: str, letters: float) -> str:
+    """Break a text into lines of so many letters; a formula counts as one of them."""
+    formulas = iter(re.findall(r"\$[^$]*\$", text))
+    short = re.sub(r"(?<!\\)\$[^$]*\$", "\x00", text).replace("\x00 = ", "\x00\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}")
+    lines = wrap(short, max(int(letters), 20), break_on_hyphens=False)
+    told = "\n".join(lines).replace("\N{NO-BREAK SPACE}", " ")
+    return re.sub("\x00", lambda _: next(formulas), told)
 
 
 def entry(label: str, **look: Any) -> Line2D:
