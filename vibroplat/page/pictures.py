@@ -158,7 +158,7 @@ def _panel(panel: Panel, points: pd.DataFrame) -> dict[str, Any]:
     """Return a panel; ``least`` is the end of an axis of what is small."""
     found, size = _column(panel.column), float(points[panel.column].abs().max()) if panel.least else 0.0
     least = found["factor"] * panel.least if panel.least is not None and not panel.by and size < panel.least else 0.0
-    more = {"note": panel.note, "kind": panel.kind, "by": panel.by, "title": panel.title}
+    more: dict[str, Any] = {"note": panel.note, "kind": panel.kind, "by": panel.by, "title": panel.title}
     more |= {"least": least, "log": panel.scale == "log", "hatch": panel.hatch, "hatches": dict(panel.hatches)}
     label = panel.label.replace("$", "").rpartition(" (")[0] if panel.label.endswith(")") else panel.label
     classes = [[name, colour, told] for name, (colour, told) in panel.classes.items()]
