@@ -29,7 +29,7 @@ POINTS = 6
 LONGER = CONFIGURATION.replace("47.0", "51.0")
 WRITE = "vibroplat.study.store:Store.write"
 FILE = "points.sqlite"
-STORED = f"results/c/{FILE}"
+STORED = f"results/c/sweep/{FILE}"
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def result(here, finished):
 
     def copy():
         shutil.rmtree(here / "results", ignore_errors=True)
-        return shutil.copytree(finished[0], here / "results/c")
+        return shutil.copytree(finished[0], here / "results/c/sweep")
 
     return copy
 
@@ -105,13 +105,13 @@ def test_sweep_that_was_killed_goes_on_to_the_same_table_and_no_worker_outlives_
         assert child.end().code == -signal.SIGKILL
         orphans = child.members()
         assert command("sweep", "c.yaml", "--out", "alone").code == 0
-        assert finished_points(here / "results/c") == 9
+        assert finished_points(here / "results/c/sweep") == 9
         kill = sending(signal.SIGKILL, WRITE, 4, after=True)
         assert ended(here, "sweep", "c.yaml", "--resume", before=kill).code == -signal.SIGKILL
-        assert not list((here / "results/c").glob("sweep.*"))
+        assert not list((here / "results/c/sweep").glob("sweep.*"))
         done = command("sweep", "c.yaml", "--resume")
         assert ", 13 tasks from before\n" in done.out
-        table, alone = (read_table(here / place, "sweep") for place in ("results/c", "alone/c"))
+        table, alone = (read_table(here / place, "sweep") for place in ("results/c/sweep", "alone/c/sweep"))
         assert bits(table) == bits(alone)
         assert table.dtypes.equals(alone.dtypes)
         _, alive = psutil.wait_procs(orphans, timeout=60.0)
@@ -133,7 +133,7 @@ def test_points_or_tables_that_are_missing_are_made_again(result, finished, capl
 
 def test_unfinished_sweep_is_begun_anew_only_if_asked(unfinished, here):
     line = (
-        "vibroplat: results/c holds 1 tasks of unfinished work; "
+        "vibroplat: results/c/sweep holds 1 tasks of unfinished work; "
         "allowed: --resume to continue it, --overwrite to start again\n"
     )
     assert command("sweep", "c.yaml") == (2, "", line)
@@ -145,7 +145,7 @@ def test_unfinished_sweep_is_begun_anew_only_if_asked(unfinished, here):
     # finished work may be begun anew, and what is not there can be resumed
     for option in ("--overwrite", "--resume"):
         assert command("sweep", "c.yaml", "--set", "sweep.seed=3", "--out", "fresh", option).code == 0
-    assert bits(read_table(here / "fresh/c", "sweep")) == overwritten
+    assert bits(read_table(here / "fresh/c/sweep", "sweep")) == overwritten
     assert command("sweep", "c.yaml").code == 0
 
 

@@ -46,7 +46,7 @@ def test_a_sweep_by_the_command_has_its_figures(command, kernels, here):
     assert (done.code, done.err) == (0, "")
     before = dict(mpl.rcParams)
     done = command("plot", "results/swept")
-    paths = [f"results/swept/{figure}.png" for figure in ("response", "bifurcation")]
+    paths = [f"results/swept/sweep/{figure}.png" for figure in ("response", "bifurcation")]
     assert (done.code, done.err, done.out.splitlines()) == (0, "", paths)
     pixels = plt.imread(paths[1])
     assert pixels.shape[1] > 800

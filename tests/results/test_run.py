@@ -10,8 +10,9 @@ import pytest
 from scipy.io import loadmat
 
 from vibroplat import Scene, load, simulate
-from vibroplat.errors import TableError
-from vibroplat.results.result import Answer, Result
+from vibroplat.errors import ConfigError, TableError
+from vibroplat.results.answer import Answer
+from vibroplat.results.result import Result
 
 
 @pytest.fixture(scope="module")
@@ -24,25 +25,25 @@ def saved(run, tmp_path):
     return run.save(tmp_path / "saved")
 
 
-def test_card_is_short_and_has_the_main_results(run):
-    lines = repr(run).splitlines()
-    assert lines[0] == "vibroplat run quickstart"
-    assert len(lines) < 20
-    assert max(map(len, lines)) < 100
-    shown = {line[:28].rstrip(): line[28:] for line in lines}
-    assert shown["outcome"] == "ok"
-    assert shown["excitation frequency"] == f"{run.summary['excitation_frequency_hz']:.6g} Hz"
+def test_a_run_shows_its_answer(run):
+    first, second, *lines = repr(run).splitlines()
+    assert first == "vibroplat run quickstart"
+    assert second.startswith(f"quickstart: runs at {run.summary['excitation_frequency_hz']:.2f} Hz (15")
+    assert lines[0].split()[:4] == ["stroke", "y", f"{1e3 * run.summary['stroke_y_m']:.2f}", "mm"]
+    assert len(lines) < 11
+    assert max(map(len, lines)) <= 110
 
 
-def test_card_of_a_run_that_failed_says_why(kernels):
+def test_a_run_that_failed_says_why(kernels):
     run = simulate(Scene().replace({"run.initial.state": {"phi_rad": 1e20}, "run.duration_s": 0.1}))
-    assert "detail                      the platform has turned by 1e+20 rad" in repr(run)
+    assert repr(run).splitlines()[1] == "scene: STOPPED at 0: beyond-model"
+    assert "\nbeyond-model: the platform has turned by 1e+20 rad" in repr(run)
     assert "<img" not in run._repr_html_()  # there is nothing to draw
 
 
-def test_page_has_the_card_and_a_picture(run):
+def test_a_notebook_has_the_answer_and_a_picture(run):
     page = run._repr_html_()
-    assert "<td>outcome</td><td>ok</td>" in page
+    assert "quickstart: runs at " in page
     assert page.count("data:image/png;base64,") == 1
 
 
@@ -56,7 +57,10 @@ def test_a_figure_shows_itself_in_a_notebook_and_is_none_of_pyplots(run):
 def test_figures_that_there_are_not(run, runs):
     with pytest.raises(ValueError, match="kind = 'map'; allowed: motion, force, exciters, loads"):
         run.plot("map")
-    with pytest.raises(ValueError, match="this run has no contact; allowed: motion, exciters, loads"):
+    with pytest.raises(
+        ValueError,
+        match=r"has no contact force, as .* non-impact; allowed: motion, exciters, loads",
+    ):
         runs["bare"].plot("force")
 
 
@@ -108,7 +112,7 @@ def test_unique_rows_ascend_and_begin_after_an_event(run):
     impact = events[events["kind"] == "impact"].iloc[0]
     after = rows.loc[rows["t_s"] == impact["t_s"], "gap_rate_m_per_s"].item()
     assert after == pytest.approx(impact["gap_rate_after_m_per_s"], abs=1e-9)
-    with pytest.raises(ValueError, match="sample = 'some'; allowed: all, unique"):
+    with pytest.raises(ConfigError, match="sample = 'some'; allowed: all, unique"):
         run.rows("some")
 
 

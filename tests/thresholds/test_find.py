@@ -118,7 +118,7 @@ def test_the_command_writes_tables_and_prints_the_answer_and_plot_draws_it(comma
     assert "material.mass_ratio = 0.328" in done.out
     assert "level-crossing" in done.out
     drawn = command("plot", tmp_path / "c", "--measure", "rms_y_m", "--measure", "motor_power_w")
-    assert (drawn.code, drawn.out.split()) == (0, [str(tmp_path / "c/thresholds.png")])
+    assert (drawn.code, drawn.out.split()) == (0, [str(tmp_path / "c/find/thresholds.png")])
     columns = ["rms_y_m", "rms_x_m", "phase_difference_rad"]
     ((name, figure),) = draw_study("find", [Result.read(tmp_path / "c", "find")], measure=columns)
     assert name == "thresholds"

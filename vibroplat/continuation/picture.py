@@ -92,7 +92,7 @@ def read(result: Result, x: str | None = None) -> Branches:
     special = result.columns("special", ("kind",), (key, EXCITATION, "branch", "point"))
     points, special = (picture.finite(table).reset_index(drop=True) for table in (points, special))
     grid = list(points.columns[: list(points.columns).index(key)])
-    return Branches([result], [result.name], points, key, grid, x or abscissa(key), {}, special, second)
+    return Branches([result], [result.name], points, key, grid, x or abscissa(key), special=special, second=second)
 
 
 # -- titles ------------------------------------------------------------------------------------------------------------

@@ -9,16 +9,20 @@ from typing import Any, Unpack
 import pandas as pd
 from ruamel.yaml import YAML
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import Column, Columns, quantity_of, unit_of
+from vibroplat.config.digits import number, quantity, share
 from vibroplat.config.scene import Scene
 from vibroplat.designs import optimum
 from vibroplat.designs import samples as of_samples
 from vibroplat.designs import sensitivities as of_keys
+from vibroplat.designs.answer import measure_text, satisfied, short_answer
 from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of
-from vibroplat.results.result import Answer, Result
+from vibroplat.results.answer import Answer
+from vibroplat.results.result import Result
 from vibroplat.study.branches import study_table
+from vibroplat.study.fingerprint import lapack
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.store import Record, Store
 from vibroplat.study.study import CrossCheckCase, Options, Progress, Study, run_study
@@ -26,6 +30,8 @@ from vibroplat.study.sweep import SWEEP
 
 #: Maximum number of keys printed for each measure.
 MAX_PRINTED_KEYS = 4
+#: Smallest share of a variance that is printed.
+LEAST_SHARE = 0.005
 
 
 _VARIED: Columns = {"…": Column("values of the keys that vary, under their dotted names", "see configuration.md")}
@@ -69,20 +75,25 @@ class DesignStudy(Study):
         of_keys.require_keys(scene, list(self.plan.keys), "design.keys")
         of_keys.require_keys(scene, list(self.plan.parameter_tolerances), "design.parameter_tolerances")
         of_keys.require_measures(scene, self.plan.named, "design")
-        for key, share in self.plan.parameter_tolerances.items():
-            for end in (-share, share):
+        for key, width in self.plan.parameter_tolerances.items():
+            for end in (-width, width):
                 of_keys.require_allowed(
-                    scene, f"design.parameter_tolerances.{key} = {share}", key, value_of(scene, key) * (1.0 + end)
+                    scene, f"design.parameter_tolerances.{key} = {width}", key, value_of(scene, key) * (1.0 + end)
                 )
         for key, ends in self.plan.keys.items():
-            share = self.plan.parameter_tolerances.get(key, 0.0)
-            more = f" with design.parameter_tolerances.{key} = {share}" if share else ""
-            for value in (ends[0] * (1.0 - share), ends[1] * (1.0 + share)):
+            width = self.plan.parameter_tolerances.get(key, 0.0)
+            more = f" with design.parameter_tolerances.{key} = {width}" if width else ""
+            for value in (ends[0] * (1.0 - width), ends[1] * (1.0 + width)):
                 of_keys.require_allowed(scene, f"design.keys.{key} = {ends}{more}", key, value)
         self.keys = list(self.plan.keys) or of_keys.varied_keys(scene)
         allowed = of_keys.measured_names(scene)
         self.names = [n for n in dict.fromkeys((*of_keys.PRINTED, *self.plan.named)) if n in allowed]
         self.aims = [n for n in (self.plan.minimize, *self.plan.constraints) if n is not None]
+
+    @property
+    def conditions(self) -> dict[str, Any]:
+        """What stored steps depend on: also on scipy's LAPACK, if designs are optimized."""
+        return super().conditions | ({"LAPACK": lapack()} if self.plan.minimize is not None else {})
 
     def chains(self, store: Store) -> int:
         """Return how many parts of samples, or searches, run side by side."""
@@ -101,7 +112,7 @@ class DesignStudy(Study):
         tables = {"sensitivities": of_keys.table(found["rows"])}
         home = of_samples.name_regime(known["sync"], "periodic", known["period"])
         margin = found["measures"]["stability_margin"]
-        lines = {"motion": f"{home}, multipliers up to {1.0 - margin:.6g}"}
+        lines = {"motion": f"{home}, multipliers up to {number(1.0 - margin, 6)}"}
         text = list(_key_lines(found, self.names))
         if self.plan.minimize is None:
             return self._with_samples(run, self.scene, known, self._result(tables, Answer(lines, text)))
@@ -111,7 +122,7 @@ class DesignStudy(Study):
             return self._result(tables, Answer(lines, text))
         scene = self.scene.replace(best["values"])
         row = run.one("confirmed", optimum.measure_design, self.scene, known, best["values"])
-        told = [f"{name} {row['row'][name]:.6g}" for name in self.aims if row["row"].get(name) is not None]
+        told = [measure_text(name, row["row"][name]) for name in self.aims if row["row"].get(name) is not None]
         lines |= {"from rest": ", ".join([row["regime"], *told])}
         other = f"started from rest, the best design converges to {row['regime']}, not to the optimized orbit"
         notes = [] if row["same"] else [other]
@@ -125,7 +136,9 @@ class DesignStudy(Study):
     def _result(
         self, tables: Mapping[str, pd.DataFrame], answer: Answer, configurations: Mapping[str, str] | None = None
     ) -> Result:
-        return Result("design", self.scene, tables, answer, configurations=configurations)
+        headline, short = short_answer(self.plan, tables, answer.lines["motion"])
+        told = answer._replace(headline=headline, short=short)
+        return Result("design", self.scene, tables, told, configurations=configurations)
 
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
         """Choose the orbit of the scene as given and the orbit of the best evaluated design."""
@@ -165,15 +178,17 @@ class DesignStudy(Study):
         if best is None:
             if not rows:
                 return None, {"best": "unknown: the orbit was lost on the way to every starting point of the search"}
-            near = _values(min(rows, key=lambda row: row["violation"]), [*self.plan.keys, *self.aims])
+            nearest = min(rows, key=lambda row: row["violation"])
+            near = ", ".join([_values(nearest, list(self.plan.keys)), *_measures(nearest, self.aims)])
             return None, {"best": f"no design in this box satisfies all constraints; the closest one: {near}"}
         same = sum(other["objective"] < best["objective"] + 1e-4 * abs(best["objective"]) for other in bests)
         lines = {
             "best": _values(best["values"], list(self.plan.keys)),
-            "there": _values(best["measures"], self.aims) + f" (from {same} of {self.plan.starts} starting points)",
+            "there": ", ".join(_measures(best["measures"], self.aims))
+            + f" (from {same} of {self.plan.starts} starting points)",
         }
         if self.plan.parameter_tolerances:
-            lines["within tolerances"] = f"{self.aims[0]} up to {best['objective']:.6g} (one tolerance at a time)"
+            lines["within tolerances"] = f"{measure_text(self.aims[0], best['objective'])} at most, one at a time"
         return best, lines
 
     def _table(self, rows: Sequence[Record], meant: Columns, first: Sequence[str], last: Sequence[str]) -> pd.DataFrame:
@@ -199,13 +214,9 @@ class DesignStudy(Study):
 
     def _kept(self, table: pd.DataFrame) -> dict[str, str]:
         """Return the percentage of samples that satisfy all constraints; tolerances together may violate one."""
-        if not self.plan.constraints:
+        if (kept := satisfied(self.plan, table)) is None:
             return {}
-        kept = pd.Series(data=True, index=table.index)
-        for name in self.plan.constraints:
-            sign, limit = self.plan.bound(name)
-            kept &= sign * (table[name] - limit) >= -optimum.VIOLATION_TOLERANCE * abs(limit)
-        return {"constraints satisfied": f"{100.0 * kept.mean():.1f} %"}
+        return {"constraints satisfied": share(kept.mean())}
 
     def _samples(self, run: _Runner, scene: Scene, known: Record, places: FloatArray) -> pd.DataFrame:
         """Measure samples at places, in parts that are the same for any number of workers."""
@@ -244,7 +255,11 @@ class _Runner:
 
 
 def _values(found: Mapping[str, float], names: Sequence[str]) -> str:
-    return ", ".join(f"{name} {found[name]:.6g}" for name in dict.fromkeys(names))
+    return ", ".join(f"{name} {number(found[name], 6)} {unit_of(name)}".rstrip() for name in dict.fromkeys(names))
+
+
+def _measures(found: Mapping[str, Any], names: Sequence[str]) -> list[str]:
+    return [measure_text(name, found[name]) for name in dict.fromkeys(names)]
 
 
 def _configuration_text(scene: Scene) -> str:
@@ -268,8 +283,8 @@ def _key_lines(found: Record, names: Sequence[str]) -> Iterable[str]:
     for name in names:
         own = of_keys.largest_elasticities(found["rows"], name, MAX_PRINTED_KEYS)
         if own:
-            told = ", ".join(f"{row['key']} {row['elasticity']:+.3g}" for row in own)
-            yield f"  {name} {found['measures'][name]:.6g}: {told}"
+            told = ", ".join(f"{row['key']} {number(row['elasticity'])}" for row in own)
+            yield f"  {measure_text(name, found['measures'][name])}: {told}"
 
 
 def _lines_of_samples(table: pd.DataFrame, home: str) -> dict[str, str]:
@@ -277,8 +292,8 @@ def _lines_of_samples(table: pd.DataFrame, home: str) -> dict[str, str]:
     kept = float((table["regime"] == home).mean())
     told = {
         "samples": f"{len(table)}",
-        "orbit stable": f"{100.0 * table['stable'].mean():.1f} %",
-        "regime kept": f"{100.0 * kept:.1f} %",
+        "orbit stable": share(table["stable"].mean()),
+        "regime kept": share(kept),
     }
     others = table.loc[table["regime"] != home, "regime"].value_counts()
     if len(others):
@@ -293,9 +308,10 @@ def _distribution_lines(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[s
         low, middle, high = table[name].quantile(of_samples.QUANTILES)
         first = own.sort_values("regression", ascending=False, kind="stable").head(MAX_PRINTED_KEYS)
         by = zip(first["key"], first["regression"], strict=True)
-        told = ", ".join(f"{key} {100.0 * share:.0f} %" for key, share in by if share >= 0.005)
-        explained = f" (of {100.0 * own['explained'].iloc[0]:.0f} % explained)" if told else ""
-        yield f"  {name} {low:.5g} {middle:.5g} {high:.5g}: {told or 'no variance'}{explained}"
+        told = ", ".join(f"{key} {share(part)}" for key, part in by if part >= LEAST_SHARE)
+        explained = f" (of {share(own['explained'].iloc[0])} explained)" if told else ""
+        quantiles = ", ".join(quantity(value, unit_of(str(name)), size=middle) for value in (low, middle, high))
+        yield f"  {quantity_of(str(name)).name.replace('$', '')} {quantiles}: {told or 'no variance'}{explained}"
 
 
 STUDY = DesignStudy
@@ -328,4 +344,4 @@ def design(scene: Scene, **options: Unpack[Options]) -> Result:
     OrbitError
         The motion converges to no periodic orbit.
     """
-    return run_study(DesignStudy(scene), **options)
+    return run_study(DesignStudy, scene, **options)

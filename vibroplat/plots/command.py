@@ -11,11 +11,11 @@ from vibroplat.columns import QUANTITIES
 from vibroplat.config.kinds import KINDS, noun_of
 from vibroplat.errors import VibroplatError
 from vibroplat.plots import run
+from vibroplat.plots.measured import DataFile, read_data
 from vibroplat.plots.paper import paper_figures
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.style import Saving, save, styled
-from vibroplat.plots.timelines import read_measured
-from vibroplat.results.files import commands_in
+from vibroplat.results.files import commands_in, directory_of
 from vibroplat.results.labels import ABSCISSAE
 from vibroplat.results.result import Result
 
@@ -67,18 +67,23 @@ def _draw(
     """Draw the pictures of results of studies, those that can be laid over each other at once."""
     for places in [directories] if command in _COMPARED else [[place] for place in directories]:
         results = [Result.read(place, command) for place in places]
-        yield from ((places[0], *drawn) for drawn in draw_study(command, results, kinds, **options))
+        yield from (
+            (directory_of(places[0], command), *drawn) for drawn in draw_study(command, results, kinds, **options)
+        )
 
 
 def draw_study(
-    command: str, results: Sequence[Result], kinds: Sequence[str] = (), *, data: Path | None = None, **options: Any
+    command: str, results: Sequence[Result], kinds: Sequence[str] = (), *, data: DataFile | None = None, **options: Any
 ) -> Iterator[tuple[str, Figure]]:
     """Draw the pictures of results of one kind of study; yield the name and the figure of each."""
+    if data is not None:
+        options |= {"kept": [*map(str, data.columns or data.table)]}
     for picture in KINDS[command].pictures.pictures(results, kinds, **options):
         if "print" in picture.places:
             x = picture.axes[0] if options.get("x") is None else ABSCISSAE[options["x"]]
             others = [column for column in (*ABSCISSAE.values(), *picture.axes) if column != x]
-            measured = None if data is None else read_measured(data, x, QUANTITIES, others)
+            known = [*QUANTITIES, *(panel.column for panel in picture.panels if panel.column not in QUANTITIES)]
+            measured = None if data is None else data.select(x, known, others)
             yield picture.name, draw_picture(picture, x, measured)
 
 
@@ -90,14 +95,15 @@ def plot_results(
     Parameters
     ----------
     directories
-        Result directories; figures are saved in the first one, those of branches in each.
+        Result directories; figures are saved beside the tables of the first one, those of branches in each.
     kinds
         Figures; all that the results have if empty.
     saving
         Format, resolution and place of the files.
     options
         ``start`` and ``stop`` of the interval of a run (s), ``x``: horizontal axis of a sweep or of branches
-        (``excitation`` or ``supply``), ``data``: file of measured data laid over the figures, ``measure``: columns that
+        (``excitation`` or ``supply``), ``data``: file of measured data laid over the figures, as
+        :func:`vibroplat.plots.measured.read_data` takes it, ``measure``: columns that
         response and map of a sweep, and thresholds, show. None: not given.
 
     Raises
@@ -126,6 +132,8 @@ def plot_results(
                 raise VibroplatError(f"--kind {kind} shows {other}, but {first} holds {held}; allowed: {names}")
     chosen = [family for family in found if not kinds or {*family.kinds} & {*kinds}]
     given = {option: value for option, value in options.items() if value is not None}
+    if isinstance(data := given.get("data"), (str, Path)):
+        given["data"] = read_data(data)
     for option, value in given.items():
         if not any(option in family.options for family in chosen):
             able = " and ".join(noun_of(family.command) for family in every_family if option in family.options)

@@ -115,4 +115,17 @@ def synchronization(run: Run) -> list[str]:
     return ["neither in phase nor in antiphase at the end"]
 
 
-_KINDS = {"motion": _motion, "force": _force, "loads": _loads, "exciters": _exciters}
+def _acceleration(run: Run) -> list[str]:
+    largest, index = (_number(run.summary, key) for key in ("acceleration_max_m_per_s2", "gamma"))
+    parts = [] if largest is None else [f"acceleration up to {digits.quantity(largest, 'm/s²')}"]
+    return parts + ([] if index is None else [f"throw index {digits.number(index)}"])
+
+
+_KINDS = {
+    "acceleration": _acceleration,
+    "spectrum": _acceleration,
+    "motion": _motion,
+    "force": _force,
+    "loads": _loads,
+    "exciters": _exciters,
+}

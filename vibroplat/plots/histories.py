@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import pandas as pd
 from vibroplat.columns import COORDINATES, FORCES, split
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
+from vibroplat.observe.tables import acceleration_columns
 from vibroplat.plots.reading import Cut, Ends, ends_of, rest_of
 from vibroplat.results.run import RunResult
 
@@ -24,9 +26,9 @@ _LOG = logging.getLogger("vibroplat")
 POINTS = 20_000
 #: Most bins of an envelope; none is shorter than a turn, over which it would not be one.
 BINS = 400
-#: Turns of the exciters that are shown in detail if no interval is given, of motion that does not repeat so soon, and
-#: the fewest samples, for which there are more turns.
-SHOWN_TURNS, MOST_SHOWN, FEWEST = 3, 10, 10
+#: Turns of the exciters that stand beside a whole run; those that are known in detail if no interval is given, and are
+#: shown of motion that does not repeat so soon; and the fewest samples, for which there are more turns.
+LAST_TURNS, SHOWN_TURNS, FEWEST = 3, 10, 10
 
 _ANGLES = ("phi1_rad", "phi2_rad", "phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
 _RATES = ("x_rate_m_per_s", "y_rate_m_per_s")
@@ -80,7 +82,7 @@ class Run:
     chosen: bool
     from_rest: bool
     peaks: Mapping[str, tuple[float, float, float | None]]
-    summary: Mapping[str, Any]
+    summary: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def turns(self) -> float:
@@ -90,7 +92,14 @@ class Run:
     @property
     def is_long(self) -> bool:
         """Whether it is much longer than its part shown in detail."""
-        return float(np.ptp(self.whole["t_s"])) > 1.5 * float(np.ptp(self.shown["t_s"]))
+        return float(np.ptp(self.whole["t_s"])) > 1.5 * float(np.ptp(self.last["t_s"]))
+
+    @cached_property
+    def last(self) -> pd.DataFrame:
+        """The rows of the last turns that stand beside the whole run; all that are shown if an interval was given."""
+        turns = (self.shown["phi1_rad"] - self.shown["phi1_rad"].iloc[-1]).abs() / (2.0 * math.pi)
+        found = self.shown[turns <= shown_turns(self.summary)]
+        return self.shown if self.chosen or len(found) < FEWEST else found
 
     def range_of(self, column: str) -> float:
         """Return the range of a coordinate over the whole interval (m)."""
@@ -114,15 +123,18 @@ def turns_of(table: pd.DataFrame) -> float:
 def shown_turns(summary: Mapping[str, Any]) -> int:
     """Return the turns that are shown in detail: several periods of the motion, as far as it repeats."""
     period = summary.get("period")
-    return min(max(SHOWN_TURNS, 2 * period - 1), MOST_SHOWN) if isinstance(period, int) and period else MOST_SHOWN
+    return min(max(LAST_TURNS, 2 * period - 1), SHOWN_TURNS) if isinstance(period, int) and period else SHOWN_TURNS
 
 
 #: How messages call a run in memory, an end of an interval of it, and a trajectory without rows.
 _IN_MEMORY = ("the run lasted", "{} = {:g}", "the trajectory is empty")
 
 
-def read_run(directory: Path, start: float | None = None, stop: float | None = None) -> Run:
-    """Read the tables of a run from ``start`` to ``stop`` (s); raises as :func:`run_of`, and where one is missing."""
+def read_run(directory: Path, start: float | None = None, stop: float | None = None, more: Iterable[str] = ()) -> Run:
+    """Read the tables of a run from ``start`` to ``stop`` (s); raises as :func:`run_of`, and where one is missing.
+
+    Of the trajectory it has what figures show, and ``more`` columns if the table has them.
+    """
     result = RunResult.read(directory, "run")
     summary = result.summary
     frequency = summary.get("excitation_frequency_hz", "")
@@ -130,11 +142,13 @@ def read_run(directory: Path, start: float | None = None, stop: float | None = N
     if not known or not isinstance(summary.get("name"), str):
         raise TableError(f"{directory / 'summary.json'} is not the summary of a run")
     ends = ends_of(result.column_parts("trajectory", (), ("t_s", *_ANGLES[:2])))
-    optional = [column for column in (*COORDINATES, *_RATES) if column != "y_m"]
+    scene = result.known_scene
+    moved = () if scene is None else acceleration_columns(scene.output.points)
+    optional = {*COORDINATES, *_RATES, *moved, *more} - {"t_s", "mode", "y_m", *_ANGLES}
     trajectory = result.column_parts("trajectory", ("mode",), ("t_s", "y_m", *_ANGLES), optional)
     events = result.column_parts("events", ("kind",), ("t_s", "impulse_n_s"))
     told = (f"{directory} runs", "--{} {:g}", f"{directory} holds an empty trajectory")
-    return run_of(summary, result.known_scene, ends, trajectory, events, start, stop, told)
+    return run_of(summary, scene, ends, trajectory, events, start, stop, told)
 
 
 def run_of(
@@ -163,7 +177,7 @@ def run_of(
     frequency = summary["excitation_frequency_hz"]
     chosen = start is not None or stop is not None
     sparse = 0.0 if scene is None else FEWEST / scene.output.sample_rate_hz
-    detail = max(begin, end - max(shown_turns(summary) / frequency, sparse)) if frequency and not chosen else begin
+    detail = max(begin, end - max(SHOWN_TURNS / frequency, sparse)) if frequency and not chosen else begin
     turns = int((end - begin) * (frequency or 0.0))
     bins = min(turns, BINS) if turns else BINS
     sag = summary.get("static_sag_m") if scene is None else -rest_of(scene)

@@ -5,16 +5,18 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroplat.columns import COORDINATES, FORCES, PHASE
+from vibroplat.columns import FORCES, PHASE
 from vibroplat.errors import TableError
-from vibroplat.plots import timelines
+from vibroplat.plots import accelerations, timelines
 from vibroplat.plots.headlines import headline
 from vibroplat.plots.histories import Run, read_run, turns_of
+from vibroplat.plots.measured import DataFile, Measured, curve_of
 from vibroplat.plots.style import (
     FORCE,
     MATERIAL,
@@ -25,11 +27,13 @@ from vibroplat.plots.style import (
     legend_below,
     new_figure,
 )
+from vibroplat.results.files import directory_of
 from vibroplat.results.labels import compared, distinct, run_parameters
 from vibroplat.results.labels import named as label_of_runs
 from vibroplat.results.picture import BLACK, CURVES, ORANGE, REFERENCE
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -56,7 +60,7 @@ class Shown:
     """The runs of a figure, measured data laid over them, and what several of them are called."""
 
     runs: Sequence[Run]
-    data: timelines.Measured | None = None
+    data: Measured | None = None
     names: Sequence[str] = ()
 
     @property
@@ -78,8 +82,8 @@ class Shown:
         """Return the time (s) from which those of a run are counted in detail."""
         if not self.aligned:
             return 0.0
-        turns = run.shown["phi1_rad"].abs() // (2.0 * np.pi)
-        return float(run.shown["t_s"].iloc[int(turns.gt(turns.iloc[0]).argmax())])
+        turns = run.last["phi1_rad"].abs() // (2.0 * np.pi)
+        return float(run.last["t_s"].iloc[int(turns.gt(turns.iloc[0]).argmax())])
 
     def look(self, number: int, column: str) -> dict[str, Any]:
         """Return the look of a run's line: a colour for each quantity, or for each run if there are several."""
@@ -95,7 +99,7 @@ def run_figures(
     *,
     start: float | None = None,
     stop: float | None = None,
-    data: Path | None = None,
+    data: DataFile | None = None,
 ) -> Iterator[tuple[Path, str, Figure]]:
     """Draw figures of a run, or of several over each other; yield the directory and the name of each.
 
@@ -105,29 +109,48 @@ def run_figures(
         Result directories of ``vibroplat run``.
     kinds
         ``motion`` (platform and gap: the whole run, and its last turns), ``force`` (contact force and impulses),
-        ``exciters`` (speeds and phase difference), ``loads`` (force into the foundation, strokes and speeds); all by
-        default. ``force`` is left out if no scene has contact, and refused if nothing else is asked for.
+        ``exciters`` (speeds and phase difference), ``loads`` (force into the foundation, strokes and speeds),
+        ``acceleration`` and ``spectrum``, ``measured`` (measured data beside what was computed); all by default. Those
+        that need what there is not (contact, accelerations, data) are left out, and refused if nothing else is asked
+        for.
     start, stop
         Interval shown (s). Default: the whole run, and the last ten turns of the exciters in detail.
     data
-        File of measured data laid over the figures, as they are: y is counted from the static rest.
+        Measured data laid over the figures: y is counted from the static rest.
 
     Raises
     ------
     TableError
         Tables are missing or have another schema version, or the interval is empty.
     """
-    measured = None if data is None else timelines.read_measured(data, "t_s", COORDINATES)
-    shown = _shown([read_run(place, start, stop) for place in directories], directories, measured)
-    has_force = any("contact_force_n" in run.shown for run in shown.runs)
-    drawn = [kind for kind in kinds or FIGURES if has_force or kind != "force"]
+    given = [] if data is None else [*map(str, data.columns or data.table)]
+    runs = [read_run(place, start, stop, given) for place in directories]
+    measured = None
+    if data is not None:
+        numbers = [column for column in map(str, runs[0].shown.select_dtypes("number")) if column != "t_s"]
+        measured = data.select("t_s", numbers)
+        measured.fit(runs[0].shown)
+        for column in numbers:
+            measured.compare(column, "t_s", [curve_of(runs[0].shown, column)])
+    shown = _shown(runs, directories, measured)
+    drawn = [kind for kind in kinds or FIGURES if not missing(kind, shown)]
     if not drawn:
-        raise TableError(f"--kind force: {directories[0]} has no contact force, as its scene is bare or non-impact")
+        raise TableError(f"--kind {kinds[0]}: {directories[0]} {missing(kinds[0], shown)}")
     for kind in drawn:
-        yield directories[0], kind, FIGURES[kind](shown)
+        yield directory_of(directories[0], "run"), kind, FIGURES[kind](shown)
 
 
-def _shown(runs: Sequence[Run], directories: Sequence[Path], data: timelines.Measured | None) -> Shown:
+def missing(kind: str, shown: Shown) -> str:
+    """Say what runs do not have that a figure needs; "" if nothing."""
+    columns = {str(column) for run in shown.runs for column in run.shown}
+    if kind == "force" and "contact_force_n" not in columns:
+        return "has no contact force, as its scene is bare or non-impact"
+    if kind in ("acceleration", "spectrum") and not any(column.startswith("acceleration_") for column in columns):
+        return "has no accelerations; simulate it with --set output.accelerations=true"
+    return "needs --data FILE" if kind == "measured" and shown.data is None else ""
+
+
+def _shown(runs: Sequence[Run], directories: Sequence[Path], data: Measured | None) -> Shown:
     """Name several runs by how they differ."""
     if len(runs) == 1:
         return Shown(runs, data)
@@ -142,7 +165,12 @@ def _head(figure: Figure, shown: Shown, kind: str, named: Axes | None = None) ->
     """
     run = shown.only
     parameters = "" if run is None else run_parameters(run.scene, float(run.whole["t_s"].iloc[0]))
-    head(figure, headline(kind, shown.runs), label_of_runs([run.name for run in shown.runs], parameters))
+    told = [] if shown.data is None or kind != "measured" else shown.data.differences()
+    head(
+        figure,
+        "; ".join(told) or headline(kind, shown.runs),
+        label_of_runs([run.name for run in shown.runs], parameters),
+    )
     if run is None or named is not None:
         legend_below(figure, (named or figure.axes[-1]).get_legend_handles_labels()[0])
 
@@ -170,7 +198,7 @@ def _over_time(shown: Shown, rows: Sequence[str], more: int = 0) -> tuple[Figure
         if overview:
             row[-1].set_ylabel("")
     if overview:
-        turns = round(shown.runs[0].turns)
+        turns = round(turns_of(shown.runs[0].last))
         axes[0, 0].set_title("whole run: range of each turn", loc="left", color=TOLD, fontsize=8.5)
         axes[0, 1].set_title(f"last {turns} turns", loc="left", color=TOLD, fontsize=8.5)
         axes[-1, 0].set_xlabel("time (s)")
@@ -211,18 +239,23 @@ def _draw(axis: Axes, shown: Shown, column: str, *, detail: bool = True) -> None
             colour, label = look["color"], look.get("label")
             timelines.draw_envelope(axis, run.envelope, column, color=colour, label=label, filled=alone)
             continue
-        table = run.shown.assign(t_s=run.shown["t_s"] - shown.origin(run))
+        table = run.last.assign(t_s=run.last["t_s"] - shown.origin(run))
         timelines.draw_coordinate(axis, table[table["t_s"] >= 0.0] if shown.aligned else table, column, **look)
         if alone and column in ("y_m", "x_m", "phi_rad", "gap_m", "contact_force_n") and "gap_m" in run.shown:
-            timelines.draw_contact(axis, run.shown)
+            timelines.draw_contact(axis, run.last)
             if column == "gap_m":
-                timelines.draw_impacts(axis, run.events)
+                timelines.draw_impacts(axis, _during(run))
     if column == "y_m" and all(run.from_rest for run in shown.runs):
         axis.set_ylabel(timelines.FROM_REST)
     if shown.data is not None:
         shown.data.draw(axis, "t_s", column, inside=True)
     if detail and column in ("x_m", "y_m"):
         _no_noise(axis, shown)
+
+
+def _during(run: Run) -> pd.DataFrame:
+    """Return the events of the last turns."""
+    return run.events[run.events["t_s"] >= float(run.last["t_s"].iloc[0])]
 
 
 def _no_noise(axis: Axes, shown: Shown) -> None:
@@ -235,18 +268,19 @@ def _no_noise(axis: Axes, shown: Shown) -> None:
 
 def _force(shown: Shown) -> Figure:
     """Draw the contact force, and below it the impulses of impacts as stems: they are no forces."""
-    strikes = any((run.events["impulse_n_s"] > 0.0).any() for run in shown.runs)
+    strikes = any((_during(run)["impulse_n_s"] > 0.0).any() for run in shown.runs)
     ratios = {"height_ratios": [2.0, 1.0]} if strikes else {}
     figure, axes = new_figure(1 + strikes, 1, (8.0, 4.4 if strikes else 3.2), sharex=True, gridspec_kw=ratios)
     force: Axes = axes[0, 0]
     _draw(force, shown, "contact_force_n")
     begin_at_zero(force)
     for number, run in enumerate(shown.runs if strikes else []):
-        events = run.events.assign(t_s=run.events["t_s"] - shown.origin(run))
+        events = _during(run)
+        events = events.assign(t_s=events["t_s"] - shown.origin(run))
         look = shown.look(number, "")
         timelines.draw_impulses(axes[1, 0], events, BLACK if shown.only else look["color"], look.get("label"))
     if strikes and shown.only is not None and shown.only.turns <= MOST_TURNS:
-        timelines.draw_contact(axes[1, 0], shown.only.shown)
+        timelines.draw_contact(axes[1, 0], shown.only.last)
     axes[-1, 0].set_xlabel(shown.detail)
     if any(patch.get_label() == "attached" for patch in force.patches) or shown.data is not None:
         _legend_above(force, 2)
@@ -328,7 +362,7 @@ def _loads(shown: Shown) -> Figure:
         pair = (colour, CURVES[1] if shown.only else colour)
         _speeds(axes[-1, 0], run, pair, both=shown.only is not None and _nearly_equal(run))
         if overview:
-            timelines.draw_speeds(axes[-1, 1], run.shown.assign(t_s=run.shown["t_s"] - shown.origin(run)), pair)
+            timelines.draw_speeds(axes[-1, 1], run.last.assign(t_s=run.last["t_s"] - shown.origin(run)), pair)
             axes[-1, 1].set_ylabel("")
         for axis, column in zip(axes[:, 0], rows, strict=False):
             if shown.only and column in run.peaks:
@@ -337,9 +371,19 @@ def _loads(shown: Shown) -> Figure:
     return figure
 
 
+def _named(kind: str, draw: Callable[[Sequence[Run], Sequence[str], Measured | None], Figure], shown: Shown) -> Figure:
+    """Draw a figure of another file, with the names of runs and lines."""
+    figure = draw(shown.runs, shown.names, shown.data)
+    _head(figure, shown, kind, figure.axes[0])
+    return figure
+
+
 FIGURES: dict[str, Callable[[Shown], Figure]] = {
     "motion": _motion,
     "force": _force,
     "exciters": _exciters,
     "loads": _loads,
+    "acceleration": partial(_named, "acceleration", accelerations.draw_accelerations),
+    "spectrum": partial(_named, "spectrum", accelerations.draw_spectra),
+    "measured": partial(_named, "measured", accelerations.draw_measured),
 }

@@ -11,7 +11,7 @@ from vibroplat.columns import PHASE_COLUMN, display_name, unit_of
 from vibroplat.config import digits
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
-from vibroplat.results.files import SavedFiles
+from vibroplat.results.files import SavedFiles, directory_of
 from vibroplat.results.labels import EXCITATION, is_number
 from vibroplat.results.picture import FULL, HALF, LOST, OPEN, Panel, Places
 from vibroplat.results.result import Result
@@ -68,15 +68,20 @@ def content_of(table: pd.DataFrame, columns: Iterable[str], *, stripped: bool = 
 
 
 def measures(
-    table: pd.DataFrame, columns: Iterable[str] = DRAWN, asked: Sequence[str] = (), *, stripped: bool = False
+    table: pd.DataFrame,
+    columns: Iterable[str] = DRAWN,
+    asked: Sequence[str] = (),
+    *,
+    kept: Collection[str] = (),
+    stripped: bool = False,
 ) -> tuple[list[Panel], str]:
     """Return the panels of columns that have content, at least one, or of those that are asked for, and what is left.
 
-    What is small is drawn small.
+    Those that are ``kept`` have one in any case. What is small is drawn small.
     """
     columns = [*dict.fromkeys(asked or columns)]
     told = content_of(table, columns, stripped=stripped)
-    shown = [*asked] or [name for name, text in told.items() if not text] or [*told][:1] or columns[:1]
+    shown = [*asked] or [name for name, text in told.items() if not text or name in kept] or [*told][:1] or columns[:1]
     moved = max((float(table[name].abs().max()) for name in table if str(name).startswith("rms_")), default=0.0)
     ends = dict.fromkeys(("gap_max_m", "contact_force_max_n"), 0.0) | {"flight_fraction": 1.0}
     ends |= {name: LEAST_RANGE * np.nan_to_num(moved) for name in columns if name.startswith("rms")}
@@ -117,6 +122,6 @@ def rows_in(result: Result, name: str, *columns: Collection[str]) -> pd.DataFram
 
 
 def beside(result: Result, command: str, name: str) -> pd.DataFrame | None:
-    """Return a table of another command in the directory of a result, None if there is none."""
-    place = result.directory
+    """Return a table of another command beside a result, None if there is none."""
+    place = result.home and directory_of(result.home, command)
     return SavedFiles(place, command).table(name) if place and any(place.glob(f"{name}.*")) else None

@@ -4,6 +4,9 @@
 files, of whatever format. Readers refuse a file with another digest. A lock keeps two commands from replacing files at
 the same time; the digests also hold where a file system has no locks, and find files that were damaged or changed.
 
+A command of a scene writes into ``NAME/COMMAND``. Readers take that directory or ``NAME``, and also results that lie in
+``NAME`` itself, as former versions wrote them.
+
 A directory may hold a result of each command. The first of them has ``provenance.json``; that of another command is
 then ``run-provenance.json``, ``sweep-provenance.json`` or ``orbits-provenance.json``, so that none overwrites that of
 another.
@@ -22,9 +25,11 @@ from vibroplat.config.kinds import KINDS
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
 from vibroplat.results import renamed
+from vibroplat.results.exports import exports
 from vibroplat.results.locks import replacement_lock
 from vibroplat.results.renamed import rename_keys, rename_summary, rename_table
 from vibroplat.results.tables import (
+    FORMATS,
     Format,
     Table,
     TableFile,
@@ -37,7 +42,6 @@ from vibroplat.results.tables import (
     read_parts,
     read_table,
     remove_file,
-    remove_table,
     text_writer,
 )
 
@@ -73,7 +77,7 @@ def write_result(
         Tables, whole, in parts or written already, and contents of JSON files, by name. The last of all is renamed
         last.
     form
-        Format of the tables.
+        Format of the tables; exports are written beside Parquet files.
     configurations
         Contents of YAML files, by name.
 
@@ -83,19 +87,18 @@ def write_result(
         A file cannot be written, or another process holds the lock.
     """
     with ExitStack() as stack:
-        files = _write_temporaries(stack, directory, tables, documents or {}, configurations or {}, form)
+        files = _write_temporaries(stack, directory, command, tables, documents or {}, configurations or {}, form)
         digests = {path.name: _sha256(temporary) for path, temporary in files.items()}
         proof = dict(origin) | {"command": command, "result": uuid.uuid4().hex, "files": digests}
         with replacement_lock(directory):
             own, path = _own(directory, command), _place_to_write(directory, command)
             last, temporary = files.popitem()
-            old = _former_files(path, command) - digests.keys()
+            replaced = {f"{name}.{other}" for name in tables for other in FORMATS}
+            old = (_former_files(path, command) | replaced) - digests.keys()
             with new_file(path, json_writer(proof)) as files[path]:
                 if path != own:
                     remove_file(own)
                 put_in_place(files | {last: temporary})
-            for name in tables:
-                remove_table(directory, name, kept=form)
             for name in old:
                 remove_file(directory / name)
 
@@ -103,6 +106,7 @@ def write_result(
 def _write_temporaries(
     stack: ExitStack,
     directory: Path,
+    command: str,
     tables: Mapping[str, Table | TableFile],
     documents: Mapping[str, Any],
     configurations: Mapping[str, str],
@@ -110,13 +114,16 @@ def _write_temporaries(
 ) -> dict[Path, Path]:
     """Write files under temporary names, which are removed with the stack, and return these by the final ones."""
     files: dict[Path, Path] = {}
+    finished: dict[str, Path] = {}
     for name, table in tables.items():
         if isinstance(table, TableFile):
             file = table
         else:
             file = stack.enter_context(TableFile(directory, name, form))
             file.extend(table)
-        files[file.path] = file.finish()
+        finished[name] = files[file.path] = file.finish()
+    for name, write in exports(form, command, finished, documents).items():
+        files[directory / name] = stack.enter_context(new_file(directory / name, write))
     for name, value in documents.items():
         path = directory / f"{name}.json"
         files[path] = stack.enter_context(new_file(path, json_writer(value)))
@@ -132,7 +139,7 @@ class SavedFiles:
     Parameters
     ----------
     directory
-        Where it is.
+        Where it is, or the directory above; see :func:`directory_of`.
     command
         The command that wrote it.
 
@@ -150,8 +157,8 @@ class SavedFiles:
     """
 
     def __init__(self, directory: Path, command: str) -> None:
-        self.directory, self.command = directory, command
-        self.provenance = read_provenance(directory, command)
+        self.directory, self.command = directory_of(directory, command), command
+        self.provenance = read_provenance(self.directory, command)
         if self.provenance.get("command", command) != command:
             raise TableError(f"{directory} holds a result of {self.provenance['command']}; allowed: one of {command}")
         files = self.provenance.get("files")
@@ -206,7 +213,22 @@ def store_file(command: str) -> str:
 
 
 def commands_in(directory: Path) -> list[str]:
-    """Return the commands whose finished results a directory holds, as its provenance says."""
+    """Return the commands whose finished results a directory holds, itself or in directories of their names."""
+    found = _commands_right_in(directory)
+    return [name for name in COMMANDS if name in found or name in _commands_right_in(directory / name)]
+
+
+def directory_of(directory: Path, command: str) -> Path:
+    """Return where a command's result is: in a directory itself, or in that of its name there; the later of both."""
+    own = directory / command
+    places = [place for place in (directory, own) if command in _commands_right_in(place)]
+    if not places:
+        return own if own.is_dir() else directory
+    return max(places, key=lambda place: str(read_provenance(place, command).get("created")) if places[1:] else "")
+
+
+def _commands_right_in(directory: Path) -> list[str]:
+    """Return the commands whose results lie in a directory itself."""
     first = read_json(directory, "provenance") if (directory / "provenance.json").exists() else None
     known = first.get("command") if isinstance(first, dict) else None
     return [command for command in COMMANDS if command == known or _own(directory, command).exists()]

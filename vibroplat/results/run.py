@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import html
 import io
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -15,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.columns import split, unit_of
+from vibroplat.config.arguments import FileName, validated
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.frames import ArrayTable, pd
@@ -37,9 +37,12 @@ from vibroplat.observe.tables import (
     require_room,
     state_places,
 )
+from vibroplat.results.answer import Answer
+from vibroplat.results.exports import plain_array, write_mat
 from vibroplat.results.files import commands_in
 from vibroplat.results.provenance import provenance
-from vibroplat.results.result import LABELS, Answer, Result, Tables
+from vibroplat.results.result import Result, Tables
+from vibroplat.results.run_answer import headline, short_lines
 from vibroplat.results.summary_text import data_sheet_lines, main_results, whole_run_lines
 from vibroplat.results.tables import replace_file, require_replaceable
 
@@ -166,11 +169,11 @@ class RunResult(Result):
 
         Raises
         ------
-        ValueError
+        ConfigError
             The run was read from its files, which do not hold it.
         """
         if self.measures is None:
-            raise ValueError("this run was read from files, which contain no Poincaré section; simulate it again")
+            raise ConfigError("this run was read from files, which contain no Poincaré section; simulate it again")
         points = section_rows(self.measures)
         states = points["state"]
         columns = {"t_s": points["t"]} | {name: states[:, i] for name, i in state_places(self.scene).items()}
@@ -213,19 +216,22 @@ class RunResult(Result):
 
         Raises
         ------
-        ValueError
+        ConfigError
             Times lie outside the run or are not a list of numbers, or the segments were not kept.
         """
-        wanted = np.atleast_1d(np.asarray(times, dtype=float))
+        try:
+            wanted = np.atleast_1d(np.asarray(times, dtype=float))
+        except (TypeError, ValueError):
+            wanted = np.full(1, np.nan)
         if wanted.ndim != 1 or not np.isfinite(wanted).all():
-            raise ValueError("times must be a number or a one-dimensional list of finite numbers")
+            raise ConfigError("times must be a number or a one-dimensional list of finite numbers")
         if self.saved is not None:
-            raise ValueError("this run was read from files, which contain no dense output; simulate it again")
+            raise ConfigError("this run was read from files, which contain no dense output; simulate it again")
         if not self.segments:
-            raise ValueError("this run kept no segments; simulate with keep='segments' for dense output")
+            raise ConfigError("this run kept no segments; simulate with keep='segments' for dense output")
         first, last = self.segments[0].start, self.segments[-1].end
         if wanted.size and (wanted.min() < first or wanted.max() > last):
-            raise ValueError(f"times must lie in [{first}, {last}] s, got {wanted.min()} … {wanted.max()}")
+            raise ConfigError(f"times must lie in [{first}, {last}] s, got {wanted.min()} … {wanted.max()}")
         order = np.argsort(wanted, kind="stable")
         owner = np.searchsorted([segment.end for segment in self.segments], wanted[order], side="left")
         sampler, rows = Sampler(self.scene), np.empty(wanted.size, ROW)
@@ -237,7 +243,7 @@ class RunResult(Result):
     def rows(self, sample: Sample = "all") -> pd.DataFrame:
         """Return the trajectory table; with ``unique``, times ascend strictly, as interpolation elsewhere needs it."""
         if sample not in ("all", "unique"):
-            raise ValueError(f"sample = {sample!r}; allowed: all, unique")
+            raise ConfigError(f"sample = {sample!r}; allowed: all, unique")
         table = self.trajectory
         return table if sample == "all" else table.drop_duplicates("t_s", keep="last", ignore_index=True)
 
@@ -247,14 +253,14 @@ class RunResult(Result):
 
         Raises
         ------
-        ValueError
+        ConfigError
             The run was not asked for it, or ended early.
         """
         if self.derivative is not None:
             return self.derivative
         if self.outcome not in ("ok", INACCURATE):
-            raise ValueError(f"this run ended early ({self.outcome}); the derivative of its end is not known")
-        raise ValueError("this run carried no derivative; simulate with variation=True, or with keys to vary")
+            raise ConfigError(f"this run ended early ({self.outcome}); the derivative of its end is not known")
+        raise ConfigError("this run carried no derivative; simulate with variation=True, or with keys to vary")
 
     @property
     def monodromy(self) -> pd.DataFrame:
@@ -262,7 +268,7 @@ class RunResult(Result):
 
         Raises
         ------
-        ValueError
+        ConfigError
             As :attr:`variation`.
         """
         found = self.variation
@@ -283,6 +289,11 @@ class RunResult(Result):
         return str(self.summary["outcome"])
 
     @property
+    def name(self) -> str:
+        """Name of the scene."""
+        return str(self.summary["name"])
+
+    @property
     def provenance(self) -> dict[str, Any]:
         """How it was made."""
         if self.saved is not None:
@@ -292,10 +303,16 @@ class RunResult(Result):
     @property
     def answer(self) -> Answer:
         """What ``vibroplat run`` prints."""
-        lines = main_results(self.scene, self.summary, self.origin)
-        lines |= data_sheet_lines(self.scene, self.summary) | whole_run_lines(self.summary)
-        detail = str(self.summary["detail"])
-        return Answer(lines, notes=self.notes, failures=[] if self.outcome == "ok" else [f"{self.outcome}: {detail}"])
+        scene, summary = self.scene, self.summary
+        lines = main_results(scene, summary, self.origin) | data_sheet_lines(scene, summary) | whole_run_lines(summary)
+        detail = str(summary["detail"]).partition(", state [")[0]
+        return Answer(
+            lines,
+            notes=self.notes,
+            failures=[] if self.outcome == "ok" else [f"{self.outcome}: {detail}"],
+            headline=headline(scene, summary),
+            short=short_lines(scene, summary),
+        )
 
     @cached_property
     def notes(self) -> list[str]:
@@ -316,29 +333,15 @@ class RunResult(Result):
                 return [*notes, str(error)]
         return notes + notes_on_samples(peaks, self.summary, self.scene.output.sample_rate_hz)
 
-    def __repr__(self) -> str:
-        """Return a card of a few lines."""
-        lines = [f"{label:<{LABELS}}{text}" for label, text in self._card().items()]
-        return "\n".join([f"vibroplat run {self.scene.name}", *lines])
-
     def _repr_html_(self) -> str:
-        """Return the card and the figure of the motion, for a notebook."""
-        rows = "".join(
-            f"<tr><td>{html.escape(label)}</td><td>{html.escape(text)}</td></tr>"
-            for label, text in self._card().items()
-        )
+        """Return what the command prints and the figure of the motion, for a notebook."""
         picture = ""
         if len(self.trajectory) > 1:
             written = io.BytesIO()
             self.plot().savefig(written, format="png", dpi=90)
             data = base64.b64encode(written.getvalue()).decode()
             picture = f'<img alt="motion" src="data:image/png;base64,{data}">'
-        return f"<b>vibroplat run {html.escape(self.scene.name)}</b><table>{rows}</table>{picture}"
-
-    def _card(self) -> dict[str, str]:
-        detail = {"detail": self.summary["detail"]} if self.summary["detail"] else {}
-        notes = {"notes": f"{len(self.notes)}, see run.notes"} if self.summary["notes"] else {}
-        return main_results(self.scene, self.summary, self.origin) | detail | notes
+        return f"{super()._repr_html_()}{picture}"
 
     def plot(self, kind: str | None = None, **options: Any) -> Figure:
         """Draw a figure: ``motion`` (platform, gap), ``force`` (contact), ``exciters`` (speeds, phase difference).
@@ -362,7 +365,9 @@ class RunResult(Result):
         except ImportError:
             raise ImportError("to_xarray needs xarray; pip install 'vibroplat[xarray]'") from None
         table = self.rows(sample)
-        found = xarray.Dataset({str(c): ("t_s", _plain(table[c])) for c in table if c != "t_s"}, {"t_s": table["t_s"]})
+        found = xarray.Dataset(
+            {str(c): ("t_s", plain_array(table[c])) for c in table if c != "t_s"}, {"t_s": table["t_s"]}
+        )
         for name in found.variables:
             found[name].attrs = {"units": unit_of(name), "long_name": table.attrs["meanings"].get(name, name)}
         return found.assign_attrs(name=self.scene.name, outcome=self.outcome)
@@ -377,28 +382,14 @@ class RunResult(Result):
         TableError
             It cannot be written, or there is something else already.
         """
-        savemat = import_module("scipy.io").savemat
         trajectory, place = self.rows(sample), Path(path)
         require_replaceable(place, b"MATLAB", overwrite=overwrite)
-        contents = {
-            "trajectory": {str(c): _plain(trajectory[c]) for c in trajectory},
-            "events": {str(c): _plain(self.events[c]) for c in self.events},
-            "summary": {k: np.nan if v is None else v for k, v in self.summary.items() if k != "notes"},
-            "units": {str(c): unit_of(str(c)) for c in trajectory},
-        }
-
-        def write(temporary: Path) -> None:
-            savemat(temporary, contents, appendmat=False, long_field_names=True, oned_as="column")
-
-        replace_file(place, write)
+        tables = {"trajectory": trajectory, "events": self.events}
+        replace_file(place, lambda path: write_mat(path, tables, {"summary": self.summary}))
         return place
 
 
-def _plain(column: pd.Series) -> Any:
-    """Return a column as an array of numbers, or of texts."""
-    return column.to_numpy() if pd.api.types.is_numeric_dtype(column) else column.astype(object).to_numpy()
-
-
+@validated(directory=FileName, command=str | None)
 def load(directory: str | Path, command: str | None = None) -> Result:
     """Read a result from its directory: a :class:`RunResult` for a run, a :class:`Result` for any other command.
 
