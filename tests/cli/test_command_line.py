@@ -312,6 +312,7 @@ def test_new_writes_the_quickstart_with_all_its_keys_or_a_template(command, kern
 def test_new_overwrites_nothing_and_refuses_names_that_cannot_be_used(command, here):
     (here / "mine.yaml").write_text("name: kept\n")
     name = "my machine.yaml: name = 'my machine'; allowed: letters, digits and . _ + -, starting with a letter or digit"
+    name += ", as name: my-machine"
     lines = {"mine.yaml": "mine.yaml exists already; allowed: the name of a new file", "my machine.yaml": name}
     lines["nowhere/mine.yaml"] = "nowhere/mine.yaml: cannot be written (No such file or directory)"
     for file, line in lines.items():

@@ -5,6 +5,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from common.commands import process
+from common.results import bits
+from threadpoolctl import threadpool_limits
 
 from vibroplat import design, load_config, orbit
 from vibroplat.continuation.orbit import OrbitError
@@ -131,3 +133,12 @@ def test_one_job_and_two_give_the_same_bits(tmp_path):
         found.append([pd.read_parquet(tmp_path / str(jobs) / "design-power" / f"{name}.parquet") for name in tables])
     for one, other in zip(*found, strict=True):
         pd.testing.assert_frame_equal(one, other, check_exact=True)
+
+
+@pytest.mark.long
+def test_tables_do_not_depend_on_the_threads_of_linear_algebra(answer):
+    with threadpool_limits(2):
+        again = design(scene(starts=2, pareto={"rms_y_m": [0.8e-3, 1.2e-3]}))
+    assert {name: bits(table) for name, table in again.tables.items()} == {
+        name: bits(table) for name, table in answer.tables.items()
+    }

@@ -17,6 +17,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from vibroplat.columns import PHASE_COLUMN, QUANTITIES, quantity_of
+from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.panels import DRAWERS, HATCH, coloured, ended, placed_by_size, size_at, tick_sizes
 from vibroplat.plots.style import (
     begin_at_zero,
@@ -29,7 +30,7 @@ from vibroplat.plots.style import (
     panel_grid,
     widen_ticks,
 )
-from vibroplat.plots.timelines import Measured, in_units, name_axis, tell_shaking
+from vibroplat.plots.timelines import in_units, name_axis, tell_shaking
 from vibroplat.results.labels import EXCITATION, SUPPLY, is_number, key_label
 from vibroplat.results.picture import (
     BEHIND,
@@ -179,12 +180,15 @@ def draw_section(
 def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) -> Figure:
     """Draw a picture over the first of its axes, or another column, with measured data laid over it."""
     x = x or picture.axes[0]
-    picture = _in_units(picture, x)
+    computed, picture = picture.points, _in_units(picture, x)
     figure, cells = _cells(picture, x)
     prepared = [_prepared(series, ended(picture.points[x]), _states(picture)) for series in picture.series]
     for axis, panel, series, behind in cells:
         _panel(axis, picture, panel, x, [prepared[n] for n in series], [prepared[n] for n in behind])
         if data is not None:
+            places = [np.asarray(picture.series[n].rows) for n in series]
+            curves = [curve_of(computed.iloc[rows[rows != BROKEN]], panel.column, x) for rows in places]
+            data.compare(panel.column, x, curves)
             data.draw(axis, x, panel.column)
             _limit(axis, panel, picture.points)
     first = cells[0][0]

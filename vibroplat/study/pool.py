@@ -25,6 +25,7 @@ from vibroplat.study.cluster import Cluster, WorkerLostError
 from vibroplat.study.store import Record, Store, aside_name, digest
 from vibroplat.system.interrupts import stop_if_asked, unwinding, watching
 from vibroplat.system.memory import is_short_of_memory
+from vibroplat.system.threads import one_thread
 from vibroplat.system.workers import close_workers, submit, worker_processes
 
 #: Seconds without a result after which the pool is checked for workers.
@@ -358,6 +359,8 @@ def pool(
 ) -> Iterator[Pool]:
     """Open a pool: this process for one job, worker processes for more, or the workers of a dask scheduler.
 
+    While it is open, linear algebra has one thread in this process, as in workers.
+
     Parameters
     ----------
     jobs
@@ -376,9 +379,10 @@ def pool(
     """
     processes = 1 if scheduler is not None else _useful_processes(jobs, chains)
     if scheduler is None and processes == 1:
-        yield Inline()
+        with one_thread():
+            yield Inline()
         return
-    with unwinding():
+    with unwinding(), one_thread():
         opened: Pool = Processes(processes) if scheduler is None else Cluster(scheduler, wait)
         try:
             yield opened
