@@ -6,10 +6,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from io import StringIO
 from typing import Any, Unpack
 
+import numpy as np
 import pandas as pd
 from ruamel.yaml import YAML
 
+from vibroplat.basin.study import clopper_pearson
 from vibroplat.columns import Column, Columns
+from vibroplat.config.digits import share
 from vibroplat.config.scene import Scene
 from vibroplat.designs import optimum
 from vibroplat.designs import samples as of_samples
@@ -66,19 +69,21 @@ class DesignStudy(Study):
     def __init__(self, scene: Scene) -> None:
         if scene.design is None:
             raise ConfigError("this configuration has no design section; add design: {}")
-        self.scene, self.plan = scene, scene.design
+        tolerances, self.notes = of_keys.tolerances_of_keys(scene, scene.design.parameter_tolerances)
+        self.plan = scene.design.model_copy(update={"parameter_tolerances": tolerances})
+        self.scene = scene = scene.model_copy(update={"design": self.plan})
         of_keys.require_keys(scene, list(self.plan.keys), "design.keys")
         of_keys.require_keys(scene, list(self.plan.parameter_tolerances), "design.parameter_tolerances")
         of_keys.require_measures(scene, self.plan.named, "design")
-        for key, share in self.plan.parameter_tolerances.items():
-            for end in (-share, share):
+        for key, width in self.plan.parameter_tolerances.items():
+            for end in (-width, width):
                 of_keys.require_allowed(
-                    scene, f"design.parameter_tolerances.{key} = {share}", key, value_of(scene, key) * (1.0 + end)
+                    scene, f"design.parameter_tolerances.{key} = {width}", key, value_of(scene, key) * (1.0 + end)
                 )
         for key, ends in self.plan.keys.items():
-            share = self.plan.parameter_tolerances.get(key, 0.0)
-            more = f" with design.parameter_tolerances.{key} = {share}" if share else ""
-            for value in (ends[0] * (1.0 - share), ends[1] * (1.0 + share)):
+            width = self.plan.parameter_tolerances.get(key, 0.0)
+            more = f" with design.parameter_tolerances.{key} = {width}" if width else ""
+            for value in (ends[0] * (1.0 - width), ends[1] * (1.0 + width)):
                 of_keys.require_allowed(scene, f"design.keys.{key} = {ends}{more}", key, value)
         self.keys = list(self.plan.keys) or of_keys.varied_keys(scene)
         allowed = of_keys.measured_names(scene)
@@ -110,7 +115,7 @@ class DesignStudy(Study):
         lines = {"motion": f"{home}, multipliers up to {1.0 - margin:.6g}"}
         text = list(_key_lines(found, self.names))
         if self.plan.minimize is None:
-            return self._with_samples(run, self.scene, known, self._result(tables, Answer(lines, text)))
+            return self._with_samples(run, self.scene, known, self._result(tables, Answer(lines, text, self.notes)))
         best, found = self._best(run, known, tables)
         lines |= found
         if best is None:
@@ -120,9 +125,9 @@ class DesignStudy(Study):
         told = [f"{name} {row['row'][name]:.6g}" for name in self.aims if row["row"].get(name) is not None]
         lines |= {"from rest": ", ".join([row["regime"], *told])}
         other = f"started from rest, the best design converges to {row['regime']}, not to the optimized orbit"
-        notes = [] if row["same"] else [other]
-        if notes and self.plan.parameter_tolerances and self.plan.samples:
-            notes = [f"{notes[0]}, so its tolerances were not sampled"]
+        notes = self.notes + ([] if row["same"] else [other])
+        if not row["same"] and self.plan.parameter_tolerances and self.plan.samples:
+            notes[-1] += ", so its tolerances were not sampled"
         result = self._result(tables, Answer(lines, text, notes), {"best": _configuration_text(scene)})
         if not (row["same"] and self.plan.parameter_tolerances):
             return result
@@ -196,22 +201,29 @@ class DesignStudy(Study):
         places = of_samples.sobol_points(plan.seed, len(keys), 0, plan.samples)
         table = self._samples(run, scene, known, places)
         shares = of_samples.variance_contributions(table, keys, found["measure"].unique().tolist())
+        known_lines, kept = [*result.answer.lines.items(), *_lines_of_samples(table, home).items()], self._kept(table)
         answer = result.answer._replace(
-            lines={**result.answer.lines, **_lines_of_samples(table, home), **self._kept(table)},
+            lines=dict([*kept, *known_lines] if plan.minimize is None else [*known_lines, *kept]),
             text=[*result.answer.text, *_distribution_lines(table, shares)],
         )
         tables = {**result.tables, "samples": table, "variance_contributions": shares}
         return self._result(tables, answer, result.configurations)
 
-    def _kept(self, table: pd.DataFrame) -> dict[str, str]:
-        """Return the percentage of samples that satisfy all constraints; tolerances together may violate one."""
-        if not self.plan.constraints:
-            return {}
-        kept = pd.Series(data=True, index=table.index)
-        for name in self.plan.constraints:
+    def _kept(self, table: pd.DataFrame) -> list[tuple[str, str]]:
+        """Return the fraction of samples that satisfy all constraints, and each of several, with confidence bounds.
+
+        These are binomial; the samples are distributed more evenly than at random, so they err on the safe side.
+        """
+        kept = {}
+        for name, bound in self.plan.constraints.items():
             sign, limit = self.plan.bound(name)
-            kept &= sign * (table[name] - limit) >= -optimum.VIOLATION_TOLERANCE * abs(limit)
-        return {"constraints satisfied": f"{100.0 * kept.mean():.1f} %"}
+            excess = sign * (table[name].to_numpy(float) - limit)
+            kept[f"  {name} {bound}"] = excess >= -optimum.VIOLATION_TOLERANCE * abs(limit)  # false without a value
+        if not kept:
+            return []
+        together = {"constraints satisfied": np.logical_and.reduce(list(kept.values()))}
+        counts = {label: int(inside.sum()) for label, inside in (together | (kept if len(kept) > 1 else {})).items()}
+        return [(label, _with_confidence(count, len(table))) for label, count in counts.items()]
 
     def _samples(self, run: _Runner, scene: Scene, known: Record, places: FloatArray) -> pd.DataFrame:
         """Measure samples at places, in parts that are the same for any number of workers."""
@@ -292,6 +304,12 @@ def _lines_of_samples(table: pd.DataFrame, home: str) -> dict[str, str]:
     return told
 
 
+def _with_confidence(count: int, number: int) -> str:
+    """Write a fraction of samples with its confidence bounds."""
+    low, high = clopper_pearson(count, number)
+    return f"{share(count / number)} of {number} samples ({share(low)} … {share(high)} with 95 % confidence)"
+
+
 def _distribution_lines(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[str]:
     """Yield lines on the quantiles of each measure and on the contributions to its variance."""
     yield "samples: 5 %, 50 % and 95 % quantiles; fractions of the variance by linear regression"
@@ -299,7 +317,7 @@ def _distribution_lines(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[s
         low, middle, high = table[name].quantile(of_samples.QUANTILES)
         first = own.sort_values("regression", ascending=False, kind="stable").head(MAX_PRINTED_KEYS)
         by = zip(first["key"], first["regression"], strict=True)
-        told = ", ".join(f"{key} {100.0 * share:.0f} %" for key, share in by if share >= 0.005)
+        told = ", ".join(f"{key} {100.0 * part:.0f} %" for key, part in by if part >= 0.005)
         explained = f" (of {100.0 * own['explained'].iloc[0]:.0f} % explained)" if told else ""
         yield f"  {name} {low:.5g} {middle:.5g} {high:.5g}: {told or 'no variance'}{explained}"
 
