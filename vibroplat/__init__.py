@@ -63,6 +63,7 @@ _HOMES = {
 # lower subpackages reach higher ones only through these names
 PROVIDERS |= {
     "figure_of": "vibroplat.plots.display",
+    "inspect": "vibroplat.inspection.values",
     "NewtonOrbitDetector": "vibroplat.continuation.orbit_detection",
     "sensitivities": "vibroplat.designs.sensitivities",
 }

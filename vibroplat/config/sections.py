@@ -8,8 +8,10 @@ are defined here, with those of the supply in :mod:`vibroplat.config.drive` and 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
@@ -31,6 +33,9 @@ from vibroplat.kernels.engines import ENGINES, uses_sundials
 MIN_TOLERANCE, MIN_TOLERANCE_SUNDIALS = 1e-14, 1e-12
 
 Rotation = Literal["counter-clockwise", "clockwise"]
+
+#: A number, or an array of some.
+T = TypeVar("T", float, NDArray[np.float64])
 
 #: Keys of the machine that the section ``exciters`` gives for each exciter instead.
 OF_EXCITERS = ("unbalance_radius_m", "rotor_inertia_kg_m2")
@@ -124,6 +129,11 @@ class Motor(Section):
     def critical_slip_speed(self, frequency: float) -> float:
         """Difference between synchronous speed and speed at the critical torque (rad/s), at a supply frequency (Hz)."""
         return self.critical_slip * (2.0 * math.pi * (self.rated_frequency_hz or frequency) / self.pole_pairs)
+
+    def torque(self, slip_speed: T, frequency: float) -> T:
+        """Torque by Kloss's formula (N·m) at slip speeds ω_0 - ω (rad/s) and a supply frequency above 0 (Hz)."""
+        critical = self.critical_slip_speed(frequency)
+        return 2.0 * self.critical_torque_n_m * critical * slip_speed / (critical**2 + slip_speed**2)
 
 
 class Exciter(Motor):
