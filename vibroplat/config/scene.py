@@ -18,6 +18,7 @@ from pydantic import BaseModel, Field, ValidationError, ValidationInfo, model_va
 
 from vibroplat.config.arguments import FileName, instance_of, validated
 from vibroplat.config.body import RigidBody, rigid_body
+from vibroplat.config.computation import Output, Solver
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.drive import Drive
 from vibroplat.config.plans import FREQUENCY, OrbitsPlan, SweepPlan
@@ -31,9 +32,7 @@ from vibroplat.config.sections import (
     Machine,
     Material,
     Motor,
-    Output,
     Run,
-    Solver,
 )
 from vibroplat.config.study_plans import BasinsPlan, DesignPlan, FindPlan
 from vibroplat.errors import ConfigError
