@@ -41,7 +41,7 @@ def names(directory):
 @pytest.mark.parametrize("arguments", [["sweep", "--help"], ["--version"]], ids=" ".join)
 def test_what_answers_at_once_loads_nothing_heavy(arguments):
     """A test of times would depend on the machine; these modules are what takes time."""
-    heavy = {"numpy", "numba", "pandas", "matplotlib", "scipy", "sksundae", "pydantic", "ruamel", "pyarrow", "loky"}
+    heavy = {"numpy", "numba", "pandas", "matplotlib", "scipy", "sksundae", "pydantic", "ruamel", "pyarrow"}
     heavy |= {"rich", "pygments", "markdown_it", "asyncio", "multiprocessing", "sqlite3", "importlib.metadata"}
     code = "import atexit, sys; atexit.register(lambda: print('loaded', *sys.modules))\n" + script()
     done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
@@ -64,7 +64,7 @@ def test_a_run_loads_nothing_that_it_does_not_use(command, tmp_path):
     assert command(*arguments).code == 0  # compiles what is not compiled yet; the compiler needs scipy
     done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.rpartition("loaded")[2].split())
-    unused = {"scipy.linalg", "scipy.optimize", "numba.np.arraymath", "matplotlib", "loky", "dask"}
+    unused = {"scipy.linalg", "scipy.optimize", "numba.np.arraymath", "matplotlib", "dask"}
     assert (unused | {"pandas", "pyarrow"}) & loaded == set()
     assert "numba" in loaded
 

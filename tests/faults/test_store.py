@@ -82,26 +82,14 @@ def resumed(directory, caplog):
     return bits(read_table(directory, "sweep")), [r.getMessage() for r in caplog.records], done.out
 
 
-#: In workers: a twentieth of the half minute that loky's wait for an answer to their farewell, which never comes.
-HASTY = """
-from loky.process_executor import _process_worker as worker
-constants = worker.__code__.co_consts
-assert constants.count(30) == 1
-worker.__code__ = worker.__code__.replace(co_consts=tuple(1.5 if c == 30 else c for c in constants))
-"""
-
-
 # -- killed and ended -----------------------------------------------------------------------------------
 
 
 @pytest.mark.faults
 def test_sweep_that_was_killed_goes_on_to_the_same_table_and_no_worker_outlives_it(here):
-    """A killed process cannot stop its workers; they end when no more tasks come."""
+    """A killed process cannot stop its workers; they end by themselves."""
     (here / "c.yaml").write_text(LONGER)
-    (here / "sitecustomize.py").write_text(HASTY)
-    before = sending(signal.SIGKILL, WRITE, 10) + "import os, vibroplat.study.pool\nvibroplat.study.pool.IDLE = 1\n"
-    before += f"os.environ['PYTHONPATH'] = {str(here)!r}\n"
-    with Child(here, "sweep", "c.yaml", "--jobs", "2", before=before) as child:
+    with Child(here, "sweep", "c.yaml", "--jobs", "2", before=sending(signal.SIGKILL, WRITE, 10)) as child:
         assert child.end().code == -signal.SIGKILL
         orphans = child.members()
         assert command("sweep", "c.yaml", "--out", "alone").code == 0
