@@ -82,7 +82,7 @@ def test_help_names_the_commands_and_h_is_short_for_it(command):
         found = command(name, "--help").out
         assert ("--engine" in found, "--check" in found) == (True, True)
     summaries = [line.split("  ")[-1] for line in done.out.partition("\nBegin:")[2].splitlines() if line[:2] == "  "]
-    assert len(summaries) == 14
+    assert len(summaries) == 15
     assert all(len(summary) <= 60 and summary.endswith(".") for summary in summaries)
     assert "..." not in "".join(summaries)
 

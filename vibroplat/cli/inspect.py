@@ -13,7 +13,7 @@ from vibroplat.cli import common
 def inspect(
     config: Annotated[Path, typer.Argument(help="Configuration file (YAML).")], set_: common.Settings = None
 ) -> None:
-    """Print what is known before a run: stroke, forces, resonances, starting torque, synchronization.
+    """Tell strokes, forces, resonances and starts before a run.
 
     Formulas and averaged equations take a second; nothing is simulated or written. `vibroplat columns` has their
     meanings, results/method.md how they compare with simulations.
