@@ -58,6 +58,10 @@ _STYLE: Any = {
     "legend.fontsize": 8.5,
     "pdf.fonttype": 42,  # text stays text, as publishers ask for
     "svg.hashsalt": "vibroplat",  # the same figure gives the same file
+    # settings of matplotlib that start programs; a file in the current directory may have others
+    "text.usetex": False,
+    "animation.ffmpeg_path": "ffmpeg",
+    "animation.ffmpeg_args": [],
 }
 #: Dates that would make two files of the same figure differ.
 _DATES: dict[Form, dict[str, None]] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
