@@ -106,7 +106,8 @@ def run_and_print(
     if checked is not None:
         total = f"engines disagree at {len(checked.disagreements)} of {checked.checked} motions"
         told += first_failures(checked.disagreements, total)
-    after = f"run {directory / 'best.yaml'}" if "best" in result.configurations else f"plot {directory}"
+    home = directory.parent if directory.name == study.kind else directory
+    after = f"run {directory / 'best.yaml'}" if "best" in result.configurations else f"plot {home}"
     common.print_answer(
         result.answer,
         directory,

@@ -58,7 +58,7 @@ def sync_text(scene: Scene, summary: Mapping[str, Any]) -> str:
 def _period(summary: Mapping[str, Any]) -> str:
     turns = summary.get("period")
     if turns == 0:
-        return f"; does not repeat in the {summary['measured_turns']} turns measured"
+        return "; does not repeat yet"
     return "" if turns is None else f"; repeats every {'turn' if turns == 1 else f'{turns} turns'}"
 
 
