@@ -197,9 +197,10 @@ class Elsewhere(Inline):
 
 def test_run_to_begin_from_is_relative_to_the_directory_of_the_command(command, config):
     assert command("run", config("run: {duration_s: 2}\n"), "--out", "runs").code == 0
-    plan = f"orbits: {{{KEY}, start: 51.5, stop: 52.0, from: runs/c, max_points: 2}}\n"
+    plan = f"orbits: {{{KEY}, start: 51.5, stop: 58.0, from: runs/c, max_points: 3}}\n"
     scene = load_config(config(plan))
     (branch,) = traced(scene, Elsewhere())
+    assert (len(branch.rows), branch.ended) == (3, "max_points = 3 reached")
     settled = orbit(scene.replace({"drive.supply_frequency_hz": 51.5}))
     assert branch.rows[0]["rms_y_m"] == pytest.approx(settled.measures["rms_y_m"], rel=1e-6)
 

@@ -19,7 +19,8 @@ MOTOR = (
     "friction_radius_m, rated_frequency_hz"
 )
 EXCITER = (
-    f"{MOTOR}, unbalance_mass_kg, unbalance_radius_m, static_moment_kg_m, position_m, rotor_inertia_kg_m2, rotation"
+    f"{MOTOR}, unbalance_mass_kg, unbalance_radius_m, static_moment_kg_m, position_m, rotor_inertia_kg_m2, "
+    "mounted_on, rotation"
 )
 PLATE = "rated_power_w: 1500, breakdown_ratio: 2.6, rated_frequency_hz: 50"
 INITIAL = "phase_difference_rad, phase_sum_rad, phi1_rad, speed_ratio, state, from"
@@ -92,8 +93,12 @@ MESSAGES = {
         "2.0 takes 4e+09 turns at the synchronous speed; allowed: at most 1e+09",
         f"{GRID}{{contact.restitution: [.nan]}}}}": "sweep: grid.contact.restitution = [nan]; "
         "allowed: numbers up to 1e+30",
-        "name: ../up": f"name = '../up'; allowed: {NAME}",
-        'name: "a\\nb"': f"name = 'a\\nb'; allowed: {NAME}",
+        "name: ../up": f"name = '../up'; allowed: {NAME}, as name: up",
+        'name: "a\\nb"': f"name = 'a\\nb'; allowed: {NAME}, as name: a-b",
+        "output: {points: {two words: [0, 0]}}": "output.points.two words.[key] = 'two words'; allowed: at most 40 "
+        "letters of English, digits and _, starting with a letter, as two_words",
+        "design: {parameter_tolerances: {machine.platform_mass_kg: 5}}": "design.parameter_tolerances."
+        "machine.platform_mass_kg = 5; allowed: at most 1.0; 5 % is 0.05",
         "name: ''": "name = ''; allowed: at least 1 character",
         f"name: {'a' * 101}": f"name = '{'a' * 56}...; allowed: at most 100 characters",
         "contact: {restitution: 1.2}\nzz: 1\nrun: {seed: -1}": "contact.restitution = 1.2; allowed: at most 1.0 "
@@ -124,6 +129,9 @@ MESSAGES = {
         program(f"{START}, exciter_2: on, off: false"): "drive.program.0: " + both("off", "exciter_2"),
     },
     "values that do not go together": {
+        f"motor: {{{PLATE[PLATE.index(',') + 2 :]}, rated_speed_rpm: 1425, critical_slip: 0.1}}": "motor: "
+        "critical_torque_n_m or critical_slip is given over a nameplate, which has both; allowed: another "
+        "rated_power_w or breakdown_ratio, or both of them with rated_speed_rpm and breakdown_ratio = null",
         f"motor: {{{PLATE}}}": "motor: rated_power_w is given without rated_speed_rpm; allowed: rated_power_w, "
         "rated_speed_rpm, breakdown_ratio together with rated_frequency_hz, or none of them",
         f"motor: {{{PLATE}, rated_speed_rpm: 1500}}": "motor: rated_speed_rpm = 1500; allowed: less than the "
@@ -157,6 +165,9 @@ MESSAGES = {
     },
     "files": {
         "- 1\n- 2\n": "holds a list; allowed: keys and values",
+        "machine": "holds text; allowed: keys and values",
+        "7": "holds a number; allowed: keys and values",
+        "machine:\n  platform_mass_kg: 1_000\n": "1_000 in line 2; allowed: 1000",
         "machine: {1: 2}": "not valid YAML: a key is not text",
         "drive:\n  supply_frequency_hz: 51,5": "a decimal comma in line 2; allowed: a point, as in 51.5",
         "drive:\n  a$b: 1\n": "the key in line 2 is no name; allowed: letters, digits and _ . -",
@@ -203,7 +214,7 @@ def test_messages_about_files_name_the_one_that_is_wrong(here):
         ".": ".: cannot be read (Is a directory)",
         "a.yaml/c.yaml": "a.yaml/c.yaml: cannot be read (Not a directory)",
         "a.yaml": "a.yaml: extends itself through b.yaml",
-        "my scene.yaml": f"my scene.yaml: name = 'my scene'; allowed: {NAME}",
+        "my scene.yaml": f"my scene.yaml: name = 'my scene'; allowed: {NAME}, as name: my-scene",
         place / "up.yaml": "/../../list.yaml: holds a list; allowed: keys and values",  # its path is cut
     }
     for name, line in messages.items():
@@ -218,13 +229,18 @@ SETTINGS = [
     ("", "drive", "--set 'drive'; allowed: key.sub=value"),
     ("", "a=[1", "--set a: not valid YAML in line 1, column 3: expected ',' or ']', but got '<stream end>'"),
     ("", "drive.supply_frequency_hz.x=3", "c.yaml: drive.supply_frequency_hz = {'x': 3}; allowed: a number"),
-    ("", "exciters.2.critical_slip=0.1", "unknown key exciters.2; allowed: exciters.0 to exciters.1"),
-    ("", "exciters.-1.critical_slip=0.1", "unknown key exciters.-1; allowed: exciters.0 to exciters.1"),
+    ("", "exciters.2.critical_slip=0.1", "c.yaml: unknown key exciters.2; allowed: exciters.0 to exciters.1"),
+    ("", "exciters.-1.critical_slip=0.1", "c.yaml: unknown key exciters.-1; allowed: exciters.0 to exciters.1"),
     ("motors: [{}, {}]", "motors.0.pole_pairs='3'", "c.yaml: motors.0.pole_pairs = '3'; allowed: a whole number"),
-    (program(), "drive.program.1.t_s=2", "unknown key drive.program.1; allowed: none"),
-    (program(START), "drive.program.1.t_s=2", "unknown key drive.program.1; allowed: drive.program.0"),
+    (program(), "drive.program.1.t_s=2", "c.yaml: unknown key drive.program.1; allowed: none"),
+    (program(START), "drive.program.1.t_s=2", "c.yaml: unknown key drive.program.1; allowed: drive.program.0"),
     ("exciters: [{}, {}]", "exciters=[{}]", "c.yaml: exciters = [{}]; allowed: entries, at least 2"),
-    ("exciters: [{}, {}]", "motor.pole_pairs=3", f"c.yaml: {both('motor', 'exciters')}"),
+    (
+        "exciters: [{}, {}]",
+        "motor.pole_pairs=3",
+        "c.yaml: motor.pole_pairs is given, but each exciter has a "
+        "motor of its own; allowed: exciters.N.pole_pairs, for both",
+    ),
     ("motor: 3", "motors.0.pole_pairs=2", f"c.yaml: motors.1 = 3; allowed: {SECTION}"),
     ("motor: 3", "exciters.1.critical_slip=0.1", f"c.yaml: motor = 3; allowed: {SECTION} (and 1 more)"),
 ]
@@ -237,5 +253,5 @@ def test_messages_about_settings(scene_of, complaint):
             scene_of(text, parse_overrides([setting]))
         told.append(str(caught.value))
     assert told == [line for _, _, line in SETTINGS]
-    line = "drive.supply_frequency_hz lies inside drive, which already has a value"
+    line = "c.yaml: drive.supply_frequency_hz lies inside drive, which already has a value"
     assert complaint("", {"drive": 3, "drive.supply_frequency_hz": 50.0}) == line

@@ -150,3 +150,11 @@ def test_each_of_two_motors_is_noted():
     scene = load_config(QUICKSTART, {"motors": [{"critical_torque_n_m": 1.0}, MOTOR]})
     left_out = "critical_slip, pole_pairs and friction_radius_m"
     assert notes_on_input(scene) == [f"motors.0: {left_out} not given; taken from the paper's test rig"]
+
+
+def test_motors_that_cannot_turn_at_the_same_speed_are_noted():
+    poles = [MOTOR | {"pole_pairs": 1}, MOTOR | {"pole_pairs": 3}]
+    assert notes_on_input(load_config(QUICKSTART, {"motors": poles})) == [
+        "the motors have 1 and 3 pole pairs: at one supply their synchronous speeds differ 3 times, and they cannot "
+        "turn at the same speed; give both the same pole_pairs"
+    ]

@@ -25,6 +25,7 @@ def test_name_is_that_given_or_the_stem_of_the_file(here, scene_of):
     (here / "f25.75-R0.3.yaml").write_text("")
     assert load_config("f25.75-R0.3.yaml").name == "f25.75-R0.3"
     assert scene_of("name: given").name == "given"
+    assert scene_of("name: Förderer-2").name == "Förderer-2"
     assert scene_of("name: given", {"name": "set"}).name == "set"
     # anchors may be reused (YAML 1.2, section 3.2.2.2), and no warning may reach the user's terminal
     assert scene_of("motor: &m {pole_pairs: &m 2}\n").motor.pole_pairs == 2
@@ -253,3 +254,14 @@ VALUES, BRACKETS, BYTES, DEEP = (
 def test_hostile_file_is_refused_in_a_second(text, line, complaint):
     with cpu_seconds(1.0):
         assert complaint(text).startswith(f"c.yaml: {line}")
+
+
+def test_short_names_of_initial_conditions_are_whole_ones_and_both_ways_have_one_word(scene_of):
+    plans = [
+        f"basins: {{initial_conditions: {{{beginning}speed_ratio: [0, 1], {beginning}state.y_m: [0, 1e-3]}}}}"
+        for beginning in ("", "initial.", "run.initial.")
+    ]
+    assert len({scene_of(plan).basins.model_dump_json() for plan in plans}) == 1
+    assert [*scene_of(plans[0]).basins.initial_conditions] == ["run.initial.speed_ratio", "run.initial.state.y_m"]
+    ways = scene_of("sweep: {supply_frequency_hz: {start: 50, stop: 51, direction: both}}").sweep.swept.direction
+    assert ways == ["up", "down"]

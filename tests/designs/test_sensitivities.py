@@ -127,3 +127,12 @@ def test_a_key_of_both_exciters_has_the_sum_of_their_elasticities(command, tmp_p
         ConfigError, match=r"design.parameter_tolerances.exciters.N.static_moment_kg_m has two values; allowed: equal"
     ):
         DesignStudy(unequal)
+
+
+@pytest.mark.parametrize("section", ["parameter_tolerances", "keys"])
+def test_a_key_that_holds_a_list_is_refused(section):
+    own = {"exciters": [{"position_m": [-0.06, 0.0]}, {"position_m": [0.06, 0.0]}]}
+    given = {"parameter_tolerances": 0.05, "keys": [0.0, 1.0]}[section]
+    plan = {section: {"exciters.0.position_m": given}, "minimize": "motor_power_w"}
+    with pytest.raises(ConfigError, match=rf"^design.{section}.exciters.0.position_m cannot be varied; allowed: "):
+        DesignStudy(load_config(CALIBRATED, own | {"design": plan if section == "keys" else {section: plan[section]}}))

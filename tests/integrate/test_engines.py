@@ -147,6 +147,16 @@ def test_integrator_that_gets_stuck_is_stopped(quickstart, monkeypatch):
     assert len(run.trajectory) > 1
 
 
+def test_steps_that_are_taken_back_count_too_where_a_motion_is_stuck(quickstart, monkeypatch):
+    """Nearly all are, of a mass so large that its rates are round-off."""
+    monkeypatch.setattr("vibroplat.integrate.taylor.MAX_STEPS", 3000)
+    monkeypatch.setattr("vibroplat.integrate.taylor.STEPS_PER_EVENT", 0)
+    run = simulate(with_engine(quickstart, "taylor").replace({"machine.platform_mass_kg": 1e30}))
+    assert run.summary["detail"].startswith("taylor: more than 3000 steps within a period; mode attached, t = ")
+    assert run.summary["error_test_failures"] > 1000
+    assert run.summary["steps"] <= 3001
+
+
 @pytest.fixture
 def fresh_choice():
     """Let engine ``native`` be looked for anew, and again after the test."""

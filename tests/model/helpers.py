@@ -24,7 +24,10 @@ UNEQUAL_MOTORS = [Motor(), Motor(critical_torque_n_m=0.9, critical_slip=0.21, po
 
 
 #: What two exciters have of their own: unbalance masses, axes from the platform's own centre of mass.
-OWN = [{"unbalance_mass_kg": 0.8, "position_m": [0.21, -0.08]}, {"unbalance_mass_kg": 0.3, "position_m": [-0.13, 0.17]}]
+OWN = [
+    {"unbalance_mass_kg": 0.8, "position_m": [0.21, -0.08]},
+    {"unbalance_mass_kg": 0.3, "position_m": [-0.13, 0.17], "mounted_on": "deck"},
+]
 
 
 def exciters(first, second, own=({}, {}), **changes):
@@ -44,14 +47,15 @@ RISING = Drive(program=[Entry(t_s=t, supply_frequency_hz=f) for t, f in ((0.0, 1
 
 #: What scenes have besides their material. The rig of the paper, a lopsided machine, one whose unequal exciters turn
 #: the same way, one on which both turn against the usual, under a rising supply, while the critical slip speed of its
-#: first motor does not rise; and one whose exciters share nothing, not even the distance of their axes.
+#: first motor does not rise; and one whose exciters share nothing, not even the distance of their axes. A motor of each
+#: of the last two is bolted to the deck.
 SETUPS = {
     "paper": {"motors": UNEQUAL_MOTORS},
     "lopsided": {"machine": Machine(**LOPSIDED, rotor_inertia_kg_m2=2.0e-3), "motors": UNEQUAL_MOTORS},
     "co-rotating": {"machine": Machine(**LOPSIDED), "exciters": exciters("clockwise", "clockwise")},
     "rising": {
         "machine": Machine(**LOPSIDED),
-        "exciters": exciters("clockwise", "counter-clockwise", rated_frequency_hz=55.0),
+        "exciters": exciters("clockwise", "counter-clockwise", rated_frequency_hz=55.0, mounted_on="deck"),
         "drive": RISING,
     },
     "uneven": {"machine": Machine(**LOPSIDED), "exciters": exciters("clockwise", "clockwise", OWN)},

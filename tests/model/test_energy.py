@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vibroplat.model.energy import FORCE, FORCE_SIZE, POWERS, energies, exciter_powers, powers
+from vibroplat.model.energy import FORCE, FORCE_SIZE, POWERS, deck_power, energies, exciter_powers, powers
 from vibroplat.model.impact import kinetic_change
 from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import parameters
@@ -39,7 +39,9 @@ def rates_of(system, state, p):
 def powers_of(state, p):
     out = np.empty(FORCE_SIZE + 1)
     motors = [motor_torque(i, TIME, state[10 + i], p) * state[10 + i] for i in (0, 1)]
-    powers(exciter_powers(*motors, state, 7, p), np.array([state, state**2, abs(state)]), 7, 2, out, p)
+    motor, truncated, resisted = exciter_powers(*motors, state, 7, p)
+    motor -= deck_power(*(motor_torque(i, TIME, state[10 + i], p) for i in (0, 1)), state, 7, p)
+    powers((motor, truncated, resisted), np.array([state, state**2, abs(state)]), 7, 2, out, p)
     return dict(zip(POWERS, out, strict=False)), out[FORCE], out[FORCE_SIZE]
 
 

@@ -118,6 +118,8 @@ def expected(system, state, scene, added=0.0):
         for motor, direction, w, unbalance in exciters
     ]
     mass, forces = lagrange()(state[:7], state[7:], given, torques)
+    mounts = [exciter.mounted_on for exciter in scene.exciters or ()]
+    forces[2] -= sum(torque for torque, mount in zip(torques, mounts, strict=False) if mount == "deck")
     rows, columns = moving, mass[:, moving]
     if system.algebraic:
         # ÿ_w1 = 0 takes the place of an unknown acceleration, F_c that of the unknown

@@ -150,7 +150,7 @@ def test_table_that_does_not_fit_into_memory_is_refused_at_once(quickstart, monk
     monkeypatch.setattr("vibroplat.observe.tables.available", lambda: 4.0 * 2**30)
     scene = quickstart.replace({"run.duration_s": 1e4, "output.sample_rate_hz": 5000.0})
     with pytest.raises(ConfigError) as caught:
-        simulate(scene, keep="table", engine=None)
+        simulate(scene, keep="table", engine=pytest.fail)
     assert str(caught.value) == (
         "output.sample_rate_hz = 5000 asks for 5e+07 rows of 19 columns in 10000 s: 14.2 GiB of memory, "
         "where 2 GiB may be taken of 4 GiB available; allowed: at most 7.1e+02 Hz, or a shorter run.duration_s"
@@ -211,6 +211,22 @@ def test_run_that_would_keep_more_than_its_share_ends_with_what_was_computed(
     assert (len(run.trajectory) > 10) == (keep != "events")
     assert len(run.events) > 10
     same(run.events, whole.events.iloc[: len(run.events)])
+
+
+@pytest.mark.parametrize("sink", [False, True])
+def test_dense_output_that_grows_too_large_is_given_up_for_the_table(sink, quickstart, monkeypatch, small_blocks):
+    scene, parts = quickstart.replace({"run.duration_s": 0.5}), Parts()
+    whole = simulate(scene)
+    monkeypatch.setattr("vibroplat.motion.recorder.MAX_DENSE_OUTPUT", 2e5)
+    run = simulate(scene, sink=parts.sink if sink else None)
+    assert (run.outcome, run.segments) == ("ok", [])
+    same(run.trajectory, whole.trajectory)
+    same(run.events, whole.events)
+    assert [note.partition(" takes")[0] for note in run.notes if note not in whole.notes] == ["dense output"]
+    with pytest.raises(ConfigError, match="kept no segments"):
+        run(0.1)
+    if sink:
+        same(parts.tables()[0], whole.trajectory)
 
 
 class Full:

@@ -45,7 +45,7 @@ def test_a_run_that_was_not_asked_says_what_to_ask_for(scene):
     run = simulate(scene)
     for name in ("monodromy", "variation"):
         with pytest.raises(
-            ValueError, match=r"^this run carried no derivative; simulate with variation=True, or with keys"
+            ConfigError, match=r"^this run carried no derivative; simulate with variation=True, or with keys"
         ):
             getattr(run, name)
 
@@ -53,7 +53,7 @@ def test_a_run_that_was_not_asked_says_what_to_ask_for(scene):
 def test_a_motion_that_ended_early_has_none(scene):
     storm = scene.replace({"solver.max_events_per_period": 1, "drive.supply_frequency_hz": 51.0, "run.duration_s": 1.0})
     with pytest.raises(
-        ValueError, match=r"^this run ended early \(event-storm\); the derivative of its end is not known"
+        ConfigError, match=r"^this run ended early \(event-storm\); the derivative of its end is not known"
     ):
         _ = simulate(storm, variation=True).monodromy
     with pytest.raises(MotionError, match=r"^the motion ended early \(event-storm\): "):
@@ -83,7 +83,7 @@ def test_keys_of_the_supply_cannot_be_varied_under_a_program(scene):
 
 def test_a_state_of_another_scene_is_refused(scene):
     bare = variation(scene.replace({"material.mass_ratio": 0.0})).state
-    with pytest.raises(ValueError, match=r"^a state of this scene has the names x_m, "):
+    with pytest.raises(ConfigError, match=r"^state has the names x_m, "):
         variation(scene, bare)
-    with pytest.raises(ValueError, match=r"^a full state has the shape \(14,\), not \(3,\)"):
+    with pytest.raises(ConfigError, match=r"^state has the shape \(3,\); allowed: \(14,\)"):
         variation(scene, [1.0, 2.0, 3.0])

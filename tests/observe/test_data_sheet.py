@@ -8,6 +8,7 @@ from common.places import QUICKSTART, ROOT
 
 from vibroplat import Scene, load_config, orbit, simulate, sweep
 from vibroplat.columns import split
+from vibroplat.errors import ConfigError
 from vibroplat.observe.data_sheet import SHEET, columns, converges, fluctuates, whole_columns
 from vibroplat.observe.extremes import FORCE, empty_extremes, merge_extremes
 from vibroplat.results.summary_text import data_sheet_lines
@@ -40,6 +41,7 @@ def test_closed_forms_of_a_bare_platform_in_antiphase():
     expected = {
         "foundation_force_y_mean_n": -weight,
         "foundation_force_y_rms_n": abs(spring * y) / math.sqrt(2.0),
+        "foundation_force_y_amplitude_n": abs(spring * y),
         "foundation_force_y_max_n": weight + abs(spring * y),
         "stroke_y_m": 2.0 * amplitude,
         "stroke_y_inlet_m": 2.0 * amplitude,
@@ -212,7 +214,7 @@ def test_only_exciters_that_are_synchronized_have_come_into_step(name):
         scene = scene.replace({"motors": [dict(zip(keys, motor, strict=True)) for motor in motors]})
     summary = simulate(scene, keep="summary").summary
     found = (summary["synchronized_at_s"] is not None, summary["start_energy_j"] is not None)
-    assert (*found, "in step" in data_sheet_lines(scene, summary)) == (expected,) * 3
+    assert (*found, "synchronized" in data_sheet_lines(scene, summary)) == (expected,) * 3
 
 
 def test_a_phase_difference_converges_if_its_changes_do_not_slow_down_less_and_less():
@@ -298,6 +300,7 @@ def test_the_viscous_force_of_the_material_does_not_reach_the_foundation(quickst
     mean = -(scene.body.mass + 0.5 * scene.material_mass) * scene.machine.gravity_m_per_s2
     assert summary["foundation_force_y_mean_n"] == pytest.approx(mean, rel=1e-3)
     assert summary["foundation_force_y_max_n"] == pytest.approx(force.abs().max(), rel=1e-6)
+    assert summary["foundation_force_y_amplitude_n"] == pytest.approx(0.5 * np.ptp(force), rel=1e-6)
     assert summary["foundation_force_y_rms_n"] == pytest.approx(force.std(), rel=1e-3)
 
 
@@ -335,10 +338,31 @@ def test_rows_and_old_summaries(quickstart):
     assert "gamma" in lines["acceleration"]
     assert "stroke y of inlet" in lines
     again = dict(run.summary, whole_gamma=run.summary["gamma"], whole_stroke_y_m=run.summary["stroke_y_m"])
-    assert "; that at 0.15 s" in data_sheet_lines(scene, again | {"whole_stroke_y_at_s": 0.15})["stroke y"]
+    assert "; that at 0.150 s" in data_sheet_lines(scene, again | {"whole_stroke_y_at_s": 0.15})["stroke y"]
     assert "; whole run: " in data_sheet_lines(scene, again | {"whole_stroke_y_at_s": 0.01})["stroke y"]
     assert ";" not in data_sheet_lines(scene, again | {"whole_stroke_y_m": 0.0})["stroke y"]
     for name in [name for name in run.summary if name in SHEET or name.startswith("whole_")]:
         del run.summary[name]
     assert not set(run.data_sheet.index) & set(SHEET)
     assert data_sheet_lines(scene, run.summary) == {}
+
+
+def test_springs_carry_the_static_force_together_and_move_with_their_points(quickstart):
+    """Four springs alike at ±a."""
+    a, stiffness, (centre, _) = 0.2, quickstart.machine.stiffness_y_n_per_m, quickstart.body.centre
+    points = {"left": [centre - a, 0.0], "right": [centre + a, 0.1]}
+    changes = {"run.initial": {"phase_difference_rad": 1.0}, "run.duration_s": 0.5, "solver.engine": "taylor"}
+    scene = quickstart.replace(changes | {"output": {"points": points, "springs": {"left": 2, "right": 2}}})
+    run = simulate(scene)
+    summary = run.summary
+    at = run(np.linspace(summary["measured_from_s"], summary["measured_to_s"], 20_001))
+    for name, side in (("left", -1.0), ("right", 1.0)):
+        force = stiffness * (at["y_m"] + side * a * at["phi_rad"]) / 4.0
+        assert summary[f"spring_force_mean_{name}_n"] == pytest.approx(force.mean(), rel=1e-3)
+        assert summary[f"spring_force_amplitude_{name}_n"] == pytest.approx(0.5 * np.ptp(force), rel=1e-5)
+        assert summary[f"spring_force_max_{name}_n"] == pytest.approx(force.abs().max(), rel=1e-5)
+        assert summary[f"whole_spring_force_max_{name}_n"] >= summary[f"spring_force_max_{name}_n"]
+    both = sum(summary[f"spring_force_mean_{name}_n"] for name in points)
+    assert 2.0 * both == pytest.approx(summary["foundation_force_y_mean_n"], rel=5e-3)  # without that of the damper
+    with pytest.raises(ConfigError, match=r"no such point; allowed: names in points \(left, right\)"):
+        scene.replace({"output.springs": {"middle": 1}})

@@ -45,6 +45,7 @@ def exciters(second):
             critical_slip=0.21,
             friction_radius_m=8.0e-5,
             rotation=second,
+            mounted_on="deck",
         ),
     ]
 

@@ -4,9 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from common import handmade
+from common.places import QUICKSTART
 from common.results import unproven
 
+from vibroplat import load_config, simulate
 from vibroplat.plots.command import draw_study
+from vibroplat.plots.measured import read_data
 from vibroplat.results.files import write_result
 from vibroplat.results.result import Result
 
@@ -23,6 +26,26 @@ def saved(runs, tmp_path_factory):
     for name in ("two layers", "bouncing", "bare"):
         runs[name].save(place / name)
     return {path.name: path for path in place.iterdir()}
+
+
+@pytest.fixture(scope="session")
+def moved(kernels, tmp_path_factory):
+    """Directory of a run whose trajectory has accelerations, of the centre of mass and of a point."""
+    asked = {"run.duration_s": 0.25, "output": {"accelerations": True, "points": {"tip": [0.3, 0.4]}}}
+    place = tmp_path_factory.mktemp("moved") / "moved"
+    simulate(load_config(QUICKSTART, asked)).save(place)
+    return place
+
+
+@pytest.fixture
+def data_file(tmp_path):
+    """Write columns of a table over time as measured data, whose shift in time is to be found."""
+
+    def write(table, *columns):
+        table[["t_s", *columns]].to_csv(tmp_path / "rig.csv", index=False)
+        return read_data(f"{tmp_path / 'rig.csv'}:t=t_s,{','.join(f'{c}={c}' for c in columns)},shift=fit")
+
+    return write
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from common.places import ROOT
 
 from vibroplat.errors import TableError, VibroplatError
 from vibroplat.plots.command import plot_results
+from vibroplat.plots.measured import read_data
 from vibroplat.plots.paper import FIGURES, MASSES, history
 from vibroplat.results.result import Result
 
@@ -49,7 +50,7 @@ def test_the_same_figure_is_the_same_file_in_each_format(form, begin, saved, tmp
             ["run"],
             ["motion", "map"],
             {},
-            "--kind map shows a sweep, but DIR holds a run; allowed: motion, force, exciters, loads",
+            "but DIR holds a run; allowed: motion, force, exciters, loads, acceleration, spectrum, measured",
         ),
         (["nowhere"], [], {}, "DIR is not a directory; allowed: a result directory of vibroplat"),
     ],
@@ -93,7 +94,7 @@ def test_data_are_laid_over_a_sweep_and_what_is_not_drawn_is_named(signs, write_
     file = tmp_path / "rig.csv"
     text = "excitation_frequency_hz|supply_frequency_hz|rms_y_m|who\n23.0|46|0.0002|me\n"
     file.write_text(text.replace(".", signs[1]).replace("|", signs[0]))
-    (figure,) = drawn("sweep", write_sweep(), data=file).values()
+    (figure,) = drawn("sweep", write_sweep(), data=read_data(file)).values()
     axis = next(axis for axis in figure.axes if axis.get_ylabel() == "RMS $y$ (mm)")
     assert axis.lines[-1].get_ydata() == pytest.approx([0.2])
     assert figure.legends[0].get_texts()[-1].get_text() == "measured: rig.csv"

@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from vibroplat import load_config
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.page.results import differences
-from vibroplat.plots.timelines import Measured, phase_axis
+from vibroplat.plots.measured import Measured
+from vibroplat.plots.timelines import phase_axis
 from vibroplat.results.labels import MOST, differing, distinct, key_label, legend_names, value_label
 
 PROGRAM = [{"t_s": 0.0, "supply_frequency_hz": 0.0}, {"t_s": 3.0, "supply_frequency_hz": 66.0}]

@@ -14,6 +14,7 @@ from vibroplat.config.digits import quantity
 from vibroplat.errors import TableError
 from vibroplat.plots import histories
 from vibroplat.plots.command import plot_results
+from vibroplat.plots.measured import read_data
 from vibroplat.plots.run import run_figures
 from vibroplat.results.labels import run_parameters
 from vibroplat.results.tables import read_json, read_table, write_table
@@ -187,9 +188,9 @@ def test_runs_are_laid_over_each_other_from_a_whole_turn_on(saved, tmp_path, fig
 def test_measured_data_are_laid_over_a_run(saved, tmp_path):
     file = tmp_path / "rig.csv"
     pd.DataFrame({"t_s": [0.1, 0.2], "y_m": [1e-4, -2e-4]}).to_csv(file, index=False)
-    top, gap = drawn(saved["two layers"], kinds=["motion"], data=file)["motion"].axes
+    top, gap = drawn(saved["two layers"], kinds=["motion"], data=read_data(file))["motion"].axes
     assert top.lines[-1].get_ydata() == pytest.approx([0.1, -0.2])
-    assert top.lines[-1].get_label() == "measured: rig.csv"
+    assert top.lines[-1].get_label().startswith("measured: rig.csv, differs by ")
     assert not any(line.get_marker() == "D" for line in gap.lines)
 
 

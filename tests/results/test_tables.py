@@ -11,7 +11,7 @@ import pytest
 
 from vibroplat import simulate
 from vibroplat.columns import Column
-from vibroplat.errors import TableError
+from vibroplat.errors import ConfigError, TableError
 from vibroplat.frames import ArrayTable, CategoryColumn
 from vibroplat.results.files import write_result
 from vibroplat.results.tables import (
@@ -334,7 +334,7 @@ def test_times_may_be_a_number_or_a_list(runs):
     assert list(run([])) == list(run.trajectory)
     assert len(run([])) == 0
     lean = simulate(run.scene.replace({"run.duration_s": 0.01}), keep="events")
-    with pytest.raises(ValueError, match=r"^this run kept no segments; simulate with keep='segments' for dense"):
+    with pytest.raises(ConfigError, match=r"^this run kept no segments; simulate with keep='segments' for dense"):
         lean(0.0)
 
 
@@ -346,7 +346,7 @@ def test_times_that_are_none_of_the_run_are_refused(runs):
         ([0.1, np.nan], numbers),
         ([[0.1, 0.2]], numbers),
     ):
-        with pytest.raises(ValueError, match=r"^times must ") as caught:
+        with pytest.raises(ConfigError, match=r"^times must ") as caught:
             runs["two layers"](times)
         assert str(caught.value) == told
 

@@ -45,7 +45,7 @@ def test_same_fingerprint_gives_the_result_or_the_error_of_the_task(mine):
 
 
 def test_each_difference_is_refused_by_name_before_the_task_is_read(mine):
-    libraries = {"SUNDIALS", "scikit-sundae", "numpy", "numba", "llvmlite", "engine", "arithmetic"}
+    libraries = {"SUNDIALS", "scikit-sundae", "numpy", "scipy", "numba", "llvmlite", "LAPACK", "engine", "arithmetic"}
     assert {"vibroplat", "source files", "Python", "platform"} | libraries <= set(mine)
     for name in mine:
         found = fingerprint.run_checked({**mine, name: "other"}, b"not a pickle")
@@ -78,7 +78,7 @@ def test_reference_motion_has_impacts(kernels):
 
 @pytest.mark.long
 def test_another_process_has_the_same_fingerprint(mine):
-    assert of_a_process() == mine
+    assert of_a_process(OPENBLAS_NUM_THREADS="2") == mine
 
 
 @pytest.mark.long
@@ -87,4 +87,4 @@ def test_library_that_computes_otherwise_is_another_arithmetic(library, mine):
     found = of_a_process(**LESSER[library])
     if found == mine:
         pytest.skip("this machine's library has no other variant")
-    assert [name for name in mine if found[name] != mine[name]] == ["arithmetic"]
+    assert [name for name in mine if found[name] != mine[name]] in (["arithmetic"], ["LAPACK", "arithmetic"])

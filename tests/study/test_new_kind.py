@@ -77,7 +77,7 @@ STUDY = ChangesStudy
 
 def changes(scene, **options):
     """Change keys one by one."""
-    return run_study(ChangesStudy(scene), **options)
+    return run_study(ChangesStudy, scene, **options)
 ''',
     "picture.py": '''"""The picture of changes."""
 

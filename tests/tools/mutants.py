@@ -34,6 +34,9 @@ BY_ROOM = [
         "upper = p.upper_mass * damping[4] * squares → upper = damping[4] * squares",
         "heights - unbalance(0, state, p).x - unbalance(1, state, p).x → heights - unbalance(0, state, p).x",
         "inertias[i] - acting[i] → inertias[i] + acting[i]",
+        "- p.deck[1] * net_2 → + p.deck[1] * net_2",
+        "jac[n + 2, row] += p.deck[i] * slope → jac[n + 2, row] -= p.deck[i] * slope",
+        "motor - held, truncated → motor, truncated",
     ]),
     ("model config", [
         "exciters[1].position_m or (-x, y) → exciters[1].position_m or (x, y)",

@@ -96,7 +96,7 @@ _OVER: Columns = {"…": Column("value of the key of basins.over, by dotted name
 TABLES: dict[str, tuple[str, Columns]] = {
     "attractors": (
         "`vibroplat basins`: one row per attractor, at each value of a key.",
-        {**_OVER, **ATTRACTORS, **point_columns(["NAME"])},
+        {**_OVER, **ATTRACTORS, **point_columns()},
     ),
     "starts": (
         "`vibroplat basins`: one row per initial condition.",
@@ -277,7 +277,7 @@ def _make_result(question: BasinsStudy, found: Sequence[AttractorSet]) -> Result
             | {"attractor": labels[f.starts[k]["attractor"]], "turns": f.starts[k]["turns"]}
             for k in question.order
         ]
-    more = point_columns(question.scene.output.points)
+    more = point_columns(question.scene.output)
     tables = {
         "attractors": study_table(attractors, [*column, *ATTRACTORS, *more], {**SWEEP, **ATTRACTORS, **more}),
         "starts": study_table(starts, [*column, *plan.initial_conditions, *STARTS_TABLE], {**SWEEP, **STARTS_TABLE}),
@@ -337,4 +337,4 @@ def basins(scene: Scene, **options: Unpack[Options]) -> Result:
     >>> found.starts["turns"].size
     4
     """
-    return run_study(BasinsStudy(scene), **options)
+    return run_study(BasinsStudy, scene, **options)

@@ -30,7 +30,7 @@ def brief_precision(table: pd.DataFrame, equal: pd.DataFrame | None) -> list[str
     first = equal.groupby(["case", "engine"], sort=False).first().reset_index()
     ratios = first.loc[first["engine"] != "taylor", "over_taylor"].dropna()
     ends = f" {number(ratios.min(), 2)} to {number(ratios.max(), 2)} times that of taylor" if len(ratios) else ""
-    times = first.pivot(index="case", columns="engine", values="ms_per_s").map(number)
+    times = first.pivot_table("ms_per_s", "case", "engine", sort=False).map(number)
     return [f"processor time at equal error{ends}; ms per s of motion{more}", *_lines(times)]
 
 

@@ -13,9 +13,10 @@ import pandas as pd
 
 from vibroplat.check import MAX_RATIO, MIN_ALLOWED, Other, with_other_engine, with_other_tolerance
 from vibroplat.check.events import ErrorBound, EventMatches, marginal_events, match_events
+from vibroplat.config.arguments import validated
 from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.digits import given, number, quantity
-from vibroplat.config.scene import Scene
+from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP_RATE
@@ -132,6 +133,7 @@ class RunCheck:
         return found
 
 
+@validated(scene=SceneArgument, other=Callable[..., Any], progress=Callable[..., Any] | None)
 def check_run(scene: Scene, *, other: Other = with_other_engine, progress: Progress | None = None) -> RunCheck:
     """Run a scene with two engines and compare coordinates, contact force and events in time.
 

@@ -44,7 +44,23 @@ EngineName = Annotated[
 ]
 Check = Annotated[bool, typer.Option("--check", help="Cross-check: repeat some motions with another engine.")]
 Out = Annotated[Path, typer.Option(help="Parent directory of the results.")]
-Format = Annotated[Literal["parquet", "csv"], typer.Option("--format", help="File format of the tables.")]
+
+
+def _writable(form: str) -> str:
+    from vibroplat.results.exports import require_writer
+
+    return form if form in ("parquet", "csv") else require_writer(form)
+
+
+Format = Annotated[
+    Literal["parquet", "csv", "csv-semicolon", "xlsx", "mat"],
+    typer.Option(
+        "--format",
+        callback=_writable,
+        help="File format of the tables. xlsx (Excel), mat (MATLAB) and csv-semicolon (; and decimal commas) are "
+        "written beside parquet.",
+    ),
+]
 Jobs = Annotated[int, typer.Option(min=1, help="Number of worker processes.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print all numbers, not only the answer.")]
 Resume = Annotated[bool, typer.Option("--resume", callback=_offer, help="Continue an interrupted command.")]

@@ -13,14 +13,17 @@ from vibroplat.config.keys import keys, yaml
 from vibroplat.config.kinds import KINDS
 from vibroplat.motion.run import SUMMARY
 from vibroplat.observe.data_sheet import point_columns, whole_columns
-from vibroplat.observe.tables import EVENTS, TRAJECTORY
+from vibroplat.observe.tables import EVENTS, TRAJECTORY, acceleration_columns
 from vibroplat.paper.tables import TABLES as PAPER
 
-_POINTS = point_columns(["NAME"])
+_POINTS = point_columns()
 #: All result tables except those of benchmarks, by the names of their files, in the order of the commands that write
 #: them: a sentence on their rows, and their columns.
 TABLES: dict[str, tuple[str, Columns]] = {
-    "trajectory": ("`vibroplat run`: one row per sample; two rows at an event, before and after it.", TRAJECTORY),
+    "trajectory": (
+        "`vibroplat run`: one row per sample; two rows at an event, before and after it.",
+        {**TRAJECTORY, **acceleration_columns(["NAME"])},
+    ),
     "events": ("`vibroplat run`: one row per event.", EVENTS),
     "summary.json": (
         "`vibroplat run`: values for the second half of the run, cut to whole turns or periods. Meanings that say "
@@ -38,7 +41,7 @@ LEADING_COLUMNS = (
     *("synchronized_at_s", "captured_by"),
     *("amplitude_y_m", "stroke_x_m", "stroke_y_m", "whole_stroke_y_m", "acceleration_max_m_per_s2", "gamma"),
     *("flight_fraction", "impacts_per_period", "impulse_max_n_s", "contact_force_max_n"),
-    *("foundation_force_x_max_n", "foundation_force_y_max_n", "whole_foundation_force_y_max_n"),
+    *("foundation_force_y_amplitude_n", "foundation_force_y_max_n", "whole_foundation_force_y_max_n"),
     *("motor_power_w", "motor_torque_1_max_n_m", "motor_torque_2_max_n_m", "slip_1", "slip_2"),
 )
 

@@ -37,7 +37,12 @@ def plot(
         typer.Option(metavar="COLUMN", help="Column to plot in a response, a map or thresholds. May be repeated."),
     ] = None,
     data: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Measured data to overlay: CSV, columns as in the tables.")
+        str | None,
+        typer.Option(
+            metavar="FILE[:MAP]",
+            help="Measured data to overlay and compare: CSV, columns as in the tables, or as MAP says, e.g. "
+            "t=Zeit,ay=Beschl_y*9.81,shift=fit.",
+        ),
     ] = None,
     format_: Annotated[Literal["png", "pdf", "svg"], typer.Option("--format", help="Format of the figures.")] = "png",
     dpi: Annotated[int | None, typer.Option(min=10, max=2400, help="Dots per inch. Default: 130.")] = None,
@@ -48,12 +53,16 @@ def plot(
     Several runs or sweeps are overlaid. Only the tables in DIR are read; nothing is simulated.
     """
     from vibroplat.plots.command import plot_results
+    from vibroplat.plots.measured import read_data
     from vibroplat.plots.style import Saving
 
     kinds, saving = [one.value for one in kind or []], Saving(format_, dpi, out)
-    options = {"start": start, "stop": stop, "x": x, "data": data, "measure": measure or None}
+    measured = None if data is None else read_data(data)
+    options = {"start": start, "stop": stop, "x": x, "data": measured, "measure": measure or None}
     for path in plot_results(directories, kinds, saving=saving, **options):
         print(path)
+    for line in () if measured is None else measured.lines():
+        print(line)
 
 
 def report(

@@ -26,13 +26,16 @@ FIRST_STEP, MAX_STEP, MIN_STEP = 1.0 / 300.0, 1.0 / 40.0, 1e-8
 BRANCH_LENGTH = 8.0
 
 Direction = Literal["up", "down"]
+#: Period of an orbit, in turns of exciter 1, and the largest residual of one.
+Period = Annotated[int, Field(ge=1, le=64)]
+OrbitTolerance = Annotated[float, Field(ge=1e-11, le=1e-4, allow_inf_nan=False)]
 Boundary = Literal["fold", "period-doubling", "neimark-sacker", "branch-point", "liftoff", "end-of-sticking", "grazing"]
 #: Dotted keys and their values.
 Grid = dict[str, Annotated[list[float | int | bool | str], Field(min_length=1)]]
 
 
 def _as_list(value: Any) -> Any:
-    return [value] if isinstance(value, str) else value
+    return ["up", "down"] if value == "both" else [value] if isinstance(value, str) else value
 
 
 def _in_range(start: float, stop: float, step: float | None, direction: list[Direction]) -> None:
@@ -279,9 +282,7 @@ class OrbitsPlan(_VariedKey, title="Orbits", populate_by_name=True):
     start: Real = Field(description="value of the key from which the first branch starts")
     stop: Real = Field(description="other end of the range of the key; branches end at start and stop")
     step: StepPlan = StepPlan()
-    period: Annotated[int, Field(ge=1, le=64)] = Field(
-        1, description="period of the first orbit, in turns of exciter 1"
-    )
+    period: Period = Field(1, description="period of the first orbit, in turns of exciter 1")
     from_: Annotated[str, Field(min_length=1)] = Field(
         "settled",
         alias="from",
@@ -292,7 +293,7 @@ class OrbitsPlan(_VariedKey, title="Orbits", populate_by_name=True):
     max_branches: Annotated[int, Field(ge=1, le=1000)] = Field(
         20, description="maximum number of branches for each combination of the grid's values"
     )
-    tolerance: Annotated[float, Field(ge=1e-11, le=1e-4, allow_inf_nan=False)] = Field(
+    tolerance: OrbitTolerance = Field(
         1e-8, description="largest residual of an orbit (scaled units); the solver's tolerance is at most a tenth of it"
     )
     switch: list[Literal["branch-point", "period-doubling"]] = Field(

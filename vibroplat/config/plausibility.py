@@ -20,7 +20,7 @@ from vibroplat.config.sections import OF_EXCITERS, Motor
 #: swing: the largest (1 - cos a)/a. With less it swings, more each time if the torque grows with the speed, or stays.
 SWING_TORQUE_RATIO = 0.7246
 #: Keys whose default holds for any machine.
-UNIVERSAL_KEYS = frozenset({"gravity_m_per_s2"})
+UNIVERSAL_KEYS = frozenset({"gravity_m_per_s2", "mounted_on"})
 #: Least number of a slip of units that is written by a power of ten.
 MAX_PLAIN = 1e6
 #: Most keys that were left out and are all named.
@@ -55,7 +55,7 @@ def notes_on_input(scene: Scene) -> list[str]:
     found = [_note_if_unusual(quantity, scene) for quantity in quantities(scene)]
     found.append(_note_on_defaults("machine", scene.machine, given_by_exciters(scene)))
     found += [_note_on_defaults(name, motor, motor.replaced()) for name, motor in _motors(scene)]
-    found += _weak_motors(scene)
+    found += [*_weak_motors(scene), _unequal_motors(scene)]
     return [note for note in found if note]
 
 
@@ -135,6 +135,18 @@ def _weak_motors(scene: Scene) -> list[str]:
     told = {"each motor": weak["motor 1"]} if same else weak
     what_helps = "it may start late or not at all, and more torque or run.initial.speed_ratio helps"
     return [f"{who} {what}: {what_helps}" for who, what in told.items()]
+
+
+def _unequal_motors(scene: Scene) -> str:
+    """Return the note on motors with different pole pairs, or an empty text."""
+    first, second = (exciter.pole_pairs for exciter in scene.exciter_pair)
+    if first == second:
+        return ""
+    ratio = max(first, second) / min(first, second)
+    return (
+        f"the motors have {first} and {second} pole pairs: at one supply their synchronous speeds differ "
+        f"{given(round(ratio, 2))} times, and they cannot turn at the same speed; give both the same pole_pairs"
+    )
 
 
 def _damping_ratio(damping: float, stiffness: float, mass: float) -> float | None:

@@ -76,7 +76,7 @@ def load_tree(path: str | os.PathLike[str]) -> dict[str, Any]:
             raise ConfigError(f"{file}: extends itself through {list(trees)[-1].name}")
         tree = _parse(text, str(file))
         if not isinstance(tree, dict | None):
-            raise ConfigError(f"{file}: holds a {type(tree).__name__}; allowed: keys and values")
+            raise ConfigError(f"{file}: holds {_kind_of(tree)}; allowed: keys and values")
         trees[place] = tree or {}
         base = trees[place].pop("extends", None)
         if base is None:
@@ -104,8 +104,14 @@ def load_list(path: str | os.PathLike[str]) -> list[Any]:
     """
     found = _parse(_text(Path(path), str(path)), str(path))
     if not isinstance(found, list):
-        raise ConfigError(f"{path}: holds a {type(found).__name__}; allowed: a list")
+        raise ConfigError(f"{path}: holds {_kind_of(found)}; allowed: a list")
     return found
+
+
+def _kind_of(value: Any) -> str:
+    """Say what a YAML file holds that should hold something else."""
+    kinds = {str: "text", list: "a list", dict: "keys and values", bool: "true or false", type(None): "nothing"}
+    return kinds.get(type(value), "a number")
 
 
 def configurations() -> Path:
@@ -177,6 +183,7 @@ def _parse_once(text: str, source: str) -> Any:
             node = yaml.compose(text)
             if _values(node, {}) > MAX_VALUES:
                 raise ConfigError(f"{source}: more than {MAX_VALUES} values; not a configuration")
+            _require_number(node, source)
             _require_names(node, source)
             return None if node is None else yaml.constructor.construct_document(node)
     except ConfigError:
@@ -211,17 +218,29 @@ def _require_names(node: Any, source: str) -> None:
     for entry in getattr(node, "value", ()) if not isinstance(node, ScalarNode) else ():
         key, value = entry if isinstance(node, MappingNode) else (None, entry)
         # {mass: 51,5} is read as {mass: 51, 5: }
-        split = key is not None and str(key.tag).endswith(":int") and not value.value
-        if split or (isinstance(value, ScalarNode) and value.style is None and DECIMAL_COMMA.fullmatch(value.value)):
-            raise ConfigError(
-                f"{source}: a decimal comma in line {value.start_mark.line + 1}; allowed: a point, as in 51.5"
-            )
+        if key is not None and str(key.tag).endswith(":int") and not value.value:
+            raise _decimal_comma(value, source)
+        _require_number(value, source)
         if key is not None and not (isinstance(key, ScalarNode) and str(key.tag).endswith((":str", ":merge"))):
             raise ConfigError(f"{source}: not valid YAML: a key is not text")
         if key is not None and str(key.tag).endswith(":str") and not KEY.fullmatch(key.value):
             line = key.start_mark.line + 1
             raise ConfigError(f"{source}: the key in line {line} is no name; allowed: letters, digits and _ . -")
         _require_names(value, source)
+
+
+def _require_number(node: Any, source: str) -> None:
+    """Refuse what looks like a number, and is none or another one: decimal commas, and underscores between digits."""
+    plain = node.value if isinstance(node, ScalarNode) and node.style is None else ""
+    if DECIMAL_COMMA.fullmatch(plain):
+        raise _decimal_comma(node, source)
+    if "_" in plain and str(node.tag).endswith((":int", ":float")):
+        number = plain.replace("_", "")
+        raise ConfigError(f"{source}: {plain} in line {node.start_mark.line + 1}; allowed: {number}")
+
+
+def _decimal_comma(node: Any, source: str) -> ConfigError:
+    return ConfigError(f"{source}: a decimal comma in line {node.start_mark.line + 1}; allowed: a point, as in 51.5")
 
 
 def add_line(message: str, text: str) -> str:
@@ -254,6 +273,11 @@ def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "")
         A list has no such place.
     """
     merged = dict(lower)
+    if not section and isinstance(upper.get("motor"), Mapping) and merged.get("exciters") and not upper.get("exciters"):
+        key = next(iter(upper["motor"]), "critical_slip")
+        raise ConfigError(
+            f"motor.{key} is given, but each exciter has a motor of its own; allowed: exciters.N.{key}, for both"
+        )
     if not section and upper.get("exciters") is not None and merged.get("exciters") is None:
         merged = _move_to_exciters(merged)
     if not section and isinstance(upper.get("motors"), Mapping) and merged.get("motors") is None:
@@ -307,6 +331,8 @@ def _move_to_exciters(tree: Mapping[str, Any]) -> dict[str, Any]:
 
 def nest(dotted: Mapping[str, Any]) -> dict[str, Any]:
     """Turn dotted keys into nested sections: ``{"a.b": 1}`` becomes ``{"a": {"b": 1}}``."""
+    if not isinstance(dotted, Mapping):
+        raise ConfigError(f"{short(dotted)} is no mapping; allowed: dotted keys and their values")
     tree: dict[str, Any] = {}
     for path, value in dotted.items():
         if not isinstance(path, str):

@@ -16,12 +16,13 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, Field, ValidationError, ValidationInfo, model_validator
 
+from vibroplat.config.arguments import FileName, instance_of, validated
 from vibroplat.config.body import RigidBody, rigid_body
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.drive import Drive
 from vibroplat.config.plans import FREQUENCY, OrbitsPlan, SweepPlan
 from vibroplat.config.reader import add_line, load_tree, merge, nest
-from vibroplat.config.schema import PERTURBATION, Section, described, explain
+from vibroplat.config.schema import NAME, PERTURBATION, Section, described, explain
 from vibroplat.config.sections import (
     OF_EXCITERS,
     ROTATIONS,
@@ -42,9 +43,10 @@ MAX_TURNS = 1e9
 #: The same with engine ``sundae``, which is ten to twenty times slower.
 MAX_TURNS_SUNDAE = 5e7
 
-#: Sections from which the numbers of exciters and rigid body come, and the names of both.
+#: Sections from which the numbers of exciters and rigid body come, the names of both, and of what else is kept.
 EXCITERS_FROM = frozenset(("machine", "motor", "motors", "exciters"))
 _FOUND = frozenset(("exciter_pair", "body"))
+_SCALES = frozenset(("unbalances", "synchronous_speeds", "speed_scale", "length_scale", "force_scale"))
 
 
 def _plain(value: Any) -> Any:
@@ -66,7 +68,7 @@ class Scene(Section):
     (<Mode.BARE: 2>,)
     """
 
-    name: Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9][A-Za-z0-9._+-]*$")] = Field(
+    name: Annotated[str, Field(min_length=1, max_length=100, pattern=NAME)] = Field(
         "scene", description="name of the results' directory; not given: that of the file"
     )
     machine: Machine = Field(Machine(), description="platform, springs and exciters")
@@ -180,11 +182,10 @@ class Scene(Section):
     # -- derived quantities -------------------------------------------------------------------------
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Copy the scene, with some sections changed; what these give of exciters and body is found anew."""
+        """Copy the scene, with some sections changed; what follows from these is found anew."""
         copied = super().model_copy(update=update, deep=deep)
-        if update and not EXCITERS_FROM.isdisjoint(update):
-            for name in _FOUND:
-                copied.__dict__.pop(name, None)
+        for name in (*_SCALES, *([] if EXCITERS_FROM.isdisjoint(update or ()) else _FOUND)):
+            copied.__dict__.pop(name, None)
         return copied
 
     @cached_property
@@ -211,6 +212,12 @@ class Scene(Section):
         return {name: (x - x_c, y - y_c) for name, (x, y) in self.output.points.items()}
 
     @property
+    def spring_stiffness(self) -> float:
+        """Stiffness along y of each of the springs of ``output.springs`` (N/m); 0 without any."""
+        count = sum(self.output.springs.values())
+        return self.machine.stiffness_y_n_per_m / count if count else 0.0
+
+    @property
     def co_rotating(self) -> bool:
         """Whether both exciters are driven in the same sense of rotation."""
         first, second = self.exciter_pair
@@ -234,7 +241,7 @@ class Scene(Section):
         """Weights of φ₁ and φ₂ in the phase difference: φ₁ + φ₂ if counter-rotating, φ₁ − φ₂ if co-rotating."""
         return 1.0, -1.0 if self.co_rotating else 1.0
 
-    @property
+    @cached_property
     def unbalances(self) -> tuple[float, float]:
         """The static moments k_i = m_i r_i of both exciters (kg·m)."""
         first, second = (
@@ -251,7 +258,7 @@ class Scene(Section):
         )
         return first, second
 
-    @property
+    @cached_property
     def synchronous_speeds(self) -> tuple[float, float]:
         """ω_0 = 2π f_e / P of both motors (rad/s), at the largest supply frequency of a program."""
         return self.synchronous_speeds_at(self.drive.largest_frequency)
@@ -288,17 +295,17 @@ class Scene(Section):
         given = initial.state is not None or initial.from_ is not None
         return 0.0 if given or not any(self.driven(0.0, run.duration_s)) else PERTURBATION
 
-    @property
+    @cached_property
     def speed_scale(self) -> float:
         """The larger of both ω_0 (rad/s)."""
         return max(self.synchronous_speeds)
 
-    @property
+    @cached_property
     def length_scale(self) -> float:
         """(k_1 + k_2)/M, the platform's amplitude far above resonance (m)."""
         return sum(self.unbalances) / self.body.mass
 
-    @property
+    @cached_property
     def force_scale(self) -> float:
         """Weight of the material plus its inertia force at the scales of length and speed (N)."""
         inertia = self.length_scale * self.speed_scale**2
@@ -419,6 +426,11 @@ class Scene(Section):
             raise ConfigError(explain(error, cls)) from None
 
 
+#: A scene that is given to a function.
+SceneArgument = instance_of(Scene, "a Scene, as load_config(FILE) returns one")
+
+
+@validated(path=FileName)
 def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None) -> Scene:
     """Read a scene from a YAML 1.2 file.
 
@@ -435,9 +447,9 @@ def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | Non
         One line with the file, the key, the value and what is allowed.
     """
     file = Path(path)
-    tree = {"name": file.stem} | merge(load_tree(file), nest(overrides or {}))
+    lower = load_tree(file)
     try:
-        return Scene.from_tree(tree)
+        return Scene.from_tree({"name": file.stem} | merge(lower, nest(overrides or {})))
     except ConfigError as error:
         told = add_line(str(error), file.read_text(encoding="utf-8"))
         raise ConfigError(f"{file}: {told}") from None

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_origin
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 #: No physical quantity in SI units lies outside these limits; products of numbers inside them stay finite.
 MIN_SIZE, MAX_SIZE = 1e-30, 1e30
@@ -27,6 +28,8 @@ _ALLOWED = {
     "string_type": "text",
     "bool_type": "true or false",
     "list_type": "a list",
+    "callable_type": "a function",
+    "is_instance_of": "a {class}",
     "model_type": "a section of keys and values",
     "model_attributes_type": "a section of keys and values",
     "dict_type": "a section of keys and values",
@@ -40,7 +43,12 @@ _ALLOWED = {
     "too_long": "entries, at most {max_length}",
     "string_too_short": "at least {min_length} character",
     "string_too_long": "at most {max_length} characters",
-    "string_pattern_mismatch": "letters, digits and . _ + -, starting with a letter or digit",
+}
+#: Names of results, and of points of the platform, which become names of columns; what they may be.
+NAME, POINT_NAME = r"^[\p{L}\p{N}][\p{L}\p{M}\p{N}._+-]*$", r"^[A-Za-z][A-Za-z0-9_]{0,39}$"
+_NAMES = {
+    NAME: "letters, digits and . _ + -, starting with a letter or digit",
+    POINT_NAME: "at most 40 letters of English, digits and _, starting with a letter",
 }
 
 #: Keys of former versions, and what takes their place.
@@ -187,27 +195,38 @@ def explain(error: ValidationError, model: type[BaseModel]) -> str:
     """
     first, *more = sorted(error.errors(), key=lambda one: ".".join(map(str, one["loc"])) not in RENAMED_KEYS)
     path = [str(part) for part in first["loc"]]
-    key = ".".join(path)
+    key = ".".join(path) or model.__name__.lower()
     if first["type"] == "extra_forbidden" and in_lists(path) in REMOVED_KEYS:
         line = f"unknown key {key}; it was removed: {REMOVED_KEYS[in_lists(path)]}"
     elif first["type"] == "extra_forbidden" and key in RENAMED_KEYS:
         line = f"unknown key {key}; it is now {RENAMED_KEYS[key]}"
     elif first["type"] == "extra_forbidden":
         *section, wrong = path
-        names = [name.rpartition(".") for name in nodes(model)]
+        names = [name.rpartition(".") for name in (nodes(model) if issubclass(model, Section) else model.model_fields)]
         known = [last for above, _, last in names if above == in_lists(section)]
         elsewhere = [".".join((above, last)) for above, _, last in names if last == wrong]  # its section is missing
         hint = f"did you mean {elsewhere[0]}? " if elsewhere else did_you_mean(wrong, known)
         line = f"unknown key {key}; {hint}allowed: {', '.join(known)}"
     elif first["type"] == "value_error":
-        line = f"{key}: {first['ctx']['error']}" if key else str(first["ctx"]["error"])
+        line = f"{key}: {first['ctx']['error']}" if path else str(first["ctx"]["error"])
     elif first["type"] == "missing":
         line = f"{key} is missing; allowed: a value"
     else:
-        template = _ALLOWED.get(first["type"])
-        allowed = template.format(**first.get("ctx", {})) if template else first["msg"]
-        line = f"{key} = {short(first['input'])}; allowed: {allowed}"
+        line = f"{key} = {short(first['input'])}; allowed: {_allowed(first)}"
     return f"{line} (and {len(more)} more)" if more else line
+
+
+def _allowed(error: ErrorDetails) -> str:
+    """Say what is allowed instead of a value, and what was probably meant."""
+    given, limits = error["input"], error.get("ctx", {})
+    if error["type"] == "string_pattern_mismatch":
+        like = re.sub(r"[^\w.+-]+", "-" if limits["pattern"] == NAME else "_", given).strip("-_.+")
+        example = f"name: {like}" if limits["pattern"] == NAME else like
+        return f"{_NAMES[limits['pattern']]}{like and f', as {example}'}"
+    template = _ALLOWED.get(error["type"])
+    allowed = template.format(**limits) if template else error["msg"]
+    is_share = error["loc"][:2] == ("design", "parameter_tolerances") and isinstance(given, float | int)
+    return f"{allowed}; {given:g} % is {given / 100.0:g}" if is_share and 1.0 < given <= 100.0 else allowed
 
 
 def did_you_mean(wrong: str, known: Collection[str], most: int = 1) -> str:

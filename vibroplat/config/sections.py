@@ -14,7 +14,17 @@ from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from vibroplat.config.coordinates import MAX_NAMED_POINTS
-from vibroplat.config.schema import PERTURBATION, Angle, Fraction, NonNegative, Positive, Real, Section, described
+from vibroplat.config.schema import (
+    PERTURBATION,
+    POINT_NAME,
+    Angle,
+    Fraction,
+    NonNegative,
+    Positive,
+    Real,
+    Section,
+    described,
+)
 from vibroplat.kernels.engines import ENGINES, uses_sundials
 
 #: Least tolerances: what the engines can reach.
@@ -78,9 +88,13 @@ class Motor(Section):
         missing = [name for name, value in given.items() if value is None]
         plate = [name for name in given if name not in (*missing, "rated_frequency_hz")]
         if missing:
-            replaced = ", which critical_torque_n_m or critical_slip replaces" if missing == ["rated_power_w"] else ""
+            if missing == ["rated_power_w"] and {"critical_torque_n_m", "critical_slip"} & self._given():
+                raise ValueError(
+                    "critical_torque_n_m or critical_slip is given over a nameplate, which has both; allowed: another "
+                    f"rated_power_w or breakdown_ratio, or both of them with {' and '.join(plate)} = null"
+                )
             raise ValueError(
-                f"{plate[0]} is given without {' and '.join(missing)}{replaced}; "
+                f"{plate[0]} is given without {' and '.join(missing)}; "
                 f"allowed: {', '.join(NAMEPLATE[:-1])} together with {NAMEPLATE[-1]}, or none of them"
             )
         if not self.rated_slip > 0.0:
@@ -130,6 +144,13 @@ class Exciter(Motor):
         "0.1 … 1.5 each",
     )
     rotor_inertia_kg_m2: Positive = described(0.8e-3, "J_d,i", "moment of inertia of the rotor", "0.005 … 0.5")
+    mounted_on: Literal["ground", "deck"] = described(
+        "ground",
+        "delta_i",
+        "where the motor stands: ground, as in the paper, whose platform feels no reaction; or deck: the motor is "
+        "bolted to the platform, which takes the reaction of its torque and of the resistance. Torque, slip and power "
+        "are those of the exciter's own speed",
+    )
     rotation: Rotation | None = described(
         None, "sigma_i", "sense in which the motor drives; default: exciter 1 counter-clockwise, exciter 2 clockwise"
     )
@@ -272,8 +293,8 @@ class Contact(Section):
 class State(Section):
     """A full state. Omitted coordinates are at static rest; omitted rates are 0.
 
-    ``t_s``, ``mode``, the contact force and the columns of the supply are accepted but not used, so that the last row
-    of a trajectory can be given unchanged. Time starts at 0; mode and force follow from the state.
+    ``t_s``, ``mode``, the contact force, accelerations and the columns of the supply are accepted but not used, so that
+    the last row of a trajectory can be given unchanged. Time starts at 0; the others follow from the state.
     """
 
     x_m: Real | None = described(
@@ -304,6 +325,13 @@ class State(Section):
     supply_frequency_hz: Real | None = described(None, "f_e", "supply frequency, if a program changes it")
     motor_power_1_w: Real | None = described(None, "", "mechanical power of motor 1: torque times speed")
     motor_power_2_w: Real | None = described(None, "", "mechanical power of motor 2: torque times speed")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_accelerations(cls, tree: Any) -> Any:
+        if not isinstance(tree, dict):
+            return tree
+        return {key: value for key, value in tree.items() if not str(key).startswith("acceleration_")}
 
 
 #: Keys of a start with rotating exciters.
@@ -400,9 +428,14 @@ class Output(Section):
     """Output tables."""
 
     sample_rate_hz: Positive = described(2000.0, "", "number of rows of the trajectory table per second")
+    accelerations: bool = Field(
+        False,
+        description="whether the trajectory table has the accelerations of the machine's centre of mass and of the "
+        "named points along x and y, by the equations of motion; impulses of impacts do not count",
+    )
     points: Annotated[
         dict[
-            Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,39}$")],
+            Annotated[str, Field(pattern=POINT_NAME)],
             Annotated[list[Real], Field(min_length=2, max_length=2)],
         ],
         Field(max_length=MAX_NAMED_POINTS),
@@ -412,3 +445,16 @@ class Output(Section):
         "named points of the platform at which to report stroke and acceleration: {NAME: [x, y]} in metres, from the "
         f"platform's own centre of mass; at most {MAX_NAMED_POINTS}",
     )
+    springs: dict[str, Annotated[int, Field(ge=1)]] = described(
+        {},
+        "",
+        "number of springs at named points: {NAME: NUMBER}; reports the force along y in each of them. All are alike: "
+        "their stiffness is machine.stiffness_y_n_per_m divided by the sum of the numbers",
+    )
+
+    @model_validator(mode="after")
+    def _require_points(self) -> Self:
+        for name in self.springs.keys() - self.points.keys():
+            known = ", ".join(self.points) or "none until points has some"
+            raise ValueError(f"springs.{name}: there is no such point; allowed: names in points ({known})")
+        return self

@@ -146,6 +146,7 @@ def compute_part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Kn
             return record | {"ended": str(error), "failed": True}
         rows, ends, step = record["rows"], list[SpecialPoint](), list[OrbitPoint]()
         values = [*(_values(former) for _, former in known.others), _values(known.own)]
+        most = min(POINTS_PER_TASK, plan.max_points - len(known.own))
 
         def look(before: OrbitPoint, after: OrbitPoint, strictly: bool) -> None:
             step[:] = before, after
@@ -173,7 +174,7 @@ def compute_part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Kn
 
         if begin is None or begin["new"]:
             take()
-        while len(rows) < POINTS_PER_TASK and not record["ended"]:
+        while len(rows) < most and not record["ended"]:
             if not branch.extend(look):
                 return record | {"ended": branch.ended, "failed": True}
             if ends:

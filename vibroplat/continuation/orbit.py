@@ -16,10 +16,11 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from vibroplat.config.arguments import Keys, validated
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.digits import number, quantity
-from vibroplat.config.plans import FREQUENCY
-from vibroplat.config.scene import Scene
+from vibroplat.config.plans import FREQUENCY, OrbitTolerance, Period
+from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.continuation.newton import NewtonResult, NoConvergenceError, Problem, correct_moving_section, n_unstable
 from vibroplat.continuation.shooting import TURN, Shooter, Shot, event_sequence_text
 from vibroplat.errors import ConfigError, VibroplatError
@@ -30,6 +31,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import with_value
 from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
+from vibroplat.motion.variation import full_state
 from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.summary import MeasuredInterval, measure
 from vibroplat.results.run import RunResult, load
@@ -134,6 +136,7 @@ class Orbit:
         """Draw the orbit: speed over height, and the gap over the phase if there is material."""
         return figure_of(self)
 
+    @validated(keys=Keys | None, measures=Keys | None)
     def sensitivities(self, keys: Sequence[str] | None = None, measures: Sequence[str] | None = None) -> pd.DataFrame:
         """Differentiate the measures of the orbit by keys of its scene, along the orbit.
 
@@ -170,6 +173,7 @@ def run_from(scene: Scene, state: FloatArray, seconds: float) -> RunResult:
     return simulate(with_initial_state(scene, state).replace(changes))
 
 
+@validated(scene=SceneArgument, period=Period, tolerance=OrbitTolerance)
 def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float = 1e-8) -> Orbit:
     """Find a periodic orbit by shooting and Newton's method; the logger ``vibroplat`` warns if it is unstable.
 
@@ -193,7 +197,7 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
     OrbitError
         No orbit converged near the guess, or the orbit repeats after fewer turns.
     ConfigError
-        The scene has a supply program, or the guess is none of these.
+        The scene has a supply program, the guess is none of these, or another argument is out of its range.
 
     Examples
     --------
@@ -303,10 +307,8 @@ def _describe_slip(shooter: Shooter, state: FloatArray, period: int) -> str:
     scene = shooter.scene
     shot = shooter.shot(state, COMPARED_PERIODS * period * TURN / scene.speed_scale)
     first, second = shot.state[3:5] - state[3:5]
-    if shot.outcome != "ok" or abs(first) < TURN:
-        return ""
-    turns = period * second / abs(first)
-    if abs(turns - round(turns)) < MAX_SLIP_TURNS:
+    turns = period * second / max(abs(first), TURN)
+    if shot.outcome != "ok" or abs(first) < TURN or abs(turns - round(turns)) < MAX_SLIP_TURNS:
         return ""
     poles = [exciter.pole_pairs for exciter in scene.exciter_pair]
     unequal = f"; their motors have {poles[0]} and {poles[1]} pole pairs" if poles[0] != poles[1] else ""
@@ -383,10 +385,8 @@ def read_guess(scene: Scene, guess: Any) -> tuple[Scene, FloatArray | None]:
         if given:
             own = initial_state(scene).tolist()
             return scene, np.array([given.get(name, value) for name, value in zip(names, own, strict=True)])
-    else:
-        state = np.array(guess, dtype=float)
-        if state.shape == (len(names),) and np.isfinite(state).all():
-            return scene, state
+    elif isinstance(guess, Sequence | np.ndarray):
+        return scene, full_state(guess, scene)
     raise ConfigError("guess is not a state; allowed: 14 numbers, a row of a trajectory or of a sweep, a run, an orbit")
 
 
@@ -417,12 +417,12 @@ def _from_state(
 def smallest_period(problem: Problem, found: NewtonResult, period: int) -> int:
     """Return the turns of exciter 1 after which an orbit repeats that closes after a period."""
     state, seconds, _ = found.chart.unpack(found.u)
-    places = found.chart.places
     for turns in range(1, period):
         if period % turns == 0:
             difference = problem.shooter.shot(state, seconds * turns / period).state - state
             difference[3:5] -= np.round(difference[3:5] / TURN) * TURN
-            if np.abs(difference[places] / problem.shooter.scales[places]).max() < REPEAT_RATIO * problem.tolerance:
+            scaled = (difference / problem.shooter.scales)[found.chart.places]
+            if np.abs(scaled).max() < REPEAT_RATIO * problem.tolerance:
                 return turns
     return period
 
@@ -430,8 +430,7 @@ def smallest_period(problem: Problem, found: NewtonResult, period: int) -> int:
 def measures_of_orbit(problem: Problem, found: NewtonResult) -> dict[str, Any]:
     """Return the measures of a sweep over the period of an orbit, as in its rows."""
     shooter, values = problem.shooter, found.chart.unpack(found.u)[2]
-    scene = shooter.scene_at(dict(zip(shooter.keys, values, strict=True)))
-    return measures_of(problem, found.shot, scene)
+    return measures_of(problem, found.shot, shooter.scene_at(dict(zip(shooter.keys, values, strict=True))))
 
 
 def measures_of(problem: Problem, shot: Shot, scene: Scene) -> dict[str, Any]:

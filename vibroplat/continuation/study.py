@@ -182,7 +182,7 @@ def orbits(scene: Scene, **options: Unpack[Options]) -> Result:
     >>> orbits(Scene().replace({"orbits": plan})).branches["stable"].all()
     np.True_
     """
-    return run_study(OrbitsStudy(scene), **options)
+    return run_study(OrbitsStudy, scene, **options)
 
 
 def _required_plan(scene: Scene) -> OrbitsPlan:

@@ -74,7 +74,7 @@ _KEYS: Columns = {
 TABLES: dict[str, tuple[str, Columns]] = {
     "branches": (
         "`vibroplat orbits`: one row per point of each branch.",
-        {**_KEYS, **BRANCHES, **point_columns(["NAME"])},
+        {**_KEYS, **BRANCHES, **point_columns()},
     ),
     "special": ("`vibroplat orbits`: one row per special point.", {**_KEYS, **SPECIAL}),
     "boundaries": (
@@ -91,7 +91,7 @@ def make_tables(
     key, present = column_of(plan.key), sorted({i for branch in traced for i in branch.family.scene.coordinates})
     state = [names[i] for names in (COORDINATES, RATES) for i in present]  # coordinates that none has are absent
     columns = [key, *(name for name in BRANCHES if name not in STATE and name not in SHEET)]
-    named = point_columns(dict.fromkeys(name for branch in traced for name in branch.family.scene.output.points))
+    named = {name: c for branch in traced for name, c in point_columns(branch.family.scene.output).items()}
     points = [
         _columns(branch, row, key) | {"parent": branch.parent, "point": point}
         for branch in traced

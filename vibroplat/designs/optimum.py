@@ -21,6 +21,7 @@ from vibroplat.designs.sensitivities import local_orbit, settling_plan
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.point import measure_point
 from vibroplat.study.store import Record
+from vibroplat.system.threads import one_thread
 
 #: Iterations of a search, fewer while a violation is made small, its tolerance, and the violation of a bound, over its
 #: scale, that counts as none. Searches that came into the bounds, in five boxes, took 2 to 15 of the former.
@@ -204,15 +205,16 @@ class DesignProblem:
 
         last = np.eye(start.size + 1)[-1]
         begin = self.violation(start) if first else float(self.objective(start).max())
-        found = minimize(
-            lambda u: u[-1],
-            np.append(start, begin),
-            jac=lambda _: last,
-            constraints={"type": "ineq", "fun": inside, "jac": slopes},
-            bounds=[*[(0.0, 1.0)] * start.size, (0.0 if first else None, None)],
-            method="SLSQP",
-            options={"maxiter": MAX_VIOLATION_ITERATIONS if first else MAX_ITERATIONS, "ftol": SEARCH_TOLERANCE},
-        ).x[:-1]
+        with one_thread():  # of the LAPACK of scipy, which has just been loaded
+            found = minimize(
+                lambda u: u[-1],
+                np.append(start, begin),
+                jac=lambda _: last,
+                constraints={"type": "ineq", "fun": inside, "jac": slopes},
+                bounds=[*[(0.0, 1.0)] * start.size, (0.0 if first else None, None)],
+                method="SLSQP",
+                options={"maxiter": MAX_VIOLATION_ITERATIONS if first else MAX_ITERATIONS, "ftol": SEARCH_TOLERANCE},
+            ).x[:-1]
         ends = [place for place in (np.clip(found, 0.0, 1.0), start) if self.at(place) is not None]
         if first:
             return min(ends, key=self.violation)

@@ -77,12 +77,12 @@ def require_keys(scene: Scene, keys: Sequence[str], where: str) -> None:
     allowed = varied_keys(scene)
     for key in keys:
         own = {key.replace(".N.", f".{place}.") for place in (0, 1)}
-        values = {value_of(scene, one) for one in own}
-        if len(values) > 1:
+        first, *others = (value_of(scene, one) for one in own)
+        if any(other != first for other in others):
             raise ConfigError(f"{where}.{key} has two values; allowed: equal ones, or a place instead of N")
         if number_of(key) is None:
             require_allowed(scene, where, key, 1.0)
-        if number_of(key) is float and values == {0.0}:
+        if number_of(key) is float and first == 0.0:
             raise ConfigError(f"{where}.{key} is 0 in this scene; allowed: another value")
         if not own <= {*allowed}:
             raise ConfigError(f"{where}.{key} cannot be varied; allowed: {', '.join(allowed)}")

@@ -22,6 +22,7 @@ from vibroplat.model.sensitivity import value_of
 from vibroplat.results.answer import Answer
 from vibroplat.results.result import Result
 from vibroplat.study.branches import study_table
+from vibroplat.study.fingerprint import lapack
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.store import Record, Store
 from vibroplat.study.study import CrossCheckCase, Options, Progress, Study, run_study
@@ -88,6 +89,11 @@ class DesignStudy(Study):
         allowed = of_keys.measured_names(scene)
         self.names = [n for n in dict.fromkeys((*of_keys.PRINTED, *self.plan.named)) if n in allowed]
         self.aims = [n for n in (self.plan.minimize, *self.plan.constraints) if n is not None]
+
+    @property
+    def conditions(self) -> dict[str, Any]:
+        """What stored steps depend on: also on scipy's LAPACK, if designs are optimized."""
+        return super().conditions | ({"LAPACK": lapack()} if self.plan.minimize is not None else {})
 
     def chains(self, store: Store) -> int:
         """Return how many parts of samples, or searches, run side by side."""
@@ -338,4 +344,4 @@ def design(scene: Scene, **options: Unpack[Options]) -> Result:
     OrbitError
         The motion converges to no periodic orbit.
     """
-    return run_study(DesignStudy(scene), **options)
+    return run_study(DesignStudy, scene, **options)

@@ -152,7 +152,7 @@ def begin_segment(h: Automaton) -> bool:
     max_restarts = h.recent.size
     oldest = run.restarts % max_restarts  # all restarts count, so that nothing can go on for ever
     if run.restarts >= max_restarts and run.now - h.recent[oldest] < run.period:
-        run.outcome = EVENT_STORM
+        run.outcome = BEYOND_MODEL if is_beyond_model(h) else EVENT_STORM
         return False
     h.recent[oldest] = run.now
     run.restarts += 1

@@ -80,6 +80,11 @@ def move_to(h: Automaton, system: int, y: FloatArray) -> None:
     forget_starts(h)
 
 
+#: Rate of the platform's rotation, over the synchronous speed, that only a motion has which runs away in finite time.
+#: It is about to turn too far, and an engine may fail on its way there.
+RUNAWAY = 1e6
+
+
 @inlined
 def forget_starts(h: Automaton) -> None:
     """Say that the present state is another."""
@@ -89,8 +94,8 @@ def forget_starts(h: Automaton) -> None:
 
 @inlined
 def is_beyond_model(h: Automaton) -> bool:
-    """Whether the platform has turned so far that the model may have no motion there."""
-    return abs(h.run.state[2]) > h.p.safe_rotation
+    """Whether the platform has turned so far that the model may have no motion there, or is about to in no time."""
+    return abs(h.run.state[2]) > h.p.safe_rotation or abs(h.run.state[9]) > RUNAWAY * h.run.speed
 
 
 @inlined

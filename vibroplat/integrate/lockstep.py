@@ -183,8 +183,8 @@ def confirm(g: Group, s: Any, r: Any) -> None:
         s.t = s.origin + s.done
         for i in range(2):
             s.y4[i], s.v4[i] = select(back, s.y04[i], s.y4[i]), select(back, s.v04[i], s.v4[i])
+    s.counted += s.pending  # those taken back too: where all are, a motion takes as long
     s.pending = kept
-    s.counted += kept
     for lane in range(g.status.size):
         if g.lanes.pending[lane] > 0.5:
             attend(g, lane, _ADD)

@@ -10,7 +10,8 @@ Where a formula holds for both exciters, theirs are side by side as well (:func:
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -292,13 +293,19 @@ def lanes_record(
     The last number of a field's shape says how many values a motion has side by side. A view is another name, and
     another shape, for the memory that begins with a field.
     """
-    whole = np.dtype([(name, float, (*shape[:-1], shape[-1] * width)) for name, shape in fields.items()])
+    kind = _lanes_kind(width, tuple(fields.items()), tuple(views.items()))
+    return in_lines((kind.itemsize // 8,)).view(kind)[0]
+
+
+@cache
+def _lanes_kind(width: int, fields: Sequence[Any], views: Sequence[Any]) -> np.dtype[np.void]:
+    """Return the type of such a record."""
+    whole = np.dtype([(name, float, (*shape[:-1], shape[-1] * width)) for name, shape in fields])
     parts: dict[str, Any] = {name: field[:2] for name, field in (whole.fields or {}).items()}
-    for name, (below, shape) in views.items():
+    for name, (below, shape) in views:
         parts[name] = np.dtype((float, (*shape[:-1], shape[-1] * width))), parts[below][1]
     formats, offsets = zip(*parts.values(), strict=True)
-    kind = np.dtype({"names": [*parts], "formats": formats, "offsets": offsets, "itemsize": whole.itemsize})
-    return in_lines((whole.itemsize // 8,)).view(kind)[0]
+    return np.dtype({"names": [*parts], "formats": formats, "offsets": offsets, "itemsize": whole.itemsize})
 
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from vibroplat.model.equations import Coupled, coupled_rows, dynamic_jacobian, f
 from vibroplat.model.motor import torque_rate
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import Compliance, Five, Three, compliance, is_definite, solve_platform, unbalances
-from vibroplat.model.systems import ALGEBRAIC, LAYERS
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS, gather
 
 
 @compiled
@@ -133,7 +133,9 @@ def second_derivatives(system: int, t: float, y: FloatArray, yp: FloatArray, ypp
         for j in range(2 * n):
             ypp[i] -= jac[i, j] * yp[j]
     for i in range(2):
-        ypp[n + 3 + i] += torque_rate(i, t, y[n + 3 + i], p)
+        rate = torque_rate(i, t, y[n + 3 + i], p)
+        ypp[n + 3 + i] += rate
+        ypp[n + 2] -= p.deck[i] * rate
     solve(system, y, ypp, p)
     if ALGEBRAIC[system]:
         yp[2 * n], ypp[2 * n] = ypp[2 * n], 0.0
@@ -165,6 +167,17 @@ def linearize(
         for j in range(2 * n):
             jac[n + 1, j] += jac[2 * n, j]
         mass[1, 1] += p.lower_mass
+
+
+@compiled
+def platform_accelerations(system: int, times: FloatArray, states: FloatArray, p: Parameters) -> FloatArray:
+    """Accelerations of x, y, φ at times (s) and full states of a system, shape (n, 3); nan where there are none."""
+    found = np.empty((times.size, 3))
+    y = np.empty(DIFFERENTIAL[system])
+    for k in range(times.size):
+        gather(system, states[k], y)
+        found[k] = explicit(system, times[k], y, p)[y.size // 2 : y.size // 2 + 3]
+    return found
 
 
 @compiled

@@ -40,6 +40,17 @@ def exciter_powers(motor_1: float, motor_2: float, y: FloatArray, n: int, p: Par
 
 
 @inlined
+def deck_power(torque_1: float, torque_2: float, y: FloatArray, n: int, p: Parameters) -> float:
+    """Power that the platform takes by the reactions of motors and bearings that are bolted to it (W).
+
+    The torques are those of the motors (N·m); the rates begin at place n of the unknowns.
+    """
+    net_1 = torque_1 - resistance(y[n + 3], p.friction[0])
+    net_2 = torque_2 - resistance(y[n + 4], p.friction[1])
+    return (p.deck[0] * net_1 + p.deck[1] * net_2) * y[n + 2]
+
+
+@inlined
 def powers(exciters: Three, means: FloatArray, n: int, layers: int, out: FloatArray, p: Parameters) -> None:
     """Fill the powers named in :data:`POWERS` (W), then the vertical force from outside (N), as means over a time.
 

@@ -136,7 +136,9 @@ def exciter_jacobian(
     jac[row, 2] = u.lever_still * aphi - u.phi_still * vphi * vphi
     jac[row, angle] = u.x * ay - u.y * ax - u.lever * aphi + u.phi * vphi * vphi
     jac[row, n], jac[row, n + 1], jac[row, n + 2] = cj * u.x, cj * u.y, cj * u.phi + 2.0 * u.lever * vphi
-    jac[row, row] = cj * p.exciter_inertia[i] - net_slope(i, t, w, p)
+    slope = net_slope(i, t, w, p)
+    jac[row, row] = cj * p.exciter_inertia[i] - slope
+    jac[n + 2, row] += p.deck[i] * slope
 
 
 @compiled

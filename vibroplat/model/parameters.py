@@ -45,6 +45,7 @@ PARAMETERS = np.dtype(
         ("slip_speed", float, (2,)),  # s_c ω_0, critical slip speed (rad/s)
         ("slip_ramp", float, (2,)),  # its rate (rad/s²)
         ("friction", float, (2,)),  # k_R k_i (N·m·s²)
+        ("deck", float, (2,)),  # δ_i: the motor is bolted to the platform, which takes its reaction (1), or not (0)
         ("lower_mass", float),  # m_w1 (kg)
         ("upper_mass", float),  # m_w2 (kg)
         ("layer_stiffness", float),  # c_w / m_w2 (1/s²)
@@ -100,6 +101,7 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     p["friction"] = [
         exciter.friction_radius_m * k for exciter, k in zip(scene.exciter_pair, scene.unbalances, strict=True)
     ]
+    p["deck"] = [float(exciter.mounted_on == "deck") for exciter in scene.exciter_pair]
     supply(p, scene, scene.drive.at(time))
     p["lower_mass"], p["upper_mass"] = scene.layer_masses
     p["layer_stiffness"], p["layer_damping"] = scene.layer_spring

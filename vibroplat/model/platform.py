@@ -68,17 +68,20 @@ def forces(
 ) -> Five:
     """Generalized forces on x, y, φ, φ₁, φ₂: all of the paper's (2), (3) without accelerations (N, N·m).
 
+    What drives and brakes an exciter whose motor is bolted to the platform turns the platform the other way.
     ``held`` holds :func:`vibroplat.model.springs.restoring` forces; ``load`` is the vertical force with which the
     material presses down on the platform (N). The signs are those of Lagrange's equations (`model.md`, departures).
     """
     vphi, w1, w2 = y[n + 2], y[n + 3], y[n + 4]
     q1, q2, turning = w1 * w1, w2 * w2, vphi * vphi
+    net_1 = motor_torque(0, t, w1, p) - resistance(w1, p.friction[0])
+    net_2 = motor_torque(1, t, w2, p) - resistance(w2, p.friction[1])
     return (
         first.y * q1 + second.y * q2 - held[0],
         -first.x * q1 - second.x * q2 - (held[1] - held[3]) - p.mass * p.gravity - load,
-        first.lever * q1 + second.lever * q2 - held[2],
-        motor_torque(0, t, w1, p) - resistance(w1, p.friction[0]) - first.y * p.gravity - first.lever * turning,
-        motor_torque(1, t, w2, p) - resistance(w2, p.friction[1]) - second.y * p.gravity - second.lever * turning,
+        first.lever * q1 + second.lever * q2 - held[2] - p.deck[0] * net_1 - p.deck[1] * net_2,
+        net_1 - first.y * p.gravity - first.lever * turning,
+        net_2 - second.y * p.gravity - second.lever * turning,
     )
 
 

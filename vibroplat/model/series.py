@@ -89,6 +89,8 @@ class Constants(NamedTuple):
     speed: Pair  # φ̇ᵢ now (rad/s)
     direction: Pair  # σ
     friction: Pair  # k_R k
+    deck_direction: Pair  # σ and k_R k of a motor on the platform, otherwise 0. Products of their own: one that the
+    deck_friction: Pair  # moment shared with the platform would be rounded where it is not
     critical_torque: Pair  # M_c
     unbalance: Pair  # k (kg·m)
     couplings: Unbalance  # how it pulls at the platform
@@ -120,6 +122,7 @@ class Terms(NamedTuple):
     ax: Pair  # a without ẍ, ÿ, φ̈
     ay: Pair
     moment: Pair  # right-hand sides of their rows (N·m)
+    reaction: Pair  # of their motors and bearings on the platform, as far as it takes it (N·m)
     square: Pair  # Δ² + u² (rad²/s²)
     torque: Pair  # of the motors, in their own directions (N·m)
 
@@ -179,11 +182,11 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
         known = from_lower_orders(k, twice, rotation, e, sense, f, sums)
         held = restoring((x0, x1, x2, x5, x6), (v0, v1, v2, v5, v6), p)
         moment_1, moment_2 = part(known.moment)
+        turned = f.unbalance * (f.x * known.sine - f.y * known.cosine) + known.reaction  # k (X s″ − Y c″)
         b = (
             -held[0] - total(f.unbalance * known.cosine),
             -(held[1] - held[3]) - total(f.unbalance * known.sine) - p.mass * weight,
-            # k (X s″ − Y c″)
-            -held[2] - total(f.unbalance * (f.x * known.sine - f.y * known.cosine)) + sums.moment + phi_1 * unbalances,
+            -held[2] - total(turned) + sums.moment + phi_1 * unbalances,
             moment_1,
             moment_2,
         )
@@ -268,7 +271,8 @@ def constants_of(i: int, motion: Any, sine: Lanes, cosine: Lanes, p: Parameters)
     """Gather what of an exciter is the same in all orders."""
     phi, speed, x0, y0 = motion.y[2], motion.v[at(3 + i)], p.axis_x[i], p.axis_y[i]
     axis = (x0, y0, x0 - phi * y0, y0 + phi * x0)
-    own = (p.direction[i], p.friction[i], p.torque[i], p.unbalance[i])
+    deck = (p.deck[i] * p.direction[i], p.deck[i] * p.friction[i])
+    own = (p.direction[i], p.friction[i], *deck, p.torque[i], p.unbalance[i])
     coupled, motor = couplings(i, phi, sine, cosine, p), motor_at(i, motion.t, speed, p)
     return Constants(*axis, sine, cosine, speed, *own, coupled, motor)
 
@@ -297,10 +301,12 @@ def from_lower_orders(
     square = square_term(k, sums.slip_slip + twice * f.motor.slip * e.slip, f.motor)
     products = sums.square_torque + square * e.torque_0 + e.square_1 * e.torque
     torque = kloss_term(e.slip, e.slip_before, products, f.motor, f.critical_torque)
-    resistance = resistance_term(sums.speed_speed + twice * f.speed * e.speed, sense, f.friction)
+    speed_speed = sums.speed_speed + twice * f.speed * e.speed
+    resistance = resistance_term(speed_speed, sense, f.friction)
     # what is known last is added last: all waits for it
     moment = f.direction * torque - (resistance + f.couplings.x * ax + f.couplings.y * ay) - f.unbalance * pulled
-    return Terms(sine, cosine, ax, ay, moment, square, torque)
+    reaction = f.deck_direction * torque - resistance_term(speed_speed, sense, f.deck_friction)
+    return Terms(sine, cosine, ax, ay, moment, reaction, square, torque)
 
 
 @fused_inline

@@ -375,8 +375,9 @@ class Simulator:
         safe = h.p["safe_rotation"]
         why = {
             hy.INCONSISTENT: "there are no finite accelerations",
-            hy.BEYOND_MODEL: f"the platform has turned by {run['state'][2]:.3g} rad; beyond {safe:.3g} rad "
-            "the mass matrix of the model, of first order in phi, need not be positive definite",
+            hy.BEYOND_MODEL: f"the platform has turned by {run['state'][2]:.3g} rad, and turns at "
+            f"{run['state'][9]:.3g} rad/s; beyond {safe:.3g} rad the mass matrix of the model, of first order in phi, "
+            "need not be positive definite",
             hy.EVENT_STORM: f"{h.recent.size} restarts within {run['now'] - oldest:.3g} s, less than one period; "
             "raise solver.max_events_per_period to follow them",
             hy.OUT_OF_MEMORY: self._lack,

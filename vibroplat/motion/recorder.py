@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Literal, TypeAlias
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
+from pydantic import AfterValidator
+from pydantic_core import PydanticCustomError
 
 from vibroplat.config.scene import Scene
 from vibroplat.frames import ArrayTable, pd
@@ -14,7 +16,7 @@ from vibroplat.hybrid.state import EVENT, Automaton
 from vibroplat.observe.notes import largest_samples
 from vibroplat.observe.tables import COPIES, Blocks, Records, Segment, TrajectoryRows, closed, event_table
 from vibroplat.results.tables import TableFile
-from vibroplat.system.memory import MemoryBudget
+from vibroplat.system.memory import MemoryBudget, size_text
 
 #: What a run keeps besides its summary.
 Keep = Literal["segments", "table", "events", "summary"]
@@ -24,6 +26,17 @@ Sink: TypeAlias = "tuple[Callable[[pd.DataFrame], object], Callable[[pd.DataFram
 #: Files that these tables are written to.
 Files = tuple[TableFile, TableFile]
 
+
+def _sink(value: Any) -> Any:
+    listed = value if isinstance(value, Sequence) else ()
+    if len(listed) != 2 or not all(callable(one) or isinstance(one, TableFile) for one in listed):
+        raise PydanticCustomError("sink", "two functions, or two files of tables")
+    return value
+
+
+#: Either of them, given to a function.
+SinkArgument = Annotated[Any, AfterValidator(_sink)]
+
 #: What to change if it does not fit into memory.
 ADVICE: dict[Keep, str] = {
     "segments": "shorten run.duration_s, or simulate with keep='table'",
@@ -31,6 +44,9 @@ ADVICE: dict[Keep, str] = {
     "events": "shorten run.duration_s, or simulate with keep='summary'",
     "summary": "",
 }
+
+#: Most dense output (bytes) that a run keeps: 600 000 steps. Stiff scenes take millions.
+MAX_DENSE_OUTPUT = 2**30
 
 _NO_EVENTS = np.zeros(0, EVENT)
 
@@ -51,31 +67,36 @@ class Recorder:
         All segments, if they are kept.
     peaks
         Largest values of the trajectory table in the measured part, by column, if the table or a sink is asked for.
+    note
+        Warning that the trajectory table is kept instead of dense output, which grew too large; else "".
     """
 
     def __init__(self, scene: Scene, keep: Keep, sink: Sink | Files | None = None, since: float = 0.0) -> None:
         self.segments: list[Segment] = []
         self.peaks: dict[str, float] | None = None
-        self._keep, self._sink, self._since = keep, sink, since
+        self.note = ""
+        self._scene, self._keep, self._sink, self._since = scene, keep, sink, since
         self._share = MemoryBudget(ADVICE[keep])
         self._kept_events: list[Records] = []
         self._parts: list[pd.DataFrame] = []
-        self._rows: TrajectoryRows | None = None
+        self._rows: list[TrajectoryRows] = []
         self._events: Blocks | None = None
         if keep == "table" or sink is not None:
-            self._rows, self.peaks = TrajectoryRows(scene, self._take), {}
+            self._rows, self.peaks = [TrajectoryRows(scene, self._take)], {}
         if sink is not None:
             self._events = Blocks(EVENT, lambda events: _hand(event_table(events), sink[1]))
 
     def read(self, h: Automaton) -> None:
         """Record the closed pieces and the events; MemoryError if they would take too much memory."""
         try:
-            for segment in closed(h) if self._rows is not None or self._keep == "segments" else ():
-                if self._rows is not None:
-                    self._rows.add(segment)
+            for segment in closed(h) if self._rows or self._keep == "segments" else ():
+                for rows in self._rows:
+                    rows.add(segment)
                 if self._keep == "segments":
                     self._share.take(segment.nbytes)
                     self.segments.append(segment)
+                    if self._share.taken > MAX_DENSE_OUTPUT:
+                        self._keep_table()
         finally:  # events are recorded even if memory has run out
             if h.run["events"]:
                 events = h.events[: h.run["events"]].copy()
@@ -85,11 +106,28 @@ class Recorder:
                     self._share.take(events.nbytes)
                     self._kept_events.append(events)
 
+    def _keep_table(self) -> None:
+        """Keep the trajectory table from here on, and instead of the dense output so far."""
+        self.note = (
+            f"dense output takes more than {size_text(MAX_DENSE_OUTPUT)} after {self.segments[-1].end:.4g} s: the run "
+            "keeps the trajectory table at output.sample_rate_hz instead; shorten run.duration_s for dense output"
+        )
+        self._share = MemoryBudget(ADVICE["table"])
+        rows = TrajectoryRows(self._scene, self._keep_part)
+        for segment in self.segments:
+            rows.add(segment)
+        self._rows.append(rows)
+        self.segments, self._keep = [], "events"
+
+    def _keep_part(self, part: ArrayTable) -> None:
+        """Keep a part of the trajectory table."""
+        self._share.take(COPIES * int(part.frame.memory_usage(index=False).sum()))
+        self._parts.append(part.frame)
+
     def _take(self, part: ArrayTable) -> None:
         """Take a part of the trajectory table."""
         if self._keep == "table":
-            self._share.take(COPIES * int(part.frame.memory_usage(index=False).sum()))
-            self._parts.append(part.frame)
+            self._keep_part(part)
         if self._sink is not None:
             _hand(part, self._sink[0])
         assert self.peaks is not None
@@ -99,9 +137,10 @@ class Recorder:
     def finish(self) -> None:
         """Record the rest of the tables when the motion has ended."""
         self._share = MemoryBudget(bounded=False)  # the rest is small, and a run without memory ends here
-        for maker in (self._rows, self._events):
-            if maker is not None:
-                maker.finish()
+        for rows in self._rows:
+            rows.finish()
+        if self._events is not None:
+            self._events.finish()
 
     @property
     def events(self) -> Records:
@@ -111,7 +150,7 @@ class Recorder:
     @property
     def table(self) -> pd.DataFrame | None:
         """The trajectory table, if that is kept."""
-        return pd.concat(self._parts, ignore_index=True) if self._keep == "table" else None
+        return pd.concat(self._parts, ignore_index=True) if self._parts else None
 
 
 def _hand(part: ArrayTable, taker: Callable[[pd.DataFrame], object] | TableFile) -> None:

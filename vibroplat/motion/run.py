@@ -8,9 +8,12 @@ from contextlib import closing
 from importlib import import_module
 from typing import Any
 
+from pydantic import InstanceOf
+
 from vibroplat.columns import COUNT, TEXT, Column, Columns
+from vibroplat.config.arguments import TrueOrKeys, validated
 from vibroplat.config.plausibility import notes_on_input
-from vibroplat.config.scene import Scene
+from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.state import CUBIC, Automaton, empty_steps, force_noise, static_rest
 from vibroplat.integrate import make_engine
@@ -20,7 +23,7 @@ from vibroplat.kernels.engines import ENGINES, loop_of
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Observer, Simulator
-from vibroplat.motion.recorder import Files, Keep, Recorder, Sink
+from vibroplat.motion.recorder import Files, Keep, Recorder, Sink, SinkArgument
 from vibroplat.motion.variation import key_tuple, parameter_directions
 from vibroplat.observe.data_sheet import SHEET, WHOLE, columns, stays_synchronized, whole_run
 from vibroplat.observe.notes import captures, change, drift, notes_on_measures, stiffness
@@ -63,6 +66,15 @@ SUMMARY: Columns = {
 }
 
 
+@validated(
+    scene=SceneArgument,
+    keep=Keep,
+    progress=Callable[..., Any] | None,
+    variation=TrueOrKeys,
+    sink=SinkArgument | None,
+    start=InstanceOf[Start] | None,
+    engine=Callable[..., Any],
+)
 def simulate(
     scene: Scene,
     *,
@@ -84,6 +96,7 @@ def simulate(
     keep
         Data kept in memory besides the summary. ``segments``: data for tables and dense output; ``table``: trajectory
         and event table; ``events``: event table; ``summary``: nothing, memory does not grow with the length of the run.
+        Dense output of more than 1 GiB is given up for the trajectory table; a note says so.
     progress
         Function that is called from time to time with the time reached (s) and the number of events so far.
     sink
@@ -105,7 +118,8 @@ def simulate(
     Raises
     ------
     ConfigError
-        The kept table does not fit into memory, the initial condition is not possible, or a key cannot vary.
+        An argument is none of these, the kept table does not fit into memory, the initial condition is not possible,
+        or a key cannot vary.
     """
     if keep == "table":
         require_room(scene)
@@ -132,9 +146,11 @@ def _run(
     derivative = None
     if keys is not None and motion.outcome == "ok":
         derivative = named_derivative(variations[0].derivative(motion.automaton), scene, keys)
+    summary = _summary(motion, part, start.time)
+    summary["notes"] += filter(None, [recorder.note])
     return RunResult(
         scene=scene,
-        summary=_summary(motion, part, start.time),
+        summary=summary,
         origin=start.origin,
         segments=recorder.segments,
         event_rows=recorder.events,

@@ -9,7 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.scene import Scene
+from vibroplat.config.arguments import Keys, validated
+from vibroplat.config.scene import Scene, SceneArgument
+from vibroplat.config.schema import Positive, short
 from vibroplat.errors import ConfigError, MotionError
 from vibroplat.frames import pd
 from vibroplat.integrate import make_engine
@@ -41,6 +43,7 @@ class Varied(NamedTuple):
     derivative: pd.DataFrame
 
 
+@validated(scene=SceneArgument, seconds=Positive | None, keys=Keys)
 def variation(
     scene: Scene,
     state: pd.Series[float] | npt.ArrayLike | None = None,
@@ -67,15 +70,13 @@ def variation(
     Raises
     ------
     vibroplat.errors.ConfigError
-        A key cannot be varied.
+        A key cannot be varied, the state does not fit the scene, or the duration is not positive.
     vibroplat.errors.MotionError
         The motion ended early.
-    ValueError
-        The state does not fit the scene.
     """
     keys = key_tuple(keys)
     observer = Variation(parameter_directions(scene, keys))
-    start = initial_condition(scene) if state is None else Start(_full(state, scene))
+    start = initial_condition(scene) if state is None else Start(full_state(state, scene))
     p = parameters(scene, start.time)
     with closing(make_engine(scene, p)) as engine:
         motion = Simulator(scene, p, engine, start.state, start.time, start.mode)
@@ -109,16 +110,21 @@ def parameter_directions(scene: Scene, keys: Sequence[str]) -> list[Parameters]:
     return [parameter_direction(scene, key) for key in keys]
 
 
-def _full(state: pd.Series[float] | npt.ArrayLike, scene: Scene) -> FloatArray:
-    """Return a state of the scene as a full state."""
+def full_state(state: pd.Series[float] | npt.ArrayLike, scene: Scene) -> FloatArray:
+    """Return a state of the scene as a full state; raises ConfigError."""
     full, places = np.zeros(FULL_SIZE), state_places(scene)
     if not isinstance(state, pd.Series):
-        given = np.asarray(state, dtype=float)
-        if given.shape != full.shape:
-            raise ValueError(f"a full state has the shape ({FULL_SIZE},), not {given.shape}")
-        return given
-    if set(state.index) != set(places):
+        try:
+            full = np.array(state, dtype=float)
+        except (TypeError, ValueError):
+            raise ConfigError(f"state = {short(state)}; allowed: {FULL_SIZE} numbers") from None
+        if full.shape != (FULL_SIZE,):
+            raise ConfigError(f"state has the shape {full.shape}; allowed: ({FULL_SIZE},), a full state")
+    elif set(state.index) != set(places):
         names = ", ".join(map(str, state.index))
-        raise ValueError(f"a state of this scene has the names {', '.join(places)}, not {names}")
-    full[list(places.values())] = state[list(places)]
+        raise ConfigError(f"state has the names {names}; allowed for this scene: {', '.join(places)}")
+    else:
+        full[list(places.values())] = state[list(places)]
+    if not np.isfinite(full).all():
+        raise ConfigError(f"state = {short(full.tolist())}; allowed: finite numbers")
     return full

@@ -16,6 +16,7 @@ import numpy as np
 from vibroplat.columns import Column, Columns, split
 from vibroplat.config.drive import SupplyInterval
 from vibroplat.config.scene import Scene
+from vibroplat.config.sections import Output
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.extremes import (
     ACCELERATION,
@@ -107,6 +108,7 @@ SHEET: Columns = {
         for how, meaning, told in (
             *((("mean", "mean", "static part: minus the weight on the springs"),) * (name == "force_y")),
             ("rms", "RMS", "about its mean"),
+            ("amplitude", "dynamic amplitude", "half the difference of maximum and minimum; without the static part"),
             ("max", "maximum magnitude", _SUSPENSION + ("; with the static part" if name == "force_y" else "")),
         )
     },
@@ -123,22 +125,38 @@ SHEET: Columns = {
 }
 
 
-def point_columns(names: Iterable[str]) -> Columns:
-    """Return the columns of named points of the platform."""
+#: A point and springs of any name, for pages on columns.
+_ANY = Output(points={"NAME": [0.0, 0.0]}, springs={"NAME": 1})
+
+
+def point_columns(output: Output = _ANY) -> Columns:
+    """Return the columns of named points of the platform, and of the springs there."""
     columns = {}
-    for name in names:
+    for name in output.points:
         for axis in ("x", "y"):
             columns[f"stroke_{axis}_{name}_m"] = Column(f"stroke of point {name} along {axis}", "maximum minus minimum")
         columns[f"acceleration_max_{name}_m_per_s2"] = Column(
             f"maximum acceleration of point {name}",
             "magnitude; of first order in phi",
         )
+    for name in output.springs:
+        who = f"along y in each spring at point {name}"
+        columns |= {
+            f"spring_force_mean_{name}_n": Column(f"mean force {who}", "static part; negative: the spring is pressed"),
+            f"spring_force_amplitude_{name}_n": Column(
+                f"dynamic amplitude of the force {who}", "half the difference of maximum and minimum"
+            ),
+            f"spring_force_max_{name}_n": Column(
+                f"maximum force {who}",
+                "magnitude; stiffness along y divided by the number of springs, times the displacement of the point",
+            ),
+        }
     return columns
 
 
 def columns(scene: Scene) -> Columns:
     """Return the columns of a scene's data sheet."""
-    return {**SHEET, **point_columns(scene.output.points)}
+    return {**SHEET, **point_columns(scene.output)}
 
 
 def _names_of_largest(names: Iterable[str]) -> list[str]:
@@ -222,6 +240,9 @@ def data_sheet(ms: Accumulators, extremes: Any, scene: Scene) -> dict[str, float
             sheet[f"slip_{n}"] = 1.0 - exciter.direction * mean[f"speed_{n}"] / speeds[i]
         ripple = float(extremes["largest"][SPEED_1 + i] - extremes["least"][SPEED_1 + i])
         sheet[f"speed_ripple_{n}_hz"] = ripple / _TURN
+    for name in scene.output.springs:
+        lifted = mean["y"] + scene.named_points[name][0] * mean["phi"]
+        sheet[f"spring_force_mean_{name}_n"] = scene.spring_stiffness * lifted
     return sheet | _largest(extremes, _from_extremes(scene))
 
 
@@ -240,15 +261,24 @@ class Extreme(NamedTuple):
 def _from_extremes(scene: Scene) -> Mapping[str, Extreme]:
     """Return the columns of a scene's data sheet that follow from extremes."""
     torques = tuple(exciter.critical_torque_n_m for exciter in scene.exciter_pair)
-    return _columns_of_extremes(scene.machine.gravity_m_per_s2, scene.unbalances, torques, tuple(scene.output.points))
+    points, springs = tuple(scene.output.points), tuple(scene.output.springs)
+    one = scene.spring_stiffness
+    return _columns_of_extremes(scene.machine.gravity_m_per_s2, scene.unbalances, torques, points, springs, one)
 
 
 @lru_cache
 def _columns_of_extremes(
-    gravity: float, unbalances: tuple[float, float], torques: tuple[float, ...], points: tuple[str, ...]
+    gravity: float,
+    unbalances: tuple[float, float],
+    torques: tuple[float, ...],
+    points: tuple[str, ...],
+    springs: tuple[str, ...],
+    stiffness: float,
 ) -> Mapping[str, Extreme]:
     """Return them for the numbers of a scene on which they depend: points of a sweep share most of them."""
-    columns = {f"foundation_{name}_max_{unit}": Extreme(k) for name, k, _, unit in _AXES} | {
+    columns = {f"foundation_{name}_max_{unit}": Extreme(k) for name, k, _, unit in _AXES}
+    columns |= {f"foundation_{name}_amplitude_{unit}": Extreme(k, 0.5, difference=True) for name, k, _, unit in _AXES}
+    columns |= {
         "stroke_x_m": Extreme(SIDEWAYS, difference=True),
         "stroke_y_m": Extreme(HEIGHT, difference=True),
         "acceleration_max_m_per_s2": Extreme(ACCELERATION),
@@ -264,6 +294,10 @@ def _columns_of_extremes(
         first = POINTS + 3 * i
         columns |= {f"stroke_{axis}_{name}_m": Extreme(first + j, difference=True) for j, axis in enumerate("xy")}
         columns[f"acceleration_max_{name}_m_per_s2"] = Extreme(first + 2)
+    for name in springs:
+        height = POINTS + 3 * points.index(name) + 1
+        columns[f"spring_force_amplitude_{name}_n"] = Extreme(height, 0.5 * stiffness, difference=True)
+        columns[f"spring_force_max_{name}_n"] = Extreme(height, stiffness)
     return columns
 
 
@@ -311,6 +345,7 @@ def whole_run(ms: Accumulators, scene: Scene, start: float, captured: bool, lock
     require(ms, WHOLE_RUN)
     numbers: dict[str, Any] = {}
     extremes, columns = merge_extremes(ms.extremes), _from_extremes(scene)
+    columns = {name: columns[name] for name in _names_of_largest(columns)}
     for name, value in _largest(extremes, columns).items():
         numbers[f"whole_{name}"] = value
         if not name.startswith(TIMED):

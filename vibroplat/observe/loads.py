@@ -232,10 +232,7 @@ def put_limits(extremes: Any, room: Any, system: int, p: Parameters) -> None:
         limits[0, j], limits[1, j] = -np.inf, np.inf
     for q in range(len(SCREENED)):
         k, j, beyond = SCREENED[q], column_of(q, n), margin(extremes, GROUPS[q])
-        if j >= _PULLS:  # their sizes
-            limits[1, j] = max(extremes.largest[k], -extremes.least[k]) + beyond
-            limits[0, j] = -limits[1, j]
-        elif (j != GAP or MODES[system] == FLIGHT) and j < SIZES[system]:
+        if j >= _PULLS or ((j != GAP or MODES[system] == FLIGHT) and j < SIZES[system]):
             limits[0, j], limits[1, j] = extremes.least[k] - beyond, extremes.largest[k] + beyond
     limits[1, _VIBRATION] = (1.0 + 2.0 * TIE) * extremes.square[ACCELERATION]
     limits[1, _VIBRATION + 1] = (1.0 + 2.0 * TIE) * extremes.square[LIFT]

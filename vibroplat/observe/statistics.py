@@ -17,7 +17,7 @@ from vibroplat.kernels.compiled import Callee, FloatArray, address_of, borrow, c
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16
 from vibroplat.kernels.polynomial import MAX_DEGREE, crossing, slope, value
 from vibroplat.kernels.sines import sincos_pair
-from vibroplat.model.energy import DISSIPATIONS, exciter_powers, powers
+from vibroplat.model.energy import DISSIPATIONS, deck_power, exciter_powers, powers
 from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import slopes
@@ -354,12 +354,10 @@ def mark_bins(ms: Accumulators, end: FloatArray, now: float, system: int, fastes
 def integrate(
     ms: Accumulators, begin: float, duration: float, system: int, measured: bool, nodes: int, room: Any, p: Parameters
 ) -> None:
-    """Add a part of a step that begins at a time and takes a duration (s): work and, if it is measured, statistics.
-
-    ``room`` holds the samples at its nodes.
-    """
+    """Add a part of a step that begins at a time (s) with samples in ``room``: work and, if measured, statistics."""
     marks, sums, means, power, n = ms.marks, ms.open_turn, room.means, room.power, DIFFERENTIAL[system] // 2
-    motor, truncated, resisted, exchanged = 0.0, 0.0, 0.0, 0.0
+    motor, truncated, resisted, exchanged, held = 0.0, 0.0, 0.0, 0.0, 0.0
+    on_deck = p.deck[0] + p.deck[1] > 0.0
     first = torque_1 = torque_2 = 0.0
     for i in range(nodes):
         now, weight = begin + duration * NODES[nodes, i], WEIGHTS[nodes, i]
@@ -373,8 +371,10 @@ def integrate(
         truncated += weight * turned
         resisted += weight * lost
         exchanged += weight * abs(fed)
+        if on_deck:
+            held += weight * deck_power(l_1, l_2, room.samples[i], n, p)
     means_16(room.samples, WEIGHTS[nodes], nodes, n, means)
-    powers((motor, truncated, resisted), means, n, LAYERS[system], power, p)
+    powers((motor - held, truncated, resisted), means, n, LAYERS[system], power, p)
     for j in range(N_WORK):
         ms.work[j] += duration * power[j]
     for j in range(DISSIPATIONS, N_POWERS):

@@ -51,7 +51,7 @@ MOMENTUM = 0.2
 
 #: The audit of a whole run or point.
 AUDIT: Columns = {
-    "motor_work_j": Column("work of both motors"),
+    "motor_work_j": Column("work of both motors", "less what the platform takes where it bears a motor's reaction"),
     "truncation_work_j": Column(
         "work without a physical source", "the exciter axes turn with the platform to first order in phi only"
     ),

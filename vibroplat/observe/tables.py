@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,17 +25,19 @@ from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.state import Automaton
 from vibroplat.kernels.compiled import FloatArray, compiled, copy
 from vibroplat.kernels.polynomial import values
+from vibroplat.model.accelerations import platform_accelerations
 from vibroplat.model.motor import motor_powers
 from vibroplat.model.parameters import parameters, supply
-from vibroplat.model.systems import FULL_SIZE, SYSTEMS, System
+from vibroplat.model.systems import FULL_SIZE, SYSTEMS, System, systems
 from vibroplat.system.memory import available, free_memory, size_text
 
 #: Rows that are made and written at a time.
 BLOCK = 2**15
 #: Memory that an array takes besides its numbers (bytes).
 OVERHEAD = 150
-#: Bytes of a number in memory and in a Parquet file, and about as many in CSV.
-NUMBER, NUMBER_IN_CSV = 8, 20
+#: Bytes of a number in memory, and about as many in files: exports of other formats are written beside Parquet.
+NUMBER = 8
+FILED = {"parquet": 8, "csv": 20}
 #: Times that a table is in memory at most, when its parts are put together.
 COPIES = 2
 
@@ -47,6 +49,19 @@ TRAJECTORY: Columns = {
     name: Column(State.model_fields[name].description or "")
     for name in dict.fromkeys(("t_s", "mode", *State.model_fields))
 }
+
+
+def acceleration_columns(points: Iterable[str] = ()) -> Columns:
+    """Return the columns of accelerations of the trajectory table: of the machine's centre of mass and named points."""
+    whose = {"": "the machine's centre of mass"}
+    whose |= {f"{name}_": f"point {name}, of first order in phi" for name in points}
+    return {
+        f"acceleration_{axis}_{name}m_per_s2": Column(f"acceleration along {axis} of {meaning}")
+        for name, meaning in whose.items()
+        for axis in ("x", "y")
+    }
+
+
 #: Columns of the event table.
 EVENTS: Columns = {
     "t_s": Column("time"),
@@ -184,6 +199,7 @@ class Sampler:
         self.scene = scene
         self._p = parameters(scene)
         self._intervals = scene.drive.intervals
+        self._accelerations = acceleration_columns(scene.output.points) if scene.output.accelerations else {}
         self._corners = [interval.start for interval in self._intervals[1:]]
 
     def __call__(self, segment: Segment, times: FloatArray) -> Records:
@@ -201,12 +217,16 @@ class Sampler:
         columns |= {name: rows["state"][:, place] for name, place in state_places(self.scene).items()}
         if self.scene.has_contact:
             columns["contact_force_n"] = rows["force"]
-        return ArrayTable(columns | self._supply(rows), TRAJECTORY)
+        return ArrayTable(columns | self._supply(rows), {**TRAJECTORY, **self._accelerations})
 
     def _supply(self, rows: Records) -> dict[str, FloatArray]:
-        """Power of both motors (W), and the supply frequency (Hz) where a program changes it, in all rows."""
+        """Return what needs the supply of each row.
+
+        Power of both motors (W), the supply frequency (Hz) where a program changes it, accelerations (m/s²) if they are
+        asked for.
+        """
         program = self.scene.drive.program
-        power, frequency = np.empty((len(rows), 2)), np.empty(len(rows))
+        power, frequency, moved = np.empty((len(rows), 2)), np.empty(len(rows)), np.empty((len(rows), 3))
         for k in np.unique(rows["interval"]):
             interval, mine = self._intervals[k], rows["interval"] == k
             times, speeds = rows["t"][mine], rows["state"][:, 10:12][mine]
@@ -214,8 +234,17 @@ class Sampler:
             power[mine] = motor_powers(times, speeds, self._p)
             if program is not None:
                 frequency[mine] = interval.frequency + interval.ramp * (times - interval.start)
+            for mode, system in systems(self.scene).items() if self._accelerations else ():
+                own = mine & (rows["mode"] == int(mode))
+                moved[own] = platform_accelerations(system.index, rows["t"][own], rows["state"][own], self._p)
         columns = {} if program is None else {"supply_frequency_hz": frequency}
-        return columns | {"motor_power_1_w": power[:, 0], "motor_power_2_w": power[:, 1]}
+        columns |= {"motor_power_1_w": power[:, 0], "motor_power_2_w": power[:, 1]}
+        if not self._accelerations:
+            return columns
+        spots = np.array([(0.0, 0.0), *self.scene.named_points.values()])
+        along_x, along_y = moved[:, :1] - spots[:, 1] * moved[:, 2:], moved[:, 1:2] + spots[:, 0] * moved[:, 2:]
+        values = np.stack([along_x, along_y], axis=2).reshape(len(rows), 2 * len(spots))
+        return columns | {name: values[:, i] for i, name in enumerate(self._accelerations)}
 
 
 class Blocks:
@@ -308,7 +337,10 @@ def require_room(scene: Scene, directory: Path | None = None, form: str = "parqu
         limit, number = free_memory(there), COPIES * NUMBER
         where = f"of memory, where {size_text(limit)} may be taken of {size_text(there)} available"
     else:
-        limit, number = float(shutil.disk_usage(directory).free), NUMBER_IN_CSV if form == "csv" else NUMBER
+        limit, number = (
+            float(shutil.disk_usage(directory).free),
+            FILED.get(form, sum(FILED.values())),
+        )
         where = f"on disk, where {size_text(limit)} are free"
     seconds, rate = scene.run.duration_s, scene.output.sample_rate_hz
     rows, columns = seconds * rate, len(Sampler(scene).table(np.empty(0, ROW)).columns)

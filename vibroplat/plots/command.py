@@ -11,10 +11,10 @@ from vibroplat.columns import QUANTITIES
 from vibroplat.config.kinds import KINDS, noun_of
 from vibroplat.errors import VibroplatError
 from vibroplat.plots import run
+from vibroplat.plots.measured import DataFile, read_data
 from vibroplat.plots.paper import paper_figures
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.style import Saving, save, styled
-from vibroplat.plots.timelines import read_measured
 from vibroplat.results.files import commands_in, directory_of
 from vibroplat.results.labels import ABSCISSAE
 from vibroplat.results.result import Result
@@ -73,14 +73,15 @@ def _draw(
 
 
 def draw_study(
-    command: str, results: Sequence[Result], kinds: Sequence[str] = (), *, data: Path | None = None, **options: Any
+    command: str, results: Sequence[Result], kinds: Sequence[str] = (), *, data: DataFile | None = None, **options: Any
 ) -> Iterator[tuple[str, Figure]]:
     """Draw the pictures of results of one kind of study; yield the name and the figure of each."""
     for picture in KINDS[command].pictures.pictures(results, kinds, **options):
         if "print" in picture.places:
             x = picture.axes[0] if options.get("x") is None else ABSCISSAE[options["x"]]
             others = [column for column in (*ABSCISSAE.values(), *picture.axes) if column != x]
-            measured = None if data is None else read_measured(data, x, QUANTITIES, others)
+            known = [*QUANTITIES, *(panel.column for panel in picture.panels if panel.column not in QUANTITIES)]
+            measured = None if data is None else data.select(x, known, others)
             yield picture.name, draw_picture(picture, x, measured)
 
 
@@ -99,7 +100,8 @@ def plot_results(
         Format, resolution and place of the files.
     options
         ``start`` and ``stop`` of the interval of a run (s), ``x``: horizontal axis of a sweep or of branches
-        (``excitation`` or ``supply``), ``data``: file of measured data laid over the figures, ``measure``: columns that
+        (``excitation`` or ``supply``), ``data``: file of measured data laid over the figures, as
+        :func:`vibroplat.plots.measured.read_data` takes it, ``measure``: columns that
         response and map of a sweep, and thresholds, show. None: not given.
 
     Raises
@@ -128,6 +130,8 @@ def plot_results(
                 raise VibroplatError(f"--kind {kind} shows {other}, but {first} holds {held}; allowed: {names}")
     chosen = [family for family in found if not kinds or {*family.kinds} & {*kinds}]
     given = {option: value for option, value in options.items() if value is not None}
+    if isinstance(data := given.get("data"), (str, Path)):
+        given["data"] = read_data(data)
     for option, value in given.items():
         if not any(option in family.options for family in chosen):
             able = " and ".join(noun_of(family.command) for family in every_family if option in family.options)

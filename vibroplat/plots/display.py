@@ -65,12 +65,13 @@ def _run_figure(run: RunResult, kind: str, start: float | None = None, stop: flo
     """Draw a figure of a run."""
     if kind not in drawing.FIGURES:
         raise ValueError(f"kind = {kind!r}; allowed: {', '.join(drawing.FIGURES)}")
-    if kind == "force" and not run.scene.has_contact:
-        allowed = ", ".join(name for name in drawing.FIGURES if name != kind)
-        raise ValueError(f"kind = 'force' but this run has no contact; allowed: {allowed}")
     table = run.trajectory
     whole = histories.run_of(run.summary, run.scene, ends_of([table]), [table], [run.events], start, stop)
-    return drawing.FIGURES[kind](drawing.Shown([whole]))
+    shown = drawing.Shown([whole])
+    if lacking := drawing.missing(kind, shown):
+        allowed = ", ".join(name for name in drawing.FIGURES if not drawing.missing(name, shown))
+        raise ValueError(f"kind = {kind!r} but this run {lacking}; allowed: {allowed}")
+    return drawing.FIGURES[kind](shown)
 
 
 def orbit_figure(orbit: Orbit) -> Figure:

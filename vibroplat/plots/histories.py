@@ -15,6 +15,7 @@ import pandas as pd
 from vibroplat.columns import COORDINATES, FORCES, split
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
+from vibroplat.observe.tables import acceleration_columns
 from vibroplat.plots.reading import Cut, Ends, ends_of, rest_of
 from vibroplat.results.run import RunResult
 
@@ -104,8 +105,11 @@ class Run:
 _IN_MEMORY = ("the run lasted", "{} = {:g}", "the trajectory is empty")
 
 
-def read_run(directory: Path, start: float | None = None, stop: float | None = None) -> Run:
-    """Read the tables of a run from ``start`` to ``stop`` (s); raises as :func:`run_of`, and where one is missing."""
+def read_run(directory: Path, start: float | None = None, stop: float | None = None, more: Iterable[str] = ()) -> Run:
+    """Read the tables of a run from ``start`` to ``stop`` (s); raises as :func:`run_of`, and where one is missing.
+
+    Of the trajectory it has what figures show, and ``more`` columns if the table has them.
+    """
     result = RunResult.read(directory, "run")
     summary = result.summary
     frequency = summary.get("excitation_frequency_hz", "")
@@ -113,11 +117,13 @@ def read_run(directory: Path, start: float | None = None, stop: float | None = N
     if not known or not isinstance(summary.get("name"), str):
         raise TableError(f"{directory / 'summary.json'} is not the summary of a run")
     ends = ends_of(result.column_parts("trajectory", (), ("t_s",)))
-    optional = [column for column in (*COORDINATES, *_RATES) if column != "y_m"]
+    scene = result.known_scene
+    moved = () if scene is None else acceleration_columns(scene.output.points)
+    optional = {*COORDINATES, *_RATES, *moved, *more} - {"t_s", "mode", "y_m", *_ANGLES}
     trajectory = result.column_parts("trajectory", ("mode",), ("t_s", "y_m", *_ANGLES), optional)
     events = result.column_parts("events", ("kind",), ("t_s", "impulse_n_s"))
     told = (f"{directory} runs", "--{} {:g}", f"{directory} holds an empty trajectory")
-    return run_of(summary, result.known_scene, ends, trajectory, events, start, stop, told)
+    return run_of(summary, scene, ends, trajectory, events, start, stop, told)
 
 
 def run_of(

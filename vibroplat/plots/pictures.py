@@ -18,10 +18,11 @@ from matplotlib.ticker import MaxNLocator
 
 from vibroplat.columns import PHASE_COLUMN, QUANTITIES, quantity_of
 from vibroplat.plots.layout import cells_of
+from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.panels import DRAWERS, HATCH, coloured, ended, placed_by_size, size_at, tick_sizes
 from vibroplat.plots.strips import draw_jumps, draw_strips, draw_words, entries_of, jump_entry
 from vibroplat.plots.style import TOLD, begin_at_zero, entry, few, head, in_decades, legend_below, widen_ticks
-from vibroplat.plots.timelines import Measured, in_units, name_axis, tell_shaking
+from vibroplat.plots.timelines import in_units, name_axis, tell_shaking
 from vibroplat.results.content import motions_of
 from vibroplat.results.labels import EXCITATION, is_number, key_label
 from vibroplat.results.picture import (
@@ -178,6 +179,9 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
         shown, behind = ([prepared[n] for n in own if _within(picture.series[n], panel)] for own in numbers)
         _panel(axis, picture, panel, x, shown, behind)
         if data is not None:
+            places = [np.asarray(picture.series[n].rows) for n in numbers[0]]
+            curves = [curve_of(picture.points.iloc[rows[rows != BROKEN]], panel.column, x) for rows in places]
+            data.compare(panel.column, x, curves)
             data.draw(axis, x, panel.column)
             _limit(axis, panel, picture.points)
     first = cells[0].axis if cells else strip

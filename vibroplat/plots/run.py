@@ -5,15 +5,17 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroplat.columns import COORDINATES, FORCES, PHASE
+from vibroplat.columns import FORCES, PHASE
 from vibroplat.errors import TableError
-from vibroplat.plots import timelines
+from vibroplat.plots import accelerations, timelines
 from vibroplat.plots.histories import Run, read_run
+from vibroplat.plots.measured import DataFile, Measured, curve_of
 from vibroplat.plots.style import (
     FORCE,
     MATERIAL,
@@ -50,7 +52,7 @@ class Shown:
     """The runs of a figure, measured data laid over them, and what several of them are called."""
 
     runs: Sequence[Run]
-    data: timelines.Measured | None = None
+    data: Measured | None = None
     names: Sequence[str] = ()
 
     @property
@@ -89,7 +91,7 @@ def run_figures(
     *,
     start: float | None = None,
     stop: float | None = None,
-    data: Path | None = None,
+    data: DataFile | None = None,
 ) -> Iterator[tuple[Path, str, Figure]]:
     """Draw figures of a run, or of several over each other; yield the directory and the name of each.
 
@@ -99,29 +101,48 @@ def run_figures(
         Result directories of ``vibroplat run``.
     kinds
         ``motion`` (platform and gap: the whole run, and its last turns), ``force`` (contact force and impulses),
-        ``exciters`` (speeds and phase difference), ``loads`` (force into the foundation, strokes and speeds); all by
-        default. ``force`` is left out if no scene has contact, and refused if nothing else is asked for.
+        ``exciters`` (speeds and phase difference), ``loads`` (force into the foundation, strokes and speeds),
+        ``acceleration`` and ``spectrum``, ``measured`` (measured data beside what was computed); all by default. Those
+        that need what there is not (contact, accelerations, data) are left out, and refused if nothing else is asked
+        for.
     start, stop
         Interval shown (s). Default: the whole run, and the last ten turns of the exciters in detail.
     data
-        File of measured data laid over the figures, as they are: y is counted from the static rest.
+        Measured data laid over the figures: y is counted from the static rest.
 
     Raises
     ------
     TableError
         Tables are missing or have another schema version, or the interval is empty.
     """
-    measured = None if data is None else timelines.read_measured(data, "t_s", COORDINATES)
-    shown = _shown([read_run(place, start, stop) for place in directories], directories, measured)
-    has_force = any("contact_force_n" in run.shown for run in shown.runs)
-    drawn = [kind for kind in kinds or FIGURES if has_force or kind != "force"]
+    given = [] if data is None else [*map(str, data.columns or data.table)]
+    runs = [read_run(place, start, stop, given) for place in directories]
+    measured = None
+    if data is not None:
+        numbers = [column for column in map(str, runs[0].shown.select_dtypes("number")) if column != "t_s"]
+        measured = data.select("t_s", numbers)
+        measured.fit(runs[0].shown)
+        for column in numbers:
+            measured.compare(column, "t_s", [curve_of(run.shown, column) for run in runs if column in run.shown])
+    shown = _shown(runs, directories, measured)
+    drawn = [kind for kind in kinds or FIGURES if not missing(kind, shown)]
     if not drawn:
-        raise TableError(f"--kind force: {directories[0]} has no contact force, as its scene is bare or non-impact")
+        raise TableError(f"--kind {kinds[0]}: {directories[0]} {missing(kinds[0], shown)}")
     for kind in drawn:
         yield directory_of(directories[0], "run"), kind, FIGURES[kind](shown)
 
 
-def _shown(runs: Sequence[Run], directories: Sequence[Path], data: timelines.Measured | None) -> Shown:
+def missing(kind: str, shown: Shown) -> str:
+    """Say what runs do not have that a figure needs; "" if nothing."""
+    columns = {str(column) for run in shown.runs for column in run.shown}
+    if kind == "force" and "contact_force_n" not in columns:
+        return "has no contact force, as its scene is bare or non-impact"
+    if kind in ("acceleration", "spectrum") and not any(column.startswith("acceleration_") for column in columns):
+        return "has no accelerations; simulate it with --set output.accelerations=true"
+    return "needs --data FILE" if kind == "measured" and shown.data is None else ""
+
+
+def _shown(runs: Sequence[Run], directories: Sequence[Path], data: Measured | None) -> Shown:
     """Name several runs by how they differ."""
     if len(runs) == 1:
         return Shown(runs, data)
@@ -285,9 +306,19 @@ def _loads(shown: Shown) -> Figure:
     return figure
 
 
+def _named(draw: Callable[[Sequence[Run], Sequence[str], Measured | None], Figure], shown: Shown) -> Figure:
+    """Draw a figure of another file, with the names of runs and lines."""
+    figure = draw(shown.runs, shown.names, shown.data)
+    _head(figure, shown, figure.axes[0])
+    return figure
+
+
 FIGURES: dict[str, Callable[[Shown], Figure]] = {
     "motion": _motion,
     "force": _force,
     "exciters": _exciters,
     "loads": _loads,
+    "acceleration": partial(_named, accelerations.draw_accelerations),
+    "spectrum": partial(_named, accelerations.draw_spectra),
+    "measured": partial(_named, accelerations.draw_measured),
 }

@@ -1,15 +1,10 @@
 """Panels over time: each function draws into an axis what a table of a run holds, and returns the axis.
 
-Also units and names of any axis, and measured data that are laid over figures.
+Also units and names of any axis.
 """
 
 from __future__ import annotations
 
-import logging
-import warnings
-from collections.abc import Collection
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,13 +15,9 @@ from matplotlib.collections import LineCollection
 from vibroplat.columns import COORDINATES, FORCES, PHASE, PHASE_COLUMN, describe_sync, quantity_of
 from vibroplat.config.digits import quantity
 from vibroplat.config.scene import Scene
-from vibroplat.config.schema import MAX_SIZE
-from vibroplat.errors import TableError
 from vibroplat.plots.style import CONTACT, PLATFORM
-from vibroplat.results.labels import is_number, phase_label, plain
+from vibroplat.results.labels import phase_label
 from vibroplat.results.picture import BLACK, CURVES, REFERENCE
-
-_LOG = logging.getLogger("vibroplat")
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -39,8 +30,6 @@ TURN = 2.0 * np.pi
 LOWEST_PHASE = -0.5 * np.pi
 #: Most wraps of a line of common width; of more, nothing but a drift is to be seen.
 MOST_WRAPS = 60
-#: Most measured points that are drawn large.
-MOST_LARGE = 100
 #: A step of the phase difference that is a wrap, not a motion (rad).
 WRAP = np.pi
 
@@ -226,76 +215,3 @@ def tell_shaking(axis: Axes, rotation: str) -> None:
     """Say on an axis of phase differences what a machine does in phase and in antiphase, if its rotation is known."""
     for text in axis.texts:
         text.set_text(describe_sync(text.get_text(), rotation))
-
-
-@dataclass(frozen=True)
-class Measured:
-    """Measured data that are laid over a figure: the file's name, and a table whose columns are named as in results."""
-
-    name: str
-    table: pd.DataFrame
-
-    def draw(self, axis: Axes, x: str, column: str, *, inside: bool = False) -> Axes:
-        """Draw a column over another where the data have both, in black diamonds, smaller ones if they are many.
-
-        With ``inside``, what lies beside all that has been drawn is left out.
-        """
-        if {x, column} <= {*self.table.columns}:
-            low, high = axis.dataLim.intervalx if inside else (-np.inf, np.inf)
-            table = self.table[self.table[x].between(low, high)]
-            size, edge = (4.0, 1.0) if len(table) <= MOST_LARGE else (2.0, 0.5)
-            look: dict[str, Any] = {"color": BLACK, "mfc": "white", "ms": size, "mew": edge, "zorder": 5.0, "ls": ""}
-            values = in_units(table[column], column)
-            axis.plot(table[x], values, marker="D", label=f"measured: {plain(self.name)}", **look)
-        return axis
-
-
-def _read_csv(path: Path) -> pd.DataFrame:
-    """Read a CSV file: columns between commas, or as the first line has them ; or tabs, and then also decimal commas.
-
-    A row with too many values is a ParserWarning: it has decimal commas, or lines are not what they seem.
-    """
-    with path.open(encoding="utf-8-sig") as file:
-        head = file.readline()
-    separator = next((sign for sign in (";", "\t") if sign in head), ",")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", pd.errors.ParserWarning)
-        look: dict[str, Any] = {"index_col": False, "skipinitialspace": True, "encoding": "utf-8-sig"}
-        signs = ".," if separator != "," else "."
-        tables: list[pd.DataFrame] = [pd.read_csv(path, sep=separator, decimal=sign, **look) for sign in signs]
-    return max(tables, key=lambda table: sum(is_number(table[column]) for column in table))
-
-
-def read_measured(path: Path, x: str, columns: Collection[str], others: Collection[str] = ()) -> Measured:
-    """Read measured data of these columns over ``x``.
-
-    Columns that no figure shows are named in a line, but for ``others``, which further figures would use.
-
-    Raises
-    ------
-    TableError
-        The file cannot be read, has no abscissa, nothing to draw, or no numbers there.
-    """
-    try:
-        table = _read_csv(path)
-    except FileNotFoundError:
-        raise TableError(f"--data {path}: there is no such file") from None
-    except pd.errors.ParserWarning:
-        allowed = "names of all columns first, and decimal points, or ; between columns"
-        raise TableError(f"--data {path}: rows have more values than the first line; allowed: {allowed}") from None
-    except Exception as error:  # pandas raises many kinds on damaged files
-        raise TableError(f"--data {path} cannot be read: {' '.join(str(error).split())}") from None
-    for wanted, what in (([x], "of the horizontal axis"), (columns, "that a figure shows")):
-        if not {*wanted} & {*table.columns}:
-            held, allowed = ", ".join(map(str, table.columns)), ", ".join(wanted)
-            raise TableError(f"--data {path}: no column {what} in {held}; allowed: {allowed}")
-    known = {x, *columns}
-    for column in known & {*table.columns}:
-        found = pd.to_numeric(table[column], errors="coerce").astype(float)  # what is as long as 1e19 is an object
-        if wrong := table[column][~(found.abs() <= MAX_SIZE)].dropna().tolist():
-            allowed = f"numbers such as 0.5 up to {MAX_SIZE:g}, or nothing"
-            raise TableError(f"--data {path}: column {column} holds {wrong[0]!r}; allowed: {allowed}")
-        table[column] = found
-    if left := [str(column) for column in table.columns if column not in known | {*others}]:
-        _LOG.warning("--data %s: not drawn: %s", path, ", ".join(left))
-    return Measured(path.name, table)

@@ -25,9 +25,11 @@ from vibroplat.config.kinds import KINDS
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
 from vibroplat.results import renamed
+from vibroplat.results.exports import exports
 from vibroplat.results.locks import replacement_lock
 from vibroplat.results.renamed import rename_keys, rename_summary, rename_table
 from vibroplat.results.tables import (
+    FORMATS,
     Format,
     Table,
     TableFile,
@@ -40,7 +42,6 @@ from vibroplat.results.tables import (
     read_parts,
     read_table,
     remove_file,
-    remove_table,
     text_writer,
 )
 
@@ -76,7 +77,7 @@ def write_result(
         Tables, whole, in parts or written already, and contents of JSON files, by name. The last of all is renamed
         last.
     form
-        Format of the tables.
+        Format of the tables; exports are written beside Parquet files.
     configurations
         Contents of YAML files, by name.
 
@@ -86,19 +87,18 @@ def write_result(
         A file cannot be written, or another process holds the lock.
     """
     with ExitStack() as stack:
-        files = _write_temporaries(stack, directory, tables, documents or {}, configurations or {}, form)
+        files = _write_temporaries(stack, directory, command, tables, documents or {}, configurations or {}, form)
         digests = {path.name: _sha256(temporary) for path, temporary in files.items()}
         proof = dict(origin) | {"command": command, "result": uuid.uuid4().hex, "files": digests}
         with replacement_lock(directory):
             own, path = _own(directory, command), _place_to_write(directory, command)
             last, temporary = files.popitem()
-            old = _former_files(path, command) - digests.keys()
+            replaced = {f"{name}.{other}" for name in tables for other in FORMATS}
+            old = (_former_files(path, command) | replaced) - digests.keys()
             with new_file(path, json_writer(proof)) as files[path]:
                 if path != own:
                     remove_file(own)
                 put_in_place(files | {last: temporary})
-            for name in tables:
-                remove_table(directory, name, kept=form)
             for name in old:
                 remove_file(directory / name)
 
@@ -106,6 +106,7 @@ def write_result(
 def _write_temporaries(
     stack: ExitStack,
     directory: Path,
+    command: str,
     tables: Mapping[str, Table | TableFile],
     documents: Mapping[str, Any],
     configurations: Mapping[str, str],
@@ -113,13 +114,16 @@ def _write_temporaries(
 ) -> dict[Path, Path]:
     """Write files under temporary names, which are removed with the stack, and return these by the final ones."""
     files: dict[Path, Path] = {}
+    finished: dict[str, Path] = {}
     for name, table in tables.items():
         if isinstance(table, TableFile):
             file = table
         else:
             file = stack.enter_context(TableFile(directory, name, form))
             file.extend(table)
-        files[file.path] = file.finish()
+        finished[name] = files[file.path] = file.finish()
+    for name, write in exports(form, command, finished, documents).items():
+        files[directory / name] = stack.enter_context(new_file(directory / name, write))
     for name, value in documents.items():
         path = directory / f"{name}.json"
         files[path] = stack.enter_context(new_file(path, json_writer(value)))

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.columns import split, unit_of
+from vibroplat.config.arguments import FileName, validated
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.frames import ArrayTable, pd
@@ -37,6 +38,7 @@ from vibroplat.observe.tables import (
     state_places,
 )
 from vibroplat.results.answer import Answer
+from vibroplat.results.exports import plain_array, write_mat
 from vibroplat.results.files import commands_in
 from vibroplat.results.provenance import provenance
 from vibroplat.results.result import Result, Tables
@@ -167,11 +169,11 @@ class RunResult(Result):
 
         Raises
         ------
-        ValueError
+        ConfigError
             The run was read from its files, which do not hold it.
         """
         if self.measures is None:
-            raise ValueError("this run was read from files, which contain no Poincaré section; simulate it again")
+            raise ConfigError("this run was read from files, which contain no Poincaré section; simulate it again")
         points = section_rows(self.measures)
         states = points["state"]
         columns = {"t_s": points["t"]} | {name: states[:, i] for name, i in state_places(self.scene).items()}
@@ -214,19 +216,22 @@ class RunResult(Result):
 
         Raises
         ------
-        ValueError
+        ConfigError
             Times lie outside the run or are not a list of numbers, or the segments were not kept.
         """
-        wanted = np.atleast_1d(np.asarray(times, dtype=float))
+        try:
+            wanted = np.atleast_1d(np.asarray(times, dtype=float))
+        except (TypeError, ValueError):
+            wanted = np.full(1, np.nan)
         if wanted.ndim != 1 or not np.isfinite(wanted).all():
-            raise ValueError("times must be a number or a one-dimensional list of finite numbers")
+            raise ConfigError("times must be a number or a one-dimensional list of finite numbers")
         if self.saved is not None:
-            raise ValueError("this run was read from files, which contain no dense output; simulate it again")
+            raise ConfigError("this run was read from files, which contain no dense output; simulate it again")
         if not self.segments:
-            raise ValueError("this run kept no segments; simulate with keep='segments' for dense output")
+            raise ConfigError("this run kept no segments; simulate with keep='segments' for dense output")
         first, last = self.segments[0].start, self.segments[-1].end
         if wanted.size and (wanted.min() < first or wanted.max() > last):
-            raise ValueError(f"times must lie in [{first}, {last}] s, got {wanted.min()} … {wanted.max()}")
+            raise ConfigError(f"times must lie in [{first}, {last}] s, got {wanted.min()} … {wanted.max()}")
         order = np.argsort(wanted, kind="stable")
         owner = np.searchsorted([segment.end for segment in self.segments], wanted[order], side="left")
         sampler, rows = Sampler(self.scene), np.empty(wanted.size, ROW)
@@ -238,7 +243,7 @@ class RunResult(Result):
     def rows(self, sample: Sample = "all") -> pd.DataFrame:
         """Return the trajectory table; with ``unique``, times ascend strictly, as interpolation elsewhere needs it."""
         if sample not in ("all", "unique"):
-            raise ValueError(f"sample = {sample!r}; allowed: all, unique")
+            raise ConfigError(f"sample = {sample!r}; allowed: all, unique")
         table = self.trajectory
         return table if sample == "all" else table.drop_duplicates("t_s", keep="last", ignore_index=True)
 
@@ -248,14 +253,14 @@ class RunResult(Result):
 
         Raises
         ------
-        ValueError
+        ConfigError
             The run was not asked for it, or ended early.
         """
         if self.derivative is not None:
             return self.derivative
         if self.outcome not in ("ok", INACCURATE):
-            raise ValueError(f"this run ended early ({self.outcome}); the derivative of its end is not known")
-        raise ValueError("this run carried no derivative; simulate with variation=True, or with keys to vary")
+            raise ConfigError(f"this run ended early ({self.outcome}); the derivative of its end is not known")
+        raise ConfigError("this run carried no derivative; simulate with variation=True, or with keys to vary")
 
     @property
     def monodromy(self) -> pd.DataFrame:
@@ -263,7 +268,7 @@ class RunResult(Result):
 
         Raises
         ------
-        ValueError
+        ConfigError
             As :attr:`variation`.
         """
         found = self.variation
@@ -360,7 +365,9 @@ class RunResult(Result):
         except ImportError:
             raise ImportError("to_xarray needs xarray; pip install 'vibroplat[xarray]'") from None
         table = self.rows(sample)
-        found = xarray.Dataset({str(c): ("t_s", _plain(table[c])) for c in table if c != "t_s"}, {"t_s": table["t_s"]})
+        found = xarray.Dataset(
+            {str(c): ("t_s", plain_array(table[c])) for c in table if c != "t_s"}, {"t_s": table["t_s"]}
+        )
         for name in found.variables:
             found[name].attrs = {"units": unit_of(name), "long_name": table.attrs["meanings"].get(name, name)}
         return found.assign_attrs(name=self.scene.name, outcome=self.outcome)
@@ -375,28 +382,14 @@ class RunResult(Result):
         TableError
             It cannot be written, or there is something else already.
         """
-        savemat = import_module("scipy.io").savemat
         trajectory, place = self.rows(sample), Path(path)
         require_replaceable(place, b"MATLAB", overwrite=overwrite)
-        contents = {
-            "trajectory": {str(c): _plain(trajectory[c]) for c in trajectory},
-            "events": {str(c): _plain(self.events[c]) for c in self.events},
-            "summary": {k: np.nan if v is None else v for k, v in self.summary.items() if k != "notes"},
-            "units": {str(c): unit_of(str(c)) for c in trajectory},
-        }
-
-        def write(temporary: Path) -> None:
-            savemat(temporary, contents, appendmat=False, long_field_names=True, oned_as="column")
-
-        replace_file(place, write)
+        tables = {"trajectory": trajectory, "events": self.events}
+        replace_file(place, lambda path: write_mat(path, tables, {"summary": self.summary}))
         return place
 
 
-def _plain(column: pd.Series) -> Any:
-    """Return a column as an array of numbers, or of texts."""
-    return column.to_numpy() if pd.api.types.is_numeric_dtype(column) else column.astype(object).to_numpy()
-
-
+@validated(directory=FileName, command=str | None)
 def load(directory: str | Path, command: str | None = None) -> Result:
     """Read a result from its directory: a :class:`RunResult` for a run, a :class:`Result` for any other command.
 

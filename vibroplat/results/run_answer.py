@@ -14,7 +14,7 @@ from vibroplat.results.answer import are_alike, counted, of_both, short_line
 
 #: Rotation at the exciters' distance, over the largest stroke, above which it is told.
 ROCKS = 0.1
-#: Most named points that are told.
+#: Most named points, and springs at them, that are told.
 MAX_POINTS = 2
 
 
@@ -173,6 +173,9 @@ def _points(scene: Scene, summary: Mapping[str, Any]) -> Iterator[str]:
             y, x = (quantity(stroke, "m", largest=max(strokes)) for stroke in strokes)
             acceleration = quantity(summary.get(f"acceleration_max_{name}_m_per_s2"), "m/s²")
             yield short_line(f"at {name}", f"stroke y {y}", f"x {x}; acceleration {acceleration}")
+    for name in [*scene.output.springs][:MAX_POINTS]:
+        mean, varies = (summary[f"spring_force_{what}_{name}_n"] for what in ("mean", "amplitude"))
+        yield short_line(f"spring at {name}", spread(-mean, varies, "N"), "each, static ± dynamic")
     if names[MAX_POINTS:]:
         yield f"and {counted(len(names) - MAX_POINTS, 'more point')}: -v"
 

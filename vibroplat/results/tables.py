@@ -24,10 +24,11 @@ from vibroplat.system.interrupts import unfinished, watching
 if TYPE_CHECKING:
     import pyarrow.parquet as pq
 
-Format = Literal["parquet", "csv"]
+Format = Literal["parquet", "csv", "csv-semicolon", "xlsx", "mat"]
 Writer = Callable[[Path], object]
 #: A table, or its parts, with one of them in memory at a time.
 Table: TypeAlias = "pd.DataFrame | Iterable[pd.DataFrame]"
+#: Formats that are read; the others are exports beside Parquet files, see :mod:`vibroplat.results.exports`.
 FORMATS: tuple[Format, ...] = ("parquet", "csv")
 #: Most rows of a group in a Parquet file that is made of whole tables.
 MAX_GROUP_ROWS = 2000
@@ -126,11 +127,12 @@ def read_parts(
         Whether only the end of the table is wanted.
     """
     with _open_table(directory, name, digests) as file:
-        read = _read_row_groups if file.name.endswith(".parquet") else _read_lines
+        read = read_row_groups if file.name.endswith(".parquet") else _read_lines
         yield from read(file, columns, last=last)
 
 
-def _read_row_groups(file: BufferedReader, columns: Collection[str] | None, *, last: bool) -> Iterator[pd.DataFrame]:
+def read_row_groups(file: BufferedReader, columns: Collection[str] | None, *, last: bool) -> Iterator[pd.DataFrame]:
+    """Read a Parquet file in parts, as :func:`read_parts`."""
     import pyarrow as pa  # noqa: PLC0415  (a table in CSV does not need it)
     import pyarrow.parquet as pq  # noqa: PLC0415
 
@@ -216,8 +218,8 @@ class TableFile:
     """
 
     def __init__(self, directory: Path, name: str, form: Format) -> None:
-        self.path = directory / f"{name}.{form}"
-        self._form = form
+        self._form = form if form in FORMATS else "parquet"
+        self.path = directory / f"{name}.{self._form}"
         self._stack = ExitStack()
         self._temporary: Path | None = None
         self._parquet: pq.ParquetWriter | None = None

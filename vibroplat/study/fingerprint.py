@@ -36,13 +36,14 @@ from vibroplat.motion.motion import Simulator
 from vibroplat.observe.measures import WITH_EXTREMES
 from vibroplat.observe.summary import measure
 from vibroplat.results.provenance import sundials_version
+from vibroplat.system.threads import one_thread
 
 Fingerprint = Mapping[str, str]
 
 #: Libraries that compute.
-LIBRARIES: Final = ("scikit-sundae", "numpy", "numba", "llvmlite")
+LIBRARIES: Final = ("scikit-sundae", "numpy", "scipy", "numba", "llvmlite")
 #: What records of a study were made with: code and arithmetic.
-NAMES: Final = ("vibroplat", "source files", "Python", "platform", *LIBRARIES, "arithmetic")
+NAMES: Final = ("vibroplat", "source files", "Python", "platform", *LIBRARIES, "LAPACK", "arithmetic")
 #: A motion with impacts, which multiply a change of the last bit, and how long it is followed (s).
 REFERENCE: Final = {
     "material": {"mass_ratio": 0.2, "layers": 1},
@@ -52,6 +53,8 @@ REFERENCE: Final = {
 FOLLOWED = 0.5
 #: How many numbers each function is tried with.
 TRIAL_COUNT = 2000
+#: Rows of the matrix that LAPACK is tried with.
+LAPACK_SIZE = 60
 
 
 def run_checked(expected: Fingerprint, work: bytes) -> dict[str, Any]:
@@ -66,14 +69,15 @@ def run_checked(expected: Fingerprint, work: bytes) -> dict[str, Any]:
         return {"refused": f"{_here()}: {other}"}
     try:
         function, arguments = pickle.loads(work)
-        return {"result": function(*arguments)}
+        with one_thread():
+            return {"result": function(*arguments)}
     except Exception as error:
         return {"error": error}
 
 
 def fingerprint() -> Fingerprint:
     """Return all that the bits of a result depend on besides its task, by name."""
-    return code() | {"arithmetic": arithmetic()}
+    return code() | {"arithmetic": arithmetic(), "LAPACK": lapack()}
 
 
 def difference(expected: Fingerprint, found: Fingerprint) -> str:
@@ -108,6 +112,17 @@ def arithmetic(engine: str = "auto") -> str:
     """Digest what this machine computes: a short motion by an engine, and the functions of libraries."""
     text = json.dumps([_motion(engine), _functions()])  # that of a number gives back its bits
     return f"{hashlib.sha256(text.encode()).hexdigest()[:16]} on {processor()[0]}"
+
+
+@cache
+def lapack() -> str:
+    """Digest what scipy's own LAPACK computes, which optimizes designs."""
+    from scipy import linalg  # noqa: PLC0415  (a quarter of a second to import)
+
+    a = np.random.default_rng(0).uniform(0.0, 1.0, (LAPACK_SIZE, LAPACK_SIZE))
+    with one_thread():
+        found = [linalg.solve(a, a[0]), linalg.lstsq(a[:, ::2], a[0])[0], linalg.qr(a)[1]]
+    return hashlib.sha256(b"".join(part.tobytes() for part in found)).hexdigest()[:16]
 
 
 def _sources() -> str:

@@ -21,7 +21,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from vibroplat.config.scene import Scene
+from vibroplat.config.arguments import validated
+from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.errors import ConfigError, MotionError
 from vibroplat.hybrid.modes import ATTACHED, IMPACT
 from vibroplat.hybrid.state import Automaton, state_scales
@@ -30,6 +31,7 @@ from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.motion.initial_condition import initial_condition
 from vibroplat.motion.motion import Simulator
+from vibroplat.motion.variation import full_state
 from vibroplat.observe.tables import state_places
 from vibroplat.observe.variation import Variation
 
@@ -115,6 +117,7 @@ LARGEST_EXPONENT = GrowthSettings()
 ALL_EXPONENTS = GrowthSettings(1, 24, 288, 1920)
 
 
+@validated(scene=SceneArgument)
 def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
     """Compute all Lyapunov exponents of a motion.
 
@@ -139,7 +142,7 @@ def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
     Raises
     ------
     vibroplat.errors.ConfigError
-        The scene has a supply program.
+        The scene has a supply program, or the state does not fit it.
     vibroplat.errors.MotionError
         The motion ended early, or exciter 1 does not turn.
     """
@@ -149,7 +152,9 @@ def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
         motion = (
-            Simulator(scene, p, engine, *start[:3]) if state is None else Simulator(scene, p, engine, np.array(state))
+            Simulator(scene, p, engine, *start[:3])
+            if state is None
+            else Simulator(scene, p, engine, full_state(state, scene))
         )
         if state is None:
             motion.to_time(motion.now + scene.run.duration_s)

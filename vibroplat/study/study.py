@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple, TypedDict, Unpack
+from typing import Annotated, Any, ClassVar, NamedTuple, TypedDict, Unpack
 
 import numpy as np
+from pydantic import Field
 
 from vibroplat.columns import Columns
-from vibroplat.config.scene import Scene
+from vibroplat.config.arguments import validated
+from vibroplat.config.scene import Scene, SceneArgument
+from vibroplat.config.schema import NonNegative
 from vibroplat.integrate import engine_name
 from vibroplat.results.result import Result
 from vibroplat.study import WAIT
@@ -109,6 +112,15 @@ def choose_evenly(places: Sequence[int], max_count: int = MAX_CROSS_CHECKS) -> l
     return [places[place] for place in np.unique(chosen).tolist()]
 
 
+#: What is allowed for :class:`Options`.
+_OPTIONS = {
+    "jobs": Annotated[int, Field(ge=1)] | None,
+    "scheduler": str | None,
+    "wait": NonNegative,
+    "progress": Callable[..., Any],
+}
+
+
 class Options(TypedDict, total=False):
     """How a study is run.
 
@@ -130,19 +142,20 @@ class Options(TypedDict, total=False):
     progress: Progress
 
 
-def run_study(study: Study, **options: Unpack[Options]) -> Result:
-    """Run a study and store nothing.
+@validated(scene=SceneArgument, options=_OPTIONS)
+def run_study(kind: Callable[[Scene], Study], scene: Scene, **options: Unpack[Options]) -> Result:
+    """Run the study of a scene and store nothing.
 
     Raises
     ------
     ConfigError
-        The scheduler does not answer.
+        The scene or an option is none, or the scheduler does not answer.
     LostError
         The scheduler has no workers, or has gone.
     ForeignWorkerError
         A worker would give other bits than this process.
     """
-    progress = options.pop("progress", lambda done, known: None)
+    study, progress = kind(scene), options.pop("progress", lambda done, known: None)
     jobs, scheduler, wait = options.get("jobs", 1), options.get("scheduler"), options.get("wait", WAIT)
     with Store(None, {}) as store, pool(jobs, scheduler, wait=wait, chains=study.chains(store)) as workers:
         result = study.run(store, workers, progress)

@@ -83,7 +83,7 @@ PART_ROWS = 2000
 TABLES: dict[str, tuple[str, Columns]] = {
     "sweep": (
         "`vibroplat sweep`: one row per point.",
-        {**_KEYS, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **point_columns(["NAME"])},
+        {**_KEYS, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **point_columns()},
     ),
     "bands": (
         "`vibroplat sweep`: bands of synchronization, jumps, liftoffs, the largest amplitude along y, and failed "
@@ -192,7 +192,7 @@ def sweep(scene: Scene, **options: Unpack[Options]) -> Result:
     >>> sweep(scene).sweep["outcome"].tolist()
     ['ok', 'ok', 'ok']
     """
-    return run_study(SweepStudy(scene), **options)
+    return run_study(SweepStudy, scene, **options)
 
 
 class Records(Protocol):
@@ -341,7 +341,7 @@ def sweep_table(planned: Sequence[SweepBranch], store: Records) -> pd.DataFrame:
     CorruptRecordError
         A record is missing or damaged.
     """
-    columns = (*COLUMNS, *SHEET, *point_columns(planned[0].scene.output.points))
+    columns = (*COLUMNS, *SHEET, *point_columns(planned[0].scene.output))
     return pd.concat(_parts(planned, store, columns, lambda record: [record["row"]]), ignore_index=True)
 
 
@@ -359,7 +359,7 @@ def _parts(
 ) -> Iterator[pd.DataFrame]:
     """Yield the rows of all records in parts, at least one, as tables with the swept keys and these columns."""
     key, grid = column_of(planned[0].swept), planned[0].plan.grid
-    meant = {**SWEEP, **DIAGRAM, **point_columns(planned[0].scene.output.points)}
+    meant = {**SWEEP, **DIAGRAM, **point_columns(planned[0].scene.output)}
     rows = (
         {key: value, **branch.grid, "direction": branch.direction, "branch": branch.number, **row}
         for branch in planned

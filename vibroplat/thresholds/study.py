@@ -93,7 +93,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "thresholds": ("`vibroplat find`: one row per threshold.", THRESHOLDS),
     "scan": (
         "`vibroplat find`: one row per evaluated value.",
-        {"…": Column("value of the key, under its dotted name"), **VALUES, **point_columns(["NAME"])},
+        {"…": Column("value of the key, under its dotted name"), **VALUES, **point_columns()},
     ),
 }
 
@@ -186,7 +186,7 @@ class ThresholdStudy(Study):
     def _scan(self, values: Sequence[ScanPoint]) -> pd.DataFrame:
         key, columns = column_of(self.plan.key), _columns(self.scene)
         rows = [{key: value.value, "reason": value.reason, "seed": value.seed, **value.row} for value in values]
-        names = [key, "reason", "seed", *_POINT, *SHEET, *point_columns(self.scene.output.points)]
+        names = [key, "reason", "seed", *_POINT, *SHEET, *point_columns(self.scene.output)]
         return study_table(rows, names, {**columns, **VALUES, SUPPLY: SWEEP[SUPPLY]})
 
     # -- in words ------------------------------------------------------------------------------------------------------
@@ -353,7 +353,7 @@ def interval_text(key: str, start: float, stop: float) -> str:
 
 
 def _columns(scene: Scene) -> Columns:
-    return {**VALUES, **point_columns(scene.output.points)}
+    return {**VALUES, **point_columns(scene.output)}
 
 
 def _required_plan(scene: Scene) -> FindPlan:
@@ -424,4 +424,4 @@ def find(scene: Scene, **options: Unpack[Options]) -> Result:
     >>> find(Scene().replace({"find": plan})).answer.text
     ['drive.supply_frequency_hz = 44.40 Hz: level-crossing; below excitation_frequency_hz = 21.996 Hz; above ...']
     """
-    return run_study(ThresholdStudy(scene), **options)
+    return run_study(ThresholdStudy, scene, **options)

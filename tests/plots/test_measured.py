@@ -1,0 +1,98 @@
+"""Measured data: files as spreadsheets write them, mapped, shifted and compared."""
+
+import os
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from vibroplat.errors import TableError
+from vibroplat.plots.measured import MAX_BYTES, Measured, best_shift, read_data, relative_error
+
+MAPPING = 't=Zeit*0.001,ay_inlet=Beschl_y (g)*10,"y=Weg, y"'
+TEXT = "Zeit;Beschl_y (g);Weg, y\n0;1,5;0,1\n500;−;0,2\n1000;-2,5;0,3\n".replace("−", "")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+@pytest.mark.parametrize("first", ["", "sep=;\r\n"])
+def test_files_of_spreadsheets_are_mapped_to_columns(encoding, first, tmp_path):
+    file = tmp_path / "rig.csv"
+    file.write_bytes((first + TEXT.replace("y (g)", "ü (g)")).encode(encoding))
+    found = read_data(f"{file}:{MAPPING.replace('y (g)', 'ü (g)')},shift=2").select("t_s", ["y_m"], ["x_m"])
+    assert found.table["t_s"].tolist() == [2.0, 2.5, 3.0]
+    assert found.table["y_m"].tolist() == [0.1, 0.2, 0.3]
+    both = read_data(f"{file}:{MAPPING.replace('y (g)', 'ü (g)')}").select("t_s", ["acceleration_y_inlet_m_per_s2"])
+    assert both.table["acceleration_y_inlet_m_per_s2"].dropna().tolist() == [15.0, -25.0]
+
+
+@pytest.mark.parametrize(
+    ("mapping", "line"),
+    [
+        ("t=Zeit,y=Weg y", "y=Weg y: no such column in the file; did you mean Weg, y? allowed: Zeit, Beschl_y (g), "),
+        ("t=Zeit,y=", "'y=' in the mapping; allowed: COLUMN=NAME, COLUMN=NAME*FACTOR"),
+        ("t=Zeit*ms", "t=Zeit*ms; allowed: a number behind the star"),
+        ("t=Zeit,shift=nan", "shift=nan; allowed: a time in s, or fit"),
+        ("t=Zeit,shift=soon", "shift=soon; allowed: a time in s, or fit"),
+    ],
+)
+def test_a_mapping_that_is_none_is_refused(mapping, line, tmp_path):
+    file = tmp_path / "rig.csv"
+    file.write_text(TEXT)
+    with pytest.raises(TableError) as caught:
+        read_data(f"{file}:{mapping}")
+    assert str(caught.value).startswith(f"--data {file}: {line}")
+
+
+def test_what_is_no_small_text_is_refused(tmp_path):
+    """A pipe would never end, a device may not either."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "book.xlsx").write_bytes(b"PK\x03\x04\0\0")
+    (tmp_path / "large.csv").touch()
+    os.truncate(tmp_path / "large.csv", MAX_BYTES + 1)
+    for name, line in (
+        ("pipe", "is no regular file; allowed: a CSV file"),
+        ("/dev/zero", "is no regular file; allowed: a CSV file"),
+        ("book.xlsx", "is no text; allowed: a CSV file, as spreadsheets save it"),
+        ("large.csv", "has 64 MiB; allowed: at most 64 MiB"),
+    ):
+        with pytest.raises(TableError, match=line):
+            read_data(tmp_path / name)
+
+
+TIMES = np.arange(0.0, 2.0, 1e-3)
+
+
+def chirp(t):
+    return np.sin(20.0 * t + 40.0 * t * t)
+
+
+@pytest.mark.parametrize(("begin", "end", "rate"), [(0.4, 1.1, 800.0), (-1.0, 4.0, 3000.0)], ids=["shorter", "longer"])
+def test_the_shift_in_time_is_found_by_correlation(begin, end, rate):
+    """To a part of a sample, whichever is longer, and whatever the clock of the data says and their scale is."""
+    t = np.arange(begin, end, 1.0 / rate)
+    measured = t + 77.0003, 3.0 + 0.1 * chirp(t)
+    assert best_shift(measured, (TIMES, chirp(TIMES))) == pytest.approx(-77.0003, abs=2e-5)
+
+
+def test_of_motion_that_repeats_the_smallest_shift_is_taken():
+    """Of a period of 0.1 s."""
+    t = np.arange(0.5, 1.0, 1e-3)
+    measured, computed = (t, np.sin(20.0 * np.pi * (t + 0.02))), (TIMES, np.sin(20.0 * np.pi * TIMES))
+    assert best_shift(measured, computed) == pytest.approx(0.02, abs=1e-4)
+    with pytest.raises(TableError, match="shift=fit finds nothing to correlate"):
+        best_shift((t, 0.0 * t), computed)
+    with pytest.raises(TableError, match="shift=fit needs values over time"):
+        best_shift((t[:1], t[:1]), computed)
+    with pytest.raises(TableError, match="times span 499000 s; allowed with shift=fit: seconds"):
+        best_shift((1e6 * t, measured[1]), computed)
+
+
+def test_the_error_is_that_of_the_difference_beside_the_measured_values():
+    curve = TIMES, chirp(TIMES)
+    assert relative_error((TIMES[5:50], chirp(TIMES[5:50]) / 0.9), curve) == pytest.approx(0.1, rel=1e-12)
+    assert relative_error((TIMES + 5.0, chirp(TIMES)), curve) is None
+    data = Measured("rig", pd.DataFrame({"t_s": TIMES, "y_m": chirp(TIMES)}), 0.25)
+    data.compare("y_m", "t_s", [(TIMES, 2.0 * chirp(TIMES)), (TIMES, 1.1 * chirp(TIMES))])
+    assert data.lines() == [
+        "rig: y differs by 10 % (RMS of the difference / RMS of the measured values); shifted by 0.2500 s"
+    ]

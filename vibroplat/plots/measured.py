@@ -1,0 +1,324 @@
+"""Measured data that are laid over figures: files as spreadsheets write them, mapped, shifted and compared.
+
+A file is given as ``FILE`` or ``FILE:OURS=THEIRS,…``: columns of results and the names that they have in the file, with
+a factor behind a star where units differ, as ``t=Zeit*0.001``. ``shift=S`` adds S seconds to the times in the file, and
+``shift=fit`` finds the shift at which the data correlate best with a run. Names that hold commas stand in quotation
+marks.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import logging
+import re
+import stat
+import warnings
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from vibroplat.columns import PHASE_COLUMN, display_name
+from vibroplat.config.digits import quantity, share
+from vibroplat.config.schema import MAX_SIZE, did_you_mean
+from vibroplat.errors import TableError
+from vibroplat.plots.timelines import in_units
+from vibroplat.results.labels import is_number, plain
+from vibroplat.results.picture import BLACK
+from vibroplat.system.memory import size_text
+
+_LOG = logging.getLogger("vibroplat")
+
+FloatArray = np.ndarray[Any, np.dtype[np.float64]]
+#: A curve: abscissae in ascending order, and values.
+Curve = tuple[FloatArray, FloatArray]
+
+#: Largest file that is read (bytes).
+MAX_BYTES = 2**26
+#: Most samples of measured data that are correlated.
+MOST_SAMPLES = 2**24
+#: Most measured points that are drawn large.
+MOST_LARGE = 100
+#: Short names of columns; ``ax`` and ``ay`` are accelerations, ``ay_inlet`` that of point ``inlet``.
+SHORT = {"t": "t_s", "x": "x_m", "y": "y_m", "phi": "phi_rad", "gap": "gap_m"}
+_ACCELERATION = re.compile(r"a([xy])(_\w+)?")
+#: Correlation less than the best one by so much is as good: of a motion that repeats, the smallest shift is taken.
+ALIKE = 2e-3
+
+
+@dataclass
+class Measured:
+    """Measured data: the file's name, and a table whose columns are named as in results, in SI units.
+
+    ``shift`` is what is added to their times (s); None until :meth:`fit` has found it. ``errors`` has the relative
+    error of each column that was compared with a curve.
+    """
+
+    name: str
+    table: pd.DataFrame
+    shift: float | None = 0.0
+    errors: dict[str, float] = field(default_factory=dict)
+
+    def fit(self, simulated: pd.DataFrame) -> None:
+        """Find the shift in time, if it is not known, by the column with most values that a trajectory has as well."""
+        if self.shift is None:
+            columns = [column for column in map(str, self.table) if column in simulated and column != "t_s"]
+            measured = [(curve_of(self.table, column), column) for column in columns]
+            curve, column = max(measured, key=lambda of: len(of[0][0]))
+            self.shift = best_shift(curve, curve_of(simulated, column))
+            self.table = self.table.assign(t_s=self.table["t_s"] + self.shift)
+
+    def compare(self, column: str, x: str, curves: Collection[Curve]) -> None:
+        """Note the error of a column beside the nearest of some curves over ``x``."""
+        if {x, column} <= {*self.table.columns} and column not in (x, PHASE_COLUMN):
+            errors = [relative_error(curve_of(self.table, column, x), curve) for curve in curves]
+            if known := [error for error in errors if error is not None]:
+                self.errors[column] = min(known)
+
+    def told(self, column: str) -> str:
+        """Say how much a column differs from what was computed; "" if it was not compared."""
+        return f"differs by {share(self.errors[column])}" if column in self.errors else ""
+
+    def lines(self) -> list[str]:
+        """Say the errors of all columns, and how far the data were shifted."""
+        shift = f"; shifted by {quantity(self.shift, 's', digits=4)}" if self.shift else ""
+        what = "(RMS of the difference / RMS of the measured values)"
+        return [f"{self.name}: {display_name(column)} {self.told(column)} {what}{shift}" for column in self.errors]
+
+    def draw(self, axis: Axes, x: str, column: str, *, inside: bool = False) -> Axes:
+        """Draw a column over another where the data have both, in black diamonds, smaller ones if they are many.
+
+        With ``inside``, what lies beside all that has been drawn is left out.
+        """
+        if {x, column} <= {*self.table.columns}:
+            low, high = axis.dataLim.intervalx if inside else (-np.inf, np.inf)
+            table = self.table[self.table[x].between(low, high)]
+            size, edge = (4.0, 1.0) if len(table) <= MOST_LARGE else (2.0, 0.5)
+            look: dict[str, Any] = {"color": BLACK, "mfc": "white", "ms": size, "mew": edge, "zorder": 5.0, "ls": ""}
+            label = ", ".join(filter(None, (f"measured: {plain(self.name)}", self.told(column))))
+            axis.plot(table[x], in_units(table[column], column), marker="D", label=label, **look)
+        return axis
+
+
+def curve_of(table: pd.DataFrame, column: str, x: str = "t_s") -> Curve:
+    """Return a column over another, where both are known, in ascending order."""
+    known = table[[x, column]].dropna().sort_values(x, kind="stable").to_numpy(dtype=float)
+    return known[:, 0], known[:, 1]
+
+
+def relative_error(measured: Curve, computed: Curve) -> float | None:
+    """Return the RMS of the difference of a curve and measured values divided by the RMS of these; None without two.
+
+    Between its points the curve is straight; what was measured beside it does not count.
+    """
+    (x, values), (places, curve) = measured, computed
+    inside = (x >= places[0]) & (x <= places[-1]) if len(places) else np.zeros(len(x), dtype=bool)
+    square = float(np.square(values[inside]).sum())
+    if inside.sum() < 2 or square == 0.0:
+        return None
+    return float(np.sqrt(np.square(np.interp(x[inside], places, curve) - values[inside]).sum() / square))
+
+
+def best_shift(measured: Curve, computed: Curve) -> float:
+    """Find what to add to the times of a measured curve so that it correlates best with a computed one (s).
+
+    Both are taken at the median distance of the computed samples. The shorter one slides along the longer one, and
+    the coefficient of correlation is that of where both are. The best place is that of the parabola through three.
+
+    Raises
+    ------
+    TableError
+        Nothing to compare, or a curve of one value.
+    """
+    from scipy.signal import correlate  # noqa: PLC0415  (takes half a second, and few figures need it)
+
+    if not len(measured[0]) > 1:
+        raise TableError("--data: shift=fit needs values over time; allowed: shift=S in seconds")
+    step, span = float(np.median(np.diff(np.unique(computed[0])))), float(np.ptp(measured[0]))
+    if span > MOST_SAMPLES * step:
+        raise TableError(f"--data: times span {span:g} s; allowed with shift=fit: seconds, as by t=NAME*0.001")
+    grids = [np.arange(times[0], times[-1] + 1e-9 * step, step) for times, _ in (measured, computed)]
+    sampled = [np.interp(grid, *curve) for grid, curve in zip(grids, (measured, computed), strict=True)]
+    longer_is_measured = len(grids[0]) > len(grids[1])
+    (first, one), (second, other) = sorted(zip(grids, sampled, strict=True), key=lambda of: len(of[0]))
+    start, count, one, other = second[0] - first[0], len(one), one - one.mean(), other - other.mean()
+    products = correlate(other, one, "valid", "fft")
+    sums, squares = (np.concatenate([[0.0], np.cumsum(values)]) for values in (other, other * other))
+    spread = (squares[count:] - squares[:-count]) - (sums[count:] - sums[:-count]) ** 2 / count
+    scale = np.sqrt(np.maximum(spread, 1e-12 * squares[-1]) * float(one @ one))
+    total = np.divide(products, scale, out=np.zeros_like(scale), where=scale > 0.0)
+    if not np.any(total):
+        raise TableError("--data: shift=fit finds nothing to correlate; allowed: shift=S in seconds")
+    shifts = (start + step * np.arange(len(total))) * (-1.0 if longer_is_measured else 1.0)
+    near = np.flatnonzero(total >= total.max() - ALIKE)
+    place = int(near[np.abs(shifts[near]).argmin()])
+    around = range(max(place - 2, 0), min(place + 3, len(total)))  # a plateau has its best within
+    place = max(around, key=lambda k: total[k])
+    if not 0 < place < len(total) - 1:
+        return float(shifts[place])
+    before, here, after = total[place - 1 : place + 2]
+    bend = before - 2.0 * here + after
+    part = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
+    return float(shifts[place] + part * (shifts[place + 1] - shifts[place]))
+
+
+# -- files -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class DataFile:
+    """A file of measured data as it was given: its path, and how its columns are called and scaled.
+
+    ``columns`` has the names in the file and the factors by the names in results; empty if they are the same.
+    """
+
+    path: Path
+    columns: Mapping[str, tuple[str, float]]
+    shift: float | None
+    table: pd.DataFrame
+    chosen: list[Measured] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        """Name the file."""
+        return str(self.path)
+
+    def lines(self) -> list[str]:
+        """Say the errors of all that was compared, each column once."""
+        return [*dict.fromkeys(line for one in self.chosen for line in one.lines())]
+
+    def select(self, x: str, columns: Collection[str], others: Collection[str] = ()) -> Measured:
+        """Return the data of these columns over ``x``.
+
+        Columns that no figure shows are named in a line, but for ``others``, which further figures would use.
+
+        Raises
+        ------
+        TableError
+            There is no abscissa, nothing to draw, or there are no numbers.
+        """
+        table = self.table
+        if self.columns:
+            table = pd.DataFrame({ours: table[theirs] for ours, (theirs, _) in self.columns.items()})
+        for wanted, what in (([x], "of the horizontal axis"), (columns, "that a figure shows")):
+            if not {*wanted} & {*table.columns}:
+                held, allowed = ", ".join(map(str, table.columns)), ", ".join(wanted)
+                raise TableError(f"--data {self}: no column {what} in {held}; allowed: {allowed}")
+        if self.shift != 0.0 and x != "t_s":
+            raise TableError(f"--data {self}: shift is of data over time; allowed: with a run")
+        known = {x, *columns}
+        found = {}
+        for column in [column for column in table if column in known]:
+            numbers = pd.to_numeric(table[column], errors="coerce").astype(float)  # 1e19 in full digits is an object
+            if wrong := table[column][~(numbers.abs() <= MAX_SIZE)].dropna().tolist():
+                name = self.columns[column][0] if column in self.columns else column
+                allowed = f"numbers such as 0.5 up to {MAX_SIZE:g}, or nothing"
+                raise TableError(f"--data {self}: column {name} holds {wrong[0]!r}; allowed: {allowed}")
+            found[column] = numbers * self.columns.get(column, ("", 1.0))[1]
+        if x == "t_s":
+            found[x] = found[x] + (self.shift or 0.0)
+        if left := [str(column) for column in table.columns if column not in known | {*others}]:
+            _LOG.warning("--data %s: not drawn: %s", self, ", ".join(left))
+        self.chosen.append(Measured(self.path.name, table.assign(**found), self.shift))
+        return self.chosen[-1]
+
+
+def read_data(given: str | Path) -> DataFile:
+    """Read a file of measured data, with its mapping if there is one.
+
+    Raises
+    ------
+    TableError
+        The file cannot be read, or the mapping is not one.
+    """
+    file, _, mapping = str(given).rpartition(":")
+    if "=" not in mapping or Path(given).exists():
+        file, mapping = str(given), ""
+    path = Path(file)
+    try:
+        table = _read_csv(_text(path))
+    except TableError:
+        raise
+    except FileNotFoundError:
+        raise TableError(f"--data {path}: there is no such file") from None
+    except pd.errors.ParserWarning:
+        allowed = "names of all columns first, and decimal points, or ; between columns"
+        raise TableError(f"--data {path}: rows have more values than the first line; allowed: {allowed}") from None
+    except Exception as error:  # pandas raises many kinds on damaged files
+        raise TableError(f"--data {path} cannot be read: {' '.join(str(error).split())}") from None
+    table.columns = table.columns.map(str)
+    columns, shift = _mapping(path, mapping, [*table.columns])
+    return DataFile(path, columns, shift, table)
+
+
+def _mapping(path: Path, told: str, known: list[str]) -> tuple[dict[str, tuple[str, float]], float | None]:
+    """Return names in the file and factors by names in results, and the shift in time; raises TableError."""
+    columns: dict[str, tuple[str, float]] = {}
+    shift: float | None = 0.0
+    for entry in next(csv.reader([told]), []):
+        ours, _, theirs = (part.strip() for part in entry.partition("="))
+        name, _, factor = theirs.rpartition("*") if theirs not in known else (theirs, "", "1")
+        if not theirs:
+            raise TableError(f"--data {path}: {entry!r} in the mapping; allowed: COLUMN=NAME, COLUMN=NAME*FACTOR")
+        try:
+            if ours == "shift":
+                shift = None if theirs == "fit" else _number(theirs)
+                continue
+            scale = _number(factor) if name else 1.0
+        except ValueError:
+            allowed = "a time in s, or fit" if ours == "shift" else "a number behind the star"
+            raise TableError(f"--data {path}: {entry}; allowed: {allowed}") from None
+        if (name := name or theirs).strip() not in known:
+            allowed = f"{did_you_mean(name, known)}allowed: {', '.join(known)}"
+            raise TableError(f"--data {path}: {ours}={name}: no such column in the file; {allowed}")
+        if found := _ACCELERATION.fullmatch(ours):
+            ours = f"acceleration_{found[1]}{found[2] or ''}_m_per_s2"
+        columns[SHORT.get(ours, ours)] = name.strip(), scale
+    return columns, shift
+
+
+def _number(text: str) -> float:
+    """Return a finite number; raises ValueError."""
+    if not abs(value := float(text)) <= MAX_SIZE:
+        raise ValueError
+    return value
+
+
+def _text(path: Path) -> str:
+    """Read the text of a regular file: UTF-8 or UTF-16 with a mark at its beginning, UTF-8, or else Windows' 1252."""
+    state = path.stat()
+    if not stat.S_ISREG(state.st_mode):
+        raise TableError(f"--data {path} is no regular file; allowed: a CSV file")
+    if state.st_size > MAX_BYTES:
+        raise TableError(f"--data {path} has {size_text(state.st_size)}; allowed: at most {size_text(MAX_BYTES)}")
+    data = path.read_bytes()
+    try:
+        text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("cp1252", errors="replace")
+    if "\0" in text:
+        raise TableError(f"--data {path} is no text; allowed: a CSV file, as spreadsheets save it")
+    return text
+
+
+def _read_csv(text: str) -> pd.DataFrame:
+    """Read CSV: columns between commas, or as the first line has them ; or tabs, and then also decimal commas.
+
+    A first line ``sep=;`` says so alone. A row with too many values is a ParserWarning: it has decimal commas, or lines
+    are not what they seem.
+    """
+    text = re.sub(r"\Asep=.\r?\n", "", text)
+    head = text.partition("\n")[0]
+    separator = next((sign for sign in (";", "\t") if sign in head), ",")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", pd.errors.ParserWarning)
+        look: dict[str, Any] = {"index_col": False, "skipinitialspace": True}
+        signs = ".," if separator != "," else "."
+        tables: list[pd.DataFrame] = [
+            pd.read_csv(io.StringIO(text), sep=separator, decimal=sign, **look) for sign in signs
+        ]
+    return max(tables, key=lambda table: sum(is_number(table[column]) for column in table))
