@@ -20,6 +20,8 @@ OPTIONS = ()
 MOST = 4
 #: Share of starts from which on an area is named, and starts among which its middle is looked for, at most.
 LARGE, STARTS = 0.05, 800
+#: Share that is none, and the range of starts that is seen, over their size.
+ROUNDING, SEEN = 1e-9, 1e-3
 
 
 def pictures(results: Sequence[Result], _: Sequence[str] = ()) -> list[picture.Picture]:
@@ -31,7 +33,7 @@ def _pictures(result: Result) -> list[picture.Picture]:
     plan = result.given("basins")
     keys = [column_of(plan["over"]["key"])] if plan.get("over") else []
     numbers = (*keys, "count", "fraction", "fraction_low", "fraction_high", "rms_x_m", "rms_y_m")
-    attractors = result.columns("attractors", ("attractor", "motion", "outcome"), numbers)
+    attractors = picture.finite(result.columns("attractors", ("attractor", "motion", "outcome"), numbers))
     starts = result.columns("starts", ("attractor",), (*keys, *plan["initial_conditions"], "turns"))
     owned = dict(zip(_named(attractors, keys), range(len(attractors)), strict=True))
     orbits = picture.Orbits(attractors, owner=[owned.get(name) for name in _named(starts, keys)])
@@ -61,7 +63,7 @@ def _title(attractors: pd.DataFrame, count: int) -> str:
     told = []
     for _, row in best.iterrows():
         name = str(row["attractor"]).removesuffix(", period 1")
-        share, low, high = (100.0 * float(row[f"fraction{end}"]) for end in ("", "_low", "_high"))
+        share, low, high = (100.0 * np.clip(row[f"fraction{end}"], 0.0, 1.0) for end in ("", "_low", "_high"))
         known = digits.spread(share, 0.5 * (high - low), "%") if 0.0 < share < 100.0 else f"100 % (≥ {low:.0f} %)"
         told.append(f"{name} {known}")
     more = f", {len(attractors) - MOST} more" if len(attractors) > MOST else ""
@@ -73,13 +75,13 @@ def _words(starts: pd.DataFrame, attractors: pd.DataFrame, x: str, y: str) -> li
     """Name each large area of starts where it is widest: farthest from starts of other attractors and from the edge."""
     known = starts.dropna(subset=[x, y])
     spans = known[[x, y]].max() - known[[x, y]].min()
-    if known.empty or not (spans > 0.0).all():
+    if known.empty or not (spans > SEEN * known[[x, y]].abs().max()).all():
         return []
     few = known.iloc[:: -(-len(known) // STARTS)]
     places = ((few[[x, y]] - known[[x, y]].min()) / spans).to_numpy()
     edges = np.minimum(places, 1.0 - places).min(axis=1)
     found = []
-    for _, row in attractors[attractors["fraction"] > LARGE].iterrows():
+    for _, row in attractors[attractors["fraction"].between(LARGE, 1.0)].iterrows():
         own = (few["attractor"] == row["attractor"]).to_numpy(dtype=bool)
         if not own.any():
             continue
@@ -108,7 +110,8 @@ def _starts(
     """
     colours, ranges = picture.attractor_colours(attractors["attractor"]), plan["initial_conditions"]
     classes = {name: (colour, name) for name, colour in colours.items()}
-    _, *others = ranges
+    axes = content.axes_of(starts, ranges)
+    others = [name for name in ranges if name not in axes[:1]]
     kind: Any = "tiles" if len(ranges) == 2 and all(len(ends) == 3 for ends in ranges.values()) else "points"
     by: dict[str, Any] = {"by": "attractor", "classes": classes}
     panels = [picture.Panel(name, kind=kind if name == others[0] else "points", **by) for name in others]
@@ -135,8 +138,8 @@ def _starts(
         table_name="starts",
         special=None if keys else attractors,
         special_name="attractors",
-        axes=content.axes_of(starts, ranges),
-        words=[] if keys or len(others) != 1 else _words(starts, attractors, *ranges),
+        axes=axes,
+        words=[] if keys or len(others) != 1 else _words(starts, attractors, axes[0], others[0]),
         panels=panels,
         series=[picture.Series("", rows.index.to_numpy(), mode="dots") for rows in groups],
         facets=facets,
@@ -153,7 +156,8 @@ def _starts(
 def _shares(result: Result, plan: Any, key: str, attractors: pd.DataFrame) -> picture.Picture:
     """Return the shares of attractors over a key, and their motions."""
     colours, turns = picture.attractor_colours(attractors["attractor"]), f"within {plan['max_turns']} turns"
-    panels, left = content.measures(attractors)
+    shared = attractors["attractor"][attractors["fraction"] > ROUNDING].nunique() > 1
+    panels, left = content.measures(attractors, stripped=not shared)
     box = ", ".join([*(_range(*one) for one in plan["initial_conditions"].items()), turns])
     return picture.Picture(
         name="basins",
@@ -163,7 +167,7 @@ def _shares(result: Result, plan: Any, key: str, attractors: pd.DataFrame) -> pi
         table_name="attractors",
         axes=content.axes_of(attractors, [key]),
         panels=[
-            picture.Panel("fraction", kind="stack", least=1.0, label="share of the starts"),
+            *([picture.Panel("fraction", kind="stack", least=1.0, label="share of the starts")] if shared else []),
             *panels,
         ],
         series=[
@@ -184,7 +188,7 @@ def _shares_title(attractors: pd.DataFrame, key: str) -> str:
     values = np.unique(attractors[key])
     told = []
     for name, rows in attractors.groupby("attractor", sort=False):
-        shares = rows.set_index(key)["fraction"].reindex(values).fillna(0.0)
+        shares = rows.groupby(key)["fraction"].first().reindex(values).fillna(0.0)
         low, high = digits.share(float(shares.min())), digits.share(float(shares.max()))
         told.append(f"{str(name).removesuffix(', period 1')} {low if low == high else f'{low} … {high}'}")
     more = f", {len(told) - MOST} more" if len(told) > MOST else ""

@@ -92,7 +92,7 @@ def read(result: Result, x: str | None = None) -> Branches:
     special = result.columns("special", ("kind",), (key, EXCITATION, "branch", "point"))
     points, special = (picture.finite(table).reset_index(drop=True) for table in (points, special))
     grid = list(points.columns[: list(points.columns).index(key)])
-    return Branches([result], [result.name], points, key, grid, x or abscissa(key), {}, special, second)
+    return Branches([result], [result.name], points, key, grid, x or abscissa(key), special=special, second=second)
 
 
 # -- titles ------------------------------------------------------------------------------------------------------------
@@ -105,25 +105,28 @@ def _title(found: Branches) -> str:
     count = f"{len(found.branches)} branch{'es' if len(found.branches) > 1 else ''}"
     first = f"No stable orbit on {count}"
     if len(stable):
-        best = stable.loc[stable["rms_y_m"].astype(float).idxmax()]
+        best = stable.sort_values("rms_y_m").iloc[-1]
         largest = digits.quantity(float(best["rms_y_m"]), "m")
         first = f"Stable up to RMS y {largest} at {titles.place(found.x, [best[found.x]])}, on {count}"
-    kinds = found.special["kind"].value_counts() if len(found.special) else {}
-    return "; ".join([first, ", ".join(f"{number} × {kind}" for kind, number in kinds.items())][: 1 + bool(len(kinds))])
+    counted = found.special["kind"].value_counts()
+    told = ", ".join(f"{number}\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}{kind}" for kind, number in counted.items())
+    return f"{first}; {told}" if told else first
 
 
 def _stability(found: Branches) -> str:
     """Say how many orbits are unstable, and how large the largest multiplier is."""
     table = found.table
-    size = np.hypot(table["multiplier_1_re"].astype(float), table["multiplier_1_im"].astype(float))
+    real, imaginary = (table[f"multiplier_1_{part}"].to_numpy(dtype=float, na_value=np.nan) for part in ("re", "im"))
+    sizes = np.hypot(real, imaginary)
     unstable = int((~table["stable"].astype(bool)).sum())
-    largest = digits.number(float(size.max())) if size.notna().any() else digits.MISSING
+    largest = digits.number(float(np.nanmax(sizes))) if np.isfinite(sizes).any() else digits.MISSING
     return f"{unstable} of {len(table)} orbits unstable; largest |multiplier| {largest}"
 
 
 def _limits(table: pd.DataFrame, found: Branches) -> str:
     """Say over which values of the first key boundaries of each kind lie."""
-    told = [f"{kind} at {titles.place(found.key, rows[found.key])}" for kind, rows in table.groupby("kind", sort=False)]
+    over = found.x if found.x in table else found.key
+    told = [f"{kind} at {titles.place(over, rows[over])}" for kind, rows in table.groupby("kind", sort=False)]
     more = f", {len(told) - titles.MOST} more kinds" if len(told) > titles.MOST else ""
     sentence = f"{', '.join(told[: titles.MOST])}{more}" if told else "No boundaries"
     return sentence[:1].upper() + sentence[1:]

@@ -172,7 +172,8 @@ def _within(plan: DesignPlan, table: pd.DataFrame, shown: Sequence[str]) -> str:
         parts.append(f"{int(kept.sum())} of {len(table)} samples keep {words}")
     for name in [name for name in shown if name not in plan.constraints or not parts][:2]:
         values = table[name].dropna().astype(float)
-        ends = digits.interval(*np.percentile(values, (5.0, 95.0)), unit_of(name))
+        low, high = np.percentile(values, (5.0, 95.0))
+        ends = digits.interval(float(low), float(high), unit_of(name))
         parts.append(f"{display_name(name)} {ends} in 90 %")
     told = "; ".join(parts) or f"No measure varies among {len(table)} samples"
     return told[:1].upper() + told[1:]
@@ -234,7 +235,7 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
             for name in plan.constraints
         ],
         states=np.array(states, dtype=int),
-        meanings=(KEEPS, "violates a bound", "", "bound that nothing keeps"),
+        meanings=("", "", "", "bound that nothing keeps"),
         told=_told(result, plan, left),
         meaning="Filled: all bounds are kept, open: they are not.",
         orbits=picture.Orbits(everything, range(len(table), len(everything)), words="Orbit of this design."),
@@ -243,7 +244,10 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
 
 def _reasons(plan: DesignPlan, table: pd.DataFrame) -> pd.Series:
     """Say of each evaluation that it keeps all bounds, or the first one that it violates."""
-    found = pd.Series("only as drawn, not at the ends of tolerances", table.index)
+    drawn = "only as drawn, not at the ends of tolerances" if plan.parameter_tolerances else "not feasible"
+    found = pd.Series(drawn, table.index)
+    if "stability_margin" in table:
+        found = found.mask(table["stability_margin"].astype(float) <= 0.0, "unstable")
     for name in reversed(plan.constraints):
         found = found.where(_keeps(plan, table, name), f"violates {bound_of(plan, name)}")
     return found.mask(table["feasible"].astype(bool), KEEPS)
@@ -267,7 +271,9 @@ def _measures(table: pd.DataFrame, aims: Sequence[str]) -> tuple[list[picture.Pa
     """Return the panels of all that was looked at, first of what was asked about, and what is told instead."""
     if table.empty:
         return [picture.Panel(aims[0], title="every start lost the orbit")], ""
-    others = [str(name) for name in table if name not in {"start", "objective", "period", "feasible", "best"}]
+    others = [
+        str(name) for name in table if name not in {"start", "objective", "violation", "period", "feasible", "best"}
+    ]
     scales: Mapping[bool, Any] = {True: "log", False: "linear"}
     shown, left = content.measures(table, [*aims, *others])
     return [replace(panel, scale=scales[_wide(table, panel.column)]) for panel in shown], left

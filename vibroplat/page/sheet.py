@@ -156,7 +156,7 @@ class Sheet:
             upright._replace(now=spread(-mean, around, "N")),
             self._row("x", "foundation_force_x_max_n", "N", largest=largest, sign="± "),
             self._row("moment", "foundation_moment_max_n_m", "N·m", largest=turning, sign="± "),
-            *(self._spring(name) for name in getattr(self.scene.output, "springs", {})),
+            *(self._spring(name) for name in self.scene.output.springs),
             Row("static sag", told(s.get("static_sag_m"), "m")),
         ]
 

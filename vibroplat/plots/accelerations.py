@@ -77,7 +77,7 @@ def draw_accelerations(runs: Sequence[Run], names: Sequence[str], data: Measured
         largest = max(float(run.shown[column].abs().max()) for run, column, _ in of)
         axis.set_ylabel(f"acceleration along {along} (m/s²)")
         axis.set_title(f"up to {quantity(largest, 'm/s²')}", loc="left")
-    axes[-1].set_xlabel("$t$ (s)")
+    axes[-1].set_xlabel("time (s)")
     return figure
 
 
@@ -144,5 +144,5 @@ def draw_measured(runs: Sequence[Run], names: Sequence[str], data: Measured | No
         if column == "y_m" and all(run.from_rest for run in runs):
             axis.set_ylabel(FROM_REST)
     shifted = f"; measured data shifted by {quantity(data.shift, 's', digits=4)}" if data.shift else ""
-    axes[-1, 0].set_xlabel(f"$t$ (s){shifted}")
+    axes[-1, 0].set_xlabel(f"time (s){shifted}")
     return figure

@@ -76,6 +76,8 @@ def draw_study(
     command: str, results: Sequence[Result], kinds: Sequence[str] = (), *, data: DataFile | None = None, **options: Any
 ) -> Iterator[tuple[str, Figure]]:
     """Draw the pictures of results of one kind of study; yield the name and the figure of each."""
+    if data is not None:
+        options |= {"kept": [*map(str, data.columns or data.table)]}
     for picture in KINDS[command].pictures.pictures(results, kinds, **options):
         if "print" in picture.places:
             x = picture.axes[0] if options.get("x") is None else ABSCISSAE[options["x"]]

@@ -38,6 +38,7 @@ def label_of(column: str) -> str:
 def cells_of(picture: Picture, x: str) -> tuple[Figure, Axes | None, list[Cell]]:
     """Return a figure, the axis of its strips and its panels."""
     panels = [panel for panel in picture.panels if panel.column != x or panel.kind == "ranks"]
+    panels = panels or ([*picture.panels[:1]] if picture.strips is None else [])
     facets = picture.facets or (Facet("", range(len(picture.series))),)
     label = key_label(x) if x in (EXCITATION, SUPPLY) or "." in x or picture.facets else label_of(x)
     kinds = {panel.kind for panel in panels}
@@ -49,11 +50,12 @@ def cells_of(picture: Picture, x: str) -> tuple[Figure, Axes | None, list[Cell]]
     rows, each = -(-len(panels) // (1 + two)), 4.0 if len(panels) == 1 else 2.6 if picture.high else 1.75
     figure, axes, strip = below_strips(rows, 1 + two, (11.0 if two else 8.0, 1.5 + each * rows), height_of(picture))
     grid = list(axes.T.ravel())
-    for axis in grid[len(panels) :]:
-        axis.set_axis_off()
+    if len(panels) % 2 and two:  # on top, so that all columns end alike
+        empty = grid.pop(rows)
+        empty.set_axis_off()
     if strip is not None and two:
         strip.tick_params(labelbottom=True)
-    for axis in [grid[rows - 1], grid[len(panels) - 1]] if panels else [strip]:
+    for axis in [*{grid[rows - 1], grid[-1]}] if panels else [strip]:
         axis.set_xlabel(label)
         axis.tick_params(labelbottom=True)
     return figure, strip, [Cell(axis, panel, *facets[0][1:]) for axis, panel in zip(grid, panels, strict=False)]

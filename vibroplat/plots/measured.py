@@ -84,6 +84,10 @@ class Measured:
         """Say how much a column differs from what was computed; "" if it was not compared."""
         return f"differs by {share(self.errors[column])}" if column in self.errors else ""
 
+    def differences(self) -> list[str]:
+        """Say how much each column differs from what was computed."""
+        return [f"{display_name(column)} {self.told(column)}" for column in self.errors]
+
     def lines(self) -> list[str]:
         """Say the errors of all columns, and how far the data were shifted."""
         shift = f"; shifted by {quantity(self.shift, 's', digits=4)}" if self.shift else ""

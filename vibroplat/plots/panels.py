@@ -70,9 +70,13 @@ def draw_map(
     Axes
         The same axis.
     """
-    grid = table.assign(value=values).pivot_table(
-        index=key, columns=x, values="value", aggfunc="first", dropna=False, sort=True
+    grid = (
+        table.assign(value=values)
+        .dropna(subset=[key, x])
+        .pivot_table(index=key, columns=x, values="value", aggfunc="first", dropna=False, sort=True)
     )
+    if grid.empty:
+        return axis
     found = grid.to_numpy(dtype=float)
     rows, edges = np.arange(len(grid.index)), halfway(grid.columns.to_numpy(dtype=float))
     corners = edges, np.arange(len(rows) + 1) - 0.5
@@ -148,10 +152,10 @@ def _over_tiles(axis: Axes, panel: Panel, table: pd.DataFrame, x: str) -> None:
         if values.count():
             axis.pcolor(*corners, values, cmap=ListedColormap(["#ffffff00"]), hatch=hatch, lw=0.0)
     if panel.contours and min(len(across), len(rows)) > 1:
-        values = table.pivot_table(values=panel.contours.column, **look).to_numpy(dtype=float)
+        heights = table.pivot_table(values=panel.contours.column, **look).to_numpy(dtype=float)
         levels = panel.contours.levels
         dashes = [dash for dash, _ in levels.values()]
-        axis.contour(across, rows, values, [*levels], colors="k", linewidths=0.9, linestyles=dashes)
+        axis.contour(across, rows, heights, [*levels], colors="k", linewidths=0.9, linestyles=dashes)
 
 
 def _bars(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Series]) -> None:
@@ -170,7 +174,7 @@ def _stack(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[S
     points, below = picture.points, pd.Series(0.0, np.unique(picture.points[x]))
     values = below.index.to_numpy(float)
     for series in shown:
-        own = points.iloc[series.places].set_index(x).reindex(values)
+        own = points.iloc[series.places].drop_duplicates(x).set_index(x).reindex(values)
         share, low, high = (own[f"{panel.column}{end}"].astype(float) for end in ("", "_low", "_high"))
         top = below + share.fillna(0.0)
         if len(values) > 1:

@@ -20,7 +20,7 @@ from vibroplat.columns import PHASE_COLUMN, QUANTITIES, quantity_of
 from vibroplat.plots.layout import cells_of
 from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.panels import DRAWERS, HATCH, coloured, ended, placed_by_size, size_at, tick_sizes
-from vibroplat.plots.strips import draw_jumps, draw_strips, draw_words, entries_of, jump_entry
+from vibroplat.plots.strips import PALE, draw_jumps, draw_strips, draw_words, entries_of, jump_entry
 from vibroplat.plots.style import TOLD, begin_at_zero, entry, few, head, in_decades, legend_below, widen_ticks
 from vibroplat.plots.timelines import in_units, name_axis, tell_shaking
 from vibroplat.results.content import motions_of
@@ -48,6 +48,8 @@ if TYPE_CHECKING:
 #: Fillings of markers by the state of a point.
 _FILLINGS = dict(zip(STATES, ("full", "none", "bottom", "none"), strict=True))
 _CROSS: Mapping[str, Any] = {"marker": "x", "ls": "", "color": FAILED, "ms": 5.0, "mew": 1.4}
+#: Most entries of a legend in the place of a panel that is left empty.
+MOST_WITHIN = 11
 #: Opacity of intervals that are shaded.
 _SHADE = 0.15
 
@@ -170,7 +172,7 @@ def draw_section(
 def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) -> Figure:
     """Draw a picture over the first of its axes, or another column, with measured data laid over it."""
     x = x or picture.axes[0]
-    picture = _in_units(picture, x)
+    computed, picture = picture.points, _in_units(picture, x)
     figure, strip, cells = cells_of(picture, x)
     if strip is not None:
         draw_strips(strip, picture, x)
@@ -179,8 +181,8 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
         shown, behind = ([prepared[n] for n in own if _within(picture.series[n], panel)] for own in numbers)
         _panel(axis, picture, panel, x, shown, behind)
         if data is not None:
-            places = [np.asarray(picture.series[n].rows) for n in numbers[0]]
-            curves = [curve_of(picture.points.iloc[rows[rows != BROKEN]], panel.column, x) for rows in places]
+            places = [picture.series[n].places for n in numbers[0]]
+            curves = [curve_of(computed.iloc[rows[rows != BROKEN]], panel.column, x) for rows in places]
             data.compare(panel.column, x, curves)
             data.draw(axis, x, panel.column)
             _limit(axis, panel, picture.points)
@@ -198,7 +200,12 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
         bar = figure.colorbar(ScalarMappable(norm, dark), ax=figure.axes, aspect=50, pad=0.01)
         bar.set_label(key_label(picture.scale))
     measured = [line for axis in figure.axes for line in axis.get_legend_handles_labels()[0]][:1]
-    legend_below(figure, [*legend_of(picture), *(measured if data is not None else [])])
+    entries = [*legend_of(picture), *(measured if data is not None else [])]
+    empty = next((axis for axis in figure.axes if not axis.axison), None)
+    if empty is not None and len(cells) > 1 and len(entries) <= MOST_WITHIN:
+        empty.legend(handles=entries, loc="center", fontsize=8.0)
+    else:
+        legend_below(figure, entries)
     return figure
 
 
@@ -232,6 +239,8 @@ def _panel(axis: Axes, picture: Picture, panel: Panel, x: str, shown: list[_Draw
     _limit(axis, panel, points)
     if panel.column == PHASE_COLUMN and kind != "ranks":
         tell_shaking(axis, picture.rotation)
+    if kind in ("points", "dots", "tiles") and not picture.log(x):
+        widen_ticks(axis, "x")
     draw_words(axis, picture, panel.column, x)
     if panel.note:
         axis.set_title(panel.note, loc="right", fontsize=8.0, color=TOLD)
@@ -254,7 +263,7 @@ def _curves(axis: Axes, picture: Picture, panel: Panel, x: str, shown: list[_Dra
         _draw(axis, one, y, wraps=panel.column == PHASE_COLUMN)
     draw_jumps(axis, picture, panel.column, x)
     for mark in picture.marks:
-        places, size = picture.points[x].iloc[[*mark.rows]], 11.0 if mark.colour else 5.0
+        places, size = picture.points[x].iloc[[*mark.rows]], 8.0 if mark.colour else 3.6
         axis.plot(places, y[mark.rows], zorder=4.0, **_marked(mark) | {"ms": size})
     axis.autoscale_view()
 
@@ -262,7 +271,7 @@ def _curves(axis: Axes, picture: Picture, panel: Panel, x: str, shown: list[_Dra
 def _marked(mark: Mark) -> dict[str, Any]:
     """Return the look of special points."""
     edge, filling = mark.colour or BLACK, mark.colour or "white"
-    return {"marker": mark.symbol, "ls": "", "mfc": filling, "mec": edge, "mew": 1.1, "ms": 6.0}
+    return {"marker": mark.symbol, "ls": "", "mfc": filling, "mec": edge, "mew": 0.8, "ms": 5.0}
 
 
 def _name(axis: Axes, panel: Panel) -> None:
@@ -329,7 +338,9 @@ def legend_of(picture: Picture) -> list[Any]:
         if panel.kind == "tiles" and (_states(picture) == STATES.index("failed")).any():
             entries.append(Patch(facecolor="white", edgecolor="black", hatch=HATCH, lw=0.3, label="failed"))
         entries += [
-            Patch(color=colour, label=label) for name, (colour, label) in panel.classes.items() if (known == name).any()
+            Patch(facecolor=colour, alpha=PALE if panel.kind == "tiles" else 1.0, label=label)
+            for name, (colour, label) in panel.classes.items()
+            if (known == name).any()
         ]
         entries += [Patch(fc="white", ec="black", hatch=hatch, lw=0.3, label=t) for hatch, t in panel.hatches.items()]
         for dash, told in panel.contours.levels.values() if panel.contours else ():
@@ -367,7 +378,8 @@ def _looks(picture: Picture) -> Iterator[Line2D]:
     for name in found if found != ["full"] else ():
         look = {"marker": "o", "ls": "", "color": BLACK, "ms": 6.0, "mew": 0.7, "markerfacecoloralt": "white"}
         look = dict(_CROSS) if name == "failed" else look | {"fillstyle": _FILLINGS[name]}
-        yield entry(picture.meanings[STATES.index(name)], **look)
+        if meaning := picture.meanings[STATES.index(name)]:
+            yield entry(meaning, **look)
 
 
 def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:

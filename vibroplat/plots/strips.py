@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: Height of a strip, of one that is a bar without panels below, and of what is around them (inch).
-STRIP, BAR, AROUND = 0.17, 0.36, 0.3
+STRIP, BAR, AROUND = 0.17, 0.36, 0.4
 #: Opacity of strips, and the share of an axis that a letter takes.
 PALE, LETTER = 0.75, 0.011
 
@@ -26,7 +26,7 @@ def height_of(picture: Picture) -> float:
     """Return the height of the strips of a picture (inch)."""
     if picture.strips is None:
         return 0.0
-    return AROUND + (STRIP if picture.panels else BAR) * len(picture.strips.rows)
+    return AROUND + (STRIP if picture.panels else BAR) * max(len(picture.strips.rows), 2)
 
 
 def draw_strips(axis: Axes, picture: Picture, x: str) -> None:
@@ -102,10 +102,11 @@ def draw_words(axis: Axes, picture: Picture, column: str, x: str) -> None:
     for word in picture.words:
         if word.column != column or x != picture.axes[0]:
             continue
-        place = [float(in_units(value, name)) for value, name in ((word.x, x), (word.y, column))]
-        place[1] = place[1] if levels is None else float(np.interp(place[1], levels, np.arange(len(levels))))
+        at, height = (float(in_units(value, name)) for value, name in ((word.x, x), (word.y, column)))
+        if levels is not None:
+            height = float(np.interp(height, levels, np.arange(len(levels))))
         look: dict[str, Any] = {"fc": "white", "ec": "none", "pad": 1.5, "alpha": 0.75}
-        axis.text(*place, word.text, ha="center", va="center", fontsize=8.5, color=word.colour, bbox=look)
+        axis.text(at, height, word.text, ha="center", va="center", fontsize=8.5, color=word.colour, bbox=look)
 
 
 def jump_entry(picture: Picture) -> list[Any]:

@@ -68,15 +68,20 @@ def content_of(table: pd.DataFrame, columns: Iterable[str], *, stripped: bool = 
 
 
 def measures(
-    table: pd.DataFrame, columns: Iterable[str] = DRAWN, asked: Sequence[str] = (), *, stripped: bool = False
+    table: pd.DataFrame,
+    columns: Iterable[str] = DRAWN,
+    asked: Sequence[str] = (),
+    *,
+    kept: Collection[str] = (),
+    stripped: bool = False,
 ) -> tuple[list[Panel], str]:
     """Return the panels of columns that have content, at least one, or of those that are asked for, and what is left.
 
-    What is small is drawn small.
+    Those that are ``kept`` have one in any case. What is small is drawn small.
     """
     columns = [*dict.fromkeys(asked or columns)]
     told = content_of(table, columns, stripped=stripped)
-    shown = [*asked] or [name for name, text in told.items() if not text] or [*told][:1] or columns[:1]
+    shown = [*asked] or [name for name, text in told.items() if not text or name in kept] or [*told][:1] or columns[:1]
     moved = max((float(table[name].abs().max()) for name in table if str(name).startswith("rms_")), default=0.0)
     ends = dict.fromkeys(("gap_max_m", "contact_force_max_n"), 0.0) | {"flight_fraction": 1.0}
     ends |= {name: LEAST_RANGE * np.nan_to_num(moved) for name in columns if name.startswith("rms")}

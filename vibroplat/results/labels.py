@@ -89,6 +89,8 @@ def in_ratios(values: Any) -> bool:
 
 def halfway(values: Any) -> Any:
     """Return the edges of tiles around ascending values: half way, of values in equal ratios by their logarithms."""
+    if not len(values):
+        return np.asarray(values, dtype=float)
     if in_ratios(values):
         return np.exp(halfway(np.log(values)))
     half = 0.5 * np.diff(values) if len(values) > 1 else 0.01 * np.abs(values) + 1e-9

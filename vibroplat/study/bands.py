@@ -123,7 +123,7 @@ def _isolated(change: FloatArray, steps: FloatArray) -> Flags:
     for beside in (slice(None, -2), slice(2, None)):
         with np.errstate(divide="ignore", invalid="ignore"):
             farther = np.maximum(steps[1:-1] / steps[beside], 1.0)
-        alone[1:-1] &= (change[1:-1] > ISOLATION * farther * change[beside]) & (farther <= ISOLATION)
+            alone[1:-1] &= (change[1:-1] > ISOLATION * farther * change[beside]) & (farther <= ISOLATION)
     return alone
 
 

@@ -65,10 +65,10 @@ def branch_series(rows: pd.DataFrame, label: str = "", colour: str = picture.BLU
     return picture.Series(label, places, f"{key_name(key_of(rows))} {direction}", colour, "lines", **look)
 
 
-def marked_series(rows: pd.DataFrame, colour: str, marked: Any, size: float = 0.8) -> Iterator[picture.Series]:
+def marked_series(rows: pd.DataFrame, colour: str, marked: Any, size: float = 1.0) -> Iterator[picture.Series]:
     """Yield points that are marked on a line, if there are any."""
     if marked.any():
-        yield picture.Series("", rows.index[marked].to_numpy(), "", colour, "markers", size=size)
+        yield picture.Series("", rows.index[marked].to_numpy(), "", colour, "markers", size=0.7 * size)
 
 
 def curves_of(sweeps: Sweeps, columns: Sequence[str], colours: Mapping[str, str], *, told: bool) -> Curves:
@@ -218,7 +218,8 @@ def sync_classes(rotation: str) -> dict[str, tuple[str, str]]:
 def hatches_of(rows: pd.DataFrame) -> list[str]:
     """Return the hatch of each point: of a motion that does not repeat, or after several turns."""
     several = np.where(rows["period"].to_numpy(dtype=float, na_value=np.nan) > 1.0, SEVERAL, "")
-    return np.where(failed_of(rows), "", np.where(open_of(rows), APERIODIC, several)).tolist()
+    found = np.where(failed_of(rows), "", np.where(open_of(rows), APERIODIC, several))
+    return [str(hatch) for hatch in found]
 
 
 def strips_of(sweeps: Sweeps, colours: Mapping[str, str], *, flies: bool = False) -> picture.Strips | None:
@@ -307,5 +308,5 @@ def _size(number: int, count: int) -> float:
     """Return the size of a curve, from large to small: where curves lie on each other, the first ones stand out."""
     if count == 1:
         return 1.0
-    largest = 1.6 if count <= DISTINCT else 1.1
-    return largest - (largest - 0.7) * number / (count - 1)
+    largest = 1.4 if count <= DISTINCT else 1.1
+    return largest - (largest - 0.8) * number / (count - 1)

@@ -142,7 +142,7 @@ def period_kinds(rows: pd.DataFrame) -> list[str]:
     motion = rows["motion"] if "motion" in rows else pd.Series("undecided", rows.index)
     open_ = motion.where(motion.isin([*PERIODS]), "undecided").to_numpy(dtype=object)
     kinds = np.where(period == 1.0, "1", np.where(period > 1.0, "n", open_))
-    return np.where(failed_of(rows) | ~np.isfinite(period), "", kinds).astype(str).tolist()
+    return [str(kind) for kind in np.where(failed_of(rows) | ~np.isfinite(period), "", kinds)]
 
 
 def _with_periods(

@@ -19,13 +19,19 @@ OPTIONS = ("x", "data", "measure")
 
 
 def pictures(
-    results: Sequence[Result], kinds: Sequence[str] = (), *, x: str | None = None, measure: Sequence[str] = ()
+    results: Sequence[Result],
+    kinds: Sequence[str] = (),
+    *,
+    x: str | None = None,
+    measure: Sequence[str] = (),
+    kept: Sequence[str] = (),
 ) -> list[picture.Picture]:
     """Return the pictures of a sweep, or of several laid over each other.
 
     ``response`` shows measures over the key, ``bifurcation`` points of the Poincaré section and impact speeds, ``map``
     synchronization, period and flight over the key and one of the grid, with boundaries of orbits over both in the same
-    directory. Default: response, and the kind of a single sweep.
+    directory. Default: response, and the kind of a single sweep. Columns that are ``kept``, as they were measured, have
+    a panel whatever they say.
 
     Raises
     ------
@@ -40,7 +46,7 @@ def pictures(
     if len(results) > 1 and {*kinds} != {"response"}:
         other = next(kind for kind in kinds if kind != "response")
         raise TableError(f"--kind {other} shows one sweep; allowed with {len(results)} of them: response")
-    sweeps = read(results, x=None if x is None else ABSCISSAE[x], columns=measure)
+    sweeps = read(results, x=None if x is None else ABSCISSAE[x], columns=measure, kept=kept)
     return [_MAKERS[kind](sweeps, measure) for kind in kinds]
 
 
@@ -62,7 +68,9 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     found = picture.shades(list(map(float, shown))) if scale else picture.palette(len(names))
     colours = dict(zip(names, found, strict=True))
     strips = strips_of(sweeps, colours)
-    panels, left = content.measures(table, asked=columns, stripped=strips is not None or table["sync"].nunique() == 1)
+    panels, left = content.measures(
+        table, asked=columns, kept=sweeps.kept, stripped=strips is not None or table["sync"].nunique() == 1
+    )
     curves = curves_of(sweeps, [panel.column for panel in panels], colours, told=strips is None)
     known = sweeps.x if drawn[sweeps.x].notna().any() else sweeps.key
     return picture.Picture(

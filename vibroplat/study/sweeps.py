@@ -37,6 +37,8 @@ class Sweeps:
         All points, the column of the key along branches, and columns that tell branches apart.
     x
         The horizontal axis in print.
+    kept
+        Columns that have a panel whatever they say.
     """
 
     results: Sequence[Result]
@@ -46,6 +48,7 @@ class Sweeps:
     grid: Sequence[str]
     x: str
     labels: Mapping[str, str] = field(default_factory=dict)
+    kept: Sequence[str] = ()
 
     @cached_property
     def varied(self) -> list[str]:
@@ -97,7 +100,9 @@ class Sweeps:
         return told and f" {told[0].upper()}{told[1:]}."
 
 
-def read(results: Sequence[Result], *, x: str | None = None, columns: Sequence[str] = ()) -> Sweeps:
+def read(
+    results: Sequence[Result], *, x: str | None = None, columns: Sequence[str] = (), kept: Sequence[str] = ()
+) -> Sweeps:
     """Read the table of a sweep, or those of several as one."""
     tables: list[pd.DataFrame] = []
     keys = [swept(result) for result in results]
@@ -116,7 +121,9 @@ def read(results: Sequence[Result], *, x: str | None = None, columns: Sequence[s
     if len(tables) > 1:
         tables = [table.assign(**{RESULT: name}) for name, table in zip(names, tables, strict=True)]
     table = picture.finite(pd.concat(tables, ignore_index=True))
-    found = Sweeps(results, names, table, keys[0], [RESULT, *grid][len(tables) == 1 :], x or abscissa(keys[0]))
+    found = Sweeps(
+        results, names, table, keys[0], [RESULT, *grid][len(tables) == 1 :], x or abscissa(keys[0]), kept=kept
+    )
     labels = compared("sweep", names, [result.known_scene for result in results], found.varied)
     return replace(found, labels=dict(zip(names, labels, strict=True)))
 

@@ -49,16 +49,16 @@ def several(values: Sequence[float], unit: str) -> str:
 def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> str:
     """Say the largest value of the first measure, and from where on exciters synchronize otherwise."""
     table, column = sweeps.table, next(iter(columns), "rms_y_m")
-    known = table[column].astype(float) if column in table else pd.Series(dtype=float)
-    if not known.notna().any():
+    if column not in table or not table[column].notna().any():
         return "Every point failed" if len(table) else "No points"
     if column == PHASE_COLUMN:
         return _sentence(_changes(sweeps)) or "Phase difference of the exciters"
     varied = [name for name in sweeps.varied if name in table]
     groups = [rows for _, rows in table.groupby(varied, sort=False)] if varied else [table]
-    best = [rows[column].astype(float).idxmax() for rows in groups if rows[column].notna().any()]
-    largest = several([float(table[column][n]) for n in best], unit_of(column))
-    at = place(sweeps.x, [table[sweeps.x].astype(float)[n] for n in best])
+    known = [rows.dropna(subset=[column]).sort_values(column, ascending=False, kind="stable") for rows in groups]
+    best = [rows.iloc[0] for rows in known if len(rows)]
+    largest = several([float(row[column]) for row in best], unit_of(column))
+    at = place(sweeps.x, [float(row[sweeps.x]) for row in best])
     return _sentence(f"{display_name(column)} at most {largest} at {at}", _changes(sweeps), _failed(table))
 
 

@@ -31,14 +31,14 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
     level, _, number = (part.strip() for part in expression.replace("=", "").replace("<", ">").partition(">"))
     needed = (key, "rms_x_m", "rms_y_m", PHASE_COLUMN, *measure, *filter(None, [level]))
     table = picture.finite(content.rows_in(result, "scan", ("reason", "sync", "motion", "outcome"), needed))
-    found = result.columns("thresholds", ("kind",), ("value", "below"), _MIXED)
+    found = picture.finite(result.columns("thresholds", ("kind",), ("value", "below"), _MIXED))
     mixed = found.reindex(columns=_MIXED).dropna().drop_duplicates().astype(float).itertuples(index=False)
     ranges = [picture.Range(key, low, high, "mixed") for low, high in mixed]
     lines = [
         picture.Line(key, found["value"].tolist(), "threshold"),
         *([picture.Line(level, [float(number)], dash=":", label=expression)] if level else []),
     ]
-    panels, left = content.measures(table, filter(None, (level, *content.DRAWN)), measure)
+    panels, left = content.measures(table, filter(None, (level, *content.DRAWN)), measure, stripped=True)
     names = {"none": picture.NOT_SYNCHRONOUS}
     sync = table["sync"].fillna("failed")
     series = [
@@ -52,7 +52,7 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
         for name in dict.fromkeys(sync)
     ]
     # Both sides of a threshold come first; a click on it shows what is below.
-    good = table[table["outcome"] == "ok"]
+    good = table[table["outcome"] == "ok"].dropna(subset=[key])
     sides = [int((good[key] - value).abs().idxmin()) if len(good) else None for value in found["below"].fillna(0.0)]
     return picture.Picture(
         name="thresholds",
