@@ -16,6 +16,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from vibroplat.basin.study import basins
     from vibroplat.check.runs import check_run
+    from vibroplat.config.computation import Output, Solver
     from vibroplat.config.drive import Drive
     from vibroplat.config.scene import Scene, load_config
     from vibroplat.config.sections import (
@@ -25,9 +26,7 @@ if TYPE_CHECKING:
         Machine,
         Material,
         Motor,
-        Output,
         Run,
-        Solver,
         State,
     )
     from vibroplat.continuation.orbit import Orbit, orbit
@@ -45,8 +44,9 @@ _HOMES = {
     "load_config": "vibroplat.config.scene",
     "Scene": "vibroplat.config.scene",
     "Drive": "vibroplat.config.drive",
+    **dict.fromkeys(("Output", "Solver"), "vibroplat.config.computation"),
     **dict.fromkeys(
-        ("Contact", "Exciter", "Initial", "Machine", "Material", "Motor", "Output", "Run", "Solver", "State"),
+        ("Contact", "Exciter", "Initial", "Machine", "Material", "Motor", "Run", "State"),
         "vibroplat.config.sections",
     ),
     "simulate": "vibroplat.motion.run",
@@ -63,6 +63,7 @@ _HOMES = {
 # lower subpackages reach higher ones only through these names
 PROVIDERS |= {
     "figure_of": "vibroplat.plots.display",
+    "inspect": "vibroplat.inspection.values",
     "NewtonOrbitDetector": "vibroplat.continuation.orbit_detection",
     "sensitivities": "vibroplat.designs.sensitivities",
 }

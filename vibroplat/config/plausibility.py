@@ -123,9 +123,9 @@ def _weak_motors(scene: Scene) -> list[str]:
             # the torque at standstill is largest where the synchronous speed is the critical slip speed
             best = exciter.critical_slip * (exciter.rated_frequency_hz or 0.0)
             for frequency in (first, min(max(best, first), last), last):
-                speed, slip = scene.synchronous_speeds_at(frequency)[i], exciter.critical_slip_speed(frequency)
-                if speed > 0.0:
-                    starting = max(starting, 2.0 * largest / (speed / slip + slip / speed))
+                if frequency > 0.0:
+                    speed = scene.synchronous_speeds_at(frequency)[i]
+                    starting = max(starting, exciter.torque(speed, frequency))
         if 0.0 < starting < needed:
             numbers = "{} at standstill, {} at most, where {}".format(
                 *(quantity(torque, "N·m") for torque in (starting, largest, needed))

@@ -18,6 +18,7 @@ from pydantic import BaseModel, Field, ValidationError, ValidationInfo, model_va
 
 from vibroplat.config.arguments import FileName, instance_of, validated
 from vibroplat.config.body import RigidBody, rigid_body
+from vibroplat.config.computation import Output, Solver
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.drive import Drive
 from vibroplat.config.plans import FREQUENCY, OrbitsPlan, SweepPlan
@@ -31,12 +32,11 @@ from vibroplat.config.sections import (
     Machine,
     Material,
     Motor,
-    Output,
     Run,
-    Solver,
 )
 from vibroplat.config.study_plans import BasinsPlan, DesignPlan, FindPlan
 from vibroplat.errors import ConfigError
+from vibroplat.extensions import load_provided
 
 #: Most turns at the synchronous speed that a run may take: half a day of computing.
 MAX_TURNS = 1e9
@@ -396,6 +396,11 @@ class Scene(Section):
         present = ((name, getattr(self, name)) for name in self.model_fields_set)
         tree = {name: _plain(section) if name in changed else section for name, section in present}
         return Scene._checked(merge(merge(tree, given), nested), {name: known[name] for name in _FOUND & known.keys()})
+
+    def inspect(self) -> dict[str, float | str]:
+        """Find what follows from this scene without a run; see :class:`vibroplat.inspection.values.Inspection`."""
+        found: dict[str, float | str] = load_provided("inspect")(self)
+        return found
 
     def to_tree(self) -> dict[str, Any]:
         """Return all keys as nested plain values, including defaults; the inverse of :meth:`from_tree`."""

@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 
+from vibroplat.basin.rates import clopper_pearson
 from vibroplat.columns import quantity_of, unit_of
 from vibroplat.config.digits import DIGITS, FREQUENCY_DIGITS, NEGLIGIBLE, number, prefixed, quantity, share
 from vibroplat.config.study_plans import DesignPlan
@@ -89,9 +90,9 @@ def _nearest(plan: DesignPlan, evaluations: pd.DataFrame) -> Iterator[str]:
 
 def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFrame) -> Iterator[str]:
     """Yield how many samples within the tolerances are good, the quantiles of measures, and what explains them."""
-    kept = satisfied(plan, samples)
     told = [f"{share(samples['stable'].mean())} stable"]
-    told += [] if kept is None else [f"{share(kept.mean())} satisfy the constraints"]
+    together = [*satisfied(plan, samples).values()][:1]
+    told += [f"{with_confidence(count, len(samples))} satisfy the constraints" for count in together]
     yield f"{counted(len(samples), 'machine')} within the tolerances: {', '.join(told)}"
     names = [name for name in (plan.minimize, *plan.constraints, *contributions["measure"].unique()) if name]
     shown = [name for name in dict.fromkeys(names) if name in samples and samples[name].notna().any()][:MAX_MEASURES]
@@ -108,15 +109,23 @@ def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFram
         yield f"{row['key']} explains {share(row['regression'])} of the variance of {_label(shown[0])}"
 
 
-def satisfied(plan: DesignPlan, samples: pd.DataFrame) -> pd.Series | None:
-    """Return which samples satisfy all constraints, None if there is none; tolerances together may violate one."""
-    if not plan.constraints:
-        return None
-    kept = pd.Series(data=True, index=samples.index)
-    for name in plan.constraints:
+def satisfied(plan: DesignPlan, samples: pd.DataFrame) -> dict[str, int]:
+    """Count the samples that satisfy all constraints, and each of several; tolerances together may violate one."""
+    kept: dict[str, pd.Series[bool]] = {}
+    for name, bound in plan.constraints.items():
         sign, limit = plan.bound(name)
-        kept &= sign * (samples[name] - limit) >= -VIOLATION_TOLERANCE * abs(limit)
-    return kept
+        kept[f"  {name} {bound}"] = sign * (samples[name] - limit) >= -VIOLATION_TOLERANCE * abs(limit)
+    together = {"constraints satisfied": pd.DataFrame(kept).all(axis=1)} if kept else {}
+    return {label: int(inside.sum()) for label, inside in (together | (kept if len(kept) > 1 else {})).items()}
+
+
+def with_confidence(count: int, number_of_samples: int) -> str:
+    """Write a fraction of samples with its confidence bounds.
+
+    These are binomial; the samples are distributed more evenly than at random, so they err on the safe side.
+    """
+    low, high = clopper_pearson(count, number_of_samples)
+    return f"{share(count / number_of_samples)} ({share(low)} to {share(high)} with 95 % confidence)"
 
 
 def _elasticities(table: pd.DataFrame) -> Iterator[str]:
