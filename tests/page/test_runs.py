@@ -74,6 +74,15 @@ def test_each_spring_at_a_point_has_its_static_and_dynamic_force(sheet):
     assert (row.label, row.now, row.most) == ("each spring at inlet", "3.50 ± 0.21 kN", "3.90 kN")
 
 
+def test_a_named_point_has_one_row(moved):
+    (result,) = find_results([moved["bare"]])
+    scene = result.scene.replace({"output.points": {"inlet": [-0.1, 0.0]}})
+    strokes = {"stroke_y_inlet_m": 3.45e-3, "whole_stroke_y_inlet_m": 6.6e-3, "stroke_x_inlet_m": 0.2e-3}
+    found = Sheet(result.summary | strokes | {"acceleration_max_inlet_m_per_s2": 37.4}, scene)
+    row = rows_of(found)["stroke y at inlet"]
+    assert (row.now, row.also, row.most) == ("3.45 mm", "x 0.200 mm, 3.81 g", "6.60 mm")
+
+
 def test_motors_that_are_alike_have_one_number(sheet):
     assert rows_of(sheet(**POWERS))["power, mean"].now == "960 W"
     unlike = rows_of(sheet(**POWERS | {"motor_power_2_mean_w": 1200.0, "slip_1": 0.0005, "slip_2": 0.0009}))
