@@ -303,7 +303,7 @@ def test_new_writes_the_quickstart_with_all_its_keys_or_a_template(command, kern
     (here / "of mine").mkdir()  # what it says can be copied
     assert "`vibroplat run 'of mine/a.yaml'`" in command("new", "of mine/a.yaml", "--template", "rig").out
     assert "vibroplat sweep 'of mine/a.yaml'" in (here / "of mine/a.yaml").read_text()
-    for machine in ("rig", "screen", "feeder"):
+    for machine in ("rig", "screen", "feeder", "heavy-screen"):
         (here / "mine.yaml").unlink()
         assert command("new", "mine.yaml", "--template", machine).code == 0
         assert load_config("mine.yaml") == load_config(ROOT / f"configs/templates/{machine}.yaml", {"name": "mine"})
