@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from vibroplat.check.runs import check_run
     from vibroplat.config.computation import Output, Solver
     from vibroplat.config.drive import Drive
-    from vibroplat.config.scene import Scene, load_config
+    from vibroplat.config.loading import load_config
+    from vibroplat.config.scene import Scene
     from vibroplat.config.sections import (
         Contact,
         Exciter,
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     from vibroplat.thresholds.study import find
 
 _HOMES = {
-    "load_config": "vibroplat.config.scene",
+    "load_config": "vibroplat.config.loading",
     "Scene": "vibroplat.config.scene",
     "Drive": "vibroplat.config.drive",
     **dict.fromkeys(("Output", "Solver"), "vibroplat.config.computation"),

@@ -284,7 +284,7 @@ def test_resume_is_promised_where_there_is_one(name, kept, command, monkeypatch)
         raise MemoryError
 
     announce_compilation.cache_clear()  # a process asks only once
-    monkeypatch.setattr("vibroplat.config.scene.load_config", fail)
+    monkeypatch.setattr("vibroplat.config.loading.load_config", fail)
     monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", fail)
     arguments = [] if name == "bench" else [QUICKSTART]
     assert command(name, *arguments) == (1, "", f"vibroplat: not enough memory; {kept}\n")

@@ -9,12 +9,15 @@ import time
 from concurrent.futures import BrokenExecutor
 from pathlib import Path
 
+import matplotlib
 import psutil
 import pytest
 from common.commands import PROGRAM, script, workers_of
 from common.places import FLYING
+from matplotlib.animation import FFMpegWriter
 
 import vibroplat
+from vibroplat.plots.style import styled
 from vibroplat.system import workers as rooms
 from vibroplat.system.workers import Workers, core_count
 
@@ -75,6 +78,17 @@ def test_command_runs_nothing_of_the_directory_it_is_called_in(flags, hostile, k
     done = subprocess.run([*line, "sweep", "few.yaml", "--jobs", "2"], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert not (hostile / "ran").exists()
+
+
+def test_figures_and_films_start_no_program_that_a_file_of_the_directory_names(here):
+    """Matplotlib reads its settings there."""
+    settings = "text.usetex: True\nanimation.ffmpeg_path: ./planted\nanimation.ffmpeg_args: -y, planted.mp4\n"
+    (here / "matplotlibrc").write_text(settings)
+    with matplotlib.rc_context(fname="matplotlibrc"), styled():
+        assert FFMpegWriter.bin_path() == "ffmpeg"
+        assert FFMpegWriter().extra_args is None
+        assert matplotlib.rcParams["animation.ffmpeg_args"] == []
+        assert not matplotlib.rcParams["text.usetex"]
 
 
 # -- how they end ---------------------------------------------------------------------------------------

@@ -54,7 +54,7 @@ def test_sweep_of_the_quickstart():
     scene = load_config(CONFIGS / "quickstart.yaml").replace({"solver.engine": "taylor"})
     table = sweep(scene, jobs=1).table("sweep")
     for ratio, rows in table.groupby("material.mass_ratio"):
-        right = 0
+        right, rows = 0, rows.iloc[:: 1 if ratio == 0.0 else 3]  # noqa: PLW2901
         for _, row in rows.iterrows():
             supply = float(row["drive.supply_frequency_hz"])
             other = scene.replace({"material.mass_ratio": float(ratio), "drive.supply_frequency_hz": supply})

@@ -102,7 +102,7 @@ def test_a_start_is_captured_below_the_torque_that_passes():
 
 
 @pytest.mark.parametrize(("name", "stroke", "throw", "force"), [
-    ("screen", 3.0225e-3, 3.809, 853.0), ("feeder", 6.975e-3, 3.919, 1194.3),
+    ("screen", 3.0225e-3, 3.809, 853.0), ("feeder", 6.975e-3, 3.919, 1194.3), ("heavy-screen", 6.48e-3, 3.54, 5280.0),
 ])  # fmt: skip
 def test_loaded_templates_as_simulated(name, stroke, throw, force):
     found = load_config(CONFIGS / "templates" / f"{name}.yaml").inspect()

@@ -34,7 +34,11 @@ def rows_of(sheet):
 
 # -- the data sheet -------------------------------------------------------------------------------------
 
-LOADS = {"foundation_force_y_mean_n": -14126.4, "foundation_force_y_max_n": 14979.4}
+LOADS = {
+    "foundation_force_y_amplitude_n": None,
+    "foundation_force_y_mean_n": -14126.4,
+    "foundation_force_y_max_n": 14979.4,
+}
 LOADS |= {
     "whole_foundation_force_y_max_n": 15713.8,
     "whole_foundation_force_y_max_at_s": 0.4538,
@@ -59,7 +63,7 @@ def test_static_and_dynamic_force_and_the_largest_one_stand_in_one_row(sheet):
 
 
 def test_the_dynamic_force_is_its_column_where_there_is_one(sheet):
-    rows = rows_of(sheet(**LOADS, foundation_force_y_amplitude_n=900.0))
+    rows = rows_of(sheet(**LOADS | {"foundation_force_y_amplitude_n": 900.0}))
     assert rows["y, static ± dynamic"].now == "14.13 ± 0.90 kN"
 
 
@@ -68,6 +72,15 @@ def test_each_spring_at_a_point_has_its_static_and_dynamic_force(sheet):
     forces |= {"spring_force_max_inlet_n": 3710.0, "whole_spring_force_max_inlet_n": 3900.0}
     row = sheet(**forces)._spring("inlet")
     assert (row.label, row.now, row.most) == ("each spring at inlet", "3.50 ± 0.21 kN", "3.90 kN")
+
+
+def test_a_named_point_has_one_row(moved):
+    (result,) = find_results([moved["bare"]])
+    scene = result.scene.replace({"output.points": {"inlet": [-0.1, 0.0]}})
+    strokes = {"stroke_y_inlet_m": 3.45e-3, "whole_stroke_y_inlet_m": 6.6e-3, "stroke_x_inlet_m": 0.2e-3}
+    found = Sheet(result.summary | strokes | {"acceleration_max_inlet_m_per_s2": 37.4}, scene)
+    row = rows_of(found)["stroke y at inlet"]
+    assert (row.now, row.also, row.most) == ("3.45 mm", "x 0.200 mm, 3.81 g", "6.60 mm")
 
 
 def test_motors_that_are_alike_have_one_number(sheet):

@@ -65,6 +65,20 @@ def amplitudes(scene: Scene, speed: float, lag: FloatArray, carried: ComplexArra
     return np.asarray(forces * receptances(scene, np.full(np.shape(lag), speed), carried))
 
 
+def ripple_factors(scene: Scene, speed: float, amplitude: float) -> tuple[float, float]:
+    """Return factors of the largest accelerations up and down at a speed (rad/s), because the exciters turn unevenly.
+
+    Above resonance the unbalances are up where the platform is down. Gravity slows them there by kg/(J_e ω²) and the
+    platform's amplitude A along y (m) by kA/(4J_e), both relative to ω; forces change by twice as much. Of first order
+    in both, for forces that add along y; (1, 1) below resonance, where they move with the platform and hardly matter.
+    """
+    if speed <= 2.0 * math.pi * natural_frequencies(scene)["y"]:
+        return 1.0, 1.0
+    ratio = sum(scene.unbalances) / sum(scene.exciter_inertias)
+    gravity, own = ratio * scene.machine.gravity_m_per_s2 / speed**2, 0.25 * ratio * amplitude
+    return 1.0 - 2.0 * min(gravity + own, 0.25), 1.0 + 2.0 * min(gravity - own, 0.25)
+
+
 def platform_torques(
     scene: Scene, speeds: FloatArray, lag: FloatArray, carried: ComplexArray | float = 0.0
 ) -> FloatArray:

@@ -36,15 +36,16 @@ class LoadedMotion(NamedTuple):
         Dynamic mass of the material (kg).
     stroke
         Peak to peak (m), in the mean of turns.
-    acceleration
-        Largest magnitude between impacts (m/s²), in the mean of turns.
+    upward, downward
+        Largest accelerations between impacts (m/s²), in the mean of turns.
     force
         Largest force into the foundation less the weight (N), in the mean of turns.
     """
 
     carried: ComplexArray
     stroke: FloatArray
-    acceleration: FloatArray
+    upward: FloatArray
+    downward: FloatArray
     force: FloatArray
 
 
@@ -89,7 +90,7 @@ def loaded_motion(scene: Scene, speed: float) -> LoadedMotion:
     # what the material adds to the steady motion, and first the sag under its weight
     y, rate = np.full(FOLLOWED.size, -load / stiffness), np.zeros(FOLLOWED.size)
     layers.height, layers.rate = steady.real + y, (1j * speed * steady).real
-    ends, sums = np.full((3, 2, FOLLOWED.size), -np.inf), np.zeros((3, FOLLOWED.size))
+    ends, sums = np.full((3, 2, FOLLOWED.size), -np.inf), np.zeros((4, FOLLOWED.size))
     fundamental: ComplexArray = np.zeros(FOLLOWED.size, complex)
     for number in range(1, (SETTLING + MEASURED) * STEPS + 1):
         turn = cmath.exp(2j * math.pi * number / STEPS)
@@ -116,7 +117,7 @@ def loaded_motion(scene: Scene, speed: float) -> LoadedMotion:
             for pair, value in zip(ends, (floor, pushed, force), strict=True):
                 np.maximum(pair, np.stack([value, -value]), out=pair)
             if number % STEPS == 0:  # means over turns, because slow oscillations still decay
-                sums += [ends[0].sum(axis=0), ends[1].max(axis=0), ends[2, 1] - load]
+                sums += [ends[0].sum(axis=0), *ends[1], ends[2, 1] - load]
                 ends[:] = -np.inf
     fundamental /= 0.5 * MEASURED * STEPS
     carried = _dynamic_mass(scene, speed, steady, fundamental)

@@ -36,6 +36,7 @@ from vibroplat.inspection.linear import (
     loaded_frequencies,
     natural_frequencies,
     oscillators,
+    ripple_factors,
 )
 from vibroplat.inspection.lines import twelve_lines
 from vibroplat.inspection.material import FOLLOWED, loaded_motion
@@ -75,7 +76,9 @@ _LOADED = {
     "{}stroke_x_m": Column("stroke along x{}", "peak to peak"),
     "{}stroke_y_m": Column("stroke along y{}", "peak to peak"),
     "{}stroke_phi_rad": Column("rotation of the platform{}", "peak to peak"),
-    "{}throw_index": Column("maximum acceleration along y{} divided by gravity", "A_y ω² / g; between impacts"),
+    "{}throw_index": Column(
+        "maximum acceleration along y{} divided by gravity", "A_y ω² / g, with the ripple of the speed; between impacts"
+    ),
     "{}dynamic_force_x_n": Column("amplitude of the force into the foundation along x{}"),
     "{}dynamic_force_y_n": Column(
         "amplitude of the force into the foundation along y{}", "downward, beyond the weight"
@@ -266,7 +269,8 @@ def _vibration(
         for axis, size in zip(("x_m", "y_m", "phi_rad"), amplitude.tolist(), strict=True)
     }
     values |= {f"{prefix}dynamic_force_x_n": float(forces[0]), f"{prefix}dynamic_force_y_n": float(forces[1])}
-    values[f"{prefix}throw_index"] = float(amplitude[1]) * speed**2 / gravity if gravity else math.inf
+    uneven = max(ripple_factors(scene, speed, float(amplitude[1])))
+    values[f"{prefix}throw_index"] = uneven * float(amplitude[1]) * speed**2 / gravity if gravity else math.inf
     if not prefix:
         mass, damping_y, stiff = oscillators(scene)[1]
         through = stiff + 1j * speed * damping_y
@@ -286,11 +290,12 @@ def _loaded(scene: Scene, supply: Supply, speed: float, bare: Balance | None) ->
         speed, lag = near.speed, near.lag
         motion = loaded_motion(scene, speed)
     at = {name: np.interp(lag, FOLLOWED, part, period=2.0 * math.pi) for name, part in motion._asdict().items()}
+    up, down = ripple_factors(scene, speed, 0.5 * float(at["stroke"]))
     names = dict.fromkeys(_sync(scene, one) for one in known)
     values = _vibration(scene, speed, near or bare, "loaded_", complex(at["carried"]))
     values |= {
         "loaded_stroke_y_m": float(at["stroke"]),
-        "loaded_throw_index": float(at["acceleration"]) / scene.machine.gravity_m_per_s2,
+        "loaded_throw_index": max(up * at["upward"], down * at["downward"]) / scene.machine.gravity_m_per_s2,
         "loaded_dynamic_force_y_n": float(at["force"]),
         "loaded_expected": " or ".join(names) or "none",
         "moving_fraction": float(at["carried"].real) / sum(scene.layer_masses),

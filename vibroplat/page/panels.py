@@ -158,6 +158,10 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]
         for level, (told, dash) in panel.contours.levels.items():
             for line in map(np.asarray, drawing.lines(level)):
                 plot.curve(line[:, 0], line[:, 1], plain_text(told), BLACK, dash=dashes(dash), width=1.2)
+    for word in view.picture.words:
+        if word.column == panel.column:
+            row_of = float(np.interp(word.y, levels, np.arange(len(levels))))
+            plot.word(word.x, row_of, plain_text(word.text), word.colour)
     for one in (one for one in shown if one.mode != "dots"):
         known = np.maximum(one.places, 0)
         row = np.interp(up[known], levels, np.arange(len(levels)), np.nan, np.nan)

@@ -118,22 +118,22 @@ class Sheet:
     def _strokes(self) -> list[Row]:
         s, arm = self.summary, self.scene.body.distance
         largest = max(s.get(f"stroke_{axis}_m") or 0.0 for axis in "xy")
-        whose = {"": ""} | {f"_{name}": f" of {name}" for name in self.scene.output.points}
-        rows = [
-            self._row(f"stroke {axis}{of}", f"stroke_{axis}{point}_m", "m", largest=largest)
-            for point, of in whose.items()
-            for axis in "yx"
-        ]
+        rows = [self._row(f"stroke {axis}", f"stroke_{axis}_m", "m", largest=largest) for axis in "yx"]
+        rows += [self._point(name, largest) for name in self.scene.output.points]
         axis = "x" if s["rms_x_m"] > s["rms_y_m"] else "y"
         rms, amplitude = told(s[f"rms_{axis}_m"], "m"), told(s.get(f"amplitude_{axis}_m"), "m")
         rows.append(Row(f"amplitude {axis}", amplitude, f"RMS {rms}") if amplitude else Row(f"RMS {axis}", rms))
         still = NEGLIGIBLE * s[f"rms_{axis}_m"] / arm if arm else None
         turned, most = (told(s.get(key), "rad", error=still) for key in ("rms_phi_rad", "phi_max_rad"))
         rows.append(Row("rotation", turned, "RMS" if turned not in ("", "0") else "", most))
-        rows += [
-            self._acceleration(f"acceleration{of}", f"acceleration_max{point}_m_per_s2") for point, of in whose.items()
-        ]
+        rows.append(self._acceleration("acceleration", "acceleration_max_m_per_s2"))
         return [*rows, Row("throw index", told(s.get("gamma")), "", told(s.get("whole_gamma")))]
+
+    def _point(self, name: str, largest: float) -> Row:
+        """Return the motion of a named point in one row."""
+        y, x = (self._row(f"stroke y at {name}", f"stroke_{axis}_{name}_m", "m", largest=largest) for axis in "yx")
+        acceleration = self._acceleration("", f"acceleration_max_{name}_m_per_s2").now
+        return y._replace(also=", ".join(filter(None, (x.now and f"x {x.now}", acceleration))))
 
     def _acceleration(self, label: str, column: str) -> Row:
         gravity, row = self.scene.machine.gravity_m_per_s2, self._row(label, column, "m/s²")
@@ -156,7 +156,7 @@ class Sheet:
             upright._replace(now=spread(-mean, around, "N")),
             self._row("x", "foundation_force_x_max_n", "N", largest=largest, sign="± "),
             self._row("moment", "foundation_moment_max_n_m", "N·m", largest=turning, sign="± "),
-            *(self._spring(name) for name in getattr(self.scene.output, "springs", {})),
+            *(self._spring(name) for name in self.scene.output.springs),
             Row("static sag", told(s.get("static_sag_m"), "m")),
         ]
 
@@ -228,7 +228,7 @@ def repeats(period: int | None) -> str:
     """Say after how many turns a motion repeats."""
     if period is None:
         return ""
-    return {0: "never", 1: "every turn"}.get(period, f"every {period} turns")
+    return {0: "not in the turns measured", 1: "every turn"}.get(period, f"every {period} turns")
 
 
 def caption(summary: Mapping[str, Any], scene: Scene) -> str:

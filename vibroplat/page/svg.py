@@ -355,7 +355,8 @@ class Plot:
         across, up = float(self.x.share(x)), float(self.y.share(y))
         if 0.0 <= across <= 1.0 and -0.05 <= up <= 1.05:
             place = f"left:{across:.2%};top:{1.0 - up:.2%};color:{colour}"
-            self._texts.append(f'<span class="word" style="{place}">{escape(text)}</span>')
+            side = "" if 0.12 < across < 0.88 else " after" if across < 0.5 else " before"
+            self._texts.append(f'<span class="word{side}" style="{place}">{escape(text)}</span>')
 
     def jump(self, x: Any, y: Any, colour: str) -> None:
         """Draw a thin line between two points, with a head at the second one."""

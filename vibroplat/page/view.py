@@ -80,7 +80,7 @@ class View:
                 elif line.column == column:
                     plot.rule(plain_text(text), x=value, dash=dashes(line.dash))
         for word in self.picture.words:
-            if word.column == panel.column:
+            if word.column == panel.column and not y.names:
                 plot.word(word.x, word.y, plain_text(word.text), word.colour)
         return plot
 
