@@ -114,7 +114,7 @@ def run_figures(
         that need what there is not (contact, accelerations, data) are left out, and refused if nothing else is asked
         for.
     start, stop
-        Interval shown (s). Default: the whole run, and the last ten turns of the exciters in detail.
+        Interval shown (s). Default: the whole run, and beside it the last turns of the exciters.
     data
         Measured data laid over the figures: y is counted from the static rest.
 
