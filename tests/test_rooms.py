@@ -15,8 +15,20 @@ import vibroplat
 PACKAGE = Path(vibroplat.__file__).parent
 #: From the lowest to the highest; ``errors``, ``extensions``, ``columns`` and ``frames`` are loose modules.
 ROOMS = (
-    *("errors", "extensions", "columns", "frames", "system", "kernels", "config", "model", "hybrid", "integrate"),
-    *("observe", "results", "motion", "study", "check", "continuation", "thresholds", "basin", "designs", "paper"),
+    *("errors", "extensions", "columns", "frames", "system", "kernels", "config", "inspection", "model", "hybrid"),
+    *(
+        "integrate",
+        "observe",
+        "results",
+        "motion",
+        "study",
+        "check",
+        "continuation",
+        "thresholds",
+        "basin",
+        "designs",
+        "paper",
+    ),
     *("plots", "page", "bench", "cli"),
     "__main__",
 )

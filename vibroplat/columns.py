@@ -7,6 +7,7 @@ fields.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import cache
 from typing import NamedTuple
@@ -155,6 +156,17 @@ VIBRATION_PATTERN = {
     ("co-rotating", "antiphase"): "rocks",
     ("co-rotating", "in-phase"): "moves in circles",
 }
+
+
+#: Distance of the phase difference from 0 or π (rad) up to which exciters count as in phase or in antiphase.
+SYNCHRONOUS = math.pi / 3.0
+
+
+def sync_name(phase: float) -> str:
+    """Name the synchronization of exciters with a constant phase difference (rad, −π … π)."""
+    if abs(phase) <= SYNCHRONOUS:
+        return "in-phase"
+    return "antiphase" if math.pi - abs(phase) <= SYNCHRONOUS else "intermediate"
 
 
 def describe_sync(sync: str, rotation: str) -> str:

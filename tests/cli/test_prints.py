@@ -65,6 +65,13 @@ def holds(scene, key):
     return rest != ["supply_frequency_hz", "step"] or scene.sweep.over is None
 
 
+def test_readme_shows_what_the_quickstart_prints(command, kernels, here):
+    done = command("run", ROOT / "configs/quickstart.yaml")
+    assert (done.code, done.err) == (0, "")
+    shown = (ROOT / "README.md").read_text(encoding="utf-8").partition("```text\n")[2].partition("```")[0]
+    assert done.out == shown
+
+
 # -- what there is room for ------------------------------------------------------------------------------
 
 

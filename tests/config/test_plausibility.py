@@ -6,7 +6,7 @@ import pytest
 from common.places import QUICKSTART
 
 from vibroplat import Machine, Scene, load_config
-from vibroplat.config.plausibility import notes_on_input
+from vibroplat.config.plausibility import notes_on_input, notes_on_plan
 
 SECTIONS = {"machine": load_config(QUICKSTART).machine, "motor": load_config(QUICKSTART).motor}
 
@@ -158,3 +158,15 @@ def test_motors_that_cannot_turn_at_the_same_speed_are_noted():
         "the motors have 1 and 3 pole pairs: at one supply their synchronous speeds differ 3 times, and they cannot "
         "turn at the same speed; give both the same pole_pairs"
     ]
+
+
+def test_rotors_do_not_grow_with_motors_that_a_study_varies():
+    find = {"key": "motor.critical_torque_n_m", "start": 1.0, "stop": 4.0}
+    (note,) = notes_on_plan(Scene(find=find), "find")
+    assert note.startswith("motor.critical_torque_n_m varies, but machine.rotor_inertia_kg_m2 stays 0.0008 kg·m²")
+    assert notes_on_plan(Scene(find=find), "sweep") == []
+    assert notes_on_plan(Scene(find=find | {"key": "machine.platform_mass_kg"}), "find") == []
+    tolerances = {"parameter_tolerances": {"motor.critical_torque_n_m": 0.05}}
+    assert notes_on_plan(Scene(design=tolerances), "design") == []
+    both = {"keys": {"motor.critical_torque_n_m": [1.0, 2.0], "machine.rotor_inertia_kg_m2": [1e-4, 1e-3]}}
+    assert notes_on_plan(Scene(design=both), "design") == []

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vibroplat import design, load_config, orbit
+from vibroplat.config.digits import share
 from vibroplat.designs.sensitivities import settling_plan
 from vibroplat.designs.study import DesignStudy
 from vibroplat.errors import ConfigError
@@ -73,7 +74,7 @@ def test_samples_are_what_motions_settle_to(spread):
         point = measure_point(spread.replace(place), settling_plan(spread), None, (0,)).row
         assert (point["period"] == 1) == row["stable"]
         assert row["rms_y_m"] == pytest.approx(point["rms_y_m"], rel=1e-4 if row["stable"] else 0.1)
-    assert result.answer.lines["orbit stable"] == f"{100.0 * table['stable'].mean():.1f} %"
+    assert result.answer.lines["orbit stable"] == share(table["stable"].mean())
 
 
 def test_shares_of_the_variance_are_those_of_the_slopes_where_a_spread_is_small(scene):
@@ -106,6 +107,15 @@ def test_shares_of_the_variance_are_those_of_the_slopes_where_a_spread_is_small(
         ),
         ({"constraints": {"rms_y_m": "1"}}, "design: constraints.rms_y_m = '1' is no bound; allowed: \">= NUMBER\""),
         ({"minimize": "rms_y_m"}, "design: minimize is given without keys; allowed: with keys and their ranges"),
+        (
+            {"constraints": {"rms_y_m": ">= 1"}},
+            "design: constraints are given without minimize; allowed: with a measure",
+        ),
+        (
+            {"parameter_tolerances": {"motors": 0.05}},
+            "design.parameter_tolerances.motors = 0.05: the motion depends on no number of this section that may vary "
+            "so; allowed: machine, motor, drive, material, contact, or a key",
+        ),
     ],
 )
 def test_what_cannot_be_asked_is_told_in_a_line(scene, plan, told):
@@ -113,6 +123,38 @@ def test_what_cannot_be_asked_is_told_in_a_line(scene, plan, told):
         DesignStudy(scene.replace({"design": plan}))
     assert str(caught.value).startswith(told)
     assert "\n" not in str(caught.value)
+
+
+def test_a_section_stands_for_its_numbers(scene):
+    tolerances = {"machine": 0.05, "machine.platform_mass_kg": 0.01, "contact.sticking_speed_m_per_s": 0.02}
+    study = DesignStudy(scene.replace({"machine.damping_x_n_s_per_m": 0.0, "design.parameter_tolerances": tolerances}))
+    found = study.plan.parameter_tolerances
+    assert found["machine.platform_mass_kg"] == 0.01
+    assert found["machine.stiffness_y_n_per_m"] == found["machine.exciter_angle_deg"] == 0.05
+    assert found["contact.sticking_speed_m_per_s"] == 0.02
+    assert len(found) == 14
+    (note,) = study.notes
+    assert note.startswith("no tolerance: machine.damping_x_n_s_per_m (")
+    # a speed of 5 % more is above the synchronous speed, and a position has two numbers
+    screen = load_config(
+        CALIBRATED.parents[1] / "templates/screen.yaml", {"design.parameter_tolerances.exciters": 0.05}
+    )
+    (note,) = DesignStudy(screen).notes
+    assert "exciters.0.rated_speed_rpm" in note
+    assert "exciters.1.position_m" in note
+
+
+def test_share_of_machines_within_bounds_without_minimizing(scene):
+    bounds = {"rms_y_m": "<= 1.5e-3", "motor_power_w": ">= 1"}
+    plan = {"parameter_tolerances": {"machine": 0.02}, "constraints": bounds, "samples": 24}
+    found = design(scene.replace({"design": plan}))
+    kept = [found.samples["rms_y_m"] <= 1.5e-3, found.samples["motor_power_w"] >= 1.0]
+    labels, told = zip(*found.answer.lines.items(), strict=True)
+    assert labels[:3] == ("constraints satisfied", "  rms_y_m <= 1.5e-3", "  motor_power_w >= 1")
+    for text, inside in zip(told, (kept[0] & kept[1], *kept), strict=False):
+        assert text.startswith(f"{share(inside.mean())} (")
+        assert text.endswith("with 95 % confidence)")
+    assert "evaluations" not in found.tables
 
 
 def test_a_key_of_both_exciters_has_the_sum_of_their_elasticities(command, tmp_path):

@@ -226,7 +226,7 @@ def test_run_killed_among_its_tables_leaves_no_set_of_two_runs(number, place):
 
 @pytest.mark.faults
 def test_ctrl_c_while_workers_start(place):
-    with Child(place, *SWEEP, "2", before=sending(signal.SIGINT, "loky:get_reusable_executor")) as child:
+    with Child(place, *SWEEP, "2", before=sending(signal.SIGINT, "vibroplat.system.workers:_start", 2)) as child:
         assert problem(child.end()) == ""
         assert all_gone(child)
 

@@ -49,7 +49,7 @@ def test_energy_of_the_examples_balances_and_their_platforms_rotate_little():
         assert summary["phi_max_rad"] < 0.1, path.stem
 
 
-@pytest.mark.parametrize("machine", ["screen", "feeder"])
+@pytest.mark.parametrize("machine", ["screen", "feeder", "heavy-screen"])
 def test_machines_of_templates_start_from_rest_and_shake_as_such_machines_do(machine):
     scene = load_config(ROOT / f"configs/templates/{machine}.yaml", {"solver.engine": "taylor"})
     spring, motor = scene.machine.stiffness_y_n_per_m, scene.exciter_pair[0]

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 from common import handmade
+from common.pages import figures_of, page_of
 from common.places import QUICKSTART
 from matplotlib.colors import to_hex
 
 from vibroplat import load_config
 from vibroplat.errors import TableError, VibroplatError
 from vibroplat.hybrid.state import static_rest
-from vibroplat.page.report import page_data
-from vibroplat.page.results import find_results
 from vibroplat.plots.command import plot_results
 from vibroplat.results.files import write_result
 from vibroplat.results.labels import in_ratios, key_label
@@ -188,7 +187,8 @@ def test_the_only_values_of_keys_and_all_failed_points_are_drawn(write):
 
 def test_page_draws_points_over_the_key_first(write):
     place = write(over(DAMPING, RATIOS))
-    (shown,) = page_data(list(find_results([place])))["pictures"]
-    assert [(axis["column"], axis["log"]) for axis in shown["axes"]] == [(DAMPING, True), (LAW, False)]
-    assert shown["axes"][0]["unit"] == "N·s/m"
-    assert shown["series"][0]["label"] == "restitution 0, damping along y up"
+    figures = figures_of(page_of(place))
+    shown = figures["RMS y"]
+    assert shown.x_unit == "N·s/m"
+    assert shown.axes[0][2] == "log"
+    assert "restitution 0, damping along y up" in shown.names

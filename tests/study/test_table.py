@@ -312,7 +312,7 @@ def test_command_writes_what_python_gives(done, table):
     first, *_, last = done[0].out.splitlines()
     assert first == "8 points, f_e 50 … 51 Hz in steps of 1, up and down; all repeat every turn"
     assert "always antiphase: vibrates along y" in done[0].out
-    assert last == "results/c/sweep: -v prints all; next: vibroplat plot results/c/sweep"
+    assert last == "results/c/sweep: -v prints all; next: vibroplat plot results/c"
     assert not {name for name in written if name.startswith((".", "section", "impacts"))}
 
 

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
-
 import pandas as pd
 
 from vibroplat.config.digits import number
 from vibroplat.results.answer import counted, in_columns
 
-#: Most rows that are printed, and tolerances whose errors are.
-MAX_ROWS, TOLERANCES = 7, (1e-4, 1e-6, 1e-8, 1e-10)
+#: Most rows that are printed.
+MAX_ROWS = 6
 
 
 def brief_precision(table: pd.DataFrame, equal: pd.DataFrame | None) -> list[str]:
@@ -24,44 +21,30 @@ def brief_precision(table: pd.DataFrame, equal: pd.DataFrame | None) -> list[str
     equal
         Run times at equal errors, as of :func:`vibroplat.bench.measure.at_equal_error`; None if ``taylor`` has none.
     """
-    failed = table["failed"].astype(str).ne("").sum()
-    more = f"; {counted(int(failed), 'run')} FAILED" if failed else ""
+    failed = int(table["failed"].astype(str).ne("").sum())
+    more = f"; {counted(failed, 'run')} FAILED" if failed else ""
     if equal is None:
-        return [f"{counted(table['case'].nunique(), 'case')}: error of coordinates by tolerance{more}", *_errors(table)]
+        errors = table.pivot_table("coordinates", "case", "tolerance", sort=False).iloc[:, ::2]
+        head = f"{counted(len(errors), 'case')}: error of coordinates, over their scales, by tolerance{more}"
+        return [head, *_lines(errors.rename(columns="{:.0e}".format).map("{:.1e}".format))]
     first = equal.groupby(["case", "engine"], sort=False).first().reset_index()
-    ends = list(_ends(first.loc[first["engine"] != "taylor"].groupby("engine", sort=False)["over_taylor"]))
-    told = [f"{number(low, 2)} to {number(high, 2)} times that of taylor ({name})" for name, low, high in ends]
-    return [f"processor time at equal error: {'; '.join(told) or 'of taylor alone'}{more}", *_times(first)]
+    ratios = first.loc[first["engine"] != "taylor", "over_taylor"].dropna()
+    ends = f" {number(ratios.min(), 2)} to {number(ratios.max(), 2)} times that of taylor" if len(ratios) else ""
+    times = first.pivot_table("ms_per_s", "case", "engine", sort=False).map(number)
+    return [f"processor time at equal error{ends}; ms per s of motion{more}", *_lines(times)]
 
 
 def brief_costs(table: pd.DataFrame, name: str) -> list[str]:
     """Return the answer of a comparison of costs: processor time of each way, and its multiple of the first one's."""
-    label, ratio = str(table.columns[0]), next(str(c) for c in table if str(c).startswith(("times_", "over_")))
-    parts = zip(table[label].astype(str), table["processor_s"], table[ratio], strict=True)
-    rows = [[way, f"{number(seconds)} s", f"× {number(times)}"] for way, seconds, times in parts][:MAX_ROWS]
-    return [f"{name}: processor time, and multiple of that of {rows[0][0]}", *(f"  {row}" for row in in_columns(rows))]
+    ratio = next(str(column) for column in table if str(column).startswith(("times_", "over_")))
+    costs = table.set_index(table.columns[0])[["processor_s", ratio]].map(number)
+    return [f"{name}: processor time, and multiples of it", *_lines(costs)]
 
 
-def _ends(groups: Any) -> Iterator[tuple[str, float, float]]:
-    for engine, values in groups:
-        if values.notna().any():
-            yield str(engine), values.min(), values.max()
-
-
-def _times(first: pd.DataFrame) -> Iterator[str]:
-    """Yield a table of run times (ms per simulated second) at equal error."""
-    engines = list(first["engine"].unique())
-    rows = [["ms per s of motion", "error", *engines]]
-    for case, own in list(first.groupby("case", sort=False))[:MAX_ROWS]:
-        times = own.set_index("engine")["ms_per_s"]
-        rows.append([str(case), f"{own['error'].iloc[0]:.0e}", *(number(times.get(engine)) for engine in engines)])
-    yield from (f"  {line}" for line in in_columns(rows))
-
-
-def _errors(table: pd.DataFrame) -> Iterator[str]:
-    """Yield a table of errors of coordinates, over their scales, by tolerance."""
-    rows = [["tolerance", *(f"{tolerance:.0e}" for tolerance in TOLERANCES)]]
-    for case, own in list(table.groupby("case", sort=False))[:MAX_ROWS]:
-        errors = [own.loc[(own["tolerance"] / tolerance - 1.0).abs() < 1e-6, "coordinates"] for tolerance in TOLERANCES]
-        rows.append([str(case), *(f"{one.iloc[0]:.1e}" if len(one) else "" for one in errors)])
-    yield from (f"  {line}" for line in in_columns(rows))
+def _lines(table: pd.DataFrame) -> list[str]:
+    """Write the first rows of a table of texts."""
+    rows = [
+        ["", *map(str, table.columns)],
+        *([str(name), *row] for name, row in zip(table.index, table.to_numpy(), strict=True)),
+    ]
+    return [f"  {line}" for line in in_columns(rows[: MAX_ROWS + 1])]

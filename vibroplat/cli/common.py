@@ -80,8 +80,8 @@ Wait = Annotated[
 
 def scene_of(config: Path, settings: list[str] | None, engine: str | None) -> Scene:
     """Read a configuration and apply the options ``--set`` and ``--engine``."""
+    from vibroplat.config.loading import load_config
     from vibroplat.config.reader import parse_overrides
-    from vibroplat.config.scene import load_config
 
     return load_config(config, parse_overrides(settings or [], engine))
 

@@ -11,6 +11,7 @@ from itertools import groupby, starmap
 from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.keys import keys, yaml
 from vibroplat.config.kinds import KINDS
+from vibroplat.inspection.values import INSPECTION
 from vibroplat.motion.run import SUMMARY
 from vibroplat.observe.data_sheet import point_columns, whole_columns
 from vibroplat.observe.tables import EVENTS, TRAJECTORY, acceleration_columns
@@ -29,6 +30,10 @@ TABLES: dict[str, tuple[str, Columns]] = {
         "`vibroplat run`: values for the second half of the run, cut to whole turns or periods. Meanings that say "
         '"in the whole run" are the exception.',
         {**SUMMARY, **_POINTS, **whole_columns(_POINTS)},
+    ),
+    "inspection": (
+        "`vibroplat inspect` prints some of these numbers before any run; `Scene.inspect()` returns them, by name.",
+        INSPECTION,
     ),
     **{name: table for kind in KINDS.values() for name, table in kind.load().described.items()},
     **PAPER,

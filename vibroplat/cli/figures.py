@@ -72,8 +72,8 @@ def report(
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="The page. Default: report.html in the first DIR.")
     ] = None,
-    start: Annotated[float | None, typer.Option(help="Start of the animated interval (s).")] = None,
-    stop: Annotated[float | None, typer.Option(help="End of the animated interval (s).")] = None,
+    start: Annotated[float | None, typer.Option(help="Start of the detail (s). Default: the last turns.")] = None,
+    stop: Annotated[float | None, typer.Option(help="End of the detail (s).")] = None,
     orbits: Annotated[
         bool, typer.Option(help="Compute the orbits of sweep and branch points, which a click on a point draws.")
     ] = True,
@@ -83,7 +83,7 @@ def report(
 ) -> None:
     """Write results as one HTML page that opens offline.
 
-    The page shows curves, tables and the moving machine of all results side by side.
+    The answer comes first, then the moving machine, the data sheet and curves; all else is folded.
     """
     from vibroplat.page.report import write_report
     from vibroplat.system.terminal import points_progress

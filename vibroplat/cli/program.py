@@ -13,7 +13,7 @@ import typer
 from typer.core import TyperGroup
 
 from vibroplat import __version__
-from vibroplat.cli import bench, figures, paper, reference, run, studies
+from vibroplat.cli import bench, figures, inspect, paper, reference, run, studies
 from vibroplat.errors import VibroplatError
 from vibroplat.system.interrupts import offer_resume, records_kept
 from vibroplat.system.memory import is_short_of_memory, require_memory
@@ -26,7 +26,7 @@ OUTPUT = {errno.EPIPE, errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, getatt
 
 #: Commands by purpose.
 GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
-    "Begin": (reference.new,),
+    "Begin": (reference.new, inspect.inspect),
     "Simulate": (run.run, *studies.COMMANDS),
     "Show results": (figures.plot, figures.report, figures.film),
     "Verify": (paper.paper, bench.bench),

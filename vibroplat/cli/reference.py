@@ -15,8 +15,10 @@ from vibroplat.errors import ConfigError
 def new(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="File to write, e.g. mine.yaml.")],
     machine: Annotated[
-        Literal["rig", "screen", "feeder"],
-        typer.Option("--template", help="Machine: a small test rig, a 1.2 t screen, or a 0.6 t feeder."),
+        Literal["rig", "screen", "feeder", "heavy-screen"],
+        typer.Option(
+            "--template", help="Machine: a small test rig, a 1.2 t screen, a 0.6 t feeder, or a 4.5 t screen."
+        ),
     ] = "rig",
     full: Annotated[bool, typer.Option("--full", help="Write all keys with their meanings.")] = False,
 ) -> None:

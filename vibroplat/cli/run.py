@@ -70,7 +70,7 @@ def run(
     common.print_answer(
         result.answer,
         directory,
-        f"report {directory}",
+        f"report {directory.parent}",
         verbose=verbose,
         more={},
         failures=failures,

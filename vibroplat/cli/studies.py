@@ -78,7 +78,7 @@ def run_and_print(
     Finished tasks are stored, so that a killed command can be resumed.
     """
     from vibroplat.config.digits import quantity
-    from vibroplat.config.plausibility import notes_on_inputs
+    from vibroplat.config.plausibility import notes_on_inputs, notes_on_plan
     from vibroplat.integrate import other_engine
     from vibroplat.results.answer import first_failures
     from vibroplat.results.files import store_file
@@ -87,7 +87,8 @@ def run_and_print(
     from vibroplat.study.study import MAX_CROSS_CHECKS
 
     scene = study.scene
-    common.print_notes_early(notes := notes_on_inputs(study.scenes()))
+    notes = [*notes_on_inputs(study.scenes()), *notes_on_plan(scene, study.kind)]
+    common.print_notes_early(notes)
     with Store(directory, study.conditions, file=store_file(study.kind), **kept) as store:
         common.prepare_store(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if check else []))
         began = time.perf_counter()
@@ -106,7 +107,8 @@ def run_and_print(
     if checked is not None:
         total = f"engines disagree at {len(checked.disagreements)} of {checked.checked} motions"
         told += first_failures(checked.disagreements, total)
-    after = f"run {directory / 'best.yaml'}" if "best" in result.configurations else f"plot {directory}"
+    home = directory.parent if directory.name == study.kind else directory
+    after = f"run {directory / 'best.yaml'}" if "best" in result.configurations else f"plot {home}"
     common.print_answer(
         result.answer,
         directory,

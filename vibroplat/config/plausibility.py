@@ -6,6 +6,7 @@ A scene with such numbers is simulated like any other; a note points at what may
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Iterable, Iterator
 from functools import reduce
 from typing import Any, NamedTuple
@@ -23,6 +24,8 @@ SWING_TORQUE_RATIO = 0.7246
 UNIVERSAL_KEYS = frozenset({"gravity_m_per_s2", "mounted_on"})
 #: Least number of a slip of units that is written by a power of ten.
 MAX_PLAIN = 1e6
+#: The key of a rotor's moment of inertia.
+INERTIA = "rotor_inertia_kg_m2"
 #: Most keys that were left out and are all named.
 MAX_NAMED = 3
 
@@ -62,6 +65,25 @@ def notes_on_input(scene: Scene) -> list[str]:
 def notes_on_inputs(scenes: Iterable[Scene]) -> list[str]:
     """Say the same of several scenes, each note once."""
     return list(dict.fromkeys(note for scene in scenes for note in notes_on_input(scene)))
+
+
+def notes_on_plan(scene: Scene, kind: str) -> list[str]:
+    """Say that rotors stay as they are where a study varies the size of their motors.
+
+    Inertias of catalogue motors of one torque differ by more than a factor of 2, with frame, poles and efficiency
+    class, so none is derived from the torque.
+    """
+    plan = getattr(scene, kind, None)
+    varied = str({} if plan is None else plan.model_dump(exclude={"parameter_tolerances"}, exclude_none=True))
+    sizes = dict.fromkeys(re.findall(r"[\w.]+\.(?:critical_torque_n_m|rated_power_w)\b", varied))
+    if not sizes or INERTIA in varied:
+        return []
+    told = " and ".join(dict.fromkeys(number(getattr(exciter, INERTIA)) for exciter in scene.exciter_pair))
+    where = "exciters.N" if scene.exciters is not None else "machine"
+    return [
+        f"{', '.join(sizes)} varies, but {where}.{INERTIA} stays {told} kg·m²: rotors do not grow with their motors; "
+        "repeat with --set for the motor that is found"
+    ]
 
 
 def quantities(scene: Scene) -> Iterator[UsualRange]:
@@ -123,9 +145,9 @@ def _weak_motors(scene: Scene) -> list[str]:
             # the torque at standstill is largest where the synchronous speed is the critical slip speed
             best = exciter.critical_slip * (exciter.rated_frequency_hz or 0.0)
             for frequency in (first, min(max(best, first), last), last):
-                speed, slip = scene.synchronous_speeds_at(frequency)[i], exciter.critical_slip_speed(frequency)
-                if speed > 0.0:
-                    starting = max(starting, 2.0 * largest / (speed / slip + slip / speed))
+                if frequency > 0.0:
+                    speed = scene.synchronous_speeds_at(frequency)[i]
+                    starting = max(starting, exciter.torque(speed, frequency))
         if 0.0 < starting < needed:
             numbers = "{} at standstill, {} at most, where {}".format(
                 *(quantity(torque, "N·m") for torque in (starting, largest, needed))
@@ -144,8 +166,8 @@ def _unequal_motors(scene: Scene) -> str:
         return ""
     ratio = max(first, second) / min(first, second)
     return (
-        f"the motors have {first} and {second} pole pairs: at one supply their synchronous speeds differ {ratio:.3g} "
-        "times, and they cannot turn at the same speed; give both the same pole_pairs"
+        f"the motors have {first} and {second} pole pairs: at one supply their synchronous speeds differ "
+        f"{given(round(ratio, 2))} times, and they cannot turn at the same speed; give both the same pole_pairs"
     )
 
 

@@ -199,15 +199,18 @@ class DesignPlan(Section, title="Design"):
     measures: list[str] = Field([], description="further columns of a sweep to report, or stability_margin")
     minimize: str | None = Field(None, description="measure to minimize over the keys")
     constraints: dict[str, str] = Field(
-        {}, description='required bounds of measures, as {rms_y_m: ">= 1e-3", stability_margin: ">= 0.005"}'
+        {},
+        description='required bounds of measures, as {rms_y_m: ">= 1e-3", stability_margin: ">= 0.005"}; without '
+        "minimize, the answer is the fraction of samples that satisfy each",
     )
     pareto: dict[str, Annotated[list[Real], Field(min_length=2, max_length=100)]] = Field(
         {}, description="several values for the bound of one measure of constraints, for a Pareto front"
     )
     parameter_tolerances: dict[str, Annotated[Fraction, Field(gt=0.0, lt=1.0)]] = Field(
         {},
-        description="relative tolerances ± of keys, as {machine.platform_mass_kg: 0.05}; the optimum satisfies the "
-        "bounds at both ends of each tolerance, with all other keys at their nominal values",
+        description="relative tolerances ± of keys, as {machine.platform_mass_kg: 0.05}, or of all numbers of a "
+        "section, as {machine: 0.05}, without those that are 0; a key overrides its section; the optimum satisfies "
+        "the bounds at both ends of each tolerance, with all other keys at their nominal values",
     )
     samples: Annotated[int, Field(ge=0, le=100_000)] = Field(
         200, description="number of scenes to measure, distributed evenly within the tolerances; 0: none"
@@ -225,10 +228,15 @@ class DesignPlan(Section, title="Design"):
         for measure, text in self.constraints.items():
             if not (self.bound(measure)[0] and abs(self.bound(measure)[1]) <= MAX_SIZE):
                 raise ValueError(f'constraints.{measure} = {text!r} is no bound; allowed: ">= NUMBER" or "<= NUMBER"')
+        sampled = bool(self.parameter_tolerances and self.samples)
         if self.minimize is None:
-            for name in ("constraints", "pareto"):
-                if getattr(self, name):
-                    raise ValueError(f"{name} is given without minimize; allowed: with a measure to minimize")
+            if self.pareto:
+                raise ValueError("pareto is given without minimize; allowed: with a measure to minimize")
+            if self.constraints and not sampled:
+                raise ValueError(
+                    "constraints are given without minimize; allowed: with a measure to minimize, or with "
+                    "parameter_tolerances and samples"
+                )
         elif not self.keys:
             raise ValueError("minimize is given without keys; allowed: with keys and their ranges")
         if len(self.pareto) > 1 or not self.pareto.keys() <= self.constraints.keys():

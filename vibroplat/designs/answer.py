@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 
+from vibroplat.basin.rates import clopper_pearson
 from vibroplat.columns import quantity_of, unit_of
 from vibroplat.config.digits import DIGITS, FREQUENCY_DIGITS, NEGLIGIBLE, number, prefixed, quantity, share
 from vibroplat.config.study_plans import DesignPlan
@@ -28,6 +29,8 @@ def short_answer(plan: DesignPlan, tables: Mapping[str, pd.DataFrame], motion: s
     tolerances = [] if samples is None else list(_samples(plan, samples, tables["variance_contributions"]))
     if evaluations is not None:
         found = evaluations[evaluations["best"].astype(bool)]
+        if evaluations.empty:
+            return "unknown: the orbit was lost on the way to every starting point of the search", []
         if found.empty:
             return "no design in this box satisfies all constraints", list(_nearest(plan, evaluations))
         best = found.iloc[0]
@@ -79,9 +82,6 @@ def _values(plan: DesignPlan, best: pd.Series) -> Iterator[str]:
 
 def _nearest(plan: DesignPlan, evaluations: pd.DataFrame) -> Iterator[str]:
     """Yield the evaluated design that violates the constraints least."""
-    if evaluations["violation"].notna().sum() == 0:
-        yield "the orbit was lost on the way to every starting point of the search"
-        return
     nearest = evaluations.sort_values("violation").iloc[0]
     yield f"the closest one violates a bound by {share(nearest['violation'])} of it; wider design.keys may help"
     yield from _values(plan, nearest)
@@ -90,9 +90,9 @@ def _nearest(plan: DesignPlan, evaluations: pd.DataFrame) -> Iterator[str]:
 
 def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFrame) -> Iterator[str]:
     """Yield how many samples within the tolerances are good, the quantiles of measures, and what explains them."""
-    kept = satisfied(plan, samples)
     told = [f"{share(samples['stable'].mean())} stable"]
-    told += [] if kept is None else [f"{share(kept.mean())} satisfy the constraints"]
+    together = [*satisfied(plan, samples).values()][:1]
+    told += [f"{with_confidence(count, len(samples))} satisfy the constraints" for count in together]
     yield f"{counted(len(samples), 'machine')} within the tolerances: {', '.join(told)}"
     names = [name for name in (plan.minimize, *plan.constraints, *contributions["measure"].unique()) if name]
     shown = [name for name in dict.fromkeys(names) if name in samples and samples[name].notna().any()][:MAX_MEASURES]
@@ -109,15 +109,23 @@ def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFram
         yield f"{row['key']} explains {share(row['regression'])} of the variance of {_label(shown[0])}"
 
 
-def satisfied(plan: DesignPlan, samples: pd.DataFrame) -> pd.Series | None:
-    """Return which samples satisfy all constraints, None if there is none; tolerances together may violate one."""
-    if not plan.constraints:
-        return None
-    kept = pd.Series(data=True, index=samples.index)
-    for name in plan.constraints:
+def satisfied(plan: DesignPlan, samples: pd.DataFrame) -> dict[str, int]:
+    """Count the samples that satisfy all constraints, and each of several; tolerances together may violate one."""
+    kept: dict[str, pd.Series[bool]] = {}
+    for name, bound in plan.constraints.items():
         sign, limit = plan.bound(name)
-        kept &= sign * (samples[name] - limit) >= -VIOLATION_TOLERANCE * abs(limit)
-    return kept
+        kept[f"  {name} {bound}"] = sign * (samples[name] - limit) >= -VIOLATION_TOLERANCE * abs(limit)
+    together = {"constraints satisfied": pd.DataFrame(kept).all(axis=1)} if kept else {}
+    return {label: int(inside.sum()) for label, inside in (together | (kept if len(kept) > 1 else {})).items()}
+
+
+def with_confidence(count: int, number_of_samples: int) -> str:
+    """Write a fraction of samples with its confidence bounds.
+
+    These are binomial; the samples are distributed more evenly than at random, so they err on the safe side.
+    """
+    low, high = clopper_pearson(count, number_of_samples)
+    return f"{share(count / number_of_samples)} ({share(low)} to {share(high)} with 95 % confidence)"
 
 
 def _elasticities(table: pd.DataFrame) -> Iterator[str]:

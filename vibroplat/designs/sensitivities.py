@@ -12,7 +12,7 @@ from vibroplat.columns import TEXT, Column, Columns
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.schema import did_you_mean, nodes
+from vibroplat.config.schema import did_you_mean, in_lists, nodes
 from vibroplat.continuation.newton import NoConvergenceError
 from vibroplat.continuation.orbit import Orbit, OrbitError
 from vibroplat.continuation.orbit_neighbourhood import OrbitNeighbourhood
@@ -68,6 +68,45 @@ def varied_keys(scene: Scene) -> list[str]:
             if (changed != p).any():
                 found.append(key)
     return found
+
+
+def tolerances_of_keys(scene: Scene, given: Mapping[str, float]) -> tuple[dict[str, float], list[str]]:
+    """Replace sections in tolerances by their numbers, and say in notes which of these have none.
+
+    Left out are 0, other values than numbers, and numbers that may not be as much larger or smaller. A key that is
+    given has its own tolerance. A section without numbers is a ConfigError.
+    """
+    found, notes = dict[str, float](), list[str]()
+    for name, share in given.items():
+        if name not in SECTIONS:
+            continue
+        varied = [key for key in varied_keys(scene) if key.startswith(f"{name}.")]
+        for key in varied:
+            if in_lists(key.split(".")) in given:  # both exciters alike
+                continue
+            try:
+                for end in (-share, share):
+                    require_allowed(scene, name, key, value_of(scene, key) * (1.0 + end))
+            except ConfigError:
+                continue
+            found[key] = share
+        if not found.keys() & varied:
+            sections = [one for one in SECTIONS if any(key.startswith(f"{one}.") for key in varied_keys(scene))]
+            raise ConfigError(
+                f"design.parameter_tolerances.{name} = {share}: the motion depends on no number of this section that "
+                f"may vary so; allowed: {', '.join(sections)}, or a key"
+            )
+        left = [k for k in _given_keys(scene, name) if not {k, in_lists(k.split("."))} & (found.keys() | given.keys())]
+        if left:
+            notes.append(f"no tolerance: {', '.join(left)} (0, no number, unused, or no such values allowed)")
+    return found | {key: share for key, share in given.items() if key not in SECTIONS}, notes
+
+
+def _given_keys(scene: Scene, section: str) -> list[str]:
+    """List the keys of a section that have a value, those in lists at each place."""
+    names = [name for name, node in nodes(Scene).items() if name.startswith(f"{section}.") and not node.is_section]
+    places = [name.replace(".N.", f".{i}.") for name in names for i in range(1 + (".N." in name))]
+    return [name for name in places if value_of(scene, name) is not None]
 
 
 def require_keys(scene: Scene, keys: Sequence[str], where: str) -> None:

@@ -15,7 +15,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.designs import optimum
 from vibroplat.designs import samples as of_samples
 from vibroplat.designs import sensitivities as of_keys
-from vibroplat.designs.answer import measure_text, satisfied, short_answer
+from vibroplat.designs.answer import measure_text, satisfied, short_answer, with_confidence
 from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of
@@ -71,7 +71,9 @@ class DesignStudy(Study):
     def __init__(self, scene: Scene) -> None:
         if scene.design is None:
             raise ConfigError("this configuration has no design section; add design: {}")
-        self.scene, self.plan = scene, scene.design
+        tolerances, self.notes = of_keys.tolerances_of_keys(scene, scene.design.parameter_tolerances)
+        self.plan = scene.design.model_copy(update={"parameter_tolerances": tolerances})
+        self.scene = scene = scene.model_copy(update={"design": self.plan})
         of_keys.require_keys(scene, list(self.plan.keys), "design.keys")
         of_keys.require_keys(scene, list(self.plan.parameter_tolerances), "design.parameter_tolerances")
         of_keys.require_measures(scene, self.plan.named, "design")
@@ -115,7 +117,7 @@ class DesignStudy(Study):
         lines = {"motion": f"{home}, multipliers up to {number(1.0 - margin, 6)}"}
         text = list(_key_lines(found, self.names))
         if self.plan.minimize is None:
-            return self._with_samples(run, self.scene, known, self._result(tables, Answer(lines, text)))
+            return self._with_samples(run, self.scene, known, self._result(tables, Answer(lines, text, self.notes)))
         best, found = self._best(run, known, tables)
         lines |= found
         if best is None:
@@ -125,9 +127,9 @@ class DesignStudy(Study):
         told = [measure_text(name, row["row"][name]) for name in self.aims if row["row"].get(name) is not None]
         lines |= {"from rest": ", ".join([row["regime"], *told])}
         other = f"started from rest, the best design converges to {row['regime']}, not to the optimized orbit"
-        notes = [] if row["same"] else [other]
-        if notes and self.plan.parameter_tolerances and self.plan.samples:
-            notes = [f"{notes[0]}, so its tolerances were not sampled"]
+        notes = self.notes + ([] if row["same"] else [other])
+        if not row["same"] and self.plan.parameter_tolerances and self.plan.samples:
+            notes[-1] += ", so its tolerances were not sampled"
         result = self._result(tables, Answer(lines, text, notes), {"best": _configuration_text(scene)})
         if not (row["same"] and self.plan.parameter_tolerances):
             return result
@@ -205,18 +207,18 @@ class DesignStudy(Study):
         places = of_samples.sobol_points(plan.seed, len(keys), 0, plan.samples)
         table = self._samples(run, scene, known, places)
         shares = of_samples.variance_contributions(table, keys, found["measure"].unique().tolist())
+        known_lines, kept = [*result.answer.lines.items(), *_lines_of_samples(table, home).items()], self._kept(table)
         answer = result.answer._replace(
-            lines={**result.answer.lines, **_lines_of_samples(table, home), **self._kept(table)},
+            lines=dict([*kept, *known_lines] if plan.minimize is None else [*known_lines, *kept]),
             text=[*result.answer.text, *_distribution_lines(table, shares)],
         )
         tables = {**result.tables, "samples": table, "variance_contributions": shares}
         return self._result(tables, answer, result.configurations)
 
-    def _kept(self, table: pd.DataFrame) -> dict[str, str]:
-        """Return the percentage of samples that satisfy all constraints; tolerances together may violate one."""
-        if (kept := satisfied(self.plan, table)) is None:
-            return {}
-        return {"constraints satisfied": share(kept.mean())}
+    def _kept(self, table: pd.DataFrame) -> list[tuple[str, str]]:
+        """Return the fraction of samples that satisfy all constraints, and each of several, with confidence bounds."""
+        counts = satisfied(self.plan, table)
+        return [(label, with_confidence(count, len(table))) for label, count in counts.items()]
 
     def _samples(self, run: _Runner, scene: Scene, known: Record, places: FloatArray) -> pd.DataFrame:
         """Measure samples at places, in parts that are the same for any number of workers."""

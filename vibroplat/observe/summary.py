@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.columns import COUNT, Column, Columns
+from vibroplat.columns import COUNT, Column, Columns, sync_name
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import CHATTER, IMPACT
 from vibroplat.kernels.compiled import FloatArray
@@ -32,8 +32,6 @@ from vibroplat.observe.measures import (
 
 #: Phase coherence below which exciters are not synchronous: their phase difference has no mean that says anything.
 COHERENCE = 0.8
-#: Distance of the phase difference from 0 or π (rad) up to which exciters count as in phase or in antiphase.
-SYNCHRONOUS = math.pi / 3.0
 #: Drift of the phase difference over the measured part (rad) above which exciters are not synchronous.
 MAX_DRIFT = math.pi / 2.0
 
@@ -362,6 +360,4 @@ def synchronization(measures: Mapping[str, Any]) -> str:
         or measures["phase_coherence"] < COHERENCE
     ):
         return "none"
-    if abs(phase) <= SYNCHRONOUS:
-        return "in-phase"
-    return "antiphase" if math.pi - abs(phase) <= SYNCHRONOUS else "intermediate"
+    return sync_name(phase)

@@ -131,7 +131,7 @@ def run_figures(
         measured = data.select("t_s", numbers)
         measured.fit(runs[0].shown)
         for column in numbers:
-            measured.compare(column, "t_s", [curve_of(runs[0].shown, column)])
+            measured.compare(column, "t_s", [curve_of(run.shown, column) for run in runs if column in run.shown])
     shown = _shown(runs, directories, measured)
     drawn = [kind for kind in kinds or FIGURES if not missing(kind, shown)]
     if not drawn:

@@ -60,6 +60,10 @@ _STYLE: Any = {
     "legend.fontsize": 8.5,
     "pdf.fonttype": 42,  # text stays text, as publishers ask for
     "svg.hashsalt": "vibroplat",  # the same figure gives the same file
+    # settings of matplotlib that start programs; a file in the current directory may have others
+    "text.usetex": False,
+    "animation.ffmpeg_path": "ffmpeg",
+    "animation.ffmpeg_args": [],
 }
 #: What matplotlib reads as mathematics: between dollar signs without a backslash.
 _FORMULA = r"(?<!\\)\$[^$]*(?<!\\)\$"

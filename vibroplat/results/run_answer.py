@@ -14,7 +14,7 @@ from vibroplat.results.answer import are_alike, counted, of_both, short_line
 
 #: Rotation at the exciters' distance, over the largest stroke, above which it is told.
 ROCKS = 0.1
-#: Most named points that are told.
+#: Most named points, and springs at them, that are told.
 MAX_POINTS = 2
 
 
@@ -58,7 +58,7 @@ def sync_text(scene: Scene, summary: Mapping[str, Any]) -> str:
 def _period(summary: Mapping[str, Any]) -> str:
     turns = summary.get("period")
     if turns == 0:
-        return f"; does not repeat in the {summary['measured_turns']} turns measured"
+        return "; does not repeat yet"
     return "" if turns is None else f"; repeats every {'turn' if turns == 1 else f'{turns} turns'}"
 
 
@@ -173,6 +173,9 @@ def _points(scene: Scene, summary: Mapping[str, Any]) -> Iterator[str]:
             y, x = (quantity(stroke, "m", largest=max(strokes)) for stroke in strokes)
             acceleration = quantity(summary.get(f"acceleration_max_{name}_m_per_s2"), "m/s²")
             yield short_line(f"at {name}", f"stroke y {y}", f"x {x}; acceleration {acceleration}")
+    for name in [*scene.output.springs][:MAX_POINTS]:
+        mean, varies = (summary[f"spring_force_{what}_{name}_n"] for what in ("mean", "amplitude"))
+        yield short_line(f"spring at {name}", spread(-mean, varies, "N"), "each, static ± dynamic")
     if names[MAX_POINTS:]:
         yield f"and {counted(len(names) - MAX_POINTS, 'more point')}: -v"
 

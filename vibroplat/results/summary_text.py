@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from vibroplat.columns import unit_of
+from vibroplat.columns import split, unit_of
 from vibroplat.config.digits import given, quantity, share
 from vibroplat.config.scene import Scene
 from vibroplat.observe.section import MAX_PERIOD
@@ -37,7 +37,7 @@ def main_results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, 
             "speeds of the exciters": ", ".join(quantity(speed, "Hz") for speed in speeds) if speeds else None,
             f"phase difference {phases}": _phase(scene, summary),
             "RMS x, y": _strokes(summary),
-            "RMS phi": _text(summary, "rms_phi_rad"),
+            "RMS phi": _text(summary, "rms_phi_rad", _rotation(scene, summary)),
             "static sag": _text(summary, "static_sag_m"),
             "contact force, largest": _text(summary, "contact_force_max_n"),
             "gap, largest": _text(summary, "gap_max_m") if summary["gap_max_m"] else None,
@@ -56,22 +56,30 @@ def data_sheet_lines(scene: Scene, summary: Mapping[str, Any]) -> dict[str, str]
     if summary.get("foundation_force_y_rms_n") is None:
         return {}
     gravity, lines = scene.machine.gravity_m_per_s2, dict[str, str]()
-    for name, unit in (("force_x", "n"), ("force_y", "n"), ("moment", "n_m")):
-        static = (
-            f"static {quantity(-summary['foundation_force_y_mean_n'], 'N')}, " if name == "force_y" and gravity else ""
+    for name, unit, other in (("force_x", "n", "force_y"), ("force_y", "n", "force_x"), ("moment", "n_m", "moment")):
+        columns = {how: f"foundation_{name}_{how}_{unit}" for how in ("max", "amplitude", "rms")}
+        most = max(summary[columns["max"]], summary[f"foundation_{other}_max_{unit}"])
+        parts = (
+            [f"static {quantity(-summary['foundation_force_y_mean_n'], 'N')}"] if name == "force_y" and gravity else []
         )
-        rms = f"{static}RMS {_text(summary, f'foundation_{name}_rms_{unit}')}{' about it' if static else ''}"
-        label = f"{name.replace('_', ' ')} into foundation"
-        lines[label] = _with_peak(summary, f"foundation_{name}_max_{unit}", rms)
+        varies, rms = (_text(summary, columns[how], most) for how in ("amplitude", "rms"))
+        parts += [*([f"dynamic ± {varies}"] if varies else []), f"RMS {rms}"]
+        lines[f"{name.replace('_', ' ')} into foundation"] = _with_peak(summary, columns["max"], ", ".join(parts), most)
     named = {"": "", **{f" of {name}": f"_{name}" for name in scene.output.points}}
     for of, end in named.items():
-        for axis in ("x", "y"):
-            lines[f"stroke {axis}{of}"] = _with_peak(summary, f"stroke_{axis}{end}_m")
+        both = [f"stroke_{axis}{end}_m" for axis in ("x", "y")]
+        most = max(summary[column] or 0.0 for column in both)
+        lines |= {
+            f"stroke {axis}{of}": _with_peak(summary, column, "", most) for axis, column in zip("xy", both, strict=True)
+        }
     for of, end in named.items():
         column = f"acceleration_max{end}_m_per_s2"
         told = [f"{quantity(summary[column] / gravity)} g"] if gravity and summary[column] is not None else []
         told += [f"throw index gamma {quantity(summary['gamma'])}"] if gravity and not end else []
         lines[f"acceleration{of}"] = _with_peak(summary, column, ", ".join(told))
+    for name in scene.output.springs:
+        parts = [f"{what} {_text(summary, f'spring_force_{what}_{name}_n')}" for what in ("mean", "amplitude")]
+        lines[f"force of a spring at {name}"] = _with_peak(summary, f"spring_force_max_{name}_n", ", ".join(parts))
     for n in (1, 2):
         lines |= _motor(summary, n)
     for n in (1, 2):
@@ -112,23 +120,32 @@ def whole_run_lines(summary: Mapping[str, Any]) -> dict[str, str]:
     )
 
 
-def _with_peak(summary: Mapping[str, Any], column: str, more: str = "") -> str:
+def _with_peak(summary: Mapping[str, Any], column: str, more: str = "", largest: float | None = None) -> str:
     """Write the largest value of the measured part, what qualifies it, and the largest one of the whole run."""
-    whole = peak_text(summary, column, unit_of(column))
-    value, told = _text(summary, column), f"whole run: {whole}" if whole else ""
-    return "; ".join(filter(None, (", ".join(filter(None, (value, more))), told)))
+    whole, at = peak_text(summary, column, unit_of(column)), summary.get(f"whole_{split(column)[0]}_at_s")
+    inside = at is None or summary["measured_from_s"] <= at <= summary["measured_to_s"]
+    if inside and summary[f"whole_{column}"] == summary[column]:
+        told = whole.partition(" at ")[2] and f"that at {whole.partition(' at ')[2]}"
+    else:
+        told = whole and f"whole run: {whole.removeprefix('largest ')}"
+    return "; ".join(filter(None, (", ".join(filter(None, (_text(summary, column, largest), more))), told)))
 
 
-def _text(summary: Mapping[str, Any], column: str) -> str | None:
-    """Write a value of a summary with its unit; None if it has none."""
+def _text(summary: Mapping[str, Any], column: str, largest: float | None = None) -> str | None:
+    """Write a value of a summary with its unit, one next to nothing beside the largest as 0; None if it has none."""
     value = summary.get(column)
-    return None if value is None else quantity(value, unit_of(column))
+    return None if value is None else quantity(value, unit_of(column), largest=largest)
 
 
 def _strokes(summary: Mapping[str, Any]) -> str | None:
     """Write the RMS along both axes."""
     found = [summary["rms_x_m"], summary["rms_y_m"]]
     return None if None in found else ", ".join(quantity(one, "m", largest=max(found)) for one in found)
+
+
+def _rotation(scene: Scene, summary: Mapping[str, Any]) -> float:
+    """Return the rotation (rad) that moves the exciters' axes as far as the RMS of the platform along x or y."""
+    return max(summary["rms_x_m"] or 0.0, summary["rms_y_m"] or 0.0) / scene.body.distance
 
 
 def _known(lines: Mapping[str, str | None]) -> dict[str, str]:

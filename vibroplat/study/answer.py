@@ -109,18 +109,21 @@ def _rows(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
     jumps = [_changes(own, key) for own in parts]
     kinds = list(dict.fromkeys(name for one in jumps for name in one))
     shown, flies = kinds[:MAX_JUMPS], points["flight_fraction"].gt(0.0).any() or _has_material(points)
+    both_ways = len(points["direction"].unique()) > 1
     height = RMS if points[RMS].max() >= points["rms_x_m"].max() else "rms_x_m"
     corner = f"at {axis_name(key)}{f' ({unit})' if unit else ''}"
     head = [corner, *shown, *(["lifts off"] if flies else [])]
     table = [[*head, f"largest {display_name(height)}", *([] if shown else ["motor power"])]]
     for (name, rows), own, found in list(zip(groups, parts, jumps, strict=True))[:MAX_ROWS]:
-        cells = [_cell(found.get(kind, {}), step) for kind in shown] + ([_liftoff(rows, own, key)] if flies else [])
+        cells = [_cell(found.get(kind, {}), step, both_ways=both_ways) for kind in shown] + (
+            [_liftoff(rows, own, key)] if flies else []
+        )
         table.append([name, *cells, _largest(rows, height, key), *([] if shown else [_power(rows)])])
     yield from in_columns(table)
     if groups[MAX_ROWS:]:
         yield f"and {len(groups) - MAX_ROWS} more combinations of the grid: -v, table bands"
     if kinds[MAX_JUMPS:]:
-        yield f"and {', '.join(kinds[MAX_JUMPS:])}: -v, table bands"
+        yield f"and {', '.join(kinds[MAX_JUMPS : 2 * MAX_JUMPS])}, …: -v, table bands"
 
 
 def _changes(bands: pd.DataFrame, key: str) -> dict[str, dict[str, list[tuple[float, float]]]]:
@@ -150,10 +153,10 @@ def _pairs(rows: pd.DataFrame) -> Iterator[tuple[Any, Any]]:
     yield from itertools.pairwise(kept)
 
 
-def _cell(found: Mapping[str, list[tuple[float, float]]], step: float) -> str:
-    """Write where a change is in each direction; once where they agree."""
+def _cell(found: Mapping[str, list[tuple[float, float]]], step: float, *, both_ways: bool) -> str:
+    """Write where a change is in each direction; once where they agree, or where there is one."""
     told = {way: ", ".join(_place(*ends, step) for ends in found[way]) for way in found}
-    if len(set(told.values())) == 1 and len(told) > 1:
+    if len(set(told.values())) == 1 and (len(told) > 1 or not both_ways):
         return next(iter(told.values()))
     return ", ".join(f"{text} {way}" for way, text in told.items()) or NONE
 

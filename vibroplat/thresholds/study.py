@@ -196,7 +196,7 @@ class ThresholdStudy(Study):
             return value.text
         column = self.plan.compared[0]
         found = value.row.get(column)
-        return f"{column} = {quantity(found, unit_of(column))}" if found is not None else f"no {column}"
+        return f"{column} = {quantity(found, unit_of(column), digits=5)}" if found is not None else f"no {column}"
 
     def _failure(self, value: ScanPoint) -> str:
         place = interval_text(self.plan.key, value.value, value.value)
@@ -422,6 +422,6 @@ def find(scene: Scene, **options: Unpack[Options]) -> Result:
     >>> plan = {"key": "drive.supply_frequency_hz", "start": 40.0, "stop": 50.0, "scan": 5}
     >>> plan |= {"expression": "excitation_frequency_hz > 22", "tolerance": 0.01}
     >>> find(Scene().replace({"find": plan})).answer.text
-    ['drive.supply_frequency_hz = 44.40 Hz: level-crossing; below excitation_frequency_hz = 21.996; above ...']
+    ['drive.supply_frequency_hz = 44.40 Hz: level-crossing; below excitation_frequency_hz = 21.996 Hz; above ...']
     """
     return run_study(ThresholdStudy, scene, **options)
