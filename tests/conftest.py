@@ -102,4 +102,4 @@ def damped():
 
 @pytest.fixture(scope="session")
 def quickstart():
-    return load_config(ROOT / "configs/quickstart.yaml", load_tree(ROOT / "tests/machines/damped.yaml"))
+    return load_config(QUICKSTART, load_tree(ROOT / "tests/machines/damped.yaml"))

@@ -16,8 +16,10 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from vibroplat.basin.study import basins
     from vibroplat.check.runs import check_run
+    from vibroplat.config.computation import Output, Solver
     from vibroplat.config.drive import Drive
-    from vibroplat.config.scene import Scene, load_config
+    from vibroplat.config.loading import load_config
+    from vibroplat.config.scene import Scene
     from vibroplat.config.sections import (
         Contact,
         Exciter,
@@ -25,9 +27,7 @@ if TYPE_CHECKING:
         Machine,
         Material,
         Motor,
-        Output,
         Run,
-        Solver,
         State,
     )
     from vibroplat.continuation.orbit import Orbit, orbit
@@ -42,11 +42,12 @@ if TYPE_CHECKING:
     from vibroplat.thresholds.study import find
 
 _HOMES = {
-    "load_config": "vibroplat.config.scene",
+    "load_config": "vibroplat.config.loading",
     "Scene": "vibroplat.config.scene",
     "Drive": "vibroplat.config.drive",
+    **dict.fromkeys(("Output", "Solver"), "vibroplat.config.computation"),
     **dict.fromkeys(
-        ("Contact", "Exciter", "Initial", "Machine", "Material", "Motor", "Output", "Run", "Solver", "State"),
+        ("Contact", "Exciter", "Initial", "Machine", "Material", "Motor", "Run", "State"),
         "vibroplat.config.sections",
     ),
     "simulate": "vibroplat.motion.run",

@@ -19,7 +19,6 @@ from vibroplat.continuation.orbit import with_initial_state
 from vibroplat.errors import ConfigError
 from vibroplat.hybrid.state import initial_state, state_scales, static_rest
 from vibroplat.motion.run import simulate
-from vibroplat.results.result import Result
 from vibroplat.study.classification import same_phase
 from vibroplat.study.pool import pool
 from vibroplat.study.store import Store
@@ -113,14 +112,9 @@ def test_starts_that_come_to_no_orbit_are_one_attractor_of_their_class():
     assert math.isnan(lost["rms_y_m"])
     assert len(result.answer.failures) == 5
     assert {line.partition(" by ")[0] for line in result.answer.failures} == {"beyond-model: the platform has turned"}
-    settled = attractors.loc["in-phase, period 1", "count"]
-    starts, never = result.starts, attractors.loc[["antiphase, chaotic"]].reset_index()
-    drawn = result.plot().axes
-    assert drawn[-1].get_ylabel() == "turns until settled; pale: not settled"
-    arrays = [c.get_array() for axis in drawn for c in axis.collections if c.get_array() is not None]
-    assert max(np.isnan(np.ma.filled(array.astype(float), np.nan)).sum() for array in arrays) == 10 - settled
-    all_chaotic = starts.assign(attractor="antiphase, chaotic")
-    assert len(Result("basins", scene, {"attractors": never, "starts": all_chaotic}, result.answer).plot().axes) == 2
+    figure = result.plot()
+    assert {"antiphase, chaotic", "beyond-model"} <= {text.get_text() for text in figure.legends[0].get_texts()}
+    assert figure.get_suptitle().replace("\n", " ").endswith("of 10 starts")
 
 
 @pytest.fixture(scope="module")

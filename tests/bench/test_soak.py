@@ -94,4 +94,4 @@ def test_disturbed_sweep_gives_the_same_table(number, here):
         with Child(here, "plot", "inline/swept") as child:
             assert child.end(LONGEST).code == 0
         for name in ("response", "bifurcation"):
-            assert np.ptp(matplotlib.image.imread(here / f"inline/swept/{name}.png")[..., :3]) > 0.0
+            assert np.ptp(matplotlib.image.imread(here / f"inline/swept/sweep/{name}.png")[..., :3]) > 0.0

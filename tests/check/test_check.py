@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from common.places import QUICKSTART
 from common.random_scenes import random_scene
 
 import vibroplat
@@ -17,7 +18,6 @@ from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import other_engine
 from vibroplat.model.systems import GAP_RATE
 
-QUICKSTART = configurations() / "quickstart.yaml"
 FRICTION = "motor.friction_radius_m"
 NATIVE = {"solver.engine": "native"}
 

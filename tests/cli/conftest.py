@@ -28,5 +28,5 @@ def written(finished_commands):
 @pytest.fixture
 def result(written, tmp_path):
     """A copy of a result whose files may be changed."""
-    copy = shutil.copytree(written / "quickstart", tmp_path / "result", ignore=shutil.ignore_patterns("*.png"))
+    copy = shutil.copytree(written / "quickstart/run", tmp_path / "result", ignore=shutil.ignore_patterns("*.png"))
     return unproven(copy)

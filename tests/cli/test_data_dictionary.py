@@ -100,7 +100,7 @@ def test_every_column_of_the_papers_tables_is_described():
 def test_parquet_files_carry_units_and_meanings(kernels, tmp_path):
     done = run_command("run", QUICKSTART, "--set", "run.duration_s=0.05", "--out", tmp_path)
     assert done.code == 0
-    place = tmp_path / "quickstart"
+    place = tmp_path / "quickstart/run"
     for name in ("trajectory", "events"):
         for field in pq.read_schema(place / f"{name}.parquet"):
             about = {key.decode(): value.decode() for key, value in field.metadata.items()}

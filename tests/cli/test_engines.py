@@ -34,7 +34,7 @@ def softer(scene):
 def test_engine_is_short_for_the_key(command, kernels, here):
     done = command("run", QUICKSTART, *SHORT, "--engine", "taylor", "--set", "solver.engine=taylor")
     assert (done.code, done.err) == (0, "")
-    proof = read_json(here / "results/quickstart", "provenance")
+    proof = read_json(here / "results/quickstart/run", "provenance")
     same = load_config(QUICKSTART, {"run.duration_s": 0.1, "solver.engine": "taylor"})
     assert (proof["engine"], proof["configuration_sha256"]) == ("taylor", configuration_hash(same))
 
@@ -75,15 +75,17 @@ def test_a_checked_run_is_the_run(command, kernels, here):
     done = command("run", QUICKSTART, *SHORT, "--engine", "native", "--check")
     assert (done.code, done.err) == (0, "")
     lines = done.out.splitlines()
-    (start,) = (n for n, line in enumerate(lines) if line.startswith("checked by  "))
+    (start,) = (n for n, line in enumerate(lines) if line.startswith("  checked by: "))
     assert len(lines) - start <= 5
-    summary = read_json(here / "results/quickstart", "summary")
-    plain = read_json(here / "plain/quickstart", "summary")
+    summary = read_json(here / "results/quickstart/run", "summary")
+    plain = read_json(here / "plain/quickstart/run", "summary")
     assert summary["check"]["agrees"] is True
     assert {k: v for k, v in summary.items() if k not in ("check", "wall_s")} == {
         k: v for k, v in plain.items() if k != "wall_s"
     }
-    proof, before = (read_json(here / place / "quickstart", "provenance")["files"] for place in ("results", "plain"))
+    proof, before = (
+        read_json(here / place / "quickstart/run", "provenance")["files"] for place in ("results", "plain")
+    )
     for name in ("trajectory.parquet", "events.parquet"):
         assert proof[name] == before[name]
 
@@ -94,7 +96,7 @@ def test_a_run_that_engines_disagree_on_has_exit_code_1(command, kernels, here, 
     assert done.code == 1
     assert done.err.startswith("vibroplat: engines disagree at 0.0")
     assert len(done.err.splitlines()) == 1
-    check = read_json(here / "results/quickstart", "summary")["check"]
+    check = read_json(here / "results/quickstart/run", "summary")["check"]
     assert (check["agrees"], check["disagreement"] in done.err) == (False, True)
 
 
@@ -106,7 +108,7 @@ def test_a_sweep_is_checked_and_resumed(command, kernels, here):
     assert (done.code, done.err) == (0, "")
     assert "3 tasks from before" in done.out
     assert ", 3 motions, measures within " in done.out
-    check = read_json(here / "results/quickstart", "provenance")["check"]
+    check = read_json(here / "results/quickstart/sweep", "provenance")["check"]
     assert (check["checked"], check["disagreements"]) == (3, [])
 
 
@@ -120,4 +122,4 @@ def test_a_study_that_engines_disagree_on_has_exit_code_1(name, study, command, 
     assert "branch 0" in first
     assert ": rms_y_m = " in first
     assert re.fullmatch(r"vibroplat: engines disagree at (\d+) of \1 motions", last)
-    assert read_json(here / "results/quickstart", "provenance")["check"]["disagreements"][0] in first
+    assert read_json(here / f"results/quickstart/{name}", "provenance")["check"]["disagreements"][0] in first

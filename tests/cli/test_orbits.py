@@ -11,7 +11,7 @@ from common.commands import not_a_line
 from common.orbits import traced
 from common.results import bits, left
 
-from vibroplat import load_config, orbit
+from vibroplat import load, load_config, orbit
 from vibroplat.motion.run import load_kernels
 from vibroplat.study.pool import Inline
 from vibroplat.study.store import digest
@@ -41,11 +41,11 @@ def config(here):
     return write
 
 
-def results(directory="results/c"):
+def results(directory="results/c/orbits"):
     return left(Path(directory))[0]
 
 
-def tables(directory="results/c"):
+def tables(directory="results/c/orbits"):
     return {name: bits(table) for name, table in results(directory).items() if name.startswith(TABLES)}
 
 
@@ -77,27 +77,26 @@ def test_writes_tables_and_prints_an_overview(followed):
     assert found["provenance.json"]["engine"] == "taylor"
     assert found["orbits.json"]["failed"] == 0
     assert found["special.parquet"]["kind"].tolist() == ["liftoff"]
-    notes, lines = [], followed.out.splitlines()
-    while lines[0].startswith("note: "):  # on the input, before what may take long
-        notes.append(lines.pop(0))
-    assert len(notes) == 2
-    assert lines[0].split() == ["branches", "2"]
-    points = len(found["branches.parquet"])
-    assert f"{points}, {points} of them stable" in followed.out
-    (row,) = (line for line in lines if line.startswith("0.1 ") and "start" in line)
-    assert row.startswith("0.1         0       start      47 … 49 ")
+    answer = load("results/c").answer
+    lines, points = followed.out.splitlines(), len(found["branches.parquet"])
+    assert lines[0] == f"2 branches, {points} orbits over f_e 47.00 … 49.00 Hz: {points} stable"
+    assert [line.split()[-1] for line in lines if "mass ratio" in line] == ["–", "48.18"]
+    assert len(answer.notes) == 2
+    assert f"{points}, {points} of them stable" in answer.lines["points"]
+    (row,) = (line for line in answer.text if line.startswith("0.1 ") and "start" in line)
+    assert row.startswith("0.1         0       start      47.0000 … 49.0000 ")
     assert row.endswith("  stop of the key's range")
-    (row,) = (line for line in lines if "liftoff" in line)
+    (row,) = (line for line in answer.text if "liftoff" in line)
     assert row.split()[:4] == ["0.1", "0", "liftoff", "48.176451"]
 
 
-def test_a_sweep_keeps_its_files_in_the_same_directory(command, config, figures):
+def test_a_sweep_and_orbits_of_one_name_keep_their_files_apart(command, config, figures):
     path = config(ORBITS + SWEEP)
     assert command("sweep", path).code == 0
-    before = bits(results()["sweep.parquet"])
+    before = results("results/c/sweep").keys()
     assert command("orbits", path).code == 0
-    assert bits(results()["sweep.parquet"]) == before
-    assert {"orbits-provenance.json", "provenance.json"} <= set(results())
+    assert results("results/c/sweep").keys() == before
+    assert {"branches.parquet", "provenance.json"} <= set(results())
     done = command("sweep", path, "--resume")
     assert done.code == 0
     assert "2 tasks from before" in done.out
@@ -208,7 +207,7 @@ def test_run_to_begin_from_is_relative_to_the_directory_of_the_command(command, 
 
 def test_parts_of_branches_that_are_missing_are_made_again(command, followed):
     wanted = tables()
-    with sqlite3.connect("results/c/orbits.sqlite") as base:
+    with sqlite3.connect("results/c/orbits/orbits.sqlite") as base:
         kept, last = base.execute("SELECT COUNT(*) - 1, MAX(rowid) FROM records").fetchone()
         base.execute(f"DELETE FROM records WHERE rowid = {last}")
         base.execute("UPDATE about SET value = '0', digest = ? WHERE key = 'finished'", [digest("finished", "0")])

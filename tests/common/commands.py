@@ -159,7 +159,7 @@ def ended(place, *arguments, before=""):
         return child.end()
 
 
-def loky_workers(pid=None):
-    """Worker processes that loky has started from a process, this one without ``pid``."""
+def workers_of(pid=None):
+    """Worker processes of a process, this one without ``pid``."""
     children = psutil.Process(pid).children(recursive=True)
-    return [child for child in children if "loky.backend.popen_loky_posix" in " ".join(child.cmdline())]
+    return [child for child in children if "workers import serve" in " ".join(child.cmdline())]

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-QUICKSTART = ROOT / "configs/quickstart.yaml"
+#: The quickstart with the default engine.
+QUICKSTART = ROOT / "tests/common/quickstart.yaml"
 #: A machine with two layers of material on it.
 LOADED = ROOT / "tests/study/loaded.yaml"
 #: Head of a configuration with it.

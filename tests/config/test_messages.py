@@ -19,7 +19,8 @@ MOTOR = (
     "friction_radius_m, rated_frequency_hz"
 )
 EXCITER = (
-    f"{MOTOR}, unbalance_mass_kg, unbalance_radius_m, static_moment_kg_m, position_m, rotor_inertia_kg_m2, mounted_on, rotation"
+    f"{MOTOR}, unbalance_mass_kg, unbalance_radius_m, static_moment_kg_m, position_m, rotor_inertia_kg_m2, "
+    "mounted_on, rotation"
 )
 PLATE = "rated_power_w: 1500, breakdown_ratio: 2.6, rated_frequency_hz: 50"
 INITIAL = "phase_difference_rad, phase_sum_rad, phi1_rad, speed_ratio, state, from"

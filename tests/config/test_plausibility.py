@@ -19,13 +19,13 @@ ACCELERATION = "of the platform far above resonance; usual: up to 30 g"
 
 #: What is noted of one changed number of the quickstart: a situation for each quantity.
 NUMBERS = {
-    "machine.stiffness_x_n_per_m = 5.8e+10": ": natural frequency 10800 Hz in x; usual: 1 to 150 Hz",
-    "machine.stiffness_phi_n_m_per_rad = 1.8": ": natural frequency 0.64 Hz in phi; usual: 1 to 150 Hz",
+    "machine.stiffness_x_n_per_m = 58000000000": ": natural frequency 10800 Hz in x; usual: 1 to 150 Hz",
+    "machine.stiffness_phi_n_m_per_rad = 1.8": ": natural frequency 0.640 Hz in phi; usual: 1 to 150 Hz",
     "machine.damping_x_n_s_per_m = 30000": ": damping ratio 5.57 in x; usual: up to 1",
     "machine.damping_phi_n_m_s_per_rad = 77": ": damping ratio 2.72 in phi; usual: up to 1",
     "machine.rotor_inertia_kg_m2 = 500": "; usual: up to 100 kg·m²",
     "material.mass_ratio = 20": "; usual: up to 5",
-    "material.damping_ratio = 2": ": damping ratio 2 of the layers; usual: up to 1",
+    "material.damping_ratio = 2": ": damping ratio 2.00 of the layers; usual: up to 1",
     "material.damping_n_s_per_m = 500": ": damping ratio 2.89 of the layers; usual: up to 1",
     "motor.critical_slip = 15": "; usual: up to 1",
     "motor.critical_torque_n_m = 20000": "; usual: up to 10000 N·m",
@@ -76,7 +76,7 @@ UNUSUAL = [
     ),
     (
         {"run.initial": {"state": {"x_m": 2.0, "y_m": 1e9}}},
-        ["run.initial.state.x_m = 2; usual: -1 to 1 m", "run.initial.state.y_m = 1e+09; usual: -1 to 1 m"],
+        ["run.initial.state.x_m = 2; usual: -1 to 1 m", "run.initial.state.y_m = 1000000000; usual: -1 to 1 m"],
     ),
     ({"run.initial": {"state": {"gap_m": 0.0}}}, []),
 ]
@@ -103,8 +103,8 @@ def test_a_motor_too_weak_to_lift_its_unbalance_is_noted():
     """Held level the unbalance needs 0.045 · 0.03 · 9.81 = 0.01324 N·m, 0.0096 to swing over the top at once."""
     rest = {"run.initial.speed_ratio": 0.0, "motor.critical_slip": 0.15}
     note = (
-        "each motor gives 0.00587 N·m at standstill, at most 0.02, where 0.0096 N·m carry its unbalance over the top "
-        "in one swing: it may start late or not at all"
+        "each motor gives 5.87 mN·m at standstill, 20.0 mN·m at most, where 9.60 mN·m carry its unbalance over the top "
+        "in one swing: it may start late or not at all, and more torque or run.initial.speed_ratio helps"
     )
     weak = load_config(QUICKSTART, rest | {"motor.critical_torque_n_m": 0.02})
     assert notes_on_input(weak) == [note]

@@ -48,13 +48,18 @@ def test_a_result_has_the_figures_of_its_tables(kind, command, figures, tmp_path
     assert [tick.get_text() for tick in bars.get_yticklabels()] == [
         "platform mass" if kind == "samples" else "unbalance radius"
     ]
-    (legend,) = figures[kind].legends
-    labels = {text.get_text() for text in legend.get_texts()}
+    legends = [*figures[kind].legends, *(one for axis in figures[kind].axes if (one := axis.get_legend()))]
+    labels = {text.get_text() for legend in legends for text in legend.get_texts()}
     if kind == "samples":
         assert labels == {"antiphase, period 1", "nominal"}
-        assert sum(patch.get_height() for patch in figures[kind].axes[0].patches) == 8
+        dots, *rings = (line for line in figures[kind].axes[0].lines if line.get_marker() == "o")
+        assert len(dots.get_xdata()) == 8
+        assert (np.diff(dots.get_xdata()) >= 0.0).all()
+        assert [ring.get_ydata()[0] for ring in rings] == [5, 50, 95]
     else:
-        assert labels >= {"keeps all bounds", "best: the least that keeps all bounds", "bound", "Pareto front", LOST}
+        assert labels >= {"best: the least that keeps all bounds", "RMS y ≥ 0.5 mm", "Pareto front", LOST}
+        assert any(label.startswith("keeps all bounds (") for label in labels)
+        assert figures[kind].get_suptitle().startswith("Least motor power ")
     done = command("plot", "c", "--kind", "samples")
     if kind == "samples":
         assert done.code == 0
@@ -83,7 +88,7 @@ def test_many_tolerances_leave_all_panels_their_width():
     samples = samples.assign(sample=range(20), stable=True, regime="antiphase, period 1")
     figure = drawn({"parameter_tolerances": dict.fromkeys(keys, 0.05)}, "samples", sensitivities=table, samples=samples)
     FigureCanvasAgg(figure).draw()
-    assert figure.axes[0].get_title("left").endswith(", 2\N{NO-BREAK SPACE}more")
+    assert figure.axes[0].get_title("left").endswith(", 2 more")
     gaps = np.diff([axis.get_position().x0 for axis in figure.axes])
     assert gaps[0] == pytest.approx(gaps[1], rel=0.05)
 
@@ -114,3 +119,19 @@ def test_what_has_little_to_show_says_so():
     assert "every start lost the orbit" in figure.axes[0].get_title("left")
     with pytest.raises(TableError, match="d holds no table samples; allowed: sensitivities"):
         drawn({}, "samples", sensitivities=table)
+
+
+def test_samples_are_judged_by_the_bounds_in_the_units_of_their_axes():
+    random = np.random.default_rng(0)
+    samples = pd.DataFrame({"sample": range(40), "stable": True, "regime": "antiphase, period 1"})
+    samples = samples.assign(rms_y_m=np.linspace(0.8e-3, 1.6e-3, 40), motor_power_w=4.0 + 1e-4 * random.random(40))
+    table = pd.concat([elastic(rms_y_m=1.0, motor_power_w=1.0)])
+    rows = pd.DataFrame({"start": 0, "rms_y_m": [1.1e-3], "motor_power_w": 4.0, "feasible": True, "best": True})
+    plan = BEST | {"parameter_tolerances": {MASS: 0.1}}
+    figure = drawn(plan, "samples", sensitivities=table, samples=samples, evaluations=rows)
+    (axis,) = (axis for axis in figure.axes if axis.axison)  # what hardly varies is told
+    title = figure.get_suptitle().replace("\n", " ")
+    assert title == "30 of 40 samples keep RMS y ≥ 1 mm"
+    told = axis.get_title("left").splitlines()
+    assert told[-2:] == ["hardly varies: motor power 4.00 W", "RMS y ≥ 1 mm: 75 % keep it"]
+    assert [line.get_xdata()[0] for line in axis.lines if line.get_marker() == "None"] == pytest.approx([1.1, 1.0])

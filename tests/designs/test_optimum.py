@@ -34,9 +34,13 @@ def answer():
 
 def test_the_least_power_is_found_from_each_start(answer, tmp_path):
     """3.4307 W, as with derivative-free searches; the file that is written has it."""
-    assert "motor_power_w 3.4307," in answer.answer.lines["there"]
+    assert answer.answer.headline == "best: motor power 3.43 W with RMS y 1.00 mm, stability margin 0.0275"
+    first, radius, *_ = answer.answer.short
+    assert first == "found by 2 of 2 searches:"
+    assert radius.startswith("machine.unbalance_radius_m ")
+    assert radius.endswith(" 0.04407 m")
     assert "(from 2 of 2 starting points)" in answer.answer.lines["there"]
-    assert answer.answer.lines["from rest"] == "antiphase, period 1, motor_power_w 3.4307, rms_y_m 0.001"
+    assert answer.answer.lines["from rest"] == "antiphase, period 1, motor power 3.43 W, RMS y 1.00 mm"
     assert answer.answer.notes == []
     (tmp_path / "best.yaml").write_text(answer.configurations["best"], encoding="utf-8")
     best = load_config(tmp_path / "best.yaml")
@@ -70,13 +74,16 @@ def test_the_worst_scene_of_a_tolerance_counts():
     """The mass 5 % off to either side: the nominal machine has amplitude to spare, and takes less power."""
     plan = {"parameter_tolerances": {"machine.platform_mass_kg": 0.05}, "starts": 1, "samples": 10}
     found = design(scene(**plan))
-    assert "motor_power_w 4.37877, rms_y_m 0.00117842" in found.answer.lines["there"]
-    assert found.answer.lines["constraints satisfied"].startswith("100 % of 10 samples (74 % … 100 %")
+    assert "motor power 4.38 W, RMS y 1.18 mm" in found.answer.lines["there"]
+    assert found.answer.headline.endswith("; up to 5.79 W within the tolerances")
+    kept = "100 % (74 % to 100 % with 95 % confidence)"
+    assert f"10 machines within the tolerances: 100 % stable, {kept} satisfy the constraints" in found.answer.short
+    assert found.answer.lines["constraints satisfied"] == kept
     table = found.tables["evaluations"]
     (best,) = table.index[table["best"]]
     assert table.loc[best, "objective"] == table.loc[table["feasible"], "objective"].min()
-    assert found.answer.lines["within tolerances"].startswith(
-        f"motor_power_w up to {table.loc[best, 'objective']:.6g} ("
+    assert found.answer.lines["within tolerances"] == (
+        f"motor power {table.loc[best, 'objective']:.2f} W at most, one at a time"
     )
     assert table.loc[best, "objective"] > table.loc[best, "motor_power_w"] + 1.0
     samples = found.tables["samples"]
@@ -88,8 +95,10 @@ def test_the_worst_scene_of_a_tolerance_counts():
 def test_a_box_without_a_design_is_an_answer():
     found = design(scene(starts=2, constraints={"rms_y_m": ">= 8e-3"}))
     assert found.answer.lines["best"].startswith(
-        f"no design in this box satisfies all constraints; the closest one: {RADIUS} 0.048, "
+        f"no design in this box satisfies all constraints; the closest one: {RADIUS} 0.0480000 m, "
     )
+    assert found.answer.headline == "no design in this box satisfies all constraints"
+    assert found.answer.short[0].startswith("the closest one violates a bound by ")
     assert not found.tables["evaluations"]["feasible"].any()
     assert found.configurations == {}
 
@@ -98,7 +107,7 @@ def test_tolerances_that_break_a_bound_together_are_told():
     spread = {"machine.platform_mass_kg": 0.03, "machine.stiffness_y_n_per_m": 0.03}
     found = design(scene(parameter_tolerances=spread, starts=1, samples=40))
     kept = found.tables["samples"]["rms_y_m"] >= 1e-3 * (1.0 - 1e-6)
-    assert found.answer.lines["constraints satisfied"].startswith(f"{share(kept.mean())} of 40 samples")
+    assert found.answer.lines["constraints satisfied"].startswith(f"{share(kept.mean())} (")
     assert 0.5 < kept.mean() < 1.0
 
 
@@ -119,6 +128,7 @@ def test_a_tolerance_about_a_key_stays_within_the_model():
 def test_a_box_to_which_the_orbit_cannot_be_followed_is_no_answer_on_its_designs():
     found = design(scene(keys={"motor.critical_torque_n_m": [0.001, 0.002]}, starts=2))
     assert found.answer.lines["best"].startswith("unknown: the orbit was lost on the way")
+    assert found.answer.headline == "unknown: the orbit was lost on the way to every starting point of the search"
     assert found.tables["evaluations"].empty
     assert found.plot("evaluations").axes
 
@@ -131,7 +141,9 @@ def test_one_job_and_two_give_the_same_bits(tmp_path):
         asked = ("design", example, "--set", "design.samples=20", "--out", tmp_path / str(jobs), "--jobs", jobs)
         assert process(*asked).code == 0
         tables = ("evaluations", "samples", "sensitivities")
-        found.append([pd.read_parquet(tmp_path / str(jobs) / "design-power" / f"{name}.parquet") for name in tables])
+        found.append(
+            [pd.read_parquet(tmp_path / str(jobs) / "design-power/design" / f"{name}.parquet") for name in tables]
+        )
     for one, other in zip(*found, strict=True):
         pd.testing.assert_frame_equal(one, other, check_exact=True)
 

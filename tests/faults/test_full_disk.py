@@ -40,12 +40,12 @@ def largest_file(size):
 def test_earlier_run_is_kept_where_there_is_no_room(text, size, file, here):
     (here / "c.yaml").write_text(text)
     assert command("run", "c.yaml", "--format", "csv").code == 0
-    before = {path.name: path.read_bytes() for path in (here / "results/c").iterdir()}
+    before = {path.name: path.read_bytes() for path in (here / "results/c/run").iterdir()}
     with largest_file(size):
         done = command("run", "c.yaml", "--format", "csv")
     assert not_a_line(done, codes=FAILED) == ""
     assert f"{file} cannot be written: File too large" in done.err
-    assert {path.name: path.read_bytes() for path in (here / "results/c").iterdir()} == before
+    assert {path.name: path.read_bytes() for path in (here / "results/c/run").iterdir()} == before
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def alone(tmp_path_factory):
     place = tmp_path_factory.mktemp("alone")
     (place / "c.yaml").write_text(SWEEP)
     assert command("sweep", place / "c.yaml", "--out", place).code == 0
-    return place / "c"
+    return place / "c/sweep"
 
 
 def tables(directory):
@@ -65,16 +65,16 @@ def resumed_after(done, here, alone, kept=0):
     """Check how a sweep has ended without room, and that it goes on to the same tables with room."""
     assert not_a_line(done, codes=FAILED) == ""
     wanted = tables(alone)
-    found, temporaries = left(here / "results/c")
+    found, temporaries = left(here / "results/c/sweep")
     assert temporaries == []
     assert {name: bits(t) for name, t in found.items() if name in wanted} == {
         n: wanted[n] for n in wanted if n in found
     }
     again = command("sweep", "c.yaml", "--resume")
     assert (again.code, again.err) == (0, "")
-    assert tables(here / "results/c") == wanted
+    assert tables(here / "results/c/sweep") == wanted
     if kept:
-        assert f", {kept} tasks from before\n" in again.out
+        assert f": {kept} tasks from before; " in again.out
 
 
 @pytest.mark.long
@@ -88,8 +88,8 @@ def test_sweep_without_room_is_told_in_a_line_and_goes_on_later(here, alone):
 def test_points_outlive_tables_that_have_no_room(here, alone, monkeypatch):
     """All points are there, and one of the tables has no room."""
     (here / "c.yaml").write_text(SWEEP)
-    shutil.copytree(alone, here / "results/c")
-    for path in (*(here / "results/c").glob("*.parquet"), here / "results/c/provenance.json"):
+    shutil.copytree(alone, here / "results/c/sweep")
+    for path in (*(here / "results/c/sweep").glob("*.parquet"), here / "results/c/sweep/provenance.json"):
         path.unlink()
     replace = os.replace
 

@@ -4,6 +4,7 @@ import ast
 import importlib
 import os
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
@@ -47,7 +48,7 @@ def package(tmp_path, monkeypatch):
 
 def forget():
     """Forget what this process has found, as a new one would not know it."""
-    for known in (cache._state, cache._name, cache.folder, cache._readable, processor):
+    for known in (cache._state, cache._name, cache.folder, cache._readable, cache._tell_unfit, processor):
         known.cache_clear()
 
 
@@ -111,6 +112,16 @@ def test_folder_of_another_user_is_not_used(package, tmp_path, monkeypatch, capl
     assert caplog.messages == [f"machine code in {home}/.cache/vibroplat is not used: {home} belongs to another user"]
 
 
+def give_access(place):
+    """Let another user write in a place, by a list of access as setfacl writes it."""
+    nobody, tags = 2**32 - 1, {1: 7, 2: 7, 4: 5, 16: 7, 32: 0}
+    entries = [struct.pack("<HHI", tag, right, 12345 if tag == 2 else nobody) for tag, right in tags.items()]
+    try:
+        os.setxattr(place, "system.posix_acl_access", struct.pack("<I", 2) + b"".join(entries))
+    except (AttributeError, OSError):
+        pytest.skip("there are no lists of access")
+
+
 def test_shipped_machine_code_that_others_can_write_to_is_not_used(package):
     shipped = package / cache.SHIPPED / found(package).name
     shipped.mkdir(parents=True)
@@ -128,10 +139,30 @@ def test_group_of_the_user_alone_may_write(package, tmp_path, monkeypatch):
     chosen.chmod(0o770)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(chosen))
     monkeypatch.setattr("pwd.getpwuid", lambda _user: SimpleNamespace(pw_name="ann"))
-    for group, used in ((("ann", []), True), (("ann", ["ben"]), False), (("staff", []), False)):
-        name, members = group
+    group = chosen.stat().st_gid
+    for name, members, users, used in (
+        ("ann", [], ["ann"], True),
+        ("ann", ["ben"], ["ann"], False),
+        ("staff", [], ["ann"], False),
+        ("ann", [], ["ann", "ben"], False),  # it is the first group of another, which its list does not tell
+    ):
+        known = [SimpleNamespace(pw_name=user, pw_gid=group) for user in users]
+        monkeypatch.setattr("pwd.getpwall", lambda known=known: known)
         monkeypatch.setattr("grp.getgrgid", lambda _group, n=name, m=members: SimpleNamespace(gr_name=n, gr_mem=m))
         assert found(package).is_relative_to(chosen) == used
+
+
+def test_list_of_access_is_no_group_of_the_user_alone(package, tmp_path, monkeypatch, caplog):
+    """The bit of the group then stands for all who are named."""
+    chosen = tmp_path / "chosen"
+    chosen.mkdir()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(chosen))
+    monkeypatch.setattr(cache, "_is_users_own", lambda _group: True)
+    chosen.chmod(0o770)
+    assert found(package).is_relative_to(chosen)
+    give_access(chosen)
+    assert found(package).is_relative_to(package)
+    assert caplog.messages == [f"machine code in {chosen}/vibroplat is not used: others can write to {chosen}"]
 
 
 def block_all(package):
@@ -398,6 +429,139 @@ def test_machine_code_in_use_counts_as_used(package):
     assert found(package).stat().st_mtime == pytest.approx(time.time(), abs=60.0)
 
 
+# -- what is in the files -------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def kernel(package, monkeypatch):
+    """A kernel whose machine code is a word, kept on disk."""
+    monkeypatch.setattr(cache.rtsys, "initialize", lambda _context: None)
+    monkeypatch.setattr(cache.CompileResult, "_rebuild", lambda _context, *parts: parts)
+    (package / "model/source.py").write_text("three = 3\n")
+    forget()
+    kernel = Word(package)
+    kernel.save()
+    return kernel
+
+
+class Word:
+    """A kernel with one word for machine code."""
+
+    def __init__(self, package):
+        self._cache = cache.KernelCache("model.source.function")
+        self.path = Path(self._cache.cache_path) / self._cache._file(SIGNATURE)
+        self.shipped = package / cache.SHIPPED / self.path.parent.name / self.path.name
+
+    def save(self):
+        library = SimpleNamespace(has_dynamic_globals=False)
+        self._cache.save_overload(SIGNATURE, SimpleNamespace(library=library, _reduce=lambda: ("word",)))
+
+    def load(self):
+        forget()
+        return self._cache.load_overload(SIGNATURE, None)
+
+
+SIGNATURE = numba.float64(numba.float64)
+
+
+def flip(code, bit=0):
+    """One bit of a file is another, by default in the middle."""
+    bit = bit or 4 * len(code)
+    return code[: bit // 8] + bytes([code[bit // 8] ^ 1 << bit % 8]) + code[bit // 8 + 1 :]
+
+
+def replace_by_link(path):
+    path.rename(path.with_name("elsewhere"))
+    path.symlink_to("elsewhere")
+
+
+def replace_by_pipe(path):
+    path.unlink()
+    os.mkfifo(path)
+
+
+#: What may have become of a file, and what is said of it.
+SPOILED = {
+    "flipped": (lambda path: path.write_bytes(flip(path.read_bytes())), "damaged files are"),
+    "flipped digest": (lambda path: path.write_bytes(flip(path.read_bytes(), 3)), "damaged files are"),
+    "cut": (lambda path: path.write_bytes(path.read_bytes()[:40]), "damaged files are"),
+    "longer": (lambda path: path.write_bytes(path.read_bytes() + b"0"), "damaged files are"),
+    "empty": (lambda path: path.write_bytes(b""), "damaged files are"),
+    "random": (lambda path: path.write_bytes(os.urandom(5000)), "damaged files are"),
+    "without digest": (lambda path: path.write_bytes(path.read_bytes()[cache.DIGEST_SIZE :]), "damaged files are"),
+    "for all": (lambda path: path.chmod(0o666), "files that others can write to are"),
+    "for a group": (lambda path: path.chmod(0o660), "files that others can write to are"),
+    "for some": (give_access, "files that others can write to are"),
+    "another's": (lambda path: os.chown(path, 12345, -1), "files of another user are"),
+    "link": (replace_by_link, "links and unreadable files are"),
+    "pipe": (replace_by_pipe, "what is no file is"),
+}
+
+
+@pytest.mark.parametrize("how", SPOILED)
+def test_file_that_is_not_as_it_was_kept_is_not_used(how, kernel, monkeypatch, caplog):
+    spoil, told = SPOILED[how]
+    if how == "another's" and os.getuid():
+        pytest.skip("only root can give a file to another user")
+    monkeypatch.setattr(cache, "_is_users_own", lambda _group: how == "for some")
+    assert kernel.load() == ("word",)
+    spoil(kernel.path)
+    assert kernel.load() is None
+    assert caplog.messages == [f"machine code in {kernel.path.parent}: {told} compiled anew"]
+    kernel.save()
+    assert kernel.load() == ("word",)
+    assert kernel.path.stat().st_mode & 0o777 == 0o600
+
+
+def test_file_of_another_kernel_or_version_is_not_used(kernel):
+    """Who may rename files must not choose what is called."""
+    for other in (kernel.path.with_name("other.bin"), kernel.path.parents[1] / "kernels-0" / kernel.path.name):
+        other.parent.mkdir(exist_ok=True)
+        shutil.copy(kernel.path, other)
+        with pytest.raises(OSError, match="damaged"):
+            cache._machine_code(other)
+
+
+def test_damaged_shipped_machine_code_is_compiled_once_with_a_line(kernel, caplog):
+    kernel.shipped.parent.mkdir(parents=True)
+    kernel.path.rename(kernel.shipped)
+    assert kernel.load() == ("word",)
+    kernel.shipped.write_bytes(flip(kernel.shipped.read_bytes()))
+    assert kernel.load() is None
+    assert caplog.messages == [f"machine code in {kernel.shipped.parent}: damaged files are compiled anew"]
+    kernel.save()
+    assert kernel.load() == ("word",)
+    assert len(caplog.messages) == 1
+
+
+def test_many_damaged_files_are_told_in_one_line(kernel, caplog):
+    kernel.path.write_bytes(b"")
+    assert kernel.load() is None
+    for _ in range(3):
+        assert kernel._cache.load_overload(SIGNATURE, None) is None
+    assert len(caplog.messages) == 1
+
+
+def test_name_of_sources_that_is_not_believed_is_made_anew(kernel, package):
+    state = kernel.path.with_name(cache._state())
+    state.chmod(0o666)
+    assert found(package) == kernel.path.parent
+    assert state.stat().st_mode & 0o777 == 0o600
+
+
+def test_sources_that_are_changed_while_a_process_runs_have_no_machine_code_of_it(kernel, package):
+    """It has loaded the old ones; a process that begins later would take what they were compiled to for the new."""
+    kernel.path.unlink()
+    source = package / "model/source.py"
+    before = source.read_text()
+    source.write_text("four = 4\n")
+    kernel.save()
+    assert not kernel.path.exists()
+    source.write_text(before)
+    kernel.save()
+    assert kernel.load() == ("word",)
+
+
 # -- callers from Python and from other kernels ---------------------------------------------------------
 
 #: Where 1 − 0.5 s + 0.2 s² + s³ is 1.2.
@@ -414,10 +578,13 @@ print(round(found, 9), sum(hits.values()), sum(misses.values()))
 """
 
 
-def called(tmp_path, name, arguments):
+def called(tmp_path, name, arguments, told=None):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     line = [sys.executable, "-c", CALL.format(name=name, arguments=arguments)]
-    return subprocess.run(line, env=environment, capture_output=True, text=True, check=True).stdout.strip()
+    done = subprocess.run(line, env=environment, capture_output=True, text=True, check=True)
+    if told is not None:
+        told.append(done.stderr)
+    return done.stdout.strip()
 
 
 @pytest.mark.long
@@ -430,13 +597,18 @@ def test_what_kernels_call_is_kept_for_kernels_of_later_processes(tmp_path):
 
 
 @pytest.mark.long
-def test_files_that_a_crash_left_empty_are_compiled_anew(tmp_path):
-    for _ in range(2):
-        assert called(tmp_path, "crossing", "c, 3, 0, 1.2") == f"{CROSSED} 0 0"
+def test_damaged_files_are_compiled_anew_with_one_line(tmp_path):
+    """Whatever has become of them; what is compiled is kept, and then there is no line."""
+    told = []
+    for damage in (lambda code: b"", lambda code: code[:-1], flip, lambda code: os.urandom(len(code)), None):
+        assert called(tmp_path, "crossing", "c, 3, 0, 1.2", told) == f"{CROSSED} 0 0"
         files = list(tmp_path.rglob("*.bin"))
-        assert min(file.stat().st_size for file in files) > 0
-        for file in files:
-            file.write_bytes(b"")
+        for file in files if damage else ():
+            file.write_bytes(damage(file.read_bytes()))
+    line = f"machine code in {files[0].parent}: damaged files are compiled anew\n"
+    assert told == ["", *[line] * 4]
+    assert called(tmp_path, "crossing", "c, 3, 0, 1.2", told) == f"{CROSSED} 0 0"
+    assert told[-1] == ""
 
 
 # -- the processor that they are compiled for -----------------------------------------------------------

@@ -1,15 +1,12 @@
 """A sweep in a cell of a notebook is interrupted, and its kernel is killed."""
 
-import os
 import time
 from contextlib import contextmanager
 
 import psutil
 import pytest
-from common.commands import loky_workers
+from common.commands import workers_of
 from common.places import SWEPT
-
-from .test_store import HASTY
 
 pytestmark = [pytest.mark.faults, pytest.mark.filterwarnings("ignore")]  # of the server of notebooks
 
@@ -30,7 +27,7 @@ BITS = "print(table.drop(columns='wall_s').to_csv())"
 def kernel(place):
     """A kernel and its client."""
     manager = pytest.importorskip("jupyter_client", reason="pip install '.[test]'").KernelManager()
-    manager.start_kernel(cwd=str(place), env=os.environ | {"PYTHONPATH": str(place)})
+    manager.start_kernel(cwd=str(place))
     client = manager.client()
     client.start_channels()
     try:
@@ -50,7 +47,6 @@ def until(true):
 
 def test_sweep_in_a_cell_is_interrupted_and_repeated_and_no_worker_outlives_a_killed_kernel(here, kernels):
     (here / "c.yaml").write_text(SWEPT)
-    (here / "sitecustomize.py").write_text(HASTY + "import vibroplat.study.pool\nvibroplat.study.pool.IDLE = 1\n")
     with kernel(here) as (manager, client):
         printed = []
 
@@ -75,7 +71,7 @@ def test_sweep_in_a_cell_is_interrupted_and_repeated_and_no_worker_outlives_a_ki
         (here / "running").unlink()
         client.execute(SWEEP)
         until((here / "running").exists)
-        workers = loky_workers(manager.provisioner.pid)
+        workers = workers_of(manager.provisioner.pid)
         assert workers
         psutil.Process(manager.provisioner.pid).kill()
         _, alive = psutil.wait_procs(workers, timeout=LONG)

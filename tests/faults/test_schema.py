@@ -34,7 +34,7 @@ def test_a_result_of_another_schema_is_refused_in_a_line(content, tmp_path):
 def test_plot_and_resume_refuse_in_a_line_and_leave_all_as_it_is(here, kernels):
     (here / "c.yaml").write_text(SWEEP)
     assert command("sweep", "c.yaml").code == 0
-    directory = here / "results/c"
+    directory = here / "results/c/sweep"
     proof, before = directory / "provenance.json", bits(left(directory)[0]["sweep.parquet"])
     with closing(sqlite3.connect(directory / "points.sqlite")) as base, base:
         base.execute("DELETE FROM records WHERE second = 1")

@@ -69,7 +69,7 @@ open("listening", "w").close()
 def test_sweep_ended_at_any_moment_leaves_complete_tables_and_goes_on(number, place):
     began = time.monotonic()
     assert command("sweep", "c.yaml", "--out", "alone").code == 0
-    wanted, seconds = tables(place / "alone/c")[0], time.monotonic() - began + START
+    wanted, seconds = tables(place / "alone/c/sweep")[0], time.monotonic() - began + START
     for k, share in enumerate(np.random.default_rng(number).random(number)):
         signal_ = SIGNALS[k % 3]
         with Child(place, *SWEEP, "2" if k % 5 == 1 else "1", before=LISTENING) as child:
@@ -81,12 +81,12 @@ def test_sweep_ended_at_any_moment_leaves_complete_tables_and_goes_on(number, pl
             done = child.end(20.0)
         assert "Traceback" not in done.err
         assert done.code in (0, -signal_, 128 + signal_)
-        found, _ = tables(place / "results/c")
+        found, _ = tables(place / "results/c/sweep")
         assert found == {table: wanted[table] for table in found}
         if k % 5 == 2:  # the others start from what an ended one has left
             done = command("sweep", "c.yaml", "--resume")
             assert (done.code, done.err) == (0, "")
-            assert tables(place / "results/c")[0] == wanted
+            assert tables(place / "results/c/sweep")[0] == wanted
             shutil.rmtree(place / "results")
 
 
@@ -177,7 +177,7 @@ def test_ctrl_c_in_a_long_run(place):
             time.sleep(0.01)
         os.killpg(child.process.pid, signal.SIGINT)
         assert problem(child.end(SOON)) == ""
-    assert left(place / "results/c") == ({}, [])
+    assert left(place / "results/c/run") == ({}, [])
 
 
 @pytest.mark.faults
@@ -185,22 +185,22 @@ def test_ctrl_c_in_a_long_run(place):
 def test_run_ended_while_its_table_grows_leaves_the_old_result(signal_, place):
     """A process that is killed leaves its part of a table behind; the next run removes it."""
     assert command(*RUN).code == 0
-    wanted = tables(place / "results/c")[0]
+    wanted = tables(place / "results/c/run")[0]
     before = at_file(signal_, "vibroplat.results.tables._append_lines", 3)
     done = ended(place, *RUN, "--set", "run.duration_s=0.5", "--format", "csv", before=before)
     assert problem(done, signal_) == ""
-    found, temporaries = tables(place / "results/c")
+    found, temporaries = tables(place / "results/c/run")
     assert found == wanted
     assert [name.partition("-")[0] for name in temporaries] == [".trajectory"] * (signal_ == signal.SIGKILL)
     assert command(*RUN).code == 0
-    assert tables(place / "results/c") == (wanted, [])
+    assert tables(place / "results/c/run") == (wanted, [])
 
 
 @pytest.mark.faults
 def test_ctrl_c_while_a_result_is_renamed_leaves_all_of_it(place):
     assert command(*RUN, "--set", "run.duration_s=0.2").code == 0
     assert problem(ended(place, *RUN, before=at_file(signal.SIGINT, "os.replace", 2))) == ""
-    found, temporaries = left(place / "results/c")
+    found, temporaries = left(place / "results/c/run")
     assert (len(found), temporaries) == (4, [])
     assert found["summary.json"]["simulated_s"] == found["trajectory.parquet"]["t_s"].iloc[-1] == 0.3
 
@@ -211,14 +211,14 @@ def test_run_killed_among_its_tables_leaves_no_set_of_two_runs(number, place):
     """After a run of another length: what is left belongs to one of the two, or is known to be incomplete."""
     assert command(*RUN, "--set", "run.duration_s=0.2").code == 0
     assert problem(ended(place, *RUN, before=at_file(signal.SIGKILL, "os.replace", number)), signal.SIGKILL) == ""
-    found, _ = left(place / "results/c")
+    found, _ = left(place / "results/c/run")
     assert len(found) == number
     assert found["trajectory.parquet"]["t_s"].iloc[-1] == 0.3
     if "summary.json" in found:
         assert found["summary.json"]["simulated_s"] == 0.3
         assert found["provenance.json"]["configuration"]["run"]["duration_s"] == 0.3
     else:
-        assert not_a_line(command("plot", "results/c")) == ""
+        assert not_a_line(command("plot", "results/c/run")) == ""
 
 
 # -- in a sweep -----------------------------------------------------------------------------------------
@@ -226,7 +226,7 @@ def test_run_killed_among_its_tables_leaves_no_set_of_two_runs(number, place):
 
 @pytest.mark.faults
 def test_ctrl_c_while_workers_start(place):
-    with Child(place, *SWEEP, "2", before=sending(signal.SIGINT, "loky:get_reusable_executor")) as child:
+    with Child(place, *SWEEP, "2", before=sending(signal.SIGINT, "vibroplat.system.workers:_start", 2)) as child:
         assert problem(child.end()) == ""
         assert all_gone(child)
 
@@ -254,4 +254,4 @@ def test_program_started_with_ctrl_c_ignored_goes_on(place):
     ignoring = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
     done = ended(place, *SWEEP, "2", before=ignoring + sending(signal.SIGINT, WRITE, 10))
     assert (done.code, done.err) == (0, "")
-    assert finished_points(place / "results/c") == POINTS
+    assert finished_points(place / "results/c/sweep") == POINTS

@@ -29,7 +29,7 @@ POINTS = 6
 LONGER = CONFIGURATION.replace("47.0", "51.0")
 WRITE = "vibroplat.study.store:Store.write"
 FILE = "points.sqlite"
-STORED = f"results/c/{FILE}"
+STORED = f"results/c/sweep/{FILE}"
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +38,9 @@ def finished(tmp_path_factory):
     place = tmp_path_factory.mktemp("finished")
     (place / "c.yaml").write_text(CONFIGURATION)
     assert command("sweep", place / "c.yaml", "--out", place).code == 0
-    table = bits(read_table(place / "c", "sweep"))
-    (place / "c/sweep.parquet").unlink()
-    return place / "c", table
+    table = bits(read_table(place / "c/sweep", "sweep"))
+    (place / "c/sweep/sweep.parquet").unlink()
+    return place / "c/sweep", table
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def result(here, finished):
 
     def copy():
         shutil.rmtree(here / "results", ignore_errors=True)
-        return shutil.copytree(finished[0], here / "results/c")
+        return shutil.copytree(finished[0], here / "results/c/sweep")
 
     return copy
 
@@ -82,36 +82,24 @@ def resumed(directory, caplog):
     return bits(read_table(directory, "sweep")), [r.getMessage() for r in caplog.records], done.out
 
 
-#: In workers: a twentieth of the half minute that loky's wait for an answer to their farewell, which never comes.
-HASTY = """
-from loky.process_executor import _process_worker as worker
-constants = worker.__code__.co_consts
-assert constants.count(30) == 1
-worker.__code__ = worker.__code__.replace(co_consts=tuple(1.5 if c == 30 else c for c in constants))
-"""
-
-
 # -- killed and ended -----------------------------------------------------------------------------------
 
 
 @pytest.mark.faults
 def test_sweep_that_was_killed_goes_on_to_the_same_table_and_no_worker_outlives_it(here):
-    """A killed process cannot stop its workers; they end when no more tasks come."""
+    """A killed process cannot stop its workers; they end by themselves."""
     (here / "c.yaml").write_text(LONGER)
-    (here / "sitecustomize.py").write_text(HASTY)
-    before = sending(signal.SIGKILL, WRITE, 10) + "import os, vibroplat.study.pool\nvibroplat.study.pool.IDLE = 1\n"
-    before += f"os.environ['PYTHONPATH'] = {str(here)!r}\n"
-    with Child(here, "sweep", "c.yaml", "--jobs", "2", before=before) as child:
+    with Child(here, "sweep", "c.yaml", "--jobs", "2", before=sending(signal.SIGKILL, WRITE, 10)) as child:
         assert child.end().code == -signal.SIGKILL
         orphans = child.members()
         assert command("sweep", "c.yaml", "--out", "alone").code == 0
-        assert finished_points(here / "results/c") == 9
+        assert finished_points(here / "results/c/sweep") == 9
         kill = sending(signal.SIGKILL, WRITE, 4, after=True)
         assert ended(here, "sweep", "c.yaml", "--resume", before=kill).code == -signal.SIGKILL
-        assert not list((here / "results/c").glob("sweep.*"))
+        assert not list((here / "results/c/sweep").glob("sweep.*"))
         done = command("sweep", "c.yaml", "--resume")
-        assert ", 13 tasks from before\n" in done.out
-        table, alone = (read_table(here / place, "sweep") for place in ("results/c", "alone/c"))
+        assert ": 13 tasks from before; " in done.out
+        table, alone = (read_table(here / place, "sweep") for place in ("results/c/sweep", "alone/c/sweep"))
         assert bits(table) == bits(alone)
         assert table.dtypes.equals(alone.dtypes)
         _, alive = psutil.wait_procs(orphans, timeout=60.0)
@@ -125,7 +113,7 @@ def test_points_or_tables_that_are_missing_are_made_again(result, finished, capl
         changed(directory, f"DELETE FROM records WHERE second >= {first}")
         table, _, printed = resumed(directory, caplog)
         assert table == finished[1]
-        assert f", {2 * first} tasks from before\n" in printed
+        assert f": {2 * first} tasks from before; " in printed
 
 
 # -- refused --------------------------------------------------------------------------------------------
@@ -133,7 +121,7 @@ def test_points_or_tables_that_are_missing_are_made_again(result, finished, capl
 
 def test_unfinished_sweep_is_begun_anew_only_if_asked(unfinished, here):
     line = (
-        "vibroplat: results/c holds 1 tasks of unfinished work; "
+        "vibroplat: results/c/sweep holds 1 tasks of unfinished work; "
         "allowed: --resume to continue it, --overwrite to start again\n"
     )
     assert command("sweep", "c.yaml") == (2, "", line)
@@ -145,7 +133,7 @@ def test_unfinished_sweep_is_begun_anew_only_if_asked(unfinished, here):
     # finished work may be begun anew, and what is not there can be resumed
     for option in ("--overwrite", "--resume"):
         assert command("sweep", "c.yaml", "--set", "sweep.seed=3", "--out", "fresh", option).code == 0
-    assert bits(read_table(here / "fresh/c", "sweep")) == overwritten
+    assert bits(read_table(here / "fresh/c/sweep", "sweep")) == overwritten
     assert command("sweep", "c.yaml").code == 0
 
 
@@ -201,7 +189,7 @@ def test_damaged_records_are_computed_again_and_said(kinds, finished, result, ca
     table, said, printed = resumed(directory, caplog)
     assert table == finished[1]
     assert said == [f"{STORED}: 3 of {POINTS} records damaged or missing; computing them again"]
-    assert f", {POINTS - 3} tasks from before\n" in printed
+    assert f": {POINTS - 3} tasks from before; " in printed
 
 
 def test_only_what_follows_from_another_state_is_computed_again(result, caplog, monkeypatch):
@@ -218,7 +206,7 @@ def test_only_what_follows_from_another_state_is_computed_again(result, caplog, 
     another.__module__, another.__qualname__ = measure.__module__, measure.__qualname__
     monkeypatch.setattr(sweep, "measure_point", another)
     _, said, printed = resumed(directory, caplog)
-    assert f", {POINTS - 2} tasks from before\n" in printed
+    assert f": {POINTS - 2} tasks from before; " in printed
     assert [line.partition(": ")[2] for line in said] == [
         f"1 of {POINTS} records damaged or missing; computing them again",
         "some records do not follow from those before them; computing them again",

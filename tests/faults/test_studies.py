@@ -55,6 +55,6 @@ def test_killed_and_resumed_with_one_job_and_two_the_answer_is_the_same(name, he
     done = process(name, "c.yaml", "--resume", "--jobs", "2")
     assert (done.code, [line for line in done.err.splitlines() if "--jobs" not in line]) == (0, [])
     assert re.search(r", \d+ of the|\d+ .* from before", done.out), done.out
-    found = tables(here / "results/c")
+    found = tables(here / f"results/c/{name}")
     assert found
-    assert found == tables(here / "alone/c")
+    assert found == tables(here / f"alone/c/{name}")

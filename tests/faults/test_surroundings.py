@@ -119,11 +119,11 @@ def test_errors_are_told_apart_from_a_lack_of_memory():
 # -- what the system refuses ----------------------------------------------------------------------------
 
 
-def test_shared_memory_that_cannot_be_written_is_not_blamed_on_the_output(command, here, kernels, monkeypatch):
-    """Worker processes need semaphores there."""
-    monkeypatch.setattr("loky.get_reusable_executor", raising(OSError(errno.EROFS, "Read-only file system")))
+def test_processes_that_the_system_refuses_are_not_blamed_on_the_output(command, here, kernels, monkeypatch):
+    refused = raising(OSError(errno.EAGAIN, "Resource temporarily unavailable"))
+    monkeypatch.setattr("vibroplat.system.workers._start", refused)
     (here / "few.yaml").write_text(SWEEP.replace("measure_s", "grid: {contact.restitution: [0.0, 0.3]}, measure_s"))
-    told = "worker processes cannot be started: Read-only file system; one job needs none"
+    told = "worker processes cannot be started: Resource temporarily unavailable; one job needs none"
     assert command("sweep", "few.yaml", "--jobs", "2") == (1, "", f"vibroplat: {told}; {RESUMABLE}\n")
     monkeypatch.setattr("vibroplat.study.sweep.run_sweeps", raising(OSError(errno.EMFILE, "Too many open files", "it")))
     assert command("sweep", "few.yaml") == (1, "", f"vibroplat: it: Too many open files; {RESUMABLE}\n")

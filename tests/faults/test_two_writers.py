@@ -124,12 +124,11 @@ def test_run_and_sweep_of_one_name_keep_their_provenance(here, kernels, figures)
     (here / "c.yaml").write_text(BOTH)
     for number, name in enumerate(["run", "sweep"] * 2):
         assert command(name, "c.yaml", "--set", f"contact.restitution=0.{number}").code == 0
-        assert json.loads((here / "results/c/provenance.json").read_text())["command"] == "run"
+        assert json.loads((here / f"results/c/{name}/provenance.json").read_text())["command"] == name
     for number, name in enumerate(("run", "sweep"), 2):
         origin = SavedFiles(here / "results/c", name).provenance
         assert (origin["command"], origin["configuration"]["contact"]["restitution"]) == (name, number / 10)
-    assert (here / "results/c/sweep-provenance.json").exists()
-    assert left(here / "results/c")[1] == []
+    assert left(here / "results/c/run")[1] == left(here / "results/c/sweep")[1] == []
     assert command("plot", "results/c").code == 0
     assert figures.keys() == {"motion", "force", "exciters", "loads", "response"}
 

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
+from vibroplat.config.loading import load_config
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.reader import configurations
-from vibroplat.config.scene import load_config
 from vibroplat.study.point import measure_point
 
 #: Templates, and how far their numbers change: factors log-uniform, of exciters alike and apart.

@@ -76,7 +76,7 @@ def test_two_runs_of_a_second_are_one_of_two(name, form, first):
     scene = first(changes, form)
     rest = simulate(going_on(scene)).trajectory
     whole = simulate(scene.replace({"run.duration_s": 2.0})).trajectory
-    last = read_table(Path("results/first"), "trajectory").iloc[-1]
+    last = read_table(Path("results/first/run"), "trajectory").iloc[-1]
     assert mode in (last["mode"], None)
     # it begins with the same numbers, whole turns of the exciters included
     names = [c for c in rest.columns if c in (*COORDINATES, *RATES)]
@@ -101,7 +101,7 @@ def test_a_flight_that_has_just_begun_goes_on(first, quickstart):
     impact = events.loc[events["kind"] == "impact", "t_s"].iloc[3]
     for after in (1e-12, 1e-9, 1e-6):
         scene = first({"drive.supply_frequency_hz": 50.5}, seconds=float(liftoff + after))
-        assert read_table(Path("results/first"), "trajectory")["mode"].iloc[-1] == "flight"
+        assert read_table(Path("results/first/run"), "trajectory")["mode"].iloc[-1] == "flight"
         found = simulate(going_on(scene, **{"run.duration_s": 0.1})).events
         assert found["kind"].iloc[0] == "impact"
         assert found["t_s"].iloc[0] == pytest.approx(impact, abs=1e-6)
@@ -121,12 +121,12 @@ def test_provenance_says_where_a_run_begins(first, command):
     write(going_on(scene), "second")
     done = command("run", "second.yaml")
     assert (done.code, done.err) == (0, "")
-    origin = read_json(Path("results/second"), "provenance")
+    origin = read_json(Path("results/second/run"), "provenance")
     found = origin["begins_from"]
     assert found["directory"] == "results/first"
     assert found["t_s"] == 1.0
     assert found["configuration_sha256"] == configuration_hash(scene.replace(name="first"))
-    assert "begins_from" not in read_json(Path("results/first"), "provenance")
+    assert "begins_from" not in read_json(Path("results/first/run"), "provenance")
 
 
 def test_a_run_that_goes_on_does_not_replace_the_one_before(first, command):
@@ -135,7 +135,7 @@ def test_a_run_that_goes_on_does_not_replace_the_one_before(first, command):
     done = command("run", "first.yaml")
     line = "first.yaml: run.initial.from = 'results/first' is also the directory of the new run; allowed: another name"
     assert (done.code, done.err) == (2, f"vibroplat: {line}\n")
-    assert read_table(Path("results/first"), "trajectory")["t_s"].iloc[-1] == 0.05
+    assert read_table(Path("results/first/run"), "trajectory")["t_s"].iloc[-1] == 0.05
 
 
 def test_a_run_that_goes_on_is_not_perturbed_unless_asked(first):
@@ -203,20 +203,20 @@ SPOILT = {
     "no directory": (shutil.rmtree, f": results/first holds no provenance.json{FINISHED}"),
     "no trajectory": (
         removed("trajectory.parquet"),
-        f": results/first holds no trajectory table{FINISHED}",
+        f": results/first/run holds no trajectory table{FINISHED}",
     ),
-    "no summary": (removed("summary.json"), f": results/first holds no summary.json{FINISHED}"),
+    "no summary": (removed("summary.json"), f": results/first/run holds no summary.json{FINISHED}"),
     "ended early": (
         spoilt("summary", outcome="event-storm"),
         f": the run ended early (event-storm){FINISHED}",
     ),
     "another schema": (
         spoilt("provenance", schema=7),
-        f": results/first holds results of schema 7; this version reads schemas 1 and 2{FINISHED}",
+        f": results/first/run holds results of schema 7; this version reads schemas 1 and 2{FINISHED}",
     ),
     "no JSON": (
         lambda directory: (directory / "summary.json").write_text("{"),
-        ": results/first/summary.json cannot be read: Expecting property name enclosed in double quotes: "
+        ": results/first/run/summary.json cannot be read: Expecting property name enclosed in double quotes: "
         f"line 1 column 2 (char 1){FINISHED}",
     ),
     "no time": (without("t_s"), ": its trajectory is not as vibroplat writes it"),
@@ -233,12 +233,12 @@ SPOILT = {
 
 def test_run_that_cannot_be_gone_on_from(first, command, here):
     scene = first({}, seconds=0.05)
-    unproven(here / "results/first").rename(here / "proper")
+    unproven(here / "results/first/run").rename(here / "proper")
     for case, (spoil, line) in SPOILT.items():
-        shutil.copytree(here / "proper", here / "results/first")
-        spoil(here / "results/first")
+        shutil.copytree(here / "proper", here / "results/first/run")
+        spoil(here / "results/first/run")
         assert lines_of(going_on(scene), command, here) == line, case
-        shutil.rmtree(here / "results/first", ignore_errors=True)
+        shutil.rmtree(here / "results/first/run", ignore_errors=True)
 
 
 def test_coordinates_that_the_scene_does_not_have(first, command, here):

@@ -214,7 +214,7 @@ def test_only_exciters_that_are_synchronized_have_come_into_step(name):
         scene = scene.replace({"motors": [dict(zip(keys, motor, strict=True)) for motor in motors]})
     summary = simulate(scene, keep="summary").summary
     found = (summary["synchronized_at_s"] is not None, summary["start_energy_j"] is not None)
-    assert (*found, "in step" in data_sheet_lines(scene, summary)) == (expected,) * 3
+    assert (*found, "synchronized" in data_sheet_lines(scene, summary)) == (expected,) * 3
 
 
 def test_a_phase_difference_converges_if_its_changes_do_not_slow_down_less_and_less():
@@ -338,7 +338,7 @@ def test_rows_and_old_summaries(quickstart):
     assert "gamma" in lines["acceleration"]
     assert "stroke y of inlet" in lines
     again = dict(run.summary, whole_gamma=run.summary["gamma"], whole_stroke_y_m=run.summary["stroke_y_m"])
-    assert "; that at 0.15 s" in data_sheet_lines(scene, again | {"whole_stroke_y_at_s": 0.15})["stroke y"]
+    assert "; that at 0.150 s" in data_sheet_lines(scene, again | {"whole_stroke_y_at_s": 0.15})["stroke y"]
     assert "; whole run: " in data_sheet_lines(scene, again | {"whole_stroke_y_at_s": 0.01})["stroke y"]
     assert ";" not in data_sheet_lines(scene, again | {"whole_stroke_y_m": 0.0})["stroke y"]
     for name in [name for name in run.summary if name in SHEET or name.startswith("whole_")]:

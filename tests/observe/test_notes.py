@@ -4,6 +4,7 @@ import pytest
 from common.places import QUICKSTART
 
 from vibroplat import load_config, simulate
+from vibroplat.config.digits import share
 from vibroplat.observe.notes import capture, largest_samples, notes_on_samples
 
 #: Captured by the vertical resonance: with f_e = 66 Hz and b_y = 40 the motors turn at 30.493 Hz (Sommerfeld).
@@ -23,7 +24,10 @@ def of_motion(scene, **changes):
 
 
 def test_a_platform_that_turns_far_is_noted(quickstart):
-    far = ["the platform turns by up to 0.15 rad: inaccurate in a model of first order in phi"]
+    far = [
+        "the platform turns by up to 0.15 rad, over 0.1 rad: inaccurate in a model of first order in phi, and less "
+        "unbalance reduces it"
+    ]
     for phi, notes in ((0.15, far), (0.05, [])):
         state = {"phi_rad": phi, "phi1_rate_rad_per_s": 160.0, "phi2_rate_rad_per_s": -160.0}
         assert of_motion(quickstart, **{"run.initial.state": state, "run.duration_s": 0.2}) == notes
@@ -33,10 +37,10 @@ def test_a_platform_that_turns_far_is_noted(quickstart):
 
 
 def test_motors_that_a_resonance_captures_are_noted(printed):
+    """Both motors are alike: one note."""
     assert of_motion(printed, **CAPTURED) == [
-        f"exciter {i} turns at 30.5 Hz, 7.6 % below its synchronous speed 33 Hz: "
-        "captured by a resonance, overloaded or still running up"
-        for i in (1, 2)
+        "each exciter turns at 30.49 Hz, 7.6 % below its synchronous speed 33.00 Hz: captured by a resonance, "
+        "overloaded or still running up, and more torque or a longer run may help"
     ]
 
 
@@ -63,8 +67,9 @@ def test_a_motor_too_weak_to_turn_is_noted(printed):
     """Its torque does not lift the unbalance over the top."""
     weak = {"motor.critical_torque_n_m": 0.02, "run.initial": {"speed_ratio": 0.0, "phase_sum_rad": 0.0}}
     notes = of_motion(printed, **weak, **{"run.duration_s": 4.0})
-    assert notes[0].startswith("each motor gives 0.00587 N·m at standstill, at most 0.02, where 0.0288 N·m carry")
-    assert notes[1:] == [f"exciter {i} hardly turns, although its synchronous speed is 25 Hz" for i in (1, 2)]
+    assert notes[0].startswith("each motor gives 5.87 mN·m at standstill, 20.0 mN·m at most, where 28.8 mN·m carry")
+    told = "each exciter hardly turns, although its synchronous speed is 25.00 Hz: more torque or a longer run may help"
+    assert notes[1:] == [told]
 
 
 def test_a_coarse_tolerance_of_sundials_is_noted_where_impacts_amplify_errors():
@@ -82,7 +87,7 @@ def test_a_coarse_tolerance_of_sundials_is_noted_where_impacts_amplify_errors():
 @pytest.mark.parametrize(
     ("key", "column", "start", "supply", "seconds"),
     [
-        ("gap_max_m", "gap_m", "the trajectory table misses the largest gap, 0.00138 m, by ", 51.5, 1.0),
+        ("gap_max_m", "gap_m", "the trajectory table misses the largest gap, 1.38 mm, by ", 51.5, 1.0),
         (
             "contact_force_max_n",
             "contact_force_n",
@@ -97,11 +102,11 @@ def test_a_peak_that_samples_miss_is_noted(quickstart, key, column, start, suppl
     assert run.notes == run.summary["notes"] == []
     coarse = simulate(run.scene.replace({"output.sample_rate_hz": 1.0}))
     late = coarse.trajectory[coarse.trajectory["t_s"] >= 0.5 * seconds]
-    missed = 100.0 * (1.0 - late[column].max() / coarse.summary[key])
+    missed = share(1.0 - late[column].max() / coarse.summary[key])
     assert coarse.summary["notes"] == []
     (note,) = coarse.notes
     assert note.startswith(start)
-    assert note.endswith(f" by {missed:.2g} %: output.sample_rate_hz = 1 is too low")
+    assert note.endswith(f" by {missed}: output.sample_rate_hz = 1 is too low")
 
 
 def test_samples_of_the_measured_part_alone_are_compared(quickstart):

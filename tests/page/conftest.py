@@ -1,5 +1,6 @@
 import pytest
 from common import handmade
+from common.places import ROOT
 
 from vibroplat import basins, design, find, load_config, orbits, simulate, sweep
 from vibroplat.results.files import write_result
@@ -94,6 +95,6 @@ def answered(tmp_path_factory):
     }
     for name, (study, frequency, ratio, plan) in questions.items():
         keys = {"name": name, "solver.engine": "taylor", supply: frequency, "material.mass_ratio": ratio}
-        scene = load_config(handmade.QUICKSTART.parents[1] / "configs/machines/calibrated.yaml", keys | plan)
+        scene = load_config(ROOT / "configs/machines/calibrated.yaml", keys | plan)
         study(scene).save(place / name)
     return {name: place / name for name in questions}

@@ -95,9 +95,21 @@ def test_data_are_laid_over_a_sweep_and_what_is_not_drawn_is_named(signs, write_
     text = "excitation_frequency_hz|supply_frequency_hz|rms_y_m|who\n23.0|46|0.0002|me\n"
     file.write_text(text.replace(".", signs[1]).replace("|", signs[0]))
     (figure,) = drawn("sweep", write_sweep(), data=read_data(file)).values()
-    assert figure.axes[0].lines[-1].get_ydata() == pytest.approx([0.2])
+    axis = next(axis for axis in figure.axes if axis.get_ylabel() == "RMS $y$ (mm)")
+    assert axis.lines[-1].get_ydata() == pytest.approx([0.2])
     assert figure.legends[0].get_texts()[-1].get_text() == "measured: rig.csv"
     assert caplog.messages == [f"--data {file}: not drawn: who"]
+
+
+def test_what_was_measured_has_a_panel_though_it_hardly_varies(write_sweep, tmp_path):
+    file = tmp_path / "rig.csv"
+    file.write_text("excitation_frequency_hz,rms_phi_rad\n21,1e-5\n22,2e-5\n")
+    assert "RMS $\\varphi$ (mrad)" not in [
+        axis.get_ylabel() for figure in drawn("sweep", write_sweep()).values() for axis in figure.axes
+    ]
+    (figure,) = drawn("sweep", write_sweep(), data=read_data(file)).values()
+    (axis,) = (axis for axis in figure.axes if axis.get_ylabel() == "RMS $\\varphi$ (mrad)")
+    assert axis.lines[-1].get_ydata() == pytest.approx([0.01, 0.02])
 
 
 # -- the paper ------------------------------------------------------------------------------------------

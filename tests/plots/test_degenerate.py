@@ -33,6 +33,19 @@ ORBITS = {
         "boundaries": {"key": MASS, "start": 0.0, "stop": 0.3},
     }
 }
+FIND = {"find": {"key": "motor.critical_torque_n_m", "start": 0.4, "stop": 8.0}}
+RATIO, TURNED = "run.initial.speed_ratio", "run.initial.phase_difference_rad"
+BASINS = {"basins": {"initial_conditions": {TURNED: [-3.0, 3.0, 6], RATIO: [0.0, 1.0, 5]}}}
+SHARES = {"key": MASS, "values": [0.0, 0.2]}
+RADIUS = "machine.unbalance_radius_m"
+DESIGN = {
+    "design": {
+        "keys": {RADIUS: [0.02, 0.05]},
+        "minimize": "motor_power_w",
+        "constraints": {"rms_y_m": ">= 1e-3"},
+        "parameter_tolerances": {"machine.platform_mass_kg": 0.05},
+    }
+}
 #: Dots per inch of the pictures that are looked at, and the least width and height of a panel (inch).
 DPI, LEAST = 60, (0.8, 0.4)
 
@@ -121,7 +134,11 @@ def many(table):
 def words(table):
     """The key of the grid has texts."""
     named = {0.0: "central", 0.2: "conservative"}
-    return table.rename(columns={MASS: LAW}).assign(**{LAW: table[MASS].map(named)}) if "sync" in table else table
+    return (
+        table.rename(columns={MASS: LAW}).assign(**{LAW: table[MASS].map(named)})
+        if {"sync", MASS} <= {*table}
+        else table
+    )
 
 
 #: How tables are altered, by what they are then.
@@ -153,6 +170,8 @@ CASES = {
     "no impacts": where("kind", "liftoff", "fold"),
     "no liftoff": where("kind", "impact", "grazing"),
     "no events": where("kind"),
+    "unsorted": lambda table: table.sample(frac=1.0, random_state=1) if "t_s" not in table else table,
+    "no material": times(0.0, MASS, "gap_m", "gap_max_m", "contact_force_n", "contact_force_max_n", "flight_fraction"),
     "one event": lambda table: table.iloc[:1] if "kind" in table else table,
     "gap missing": filled(np.nan, "gap_m", "gap_max_m", "contact_force_n", "contact_force_max_n"),
     "no optional columns": without(
@@ -209,6 +228,20 @@ def drawn_study(command, kind, keys=()):
     return draw
 
 
+def drawn_design(kind, keys):
+    """Draw a picture of a design, of a search for thresholds or of basins, of tables in memory."""
+
+    def draw(change, tables):
+        command = next(name for name in ("find", "basins", "design") if name in keys)
+        named = "shares" if "over" in keys[command] else f"{command} {kind}"
+        held = {name: change(table) for name, table in tables[named].items()}
+        result = Result(command, load_config(QUICKSTART, dict(keys)), held, Answer())
+        ((_, figure), *_) = draw_study(command, [result], [kind])
+        return figure
+
+    return draw
+
+
 def drawn_orbit(change, tables):
     whole = tables["run"]
     table = change(whole.trajectory)
@@ -229,7 +262,7 @@ def drawn_orbit(change, tables):
 def drawn_paper(name):
     def draw(change, tables):
         class Result:
-            directory = SimpleNamespace(glob=lambda _: [])
+            directory, tables = SimpleNamespace(glob=lambda _: []), ()
 
             def table(self, which):
                 return change(tables["paper"][which])
@@ -258,10 +291,50 @@ FIGURES = {
     "force of two": drawn_run("force", 2),
     **{kind: drawn_study("sweep", kind) for kind in KINDS["sweep"].figures.split()},
     **{kind: drawn_study("orbits", kind, ORBITS) for kind in KINDS["orbits"].figures.split()},
+    "thresholds": drawn_design("thresholds", FIND),
+    "basins": drawn_design("basins", BASINS),
+    "shares": drawn_design("basins", {"basins": BASINS["basins"] | {"over": SHARES}}),
+    **{kind: drawn_design(kind, DESIGN) for kind in KINDS["design"].figures.split()},
     "orbit": drawn_orbit,
     **{name: drawn_paper(name) for name in ("fig4", "fig6")},
     "precision": drawn_precision,
 }
+
+
+def studies():
+    """Tables of thresholds, basins and designs."""
+    share = np.linspace(0.0, 1.0, 30)
+    motion = {"rms_x_m": 1e-3 * share, "rms_y_m": 2e-3 - 1e-3 * share, "motor_power_w": 4.0 + share}
+    orbit = {"sync": "antiphase", "motion": "periodic", "period": 1, "outcome": "ok", "phase_difference_rad": np.pi}
+    scan = pd.DataFrame({"motor.critical_torque_n_m": 0.4 + 7.6 * share, "reason": "scan", **motion, **orbit})
+    scan.loc[scan.index >= 15, ["sync", "phase_difference_rad"]] = ["in-phase", 0.0]
+    found = pd.DataFrame({"kind": ["jump"], "value": [4.3], "below": [4.2], "above": [4.4]})
+    found = found.assign(mixed_low=np.nan, mixed_high=np.nan, below_sync="antiphase", above_sync="in-phase")
+    grid = [(turned, ratio) for turned in np.linspace(-3.0, 3.0, 6) for ratio in np.linspace(0.0, 1.0, 5)]
+    starts = pd.DataFrame(grid, columns=[TURNED, RATIO])
+    starts = starts.assign(turns=100, attractor=np.where(starts[TURNED].abs() < 2.0, "in-phase", "antiphase"))
+    starts["attractor"] += ", period 1"
+    attractors = pd.DataFrame({"attractor": ["in-phase, period 1", "antiphase, period 1"], "count": [20, 10]})
+    attractors = attractors.assign(
+        fraction=[0.67, 0.33], fraction_low=[0.5, 0.2], fraction_high=[0.8, 0.5], rms_x_m=[1e-3, 0.0],
+        rms_y_m=[0.0, 2e-3], phase_difference_rad=[0.0, np.pi], motion="periodic", period=1, outcome="ok",
+        excitation_frequency_hz=25.0,
+    )  # fmt: skip
+    over = pd.concat([attractors.assign(**{MASS: mass}) for mass in (0.0, 0.2)], ignore_index=True)
+    evaluations = pd.DataFrame({"start": 0, RADIUS: 0.02 + 0.03 * share, **motion, "period": 1})
+    evaluations = evaluations.assign(stability_margin=0.01, objective=evaluations["motor_power_w"])
+    evaluations = evaluations.assign(feasible=share < 0.5, best=np.arange(30) == 3)
+    samples = pd.DataFrame({"sample": np.arange(30), "machine.platform_mass_kg": 12.0 + share, **motion})
+    samples = samples.assign(stable=True, regime="antiphase, period 1", stability_margin=0.01 + 0.001 * share)
+    keys = [(m, key) for m in ("rms_y_m", "motor_power_w") for key in (RADIUS, "machine.platform_mass_kg")]
+    sensitivities = pd.DataFrame(keys, columns=["measure", "key"]).assign(value=1.0, elasticity=[1.0, -0.5, 2.0, 0.1])
+    design = {"sensitivities": sensitivities, "samples": samples, "evaluations": evaluations}
+    return {
+        "find thresholds": {"scan": scan, "thresholds": found},
+        "basins basins": {"attractors": attractors, "starts": starts},
+        "shares": {"attractors": over, "starts": starts.assign(**{MASS: 0.0})},
+        **{f"design {kind}": design for kind in design},
+    }
 
 
 @pytest.fixture(scope="module")
@@ -274,7 +347,7 @@ def tables(runs):
     reproduction = {"fig6": laws, "fig4": pd.concat(history, ignore_index=True)}
     branches = handmade.branches()
     followed = {"branches": branches, "special": handmade.special(branches), "boundaries": handmade.boundaries()}
-    return {"run": runs["two layers"], "sweep": {"sweep": found}, "orbits": followed, "paper": reproduction}
+    return studies() | {"run": runs["two layers"], "sweep": {"sweep": found}, "orbits": followed, "paper": reproduction}
 
 
 # -- what is looked at -------------------------------------------------------------------------------------------------

@@ -82,8 +82,8 @@ def test_a_phase_axis_tells_values_as_tables_do():
     axis = Figure().add_subplot()
     phase_axis(axis)
     told = {text.get_text(): place for place, text in zip(axis.get_yticks(), axis.get_yticklabels(), strict=True)}
-    assert told["±π"] == pytest.approx(np.pi)
-    assert told["−π/2"] in (pytest.approx(-0.5 * np.pi), pytest.approx(1.5 * np.pi))
+    assert told["±180°"] == pytest.approx(np.pi)
+    assert told["−90°"] in (pytest.approx(-0.5 * np.pi), pytest.approx(1.5 * np.pi))
     table = pd.DataFrame({"supply_frequency_hz": [50.0, 51.0], PHASE_COLUMN: [-3.136, 3.136]})
     Measured("measured", table).draw(axis, "supply_frequency_hz", PHASE_COLUMN)
     low, high = axis.get_ylim()

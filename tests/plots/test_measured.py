@@ -31,6 +31,7 @@ def test_files_of_spreadsheets_are_mapped_to_columns(encoding, first, tmp_path):
         ("t=Zeit,y=Weg y", "y=Weg y: no such column in the file; did you mean Weg, y? allowed: Zeit, Beschl_y (g), "),
         ("t=Zeit,y=", "'y=' in the mapping; allowed: COLUMN=NAME, COLUMN=NAME*FACTOR"),
         ("t=Zeit*ms", "t=Zeit*ms; allowed: a number behind the star"),
+        ("t=Zeit,shift=nan", "shift=nan; allowed: a time in s, or fit"),
         ("t=Zeit,shift=soon", "shift=soon; allowed: a time in s, or fit"),
     ],
 )
@@ -70,16 +71,20 @@ def test_the_shift_in_time_is_found_by_correlation(begin, end, rate):
     """To a part of a sample, whichever is longer, and whatever the clock of the data says and their scale is."""
     t = np.arange(begin, end, 1.0 / rate)
     measured = t + 77.0003, 3.0 + 0.1 * chirp(t)
-    assert best_shift([(measured, (TIMES, chirp(TIMES)))]) == pytest.approx(-77.0003, abs=2e-5)
+    assert best_shift(measured, (TIMES, chirp(TIMES))) == pytest.approx(-77.0003, abs=2e-5)
 
 
 def test_of_motion_that_repeats_the_smallest_shift_is_taken():
     """Of a period of 0.1 s."""
     t = np.arange(0.5, 1.0, 1e-3)
     measured, computed = (t, np.sin(20.0 * np.pi * (t + 0.02))), (TIMES, np.sin(20.0 * np.pi * TIMES))
-    assert best_shift([(measured, computed)]) == pytest.approx(0.02, abs=1e-4)
+    assert best_shift(measured, computed) == pytest.approx(0.02, abs=1e-4)
     with pytest.raises(TableError, match="shift=fit finds nothing to correlate"):
-        best_shift([((t, 0.0 * t), computed)])
+        best_shift((t, 0.0 * t), computed)
+    with pytest.raises(TableError, match="shift=fit needs values over time"):
+        best_shift((t[:1], t[:1]), computed)
+    with pytest.raises(TableError, match="times span 499000 s; allowed with shift=fit: seconds"):
+        best_shift((1e6 * t, measured[1]), computed)
 
 
 def test_the_error_is_that_of_the_difference_beside_the_measured_values():

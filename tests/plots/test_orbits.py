@@ -79,7 +79,7 @@ def lines(points, marks, column="RMS $y$ (mm)"):
 
 @pytest.mark.parametrize(("stable", "filling"), [(True, "full"), (False, "none")])
 def test_a_branch_of_one_point_is_a_dot(stable, filling):
-    ends, (dot,) = lines(branch([stable]), special(0.0).iloc[:0])
+    ends, (dot,) = lines(branch([stable]).assign(rms_y_m=1e-3), special(0.0).iloc[:0])
     assert (ends, dot.get_marker(), dot.get_fillstyle()) == ([], "o", filling)
 
 
@@ -128,7 +128,7 @@ def test_points_of_a_sweep_lie_behind_in_the_colour_of_their_branch(followed):
     (followed / "sweep-provenance.json").write_text(json.dumps({"schema": 1, "command": "sweep"}))
     figure = drawn(followed, ["branches"])["branches"]
     behind = [line for line in figure.axes[0].lines if line.get_zorder() < 2 and len(line.get_xdata())]
-    points = {float(line.get_ydata()[0]): line.get_color() for line in behind if line.get_marker() == "^"}
+    points = {float(line.get_ydata()[0]): line.get_color() for line in behind if line.get_marker() == "o"}
     assert sorted(points) == [1.0, 2.0]
     assert points[1.0] != points[2.0]
     told = texts(figure.legends[0])

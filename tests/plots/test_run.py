@@ -1,6 +1,8 @@
 """Figures of runs: what is drawn, and what is refused."""
 
 import json
+import re
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -10,8 +12,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.text import Text
 
 from vibroplat import load_config, simulate
+from vibroplat.config.digits import quantity, share
 from vibroplat.errors import TableError
-from vibroplat.plots import histories
+from vibroplat.plots import headlines, histories
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.measured import read_data
 from vibroplat.plots.run import run_figures
@@ -33,11 +36,23 @@ def from_rest(table, directory):
     return table.assign(y_m=table["y_m"] + read_json(directory, "summary")["static_sag_m"])
 
 
-def test_motion_shows_platform_and_gap_of_the_last_turns(result, monkeypatch):
-    monkeypatch.setattr(histories, "SHOWN_TURNS", 5)
-    top, bottom = drawn(result)["motion"].axes
+def shown_from(directory, turns):
+    """When the last turns begin (s)."""
+    return 0.25 - turns / read_json(directory, "summary")["excitation_frequency_hz"]
+
+
+@pytest.fixture
+def settled(result):
+    """A run of six turns whose motion repeats each turn."""
+    (result / "summary.json").write_text(json.dumps(read_json(result, "summary") | {"period": 1}))
+    return result
+
+
+def test_motion_shows_platform_and_gap_of_the_last_turns(settled):
+    result = settled
+    (_, top), (_, bottom) = np.reshape(drawn(result)["motion"].axes, (2, 2))
     trajectory, events = read_table(result, "trajectory"), read_table(result, "events")
-    begin = 0.25 - 5.0 / read_json(result, "summary")["excitation_frequency_hz"]
+    begin = shown_from(result, histories.shown_turns(read_json(result, "summary")))
     shown = trajectory[trajectory["t_s"] >= begin]
     assert 100 < len(shown) < len(trajectory)
     np.testing.assert_allclose(data_of(top.lines[0]), table_line(from_rest(shown, result), "y_m", 1e3))
@@ -47,7 +62,11 @@ def test_motion_shows_platform_and_gap_of_the_last_turns(result, monkeypatch):
     assert bottom.lines[1].get_xdata().tolist() == impacts["t_s"].tolist()
     stretches = (shown["mode"] == "attached").astype(int).diff().eq(1).sum() + (shown["mode"].iloc[0] == "attached")
     assert len(top.patches) == len(bottom.patches) == stretches > 1
-    assert [axis.get_ylabel() for axis in (top, bottom)] == ["$y$ from rest (mm)", "gap $y_{w1}$ (mm)"]  # no rocking
+
+
+@pytest.mark.parametrize(("period", "turns"), [(1, 3), (3, 5), (9, 10), (0, 10), (None, 10)])
+def test_last_turns_are_several_periods_or_ten_where_motion_does_not_repeat(period, turns):
+    assert histories.shown_turns({"period": period}) == turns
 
 
 def test_few_samples_a_second_are_shown_over_more_turns(kernels, tmp_path):
@@ -71,29 +90,30 @@ def test_y_is_counted_from_rest_where_a_scene_or_a_summary_tells_the_sag(result)
     assert axis.get_ylabel() == "$y$ (mm)"
 
 
-def test_a_long_run_has_an_overview_of_its_range(result, monkeypatch):
-    monkeypatch.setattr(histories, "SHOWN_TURNS", 2)
+def test_a_long_run_has_the_range_of_each_turn_on_the_left_and_its_last_turns_on_the_right(settled):
+    result = settled
     figure = drawn(result, kinds=["motion"])["motion"]
     titles = [axis.get_title(loc="left").splitlines()[-1] for axis in figure.axes[:2]]
-    assert titles == ["whole run, range of values", "last turns, grey on the left"]
+    assert titles == ["whole run: range of each turn", "last 3 turns"]
     table = from_rest(read_table(result, "trajectory"), result)
-    whole = figure.axes[0].collections[0].get_datalim(figure.axes[0].transData)
-    assert (whole.y0, whole.y1) == pytest.approx((1e3 * table["y_m"].min(), 1e3 * table["y_m"].max()))
-    assert whole.x1 - whole.x0 > 0.2
-    assert np.ptp(figure.axes[1].lines[0].get_xdata()) == pytest.approx(2.0 / 25.75, rel=0.05)
+    low, high = figure.axes[0].lines[:2]
+    assert (low.get_ydata().min(), high.get_ydata().max()) == pytest.approx(
+        (1e3 * table["y_m"].min(), 1e3 * table["y_m"].max())
+    )
+    assert figure.axes[0].get_ylim() == figure.axes[1].get_ylim()
+    assert np.ptp(figure.axes[1].lines[0].get_xdata()) == pytest.approx(3.0 / 25.75, rel=0.05)
 
 
 def test_many_turns_are_drawn_as_their_range(result, monkeypatch):
     monkeypatch.setattr("vibroplat.plots.run.MOST_TURNS", 3)
     axis = drawn(result, kinds=["motion"], start=0.0)["motion"].axes[0]
     table = from_rest(read_table(result, "trajectory"), result)
-    low, high = axis.collections[0].get_datalim(axis.transData).intervaly
-    assert (low, high) == pytest.approx((1e3 * table["y_m"].min(), 1e3 * table["y_m"].max()))
-    assert not axis.lines
+    low, high = (line.get_ydata() for line in axis.lines)
+    assert (low.min(), high.max()) == pytest.approx((1e3 * table["y_m"].min(), 1e3 * table["y_m"].max()))
+    assert len(low) < 10
 
 
 def test_a_long_table_is_read_in_parts_and_thinned_where_all_of_it_is_shown(result, monkeypatch):
-    monkeypatch.setattr(histories, "SHOWN_TURNS", 2)
     before = drawn(result, kinds=["motion"])["motion"]
     monkeypatch.setattr("vibroplat.results.tables.MAX_PART_ROWS", 50)
     monkeypatch.setattr("vibroplat.results.files.read_table", None)
@@ -101,8 +121,7 @@ def test_a_long_table_is_read_in_parts_and_thinned_where_all_of_it_is_shown(resu
     figures = drawn(result)
     after = figures["motion"]
     np.testing.assert_array_equal(data_of(after.axes[1].lines[0]), data_of(before.axes[1].lines[0]))
-    envelopes = [f.axes[0].collections[0].get_paths()[0].vertices for f in (before, after)]
-    np.testing.assert_array_equal(*envelopes)
+    np.testing.assert_array_equal(*(data_of(f.axes[0].lines[0]) for f in (before, after)))
     table = read_table(result, "trajectory")
     shown = figures["exciters"].axes[0].lines[0].get_xdata()
     np.testing.assert_array_equal(shown, table["t_s"].iloc[:: -(-len(table) // 100)])
@@ -115,7 +134,10 @@ def test_impulses_are_stems_on_an_axis_of_their_own(result):
     strikes = events[events["impulse_n_s"] > 0.0]
     np.testing.assert_array_equal(data_of(force.lines[0]), table_line(trajectory, "contact_force_n"))
     np.testing.assert_array_equal(data_of(impulses.lines[0]), table_line(strikes, "impulse_n_s"))
-    assert [axis.get_ylabel() for axis in (force, impulses)] == ["contact force $F_c$ (N)", "impulse $P$ (N·s)"]
+    assert [axis.get_ylabel() for axis in (force, impulses)] == [
+        "contact force $F_c$ (N)",
+        "impulse $P$\n(mN·s)",
+    ]
     (stems,) = (c for c in impulses.collections if isinstance(c, LineCollection))
     assert [segment[0][1] for segment in stems.get_segments()] == [0.0] * len(strikes)
     assert not force.get_shared_y_axes().joined(force, impulses)
@@ -125,26 +147,45 @@ def test_impulses_are_stems_on_an_axis_of_their_own(result):
 def test_exciters_show_both_speeds_and_their_phase_over_the_whole_run(result):
     speeds, phase = drawn(result)["exciters"].axes
     table = read_table(result, "trajectory")
-    assert [line.get_label() for line in speeds.lines] == ["exciter 1", "exciter 2", "synchronous speed"]
-    np.testing.assert_allclose(data_of(speeds.lines[0]), table_line(table, "phi1_rate_rad_per_s", 1.0 / TURN))
-    np.testing.assert_allclose(data_of(speeds.lines[1]), table_line(table, "phi2_rate_rad_per_s", -1.0 / TURN))
-    np.testing.assert_allclose(speeds.lines[2].get_ydata(), 25.75)
+    assert [line.get_label() for line in speeds.lines] == ["exciter 1 = 2", "synchronous speed"]
+    mean = table.assign(mean=0.5 * (table["phi1_rate_rad_per_s"] - table["phi2_rate_rad_per_s"]))
+    np.testing.assert_allclose(data_of(speeds.lines[0]), table_line(mean, "mean", 1.0 / TURN))
+    np.testing.assert_allclose(speeds.lines[1].get_ydata(), 25.75)
     np.testing.assert_allclose(phase.lines[0].get_ydata(), (table["phi1_rad"] + table["phi2_rad"]) % TURN)
 
 
-def test_loads_are_forces_and_displacements_with_their_peaks(result):
-    force, height, speeds = drawn(result, kinds=["loads"])["loads"].axes
+def test_speeds_that_differ_are_two_lines_and_many_turns_have_their_difference(result, monkeypatch):
+    table = read_table(result, "trajectory")
+    apart = table.assign(phi2_rate_rad_per_s=0.9 * table["phi2_rate_rad_per_s"])
+    write_table(apart, result, "trajectory", "parquet")
+    speeds, _ = drawn(result, kinds=["exciters"])["exciters"].axes
+    assert [line.get_label() for line in speeds.lines][:2] == ["exciter 1", "exciter 2"]
+    np.testing.assert_allclose(data_of(speeds.lines[1]), table_line(apart, "phi2_rate_rad_per_s", -1.0 / TURN))
+    write_table(table, result, "trajectory", "parquet")
+    monkeypatch.setattr("vibroplat.plots.run.MOST_TURNS", 3)
+    speeds, difference, _ = drawn(result, kinds=["exciters"])["exciters"].axes
+    assert speeds.lines[0].get_label().startswith("mean of both exciters")
+    assert difference.get_ylabel() == "exciter 1 minus\nexciter 2 (Hz)"
+    apart = (table["phi1_rate_rad_per_s"] + table["phi2_rate_rad_per_s"]) / TURN
+    low, high = difference.collections[0].get_datalim(difference.transData).intervaly
+    assert (low, high) == pytest.approx((apart.min(), apart.max()))
+
+
+def test_loads_are_forces_and_displacements_with_their_peaks(settled):
+    result = settled
+    force, _, height, _, speeds, _ = drawn(result, kinds=["loads"])["loads"].axes
     table, summary = read_table(result, "trajectory"), read_json(result, "summary")
     machine = load_config(QUICKSTART).machine
     along_y = machine.stiffness_y_n_per_m * table["y_m"] + machine.damping_y_n_s_per_m * table["y_rate_m_per_s"]
     for axis, values in ((force, along_y), (height, 1e3 * from_rest(table, result)["y_m"])):
-        assert axis.collections[0].get_datalim(axis.transData).intervaly == pytest.approx([values.min(), values.max()])
+        low, high = (line.get_ydata() for line in axis.lines[:2])
+        assert (low.min(), high.max()) == pytest.approx([values.min(), values.max()])
     size, at, pace = (summary[f"whole_foundation_force_y_max_{what}"] for what in ("n", "at_s", "at_hz"))
     assert (force.lines[-1].get_xdata()[0], abs(force.lines[-1].get_ydata()[0])) == (at, size)
     assert size == pytest.approx(along_y.abs().max(), rel=1e-3)
-    assert force.texts[-1].get_text() == f"{float(f'{size:.4g}'):g} N at {at:.4g} s, {pace:.3g} Hz"
-    assert height.texts[-1].get_text().startswith(f"stroke {1e3 * summary['whole_stroke_y_m']:.4g} mm at ")
-    assert [line.get_label() for line in speeds.lines] == ["exciter 1", "exciter 2"]
+    assert force.texts[-1].get_text() == f"{quantity(size, 'N')} at {quantity(at, 's')}, {pace:.1f} Hz"
+    assert height.texts[-1].get_text().startswith(f"stroke {1e3 * summary['whole_stroke_y_m']:.3g} mm at ")
+    assert [line.get_label() for line in speeds.lines] == ["exciter 1 = 2"]
     late = drawn(result, kinds=["loads"], start=at + 1e-3)["loads"].axes[0]
     assert not late.texts  # the peak is before
 
@@ -152,19 +193,57 @@ def test_loads_are_forces_and_displacements_with_their_peaks(result):
 def test_a_scene_without_contact_has_no_force(saved):
     figures = drawn(saved["bare"])
     assert [*figures] == ["motion", "exciters", "loads"]
-    assert len(figures["motion"].axes) == 1
+    assert [axis.get_ylabel() for axis in figures["motion"].axes if axis.get_ylabel()] == ["$y$ from rest (mm)"]
     with pytest.raises(TableError, match="has no contact force, as its scene is bare or non-impact"):
         drawn(saved["bare"], kinds=["force"])
 
 
 def test_parameters_are_in_the_title(saved):
     figure = drawn(saved["bouncing"], kinds=["force"])["force"]
-    assert figure.get_suptitle() == "quickstart"
-    assert figure.axes[0].get_title(loc="left") == r"$f_e$ = 51.5 Hz, $\mu_w$ = 0.2, two layers, $R$ = 0.5"
+    parameters = r"$f_e$ = 51.5 Hz, $\mu_w$ = 0.2, two layers, $R$ = 0.5"
+    assert figure.axes[0].get_title(loc="left") == f"quickstart: {parameters}"
     program = [{"t_s": 0.0, "supply_frequency_hz": 50.0}, {"t_s": 2.0, "exciter_2": "off"}, {"t_s": 3.5, "off": True}]
     scene = load_config(QUICKSTART, {"drive": {"program": program}})
     assert run_parameters(scene).startswith("$f_e$ = 50 Hz, motor 2 off at 2 s, motors off at 3.5 s, ")
     assert run_parameters(scene, 4.0).startswith("motor 2 off, motors off, ")
+
+
+TITLES = {
+    "motion": "Stroke along y {stroke}; material flies {flight} of the time",
+    "force": "Contact force up to {force}; impulses up to {impulse}",
+    "exciters": "Antiphase throughout; {speed} in operation; slip {slip}",
+}
+
+
+def test_titles_say_what_the_summary_knows(saved):
+    told = read_json(saved["two layers"], "summary")
+    known = {
+        "stroke": quantity(told["stroke_y_m"], "m"),
+        "flight": share(told["flight_fraction"]),
+        "force": quantity(told["contact_force_max_n"], "N"),
+        "impulse": quantity(told["impulse_max_n_s"], "N·s"),
+        "speed": quantity(told["excitation_frequency_hz"], "Hz"),
+        "slip": share(0.5 * (told["slip_1"] + told["slip_2"])),
+    }
+    figures = drawn(saved["two layers"])
+    for kind, title in TITLES.items():
+        whole = figures[kind].get_suptitle().replace("\n", " ")
+        assert re.sub(r", [^,;]* at [^;]*", "", whole) == title.format(**known)
+    assert figures["loads"].get_suptitle().startswith("Foundation along y ")
+
+
+def test_synchronization_is_told_from_when_on():
+    t = np.linspace(0.0, 10.0, 1001)
+    phase = np.where(t < 4.0, np.pi, np.pi * np.clip(1.0 - (t - 4.0), 0.0, 1.0))
+    table = pd.DataFrame({"t_s": t, "phi1_rad": TURN * 20.0 * t, "phi2_rad": phase - TURN * 20.0 * t})
+    run = SimpleNamespace(whole=table, co_rotating=False)
+    assert headlines.synchronization(run) == ["in-phase from 4.67 s on"]
+    run.whole = table.assign(phi2_rad=-TURN * 20.0 * t)
+    assert headlines.synchronization(run) == ["in-phase throughout"]
+    run.whole = table.assign(phi2_rad=-TURN * 19.0 * t)
+    assert headlines.synchronization(run) == ["neither in phase nor in antiphase at the end"]
+    run.whole = table.head(2)
+    assert headlines.synchronization(run) == []
 
 
 def test_runs_are_laid_over_each_other_from_a_whole_turn_on(saved, tmp_path, figures):
@@ -287,8 +366,11 @@ def test_the_column_that_cannot_be_drawn_is_named(change, told, result):
 def test_dollar_signs_in_names_are_drawn_as_they_are(result):
     name = r"10 $ and $\frac$ x"
     (result / "summary.json").write_text(json.dumps(read_json(result, "summary") | {"name": name}))
-    shown, mathematics = Text()._preprocess_math(drawn(result, kinds=["exciters"])["exciters"].get_suptitle())
-    assert (shown, mathematics) == (name, False)
+    shown, mathematics = Text()._preprocess_math(
+        drawn(result, kinds=["exciters"])["exciters"].axes[0].get_title(loc="left")
+    )
+    assert shown.startswith(name.replace("$", r"\$"))
+    assert mathematics == "tex" or mathematics is True  # that of the parameters
 
 
 def test_a_figure_that_cannot_be_written_is_told_in_a_line(result):

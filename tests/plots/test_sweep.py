@@ -12,14 +12,14 @@ from common.places import QUICKSTART
 from common.results import unproven
 
 from vibroplat import load_config
+from vibroplat.columns import PHASE
 from vibroplat.errors import TableError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.style import MOST_ENTRIES
-from vibroplat.results.picture import SYNC
+from vibroplat.results.picture import CURVES, SYNC
 from vibroplat.results.tables import read_json, write_table
-from vibroplat.study import picture
-from vibroplat.study.picture import PERIODS
+from vibroplat.study import curves as of_branches
 
 from .conftest import diagram, sweep_table, texts
 from .conftest import drawn as drawn_of
@@ -46,7 +46,7 @@ def test_a_sweep_by_the_command_has_its_figures(command, kernels, here):
     assert (done.code, done.err) == (0, "")
     before = dict(mpl.rcParams)
     done = command("plot", "results/swept")
-    paths = [f"results/swept/{figure}.png" for figure in ("response", "bifurcation")]
+    paths = [f"results/swept/sweep/{figure}.png" for figure in ("response", "bifurcation")]
     assert (done.code, done.err, done.out.splitlines()) == (0, "", paths)
     pixels = plt.imread(paths[1])
     assert pixels.shape[1] > 800
@@ -58,47 +58,95 @@ def test_a_sweep_by_the_command_has_its_figures(command, kernels, here):
 # -- response -------------------------------------------------------------------------------------------
 
 
-def test_response_has_a_curve_for_each_branch(write_sweep):
-    table = sweep_table()
-    quantities = {
-        "RMS $y$ (mm)": ("rms_y_m", 1e3),
-        "RMS $x$ (mm)": ("rms_x_m", 1e3),
-        "RMS $\\varphi$ (mrad)": ("rms_phi_rad", 1e3),
-        "$\\Delta\\varphi$": (None, 1.0),
-        "motor power (W)": ("motor_power_w", 1.0),
-        "largest $F_c$ (N)": ("contact_force_max_n", 1.0),
-        "flight fraction": ("flight_fraction", 1.0),
-        "largest gap (mm)": ("gap_max_m", 1e3),
+def panels(figure):
+    """Panels by their labels; strips have none."""
+    return {axis.get_ylabel(): axis for axis in figure.axes if axis.get_ylabel()}
+
+
+def moving(table):
+    """Both directions of vibration, antiphase below 46 Hz up and below 44 Hz down."""
+    place, down = table["supply_frequency_hz"], table["direction"] == "down"
+    high = place < np.where(down, 44.0, 46.0)
+    changed = {
+        "rms_y_m": np.where(high, 4e-3 + 1e-5 * place, 0.0),
+        "rms_x_m": np.where(high, 0.0, 2e-3 + 1e-5 * place),
+        "phase_difference_rad": np.where(high, np.pi, 0.0),
+        "sync": np.where(high, "antiphase", "in-phase"),
     }
-    figure = drawn(write_sweep())["response"]
-    axes = {axis.get_ylabel(): axis for axis in figure.axes}
-    assert axes.keys() == quantities.keys()
-    for label, (column, factor) in quantities.items():
-        lines = curves(axes[label])
-        assert len(lines) == 4
-        for line, (_, rows) in zip(lines, table.groupby("branch"), strict=True):
-            seen = line.get_xdata()[np.isfinite(line.get_ydata())]
-            assert known(seen).tolist() == known(rows["excitation_frequency_hz"]).tolist()
-            if column is not None:
-                assert known(line.get_ydata()) == pytest.approx(factor * known(rows[column]))
-    lines, markers = curves(figure.axes[0]), [line for line in figure.axes[0].lines if line.get_marker() != "None"]
-    colours = [line.get_color() for line in lines]
-    assert colours[0] == colours[1] != colours[2] == colours[3]
-    assert [line.get_linestyle() for line in lines] == ["-", "--", "-", "--"]
-    full = [line.get_marker() for line in markers if line.get_fillstyle() == "full"]
-    assert full == ["^", "v", "^", "x", "v", "x"]  # of each direction, and of points that failed
+    lost = table["outcome"] != "ok"
+    return table.assign(**{name: pd.Series(v, table.index).mask(lost) for name, v in changed.items()})
+
+
+def test_response_has_a_solid_curve_up_and_a_dashed_one_down_where_it_differs(write_sweep):
+    """What is 0 is not drawn, and no panel is without content."""
+    table = moving(sweep_table())
+    figure = drawn(write_sweep(table), x="supply")["response"]
+    shown = panels(figure)
+    assert {"RMS $y$ (mm)", "RMS $x$ (mm)", "motor power (W)"} <= {*shown}
+    assert not {PHASE, "RMS $\\varphi$ (mrad)"} & {*shown}  # strips tell phases, and what is 0.5 % of RMS y is even
+    y, x = (
+        {line.get_linestyle(): known(line.get_xdata()[np.isfinite(line.get_ydata())]) for line in curves(shown[label])}
+        for label in ("RMS $y$ (mm)", "RMS $x$ (mm)")
+    )
+    assert y["-"].tolist() == [42.0, 43.0, 44.0, 45.0]
+    assert y["--"].size == 0 if "--" in y else True  # down it is as up, until it is 0
+    assert x["-"].tolist() == [46.0, 47.0, 48.0]  # of the second mass ratio, whose last point failed
+    assert x["--"].tolist() == [44.0, 45.0, 46.0]  # up to where it joins the way up
     named = texts(figure.legends[0])
-    assert named[:4] == ["mass ratio 0", "mass ratio 0.2", "supply frequency up", "supply frequency down"]
-    assert named[4:] == ["periodic", "not periodic", "failed"]
+    assert named[:3] == ["antiphase: vibrates along y", "in-phase: vibrates along x and rocks", "not periodic"]
+    assert {"supply frequency up", "supply frequency down, where it differs", "jump", "failed"} <= {*named}
+    told = figure.axes[0].get_title(loc="left").splitlines()
+    assert told[-1].startswith("not drawn: Δφ (within 10° of 0° or ±180° at 100 % of the points)")
+
+
+def test_jumps_are_arrows_of_both_ways(write_sweep):
+    table = moving(sweep_table()).query("branch < 2")
+    axis = panels(drawn(write_sweep(table), x="supply")["response"])["RMS $y$ (mm)"]
+    (arrows,) = axis.collections
+    ends = sorted((line[0][0], line[1][0]) for line in arrows.get_segments())
+    assert ends == [(43.0, 44.0), (45.0, 46.0)]
+    assert [line.get_marker() for line in axis.lines if line.get_marker() != "None"] == ["v", "v"]
+
+
+def test_strips_say_how_exciters_synchronize_along_each_way(write_sweep):
+    figure = drawn(write_sweep(moving(sweep_table())), x="supply")["response"]
+    strips = figure.axes[0]
+    assert [text.get_text() for text in strips.get_yticklabels()] == ["0 ↑", "0 ↓", "0.2 ↑", "0.2 ↓"]
+    bars = [part for part in strips.collections if not part.get_hatch()]
+    ends = {(path.vertices[:, 0].min(), path.vertices[:, 0].max()) for part in bars for path in part.get_paths()}
+    assert {(41.5, 43.5), (44.5, 45.5), (45.5, 49.5)} <= ends  # up; 44 Hz is chaotic
+    assert sum(part.get_hatch() == "/////" for part in strips.collections) == 4
+
+
+def test_curves_that_coincide_are_one_and_said_to_be_equal(write_sweep):
+    table = moving(sweep_table())
+    figure = drawn(write_sweep(table), x="supply")["response"]
+    axis = panels(figure)["RMS $x$ (mm)"]
+    assert axis.get_title(loc="right") == ""  # a point of the second failed
+    known_ = table.assign(outcome="ok").query("supply_frequency_hz < 49")
+    figure = drawn(write_sweep(known_), x="supply")["response"]
+    axis = panels(figure)["RMS $x$ (mm)"]
+    assert axis.get_title(loc="right") == "mass ratio 0 = 0.2"
+    assert {line.get_color() for line in curves(axis)} == {CURVES[0]}
+
+
+def test_the_title_says_the_largest_measure_and_where_synchronization_changes(write_sweep):
+    figure = drawn(write_sweep(moving(sweep_table())), x="supply")["response"]
+    assert figure.get_suptitle().replace("\n", " ") == (
+        "RMS y at most 4.45 mm at $f_e$ = 45.00 Hz; in-phase from $f_e$ = 46.00 Hz on the way up, "
+        "from $f_e$ = 44.00 Hz on the way down; 2 of 32 points failed"
+    )
+    (figure,) = drawn(write_sweep(), measure=["gap_max_m"]).values()
+    assert figure.get_suptitle().startswith("Largest gap at most 0, 0.200 mm at $f$ = 20.58 Hz; in-phase from")
 
 
 def test_what_all_quantities_along_a_branch_share_is_found_once(write_sweep, monkeypatch):
     """With many branches it took most of the time."""
     asked = []
-    found = picture.find_jumps
-    monkeypatch.setattr(picture, "find_jumps", lambda rows: asked.append(rows) or found(rows))
-    axes = drawn(write_sweep())["response"].axes
-    assert len(asked) == sweep_table()["branch"].nunique() < len(axes)
+    found = of_branches.find_jumps
+    monkeypatch.setattr(of_branches, "find_jumps", lambda rows: asked.append(rows) or found(rows))
+    drawn(write_sweep())
+    assert len(asked) == sweep_table()["branch"].nunique()
 
 
 def test_legend_of_hundreds_of_curves_names_some_and_says_how_many_more(write_sweep):
@@ -117,14 +165,12 @@ def test_legend_of_hundreds_of_curves_names_some_and_says_how_many_more(write_sw
     ]
 
 
-def test_response_leaves_out_force_and_flight_where_there_is_none_and_is_over_either_frequency(write_sweep):
+def test_response_leaves_out_what_there_is_not_and_is_over_either_frequency(write_sweep):
     table = sweep_table()
-    axes = drawn(write_sweep(table[table[MASS] == 0.0]))["response"].axes
-    assert "largest $F_c$ (N)" not in [axis.get_ylabel() for axis in axes]
-    assert len(axes) == 5
-    assert axes[-1].get_xlabel() == "excitation frequency $f$ (Hz)"
+    shown = panels(drawn(write_sweep(table[table[MASS] == 0.0]))["response"])
+    assert [*shown] == ["RMS $y$ (mm)", "motor power (W)"]
+    assert shown["motor power (W)"].get_xlabel() == "excitation frequency $f$ (Hz)"
     axes = drawn(write_sweep(), x="supply")["response"].axes
-    assert known(axes[0].lines[0].get_xdata()).tolist() == [*range(42, 50)]
     assert any(axis.get_xlabel() == "supply frequency $f_e$ (Hz)" for axis in axes)
 
 
@@ -132,8 +178,9 @@ def test_response_wraps_the_phase_so_that_antiphase_is_one_line(write_sweep):
     """Told as π where it is near −π, it may wander on either side of it where the motion does not repeat."""
     table = sweep_table()
     alternating = np.pi * (-0.999) ** np.arange(len(table))
-    figure = drawn(write_sweep(table.assign(phase_difference_rad=alternating, sync="antiphase")))["response"]
-    axis = next(axis for axis in figure.axes if axis.get_ylabel() == "$\\Delta\\varphi$")
+    asked = {"measure": ["phase_difference_rad"]}
+    figure = drawn(write_sweep(table.assign(phase_difference_rad=alternating, sync="antiphase")), **asked)["response"]
+    axis = panels(figure)[PHASE]
     phases = known(np.concatenate([line.get_ydata() for line in curves(axis)]))
     assert (phases > np.pi).any()
     assert phases == pytest.approx(np.full(len(phases), np.pi), abs=0.1)
@@ -144,7 +191,7 @@ def test_many_values_of_a_key_follow_a_colour_scale(write_sweep):
     parts = [sweep_table().assign(**{MASS: 0.1 * n, "branch": n}).iloc[:8] for n in range(6)]
     figure = drawn(write_sweep(pd.concat(parts)))["response"]
     assert figure.axes[-1].get_ylabel() == r"mass ratio $\mu_w$"
-    assert len({line.get_color() for line in curves(figure.axes[0])}) == 6
+    assert len({line.get_color() for line in curves(panels(figure)["RMS $y$ (mm)"])}) == 6
 
 
 def test_sweeps_are_laid_over_each_other(write_sweep, figures):
@@ -155,64 +202,80 @@ def test_sweeps_are_laid_over_each_other(write_sweep, figures):
     (plain / "provenance.json").write_text(json.dumps(proof))
     (path,) = plot_results([write_sweep(table.assign(**{MASS: 0.1}), name="soft"), plain])
     assert (path.parent.name, path.name) == ("soft", "response-compared.png")
-    assert texts(figures["response"].legends[0])[:2] == ["soft, mass ratio 0.1", "plain, mass ratio 0.3"]
-    assert len(curves(figures["response"].axes[0])) == 4
+    shown = panels(figures["response"])
+    assert shown["RMS $y$ (mm)"].get_title(loc="right") == "soft, mass ratio 0.1 = plain, mass ratio 0.3"
+    assert "soft, mass ratio 0.1" in texts(figures["response"].legends[0])
 
 
 # -- diagrams -------------------------------------------------------------------------------------------
 
 
-def test_bifurcation_shows_every_point_with_the_other_direction_behind(write_sweep):
+def test_bifurcation_shows_the_way_down_where_it_differs(write_sweep):
     table = sweep_table().query("branch < 2")
     tables = {"section": diagram(table, "y_m"), "impacts": diagram(table, "impact_speed_m_per_s")}
+    section = tables["section"]
+    beyond = (section["branch"] == 1) & (section["supply_frequency_hz"] == 47.0)
+    tables["section"] = section.assign(y_m=section["y_m"].where(section["branch"] == 0, 0.0).mask(beyond, 5e-3))
     figure = drawn(write_sweep(table, "bifurcation", **tables))["bifurcation"]
     rest = 1e3 * static_rest(load_config(QUICKSTART, {MASS: 0.0}))[1]
-    quantities = [("section", "y_m", 1e3, rest), ("impacts", "impact_speed_m_per_s", 1.0, 0.0)]
-    for row, (name, column, factor, zero) in zip(np.reshape(figure.axes, (2, 2)), quantities, strict=True):
-        for branch, axis in enumerate(row):
-            behind, shown = axis.lines
-            assert behind.get_color() != shown.get_color()
-            assert behind.get_zorder() < shown.get_zorder()
-            for line, number in ((behind, 1 - branch), (shown, branch)):
-                rows = tables[name][tables[name]["branch"] == number]
-                assert line.get_ydata() == pytest.approx(factor * rows[column].to_numpy() - zero)
-                assert line.get_xdata() == pytest.approx(rows["excitation_frequency_hz"].to_numpy())
-    assert texts(figure.legends[0]) == ["supply frequency up", "supply frequency down", "the other direction"]
+    strips, upper, _ = figure.axes
+    steady, odd, down = (line for line in upper.lines if len(line.get_xdata()))
+    own = section[section["branch"] == 0].sort_values("period", ascending=False, kind="stable")  # 0 where it is chaotic
+    heights, over = (np.concatenate([getattr(line, f"get_{k}data")() for line in (steady, odd)]) for k in "yx")
+    assert heights == pytest.approx(1e3 * own["y_m"].to_numpy() - rest)
+    assert over == pytest.approx(own["excitation_frequency_hz"].to_numpy())
+    assert odd.get_markersize() < steady.get_markersize()
+    assert down.get_ydata() == pytest.approx(np.full(5, 5.0 - rest))
+    assert steady.get_color() != down.get_color()
+    assert {"supply frequency up", "supply frequency down, where it differs"} <= {*texts(figure.legends[0])}
+    assert [text.get_text() for text in strips.get_yticklabels()] == ["up", "down"]
+    assert figure.get_suptitle() == "Not periodic at 12 % of the points; up and down differ at 88 %"
 
 
-def test_map_colours_a_tile_for_each_point_and_hatches_failed_ones(write_sweep):
-    table = sweep_table()
+def many_masses(table):
+    """Five values of the key of the grid, and a period of two turns."""
+    up = table.query("branch == 2").assign(period=np.where(table.query("branch == 2")["period"] == 0, 0, 2))
+    return pd.concat([table, *(up.assign(**{MASS: mass, "branch": 90}) for mass in (0.3, 0.9, 2.0))])
+
+
+def test_map_colours_a_tile_for_each_point_and_hatches_what_does_not_repeat(write_sweep):
+    table = many_masses(sweep_table())
     figure = drawn(write_sweep(table, "map"))["map"]
-    ends = [1, 2, 4, 8, 64]
-    assert len(figure.axes) == 7  # with the colour bar
-    for column, direction in enumerate(("up", "down")):
-        own = figure.axes[column:6:2]
+    assert len(figure.axes) == 2  # one for each direction
+    for axis, direction in zip(figure.axes, ("up", "down"), strict=True):
         rows = table[table["direction"] == direction].sort_values([MASS, "supply_frequency_hz"])
         good = (rows["outcome"] == "ok").to_numpy()
-        tiles = [axis.collections[0].get_array().ravel() for axis in own]
-        sync, periods, flight = (np.ma.filled(np.ma.asarray(values, dtype=float), np.nan) for values in tiles)
-        assert sync[good].tolist() == [list(SYNC).index(name) for name in rows["sync"][good]]
-        several = [next(i for i, end in enumerate(ends) if n <= end) for n in rows["period"] if n > 0]
-        assert periods[rows["period"] > 0].tolist() == several
-        assert {list(PERIODS)[int(i)] for i in periods[rows["period"] == 0]} == {"chaotic"}
-        assert flight == pytest.approx(rows["flight_fraction"].to_numpy(dtype=float), nan_ok=True)
-        titles = [axis.get_title(loc="left").splitlines()[-1] for axis in own]
-        assert titles == [f"synchronization, {direction}", f"period (turns), {direction}", f"flight, {direction}"]
-        for axis in own:
-            assert np.isnan(np.ma.filled(axis.collections[0].get_array(), np.nan)).sum() == (~good).sum() == 1
-            assert axis.collections[1].get_hatch()
-            assert np.ma.count(axis.collections[1].get_array()) == 1
-    named = ["antiphase: vibrates along y", "in-phase: vibrates along x and rocks"]
-    assert texts(figure.legends[0])[:3] == ["failed", *named]
+        tiles = np.ma.filled(np.ma.asarray(axis.collections[0].get_array(), dtype=float), np.nan).ravel()
+        found = sorted({*rows["sync"].dropna()}, key=list(SYNC).index)
+        assert tiles[good].tolist() == [found.index(name) for name in rows["sync"][good]]
+        assert np.isnan(tiles).sum() == (~good).sum()
+        hatched = {part.get_hatch(): np.ma.count(part.get_array()) for part in axis.collections if part.get_hatch()}
+        assert hatched.pop("xxxx") == (~good).sum()
+        assert hatched["/////"] == (rows["period"] == 0).sum()
+        assert axis.get_title(loc="left").splitlines()[-1] == direction
+    named = texts(figure.legends[0])
+    assert named[:3] == ["failed", "antiphase: vibrates along y", "in-phase: vibrates along x and rocks"]
+    assert {"not periodic", "period of several turns"} <= {*named}
+
+
+def test_map_of_few_rows_has_a_bar_for_each_way(write_sweep):
+    table = sweep_table()
+    figure = drawn(write_sweep(table, "map"))["map"]
+    (axis,) = figure.axes
+    assert [text.get_text() for text in axis.get_yticklabels()] == ["0 ↑", "0 ↓", "0.2 ↑", "0.2 ↓"]
+    assert axis.get_xlabel() == "supply frequency $f_e$ (Hz)"
+    assert "material flies" in texts(figure.legends[0])
+    assert figure.get_suptitle().replace("\n", " ") == (
+        "In-phase at 47 %, antiphase at 53 % of the points; not periodic at 13 %; material flies at 47 %; "
+        "2 of 32 points failed"
+    ) or figure.get_suptitle().startswith("Antiphase at 53 %")
 
 
 def test_map_has_tiles_of_equal_size_whatever_the_values(write_sweep):
-    table = sweep_table()
-    more = table.query("branch > 1").assign(**{MASS: 0.9, "branch": 4})
-    axis = drawn(write_sweep(pd.concat([table, more]), "map"))["map"].axes[0]
+    axis = drawn(write_sweep(many_masses(sweep_table()), "map"))["map"].axes[0]
     edges = axis.collections[0].get_coordinates()[:, 0, 1]
-    assert np.ma.filled(np.diff(edges)) == pytest.approx(np.ones(3))
-    assert [text.get_text() for text in axis.get_yticklabels()] == ["0", "0.2", "0.9"]
+    assert np.ma.filled(np.diff(edges)) == pytest.approx(np.ones(5))
+    assert [text.get_text() for text in axis.get_yticklabels()] == ["0", "0.2", "0.3", "0.9", "2"]
 
 
 # -- refused --------------------------------------------------------------------------------------------
@@ -246,7 +309,9 @@ def test_a_table_may_hold_failed_points_only_but_not_none(write_sweep):
         drawn(write_sweep(table.iloc[:0]))
     measures = table.columns[list(table.columns).index("branch") + 1 :].difference(["outcome", "motion"])
     lost = table.assign(outcome="event-storm", **dict.fromkeys(measures, np.nan))
-    axis = drawn(write_sweep(lost.astype({"sync": object})))["response"].axes[0]
+    figure = drawn(write_sweep(lost.astype({"sync": object})))["response"]
+    assert figure.get_suptitle() == "Every point failed"
+    axis = figure.axes[0]
     assert not any(np.isfinite(line.get_ydata()).any() for line in curves(axis))
     crosses = np.concatenate([line.get_xdata() for line in axis.lines if line.get_marker() == "x"])
     assert sorted(crosses) == sorted(table["supply_frequency_hz"])  # no excitation frequency is known
@@ -255,4 +320,4 @@ def test_a_table_may_hold_failed_points_only_but_not_none(write_sweep):
 def test_the_only_value_of_a_grid_is_told_instead_of_that_of_the_configuration(write_sweep):
     table = sweep_table()
     (figure,) = drawn(write_sweep(table[table["material.mass_ratio"] == 0.0]), kinds=["response"]).values()
-    assert figure.axes[0].get_title(loc="left") == "no material"
+    assert figure.axes[0].get_title(loc="left").startswith("swept: no material\n")

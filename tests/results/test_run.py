@@ -11,7 +11,8 @@ from scipy.io import loadmat
 
 from vibroplat import Scene, load, simulate
 from vibroplat.errors import ConfigError, TableError
-from vibroplat.results.result import Answer, Result
+from vibroplat.results.answer import Answer
+from vibroplat.results.result import Result
 
 
 @pytest.fixture(scope="module")
@@ -24,25 +25,25 @@ def saved(run, tmp_path):
     return run.save(tmp_path / "saved")
 
 
-def test_card_is_short_and_has_the_main_results(run):
-    lines = repr(run).splitlines()
-    assert lines[0] == "vibroplat run quickstart"
-    assert len(lines) < 20
-    assert max(map(len, lines)) < 100
-    shown = {line[:28].rstrip(): line[28:] for line in lines}
-    assert shown["outcome"] == "ok"
-    assert shown["excitation frequency"] == f"{run.summary['excitation_frequency_hz']:.6g} Hz"
+def test_a_run_shows_its_answer(run):
+    first, second, *lines = repr(run).splitlines()
+    assert first == "vibroplat run quickstart"
+    assert second.startswith(f"quickstart: runs at {run.summary['excitation_frequency_hz']:.2f} Hz (15")
+    assert lines[0].split()[:4] == ["stroke", "y", f"{1e3 * run.summary['stroke_y_m']:.2f}", "mm"]
+    assert len(lines) < 11
+    assert max(map(len, lines)) <= 110
 
 
-def test_card_of_a_run_that_failed_says_why(kernels):
+def test_a_run_that_failed_says_why(kernels):
     run = simulate(Scene().replace({"run.initial.state": {"phi_rad": 1e20}, "run.duration_s": 0.1}))
-    assert "detail                      the platform has turned by 1e+20 rad" in repr(run)
+    assert repr(run).splitlines()[1] == "scene: STOPPED at 0: beyond-model"
+    assert "\nbeyond-model: the platform has turned by 1e+20 rad" in repr(run)
     assert "<img" not in run._repr_html_()  # there is nothing to draw
 
 
-def test_page_has_the_card_and_a_picture(run):
+def test_a_notebook_has_the_answer_and_a_picture(run):
     page = run._repr_html_()
-    assert "<td>outcome</td><td>ok</td>" in page
+    assert "quickstart: runs at " in page
     assert page.count("data:image/png;base64,") == 1
 
 

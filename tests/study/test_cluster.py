@@ -185,7 +185,7 @@ def table(tmp_path_factory, kernels):
 
 
 def made(place):
-    return bits(pd.read_parquet(place / "results/c/sweep.parquet"))
+    return bits(pd.read_parquet(place / "results/c/sweep/sweep.parquet"))
 
 
 def new(place, name):
@@ -196,7 +196,7 @@ def new(place, name):
 def await_points(place, number, child):
     """Wait until a sweep has so many points on disk."""
     for _ in range(1200):
-        if finished_points(place / "results/c") >= number:
+        if finished_points(place / "results/c/sweep") >= number:
             return
         assert child.process.poll() is None, "the sweep has ended"
         time.sleep(0.05)
@@ -226,7 +226,7 @@ def test_worker_with_other_code_that_joins_late_is_refused(place, table):
     assert not_a_line(done, codes=(1,)) == ""
     assert done.err.startswith("vibroplat: worker tcp://127.0.0.1:")
     assert (": source files " in done.err, KEPT in done.err) == (True, True)
-    assert finished_points(place / "results/c") >= 2
+    assert finished_points(place / "results/c/sweep") >= 2
     resumed(place, table)
 
 
@@ -263,4 +263,4 @@ def test_scheduler_that_freezes_or_dies_is_told_and_costs_no_point(signal_, wait
     else:
         told = f"vibroplat: the scheduler at {address} is gone; {KEPT}\n"
         assert done == (1, "", told)
-    assert finished_points(place / "results/c", "worker-lost") == 0
+    assert finished_points(place / "results/c/sweep", "worker-lost") == 0

@@ -194,15 +194,15 @@ def test_a_kind_takes_a_folder_and_few_lines_elsewhere(vibroplat):
     assert "## changes" in vibroplat("columns")
     assert "`changes.keys`" in vibroplat("schema", "--markdown")
     printed = vibroplat("changes", "toy.yaml", "--check", "--jobs", "2")
-    assert "checked by                  engine native, 2 motions" in printed
-    directory = vibroplat.copy / "results/toy"
+    assert "checked by: engine native, 2 motions" in printed
+    directory = vibroplat.copy / "results/toy/toy"
     assert json.loads((directory / "provenance.json").read_text())["check"]["disagreements"] == []
     assert "2 tasks from before" in vibroplat("changes", "toy.yaml", "--resume")
     assert "no changes section" in vibroplat("changes", "configs/quickstart.yaml", code=2)
     table = pd.read_parquet(directory / "changes.parquet")
     assert table["key"].tolist() == ["machine.platform_mass_kg", "machine.stiffness_y_n_per_m"]
     assert table["sync"].tolist() == ["antiphase"] * 2
-    assert vibroplat("plot", "results/toy", "--kind", "changes").split() == ["results/toy/changes.png"]
+    assert vibroplat("plot", "results/toy", "--kind", "changes").split() == ["results/toy/toy/changes.png"]
     assert "Changes" in (vibroplat.copy / vibroplat("report", "results/toy").split()[-1]).read_text()
     python = "from vibroplat import changes, load, load_config; fresh = changes(load_config('toy.yaml'));"
     python += "assert load('results/toy').changes.equals(fresh.changes); print(fresh); fresh.plot()"
@@ -212,7 +212,7 @@ def test_a_kind_takes_a_folder_and_few_lines_elsewhere(vibroplat):
 def test_an_engine_takes_its_module_and_a_line(vibroplat):
     for engine in ("taylor", "again"):
         vibroplat("run", "configs/quickstart.yaml", "--engine", engine, "--out", engine)
-    tables = (vibroplat.copy / engine / "quickstart/trajectory.parquet" for engine in ("taylor", "again"))
+    tables = (vibroplat.copy / engine / "quickstart/run/trajectory.parquet" for engine in ("taylor", "again"))
     pd.testing.assert_frame_equal(*map(pd.read_parquet, tables), check_exact=True)
     refused = vibroplat("run", "configs/quickstart.yaml", "--engine", "heun", code=2)
     assert "allowed: 'auto', 'again', 'native'" in refused

@@ -175,7 +175,7 @@ def test_command_writes_a_table_over_the_key(command, here):
     (here / "c.yaml").write_text(f"{FLYING}sweep: {{{plan}, lyapunov: false}}\n")
     done = command("sweep", "c.yaml")
     assert (done.code, done.err) == (0, "")
-    table = read_table(here / "results/c", "sweep")
+    table = read_table(here / "results/c/sweep", "sweep")
     assert table[MASS].tolist() == [0.0, 0.1, 0.2, 0.2, 0.1, 0.0]
     assert table.columns.tolist()[:3] == [MASS, "direction", "branch"]
     assert table.attrs["meanings"][MASS].startswith("mass of the material divided by the mass of the machine")

@@ -9,7 +9,7 @@ import time
 from concurrent.futures import BrokenExecutor, Future
 
 import pytest
-from common.commands import loky_workers
+from common.commands import workers_of
 from common.results import bits
 
 from vibroplat import sweep
@@ -318,7 +318,7 @@ def test_killed_workers_change_nothing(scene, processes):
 
     def progress(points, _):
         if points >= 10 and not killed:
-            killed.extend(worker.pid for worker in loky_workers())
+            killed.extend(worker.pid for worker in workers_of())
             for pid in killed:
                 os.kill(pid, signal.SIGKILL)
 
@@ -379,16 +379,17 @@ def test_scheduler_without_dask_is_refused(monkeypatch):
     assert str(caught.value) == "--scheduler needs dask.distributed; pip install 'vibroplat[cluster]' has it"
 
 
-# -- pools of their own: loky has one in a process, so that the one of the tests above ends here -----------
+# -- pools of their own ---------------------------------------------------------------------------------
 
 
 def test_workers_are_gone_when_the_pool_is_closed_and_another_may_be_opened():
+    others = workers_of()
     for _ in range(2):
         with pool(jobs=2) as workers:
             assert isinstance(workers, Processes)
             assert finish([Calls((abs, (-3,))), Calls(NAP)], workers) == [[3], [None]]
-            assert len(loky_workers()) == 2
-        assert loky_workers() == []
+            assert len(workers_of()) == len(others) + 2
+        assert workers_of() == others
 
 
 # -- no more processes than are of use --------------------------------------------------------------------
@@ -398,15 +399,16 @@ NO_CORES, NO_WORK = "there are no more cores", "no more tasks can run at the sam
 
 
 def test_workers_that_load_early_are_those_of_the_pool_and_are_gone_in_the_end():
+    others = workers_of()
     with loading_workers(2, math.sqrt, 4.0):
-        early = {worker.pid for worker in loky_workers()}
+        early = {worker.pid for worker in workers_of() if worker not in others}
         with pool(jobs=2) as workers:
             ((found, *_),) = finish([Calls((os.getpid,), NAP)], workers)
         assert len(early) == 2
         assert found in early
-    assert not loky_workers()
+    assert workers_of() == others
     with loading_workers(1, math.sqrt, 4.0):
-        assert not loky_workers()
+        assert workers_of() == others
 
 
 def test_processes_have_a_core_and_a_chain(monkeypatch, caplog):
@@ -420,7 +422,7 @@ def test_processes_have_a_core_and_a_chain(monkeypatch, caplog):
         (3, 4, 0): (1, ""),
     }
     for (jobs, available, chains), (used, told) in wanted.items():
-        monkeypatch.setattr("loky.cpu_count", lambda available=available: available)
+        monkeypatch.setattr(pools, "core_count", lambda available=available: available)
         caplog.clear()
         assert pools._useful_processes(jobs, chains) == used
         assert [record.getMessage() for record in caplog.records] == [told] * bool(told)

@@ -14,7 +14,7 @@ from common import commands
 from common.places import FLYING, LOADED
 from common.results import bits
 
-from vibroplat import Scene, load_config, simulate, sweep
+from vibroplat import Scene, load, load_config, simulate, sweep
 from vibroplat.config.plausibility import notes_on_inputs
 from vibroplat.hybrid.state import initial_state, perturb_state, state_scales
 from vibroplat.integrate import make_engine
@@ -299,7 +299,7 @@ def done(tmp_path_factory):
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(place)
-        return commands.command("sweep", "c.yaml"), place / "results/c"
+        return commands.command("sweep", "c.yaml"), place / "results/c/sweep"
 
 
 def test_command_writes_what_python_gives(done, table):
@@ -309,9 +309,10 @@ def test_command_writes_what_python_gives(done, table):
     assert found.dtypes.equals(table.dtypes)
     written = {path.name for path in done[1].iterdir()}
     assert {"sweep.parquet", "provenance.json"} <= written
-    lines = {line[:28].rstrip(): line[28:] for line in done[0].out.splitlines()}
-    assert (lines["points"], lines["outcomes"]) == ("8 in 4 branches", "ok 8")
-    assert (lines["synchronization"], lines["tables"]) == ("antiphase 8 (vibrates along y)", "results/c")
+    first, *_, last = done[0].out.splitlines()
+    assert first == "8 points, f_e 50 … 51 Hz in steps of 1, up and down; all repeat every turn"
+    assert "always antiphase: vibrates along y" in done[0].out
+    assert last == "results/c/sweep: -v prints all; next: vibroplat plot results/c"
     assert not {name for name in written if name.startswith((".", "section", "impacts"))}
 
 
@@ -327,15 +328,15 @@ def test_command_with_failed_points_exits_1_and_names_them(command, here, stormi
     assert first.startswith(f"vibroplat: {place.format(48.0)}")
     assert second.startswith(f"vibroplat: {place.format(52.0)}")
     assert last == "vibroplat: 2 of the points failed"
-    assert read_table(here / "results/c", "sweep")["outcome"].tolist() == ["ok", "event-storm", "event-storm"]
+    assert read_table(here / "results/c/sweep", "sweep")["outcome"].tolist() == ["ok", "event-storm", "event-storm"]
     done = command("sweep", "c.yaml", "--set", "sweep.supply_frequency_hz.start=52", "--out", "failed")
     assert (done.code, len(done.err.splitlines()), "nan" in done.out) == (1, 2, False)
-    assert "outcomes                    event-storm 1" in done.out
+    assert done.out.startswith("1 of 1 point FAILED (event-storm), f_e 52 Hz, up\n")
 
 
 def test_another_kind_removes_what_the_one_before_wrote(command, here):
     (here / "c.yaml").write_text(f"{FLYING}sweep: {{supply_frequency_hz: {{start: 50.0, stop: 50.0}}}}\n")
-    directory = here / "results/c"
+    directory = here / "results/c/sweep"
     kinds = ("--set", "sweep.kind=bifurcation", "--format", "csv"), ("--set", "sweep.kind=response")
     both = {"section.csv", "impacts.csv", "bands.csv", "sweep.csv"}, {"bands.parquet", "sweep.parquet"}
     for kind, written in zip(kinds, both, strict=True):
@@ -399,14 +400,15 @@ def test_a_sweep_prints_its_notes_and_keeps_those_of_points(command, kernels, he
     )
     done = command("sweep", "own.yaml", "--format", "csv")
     assert (done.code, done.err) == (0, "")
-    notes = [line for line in done.out.splitlines() if line.startswith("note: ")]
+    notes = load(here / "results/own").answer.notes
     assert notes[:2] == [
-        "note: machine: platform_mass_kg and 11 more keys not given; taken from the paper's test rig",
-        "note: motor: pole_pairs and friction_radius_m not given; taken from the paper's test rig",
+        "machine: platform_mass_kg and 11 more keys not given; taken from the paper's test rig",
+        "motor: pole_pairs and friction_radius_m not given; taken from the paper's test rig",
     ]
     assert len(notes) == 3
-    assert notes[2].startswith("note: 2 points at a supply of 50 … 50.5 Hz, the first: exciter 1 ")
-    table = read_table(here / "results/own", "sweep")
+    assert notes[2].startswith("2 points at a supply of 50 … 50.5 Hz, the first: each exciter ")
+    assert f"  note: {notes[0]}" in done.out.splitlines()
+    table = read_table(here / "results/own/sweep", "sweep")
     assert table["notes"].notna().tolist() == [False, False, True, True]
 
 

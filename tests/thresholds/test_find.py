@@ -118,7 +118,7 @@ def test_the_command_writes_tables_and_prints_the_answer_and_plot_draws_it(comma
     assert "material.mass_ratio = 0.328" in done.out
     assert "level-crossing" in done.out
     drawn = command("plot", tmp_path / "c", "--measure", "rms_y_m", "--measure", "motor_power_w")
-    assert (drawn.code, drawn.out.split()) == (0, [str(tmp_path / "c/thresholds.png")])
+    assert (drawn.code, drawn.out.split()) == (0, [str(tmp_path / "c/find/thresholds.png")])
     columns = ["rms_y_m", "rms_x_m", "phase_difference_rad"]
     ((name, figure),) = draw_study("find", [Result.read(tmp_path / "c", "find")], measure=columns)
     assert name == "thresholds"
@@ -126,5 +126,5 @@ def test_the_command_writes_tables_and_prints_the_answer_and_plot_draws_it(comma
     levels = [line.get_ydata()[0] for line in figure.axes[0].lines if line.get_linestyle() == ":"]
     assert levels == [pytest.approx(0.7)]
     assert figure.axes[1].get_ylim()[1] > 0.01, "round-off is drawn as none"
-    assert figure.axes[0].get_title("left").startswith("$f_e$ = 58 Hz, two layers, $R$ = 0\n")
+    assert figure.axes[0].get_title("left").startswith("c: $f_e$ = 58 Hz, two layers, $R$ = 0")
     assert command("plot", tmp_path / "c", "--measure", "sync").code == 2

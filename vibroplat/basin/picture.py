@@ -5,16 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from vibroplat.columns import PHASE_COLUMN, unit_of
+import numpy as np
+
+from vibroplat.columns import display_name, unit_of
+from vibroplat.config import digits
 from vibroplat.frames import pd
-from vibroplat.results import picture
-from vibroplat.results.labels import key_name, sweep_parameters, value_words
+from vibroplat.results import content, picture
+from vibroplat.results.labels import key_name, named, sweep_parameters, value_words
 from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of
 
 OPTIONS = ()
-#: Attractors that the legend gives more of than their names, at most.
-DESCRIBED = 6
+#: Attractors that a title has, at most.
+MOST = 4
+#: Share of starts from which on an area is named, and starts among which its middle is looked for, at most.
+LARGE, STARTS = 0.05, 800
+#: Share that is none, and the range of starts that is seen, over their size.
+ROUNDING, SEEN = 1e-9, 1e-3
 
 
 def pictures(results: Sequence[Result], _: Sequence[str] = ()) -> list[picture.Picture]:
@@ -26,7 +33,7 @@ def _pictures(result: Result) -> list[picture.Picture]:
     plan = result.given("basins")
     keys = [column_of(plan["over"]["key"])] if plan.get("over") else []
     numbers = (*keys, "count", "fraction", "fraction_low", "fraction_high", "rms_x_m", "rms_y_m")
-    attractors = result.columns("attractors", ("attractor", "motion", "outcome"), numbers)
+    attractors = picture.finite(result.columns("attractors", ("attractor", "motion", "outcome"), numbers))
     starts = result.columns("starts", ("attractor",), (*keys, *plan["initial_conditions"], "turns"))
     owned = dict(zip(_named(attractors, keys), range(len(attractors)), strict=True))
     orbits = picture.Orbits(attractors, owner=[owned.get(name) for name in _named(starts, keys)])
@@ -44,16 +51,48 @@ def _range(key: str, ends: Sequence[float]) -> str:
     return f"{key_name(key)} {ends[0]:.4g} … {ends[1]:.4g} {unit_of(key)}".strip()
 
 
-def _described(attractors: pd.DataFrame) -> dict[str, str]:
-    """Return what attractors are called in a legend, by their names."""
-    found = {}
-    for _, row in attractors.iterrows():
-        told = [f"{row['attractor']}: {row['fraction']:.3g}"]
-        if len(attractors) <= DESCRIBED and pd.notna(row["rms_y_m"]):
-            if pd.notna(row[PHASE_COLUMN]):
-                told.append(f"Δφ {round(row[PHASE_COLUMN], 2) + 0.0:g} rad")
-            told.append(f"RMS y {1e3 * row['rms_y_m']:.3g} mm")
-        found[row["attractor"]] = ", ".join(told)
+def _motion(row: pd.Series) -> str:
+    """Say how far an attractor moves in its main direction."""
+    size, name = max((row[name], name) for name in ("rms_x_m", "rms_y_m"))
+    return f"{display_name(name)} {digits.quantity(size, unit_of(name))}" if pd.notna(size) else ""
+
+
+def _title(attractors: pd.DataFrame, count: int) -> str:
+    """Say which share of the starts comes to each attractor, and how well that is known."""
+    best = attractors.sort_values("fraction", ascending=False).head(MOST)
+    told = []
+    for _, row in best.iterrows():
+        name = str(row["attractor"]).removesuffix(", period 1")
+        share, low, high = (100.0 * np.clip(row[f"fraction{end}"], 0.0, 1.0) for end in ("", "_low", "_high"))
+        known = digits.spread(share, 0.5 * (high - low), "%") if 0.0 < share < 100.0 else f"100 % (≥ {low:.0f} %)"
+        told.append(f"{name} {known}")
+    more = f", {len(attractors) - MOST} more" if len(attractors) > MOST else ""
+    sentence = f"{', '.join(told)}{more} of {count} starts"
+    return sentence[:1].upper() + sentence[1:]
+
+
+def _words(starts: pd.DataFrame, attractors: pd.DataFrame, x: str, y: str) -> list[picture.Word]:
+    """Name each large area of starts where it is widest: farthest from starts of other attractors and from the edge."""
+    known = starts.dropna(subset=[x, y])
+    spans = known[[x, y]].max() - known[[x, y]].min()
+    if known.empty or not (spans > SEEN * known[[x, y]].abs().max()).all():
+        return []
+    few = known.iloc[:: -(-len(known) // STARTS)]
+    places = ((few[[x, y]] - known[[x, y]].min()) / spans).to_numpy()
+    edges = np.minimum(places, 1.0 - places).min(axis=1)
+    found = []
+    for _, row in attractors[attractors["fraction"].between(LARGE, 1.0)].iterrows():
+        own = (few["attractor"] == row["attractor"]).to_numpy(dtype=bool)
+        if not own.any():
+            continue
+        far = np.min([np.abs(places[own] - place).max(axis=1) for place in places[~own]] or [edges[own]], axis=0)
+        best = few[own].iloc[int(np.argmax(np.minimum(far, 1.5 * edges[own])))]
+        told = "\n".join(
+            filter(
+                None, (str(row["attractor"]).removesuffix(", period 1"), digits.share(row["fraction"]), _motion(row))
+            )
+        )
+        found.append(picture.Word(told, y, float(best[x]), float(best[y])))
     return found
 
 
@@ -70,18 +109,14 @@ def _starts(
     Turns of motions that come to no orbit say nothing beside those of others.
     """
     colours, ranges = picture.attractor_colours(attractors["attractor"]), plan["initial_conditions"]
-    names = dict.fromkeys(colours, "") | ({} if keys else _described(attractors))
-    classes = {name: (colour, names[name] or name) for name, colour in colours.items()}
-    _, *others = ranges
-    settled = starts["attractor"].isin(attractors["attractor"][attractors["period"].gt(0)])
+    classes = {name: (colour, name) for name, colour in colours.items()}
+    axes = content.axes_of(starts, ranges)
+    others = [name for name in ranges if name not in axes[:1]]
     kind: Any = "tiles" if len(ranges) == 2 and all(len(ends) == 3 for ends in ranges.values()) else "points"
     by: dict[str, Any] = {"by": "attractor", "classes": classes}
     panels = [picture.Panel(name, kind=kind if name == others[0] else "points", **by) for name in others]
-    panels += [picture.Panel("turns", title="turns until settled", **by)]
-    if others and settled.any():
-        label = "turns until settled" + ("" if settled.all() else "; pale: not settled")
-        panels.append(picture.Panel(others[0], kind=kind, by="settled_turns", label=label))
-    groups = [*picture.in_groups(starts, keys)] if keys else [starts]
+    panels = panels or [picture.Panel("turns", title="turns until settled", **by)]
+    groups = [*content.in_groups(starts, keys)] if keys else [starts]
     facets = (
         [picture.Facet(value_words(keys[0], rows[keys[0]].iloc[0]), [n]) for n, rows in enumerate(groups)]
         if keys
@@ -90,7 +125,7 @@ def _starts(
     hidden = not keys and starts.duplicated([*ranges][:2]).any()
     box = "" if keys else ", ".join(_range(key, ranges[key]) for key in list(ranges)[2:])
     told = (
-        sweep_parameters(result.known_scene, keys),
+        named([result.name], sweep_parameters(result.known_scene, keys)),
         box and f"starts: {box}",
         f"starts followed for {plan['max_turns']} turns",
         "where several starts have one place, the last is seen" if hidden else "",
@@ -98,13 +133,13 @@ def _starts(
     return picture.Picture(
         name="basins",
         heading="Basins",
-        title=result.name,
+        title=_shares_title(attractors, keys[0]) if keys else _title(attractors, len(starts)),
         table=starts,
         table_name="starts",
         special=None if keys else attractors,
         special_name="attractors",
-        drawn=starts.assign(settled_turns=starts["turns"].astype(float).where(settled)),
-        axes=picture.axes_of(starts, ranges),
+        axes=axes,
+        words=[] if keys or len(others) != 1 else _words(starts, attractors, axes[0], others[0]),
         panels=panels,
         series=[picture.Series("", rows.index.to_numpy(), mode="dots") for rows in groups],
         facets=facets,
@@ -121,24 +156,41 @@ def _starts(
 def _shares(result: Result, plan: Any, key: str, attractors: pd.DataFrame) -> picture.Picture:
     """Return the shares of attractors over a key, and their motions."""
     colours, turns = picture.attractor_colours(attractors["attractor"]), f"within {plan['max_turns']} turns"
+    shared = attractors["attractor"][attractors["fraction"] > ROUNDING].nunique() > 1
+    panels, left = content.measures(attractors, stripped=not shared)
     box = ", ".join([*(_range(*one) for one in plan["initial_conditions"].items()), turns])
     return picture.Picture(
         name="basins",
         heading="Shares",
-        title=result.name,
+        title=_shares_title(attractors, key),
         table=attractors,
         table_name="attractors",
-        axes=picture.axes_of(attractors, [key]),
+        axes=content.axes_of(attractors, [key]),
         panels=[
-            picture.Panel("fraction", kind="stack", least=1.0, label="share of the starts"),
-            *picture.measures(attractors),
+            *([picture.Panel("fraction", kind="stack", least=1.0, label="share of the starts")] if shared else []),
+            *panels,
         ],
         series=[
-            picture.Series(name, picture.rows_of(attractors["attractor"] == name), colour=colours[name])
+            picture.Series(name, content.rows_of(attractors["attractor"] == name), colour=colours[name], mode="lines")
             for name in colours
         ],
-        states=picture.motions_of(attractors),
-        told="\n".join(filter(None, (sweep_parameters(result.known_scene, [key]), f"starts: {box}"))),
+        states=content.motions_of(attractors),
+        told="\n".join(
+            filter(None, (named([result.name], sweep_parameters(result.known_scene, [key])), f"starts: {box}", left))
+        ),
         meaning=f"The share of the starts that converges to each attractor {turns}, and below it the motion of each.",
         orbits=picture.Orbits(attractors),
     )
+
+
+def _shares_title(attractors: pd.DataFrame, key: str) -> str:
+    """Say between which shares each attractor varies over the key."""
+    values = np.unique(attractors[key])
+    told = []
+    for name, rows in attractors.groupby("attractor", sort=False):
+        shares = rows.groupby(key)["fraction"].first().reindex(values).fillna(0.0)
+        low, high = digits.share(float(shares.min())), digits.share(float(shares.max()))
+        told.append(f"{str(name).removesuffix(', period 1')} {low if low == high else f'{low} … {high}'}")
+    more = f", {len(told) - MOST} more" if len(told) > MOST else ""
+    sentence = f"{', '.join(told[:MOST])}{more} of the starts at {len(values)} values of {key_name(key)}"
+    return sentence[:1].upper() + sentence[1:]

@@ -131,3 +131,16 @@ def _direct_turns(record: Record) -> float:
     multiplier = row.get("multiplier_max")
     decay = -math.log(min(max(1.0 if multiplier is None else multiplier, 1e-300), 1.0 - 1e-15))
     return float(row["period"] * -math.log(record["radius"] or MIN_RADIUS) / decay)
+
+
+def clopper_pearson(count: int, number: int) -> tuple[float, float]:
+    """Return confidence bounds of a fraction, from ``count`` of ``number`` samples; one-sided for none or all.
+
+    Clopper and Pearson (1934), Biometrika 26, 404.
+    """
+    from scipy.special import betaincinv  # noqa: PLC0415  (half a second)
+
+    tail = ALPHA / 2.0 if 0 < count < number else ALPHA
+    low = float(betaincinv(count, number - count + 1, tail)) if count else 0.0
+    high = float(betaincinv(count + 1, number - count, 1.0 - tail)) if count < number else 1.0
+    return low, high

@@ -8,26 +8,26 @@ on who is first.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from itertools import compress
 from typing import Any, Unpack
 
 import numpy as np
-import pandas as pd
 
+from vibroplat.basin.answer import answer_of
 from vibroplat.basin.attractors import AttractorSet, continue_attractors, name_attractors
 from vibroplat.basin.initial_conditions import key_values, validated_base_scene
 from vibroplat.basin.mapper import classify_unconverged, map_alone, map_initial_conditions, repeats
-from vibroplat.basin.rates import ALPHA, CHAOTIC, LATE_FRACTION, TRANSIENT_MOTIONS, Rate, estimate_rates
-from vibroplat.columns import COUNT, PHASE_COLUMN, TEXT, Column, Columns, indexed_name
+from vibroplat.basin.rates import LATE_FRACTION, TRANSIENT_MOTIONS, Rate, clopper_pearson, estimate_rates
+from vibroplat.columns import COUNT, PHASE_COLUMN, TEXT, Column, Columns
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import BasinsPlan
 from vibroplat.continuation.orbit import with_orbit_tolerance
 from vibroplat.errors import ConfigError
 from vibroplat.observe.data_sheet import SHEET, point_columns
-from vibroplat.results.result import Answer, Result
-from vibroplat.study.branches import column_of, place_words, study_table
+from vibroplat.results.result import Result
+from vibroplat.study.branches import column_of, study_table
 from vibroplat.study.point import ERRORS, MEASURED
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.store import Record, Store
@@ -256,19 +256,6 @@ def _run(
     return run_stored(chains, workers, tell)
 
 
-def clopper_pearson(count: int, number: int) -> tuple[float, float]:
-    """Return confidence bounds of a fraction, from ``count`` of ``number`` samples; one-sided for none or all.
-
-    Clopper and Pearson (1934), Biometrika 26, 404.
-    """
-    from scipy.special import betaincinv  # noqa: PLC0415  (half a second)
-
-    tail = ALPHA / 2.0 if 0 < count < number else ALPHA
-    low = float(betaincinv(count, number - count + 1, tail)) if count else 0.0
-    high = float(betaincinv(count + 1, number - count, 1.0 - tail)) if count < number else 1.0
-    return low, high
-
-
 # -- tables -----------------------------------------------------------------------------------------------
 
 
@@ -297,13 +284,7 @@ def _make_result(question: BasinsStudy, found: Sequence[AttractorSet]) -> Result
     }
     if key is not None:
         tables["fractions"] = tables["attractors"][[*column, *FRACTIONS]]
-    answer = Answer(
-        lines=_lines(plan, tables, len(question.values)),
-        text=_text(tables["attractors"], key, escaped),
-        notes=_notes(plan, tables["attractors"], found),
-        failures=[line for f in found for line in _failures(f)],
-    )
-    return Result("basins", question.scene, tables, answer)
+    return Result("basins", question.scene, tables, answer_of(question.scene, tables, key, found, escaped))
 
 
 def _row(record: Record, label: str, count: int, rate: Rate | None, plan: BasinsPlan) -> dict[str, Any]:
@@ -317,93 +298,6 @@ def _row(record: Record, label: str, count: int, rate: Rate | None, plan: Basins
     state = zip((*COORDINATES, *RATES), record["state"] or [None] * 14, strict=True)
     own = {name: record[name] for name in ("radius", "ellipsoids")}
     return {**record["row"], **dict(state), **found, **own}
-
-
-def _lines(plan: BasinsPlan, tables: Mapping[str, pd.DataFrame], values: int) -> dict[str, str]:
-    """Return the overview, which includes the box of initial conditions."""
-    ways = [f"{plan.number}"] + ([f"at each of {values} values of {plan.over.key}"] if plan.over else [])
-    lines = {"initial conditions": f"{' '.join(ways)}, for at most {plan.max_turns} turns"}
-    for key, (low, high, *count) in plan.initial_conditions.items():
-        lines[indexed_name(key)] = f"{low:g} … {high:g}" + (f", {int(count[0])} values" if count else ", random")
-    turns = tables["starts"]["turns"]
-    lines["turns until assigned"] = f"median {turns.median():.0f}, maximum {turns.max():.0f}"
-    return lines
-
-
-def _text(table: pd.DataFrame, key: str | None, escaped: Mapping[str, int]) -> list[str]:
-    """Return a line for each attractor: its basin fraction with bounds; over a key its smallest and largest fraction.
-
-    ``escaped`` has the number of its motions that converged to an orbit when they were continued.
-    """
-    lines = []
-    for name, rows in table.groupby("attractor", sort=False):
-        row, share = rows.iloc[0], rows["fraction"]
-        told = f"{share.iloc[0]:.4f} ({row['fraction_low']:.4f} … {row['fraction_high']:.4f})"
-        if key is not None:
-            values = rows[column_of(key)]
-            told = f"{share.min():.4f} … {share.max():.4f} at {place_words(column_of(key), values.min(), values.max())}"
-        else:
-            told += f" within {row['within_turns']} turns"
-            sure = pd.notna(row["rms_y_m"]) and row["motion"] != "undecided"
-            told += f", RMS y {1e3 * row['rms_y_m']:.4g} mm" if sure else ""
-            told += f", multiplier {row['multiplier_max']:.4f}" if pd.notna(row["multiplier_max"]) else ""
-            told += _lifetime_text(row, escaped.get(str(name), 0))
-        lines.append(f"{name:<{max(map(len, table['attractor']))}}  {told}")
-    return lines
-
-
-def _lifetime_text(row: pd.Series, escaped: int) -> str:
-    """Return the mean life of a chaotic motion with bounds, in words; empty if it is not known."""
-    if row["motion"] != CHAOTIC or pd.isna(row["rate_high_per_turn"]):
-        return ""
-    rate, slowest, fastest = (row[f"rate_{name}per_turn"] for name in ("", "low_", "high_"))
-    if not rate > 0.0 and escaped:
-        return f"; transient: {escaped} motion{'s' * (escaped > 1)} converged to an orbit when continued"
-    if not rate > 0.0:
-        return f"; mean life above {_turns(1.0 / fastest)} turns"
-    if row["rate_constant_p"] < ALPHA:
-        return "; transient, with a rate that is not constant"
-    return f"; transient, mean life {_turns(1.0 / rate)} ({_turns(1.0 / fastest)} … {_turns(1.0 / slowest)}) turns"
-
-
-def _turns(number: float) -> str:
-    """Write a number of turns with two significant digits and a space between thousands."""
-    return f"{float(f'{number:.2g}'):,.0f}".replace(",", " ")
-
-
-def _notes(plan: BasinsPlan, table: pd.DataFrame, found: Sequence[AttractorSet]) -> list[str]:
-    """Return warnings."""
-    least = clopper_pearson(0, plan.number)[1]
-    notes = [f"attractors that attract less than {least:.2g} of the initial conditions may have been missed"]
-    if table["motion"].isin(TRANSIENT_MOTIONS).any():
-        notes.append(
-            f"motions that did not converge to an orbit within {plan.max_turns} turns were grouped by windows of "
-            "their last turns; one motion of each group was classified"
-        )
-    for f in found:
-        chaos = [k for k, record in enumerate(f.attractors) if record["row"]["motion"] == CHAOTIC and f.counts[k]]
-        if len(chaos) > 1:
-            turns = f.unchanged(plan.max_turns)
-            notes.append(
-                f"no change from one chaotic motion to another occurred in {_turns(turns)} turns: such changes "
-                f"occur less often than once in {_turns(turns / 3.0)} turns (95 %)"
-            )
-            break
-    escaped = sum(record.get("escaped", 0) for f in found for record in f.attractors)
-    if escaped:
-        notes.append(
-            f"{escaped} such motion{'s' * (escaped > 1)} converged to an orbit when continued: a larger "
-            "basins.max_turns assigns more initial conditions to orbits"
-        )
-    return notes
-
-
-def _failures(found: AttractorSet) -> Iterator[str]:
-    """Yield a line for each failed simulation."""
-    for start in found.starts:
-        row = found.attractors[start["attractor"]]["row"]
-        if row["outcome"] != "ok":
-            yield f"{row['outcome']}: {(start.get('detail') or row['detail']).partition(', state [')[0]}"
 
 
 STUDY = BasinsStudy

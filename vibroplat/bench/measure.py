@@ -237,17 +237,24 @@ def processor_name() -> str:
     return f"{(names or [platform.processor() or platform.machine()])[0]}, {os.cpu_count()} cores"
 
 
-def show(table: pd.DataFrame, directory: Path, name: str) -> None:
-    """Write a table to a directory under a name, with the processor that its times are of, and print it."""
+def show(table: pd.DataFrame, directory: Path, name: str, *, verbose: bool = True) -> None:
+    """Write a table to a directory under a name, with the processor that its times are of, and print it if asked."""
     write_table(table.assign(processor=processor_name()), directory, name, "csv")
-    print(f"\n{name}\n{table.to_string(index=False, float_format='%.3g')}", flush=True)
+    if verbose:
+        print(f"\n{name}\n{table.to_string(index=False, float_format='%.3g')}", flush=True)
 
 
-def show_precision(table: pd.DataFrame, directory: Path, name: str) -> None:
-    """Write, print and draw a table of :func:`precision`; with engine ``taylor`` also run times at equal errors."""
+def show_precision(table: pd.DataFrame, directory: Path, name: str, *, verbose: bool = True) -> pd.DataFrame | None:
+    """Write, draw and, if asked, print a table of :func:`precision`.
+
+    With engine ``taylor`` there is also a table of run times at equal errors, which is returned.
+    """
     from vibroplat.plots.bench import plot_precision  # noqa: PLC0415  (half a second)
 
-    show(table, directory, name)
-    print(plot_precision(table, directory, name, processor_name()))
-    if "taylor" in set(table["engine"]):
-        show(at_equal_error(table), directory, f"{name}-equal")
+    show(table, directory, name, verbose=verbose)
+    plot_precision(table, directory, name, processor_name())
+    if "taylor" not in set(table["engine"]):
+        return None
+    equal = at_equal_error(table)
+    show(equal, directory, f"{name}-equal", verbose=verbose)
+    return equal

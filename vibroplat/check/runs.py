@@ -15,6 +15,7 @@ from vibroplat.check import MAX_RATIO, MIN_ALLOWED, Other, with_other_engine, wi
 from vibroplat.check.events import ErrorBound, EventMatches, marginal_events, match_events
 from vibroplat.config.arguments import validated
 from vibroplat.config.coordinates import COORDINATES
+from vibroplat.config.digits import given, number, quantity
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.kernels.compiled import FloatArray
@@ -117,15 +118,15 @@ class RunCheck:
     def lines(self) -> dict[str, str]:
         """Summarize it in a few lines: label and text."""
         found = {
-            "checked by": f"engine {self.other}, up to {self.compared_until_s:.6g} s; by then, errors the size of "
-            f"the tolerance are amplified {self.amplification:.2g} times"
+            "checked by": f"engine {self.other}, up to {quantity(self.compared_until_s, 's')}; by then, errors the "
+            f"size of the tolerance are amplified {number(self.amplification, 2)} times"
         }
         states = [d for d in self.largest if d.quantity != EVENT_TIME]
         if states:
             worst = max(states, key=lambda d: d.difference)
             found["largest difference"] = (
-                f"{worst.quantity}, {worst.difference:.2g} of its scaled unit at {worst.t_s:.6g} s; all within "
-                f"{AGREEMENT:g} up to {self.agree_until_s:.6g} s"
+                f"{worst.quantity}, {worst.difference:.2g} of its scaled unit at {quantity(worst.t_s, 's')}; all "
+                f"within {given(AGREEMENT)} up to {quantity(self.agree_until_s, 's')}"
             )
         for d in self.largest[len(states) :]:
             found["events of both"] = f"{self.events}, their times within {abs(d.first - d.other):.2g} s"

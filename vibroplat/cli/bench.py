@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vibroplat.cli.common import Out, announce_first_run, load_kernels
+from vibroplat.cli.common import Out, Verbose, announce_first_run, load_kernels
 from vibroplat.errors import VibroplatError
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def bench(
     out: Out = Path("results"),
     long: Annotated[bool, typer.Option("--long", help="Run all benchmarks.")] = False,
     repeats: Annotated[int, typer.Option(min=1, help="Number of runs; their median is reported.")] = 5,
+    verbose: Verbose = False,
 ) -> None:
     """Measure run time and accuracy on this machine.
 
@@ -41,12 +42,11 @@ def bench(
     if names and long:
         raise VibroplatError(f"{names[0]} --long: --long runs all benchmarks; allowed: names or --long")
     announce_first_run()
-    from vibroplat.bench import measure, scenes, studies
+    from vibroplat.bench import answer, measure, scenes, studies
     from vibroplat.results.tables import result_directory
 
     load_kernels()
     directory = result_directory(out, "benchmarks")
-    print(f"{measure.processor_name()}, Python {platform.python_version()}, {platform.system()}")
     both, cases, fine = ["taylor", "native"], scenes.cases(), [10.0**-n for n in range(4, 11)]
     plans: dict[str, tuple[dict[str, Scene], list[str], list[float]]] = {
         "summary": (cases, both, fine[::2]),
@@ -57,7 +57,11 @@ def bench(
         if name in plans:
             chosen, engines, tolerances = plans[name]
             table = measure.precision(itertools.starmap(measure.truth, chosen.items()), engines, tolerances, repeats)
-            measure.show_precision(table, directory, name)
+            brief = answer.brief_precision(table, measure.show_precision(table, directory, name, verbose=verbose))
         else:
-            cost = studies.cost_of_orbits if name == "orbits" else studies.cost_of_basins
-            measure.show(cost(min(repeats, 3)), directory, f"{name}-cost")
+            cost = (studies.cost_of_orbits if name == "orbits" else studies.cost_of_basins)(min(repeats, 3))
+            measure.show(cost, directory, f"{name}-cost", verbose=verbose)
+            brief = answer.brief_costs(cost, name)
+        print(*brief, sep="\n", flush=True)
+    print(f"  on {measure.processor_name()}, Python {platform.python_version()}, {platform.system()}")
+    print(f"{directory}: tables{' and figures' if verbose else '; -v prints all'}")

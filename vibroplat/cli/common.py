@@ -16,8 +16,8 @@ from vibroplat.system.interrupts import offer_resume
 from vibroplat.system.terminal import compilation_progress
 
 if TYPE_CHECKING:
-    from vibroplat.check.studies import CrossCheck
     from vibroplat.config.scene import Scene
+    from vibroplat.results.answer import Answer
     from vibroplat.study.store import Store
 
 # -- options ----------------------------------------------------------------------------------------------
@@ -62,6 +62,7 @@ Format = Annotated[
     ),
 ]
 Jobs = Annotated[int, typer.Option(min=1, help="Number of worker processes.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print all numbers, not only the answer.")]
 Resume = Annotated[bool, typer.Option("--resume", callback=_offer, help="Continue an interrupted command.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Discard the points of an unfinished command.")]
 Scheduler = Annotated[str | None, typer.Option(help="Address of a dask scheduler to use, e.g. tcp://host:8786.")]
@@ -79,8 +80,8 @@ Wait = Annotated[
 
 def scene_of(config: Path, settings: list[str] | None, engine: str | None) -> Scene:
     """Read a configuration and apply the options ``--set`` and ``--engine``."""
+    from vibroplat.config.loading import load_config
     from vibroplat.config.reader import parse_overrides
-    from vibroplat.config.scene import load_config
 
     return load_config(config, parse_overrides(settings or [], engine))
 
@@ -137,12 +138,17 @@ def store_options(resume: bool, overwrite: bool) -> dict[str, Any]:
     return {"resume": resume, "overwrite": overwrite}
 
 
-def study_directory(out: Path, name: str, command: str, *, resume: bool) -> Path:
-    """Create the directory of a study's results; refuse to resume a result of another command."""
-    from vibroplat.results.files import read_provenance
+def command_directory(out: Path, name: str, command: str, *, resume: bool = False) -> Path:
+    """Create the directory of a command's results, ``OUT/NAME/COMMAND``; refuse to resume a result of another schema.
+
+    Work that a former version left unfinished in ``OUT/NAME`` is resumed there.
+    """
+    from vibroplat.results.files import read_provenance, store_file
     from vibroplat.results.tables import result_directory
 
-    directory = result_directory(out, name)
+    above, store = result_directory(out, name), store_file(command)
+    is_former = resume and (above / store).exists() and not (above / command / store).exists()
+    directory = above if is_former else result_directory(above, command)
     if resume and (directory / "provenance.json").exists():
         read_provenance(directory, command)
     return directory
@@ -172,31 +178,54 @@ def require_scheduler(address: str | None) -> None:
 # -- what is printed ----------------------------------------------------------------------------------------
 
 
-def print_lines(lines: Mapping[str, str], width: int = 28) -> None:
-    """Print labels and texts in two columns."""
-    for label, text in lines.items():
-        print(f"{label:<{width}}{text}")
+def print_notes_early(notes: Sequence[str]) -> None:
+    """Print notes on the input before a long computation, to a person who waits for it."""
+    if sys.stderr.isatty():
+        for note in notes:
+            print(f"vibroplat: note: {note}", file=sys.stderr)
 
 
-def print_notes(notes: Sequence[str]) -> None:
-    """Print notes, one per line, without buffering."""
-    for note in notes:
-        print(f"note: {note}", flush=True)
+def print_answer(
+    answer: Answer,
+    directory: Path,
+    after: str,
+    *,
+    verbose: bool,
+    more: Mapping[str, str],
+    failures: Sequence[str] = (),
+    check: Mapping[str, str] | None = None,
+    reused: int = 0,
+) -> None:
+    """Print the answer of a command, where its files are and what to do next; failures on standard error.
 
+    Parameters
+    ----------
+    answer
+        The answer.
+    directory
+        Where the files are.
+    after
+        Command to run next, and what it is run with.
+    verbose
+        Whether all of it is printed, with the lines ``more``.
+    more
+        Labels and texts that are printed with all of it.
+    failures
+        Lines for standard error, the total included.
+    check
+        What a cross-check found: labels and texts.
+    reused
+        Number of tasks that were computed before.
+    """
+    from vibroplat.results.answer import MAX_LINES, labelled
 
-def print_failures(lines: Sequence[str], total: str, most: int = 5) -> None:
-    """Print the first ``most`` lines and a total on standard error, if there are any lines."""
-    for line in lines[:most]:
+    checked = [f"  {label}: {text}" for label, text in (check or {}).items()]
+    if verbose:
+        lines = [*answer._replace(lines={**answer.lines, **more}).full(), *labelled(check or {})]
+    else:
+        lines = [*answer.brief(MAX_LINES - 1 - len(checked) - len(failures)), *checked]
+    last = [f"{reused} tasks from before"] if reused else []
+    last += [*([] if verbose else ["-v prints all"]), f"next: vibroplat {after}"]
+    print(*lines, f"{directory}: {'; '.join(last)}", sep="\n", flush=True)
+    for line in failures:
         print(f"vibroplat: {line}", file=sys.stderr)
-    if lines:
-        print(f"vibroplat: {total}", file=sys.stderr)
-
-
-def print_check(found: CrossCheck | None) -> bool:
-    """Print the result of a cross-check, if there was one; return whether the engines agree."""
-    if found is None:
-        return True
-    print_lines(dict(found.lines()))
-    total = f"engines disagree at {len(found.disagreements)} of {found.checked} motions"
-    print_failures(found.disagreements, total)
-    return found.agrees

@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from vibroplat.cli.common import announce_first_run
-from vibroplat.config.kinds import KINDS
+from vibroplat.config.kinds import KINDS, RUN_FIGURES
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
     from vibroplat.continuation.rows import OrbitMotion
 
 #: Figures: those of a run, and of each kind of study.
-_RUN = "motion force exciters loads acceleration spectrum measured"
-_FIGURES = " ".join([_RUN, *(kind.figures for kind in KINDS.values())])
+_FIGURES = " ".join([RUN_FIGURES, *(kind.figures for kind in KINDS.values())])
 Kind = StrEnum("Kind", _FIGURES)  # type: ignore[misc]
 
 
@@ -73,8 +72,8 @@ def report(
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="The page. Default: report.html in the first DIR.")
     ] = None,
-    start: Annotated[float | None, typer.Option(help="Start of the animated interval (s).")] = None,
-    stop: Annotated[float | None, typer.Option(help="End of the animated interval (s).")] = None,
+    start: Annotated[float | None, typer.Option(help="Start of the detail (s). Default: the last turns.")] = None,
+    stop: Annotated[float | None, typer.Option(help="End of the detail (s).")] = None,
     orbits: Annotated[
         bool, typer.Option(help="Compute the orbits of sweep and branch points, which a click on a point draws.")
     ] = True,
@@ -84,7 +83,7 @@ def report(
 ) -> None:
     """Write results as one HTML page that opens offline.
 
-    The page shows curves, tables and the moving machine of all results side by side.
+    The answer comes first, then the moving machine, the data sheet and curves; all else is folded.
     """
     from vibroplat.page.report import write_report
     from vibroplat.system.terminal import points_progress

@@ -22,4 +22,5 @@ def inspect(
 
     scene = common.scene_of(config, set_, None)
     print(scene.inspect())
-    common.print_notes(notes_on_input(scene))
+    for note in notes_on_input(scene):
+        print(f"  note: {note}")

@@ -28,6 +28,7 @@ def paper(
     format_: common.Format = "csv",
     seeds: Annotated[int, typer.Option(min=1, help="Number of perturbation seeds for each claim.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="First seed; figures are drawn with it.")] = 0,
+    verbose: common.Verbose = False,
 ) -> None:
     """Reproduce the figures and claims of the paper.
 
@@ -50,7 +51,7 @@ def paper(
         study = PaperStudy(numbers, range(seed, seed + seeds), name)
         directory = result_directory(out / "paper", name)
         kept = common.store_options(resume, overwrite)
-        good &= run_and_print(study, directory, jobs, scheduler, wait, format_, kept, check=check)
-        print(f"{'figures':<28}{len(plot_results([directory]))}")
+        good &= run_and_print(study, directory, jobs, scheduler, wait, format_, kept, check=check, verbose=verbose)
+        plot_results([directory])
     if not good:
         raise typer.Exit(1)

@@ -20,6 +20,7 @@ def new(
             "--template", help="Machine: a small test rig, a 1.2 t screen, a 0.6 t feeder, or a 4.5 t screen."
         ),
     ] = "rig",
+    full: Annotated[bool, typer.Option("--full", help="Write all keys with their meanings.")] = False,
 ) -> None:
     """Write a commented configuration to start from."""
     from vibroplat.config.keys import template
@@ -28,7 +29,7 @@ def new(
     with config_errors_from(file):
         Scene.from_tree({"name": file.stem})  # the file's name will be that of the results
     quoted = shlex.quote(str(file))  # in commands that are to be copied
-    text = template(machine, quoted, file.stem)
+    text = template(machine, quoted, file.stem, full=full)
     try:
         with file.open("x", encoding="utf-8") as opened:
             opened.write(text)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,31 +26,31 @@ def run(
     check: Annotated[bool, typer.Option("--check", help="Cross-check with another engine; needs six runs.")] = False,
     out: common.Out = Path("results"),
     format_: common.Format = "parquet",
+    verbose: common.Verbose = False,
 ) -> None:
     """Simulate one scene in time.
 
-    Writes trajectory, events, summary and provenance to OUT/NAME and prints the summary. Exit code 1 means that the run
-    failed, or with --check that two engines disagree.
+    Writes trajectory, events, summary and provenance to OUT/NAME/run and prints the answer. Exit code 1 means that the
+    run failed, or with --check that two engines disagree.
     """
     from vibroplat.motion.initial_condition import initial_condition
-    from vibroplat.results.tables import TableFile, result_directory
+    from vibroplat.results.files import directory_of
+    from vibroplat.results.tables import TableFile
 
     scene = common.scene_of(config, set_, engine)
     with common.config_errors_from(config):
         start = initial_condition(scene)  # errors appear before anything is written or compiled
         source = scene.run.initial.from_
-        if source is not None and Path(source).resolve() == (out / scene.name).resolve():
+        own = (out / scene.name / "run").resolve()
+        if source is not None and directory_of(Path(source), "run").resolve() == own:
             raise ConfigError(
                 f"run.initial.from = {source!r} is also the directory of the new run; allowed: another name"
             )
-    directory = result_directory(out, scene.name)
+    directory = common.command_directory(out, scene.name, "run")
     common.announce_first_run(scene.solver.engine)
     from vibroplat.observe.tables import require_room
 
     require_room(scene, directory, format_)
-    from vibroplat.config.plausibility import notes_on_input
-
-    common.print_notes(told := notes_on_input(scene))
     common.load_kernels(scene.solver.engine)
     from vibroplat.results.files import write_result
     from vibroplat.results.provenance import provenance
@@ -63,17 +62,21 @@ def run(
         origin = provenance(scene, summary["engine"], result.origin)
         tables = {"trajectory": trajectory, "events": events}
         write_result(directory, "run", origin, tables, {"summary": summary}, form=format_)
-    common.print_lines({**result.answer.lines, "tables": str(directory)})
-    common.print_notes([note for note in result.notes if note not in told])
-    if found is not None:
-        common.print_lines(found.lines())
-    if result.outcome != "ok":
-        why, state, _ = result.summary["detail"].partition(", state [")
-        more = f"; {directory / 'summary.json'} contains the state at that time" if state else ""
-        print(f"vibroplat: {result.outcome}: {why}{more}", file=sys.stderr)
+    failures = list(result.answer.failures)
+    if ", state [" in result.summary["detail"]:
+        failures[0] += f"; {directory / 'summary.json'} contains the state at that time"
     if found is not None and not found.agrees:
-        print(f"vibroplat: engines disagree {found.disagreement}", file=sys.stderr)
-    if result.outcome != "ok" or (found is not None and not found.agrees):
+        failures.append(f"engines disagree {found.disagreement}")
+    common.print_answer(
+        result.answer,
+        directory,
+        f"report {directory.parent}",
+        verbose=verbose,
+        more={},
+        failures=failures,
+        check=None if found is None else found.lines(),
+    )
+    if failures:
         raise typer.Exit(1)
 
 

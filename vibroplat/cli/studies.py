@@ -37,6 +37,7 @@ def study_command(kind: Kind) -> Callable[..., None]:
         scheduler: common.Scheduler = None,
         wait: common.Wait = WAIT,
         format_: common.Format = "parquet",
+        verbose: common.Verbose = False,
     ) -> None:
         with common.workers_of(kind.study, engine, jobs, scheduler):
             scene = common.scene_of(config, set_, engine)
@@ -45,8 +46,8 @@ def study_command(kind: Kind) -> Callable[..., None]:
                 study = kind.load()(scene)
             kept = common.store_options(resume, overwrite)
             common.require_scheduler(scheduler)
-            directory = common.study_directory(out, scene.name, kind.name, resume=resume)
-            if not run_and_print(study, directory, jobs, scheduler, wait, format_, kept, check=check):
+            directory = common.command_directory(out, scene.name, kind.name, resume=resume)
+            if not run_and_print(study, directory, jobs, scheduler, wait, format_, kept, check=check, verbose=verbose):
                 raise typer.Exit(1)
 
     command.__name__ = kind.name
@@ -70,20 +71,24 @@ def run_and_print(
     kept: dict[str, Any],
     *,
     check: bool,
+    verbose: bool = False,
 ) -> bool:
     """Run a study, write its result and print its answer; return whether all motions succeeded and the engines agree.
 
     Finished tasks are stored, so that a killed command can be resumed.
     """
+    from vibroplat.config.digits import quantity
     from vibroplat.config.plausibility import notes_on_inputs, notes_on_plan
     from vibroplat.integrate import other_engine
+    from vibroplat.results.answer import first_failures
     from vibroplat.results.files import store_file
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
     from vibroplat.study.study import MAX_CROSS_CHECKS
 
     scene = study.scene
-    common.print_notes([*notes_on_inputs(study.scenes()), *notes_on_plan(scene, study.kind)])
+    notes = [*notes_on_inputs(study.scenes()), *notes_on_plan(scene, study.kind)]
+    common.print_notes_early(notes)
     with Store(directory, study.conditions, file=store_file(study.kind), **kept) as store:
         common.prepare_store(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if check else []))
         began = time.perf_counter()
@@ -95,15 +100,26 @@ def run_and_print(
             checked = _check(study, result, store, workers) if check else None
         store.finish()
         result.check = None if checked is None else checked.to_tree()
+        result.answer = result.answer._replace(notes=[*notes, *result.answer.notes])
         result.save(directory, form)
-    answer = result.answer
-    took = f"{seconds:.3g} s" + (f", {known} tasks from before" if known else "")
-    common.print_lines({**answer.lines, "wall time": took, "tables": str(directory)})
-    for line in answer.text:
-        print(line)
-    common.print_notes(answer.notes)
-    common.print_failures(answer.failures, f"{len(answer.failures)} of the {study.counted} failed")
-    return common.print_check(checked) and not answer.failures
+    failed = result.answer.failures
+    told = first_failures(failed, f"{len(failed)} of the {study.counted} failed")
+    if checked is not None:
+        total = f"engines disagree at {len(checked.disagreements)} of {checked.checked} motions"
+        told += first_failures(checked.disagreements, total)
+    home = directory.parent if directory.name == study.kind else directory
+    after = f"run {directory / 'best.yaml'}" if "best" in result.configurations else f"plot {home}"
+    common.print_answer(
+        result.answer,
+        directory,
+        after,
+        verbose=verbose,
+        more={"wall time": quantity(seconds, "s")},
+        failures=told,
+        check=None if checked is None else dict(checked.lines()),
+        reused=known,
+    )
+    return not told
 
 
 def _check(study: Study, result: Result, store: Store, workers: Pool) -> CrossCheck:

@@ -8,6 +8,9 @@ import math
 DIGITS, FREQUENCY_DIGITS = 3, 4
 #: Size below which a quantity counts as nothing, over the largest one of its kind.
 NEGLIGIBLE = 1e-3
+#: Size, and decimals, from which on a number has a power of ten.
+HUGE, MOST_DECIMALS = 1e12, 12
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: What stands where there is no number.
 MISSING = "–"
 #: Units that take a prefix, with the factors to those that are written, in ascending order. Motion is in mm and mrad
@@ -43,7 +46,12 @@ def places(value: float, digits: int = DIGITS, error: float | None = None) -> in
 
 
 def decimal(value: float, decimals: int) -> str:
-    """Write a number with so many decimals; never −0 and no exponent."""
+    """Write a number with so many decimals; never −0, and a power of ten only where no machine has such numbers."""
+    if not math.isfinite(value):
+        return MISSING
+    if abs(value) >= HUGE or decimals > MOST_DECIMALS:
+        digits, _, power = f"{value:.2e}".partition("e")
+        return f"{digits}·10{str(int(power)).translate(_RAISED)}".replace("-", "−")
     return f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", "−")
 
 

@@ -38,12 +38,12 @@ _LEFT_OUT = (
 )
 _HEAD = "# Lines with # are alternatives or optional keys. Typical values: screens and feeders in industry.\n"
 _COMMANDS = {
-    "vibroplat run {file}": "simulates it, prints a summary, writes results/{name}",
+    "vibroplat run {file}": "simulates it, prints the answer, writes results/{name}/run",
     "vibroplat sweep {file}": "sweeps the supply frequency or another key (section sweep)",
     "vibroplat orbits {file}": "continues periodic orbits, stable and unstable (section orbits)",
     "vibroplat plot results/{name}": "draws its results",
     "vibroplat report results/{name}": "writes its results as an HTML page",
-    "vibroplat schema --markdown": "lists all keys, also of two unequal motors or exciters",
+    "vibroplat schema --markdown": "lists all keys; `vibroplat new FILE --full` writes them with their meanings",
 }
 #: Stand after the supply frequency, and after those of a sweep.
 _OVER = "  # over: {key: contact.restitution, start: 0, stop: 0.9, count: 10}  # instead: any other key"
@@ -148,14 +148,20 @@ def yaml(value: Any) -> str:
     return str(value)
 
 
-def template(machine: str, file: str, name: str) -> str:
-    """Return the text of a configuration of a machine of ``configs/templates``; its head names file and scene."""
+def template(machine: str, file: str, name: str, *, full: bool = False) -> str:
+    """Return the text of a configuration of a machine of ``configs/templates``; its head names file and scene.
+
+    It has the keys that one sets, or with ``full`` all keys.
+    """
     source = configurations() / "templates" / f"{machine}.yaml"
+    text = source.read_text(encoding="utf-8").splitlines()
+    about = list(takewhile(lambda line: line.startswith("#"), text))
+    if not full:
+        return "\n".join([*about, _head(file, name), *text[len(about) :]]) + "\n"
     given = load_tree(source)
     scene = Scene.from_tree(given)
     elsewhere = {f"machine.{key}" for key in given_by_exciters(scene)}
-    about = takewhile(lambda line: line.startswith("#"), source.read_text(encoding="utf-8").splitlines())
-    lines: list[str] = [*about, _head(file, name)]
+    lines: list[str] = [*about, _HEAD + _head(file, name)]
     above: list[str] = []
     values = scene.to_tree()
     for place, key in _in_places(given):
@@ -195,7 +201,7 @@ def _head(file: str, name: str) -> str:
     """Say what can be done with the file."""
     rows = [(command.format(file=file, name=name), does.format(name=name)) for command, does in _COMMANDS.items()]
     width = max(len(command) for command, _ in rows)
-    return _HEAD + "".join(f"#   {command:<{width}}  {does}\n" for command, does in rows)
+    return "".join(f"#   {command:<{width}}  {does}\n" for command, does in rows)
 
 
 def _lines(last: str, indent: str, key: Key, value: str, *, beside: bool) -> list[str]:

@@ -58,7 +58,7 @@ KINDS = {
             "response bifurcation map",
             "study.sweep",
             "Sweep the supply frequency or another key, for a grid.",
-            "Writes a table of points and a table of bands to OUT/NAME.",
+            "Writes a table of points and a table of bands to OUT/NAME/sweep.",
         ),
         Kind(
             "orbits",
@@ -66,7 +66,7 @@ KINDS = {
             "branches multipliers boundaries",
             "continuation.study",
             "Continue branches of periodic orbits over a key.",
-            "Writes tables of points, of special points and of boundaries to OUT/NAME.",
+            "Writes tables of points, of special points and of boundaries to OUT/NAME/orbits.",
             ("run",),
         ),
         Kind(
@@ -75,7 +75,7 @@ KINDS = {
             "thresholds",
             "thresholds.study",
             "Find the values of a key at which the motion changes.",
-            "Writes the thresholds and all evaluated values to OUT/NAME. It is not an error if nothing changes.",
+            "Writes the thresholds and all evaluated values to OUT/NAME/find. It is not an error if nothing changes.",
             ("run", "sweep"),
         ),
         Kind(
@@ -84,7 +84,7 @@ KINDS = {
             "basins",
             "basin.study",
             "Find the attractors of a scene and their basins.",
-            "Writes tables of the attractors and of all initial conditions to OUT/NAME.",
+            "Writes tables of the attractors and of all initial conditions to OUT/NAME/basins.",
             ("run",),
         ),
         Kind(
@@ -93,12 +93,14 @@ KINDS = {
             "sensitivities samples evaluations",
             "designs.study",
             "Find sensitivities, effects of tolerances, best values.",
-            "Writes tables of sensitivities, samples, fractions of the variance and evaluations to OUT/NAME, and "
-            "the best design as best.yaml.",
+            "Writes tables of sensitivities, samples, fractions of the variance and evaluations to OUT/NAME/design, "
+            "and the best design as best.yaml.",
             ("run", "sweep"),
         ),
     )
 }
+#: Figures of a run.
+RUN_FIGURES = "motion force exciters loads acceleration spectrum measured"
 #: What all other results are called.
 OTHERS = {"run": "a run", "paper": "a reproduction of the paper"}
 #: Sections that only some results depend on.

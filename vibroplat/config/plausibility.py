@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
+from vibroplat.config.digits import given, number, quantity
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import OF_EXCITERS, Motor
 
@@ -21,6 +22,8 @@ from vibroplat.config.sections import OF_EXCITERS, Motor
 SWING_TORQUE_RATIO = 0.7246
 #: Keys whose default holds for any machine.
 UNIVERSAL_KEYS = frozenset({"gravity_m_per_s2", "mounted_on"})
+#: Least number of a slip of units that is written by a power of ten.
+MAX_PLAIN = 1e6
 #: The key of a rotor's moment of inertia.
 INERTIA = "rotor_inertia_kg_m2"
 #: Most keys that were left out and are all named.
@@ -75,7 +78,7 @@ def notes_on_plan(scene: Scene, kind: str) -> list[str]:
     sizes = dict.fromkeys(re.findall(r"[\w.]+\.(?:critical_torque_n_m|rated_power_w)\b", varied))
     if not sizes or INERTIA in varied:
         return []
-    told = " and ".join(dict.fromkeys(as_text(getattr(exciter, INERTIA)) for exciter in scene.exciter_pair))
+    told = " and ".join(dict.fromkeys(number(getattr(exciter, INERTIA)) for exciter in scene.exciter_pair))
     where = "exciters.N" if scene.exciters is not None else "machine"
     return [
         f"{', '.join(sizes)} varies, but {where}.{INERTIA} stays {told} kg·m²: rotors do not grow with their motors; "
@@ -129,11 +132,6 @@ def quantities(scene: Scene) -> Iterator[UsualRange]:
         yield UsualRange(torque, 0.0, 1e4, "N·m", (f"{name}.{of_torque}",), "critical torque {}" if plate else "")
 
 
-def as_text(value: float, digits: int = 3) -> str:
-    """Format a value for a note, without an exponent where it can be spared."""
-    return f"{float(f'{value:.{digits}g}'):g}"
-
-
 def _weak_motors(scene: Scene) -> list[str]:
     """Return the note on motors that may not start from rest, as they hardly lift their unbalance."""
     initial, weak = scene.run.initial, {}
@@ -151,11 +149,14 @@ def _weak_motors(scene: Scene) -> list[str]:
                     speed = scene.synchronous_speeds_at(frequency)[i]
                     starting = max(starting, exciter.torque(speed, frequency))
         if 0.0 < starting < needed:
-            numbers = f"{as_text(starting)} N·m at standstill, at most {as_text(largest)}, where {as_text(needed)} N·m"
+            numbers = "{} at standstill, {} at most, where {}".format(
+                *(quantity(torque, "N·m") for torque in (starting, largest, needed))
+            )
             weak[f"motor {i + 1}"] = f"gives {numbers} carry its unbalance over the top in one swing"
     same = len(weak) == 2 and len({*weak.values()}) == 1
     told = {"each motor": weak["motor 1"]} if same else weak
-    return [f"{who} {what}: it may start late or not at all" for who, what in told.items()]
+    what_helps = "it may start late or not at all, and more torque or run.initial.speed_ratio helps"
+    return [f"{who} {what}: {what_helps}" for who, what in told.items()]
 
 
 def _unequal_motors(scene: Scene) -> str:
@@ -165,8 +166,8 @@ def _unequal_motors(scene: Scene) -> str:
         return ""
     ratio = max(first, second) / min(first, second)
     return (
-        f"the motors have {first} and {second} pole pairs: at one supply their synchronous speeds differ {ratio:.3g} "
-        "times, and they cannot turn at the same speed; give both the same pole_pairs"
+        f"the motors have {first} and {second} pole pairs: at one supply their synchronous speeds differ "
+        f"{given(round(ratio, 2))} times, and they cannot turn at the same speed; give both the same pole_pairs"
     )
 
 
@@ -205,13 +206,18 @@ def _note_if_unusual(quantity: UsualRange, scene: Scene) -> str:
         *(f"exciters.{i}.{key.removeprefix('machine.')}" for key in own for i in range(2)),
     )
     tree: Any = scene.model_dump()
-    given = {
+    values = {
         key: reduce(lambda at, part: at[int(part) if part.isdigit() else part], key.split("."), tree) for key in keys
     }
-    named = ", ".join(f"{key} = {number:g}" for key, number in given.items() if number)
-    what = text.format(f"{as_text(value)} {unit}".rstrip())
-    ends = f"{low:g} to {high:g}" if low else f"up to {high:g}"
+    named = ", ".join(f"{key} = {given(size)}" for key, size in values.items() if size)
+    what = text.format(_in_unit(value, unit))
+    ends = f"{given(low)} to {given(high)}" if low else f"up to {given(high)}"
     return f"{': '.join(part for part in (named, what) if part)}; usual: {ends} {unit}".rstrip()
+
+
+def _in_unit(value: float, unit: str) -> str:
+    """Write a value in the unit of its range; one with more than six figures before its point by a power of ten."""
+    return f"{value:.2e} {unit}".rstrip() if abs(value) >= MAX_PLAIN else f"{number(value)} {unit}".rstrip()
 
 
 def _note_on_defaults(name: str, section: BaseModel, elsewhere: Collection[str] = ()) -> str:

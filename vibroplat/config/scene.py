@@ -8,20 +8,19 @@ scales) are properties; their docstrings give the symbols of the equations.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from functools import cached_property
-from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, Field, ValidationError, ValidationInfo, model_validator
 
-from vibroplat.config.arguments import FileName, instance_of, validated
+from vibroplat.config.arguments import instance_of
 from vibroplat.config.body import RigidBody, rigid_body
+from vibroplat.config.computation import Output, Solver
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.drive import Drive
 from vibroplat.config.plans import FREQUENCY, OrbitsPlan, SweepPlan
-from vibroplat.config.reader import add_line, load_tree, merge, nest
+from vibroplat.config.reader import merge, nest
 from vibroplat.config.schema import NAME, PERTURBATION, Section, described, explain
 from vibroplat.config.sections import (
     OF_EXCITERS,
@@ -31,9 +30,7 @@ from vibroplat.config.sections import (
     Machine,
     Material,
     Motor,
-    Output,
     Run,
-    Solver,
 )
 from vibroplat.config.study_plans import BasinsPlan, DesignPlan, FindPlan
 from vibroplat.errors import ConfigError
@@ -434,28 +431,3 @@ class Scene(Section):
 
 #: A scene that is given to a function.
 SceneArgument = instance_of(Scene, "a Scene, as load_config(FILE) returns one")
-
-
-@validated(path=FileName)
-def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None) -> Scene:
-    """Read a scene from a YAML 1.2 file.
-
-    Parameters
-    ----------
-    path
-        The file. Its ``extends`` may name another file, relative to this one, whose values it overrides.
-    overrides
-        Dotted keys and values that override those of the file, as given by ``--set``.
-
-    Raises
-    ------
-    vibroplat.errors.ConfigError
-        One line with the file, the key, the value and what is allowed.
-    """
-    file = Path(path)
-    lower = load_tree(file)
-    try:
-        return Scene.from_tree({"name": file.stem} | merge(lower, nest(overrides or {})))
-    except ConfigError as error:
-        told = add_line(str(error), file.read_text(encoding="utf-8"))
-        raise ConfigError(f"{file}: {told}") from None

@@ -18,6 +18,7 @@ import pandas as pd
 
 from vibroplat.config.arguments import Keys, validated
 from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.digits import number, quantity
 from vibroplat.config.plans import FREQUENCY, OrbitTolerance, Period
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.continuation.newton import NewtonResult, NoConvergenceError, Problem, correct_moving_section, n_unstable
@@ -76,10 +77,8 @@ class Orbit:
         Scene of the orbit.
     state
         Full state on the orbit, shape (14,): :data:`vibroplat.config.coordinates.COORDINATES` and their rates.
-    period
-        Period, in turns of exciter 1.
-    period_s
-        Period (s).
+    period, period_s
+        Period, in turns of exciter 1 and in s.
     multipliers
         Floquet multipliers without the trivial multiplier 1, the largest magnitude first.
     residual
@@ -107,14 +106,14 @@ class Orbit:
 
     def __repr__(self) -> str:
         kind = "stable" if self.stable else f"unstable ({self.unstable} multipliers outside the unit circle)"
-        largest = abs(self.multipliers[0]) if self.multipliers.size else 0.0
+        heights = [self.measures[f"rms_{axis}_m"] for axis in "xy"]
         lines = (
-            f"Orbit of {self.scene.name}: period {self.period} ({self.period_s:.9g} s), {kind}",
+            f"Orbit of {self.scene.name}: period {self.period} ({quantity(self.period_s, 's', digits=9)}), {kind}",
             f"  event sequence        {self.sequence}",
-            f"  excitation frequency  {self.excitation_frequency_hz:.9g} Hz",
-            f"  RMS x, y              {1e3 * self.measures['rms_x_m']:.6g}, {1e3 * self.measures['rms_y_m']:.6g} mm",
-            f"  largest multiplier    {largest:.9g}",
-            f"  residual              {self.residual:.2g}",
+            f"  excitation frequency  {quantity(self.excitation_frequency_hz, 'Hz', digits=9)}",
+            f"  RMS x, y              {', '.join(quantity(one, 'm', largest=max(heights)) for one in heights)}",
+            f"  largest multiplier    {number(max(map(abs, self.multipliers), default=0.0), 6)}",
+            f"  residual              {self.residual:.1e} of scaled units",
         )
         return "\n".join(lines)
 

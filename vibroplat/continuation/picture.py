@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from vibroplat.columns import PHASE_COLUMN
+from vibroplat.config import digits
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
-from vibroplat.results import picture
+from vibroplat.results import content, picture
 from vibroplat.results.labels import (
     ABSCISSAE,
     EXCITATION,
@@ -21,8 +22,10 @@ from vibroplat.results.labels import (
     is_number,
 )
 from vibroplat.results.result import Result
+from vibroplat.study import titles
 from vibroplat.study.branches import column_of
-from vibroplat.study.picture import DIRECTIONS, Sweeps, abscissa, boundary_series
+from vibroplat.study.diagrams import boundary_series
+from vibroplat.study.sweeps import Sweeps, abscissa
 
 OPTIONS = ("x",)
 #: Markers of kinds of special points.
@@ -83,13 +86,50 @@ def read(result: Result, x: str | None = None) -> Branches:
     key = column_of(str(plan["key"]))
     second = column_of(str(plan["boundaries"]["key"])) if plan.get("boundaries") else ""
     numbers = (key, EXCITATION, "branch", "rms_x_m", "rms_y_m", PHASE_COLUMN, "motor_power_w", "multiplier_1_re")
-    points = picture.rows_in(result, "branches", ("sequence",), numbers, ("contact_force_max_n",))
+    points = content.rows_in(result, "branches", ("sequence",), numbers, ("contact_force_max_n",))
     if "stable" not in points:
         raise TableError(f"the branches table in {result.place} has no column stable")
     special = result.columns("special", ("kind",), (key, EXCITATION, "branch", "point"))
     points, special = (picture.finite(table).reset_index(drop=True) for table in (points, special))
     grid = list(points.columns[: list(points.columns).index(key)])
-    return Branches([result], [result.name], points, key, grid, x or abscissa(key), {}, special, second)
+    return Branches([result], [result.name], points, key, grid, x or abscissa(key), special=special, second=second)
+
+
+# -- titles ------------------------------------------------------------------------------------------------------------
+
+
+def _title(found: Branches) -> str:
+    """Say up to which amplitude orbits are stable, where, and how many special points of each kind there are."""
+    table = found.table
+    stable = table[table["stable"].astype(bool) & table["rms_y_m"].notna()]
+    count = f"{len(found.branches)} branch{'es' if len(found.branches) > 1 else ''}"
+    first = f"No stable orbit on {count}"
+    if len(stable):
+        best = stable.sort_values("rms_y_m").iloc[-1]
+        largest = digits.quantity(float(best["rms_y_m"]), "m")
+        first = f"Stable up to RMS y {largest} at {titles.place(found.x, [best[found.x]])}, on {count}"
+    counted = found.special["kind"].value_counts()
+    told = ", ".join(f"{number}\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}{kind}" for kind, number in counted.items())
+    return f"{first}; {told}" if told else first
+
+
+def _stability(found: Branches) -> str:
+    """Say how many orbits are unstable, and how large the largest multiplier is."""
+    table = found.table
+    real, imaginary = (table[f"multiplier_1_{part}"].to_numpy(dtype=float, na_value=np.nan) for part in ("re", "im"))
+    sizes = np.hypot(real, imaginary)
+    unstable = int((~table["stable"].astype(bool)).sum())
+    largest = digits.number(float(np.nanmax(sizes))) if np.isfinite(sizes).any() else digits.MISSING
+    return f"{unstable} of {len(table)} orbits unstable; largest |multiplier| {largest}"
+
+
+def _limits(table: pd.DataFrame, found: Branches) -> str:
+    """Say over which values of the first key boundaries of each kind lie."""
+    over = found.x if found.x in table else found.key
+    told = [f"{kind} at {titles.place(over, rows[over])}" for kind, rows in table.groupby("kind", sort=False)]
+    more = f", {len(told) - titles.MOST} more kinds" if len(told) > titles.MOST else ""
+    sentence = f"{', '.join(told[: titles.MOST])}{more}" if told else "No boundaries"
+    return sentence[:1].upper() + sentence[1:]
 
 
 # -- branches ----------------------------------------------------------------------------------------------------------
@@ -146,31 +186,32 @@ def branches(found: Branches) -> picture.Picture:
         seconds = everything["period"] / everything[EXCITATION]
         everything["period_s"] = everything.get("period_s", seconds).fillna(seconds)
     at, series, first = _lines(found)
+    panels, left = content.measures(table)
     marks = []
     for kind, rows in special.groupby("kind", sort=False):
         name, places = str(kind), (len(table) + rows.index).tolist()
         marks.append(picture.Mark(name, SPECIAL_POINTS.get(name, ""), MARKERS.get(name, "*"), places))
-    points, behind = [table, at], picture.beside(found.result, "sweep", "sweep")
+    points, behind = [table, at], content.beside(found.result, "sweep", "sweep")
     if behind is not None:
         points.append(behind[[name for name in behind if name in table]])
         series = [*_behind(found, behind.reset_index(drop=True)), *series]
     return picture.Picture(
         name="branches",
         heading="Orbits",
-        title=found.result.name,
+        title=_title(found),
         table=table,
         table_name="branches",
         special=special,
         special_name="special points",
         drawn=pd.concat([part for part in points if len(part)], ignore_index=True),
-        axes=list(dict.fromkeys([found.x, *picture.axes_of(table, [found.x, found.key, EXCITATION])])),
-        panels=picture.measures(table),
+        axes=list(dict.fromkeys([found.x, *content.axes_of(table, [found.x, found.key, EXCITATION])])),
+        panels=panels,
         series=series,
         marks=marks,
-        states=picture.states_of(~table["stable"].astype(bool)),
+        states=content.states_of(~table["stable"].astype(bool)),
         meanings=_STABLE,
         rotation=found.rotation,
-        told=found.told(),
+        told="\n".join(filter(None, (found.told(), left))),
         meaning="Solid: stable orbits; dashed, with open points: unstable ones. White marks: special points of "
         f"branches, at their exact frequency.{found.meaning}",
         orbits=picture.Orbits(everything, [*range(len(table), len(everything)), *first]),
@@ -180,7 +221,7 @@ def branches(found: Branches) -> picture.Picture:
 def _lines(found: Branches) -> tuple[pd.DataFrame, list[picture.Series], list[int]]:
     """Return where special points are, the stable and the unstable parts of branches, and rows at their ends."""
     table, special = found.table, found.special
-    drawn = [name for name in dict.fromkeys((*picture.DRAWN, found.x)) if name in table]
+    drawn = [name for name in dict.fromkeys((*content.DRAWN, found.x)) if name in table]
     at = special.assign(**{name: np.nan for name in drawn if name not in special})
     parts: dict[tuple[str, bool], list[int]] = {}
     ends: list[int] = []
@@ -195,7 +236,7 @@ def _lines(found: Branches) -> tuple[pd.DataFrame, list[picture.Series], list[in
             parts.setdefault((name, is_stable), []).extend([*part, picture.BROKEN])
     colours, series = _colours(found), list[picture.Series]()
     for (name, is_stable), places in parts.items():
-        look: dict[str, Any] = {"look": "stable", "width": 1.6} if is_stable else {"look": "unstable", "dash": "--"}
+        look: dict[str, Any] = {"look": "stable"} if is_stable else {"look": "unstable", "dash": "--"}
         label = name if len(colours) > 1 else ""
         series.append(picture.Series(label, places[:-1], colour=colours[name], mode="lines", size=0.7, **look))
     return at, series, ends
@@ -211,12 +252,12 @@ def _colours(found: Branches) -> dict[str, str]:
 def _behind(found: Branches, table: pd.DataFrame) -> Iterator[picture.Series]:
     """Yield the points of a sweep, which stand behind all others, in the colours of their combinations."""
     varied, begin = found.varied if {*found.varied} <= {*table} else [], len(found.table) + len(found.special)
-    for own in picture.in_groups(table, [*varied, "direction"]):
+    for own in content.in_groups(table, [*varied, "direction"]):
         colour, direction = (
             _colours(found).get(found.label(own.iloc[0])) if varied else None,
             str(own["direction"].iloc[0]),
         )
-        look: dict[str, Any] = {"symbol": DIRECTIONS.get(direction, "o"), "pale": True}
+        look: dict[str, Any] = {"pale": True, "size": 0.8}
         places = begin + own.index.to_numpy()
         yield picture.Series("", places, f"sweep, {direction}", colour or picture.BEHIND, "markers", **look)
 
@@ -243,7 +284,7 @@ def multipliers(found: Branches) -> picture.Picture:
         facets.setdefault(label, []).extend((len(series), len(series) + 1))
         series += [
             picture.Series("", places[count:], mode="dots"),
-            picture.Series("", places[:count], "", colour, width=0.6, size=0.9),
+            picture.Series("", places[:count], "", colour, "lines"),
         ]
         parts += own
         begin += len(places)
@@ -251,7 +292,7 @@ def multipliers(found: Branches) -> picture.Picture:
     return picture.Picture(
         name="multipliers",
         heading="Multipliers",
-        title=found.result.name,
+        title=_stability(found),
         table=melted,
         table_name="multipliers",
         axes=[found.x],
@@ -262,7 +303,7 @@ def multipliers(found: Branches) -> picture.Picture:
         series=series,
         lines=[picture.Line("size", [1.0], dash="-")],
         facets=[picture.Facet(label, numbers) for label, numbers in facets.items()],
-        states=picture.states_of(~melted["stable"].astype(bool)),
+        states=content.states_of(~melted["stable"].astype(bool)),
         meanings=_STABLE,
         told=found.told(),
         places=("print",),  # the page has them beside each point
@@ -277,7 +318,7 @@ def boundaries(found: Branches) -> picture.Picture:
     table = picture.finite(found.result.columns("boundaries", ("kind",), ("curve", "n_unstable")))
     if not all(key in table and is_number(table[key]) for key in (found.key, found.second)):
         raise TableError(f"the boundaries table in {found.result.place} has no numbers of two keys")
-    groups = [*picture.in_groups(table, found.varied)] if found.varied else [table]
+    groups = [*content.in_groups(table, found.varied)] if found.varied else [table]
     series, facets = list[picture.Series](), list[picture.Facet]()
     for rows in groups:
         own = boundary_series(rows, 0, picture.CURVES)
@@ -288,10 +329,10 @@ def boundaries(found: Branches) -> picture.Picture:
     return picture.Picture(
         name="boundaries",
         heading="Boundaries",
-        title=found.result.name,
+        title=_limits(table, found),
         table=table,
         table_name="boundaries",
-        axes=picture.axes_of(table, (found.x, found.key)),
+        axes=content.axes_of(table, (found.x, found.key)),
         panels=[picture.Panel(found.second)],
         series=series,
         facets=facets if len(facets) > 1 else (),

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from vibroplat.config.digits import quantity
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import TOLERANCE, OrbitError, orbit_near, read_guess, run_from, with_orbit_tolerance
 from vibroplat.hybrid.state import state_scales
@@ -62,7 +63,7 @@ def orbit_motion(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
         found = orbit_near(scene, row, period, TOLERANCE)
         own, other = (np.array([of["rms_x_m"], of["rms_y_m"]]) for of in (row, found.measures))
         if np.abs(other - own).max() > MAX_RMS_DIFFERENCE * np.hypot(*own):
-            height = f"{1e3 * other[1]:.4g} mm"
+            height = quantity(other[1], "m")
             raise OrbitError(f"from the phase difference of this row another motion settles, with RMS y {height}")
         run = found.run
     times, last = run.events["t_s"].to_numpy()[:MAX_EVENTS], run.segments[-1].end

@@ -11,6 +11,7 @@ import pandas as pd
 
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
+from vibroplat.continuation.answer import answer_of
 from vibroplat.continuation.branch_tasks import (
     RECORD_VERSION,
     ComputedBranch,
@@ -21,7 +22,7 @@ from vibroplat.continuation.branch_tasks import (
 )
 from vibroplat.continuation.codim2 import ComputedBoundary, follow_boundary
 from vibroplat.continuation.orbit import OrbitError, with_initial_state, with_orbit_tolerance
-from vibroplat.continuation.tables import TABLES, answer_of, make_tables, summarize
+from vibroplat.continuation.tables import TABLES, make_tables, summarize
 from vibroplat.errors import ConfigError
 from vibroplat.model.sensitivity import parameter_direction, value_of
 from vibroplat.motion.initial_condition import end_of

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -16,14 +16,11 @@ from vibroplat.continuation.special_points import KINDS
 from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.observe.summary import MEASURES
 from vibroplat.observe.tables import TRAJECTORY
-from vibroplat.results.result import Answer
 from vibroplat.study.branches import EXCITATION, SUPPLY, column_of, study_table
 from vibroplat.study.point import MEASURED, POINT
 from vibroplat.study.store import Record
-from vibroplat.study.sweep import SWEEP, synchronizations
+from vibroplat.study.sweep import SWEEP
 
-#: Maximum number of branches and special points that are printed.
-MAX_PRINTED = 40
 #: The state of an orbit at the start of its period, in the columns of a trajectory.
 STATE: Columns = {name: TRAJECTORY[name] for name in (*COORDINATES, *RATES)}
 #: Columns of the three tables.
@@ -183,99 +180,3 @@ def summarize(
             for curve in curves
         ],
     }
-
-
-# -- in words -----------------------------------------------------------------------------------------------
-
-
-def answer_of(
-    plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any], rotation: str
-) -> Answer:
-    """Return what is printed of orbits; ``rotation`` is that of the exciters, "" if it varies."""
-    lines = _overview(tables["branches"].assign(rotation=rotation), summary)
-    text = [*_boundary_lines(summary), *_branch_lines(plan, summary), *_special_lines(plan, tables["special"])]
-    return Answer(lines, text, failures=_failures(summary))
-
-
-def _failures(summary: Mapping[str, Any]) -> list[str]:
-    """Return a line for each branch that failed."""
-    return [
-        f"branch {branch['branch']}{''.join(f', {key} {value}' for key, value in branch['grid'].items())} failed "
-        f"after {branch['points']} points: {branch['ended']}"
-        for branch in summary["branches"]
-        if branch["failed"]
-    ]
-
-
-def _overview(table: pd.DataFrame, summary: Mapping[str, Any]) -> dict[str, str]:
-    """Summarize branches in a few lines: label and text."""
-    points = len(table)
-    frequency, height = table["excitation_frequency_hz"], 1e3 * table["rms_y_m"]
-    failed = f", {summary['failed']} failed" if summary["failed"] else ""
-    return {
-        "branches": f"{len(summary['branches'])}{failed}",
-        "points": f"{points}, {int(table['stable'].sum())} of them stable",
-        "synchronization": synchronizations(table),
-        "turns": f"{summary['turns']:.0f}, {summary['turns'] / max(points, 1):.1f} per point",
-        "excitation frequency": f"{frequency.min():.2f} … {frequency.max():.2f} Hz",
-        "RMS y": f"{height.min():.3g} … {height.max():.3g} mm",
-        "residual": f"at most {table['residual'].max():.2g}",
-    }
-
-
-def _boundary_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return a line for each boundary, and an empty one."""
-    lines = []
-    for curve in summary["boundaries"]:
-        which = "".join(f", {key} {value}" for key, value in curve["grid"].items())
-        lines.append(f"boundary of {curve['kind']}{which}: {curve['points']} points; {' and '.join(curve['ended'])}")
-    return [*lines, ""]
-
-
-def _varied_keys(plan: OrbitsPlan) -> list[str]:
-    """List the keys of the grid that have several values."""
-    return [key for key, values in plan.grid.items() if len(values) > 1]
-
-
-def _branch_lines(plan: OrbitsPlan, summary: Mapping[str, Any]) -> Iterator[str]:
-    """Return a line for each branch."""
-    keys, value = _varied_keys(plan), column_of(plan.key)
-    header = [*(key.rpartition(".")[2] for key in keys), "branch", "begins at", value, "points", "stable", "ended"]
-    rows = [
-        [
-            *(f"{branch['grid'][key]}" for key in keys),
-            str(branch["branch"]),
-            branch["origin"] + ("" if branch["parent"] is None else f" of branch {branch['parent']}"),
-            "" if branch["least"] is None else f"{branch['least']:.6g} … {branch['largest']:.6g}",
-            str(branch["points"]),
-            str(branch["stable"]),
-            ("failed: " if branch["failed"] else "") + branch["ended"],
-        ]
-        for branch in summary["branches"]
-    ]
-    return _table_lines(header, rows, more="orbits.json")
-
-
-def _special_lines(plan: OrbitsPlan, special: pd.DataFrame) -> Iterator[str]:
-    """Yield a line for each special point."""
-    if special.empty:
-        return
-    keys, value = [column_of(key) for key in _varied_keys(plan)], column_of(plan.key)
-    shown = special[[*keys, "branch", "kind"]].astype(str)
-    for name in (value, EXCITATION):
-        shown[name] = [f"{value:.8g}" for value in special[name]]
-    shown["period"] = special["period"].astype(str)
-    header = [*(name.rpartition(".")[2] for name in keys), "branch", "special point", value, EXCITATION, "period"]
-    yield ""
-    yield from _table_lines(header, shown.to_numpy().tolist(), more="table special")
-
-
-def _table_lines(header: Sequence[str], rows: Iterable[Sequence[str]], more: str) -> Iterator[str]:
-    """Yield the first rows of a table of texts in columns; if they are not all, where the others are."""
-    lines = [header, *rows]
-    shown = lines[: MAX_PRINTED + 1]
-    widths = [max(map(len, column)) for column in zip(*shown, strict=True)]
-    for line in shown:
-        yield "  ".join(f"{text:<{width}}" for text, width in zip(line, widths, strict=True)).rstrip()
-    if len(lines) > len(shown):
-        yield f"… and {len(lines) - len(shown)} more: {more}"

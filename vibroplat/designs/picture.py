@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import indexed_name
+from vibroplat.columns import display_name, display_unit, indexed_name, unit_of
+from vibroplat.config import digits
 from vibroplat.config.study_plans import DesignPlan
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
-from vibroplat.results import picture
-from vibroplat.results.labels import key_name, sweep_parameters
+from vibroplat.results import content, picture
+from vibroplat.results.labels import key_name, named, sweep_parameters
 from vibroplat.results.result import Result
 
 #: Pictures by their names, which are those of the tables that they show.
@@ -23,6 +24,10 @@ OPTIONS = ()
 MOST, LETTERS = 10, 88
 #: Ratio of values from which on an axis is logarithmic: searches begin far away.
 WIDE = 5.0
+#: What is said of designs that keep all bounds, and how far a bound may be missed by rounding.
+KEEPS, ROUNDING = "keeps all bounds", 1e-9
+#: Distance of a bound from samples up to which it is drawn, over their range.
+NEAR = 0.3
 
 
 def pictures(results: Sequence[Result], kinds: Sequence[str] = ()) -> list[picture.Picture]:
@@ -39,9 +44,26 @@ def pictures(results: Sequence[Result], kinds: Sequence[str] = ()) -> list[pictu
 
 
 def _told(result: Result, plan: DesignPlan, told: str = "") -> str:
-    """Return the parameters of a scene, without keys whose best values are not those of the scene, and more."""
+    """Return names, the parameters of a scene without keys whose best values are not those of the scene, and more."""
     varied = [] if plan.minimize is None else list(plan.keys)
-    return "\n".join(filter(None, (sweep_parameters(result.known_scene, varied), told)))
+    return "\n".join(filter(None, (named([result.name], sweep_parameters(result.known_scene, varied)), told)))
+
+
+def bound_of(plan: DesignPlan, name: str) -> str:
+    """Return a bound in words and in the unit of its axis: "RMS y ≥ 1 mm"."""
+    sign, value = plan.bound(name)
+    if not sign:
+        return f"{display_name(name)} {plan.constraints[name]}"
+    unit, factor = display_unit(name)
+    return f"{display_name(name)} {'≥' if sign > 0.0 else '≤'} {digits.given(factor * value)} {unit}".strip()
+
+
+def _keeps(plan: DesignPlan, table: pd.DataFrame, name: str) -> pd.Series:
+    """Return which rows keep a bound, up to rounding."""
+    sign, value = plan.bound(name)
+    if not sign or name not in table:
+        return pd.Series(True, table.index)
+    return sign * (table[name].astype(float) - value) >= -ROUNDING * abs(value)
 
 
 def _elastic(result: Result) -> pd.DataFrame:
@@ -62,7 +84,7 @@ def _sensitivities(result: Result, plan: DesignPlan) -> picture.Picture:
     return picture.Picture(
         name="sensitivities",
         heading="Elasticities",
-        title=result.name,
+        title=_strongest(known),
         table=table,
         table_name="sensitivities",
         axes=["elasticity"],
@@ -77,40 +99,84 @@ def _sensitivities(result: Result, plan: DesignPlan) -> picture.Picture:
         series=series,
         facets=facets,
         choice="measure",
-        told=sweep_parameters(result.known_scene, []),
+        told=_told(result, plan),
         meaning="Relative change of the measure over that of a key. Blue: both grow together, orange: one falls as the "
         "other grows.",
     )
 
 
+def _strongest(known: pd.DataFrame) -> str:
+    """Say which key moves the first measures most."""
+    told, sizes = [], known["elasticity"].astype(float).abs()
+    for measure in sizes.groupby(known["measure"]).max().nlargest(2).index:
+        rows = known[known["measure"] == measure]
+        best = rows.loc[rows["elasticity"].astype(float).abs().idxmax()]
+        change = digits.number(float(best["elasticity"]))
+        told.append(f"{indexed_name(str(measure))} {change} % for 1 % of {key_name(str(best['key']))}")
+    sentence = "; ".join(told) or "No measure depends on a key"
+    return sentence[:1].upper() + sentence[1:]
+
+
 def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
-    """Return the measures that vary of samples, in the colours of their regimes."""
-    table = picture.finite(picture.rows_in(result, "samples", ("regime",)))
-    told = [m for m in _elastic(result)["measure"].unique() if m in table and table[m].max() > table[m].min()]
+    """Return samples in the order of each measure that varies, in the colours of their regimes, with bounds."""
+    table = picture.finite(content.rows_in(result, "samples", ("regime",)))
+    asked = [m for m in _elastic(result)["measure"].unique() if m in table]
+    told = content.content_of(table, [*asked, *(name for name in plan.constraints if name in table)])
+    shown = [name for name, text in told.items() if not text]
     nominal = _nominal(result, plan)
-    panels = [panel for panel in picture.measures(table, told) if panel.column in told]
+    panels, _ = content.measures(table, asked=shown) if shown else ([], "")
     regimes = table["regime"].fillna("lost").mask(~table["stable"].astype(bool), table["regime"] + ", orbit lost")
     colours = picture.attractor_colours(regimes.fillna("lost"))
     classes = {name: (colour, name) for name, colour in colours.items()}
     spread = [f"{key_name(key)} ±{100.0 * share:g} %" for key, share in list(plan.parameter_tolerances.items())[:MOST]]
     spread += [f"{len(plan.parameter_tolerances) - MOST} more"] if len(plan.parameter_tolerances) > MOST else []
+    left = ", ".join(text for text in told.values() if text)
+    lines = [picture.Line(name, [nominal[name]], "nominal") for name in shown if pd.notna(nominal.get(name))]
+    notes = dict[str, str]()
+    for name in (name for name in plan.constraints if name in shown):
+        sign, bound = plan.bound(name)
+        notes[name] = f"{bound_of(plan, name)}: {digits.share(float(_keeps(plan, table, name).mean()))} keep it"
+        low, high = float(table[name].min()), float(table[name].max())
+        if sign and low - NEAR * (high - low) <= bound <= high + NEAR * (high - low):
+            lines.append(picture.Line(name, [bound], "bound", "-", picture.VERMILION))
+    more = (
+        fill(", ".join(part.replace(" ", "\N{NO-BREAK SPACE}") for part in spread), LETTERS),
+        left and f"hardly varies: {left}",
+    )
     return picture.Picture(
         name="samples",
         heading="Tolerances",
-        title=result.name,
+        title=_within(plan, table, shown),
         table=table,
         table_name="samples",
         drawn=table.assign(regime=regimes.fillna("lost")),
-        axes=picture.axes_of(table, (*plan.parameter_tolerances, *told)) or ["sample"],
-        panels=[picture.Panel(panel.column, by="regime", classes=classes, least=panel.least) for panel in panels]
+        axes=content.axes_of(table, (*plan.parameter_tolerances, *shown)) or ["sample"],
+        panels=[
+            picture.Panel(p.column, kind="ranks", by="regime", classes=classes, note=notes.get(p.column, ""))
+            for p in panels
+        ]
         or [picture.Panel("sample", title="no measure varies")],
         series=[picture.Series("", np.arange(len(table)) if panels else np.zeros(0, dtype=int), mode="dots")],
-        lines=[picture.Line(name, [nominal[name]], "nominal") for name in told if pd.notna(nominal.get(name))],
-        told=_told(result, plan, fill(", ".join(part.replace(" ", "\N{NO-BREAK SPACE}") for part in spread), LETTERS)),
-        meaning="Each dot is a scene within the spread, in the colour of its regime. A measure drawn over itself shows "
-        "how often its values occur.",
-        counted=True,
+        lines=lines,
+        told=_told(result, plan, "\n".join(filter(None, more))),
+        meaning="Each dot is a scene within the spread, in the colour of its regime; rings: 5, 50 and 95 %.",
     )
+
+
+def _within(plan: DesignPlan, table: pd.DataFrame, shown: Sequence[str]) -> str:
+    """Say how many samples keep all bounds, and how far the measures of most samples spread."""
+    parts = []
+    if bounds := [name for name in plan.constraints if name in table]:
+        kept = np.logical_and.reduce([_keeps(plan, table, name) for name in bounds])
+        words = " and ".join(bound_of(plan, name) for name in bounds)
+        parts.append(f"{int(kept.sum())} of {len(table)} samples keep {words}")
+    for name in [name for name in shown if name not in plan.constraints or not parts][:2]:
+        values = table[name].dropna().astype(float)
+        low, high = np.percentile(values, (5.0, 95.0))
+        ends = digits.interval(float(low), float(high), unit_of(name))
+        parts.append(f"{display_name(name)} {ends} in 90 %")
+    told = "; ".join(parts) or f"No measure varies among {len(table)} samples"
+    return told[:1].upper() + told[1:]
 
 
 def _nominal(result: Result, plan: DesignPlan) -> Mapping[str, float]:
@@ -131,11 +197,14 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
     lost = ~front["feasible"].astype(bool)
     special = pd.concat([best, front], ignore_index=True) if len(front) else best
     bounded = sorted(plan.constraints, key=lambda name: (name not in plan.pareto, name == "stability_margin"))
-    panels, starts = _measures(table, aims), table["start"].unique()
+    panels, left = _measures(table, aims)
     shown = [panel.column for panel in panels]
+    reasons = _reasons(plan, table)
     series = [
-        picture.Series(f"start {start}", picture.rows_of(table["start"] == start), colour=colour, mode="markers")
-        for start, colour in zip(starts, picture.palette(len(starts)), strict=True)
+        picture.Series(
+            f"{why} ({(reasons == why).sum()})", content.rows_of(reasons == why), colour=colour, mode="markers"
+        )
+        for why, colour in zip(dict.fromkeys(sorted(reasons, key=KEEPS.__ne__)), picture.CURVES, strict=False)
     ]
     mark = picture.Mark("best", "the least that keeps all bounds", "*", [len(table)], picture.VERMILION)
     begin = len(table) + len(best)
@@ -145,39 +214,69 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
     # A bound that nothing keeps stands on the axis, where it is.
     bounds = front.assign(**{name: front[name].mask(lost, front["bound"]) for name in plan.pareto})
     drawn = pd.concat([part for part in (table, best, bounds) if len(part)] or [table], ignore_index=True)
-    states = picture.states_of(~feasible).tolist() + [0] * len(best) + picture.states_of(False, lost).tolist()
+    states = content.states_of(~feasible).tolist() + [0] * len(best) + content.states_of(False, lost).tolist()
     outcomes = ["ok"] * begin + ["outside the bounds" if one else "ok" for one in lost]
     everything = pd.concat([table, special], ignore_index=True).assign(outcome=outcomes)
     return picture.Picture(
         name="evaluations",
         heading="Searches",
-        title=result.name,
+        title=_least(plan, table, best),
         table=table,
         table_name="evaluations",
         special=special,
         special_name="best design and Pareto front" if len(front) else "best design",
         drawn=drawn,
-        axes=picture.axes_of(drawn, [*bounded[:1], *sorted(shown, key=aims.__contains__), "start"]),
+        axes=content.axes_of(drawn, [*bounded[:1], *sorted(shown, key=aims.__contains__), "start"]),
         panels=panels,
         series=series,
         marks=[mark] if len(best) else [],
-        lines=[picture.Line(name, [plan.bound(name)[1]], "bound", ":") for name in plan.constraints],
+        lines=[
+            picture.Line(name, [plan.bound(name)[1]], bound_of(plan, name), ":", picture.VERMILION)
+            for name in plan.constraints
+        ],
         states=np.array(states, dtype=int),
-        meanings=("keeps all bounds", "violates a bound", "", "bound that nothing keeps"),
-        told=_told(result, plan, ", ".join(f"{key_name(name)} {bound}" for name, bound in plan.constraints.items())),
+        meanings=("", "", "", "bound that nothing keeps"),
+        told=_told(result, plan, left),
         meaning="Filled: all bounds are kept, open: they are not.",
         orbits=picture.Orbits(everything, range(len(table), len(everything)), words="Orbit of this design."),
     )
 
 
-def _measures(table: pd.DataFrame, aims: Sequence[str]) -> list[picture.Panel]:
-    """Return the panels of all that was looked at, first of what was asked about."""
+def _reasons(plan: DesignPlan, table: pd.DataFrame) -> pd.Series:
+    """Say of each evaluation that it keeps all bounds, or the first one that it violates."""
+    drawn = "only as drawn, not at the ends of tolerances" if plan.parameter_tolerances else "not feasible"
+    found = pd.Series(drawn, table.index)
+    if "stability_margin" in table:
+        found = found.mask(table["stability_margin"].astype(float) <= 0.0, "unstable")
+    for name in reversed(plan.constraints):
+        found = found.where(_keeps(plan, table, name), f"violates {bound_of(plan, name)}")
+    return found.mask(table["feasible"].astype(bool), KEEPS)
+
+
+def _least(plan: DesignPlan, table: pd.DataFrame, best: pd.DataFrame) -> str:
+    """Say the least that keeps all bounds, with its tolerance, and how many evaluations keep them."""
+    bounds = " and ".join(bound_of(plan, name) for name in plan.constraints)
+    if plan.minimize is None or best.empty:
+        return f"No design keeps {bounds}" if bounds else "Every start lost the orbit"
+    unit, value = unit_of(plan.minimize), float(best[plan.minimize].iloc[0])
+    told = f"Least {display_name(plan.minimize)} {digits.quantity(value, unit)}"
+    worst = float(best["objective"].iloc[0]) if "objective" in best and plan.parameter_tolerances else value
+    if abs(worst - value) > content.STEADY * abs(value):
+        told += f", {digits.quantity(worst, unit)} at the worst end of tolerances"
+    kept = int(table["feasible"].astype(bool).sum())
+    return f"{told}{f' with {bounds}' if bounds else ''}; {kept} of {len(table)} evaluations keep the bounds"
+
+
+def _measures(table: pd.DataFrame, aims: Sequence[str]) -> tuple[list[picture.Panel], str]:
+    """Return the panels of all that was looked at, first of what was asked about, and what is told instead."""
     if table.empty:
-        return [picture.Panel(aims[0], title="every start lost the orbit")]
-    others = [str(name) for name in table if name not in {"start", "objective", "period", "feasible", "best"}]
+        return [picture.Panel(aims[0], title="every start lost the orbit")], ""
+    others = [
+        str(name) for name in table if name not in {"start", "objective", "violation", "period", "feasible", "best"}
+    ]
     scales: Mapping[bool, Any] = {True: "log", False: "linear"}
-    shown = picture.measures(table, [*aims, *others])
-    return [replace(panel, scale=scales[_wide(table, panel.column)]) for panel in shown]
+    shown, left = content.measures(table, [*aims, *others])
+    return [replace(panel, scale=scales[_wide(table, panel.column)]) for panel in shown], left
 
 
 def _wide(table: pd.DataFrame, column: str) -> bool:

@@ -6,21 +6,21 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from io import StringIO
 from typing import Any, Unpack
 
-import numpy as np
 import pandas as pd
 from ruamel.yaml import YAML
 
-from vibroplat.basin.study import clopper_pearson
-from vibroplat.columns import Column, Columns
-from vibroplat.config.digits import share
+from vibroplat.columns import Column, Columns, quantity_of, unit_of
+from vibroplat.config.digits import number, quantity, share
 from vibroplat.config.scene import Scene
 from vibroplat.designs import optimum
 from vibroplat.designs import samples as of_samples
 from vibroplat.designs import sensitivities as of_keys
+from vibroplat.designs.answer import measure_text, satisfied, short_answer, with_confidence
 from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of
-from vibroplat.results.result import Answer, Result
+from vibroplat.results.answer import Answer
+from vibroplat.results.result import Result
 from vibroplat.study.branches import study_table
 from vibroplat.study.fingerprint import lapack
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
@@ -30,6 +30,8 @@ from vibroplat.study.sweep import SWEEP
 
 #: Maximum number of keys printed for each measure.
 MAX_PRINTED_KEYS = 4
+#: Smallest share of a variance that is printed.
+LEAST_SHARE = 0.005
 
 
 _VARIED: Columns = {"…": Column("values of the keys that vary, under their dotted names", "see configuration.md")}
@@ -112,7 +114,7 @@ class DesignStudy(Study):
         tables = {"sensitivities": of_keys.table(found["rows"])}
         home = of_samples.name_regime(known["sync"], "periodic", known["period"])
         margin = found["measures"]["stability_margin"]
-        lines = {"motion": f"{home}, multipliers up to {1.0 - margin:.6g}"}
+        lines = {"motion": f"{home}, multipliers up to {number(1.0 - margin, 6)}"}
         text = list(_key_lines(found, self.names))
         if self.plan.minimize is None:
             return self._with_samples(run, self.scene, known, self._result(tables, Answer(lines, text, self.notes)))
@@ -122,7 +124,7 @@ class DesignStudy(Study):
             return self._result(tables, Answer(lines, text))
         scene = self.scene.replace(best["values"])
         row = run.one("confirmed", optimum.measure_design, self.scene, known, best["values"])
-        told = [f"{name} {row['row'][name]:.6g}" for name in self.aims if row["row"].get(name) is not None]
+        told = [measure_text(name, row["row"][name]) for name in self.aims if row["row"].get(name) is not None]
         lines |= {"from rest": ", ".join([row["regime"], *told])}
         other = f"started from rest, the best design converges to {row['regime']}, not to the optimized orbit"
         notes = self.notes + ([] if row["same"] else [other])
@@ -136,7 +138,9 @@ class DesignStudy(Study):
     def _result(
         self, tables: Mapping[str, pd.DataFrame], answer: Answer, configurations: Mapping[str, str] | None = None
     ) -> Result:
-        return Result("design", self.scene, tables, answer, configurations=configurations)
+        headline, short = short_answer(self.plan, tables, answer.lines["motion"])
+        told = answer._replace(headline=headline, short=short)
+        return Result("design", self.scene, tables, told, configurations=configurations)
 
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
         """Choose the orbit of the scene as given and the orbit of the best evaluated design."""
@@ -176,15 +180,17 @@ class DesignStudy(Study):
         if best is None:
             if not rows:
                 return None, {"best": "unknown: the orbit was lost on the way to every starting point of the search"}
-            near = _values(min(rows, key=lambda row: row["violation"]), [*self.plan.keys, *self.aims])
+            nearest = min(rows, key=lambda row: row["violation"])
+            near = ", ".join([_values(nearest, list(self.plan.keys)), *_measures(nearest, self.aims)])
             return None, {"best": f"no design in this box satisfies all constraints; the closest one: {near}"}
         same = sum(other["objective"] < best["objective"] + 1e-4 * abs(best["objective"]) for other in bests)
         lines = {
             "best": _values(best["values"], list(self.plan.keys)),
-            "there": _values(best["measures"], self.aims) + f" (from {same} of {self.plan.starts} starting points)",
+            "there": ", ".join(_measures(best["measures"], self.aims))
+            + f" (from {same} of {self.plan.starts} starting points)",
         }
         if self.plan.parameter_tolerances:
-            lines["within tolerances"] = f"{self.aims[0]} up to {best['objective']:.6g} (one tolerance at a time)"
+            lines["within tolerances"] = f"{measure_text(self.aims[0], best['objective'])} at most, one at a time"
         return best, lines
 
     def _table(self, rows: Sequence[Record], meant: Columns, first: Sequence[str], last: Sequence[str]) -> pd.DataFrame:
@@ -210,20 +216,9 @@ class DesignStudy(Study):
         return self._result(tables, answer, result.configurations)
 
     def _kept(self, table: pd.DataFrame) -> list[tuple[str, str]]:
-        """Return the fraction of samples that satisfy all constraints, and each of several, with confidence bounds.
-
-        These are binomial; the samples are distributed more evenly than at random, so they err on the safe side.
-        """
-        kept = {}
-        for name, bound in self.plan.constraints.items():
-            sign, limit = self.plan.bound(name)
-            excess = sign * (table[name].to_numpy(float) - limit)
-            kept[f"  {name} {bound}"] = excess >= -optimum.VIOLATION_TOLERANCE * abs(limit)  # false without a value
-        if not kept:
-            return []
-        together = {"constraints satisfied": np.logical_and.reduce(list(kept.values()))}
-        counts = {label: int(inside.sum()) for label, inside in (together | (kept if len(kept) > 1 else {})).items()}
-        return [(label, _with_confidence(count, len(table))) for label, count in counts.items()]
+        """Return the fraction of samples that satisfy all constraints, and each of several, with confidence bounds."""
+        counts = satisfied(self.plan, table)
+        return [(label, with_confidence(count, len(table))) for label, count in counts.items()]
 
     def _samples(self, run: _Runner, scene: Scene, known: Record, places: FloatArray) -> pd.DataFrame:
         """Measure samples at places, in parts that are the same for any number of workers."""
@@ -262,7 +257,11 @@ class _Runner:
 
 
 def _values(found: Mapping[str, float], names: Sequence[str]) -> str:
-    return ", ".join(f"{name} {found[name]:.6g}" for name in dict.fromkeys(names))
+    return ", ".join(f"{name} {number(found[name], 6)} {unit_of(name)}".rstrip() for name in dict.fromkeys(names))
+
+
+def _measures(found: Mapping[str, Any], names: Sequence[str]) -> list[str]:
+    return [measure_text(name, found[name]) for name in dict.fromkeys(names)]
 
 
 def _configuration_text(scene: Scene) -> str:
@@ -286,8 +285,8 @@ def _key_lines(found: Record, names: Sequence[str]) -> Iterable[str]:
     for name in names:
         own = of_keys.largest_elasticities(found["rows"], name, MAX_PRINTED_KEYS)
         if own:
-            told = ", ".join(f"{row['key']} {row['elasticity']:+.3g}" for row in own)
-            yield f"  {name} {found['measures'][name]:.6g}: {told}"
+            told = ", ".join(f"{row['key']} {number(row['elasticity'])}" for row in own)
+            yield f"  {measure_text(name, found['measures'][name])}: {told}"
 
 
 def _lines_of_samples(table: pd.DataFrame, home: str) -> dict[str, str]:
@@ -295,19 +294,13 @@ def _lines_of_samples(table: pd.DataFrame, home: str) -> dict[str, str]:
     kept = float((table["regime"] == home).mean())
     told = {
         "samples": f"{len(table)}",
-        "orbit stable": f"{100.0 * table['stable'].mean():.1f} %",
-        "regime kept": f"{100.0 * kept:.1f} %",
+        "orbit stable": share(table["stable"].mean()),
+        "regime kept": share(kept),
     }
     others = table.loc[table["regime"] != home, "regime"].value_counts()
     if len(others):
         told["others"] = "; ".join(f"{name}: {count}" for name, count in others.items())
     return told
-
-
-def _with_confidence(count: int, number: int) -> str:
-    """Write a fraction of samples with its confidence bounds."""
-    low, high = clopper_pearson(count, number)
-    return f"{share(count / number)} of {number} samples ({share(low)} … {share(high)} with 95 % confidence)"
 
 
 def _distribution_lines(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[str]:
@@ -317,9 +310,10 @@ def _distribution_lines(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[s
         low, middle, high = table[name].quantile(of_samples.QUANTILES)
         first = own.sort_values("regression", ascending=False, kind="stable").head(MAX_PRINTED_KEYS)
         by = zip(first["key"], first["regression"], strict=True)
-        told = ", ".join(f"{key} {100.0 * part:.0f} %" for key, part in by if part >= 0.005)
-        explained = f" (of {100.0 * own['explained'].iloc[0]:.0f} % explained)" if told else ""
-        yield f"  {name} {low:.5g} {middle:.5g} {high:.5g}: {told or 'no variance'}{explained}"
+        told = ", ".join(f"{key} {share(part)}" for key, part in by if part >= LEAST_SHARE)
+        explained = f" (of {share(own['explained'].iloc[0])} explained)" if told else ""
+        quantiles = ", ".join(quantity(value, unit_of(str(name)), size=middle) for value in (low, middle, high))
+        yield f"  {quantity_of(str(name)).name.replace('$', '')} {quantiles}: {told or 'no variance'}{explained}"
 
 
 STUDY = DesignStudy

@@ -16,13 +16,16 @@ taken only where the sources, the compiler, its settings, Python and the process
 What is compiled is kept in the first folder that can be written: ``NUMBA_CACHE_DIR``, ``XDG_CACHE_HOME``, ``~/.cache``,
 the package's own, or a temporary one. Where there is none, each process compiles for itself.
 
-Machine code is loaded without question, so whoever can write it can run anything as this user: folders that others can
-write to, or replace, are not used, whichever of these they are.
+Whoever can write machine code can run anything as this user: folders that others can write to, or replace, are not
+used, whichever of these they are. Nor are files that somebody else has or can write, in whatever way they got there.
+Each file is examined as it is open, so that nobody can exchange it in between, and begins with a digest of itself:
+damaged machine code would give other numbers, or end the process. What is not used is compiled anew.
 """
 
 from __future__ import annotations
 
 import ast
+import errno
 import hashlib
 import inspect
 import logging
@@ -63,6 +66,11 @@ SHARED = ("config/coordinates.py",)
 #: Settings of numba that change machine code. With Intel's SVML it calls a library that other machines may lack.
 SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "USING_SVML")
 
+#: Bytes of the digest at the beginning of each file.
+DIGEST_SIZE = 32
+#: How files are opened: a link is not followed, and a pipe not waited for.
+_PLAIN = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+
 #: Folders of other digests are removed once they have not been used for a day (s), except the last ones: a process that
 #: has started before a change may still use them, and going back to a version need not compile it again.
 UNUSED, SPARE = 86_400.0, 3
@@ -97,6 +105,11 @@ def _state() -> str:
     return f"sources-{_digest(bytes)[:16]}"
 
 
+def _is_current() -> bool:
+    """Whether the sources are still those of the beginning of this process, which it has compiled."""
+    return _state.__wrapped__() == _state()
+
+
 def _folders() -> Iterator[Path]:
     """Folders that may keep machine code, best first."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
@@ -127,13 +140,28 @@ def _other_writer(folder: Path) -> str:
             status = path.stat()
         except (FileNotFoundError, NotADirectoryError):
             continue
-        # in a sticky folder, such as /tmp, nobody can replace what belongs to another
-        shared = stat.S_IWOTH | (0 if _is_users_own(status.st_gid) else stat.S_IWGRP)
         if status.st_uid not in (0, os.getuid()):
             return f"{path} belongs to another user"
-        if status.st_mode & shared and (path == folder or not status.st_mode & stat.S_ISVTX):
+        # in a sticky folder, such as /tmp, nobody can replace what belongs to another
+        if _is_shared(status, path) and (path == folder or not status.st_mode & stat.S_ISVTX):
             return f"others can write to {path}"
     return ""
+
+
+def _is_shared(status: os.stat_result, place: Path | int) -> bool:
+    """Whether others can write to a folder or an open file.
+
+    The bit of the group stands for its members and for all who are named in a list of access (ACL).
+    """
+    if not status.st_mode & stat.S_IWGRP:
+        return bool(status.st_mode & stat.S_IWOTH)
+    try:
+        listed = any("acl" in name for name in os.listxattr(place))
+    except AttributeError:  # not on Linux
+        listed = True
+    except OSError:  # of a kind of disk that has no lists
+        listed = False
+    return listed or bool(status.st_mode & stat.S_IWOTH) or not _is_users_own(status.st_gid)
 
 
 def _is_users_own(group: int) -> bool:
@@ -144,9 +172,56 @@ def _is_users_own(group: int) -> bool:
 
         name = pwd.getpwuid(os.getuid()).pw_name
         entry = grp.getgrgid(group)
+        users = {user.pw_name for user in pwd.getpwall() if user.pw_gid == group}  # its list does not name them
     except (ImportError, KeyError):
         return False
-    return entry.gr_name == name and set(entry.gr_mem) <= {name}
+    return entry.gr_name == name and {*entry.gr_mem} | users <= {name}
+
+
+class _UnfitError(OSError):
+    """A file that is not used; the message says which files are not."""
+
+
+def _read(path: Path) -> bytes:
+    """Read a file that nobody else can have written.
+
+    Raises
+    ------
+    OSError
+        There is none, or it is another's, a link, or no file.
+    """
+    with open(path, "rb", buffering=0, opener=lambda name, flags: os.open(name, flags | _PLAIN)) as file:
+        status = os.fstat(file.fileno())
+        if not stat.S_ISREG(status.st_mode):
+            raise _UnfitError("what is no file is")
+        if hasattr(os, "getuid"):
+            if status.st_uid not in (0, os.getuid()):
+                raise _UnfitError("files of another user are")
+            if _is_shared(status, file.fileno()):
+                raise _UnfitError("files that others can write to are")
+        return file.readall()
+
+
+def _digest_of(path: Path, code: bytes | memoryview) -> bytes:
+    """Digest of machine code and its place: elsewhere, or under another name, it would be that of another kernel."""
+    digest = hashlib.blake2b(f"{path.parent.name}/{path.name}/".encode(), digest_size=DIGEST_SIZE)
+    digest.update(code)
+    return digest.digest()
+
+
+def _machine_code(path: Path) -> Any:
+    """Load the parts of a kernel from its file, which is as it was written (OSError)."""
+    content = memoryview(_read(path))
+    code = content[DIGEST_SIZE:]
+    if content[:DIGEST_SIZE] != _digest_of(path, code):
+        raise _UnfitError("damaged files are")
+    return pickle.loads(code)
+
+
+@cache
+def _tell_unfit(folder: Path, why: str) -> None:
+    """Say once that machine code is not used."""
+    _LOG.warning("machine code in %s: %s compiled anew", folder, why)
 
 
 @cache
@@ -156,6 +231,7 @@ def _name() -> str:
         with suppress(OSError):
             for state in place.glob(f"kernels-*/{_state()}"):
                 if not _other_writer(state.parent.resolve()):
+                    _read(state)
                     return state.parent.name
     return f"kernels-{_digest(_code)[:16]}"
 
@@ -171,7 +247,7 @@ def folder() -> Path | None:
             for part in (*reversed(current.parents), current):
                 part.mkdir(mode=0o700, exist_ok=True)
             tempfile.TemporaryFile(dir=current).close()
-            (current / _state()).touch(mode=0o600)
+            _mark(current / _state())
             os.utime(current)  # it is in use
         except OSError:
             continue
@@ -179,6 +255,15 @@ def folder() -> Path | None:
             _remove_unused(place, current)
         return current
     return None
+
+
+def _mark(file: Path) -> None:
+    """Make an empty file, in place of one that is not to be believed."""
+    try:
+        _read(file)
+    except OSError:
+        file.unlink(missing_ok=True)
+        file.touch(mode=0o600, exist_ok=False)
 
 
 def _is_safe(folder: Path) -> bool:
@@ -258,10 +343,21 @@ class KernelCache(NullCache):
         compiler, which looks through them itself.
         """
         rtsys.initialize(target_context)
+        unfit = None
         for place in _readable():
-            # a crash of the machine may keep the name of a file alone
-            with suppress(OSError, EOFError, pickle.UnpicklingError):
-                return CompileResult._rebuild(target_context, *pickle.loads((place / self._file(sig)).read_bytes()))
+            try:
+                parts = _machine_code(place / self._file(sig))
+            except FileNotFoundError:
+                continue
+            except OSError as error:
+                if error.errno in (errno.EMFILE, errno.ENFILE):
+                    raise
+                why = str(error) if isinstance(error, _UnfitError) else "links and unreadable files are"
+                unfit = unfit or (place, why)
+                continue
+            return CompileResult._rebuild(target_context, *parts)
+        if unfit is not None:
+            _tell_unfit(*unfit)
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -269,12 +365,16 @@ class KernelCache(NullCache):
         kept = folder()
         if kept is None or data.library.has_dynamic_globals:  # addresses that are valid in this process only
             return
+        if not _is_current():  # it would be kept as that of sources which it is not of
+            return
         code = serialize.dumps(data._reduce())
-        part = kept / f".{self._file(sig)}-{os.getpid()}"
+        path = kept / self._file(sig)
+        part = kept / f".{path.name}-{os.getpid()}"
         try:
-            part.touch(mode=0o600)  # whatever files are made with otherwise
-            part.write_bytes(code)
-            part.replace(kept / self._file(sig))
+            part.unlink(missing_ok=True)  # what somebody else may have put there
+            part.touch(mode=0o600, exist_ok=False)  # whatever files are made with otherwise
+            part.write_bytes(_digest_of(path, code) + code)
+            part.replace(path)
         except OSError:
             part.unlink(missing_ok=True)
 
@@ -289,3 +389,6 @@ def cache_of(function: Callable[..., Any]) -> Any:
     if elsewhere or "<" in function.__qualname__:  # lambdas, and functions of functions
         return NullCache()
     return KernelCache(f"{source.parent.name}.{source.stem}.{function.__qualname__}")
+
+
+_state()  # of the sources as they are now, while they are loaded

@@ -182,14 +182,11 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
         known = from_lower_orders(k, twice, rotation, e, sense, f, sums)
         held = restoring((x0, x1, x2, x5, x6), (v0, v1, v2, v5, v6), p)
         moment_1, moment_2 = part(known.moment)
+        turned = f.unbalance * (f.x * known.sine - f.y * known.cosine) + known.reaction  # k (X s″ − Y c″)
         b = (
             -held[0] - total(f.unbalance * known.cosine),
             -(held[1] - held[3]) - total(f.unbalance * known.sine) - p.mass * weight,
-            # k (X s″ − Y c″)
-            -held[2]
-            - total(f.unbalance * (f.x * known.sine - f.y * known.cosine) + known.reaction)
-            + sums.moment
-            + phi_1 * unbalances,
+            -held[2] - total(turned) + sums.moment + phi_1 * unbalances,
             moment_1,
             moment_2,
         )

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.columns import Column, Columns, split
+from vibroplat.config.computation import Output
 from vibroplat.config.drive import SupplyInterval
 from vibroplat.config.scene import Scene
-from vibroplat.config.sections import Output
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.extremes import (
     ACCELERATION,

@@ -6,12 +6,12 @@ Each is a short sentence without a semicolon, because the sweep table joins them
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from vibroplat.config.plausibility import as_text
+from vibroplat.config.digits import given, number, quantity, share
 from vibroplat.config.scene import Scene
 from vibroplat.frames import pd
 from vibroplat.kernels.engines import uses_sundials
@@ -31,6 +31,8 @@ STEPS_A_TURN, STEPS_A_RESTART = 5.0, 2.0
 #: Multiple of them above which a scene counts as stiff for it. Engine ``native`` is as fast at 10 to 11, with a damped
 #: layer of 1 kHz in calm contact as with a critical slip of 0.001.
 STIFF = 10.0
+#: How many exciters there are.
+EXCITERS = 2
 #: Share of the largest value that samples may miss.
 MISSED = 0.05
 
@@ -58,7 +60,7 @@ def coarseness(scene: Scene, measures: Mapping[str, Any]) -> str:
     if not (measures["impacts_per_period"] or 0.0) > 1.0:
         return ""
     return (
-        f"several impacts per turn amplify errors: at tolerance {tolerance:g} the results may be wrong by several "
+        f"several impacts per turn amplify errors: at tolerance {given(tolerance)} the results may be wrong by several "
         "per cent, so lower solver.tolerance"
     )
 
@@ -67,7 +69,10 @@ def rotation(largest: float | None) -> str:
     """Return the note on the largest rotation of a platform (rad), or an empty text if it is small."""
     if largest is None or largest <= LARGE_ROTATION:
         return ""
-    return f"the platform turns by up to {as_text(largest, 2)} rad: inaccurate in a model of first order in phi"
+    return (
+        f"the platform turns by up to {number(largest, 2)} rad, over {given(LARGE_ROTATION)} rad: inaccurate in a "
+        "model of first order in phi, and less unbalance reduces it"
+    )
 
 
 def drift(measures: Mapping[str, Any]) -> str:
@@ -80,9 +85,11 @@ def drift(measures: Mapping[str, Any]) -> str:
     change = abs(2.0 * math.pi * measures["frequency_split_hz"] * measures["measured_s"])
     if change <= DRIFTING:
         return ""
+    turns = change / (2.0 * math.pi)
+    size = quantity(math.degrees(change), "°") if turns < 1.0 else f"{number(turns)} turns"
     return (
-        f"the phase difference changes by {as_text(change, 2)} rad while it is measured: the motion has not settled, "
-        "or the exciters do not synchronize"
+        f"the phase difference changes by {size} while it is measured: the motion has "
+        "not settled, and a longer run.duration_s helps, or the exciters do not synchronize"
     )
 
 
@@ -92,8 +99,8 @@ def change(scene: Scene, measures: Mapping[str, Any], start: float) -> str:
     if last <= begin:
         return ""
     return (
-        f"the supply changes until {last:g} s, but the measured part begins at {as_text(begin)} s: means include "
-        f"the change; run.duration_s = {2.0 * (last - start):g} or more avoids that"
+        f"the supply changes until {given(last)} s, but the measured part begins at {quantity(begin, 's')}: means "
+        f"include the change; run.duration_s = {given(2.0 * (last - start))} or more avoids that"
     )
 
 
@@ -106,9 +113,17 @@ def capture(exciter: int, speed: float, synchronous: float, critical_slip: float
     if slip <= CAPTURED * critical_slip:
         return ""
     return (
-        f"exciter {exciter} turns at {as_text(speed)} Hz, {as_text(100.0 * slip, 2)} % below its synchronous speed "
-        f"{as_text(synchronous)} Hz: captured by a resonance, overloaded or still running up"
+        f"exciter {exciter} turns at {quantity(speed, 'Hz')}, {share(slip)} below its synchronous speed "
+        f"{quantity(synchronous, 'Hz')}: captured by a resonance, overloaded or still running up, and more torque or a "
+        "longer run may help"
     )
+
+
+def of_each(notes: Sequence[str]) -> list[str]:
+    """Return notes on exciters 1 and 2; where they say the same, as one note on each exciter."""
+    found = [note for note in notes if note]
+    alike = len(found) == EXCITERS and found[0].partition(" 1 ")[2] == found[1].partition(" 2 ")[2]
+    return [found[0].replace("exciter 1", "each exciter", 1)] if alike else found
 
 
 def stiffness(scene: Scene, engine: str, steps: int | None, restarts: int, seconds: float) -> str:
@@ -120,8 +135,8 @@ def stiffness(scene: Scene, engine: str, steps: int | None, restarts: int, secon
     if engine != "taylor" or not steps or steps <= STIFF * needed:
         return ""
     return (
-        f"engine taylor takes {as_text(steps / needed, 2)} times the steps that the excitation needs, because a layer, "
-        "a motor or the suspension is stiff: engine native is likely to be faster"
+        f"engine taylor takes {number(steps / needed, 2)} times the steps that the excitation needs, because a layer, "
+        "a motor or the suspension is stiff: solver.engine = native is likely to be faster"
     )
 
 
@@ -144,8 +159,8 @@ def notes_on_samples(sampled: Mapping[str, float], measures: Mapping[str, Any], 
         missed = 1.0 - sampled[column] / largest if column in sampled and largest else 0.0
         if missed > MISSED:
             notes.append(
-                f"the trajectory table misses the largest {name}, {as_text(largest)} {unit}, by "
-                f"{as_text(100.0 * missed, 2)} %: output.sample_rate_hz = {rate:g} is too low"
+                f"the trajectory table misses the largest {name}, {quantity(largest, unit)}, by {share(missed)}: "
+                f"output.sample_rate_hz = {given(rate)} is too low"
             )
     return notes
 
@@ -166,10 +181,12 @@ def captures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
         return []
     speeds = mean + 0.5 * split, mean - 0.5 * split
     if measures["impacts_per_period"] is not None:
-        return [capture(i + 1, speeds[i], synchronous[i], slips[i]) for i in driven]
+        return of_each([capture(i + 1, speeds[i], synchronous[i], slips[i]) for i in driven])
     seconds = measures["measured_to_s"] - measures["measured_from_s"]
-    return [
-        f"exciter {i + 1} hardly turns, although its synchronous speed is {as_text(synchronous[i])} Hz"
+    hardly = [
+        f"exciter {i + 1} hardly turns, although its synchronous speed is {quantity(synchronous[i], 'Hz')}: more "
+        "torque or a longer run may help"
         for i in driven
         if speeds[i] * seconds < 1.0 and capture(i + 1, 2.0 / seconds, synchronous[i], slips[i])
     ]
+    return of_each(hardly)

@@ -1,295 +1,166 @@
-"""Pictures on the page: each as data for its script, with the orbits that a click on a point shows."""
+"""Pictures of studies on the page: their figures, what moves when a point is clicked, and their tables."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from html import escape
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
-from vibroplat.columns import display_name, display_unit, indexed_name
-from vibroplat.config.coordinates import COORDINATES, RATES
-from vibroplat.config.scene import Scene
-from vibroplat.errors import VibroplatError
-from vibroplat.page.run import impacts_of, initial, machine_of, packed_coarsely
-from vibroplat.plots.reading import rest_of
-from vibroplat.results.picture import BROKEN, Panel, Picture, Series, finite
+from vibroplat.page.machine import as_json
+from vibroplat.page.orbits import Motions
+from vibroplat.page.panels import SIGNS, figures
+from vibroplat.page.svg import Plot, Scale, plain_text
+from vibroplat.page.tables import fold, hint, rows_on_page, table_html
+from vibroplat.page.view import View, axis_name, coloured, dashes, ends_of_scale, heading
+from vibroplat.results.picture import Facet, Picture
 
-#: Most rows of a table on the page, and of one whose rows are dots, which are drawn together.
-MOST_ROWS, MOST_DOTS = 5000, 10_000
-#: Most samples of all orbits on a page, some 65 for each turn: 1.5 MB.
-MOST_SAMPLES = 50_000
-#: Significant digits of the numbers in tables.
-DIGITS = 9
-#: Columns of a state, which few readers want to see.
-_STATE = {*COORDINATES, *RATES}
-#: Columns of an orbit.
-_ORBIT = (
-    *("t_s", "x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", "y_rate_m_per_s"),
-    *("gap_m", "upper_m", "contact_force_n"),
-)
-#: What the script calls markers and lines; lines of other patterns are long dashes.
-SYMBOLS = dict(
-    zip("osD^vXP*", ("circle", "square", "diamond", "triangle-up", "triangle-down", "x", "cross", "star"), strict=True)
-)
-_DASHES = {"-": "solid", "--": "dash", ":": "dot", "-.": "dashdot"}
-
-# -- tables ------------------------------------------------------------------------------------------------------------
+#: Most points of figures over further axes together: each of them has all panels once more.
+MOST_POINTS = 60_000
+#: Most rows of special points on the page.
+MOST_SPECIAL = 500
 
 
-def kept_rows(count: int, most: int) -> Any:
-    """Return the rows of a table that the page has; one that is too long loses some evenly."""
-    return np.arange(count) if count <= most else np.unique(np.linspace(0, count - 1, most).round().astype(int))
+def picture_html(number: int, picture: Picture, motions: Motions, file: str, title: str) -> str:
+    """Return the section of a picture: figures, what a click shows, further axes and facets, and tables, folded.
 
-
-def table_data(title: str, result: int, whole: pd.DataFrame, rows: Any = None) -> dict[str, Any]:
-    """Return some rows of a table for the page, and how many it had."""
-    table = finite(whole.iloc[kept_rows(len(whole), MOST_ROWS) if rows is None else rows])
-    columns = [
-        {
-            "name": str(name),
-            "words": display_name(str(name)),
-            "unit": display_unit(str(name))[0],
-            "factor": display_unit(str(name))[1],
-            "state": name in _STATE,
-            "values": plain_column(table[name]),
-        }
-        for name in table.columns
-    ]
-    return {"title": title, "result": result, "columns": columns, "rows": len(table), "of": len(whole)}
-
-
-def plain_column(column: pd.Series) -> list[Any]:
-    """Return the values of a column for JSON; numbers have :data:`DIGITS` digits, what is missing is None."""
-    return [_plain(value) for value in column.astype(object).tolist()]
-
-
-def _plain(value: Any) -> Any:
-    if value is None or value is pd.NA or (isinstance(value, float) and not math.isfinite(value)):
-        return None
-    if isinstance(value, bool | int | str):
-        return value
-    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else str(value)
-
-
-# -- pictures ----------------------------------------------------------------------------------------------------------
-
-
-def picture_data(number: int, picture: Picture, motions: Motions) -> dict[str, Any]:
-    """Return what the page shows of a picture of a result with a number; of a long table it has some rows."""
-    count, points = len(picture.table), picture.points
-    kept = kept_rows(count, MOST_DOTS if picture.series and picture.series[0].mode == "dots" else MOST_ROWS)
-    places = np.concatenate([kept, np.arange(count, len(points))])
-    renumbered = np.full(len(points) + 1, BROKEN - 1)
-    renumbered[places], renumbered[BROKEN] = np.arange(len(places)), BROKEN
-    drawn = {*picture.axes, *(name for panel in picture.panels for name in (panel.column, panel.by) if name)}
-    values = {name: points[name].iloc[places] for name in drawn if name in points}
-    special = None if picture.special is None else table_data(picture.special_name, number, picture.special)
-    return {
-        "name": picture.name,
-        "title": picture.heading,
-        "result": number,
-        "meaning": picture.meaning,
-        "table": table_data(picture.table_name, number, picture.table, kept),
-        "special": special,
-        "values": {name: plain_column(column) for name, column in values.items()},
-        "axes": [_column(name) | {"log": picture.log(name)} for name in picture.axes],
-        "measures": [_panel(panel, points) for panel in picture.panels],
-        "series": [_series(one, renumbered) for one in picture.series],
-        "states": [] if picture.states is None else np.append(picture.states, [0] * len(points))[places].tolist(),
-        "facets": [
-            {"label": one.label.replace("$", ""), "series": [*one.series], "behind": [*one.behind]}
-            for one in (picture.facets if len(picture.facets) > 1 else ())
-        ],
-        "choice": indexed_name(picture.choice),
-        "marks": [
-            one._asdict() | {"symbol": SYMBOLS[one.symbol], "rows": renumbered[[*one.rows]].tolist()}
-            for one in picture.marks
-        ],
-        "lines": [
-            one._asdict()
-            | {
-                "at": [_plain(value) for value in one.at],
-                "dash": _DASHES.get(one.dash, "longdash"),
-                **_column(one.column),
-            }
-            for one in picture.lines
-        ],
-        "ranges": [one._asdict() | _column(one.column) for one in picture.ranges],
-        "high": picture.high,
-        **motions.of(picture, places),
-    }
-
-
-def _column(name: str) -> dict[str, Any]:
-    unit, factor = display_unit(name)
-    return {"column": name, "words": indexed_name(name), "unit": unit, "factor": factor}
-
-
-def _panel(panel: Panel, points: pd.DataFrame) -> dict[str, Any]:
-    """Return a panel; ``least`` is the end of an axis of what is small."""
-    found, size = _column(panel.column), float(points[panel.column].abs().max()) if panel.least else 0.0
-    least = found["factor"] * panel.least if panel.least is not None and not panel.by and size < panel.least else 0.0
-    more = {"kind": panel.kind, "by": panel.by, "title": panel.title, "least": least, "log": panel.scale == "log"}
-    label = panel.label.replace("$", "").rpartition(" (")[0] if panel.label.endswith(")") else panel.label
-    classes = [[name, colour, told] for name, (colour, told) in panel.classes.items()]
-    of = _column(panel.by) if panel.by else None
-    if of is not None and not panel.classes:
-        known = points[panel.by].dropna().astype(float)
-        least, largest = (known.min(), known.max()) if len(known) else (0.0, 1.0)
-        ends = [least, largest] if panel.least is None else [0.0, panel.least]
-        of |= {"ends": [*map(float, ends)], "white": panel.least is not None}
+    Files have a name; a title that is the headline of the page is not told again.
+    """
+    count = len(picture.table)
+    kept = rows_on_page(picture.table)
+    special = np.arange(0 if picture.special is None else min(len(picture.special), MOST_SPECIAL))
+    places = np.concatenate([kept, count + special])
+    renumbered = np.full(max(len(picture.points), count + len(special), 1), -1)
+    renumbered[places] = np.arange(len(places))
+    view = View(picture, picture.axes[0] if picture.axes else "", renumbered)
+    facets: list[Facet | None] = [*picture.facets] if len(picture.facets) > 1 else [None]
+    bars = bool(picture.panels) and picture.panels[0].kind == "bars"
+    shown = facets if bars else facets[:1]
+    first = [figure for facet in shown for figure in figures(view, facet)]
+    name = f"<h3>{escape(plain_text(facets[0].label))}</h3>" if facets[0] is not None and not bars else ""
+    nothing = plain_text(picture.panels[0].title) if picture.panels else ""
+    empty = hint(nothing or "Nothing here has a value that could be drawn.")
+    moved = motions.of(picture, places)
+    more = _more(view, facets[len(shown) :], facets, MOST_POINTS // max(len(places) * max(len(first), 1), 1))
+    home, tables = _home(number, picture, motions), ""
+    if home == number:
+        tables = table_html(f"Table {picture.table_name}", picture.table, kept, file=f"{file}-{picture.table_name}.csv")
+    if picture.special is not None:
+        tables += table_html(picture.special_name, picture.special, special, file=f"{file}-{picture.special_name}.csv")
+    told = [picture.told.replace("\n", "; "), picture.meaning, _orbits_told(moved, len(places))]
+    sentences = " ".join(f"{text.removesuffix('.')}." for text in told if text)
+    own = moved if home == number else moved | {"list": []}
+    data = as_json(own | {"home": home, "rows": len(kept), "marks": _marks_of(picture, renumbered)})
+    look = f"panels{' high' if picture.high else ''}{' bars' if bars else ''}"
     return (
-        found
-        | more
-        | {
-            "words": found["words"] if panel.by else label or found["words"],
-            "label": label,
-            "classes": classes,
-            "of": of,
-        }
+        f'<section class="study" id="picture-{number}"><h2>{escape(picture.heading)} '
+        f"<small>{escape(title)}</small></h2>{_key(picture)}"
+        f'<div class="beside{"" if moved["list"] else " wide-one"}">'
+        f'<div class="{look}">{name}{"".join(first) or empty}</div>'
+        f"{_aside(moved)}</div>{hint(plain_text(sentences))}{more}{tables}"
+        f'<script type="application/json" class="data">{data}</script></section>'
     )
 
 
-def _series(series: Series, renumbered: Any) -> dict[str, Any]:
-    """Return a series of rows; None stands where its line is broken."""
-    rows = renumbered[series.places]
-    return {
-        "label": ", ".join(filter(None, (series.label.replace("$", ""), series.look))),
-        "rows": [None if row == BROKEN else row for row in rows[rows >= BROKEN].tolist()],
-        "colour": series.colour,
-        "mode": series.mode,
-        "symbol": SYMBOLS[series.symbol],
-        "dash": _DASHES.get(series.dash, "longdash") if isinstance(series.dash, str) else "longdash",
-        "width": series.width,
-        "size": series.size,
-        "opacity": 0.5 if series.pale else 1.0,
-    }
+def _home(number: int, picture: Picture, motions: Motions) -> int:
+    """Return the number of the first picture that has the table and the orbits of a picture, which may be its own."""
+    if picture.special is not None or picture.orbits is None:
+        return number
+    return motions.homes.setdefault((id(picture.table), id(picture.orbits.table)), number)
 
 
-# -- orbits of points --------------------------------------------------------------------------------------------------
-
-Row = Mapping[str, Any]
-#: Computes one period of the orbit of a row: its scene, trajectory, events. Raises VibroplatError.
-Mover = Callable[[Scene, Row], tuple[Scene, pd.DataFrame, pd.DataFrame]]
-#: Called with how many points are done, and how many there are.
-Progress = Callable[[int, int], None]
-
-
-@dataclass
-class Motions:
-    """Computes the orbits of the pictures of a result.
-
-    Attributes
-    ----------
-    scene
-        Whose points they are.
-    mover
-        Computes them; None for a page without orbits.
-    room
-        How many samples they may have.
-    progress
-        Told of each point.
-    found
-        The orbits of tables so far; pictures may share one.
-    """
-
-    scene: Scene
-    mover: Mover | None
-    room: int
-    progress: Progress | None = None
-    found: list[tuple[pd.DataFrame, dict[str, Any]]] = field(default_factory=list)
-
-    def of(self, picture: Picture, places: Any) -> dict[str, Any]:
-        """Return what moves at some places of a picture.
-
-        Returns
-        -------
-        dict
-            ``motions``: what :meth:`_computed` returns; ``owner``: for each place the row whose orbit it has;
-            ``owned``: whether these are rows of another table; ``display_name`` about them.
-        """
-        orbits = picture.orbits
-        if orbits is None:
-            return {"motions": _none(asked=False), "owner": [], "owned": False, "words": ""}
-        own = range(len(orbits.table)) if orbits.owner is None else orbits.owner
-        owner = [own[place] if place < len(own) else None for place in places]
-        known = next((one for table, one in self.found if table is orbits.table), None)
-        if known is None:
-            known = self._computed(orbits.table, orbits.first, [row for row in owner if row is not None])
-            self.found.append((orbits.table, known))
-        owned = orbits.owner is not None and orbits.table is not picture.table
-        return {"motions": known, "owner": owner, "owned": owned, "words": orbits.words}
-
-    def _computed(self, table: pd.DataFrame, first: Iterable[int], rows: Sequence[int]) -> dict[str, Any]:
-        """Return the orbits of some rows of a table, then of those evenly chosen among others while there is room.
-
-        Returns
-        -------
-        dict
-            ``list``: the orbits; ``machines`` that move through them; ``rows``: for each row the place of its orbit, or
-            why it has none; ``asked``: whether orbits were to be computed.
-        """
-        chosen = sorted({*rows})
-        records = dict(zip(chosen, _records(table.iloc[chosen]), strict=True))
-        data = _none(asked=self.mover is not None)
-        found: dict[int, int | str] = {row: text for row in chosen if (text := _why_none(records[row]))}
-        order = dict.fromkeys([*(row for row in first if row in records), *(chosen[n] for n in spread(len(chosen)))])
-        wanted, used = [row for row in order if row not in found], 0
-        for done, row in enumerate(wanted if self.mover is not None else ()):
-            assert self.mover is not None
-            if self.progress is not None:
-                self.progress(done, len(wanted))
-            try:
-                scene, trajectory, events = self.mover(self.scene, records[row])
-            except VibroplatError as error:
-                found[row] = f"It has no orbit on this page: {error}."
-                continue
-            used += len(trajectory)
-            if used > self.room:
-                break
-            found[row], machine = len(data["list"]), machine_of(scene)
-            data["machines"] += [] if machine in data["machines"] else [machine]
-            packed = _packed(trajectory.assign(y_m=trajectory["y_m"] - rest_of(scene)), events)
-            data["list"].append(packed | {"machine": data["machines"].index(machine)})
-        return data | {"rows": found}
+def _more(view: View, others: Sequence[Facet | None], facets: Sequence[Facet | None], room: int) -> str:
+    """Return the other facets of a picture, and it over its other axes, folded."""
+    found = "".join(_figures(plain_text(facet.label), figures(view, facet)) for facet in others if facet is not None)
+    axes = view.picture.axes[1:][:room]
+    over = ""
+    for axis in axes:
+        other = View(view.picture, axis, view.renumbered)
+        over += _figures(f"Over {axis_name(axis)}", [figure for facet in facets for figure in figures(other, facet)])
+    if len(axes) < 2 or not over:
+        return found + over
+    return found + fold("Over another column", ", ".join(map(axis_name, axes)), over)
 
 
-def _none(*, asked: bool) -> dict[str, Any]:
-    """Return what a picture without orbits has."""
-    return {"rows": {}, "list": [], "machines": [], "asked": asked}
+def _figures(label: str, found: list[str]) -> str:
+    return fold(label, "", f'<div class="panels">{"".join(found)}</div>') if found else ""
 
 
-def _packed(trajectory: pd.DataFrame, events: pd.DataFrame) -> dict[str, Any]:
-    """Return what the page shows of an orbit."""
-    seconds = float(trajectory["t_s"].iloc[-1])
-    turns = abs(float(np.ptp(trajectory["phi1_rad"].iloc[[0, -1]]))) / (2.0 * np.pi)
-    return {
-        "end": seconds,
-        "turns": round(turns),
-        "columns": {name: packed_coarsely(trajectory[name]) for name in _ORBIT if name in trajectory},
-        "modes": "".join(trajectory["mode"].map(initial)),
-        "impacts": impacts_of(events, 0.0, seconds),
-    }
+def _marks_of(picture: Picture, renumbered: Any) -> dict[str, str]:
+    """Return for points on the page with a mark what they are."""
+    return {str(int(renumbered[row])): mark.kind for mark in picture.marks for row in mark.rows if renumbered[row] >= 0}
 
 
-def spread(count: int) -> list[int]:
-    """Order numbers from 0 so that the first ones, however many, lie evenly among all: by their bits, backwards."""
-    bits = max(count - 1, 1).bit_length()
-    return sorted(range(count), key=lambda number: int(f"{number:0{bits}b}"[::-1], 2))
+def _orbits_told(moved: dict[str, Any], count: int) -> str:
+    """Say how many points have an orbit."""
+    if not moved["owner"]:
+        return ""
+    if not moved["asked"]:
+        return "This page was written without orbits."
+    found = sum(one >= 0 for one in moved["owner"])
+    return f"The page holds the orbits of {f'{found} of {count}' if found < count else 'all'} points."
 
 
-def _records(table: pd.DataFrame) -> list[Row]:
-    """Return the rows of a table by column, without what is missing as a whole."""
-    return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
+def _key(picture: Picture) -> str:
+    """Return the legend of a picture: what colours, lines, signs and scales mean."""
+    entries: dict[str, str] = {}
+    alike = len({one.colour for one in picture.series if one.label or one.look}) == 1
+    for one in picture.series:
+        label, look = plain_text(one.label), plain_text(one.look)
+        if label:
+            entries.setdefault(label, f'<em style="color:{one.colour}">{escape(label)}</em>')
+        if look:
+            pattern = dashes(one.dash) or "none"
+            pen = f"stroke:{one.colour if alike else '#333'};stroke-width:1.6;stroke-dasharray:{pattern}"
+            line = f'<svg width="26" height="8"><path d="M0 4H26" style="{pen}"/></svg>'
+            entries.setdefault(look, f"<span>{line if one.mode != 'dots' else ''} {escape(look)}</span>")
+    for mark in picture.marks:
+        colour = f' style="color:{mark.colour}"' if mark.colour else ""
+        sign = f"<b{colour}>{SIGNS.get(mark.symbol, '◆')}</b>"
+        entries.setdefault(mark.kind, f'<span title="{escape(mark.meaning)}">{sign} {escape(mark.kind)}</span>')
+    for panel in picture.panels:
+        entries |= {
+            f"{panel.by}{name}": text
+            for name, text in _classes(panel, picture).items()
+            if f"{panel.by}{name}" not in entries
+        }
+    return f'<p class="key">{"".join(entries.values())}</p>' if entries else ""
 
 
-def _why_none(row: Row) -> str:
-    """Say why a row of a sweep cannot have an orbit; "" if it can."""
-    if row.get("outcome", "ok") != "ok":
-        return f"This point failed ({row['outcome']}), so it has no orbit."
-    period = row.get("period")
-    return "" if pd.notna(period) and period else "The motion of this point does not repeat, so it has no orbit."
+def _classes(panel: Any, picture: Picture) -> dict[str, str]:
+    """Return the legend of the colours of a panel."""
+    if not panel.by or panel.by not in picture.points:
+        return {}
+    if panel.classes:
+        named = coloured(panel, picture.points)
+        box = '<b class="box" style="background:{}"></b>'
+        return {name: f"<span>{box.format(colour)}{escape(name)}</span>" for name, colour, _ in named}
+    values = picture.points[panel.by].to_numpy(dtype=float, na_value=np.nan)
+    low, high, unit, factor = ends_of_scale(panel, values)
+    told = f"{heading(panel)}: {low * factor:.3g}, pale, to {high * factor:.3g} {unit}, dark".replace(" ,", ",")
+    return {panel.by: f"<span>{escape(told)}</span>"}
+
+
+# -- what a click shows ------------------------------------------------------------------------------------------------
+
+
+def _aside(moved: dict[str, Any]) -> str:
+    """Return the place for what a click on a point shows: its orbit, the moving machine, and its numbers."""
+    orbit = " and its orbit with the moving machine" if moved["list"] else ""
+    click = hint(f"Click or tap a point, or a row of the table, to see its numbers{orbit}.")
+    if not moved["list"]:
+        return f'<aside class="row scripted">{click}<div class="circle"></div><div class="numbers"></div></aside>'
+    motion = _empty("Platform and underside of the material", "mm", "turns", "motion")
+    portrait = _empty("Speed of the platform over its height", "m/s", "mm", "portrait")
+    player = '<button type="button" class="play" aria-pressed="true">Pause</button><span class="told hint"></span>'
+    stage = f'<h3></h3><div class="stage"></div><div class="controls">{player}</div>{motion}{portrait}'
+    numbers = '<div class="circle"></div><div class="numbers"></div>'
+    return f'<aside class="row scripted"><div class="orbit" hidden>{stage}</div>{click}{numbers}</aside>'
+
+
+def _empty(title: str, unit: str, across: str, look: str) -> str:
+    """Return a drawing without curves, which the script fills."""
+    plot = Plot(title, Scale(0.0, 1.0, across), Scale(0.0, 1.0, unit), look)
+    plot.height = "--h:130px"
+    return plot.html()

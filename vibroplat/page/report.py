@@ -1,45 +1,53 @@
-"""Builds the page: one HTML file with its data, scripts and style inside, which opens offline."""
+"""Builds the page: one HTML file with its drawings, data, script and style inside, which opens offline."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
-import html
-import json
 import logging
-import zlib
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
+from vibroplat.config.digits import given, quantity, share
 from vibroplat.config.kinds import KINDS
-from vibroplat.page import run, static
-from vibroplat.page.pictures import MOST_SAMPLES, Motions, Mover, Progress, picture_data, table_data
-from vibroplat.page.results import differences, find_results, parameters, remarks, summary_of, summary_rows
-from vibroplat.plots.reading import ends_of
-from vibroplat.results.picture import finite
+from vibroplat.config.scene import Scene
+from vibroplat.page.answer import Told, told_of
+from vibroplat.page.curves import Runs
+from vibroplat.page.machine import as_json, drawing, machine_of
+from vibroplat.page.orbits import MOST_SAMPLES, Motions, Mover, Progress
+from vibroplat.page.pictures import picture_html
+from vibroplat.page.results import differences, find_results, parameters
+from vibroplat.page.run import Course, course_of
+from vibroplat.page.sheet import Sheet, caption, sheet_html
+from vibroplat.page.svg import plain_text
+from vibroplat.page.tables import fold, hint, listing, parameters_html, table_html
+from vibroplat.results.picture import Picture, finite
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
 from vibroplat.results.tables import replace_file, require_replaceable
 
 _LOG = logging.getLogger("vibroplat")
 
-#: The parts of the script, in the order in which they use each other.
-SCRIPTS = ("text", "tables", "curves", "machine", "player", "orbit", "pictures", "page")
-#: What draws curves: plotly.js 4.1.1 with its traces in Cartesian axes alone, a third of the whole library. It is the
-#: file of npm's package plotly.js-cartesian-dist-min as it is, and its license is ``plotly-LICENSE.txt`` beside it.
-LIBRARY = "plotly-cartesian.min.js"
-#: What the page says about how a result was made.
-_MADE = ("vibroplat", "git_commit", "created", "engine", "tolerance")
 #: Size of a page that is told (bytes): mail takes what is smaller.
 LARGE = 8_000_000
 #: How a page begins, whatever wrote it.
 BEGINS = b"<!doctype html"
 #: Name of the page where none is given.
 NAME = "report.html"
+#: Last events of a run on the page.
+EVENTS = 100
+_READING = (
+    "Mouse: point to read, drag to zoom, double-click to return. Finger: tap to read; the page scrolls as always."
+)
 
 
 def write_report(
@@ -61,8 +69,8 @@ def write_report(
     out
         The file. Default: ``report.html`` in the first directory.
     start, stop
-        The interval of runs that is kept at full resolution and moves (s). Default: the whole run; if it has too many
-        rows, its end, or its beginning where the supply or the speeds change.
+        The interval of runs that is shown in detail and in which the machine moves (s). Default: the last turns in
+        detail, and turns evenly over the whole run.
     mover, progress
         What computes the orbits of the points of sweeps and branches, and who is told of each. Default: the page has
         no orbits.
@@ -81,148 +89,285 @@ def write_report(
     """
     path = directories[0] / NAME if out is None else out
     require_replaceable(path, BEGINS, overwrite=overwrite)
-    found = find_results(directories)
-    data = page_data(found, start, stop, mover=mover, progress=progress)
-    text = page(data, static.figures(found))
+    found = Report(find_results(directories), start, stop, mover, progress)
+    text = found.page()
     replace_file(path, lambda place: place.write_text(text, encoding="utf-8", newline="\n"))
     if (size := path.stat().st_size) > LARGE:
-        _LOG.warning("%s has %.1f MB, over %.0f MB; %s", path, size / 1e6, LARGE / 1e6, _smaller(data))
+        _LOG.warning("%s has %.1f MB, over %.0f MB; %s", path, size / 1e6, LARGE / 1e6, found.smaller())
     return path
 
 
-def _smaller(data: Mapping[str, Any]) -> str:
-    """Say what would make a page smaller."""
-    ways = [
-        ("fewer results", len(data["results"]) > 1),
-        ("--no-orbits", any(one["motions"]["list"] for one in data["pictures"])),
-        ("a shorter interval, by --start and --stop", bool(data["runs"])),
-        ("fewer rows", not data["runs"] and len(data["results"]) == 1),
-    ]
-    return "smaller with " + ", or ".join(way for way, helps in ways if helps)
+@dataclass
+class Report:
+    """A page of some results.
 
-
-def page_data(
-    found: Sequence[Result],
-    start: float | None = None,
-    stop: float | None = None,
-    *,
-    mover: Mover | None = None,
-    progress: Progress | None = None,
-) -> dict[str, Any]:
-    """Return all that a page shows of some results."""
-    runs, transient = _runs(found, start, stop)
-    from_mean = len(runs) > 1 and not transient
-    numbers = [number for number, one in enumerate(found) if one.command == "run"]
-    summaries = [found[number] for number in numbers]
-    studies = [(number, one) for number, one in enumerate(found) if one.command != "run"]
-    room = MOST_SAMPLES // max(len(studies), 1)
-    commands, trees = [one.command for one in found], [one.given() for one in found]
-    different = differences(commands, [one.scene.to_tree() for one in found])
-    return {
-        "title": ", ".join(dict.fromkeys(one.label for one in found)),
-        "results": [_origin(one) | {"differs": how} for one, how in zip(found, different, strict=True)],
-        "parameters": parameters(commands, trees),
-        "summary": {
-            "results": numbers,
-            "rows": summary_rows([summary_of(one) for one in summaries]),
-        },
-        "remarks": [remark for one in found for remark in remarks(one.label, _told(one))],
-        "runs": runs,
-        "transient": transient,
-        "turns": run.SHOWN_TURNS,
-        "panels": run.panels(runs, from_mean=from_mean),
-        "pictures": [
-            shown for n, one in studies for shown in _pictures(n, one, Motions(one.scene, mover, room, progress))
-        ],
-        "answers": [{"result": n, "told": told} for n, one in studies if (told := _told(one))],
-        "tables": [table_data("events", number, _events(found[number])) for number in numbers],
-    }
-
-
-def page(data: dict[str, Any], figures: str = "") -> str:
-    """Return the text of a page, with the HTML of figures that it shows without scripts.
-
-    Whatever comes from files is escaped, or in the data, where no character can end the element, and the script never
-    reads it as HTML. Should it ever do so, the policy of the page still lets no other script run and nothing be loaded.
+    Attributes
+    ----------
+    results
+        The results.
+    start, stop, mover, progress
+        As in :func:`write_report`.
     """
-    ours = "\n".join(_web(f"{name}.js") for name in SCRIPTS)
-    library, script = _web(LIBRARY), f'(() => {{\n"use strict";\n{ours}}})();'
-    parts = {
-        "LIBRARY": base64.b64encode(zlib.compress(library.encode(), 9)).decode("ascii"),
-        "SCRIPT": script,
-        "POLICY": " ".join(f"'sha256-{_sha256(text)}'" for text in (library, script)),
-        "TITLE": html.escape(data["title"]),
-        "STYLE": _web("style.css"),
-        "HEADER": static.header(data),
-        "SUMMARY": static.summary(data),
-        "ANSWERS": static.answers(data),
-        "PARAMETERS": static.parameters(data),
-        "FIGURES": figures,
-        "TABLES": static.tables(data),
-        "DATA": _inside_script(json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))),
-    }
-    before, *rest = _web("page.html").split("{{")
-    pieces = [before]
-    for piece in rest:
-        name, _, after = piece.partition("}}")
-        pieces += [parts[name], after]
-    return "".join(pieces)
+
+    results: Sequence[Result]
+    start: float | None = None
+    stop: float | None = None
+    mover: Mover | None = None
+    progress: Progress | None = None
+
+    @cached_property
+    def runs(self) -> list[RunResult]:
+        """The runs."""
+        return [one for one in self.results if isinstance(one, RunResult)]
+
+    @cached_property
+    def courses(self) -> dict[str, Course]:
+        """What is shown of each run that has rows, by its label."""
+        found = {one.label: course_of(one, _events(one), self.start, self.stop) for one in self.runs}
+        return {label: course for label, course in found.items() if course is not None}
+
+    @cached_property
+    def told(self) -> list[Told]:
+        """The answer of each result."""
+        return [told_of(one) for one in self.results]
+
+    @cached_property
+    def pictures(self) -> list[tuple[Result, Picture]]:
+        """The pictures of all studies."""
+        studies = [one for one in self.results if not isinstance(one, RunResult)]
+        found = [(one, picture) for one in studies for picture in KINDS[one.command].pictures.pictures([one])]
+        return [(one, picture) for one, picture in found if "page" in picture.places]
+
+    @cached_property
+    def differs(self) -> list[str]:
+        """The parameters in which results of one command differ."""
+        return differences([one.command for one in self.results], [one.scene.to_tree() for one in self.results])
+
+    def smaller(self) -> str:
+        """Say what would make the page smaller."""
+        studies = self.mover is not None and len(self.runs) < len(self.results)
+        ways = [*["fewer results"] * (len(self.results) > 1), *["--no-orbits"] * studies] or ["fewer rows"]
+        return f"smaller with {', or '.join(ways)}"
+
+    # -- the page -----------------------------------------------------------------------------------
+
+    def page(self) -> str:
+        """Return the text of the page.
+
+        Whatever comes from files is escaped, or data in which no character can end the element, and the script never
+        reads it as HTML. Should it ever do so, the policy of the page still lets no other script run and nothing be
+        loaded.
+        """
+        machines: list[dict[str, Any]] = []
+        parts = {
+            "TITLE": escape(self.title),
+            "STYLE": _web("style.css"),
+            "HEADER": self._header(),
+            "RUNS": self._runs() if self.runs else "",
+            "STUDIES": self._studies(machines),
+            "FOLDS": self._folds(),
+            "MACHINES": _machines(machines),
+        }
+        studies = len(self.runs) < len(self.results)
+        names = [*["machine"] * bool(self.courses or machines), "plots", *["points"] * studies, "tables"]
+        ours = "\n".join(_web(f"{name}.js") for name in names)
+        script = f'(() => {{\n"use strict";\n{ours}\ndocument.documentElement.dataset.ready = "true";\n}})();'
+        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
+        parts |= {"SCRIPT": script, "POLICY": f"'sha256-{digest}'"}
+        return re.sub(r"\{\{(\w+)\}\}", lambda name: parts[name[1]], _web("page.html"))
+
+    @property
+    def title(self) -> str:
+        """Names of the results."""
+        return ", ".join(dict.fromkeys(one.label for one in self.results))
+
+    def _header(self) -> str:
+        """Return title and answers, and what is to be noted."""
+        made = self.results[0].provenance
+        day = f"{str(made.get('created', ''))[:10]}, vibroplat {made.get('vibroplat', '')}"
+        found = f'<h1 id="title">{escape(self.title)} <span>{escape(day)}</span></h1>'
+        several = len(self.results) > 1
+        for one, told, differs in zip(self.results, self.told, self.differs, strict=True):
+            called = one.label if isinstance(one, RunResult) else f"{one.label}, {one.command}"
+            name = f"<small>{escape(called)}{escape(f' ({differs})' if differs else '')}</small><br>" if several else ""
+            failed = "; ".join(told.failures)
+            bad = bool(failed) or (isinstance(one, RunResult) and bool(one.summary.get("captured_by")))
+            headline = escape(failed or told.headline or self._title_of(one))
+            found += f'<p class="answer{" bad" if bad else ""}{" run" if several else ""}">{name}{headline}</p>'
+            if failed and told.headline:
+                found += f'<p class="more">{escape(told.headline)}</p>'
+            if told.more:
+                found += f'<p class="more">{escape(told.more)}</p>'
+            if told.short:
+                found += f'<pre class="short">{escape(chr(10).join(told.short))}</pre>'
+            found += "".join(f'<ul class="notes"><li><b>Note:</b> {escape(note)}</li></ul>' for note in told.notes)
+        return found
+
+    # -- runs ---------------------------------------------------------------------------------------
+
+    def _runs(self) -> str:
+        """Return the first screen of runs: machines, data sheet, and the curves that matter."""
+        several = len(self.runs) > 1
+        steady = {label: course.steady for label, course in self.courses.items()}
+        sheets = [Sheet(one.summary, one.scene, steady.get(one.label)) for one in self.runs]
+        curves = self._curves
+        key = "".join(curves.key_figures()) if curves else ""
+        third = f'<div class="third">{curves.third()}</div>' if curves and not several else ""
+        sheet = sheet_html(sheets, [one.label for one in self.runs])
+        look, many = ("several", "many") if several else ("single", "one")
+        stages = f'<section id="machines" class="{many}">{self._stages(several=several)}{third}</section>'
+        beside = f'<section id="sheet" aria-label="Data sheet">{sheet}</section>'
+        return f'<main class="{look}">{stages}{beside}<section id="curves" aria-label="Curves">{key}</section></main>'
+
+    @cached_property
+    def _curves(self) -> Runs | None:
+        """What draws the curves of the runs."""
+        return Runs([*self.courses.values()], [*self.courses]) if self.courses else None
+
+    def _stages(self, *, several: bool) -> str:
+        """Return the drawings of the machines with what moves them, and what they are."""
+        figures = ""
+        for one in (course.result for course in self.courses.values()):
+            told = escape(f"{one.label}: " * several + caption(one.summary, one.scene))
+            picture = drawing(machine_of(one.scene), escape(f"Drawing of the machine: {one.label}"))
+            figures += f"<figure><figcaption>{told}</figcaption>{picture}</figure>"
+        inputs = "" if several or not self.runs else _inputs(self.runs[0].scene)
+        if not self.courses:
+            return inputs
+        motions = [course.motion for course in self.courses.values()]
+        count = len(motions[0]["windows"])
+        note = f"motion × {motions[0]['k']:g}" + (f"; {count} turns, evenly over the run" if count > 1 else "")
+        controls = (
+            '<button type="button" class="play" aria-pressed="true">Pause</button>'
+            '<button type="button" class="whole">Whole run</button>'
+            f'<input type="range" min="0" max="{count - 1}" value="{count - 1}" aria-label="time">'
+            f'<span class="clock"></span><span>{escape(note)}</span>'
+        )
+        beside = f'<div><div class="controls scripted">{controls}</div>{inputs}</div>'
+        data = f'<script type="application/json" id="frames">{as_json(motions)}</script>'
+        return f'<div class="stages">{figures}</div>{beside}{data}'
+
+    # -- studies ------------------------------------------------------------------------------------
+
+    def _studies(self, machines: list[dict[str, Any]]) -> str:
+        """Return the pictures of all studies; machines of orbits are added."""
+        studies = list(dict.fromkeys(one for one, _ in self.pictures))
+        room = MOST_SAMPLES // max(len(studies), 1)
+        motions = {one: Motions(one.scene, self.mover, room, machines, self.progress) for one in studies}
+        headlines = {told.headline or self._title_of(one) for one, told in zip(self.results, self.told, strict=True)}
+        found = ""
+        for number, (one, picture) in enumerate(self.pictures):
+            title = plain_text(picture.title)
+            found += picture_html(number, picture, motions[one], one.label, "" if title in headlines else title)
+        return found
+
+    def _title_of(self, result: Result) -> str:
+        """Return the title of the first picture of a result, which says what came out; "" if it has none."""
+        return next((plain_text(picture.title) for one, picture in self.pictures if one is result), "")
+
+    # -- what is folded -----------------------------------------------------------------------------
+
+    def _folds(self) -> str:
+        """Return what is folded: all curves, events, what was printed, parameters, and how it was made."""
+        found = ""
+        if self._curves is not None:
+            figures, count, none = self._curves.all_figures()
+            empty = f"; nothing to see in {', '.join(none)}" if none else ""
+            told = f"{count} quantities, each turn of the whole run and {self._curves.last}{empty}"
+            found += fold("All curves", told, f'{hint(_READING)}<div class="pair">{figures}</div>')
+        for one in self.runs:
+            events = _events(one)
+            if len(events):
+                name = f"events of {one.label}" if len(self.runs) > 1 else "events"
+                counted = events["kind"].value_counts()
+                kinds = ", ".join(f"{number} {kind}" for kind, number in counted.items())
+                rows = np.arange(max(len(events) - EVENTS, 0), len(events))
+                found += table_html(name, events, rows, file=f"{one.label}-events.csv", told=kinds)
+        for result, answer in zip(self.results, self.told, strict=True):
+            if answer.lines or answer.text:
+                text = f"<pre>{escape(chr(10).join(answer.text))}</pre>" if answer.text else ""
+                printed = listing([], [[label, text] for label, text in answer.lines.items()]) + text
+                found += fold("All that was printed", f"{result.label}, {result.command}", printed)
+        trees = [one.given() for one in self.results]
+        names = [f"{one.label} ({one.command})" for one in self.results]
+        return found + parameters_html(parameters([one.command for one in self.results], trees), names) + self._made()
+
+    def _made(self) -> str:
+        """Return how results were made."""
+        rows = []
+        for one in self.results:
+            name = one.label if len(self.results) > 1 else ""
+            rows += [[", ".join(filter(None, (name, label))), text] for label, text in _facts(one) if text]
+        first = self.results[0].provenance
+        told = ", ".join(str(first[key])[:10] for key in ("vibroplat", "engine", "created") if first.get(key))
+        return fold("How it was made", f"vibroplat {told}", listing([], rows))
 
 
 def _web(name: str) -> str:
     return files("vibroplat.page").joinpath("web", name).read_text(encoding="utf-8")
 
 
-def _sha256(text: str) -> str:
-    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")
-
-
-def _inside_script(text: str) -> str:
-    """Write JSON without characters that HTML gives a meaning."""
-    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
-
-
-def _origin(one: Result) -> dict[str, Any]:
-    """Return how a result was made."""
-    told = {key: one.provenance.get(key) for key in _MADE}
-    return {"label": one.label, "command": one.command, "directory": str(one.directory), **told}
-
-
-def _runs(found: Sequence[Result], start: float | None, stop: float | None) -> tuple[list[dict[str, Any]], bool]:
-    """Return all runs, and whether they are shown from their beginning, as a start is.
-
-    Otherwise speeds of several runs are counted from their means, or their ripple would not be seen beside these.
-    The machines move side by side until the first run ends, if all have begun by then.
-    """
-    ours = []
-    for number, one in enumerate(found):
-        if not isinstance(one, RunResult):
-            continue
-        ends = ends_of(map(finite, one.column_parts("trajectory", (), ("t_s", *run.SPEEDS))))
-        if ends is not None and ends.rows > 1:
-            ours.append((number, one, ends))
-    common = min((float(ends.last["t_s"]) for _, _, ends in ours), default=0.0)
-    if stop is None and all(ends.first["t_s"] < common for _, _, ends in ours):
-        stop = common
-    most = max(run.ROWS // max(len(ours), 1), 2)
-    transient = any(run.is_transient(ends, one.scene) for _, one, ends in ours)
-    how = {"from_beginning": transient, "from_mean": len(ours) > 1 and not transient}
-    runs = [{"result": n} | run.run_data(one, _events(one), ends, most, start, stop, **how) for n, one, ends in ours]
-    return runs, transient
-
-
-def _told(one: Result) -> dict[str, Any]:
-    """Return the summary of a run, or what a command printed with its check, if its provenance has it."""
-    if isinstance(one, RunResult) or not isinstance(one.provenance.get("answer"), dict):
-        return summary_of(one)
-    return one.answer.to_tree() | {"check": one.provenance.get("check")}
+def _machines(machines: Sequence[Mapping[str, Any]]) -> str:
+    """Return drawings that the script takes for orbits, and the patterns of hatches."""
+    stripes = ('<rect width="30" height="3000"/>', '<rect width="90" height="120"/>', '<rect width="30" height="120"/>')
+    patterns = "".join(
+        f'<pattern id="hatch-{n}" patternUnits="userSpaceOnUse" width="90" height="240">'
+        f'<g fill="#fff" fill-opacity=".7">{stripe}</g></pattern>'
+        for n, stripe in enumerate(stripes)
+    )
+    templates = "".join(
+        f'<template id="machine-{n}">{drawing(one, "Drawing of the machine")}</template>'
+        for n, one in enumerate(machines)
+    )
+    return f'<svg width="0" height="0" class="patterns" aria-hidden="true"><defs>{patterns}</defs></svg>{templates}'
 
 
 def _events(one: Result) -> pd.DataFrame:
     return finite(one.columns("events", ("kind",), ("t_s", "impulse_n_s")))
 
 
-def _pictures(number: int, one: Result, motions: Motions) -> list[dict[str, Any]]:
-    """Return the pictures of a result, with their tables and what moves when a point is clicked."""
-    shown = [picture for picture in KINDS[one.command].pictures.pictures([one]) if "page" in picture.places]
-    return [picture_data(number, picture, motions) for picture in shown]
+def _inputs(scene: Scene) -> str:
+    """Return what a machine is, in a few lines."""
+    drive, torques = scene.drive, [exciter.critical_torque_n_m for exciter in scene.exciter_pair]
+    material = f"{quantity(scene.material_mass, 'kg')} = {share(scene.material.mass_ratio)}"
+    supply = f"{given(drive.largest_frequency)} Hz"
+    rows = {
+        "platform with unbalances": quantity(scene.platform_mass, "kg", digits=4),
+        "material": material if scene.material_mass else "none",
+        "static moments": f"{' + '.join(f'{value:.4g}' for value in scene.unbalances)} kg·m",
+        "breakdown torques": f"{' + '.join(f'{value:.4g}' for value in torques)} N·m",
+        "supply": supply if drive.program is None else f"program up to {supply}",
+    }
+    lines = "".join(f"<li><span>{label}</span> {escape(text)}</li>" for label, text in rows.items())
+    return f'<ul class="inputs">{lines}</ul>'
+
+
+def _facts(one: Result) -> list[tuple[str, str]]:
+    """Return how a result was made, line by line."""
+    made = one.provenance
+    s = one.summary if isinstance(one, RunResult) else {}
+    commit = f", commit {str(made['git_commit'])[:10]}" if made.get("git_commit") else ""
+    libraries = made.get("libraries")
+    tolerance = f", tolerance {made['tolerance']:g}" if isinstance(made.get("tolerance"), int | float) else ""
+    steps = f", {s['steps']} steps in {quantity(s.get('wall_s'), 's')}" if s.get("steps") else ""
+    window = s.get("measured_from_s"), s.get("measured_to_s"), s.get("measured_turns")
+    measured = f"{window[0]:.4g} … {window[1]:.4g} s, {window[2]} whole turns" if None not in window else ""
+    return [
+        ("command", one.command),
+        ("version", f"vibroplat {made.get('vibroplat', '')}{commit}"),
+        ("made", str(made.get("created") or "").replace("T", " ")[:19]),
+        ("engine", f"{made.get('engine') or ''}{tolerance}{steps}"),
+        ("simulated", quantity(s["simulated_s"], "s") if s.get("simulated_s") else ""),
+        ("measured", measured),
+        (
+            "configuration",
+            f"SHA-256 {str(made['configuration_sha256'])[:16]}…" if made.get("configuration_sha256") else "",
+        ),
+        (
+            "libraries",
+            ", ".join(f"{name} {version}" for name, version in libraries.items())
+            if isinstance(libraries, dict)
+            else "",
+        ),
+        ("directory", str(one.directory)),
+    ]

@@ -1,4 +1,4 @@
-"""Results on the page: where they are, what was run, how it differs from the defaults and what came out."""
+"""Results on the page: where they are, what was run, and how it differs from the defaults."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from vibroplat.columns import display_name, display_unit, unit_of
+from vibroplat.columns import unit_of
 from vibroplat.config.keys import Key, key_of
 from vibroplat.config.kinds import KINDS, unused_sections
 from vibroplat.errors import TableError
@@ -14,28 +14,6 @@ from vibroplat.results.files import commands_in
 from vibroplat.results.labels import differing, leaves, shortened, value_words
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult, load
-
-#: Keys of a summary that are shown first.
-FIRST = (
-    *("outcome", "simulated_s", "excitation_frequency_hz", "frequency_split_hz", "phase_difference_rad"),
-    *("rms_x_m", "rms_y_m", "rms_phi_rad", "gap_max_m", "contact_force_max_n", "impulse_max_n_s"),
-    *("flight_fraction", "period", "impacts_per_period", "motor_power_w", "energy_residual"),
-)
-#: Groups of the data sheet, by the beginnings of its keys.
-SHEET = {
-    "foundation_": "load on the foundation",
-    "stroke_": "strokes",
-    "acceleration_": "accelerations",
-    "gamma": "accelerations",
-    **dict.fromkeys(("motor_power_", "motor_torque_", "torque_ratio", "slip_", "speed_ripple_"), "motors"),
-    "bearing_": "motors",
-    **dict.fromkeys(("synchronized_", "start_"), "start"),
-    "whole_": "peaks of the whole run",
-}
-#: Most failures of a result that are told.
-MOST_FAILURES = 5
-#: Keys of a summary that are told elsewhere on the page.
-_ELSEWHERE = ("name", "detail", "notes", "check")
 
 
 def find_results(directories: Sequence[Path]) -> list[Result]:
@@ -77,7 +55,7 @@ def _in(directory: Path) -> Iterator[Result]:
 
 
 def parameters(commands: Sequence[str], configurations: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return a row for each parameter of some results: its section, words, unit, meaning, default and values."""
+    """Return a row for each parameter of some results: its key, unit, meaning, default and values."""
     used = [
         {section: value for section, value in tree.items() if section not in ("name", *unused_sections(command))}
         for command, tree in zip(commands, configurations, strict=True)
@@ -96,10 +74,9 @@ def _parameter(name: str, values: Sequence[Any]) -> dict[str, Any]:
     except KeyError:  # of a grid, or of another version
         key = None
     default = None if key is None else key.default
-    parts = name.split(".")[:-1]  # places in lists begin with 0; exciters and entries of a program are counted from 1
+    # Places in lists begin with 0; exciters and entries of a program are counted from 1.
     return {
-        "section": " ".join(str(int(part) + 1) if part.isdecimal() else part for part in parts),
-        "words": display_name(name) or name,
+        "key": ".".join(str(int(part) + 1) if part.isdecimal() else part for part in name.split(".")),
         "unit": unit_of(name),
         "meaning": "" if key is None else ": ".join(text for text in (key.symbol, key.meaning) if text),
         "default": default,
@@ -117,44 +94,3 @@ def differences(commands: Sequence[str], configurations: Sequence[Mapping[str, A
         for place, keys in zip(places, differing(command, [configurations[place] for place in places]), strict=True):
             found[place] = ", ".join(shortened([value_words(key, value) for key, value in keys.items()]))
     return found
-
-
-# -- what came out -----------------------------------------------------------------------------------------------------
-
-
-def summary_rows(summaries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return a row for each key of some summaries: its words, its unit, its values and its group.
-
-    The numbers that a person asks for first come first. Units are those of figures.
-    """
-    keys = [key for key in FIRST if any(key in summary for summary in summaries)]
-    keys += [key for key in dict.fromkeys(k for s in summaries for k in s) if key not in (*FIRST, *_ELSEWHERE)]
-    rows = []
-    for key in keys:
-        (unit, factor), values = display_unit(key), [summary.get(key) for summary in summaries]
-        if factor != 1.0:
-            values = [factor * v if isinstance(v, int | float) else v for v in values]
-        group = next((group for begins, group in SHEET.items() if key.startswith(begins)), "")
-        group = "first" if key in FIRST else group
-        rows.append({"words": display_name(key), "unit": unit, "values": values, "group": group})
-    return rows
-
-
-def remarks(label: str, told: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return what is to be noted of the summary of a run or of an answer: what failed, a few of many, and notes."""
-    outcome, check = told.get("outcome"), told.get("check")
-    failed = [] if outcome in ("ok", None) else [f"{outcome}: {told.get('detail')}"]
-    if isinstance(check, Mapping):
-        failed += ["engines disagree"] if check.get("agrees") is False else _texts(check.get("disagreements"))
-    failed += _texts(told.get("failures"))
-    more = len(failed) - MOST_FAILURES
-    failed = failed[:MOST_FAILURES] + ([f"{more} more"] if more > 0 else [])
-    return [
-        {"result": label, "text": text, "failed": is_failure}
-        for texts, is_failure in ((failed, True), (_texts(told.get("notes")), False))
-        for text in texts
-    ]
-
-
-def _texts(found: Any) -> list[str]:
-    return [str(text) for text in found] if isinstance(found, list) else []

@@ -1,206 +1,294 @@
-"""A run on the page: its curves, its events and the machine that moves; and how numbers are packed as text."""
+"""A run on the page: the range of each turn over all of it, its last turns, and turns in which the machine moves."""
 
 from __future__ import annotations
 
-import base64
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
-from vibroplat.columns import display_unit
-from vibroplat.config.coordinates import Mode
+from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.plots.reading import Cut, Ends, rest_of
-from vibroplat.plots.timelines import wrapped
+from vibroplat.page.machine import FRAMES, MOVING, moving
+from vibroplat.page.svg import Floats
+from vibroplat.plots.reading import Cut, ends_of, rest_of
 from vibroplat.results.picture import finite
 from vibroplat.results.run import RunResult
 
-#: Most rows of all runs together that are kept as they are, each of 80 bytes: 25 s at 2000 Hz with their events.
-ROWS = 52_000
-#: Most impacts of a run, which are drawn one by one.
-IMPACTS = 5000
-#: Intervals over the whole run, of which the smallest and the largest value are kept where it has more rows.
-INTERVALS = 1000
-#: Turns of the exciters that are shown first.
-SHOWN_TURNS = 10
-#: Change of an exciter's speed over a run, as a share of its largest speed, from which on the run is a start or a stop.
-CHANGE = 0.1
-#: Largest of the whole numbers that curves of orbits are packed as.
-STEPS = 65534
+#: Turns that are shown in detail, turns of the run in which the machine moves, and most turns that are its last ones.
+LAST_TURNS, MOVING_TURNS, MOST_PERIODS = 3, 60, 4
+#: Parts of the run of which the smallest and largest values are kept, at most, and rows kept of the detail.
+PARTS, ROWS = 400, 4000
+#: Rows from which the turns of exciter 1 follow.
+ANGLES = 100_000
+#: Change of the stroke, over its last value, up to which it counts as steady.
+STEADY = 0.01
 
 SPEEDS = ("phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
 _NEEDED = ("t_s", "x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", *SPEEDS)
-_OPTIONAL = ("gap_m", "upper_m", "contact_force_n", "motor_power_1_w", "motor_power_2_w", "supply_frequency_hz")
-
-#: Panels: title, unit, and the columns of its curves with their labels.
-PANELS: tuple[tuple[str, str, dict[str, str]], ...] = (
-    ("platform y from rest", "mm", {"y_m": ""}),
-    ("gap", "mm", {"gap_m": ""}),
-    ("contact force", "N", {"contact_force_n": ""}),
-    ("impulse", "N·s", {}),  # stems, of the events
-    ("platform x", "mm", {"x_m": ""}),
-    ("rotation φ", "mrad", {"phi_rad": ""}),
-    ("upper layer against lower one", "mm", {"upper_m": ""}),
-    ("speed", "Hz", {"speed_1": "exciter 1", "speed_2": "exciter 2", "synchronous": "synchronous"}),
-    ("phase difference", "rad", {"phase": ""}),
-    ("motor power", "W", {"motor_power_1_w": "exciter 1", "motor_power_2_w": "exciter 2"}),
+_OPTIONAL = (
+    *("x_rate_m_per_s", "y_rate_m_per_s", "gap_m", "upper_m", "contact_force_n"),
+    *("motor_power_1_w", "motor_power_2_w", "supply_frequency_hz"),
 )
-#: Most decimals of a value at the cursor.
-DECIMALS = 6
+#: Columns of curves, in their order.
+CURVES = (
+    *("force_y_n", "force_x_n", "x_m", "y_m", "phi_rad", "gap_m", "underside_m", "upper_m", "contact_force_n"),
+    *("speed_1_hz", "speed_2_hz", "synchronous_hz", PHASE_COLUMN, "motor_power_1_w", "motor_power_2_w"),
+)
 
 
-def packed(values: npt.ArrayLike) -> str:
-    """Return numbers as base64 of 32-bit floats, whose 7 digits are more than a screen shows."""
-    return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")
+@dataclass(frozen=True)
+class Course:
+    """What the page shows of a run.
 
-
-def packed_coarsely(values: npt.ArrayLike) -> tuple[float, float, str]:
-    """Return the smallest and the largest number, and all as base64 of 16-bit parts of their range; 65535 is missing.
-
-    That is 1.5e-5 of the range: far less than a pixel.
+    Attributes
+    ----------
+    result, first, last
+        The run, and its ends (s).
+    frequency
+        Of the exciters in the measured part (Hz); None if that is not known.
+    range
+        Smallest and largest value of each curve (``y_m:min``, ``y_m:max`` …) in parts of the run, and their middles.
+    detail
+        Rows of the last turns, or of the interval that was asked for.
+    impulses
+        Times (s) and impulses (N·s) of all impacts.
+    motion
+        What moves the machine.
     """
-    numbers = np.asarray(values, dtype=float)
-    known = numbers[np.isfinite(numbers)]
-    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
-    parts = np.nan_to_num(
-        (numbers - low) / (high - low or 1.0) * STEPS, nan=STEPS + 1, posinf=STEPS + 1, neginf=STEPS + 1
-    )
-    return low, high, base64.b64encode(parts.round().astype("<u2").tobytes()).decode("ascii")
+
+    result: RunResult
+    first: float
+    last: float
+    frequency: float | None
+    range: pd.DataFrame
+    detail: pd.DataFrame
+    impulses: pd.DataFrame
+    motion: Mapping[str, Any]
+
+    def band(self, column: str, until: float = math.inf) -> tuple[Floats, Floats, Floats] | None:
+        """Return times (s), up to one, smallest and largest values of a curve; None if the run has none."""
+        if f"{column}:min" not in self.range or self.range[f"{column}:min"].isna().all():
+            return None
+        found = self.range[["t_s", f"{column}:min", f"{column}:max"]].to_numpy(dtype=float)
+        found = found[found[:, 0] <= max(until, found[0, 0])]
+        return found[:, 0], found[:, 1], found[:, 2]
+
+    def turns(self, column: str, origin: float) -> tuple[Floats, Floats, Floats] | None:
+        """Return times in the detail from an origin (s), and values of a curve twice; None if the run has none."""
+        if column not in self.detail or self.detail[column].isna().all():
+            return None
+        values = self.detail[column].to_numpy(dtype=float)
+        return self.detail["t_s"].to_numpy(dtype=float) - origin, values, values
+
+    def size(self, column: str) -> float:
+        """Return the range of a curve over the whole run; 0 if it has none."""
+        band = self.band(column)
+        return 0.0 if band is None else float(np.nanmax(band[2]) - np.nanmin(band[1]))
+
+    @property
+    def main(self) -> str:
+        """The column of what moves most in operation: along x or y, or the exciters' axes as the machine rocks."""
+        s, arm = self.result.summary, self.result.scene.body.distance
+        sizes = {"y_m": s.get("rms_y_m"), "x_m": s.get("rms_x_m"), "phi_rad": arm * (s.get("rms_phi_rad") or 0.0)}
+        return max(sizes, key=lambda column: sizes[column] or 0.0)
+
+    @property
+    def steady(self) -> float | None:
+        """When the largest motion had come within 1 % of its last range for good (s); None if it did not."""
+        low, high = (self.band(self.main) or (np.zeros(0),) * 3)[1:]
+        known = np.isfinite(low) & np.isfinite(high)
+        strokes = (high - low)[known]
+        if len(strokes) < 20 or not strokes[-1] > 0.0:
+            return None
+        end = float(np.median(strokes[-5:]))
+        away = np.flatnonzero(np.abs(strokes - end) > STEADY * end)
+        if not len(away):
+            return self.first
+        return None if away[-1] >= 0.95 * len(strokes) else float(self.range["t_s"].to_numpy()[known][away[-1]])
 
 
-def is_transient(ends: Ends, scene: Scene) -> bool:
-    """Whether the supply has a corner or a speed changes during a run: it is looked at from its beginning."""
-    first, last = float(ends.first["t_s"]), float(ends.last["t_s"])
-    before, after = (row[list(SPEEDS)].to_numpy(dtype=float) for row in (ends.first, ends.last))
-    changes = np.abs(after - before) > CHANGE * max(np.abs(before).max(), np.abs(after).max())
-    supply = scene.drive.intervals
-    ramps = any(one.ramp and one.start < last and one.end > first for one in supply)
-    switches = any(first < one.start < last for one in supply)
-    return bool(changes.any()) or ramps or switches
-
-
-def run_data(
-    found: RunResult,
-    events: pd.DataFrame,
-    ends: Ends,
-    most: int,
-    start: float | None,
-    stop: float | None,
-    *,
-    from_beginning: bool = False,
-    from_mean: bool = False,
-) -> dict[str, Any]:
-    """Return what the page shows of a run with two rows or more.
+def course_of(
+    found: RunResult, events: pd.DataFrame, start: float | None = None, stop: float | None = None
+) -> Course | None:
+    """Return what the page shows of a run, None if it has less than two rows.
 
     Parameters
     ----------
-    found, events, ends
-        The result of the run, its events, and the ends of its trajectory.
-    most
-        Most rows that are kept as they are: the last ones of the interval.
+    found, events
+        The run and its events.
     start, stop
-        The interval of these rows (s). Default: the whole run.
-    from_beginning
-        The first rows are kept instead of the last ones.
-    from_mean
-        Speeds are counted from the mean of the run.
+        Interval shown in detail, and in which the machine moves (s). Default: the last turns, and the whole run.
 
     Raises
     ------
     TableError
         A table is missing or of another run, or the interval is empty.
     """
+    ends = ends_of(found.column_parts("trajectory", (), ("t_s",)))
+    if ends is None or ends.rows < 2 or ends.first["t_s"] == ends.last["t_s"]:
+        return None
     first, last = float(ends.first["t_s"]), float(ends.last["t_s"])
+    known = found.summary.get("excitation_frequency_hz")
+    frequency = float(known) if isinstance(known, int | float) and known > 0.0 else None
     begin, end = first if start is None else start, last if stop is None else stop
-    curves = [name for _, _, labels in PANELS for name in labels]
-    frequency = found.summary.get("excitation_frequency_hz")
-    parts = _parts(found, (frequency or 0.0) if from_mean else 0.0)
-    cut = Cut(parts, (begin, end), (first, last, INTERVALS), curves, most=most if from_beginning else -most)
+    detail = begin
+    if start is None and stop is None and frequency is not None:
+        detail = max(first, last - LAST_TURNS / frequency)
+    turns = int((last - first) * (frequency or 0.0))
+    parts = turns // math.ceil(turns / PARTS) if turns > 12 else PARTS
+    columns = (*CURVES, *accelerations(found.scene))
+    cut = Cut(curves_of(found), (detail, end), (first, last, parts), columns)
     if cut.shown["t_s"].nunique() < 2:
         allowed = f"allowed: an interval within {first:g} … {last:g} s"
         raise TableError(f"no data between {begin:g} and {end:g} s in {found.directory}; {allowed}")
-    t, numbers = cut.shown["t_s"].to_numpy(), cut.shown.drop(columns="mode")
-    coarse = {
-        name: {"t": packed(samples["t_s"] - first), "values": packed(samples[name])}
-        for name, samples in cut.extremes().items()
-    }
-    return {
-        "first": first,
-        "last": last,
-        "origin": t[0],
-        "end": t[-1],
-        "rows": len(t),
-        "of": ends.rows,
-        "turns": frequency if isinstance(frequency, int | float) and frequency * (last - first) >= 1.0 else None,
-        "columns": {name: packed(values) for name, values in numbers.assign(t_s=t - t[0]).items()},
-        "largest": numbers.abs().max().fillna(0.0).to_dict(),
-        "modes": "".join(cut.shown["mode"].map(initial)),
-        "coarse": None if len(t) == ends.rows else coarse,
-        "impacts": impacts_of(events, t[0], t[-1]),
-        "machine": machine_of(found.scene),
-    }
+    struck = events.loc[events["impulse_n_s"] > 0.0, ["t_s", "impulse_n_s"]]
+    motion = _motion(found, struck, max(begin, first), min(end, last), frequency, ends.rows)
+    shown = cut.shown.iloc[:: max(1, len(cut.shown) // ROWS)]
+    return Course(found, first, last, frequency, cut.envelope(), shown, struck, motion)
 
 
-def _parts(found: RunResult, mean: float) -> Iterator[pd.DataFrame]:
-    """Read the trajectory in parts, with what follows from its columns; speeds (Hz) are counted from a mean."""
-    sign, rest = -1.0 if found.scene.co_rotating else 1.0, rest_of(found.scene)
-    forward = [exciter.direction / (2.0 * np.pi) for exciter in found.scene.exciter_pair]
-    for part in map(finite, found.column_parts("trajectory", ("mode",), _NEEDED, _OPTIONAL)):
+def curves_of(found: RunResult) -> Iterator[pd.DataFrame]:
+    """Read a trajectory in parts, with the curves that follow from its columns.
+
+    Forces are those of springs and dampers on the foundation, downwards positive.
+    """
+    scene = found.scene
+    rest, machine = rest_of(scene), scene.machine
+    forward = [exciter.direction / (2.0 * math.pi) for exciter in scene.exciter_pair]
+    weights = scene.phase_weights
+    optional = (*_OPTIONAL, *accelerations(scene))
+    for part in map(finite, found.column_parts("trajectory", ("mode",), _NEEDED, optional)):
+        angles = part[["phi1_rad", "phi2_rad"]].to_numpy(dtype=float)
         table = part.assign(
             y_m=part["y_m"] - rest,
-            phase=wrapped((part["phi1_rad"] + sign * part["phi2_rad"]).to_numpy(dtype=float)),
-            speed_1=forward[0] * part[SPEEDS[0]] - mean,
-            speed_2=forward[1] * part[SPEEDS[1]] - mean,
-            phi1_rad=np.mod(part["phi1_rad"], 2.0 * np.pi),
-            phi2_rad=np.mod(part["phi2_rad"], 2.0 * np.pi),
+            speed_1_hz=forward[0] * part[SPEEDS[0]],
+            speed_2_hz=forward[1] * part[SPEEDS[1]],
+            **{PHASE_COLUMN: wrapped(angles @ np.asarray(weights))},
         )
+        if {"x_rate_m_per_s", "y_rate_m_per_s"} <= {*part}:
+            pull_x = machine.stiffness_x_n_per_m * part["x_m"] + machine.damping_x_n_s_per_m * part["x_rate_m_per_s"]
+            pull_y = machine.stiffness_y_n_per_m * part["y_m"] + machine.damping_y_n_s_per_m * part["y_rate_m_per_s"]
+            table = table.assign(force_x_n=pull_x, force_y_n=-pull_y)
+        if "gap_m" in part:
+            table["underside_m"] = table["y_m"] + part["gap_m"]
         if "supply_frequency_hz" in part:
-            table["synchronous"] = part["supply_frequency_hz"] / found.scene.exciter_pair[0].pole_pairs - mean
-        yield table.drop(columns=[*SPEEDS, "supply_frequency_hz"], errors="ignore")
+            table["synchronous_hz"] = part["supply_frequency_hz"] / scene.exciter_pair[0].pole_pairs
+        yield table
 
 
-def impacts_of(events: pd.DataFrame, start: float, end: float) -> list[list[float]]:
-    """Return times (s) and impulses (N·s) of the last impacts of an interval."""
-    struck = events[(events["impulse_n_s"] > 0.0) & events["t_s"].between(start, end)]
-    return struck[["t_s", "impulse_n_s"]].tail(IMPACTS).to_numpy(dtype=float).tolist()
+def accelerations(scene: Scene) -> dict[str, str]:
+    """Return the columns of accelerations that a trajectory may have, and whose they are."""
+    points = {"": "centre of mass"} | {f"{name}_": name for name in scene.output.points}
+    return {f"acceleration_{axis}_{name}m_per_s2": f"{axis}, {told}" for name, told in points.items() for axis in "xy"}
 
 
-def panels(runs: Sequence[Mapping[str, Any]], *, from_mean: bool = False) -> list[dict[str, Any]]:
-    """Return the panels of curves that the columns of some runs fill, with as many decimals as their sizes need."""
-    largest: dict[str, float] = {}
-    for shown in runs:
-        for name, size in shown["largest"].items():
-            largest[name] = max(size, largest.get(name, 0.0))
-    found = []
-    for title, unit, labels in PANELS:
-        curves = {name: label for name, label in labels.items() if name in largest}
-        if not curves and not (title == "impulse" and any(shown["impacts"] for shown in runs)):
-            continue
-        drawn = [{"column": name, "factor": display_unit(name)[1], "label": label} for name, label in curves.items()]
-        most = max((largest[name] * display_unit(name)[1] for name in curves), default=1.0)
-        decimals = 3 - math.floor(math.log10(most)) if 0.0 < most < math.inf else 3
-        name = "speed from its mean" if title == "speed" and from_mean else title
-        found.append({"title": name, "unit": unit, "curves": drawn, "decimals": min(max(decimals, 0), DECIMALS)})
+def wrapped(phase: Any) -> Floats:
+    """Return angles from -π/2 to 3π/2, so that 0 and π, near which exciters synchronize, are well inside."""
+    found: Floats = np.mod(np.asarray(phase, dtype=float) + 0.5 * math.pi, 2.0 * math.pi) - 0.5 * math.pi
     return found
 
 
-def initial(mode: object) -> str:
-    """Return the letter of a mode."""
-    return str(mode)[:1]
+# -- turns in which the machine moves ----------------------------------------------------------------------------------
 
 
-def machine_of(scene: Scene) -> dict[str, Any]:
-    """Return what the drawing of the machine needs; lengths in m."""
-    return {
-        "axes": scene.body.axes,
-        "radii": [exciter.unbalance_radius_m for exciter in scene.exciter_pair],
-        "directions": [exciter.direction for exciter in scene.exciter_pair],
-        "layers": scene.layers,
-        "lower_share": scene.material.lower_share if scene.layers == 2 else 1.0,
-        "contact_initial": initial(Mode.ATTACHED.label),
-    }
+def _motion(
+    found: RunResult, struck: pd.DataFrame, begin: float, end: float, frequency: float | None, rows: int
+) -> dict[str, Any]:
+    """Return turns evenly over an interval, and the last ones, as what moves the machine.
+
+    They begin where exciter 1 passes the same angle, so that one goes on where another one ends.
+    """
+    every = math.ceil(rows / ANGLES)
+    thin = pd.concat([part.iloc[::every] for part in found.column_parts("trajectory", (), ("t_s", "phi1_rad"))])
+    thin = thin[thin["t_s"].between(begin, end)]
+    turns = found.scene.exciter_pair[0].direction * thin["phi1_rad"].to_numpy(dtype=float) / (2.0 * math.pi)
+    period = found.summary.get("period")
+    last = min(period, MOST_PERIODS) if isinstance(period, int) and period > 0 else MOST_PERIODS if period == 0 else 1
+    windows = windows_of(thin["t_s"].to_numpy(dtype=float), turns, frequency, last)
+    times = np.concatenate([np.linspace(a, b, count, endpoint=False) for a, b, count in windows])
+    frames = frames_at(found, times)
+    first, places = 0, []
+    hits: list[list[float]] = []
+    for a, b, count in windows:
+        inside = struck[struck["t_s"].between(a, b, inclusive="left")]
+        at = first + (inside["t_s"] - a) / (b - a) * count
+        hits += [
+            [round(float(frame), 2), float(f"{p:.3g}")] for frame, p in zip(at, inside["impulse_n_s"], strict=True)
+        ]
+        places.append([round(a, 6), round(b - a, 7), first, count])
+        first += count
+    return moving(frames, found.scene, hits, windows=places, turns=last)
+
+
+def windows_of(t: Floats, turns: Floats, frequency: float | None, last: int) -> list[tuple[float, float, int]]:
+    """Return begin, end (s) and frames of turns evenly over a run, the last one of so many turns.
+
+    Where exciter 1 does not turn, they are as long as its turns in the measured part.
+    """
+    grown = np.maximum.accumulate(turns)
+    rate = frequency or max(float(grown[-1] - grown[0]), 1.0) / float(t[-1] - t[0])
+    usual = min(1.0 / rate, float(t[-1] - t[0]))
+    end = float(np.floor(grown[-1] + 1e-6))
+    found: list[tuple[float, float, int]] = []
+
+    def between(turn: float, count: int) -> tuple[float, float]:
+        a, b = np.interp([turn, turn + count], grown, t)
+        return float(a), float(b)
+
+    for begin in np.linspace(t[0], max(t[-1] - last * usual, t[0]), MOVING_TURNS + 1)[:-1].tolist():
+        turn = math.ceil(float(np.interp(begin, t, grown)) - 1e-6)
+        a, b = between(turn, 1)
+        if turn + 1 > end or b - a > 4.0 * usual or a - begin > 4.0 * usual:
+            a, b = begin, min(begin + usual, float(t[-1]))
+        if b > a and (not found or a >= found[-1][1] - 1e-9):
+            found.append((a, b, FRAMES))
+    a, b = between(max(end - last, float(np.ceil(grown[0]))), last)
+    if not 0.0 < b - a <= 4.0 * last * usual or t[-1] - b > 2.0 * usual:
+        a, b = max(float(t[-1]) - last * usual, float(t[0])), float(t[-1])
+    kept = [one for one in found if one[1] <= a + 1e-9]
+    return [*kept, (a, b, FRAMES * last)]
+
+
+def frames_at(found: RunResult, times: Floats) -> pd.DataFrame:
+    """Return what moves a machine at some times, which ascend; between rows it changes evenly."""
+    rest, before = rest_of(found.scene), None
+    parts = found.column_parts("trajectory", (), ("t_s", *MOVING[:5]), MOVING[5:])
+    frames: list[pd.DataFrame] = []
+    done = 0
+    for part in map(finite, parts):
+        rows = part if before is None else pd.concat([before, part], ignore_index=True)
+        if not len(rows):
+            continue
+        before = rows.tail(1)
+        known = rows["t_s"].to_numpy(dtype=float)
+        until = int(np.searchsorted(times, known[-1], side="right"))
+        if until > done:
+            at = times[done:until]
+            values = {name: np.interp(at, known, rows[name].to_numpy(dtype=float)) for name in MOVING if name in rows}
+            frames.append(pd.DataFrame(values))
+            done = until
+    if done < len(times) and frames:
+        frames.append(pd.concat([frames[-1].tail(1)] * (len(times) - done)))
+    table = pd.concat(frames, ignore_index=True)
+    return table.assign(y_m=table["y_m"] - rest)
+
+
+def resampled(trajectory: pd.DataFrame, scene: Scene, count: int, *more: str) -> pd.DataFrame:
+    """Return one period of an orbit at equal times."""
+    t = trajectory["t_s"].to_numpy(dtype=float)
+    at = np.linspace(t[0], t[-1], count, endpoint=False)
+    names = [name for name in (*MOVING, *more) if name in trajectory]
+    found = pd.DataFrame({name: np.interp(at, t, trajectory[name].to_numpy(dtype=float)) for name in names})
+    return found.assign(y_m=found["y_m"] - rest_of(scene))
+
+
+def impulses_of(events: pd.DataFrame, seconds: float, frames: int) -> Sequence[Sequence[float]]:
+    """Return frames at which material strikes in a period, and its impulses (N·s)."""
+    struck = events[(events["impulse_n_s"] > 0.0) & events["t_s"].between(0.0, seconds)]
+    at = struck["t_s"] / seconds * frames
+    return [[round(float(a), 2), float(f"{p:.3g}")] for a, p in zip(at, struck["impulse_n_s"], strict=True)]

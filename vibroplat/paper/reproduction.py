@@ -16,6 +16,7 @@ from typing import Any
 
 import pandas as pd
 
+from vibroplat.config.digits import quantity
 from vibroplat.config.reader import configurations, load_list
 from vibroplat.config.scene import Scene
 from vibroplat.paper.claims import cut, is_of_models, judge, scoreboard
@@ -24,7 +25,8 @@ from vibroplat.paper.judges import Claim
 from vibroplat.paper.root_finding import match_beta, matched_frequency, narrow
 from vibroplat.paper.scenes import BETA, IMPACT, NON_IMPACT, QUICK, SEED, claims, paper_scene
 from vibroplat.paper.tables import TABLES, histories, sync_bands
-from vibroplat.results.result import Answer, Result
+from vibroplat.results.answer import Answer
+from vibroplat.results.result import Result
 from vibroplat.study.branches import SweepBranch, branches
 from vibroplat.study.pool import Pool, StoredChain, run_stored
 from vibroplat.study.store import Record, Store
@@ -190,7 +192,9 @@ class PaperStudy(Study):
         beta, matched = main.evidence.beta, matched_frequency(main.evidence)
         written = {name: table.drop(columns="wall_s", errors="ignore") for name, table in tables.items()}
         facts = {"beta_per_s": beta, "beta_matched_hz": matched}
-        answer = Answer(self._lines(trials, beta, matched), list(_verdicts(tables["claims"])))
+        lines = self._lines(trials, beta, matched)
+        headline, short = _short(self.machine, tables["claims"], lines)
+        answer = Answer(lines, list(_verdicts(tables["claims"])), headline=headline, short=short)
         return Result("paper", self.scene, written, answer, facts=facts)
 
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
@@ -202,13 +206,22 @@ class PaperStudy(Study):
         points = pd.DataFrame([point for trial in itertools.chain(*trials) for point in trial.points], columns=COUNTED)
         matched = "no β: 30.9 Hz is not reached in antiphase"
         if beta is not None:
-            matched = f"β = {beta:.2f} 1/s makes RMS y equal at f = {matched_hz:.2f} Hz"
+            matched = f"β = {quantity(beta, '1/s')} makes RMS y equal at f = {quantity(matched_hz, 'Hz')}"
         simulated, events = points["simulated_s"].sum(), points["events"].sum()
         return {
             "machine": f"{self.machine}; {matched}",
-            "computed": f"{len(points)} points, {simulated:.6g} s of motion, {events} events",
+            "computed": f"{len(points)} points, {quantity(simulated, 's')} of motion, {events} events",
             "not ok": f"{(points['outcome'] != 'ok').sum()} points, counted in the claims that they concern",
         }
+
+
+def _short(machine: str, table: pd.DataFrame, lines: Mapping[str, str]) -> tuple[str, list[str]]:
+    """Return how many claims hold with a machine, and how the others fail."""
+    counts = table["verdict"].astype(str).str.partition(", without")[0].value_counts()
+    good = int(counts.get("reproduced", 0))
+    others = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if verdict != "reproduced")
+    short = [others, lines["machine"].partition("; ")[2], f"{lines['computed']}; not ok: {lines['not ok']}"]
+    return f"{machine}: {good} of {len(table)} claims of the paper reproduced", [line for line in short if line]
 
 
 def _verdicts(table: pd.DataFrame) -> Iterator[str]:

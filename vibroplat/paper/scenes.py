@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from vibroplat.config.loading import load_config
 from vibroplat.config.reader import configurations, flat, load_list, load_tree
-from vibroplat.config.scene import Scene, load_config
+from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 
 #: Sweeps of the impact model by which claims are judged.

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,7 +20,7 @@ from vibroplat.config.digits import quantity
 from vibroplat.plots.histories import Run
 from vibroplat.plots.measured import FloatArray, Measured
 from vibroplat.plots.style import new_figure
-from vibroplat.plots.timelines import FROM_REST, draw_coordinate
+from vibroplat.plots.timelines import FROM_REST, TURN, draw_coordinate
 from vibroplat.results.labels import plain
 from vibroplat.results.picture import CURVES, REFERENCE
 
@@ -50,17 +49,13 @@ def _lines(runs: Sequence[Run], names: Sequence[str]) -> dict[str, list[_Line]]:
             for column in (column for column in map(str, run.shown) if column.startswith(begin)):
                 point = column.removeprefix(begin).removesuffix("m_per_s2").rstrip("_")
                 who = f"point {point}" if point else "centre of mass"
-                of = found.setdefault(axis, [])
-                largest = float(run.shown[column].abs().max())
-                apart = [
-                    (run.shown[other] - run.shown[column]).abs().max() if one is run else math.inf
-                    for one, other, _ in of
-                ]
-                same = next((k for k, size in enumerate(apart) if size <= ALIKE * largest), None)
-                if same is None:
-                    of.append((run, column, f"{names[number]}, {who}" if names else who))
+                of, alike = found.setdefault(axis, []), ALIKE * float(run.shown[column].abs().max())
+                for k, (one, other, label) in enumerate(of):
+                    if one is run and float((run.shown[other] - run.shown[column]).abs().max()) <= alike:
+                        of[k] = (run, other, f"{label} = {who}")
+                        break
                 else:
-                    of[same] = (*of[same][:2], f"{of[same][2]} = {who}")
+                    of.append((run, column, f"{names[number]}, {who}" if names else who))
     sizes = {axis: max(float(run.shown[column].abs().max()) for run, column, _ in of) for axis, of in found.items()}
     return {axis: of for axis, of in found.items() if sizes[axis] >= MATTERS * max(sizes.values())}
 
@@ -82,7 +77,7 @@ def draw_accelerations(runs: Sequence[Run], names: Sequence[str], data: Measured
         largest = max(float(run.shown[column].abs().max()) for run, column, _ in of)
         axis.set_ylabel(f"acceleration along {along} (m/s²)")
         axis.set_title(f"up to {quantity(largest, 'm/s²')}", loc="left")
-    axes[-1].set_xlabel("$t$ (s)")
+    axes[-1].set_xlabel("time (s)")
     return figure
 
 
@@ -113,7 +108,7 @@ def draw_spectra(runs: Sequence[Run], names: Sequence[str], data: Measured | Non
     lines = _lines(runs, names)
     figure, axes = _panels(lines)
     run = runs[0]
-    speed = run.turns / float(np.ptp(run.shown["t_s"]))
+    speed = float(run.shown["phi1_rate_rad_per_s"].abs().median()) / TURN  # also where a start is shown
     for axis, (along, of) in zip(axes, lines.items(), strict=False):
         found = [amplitude_spectrum(run, column) for run, column, _ in of]
         end = min(found[0][0][-1], ORDERS * speed if run.turns >= 1.0 else math.inf)
@@ -121,13 +116,8 @@ def draw_spectra(runs: Sequence[Run], names: Sequence[str], data: Measured | Non
         for order in orders:
             axis.axvline(order * speed, color=REFERENCE, lw=0.6, alpha=0.5)
             if order <= NAMED and axis is axes[0]:
-                look: dict[str, Any] = {
-                    "transform": axis.get_xaxis_transform(),
-                    "fontsize": 7.5,
-                    "ha": "center",
-                    "va": "top",
-                }
-                axis.text(order * speed, 0.99, f"{order}×", bbox={"fc": "white", "ec": "none", "pad": 0.5}, **look)
+                place = (order * speed, 0.99)
+                axis.annotate(f" {order}×", place, xycoords=axis.get_xaxis_transform(), va="top", fontsize=7.5)
         for number, ((frequencies, sizes), (_, _, label)) in enumerate(zip(found, of, strict=True)):
             axis.plot(frequencies, sizes, lw=1.0, color=CURVES[number % len(CURVES)], label=label)
         top = max(float(sizes.max()) for _, sizes in found) or 1.0
@@ -142,7 +132,7 @@ def draw_spectra(runs: Sequence[Run], names: Sequence[str], data: Measured | Non
 def draw_measured(runs: Sequence[Run], names: Sequence[str], data: Measured | None) -> Figure:
     """Draw each measured column beside what was computed, with their difference."""
     assert data is not None
-    columns = [c for c in map(str, data.table) if c != "t_s" and any(c in run.shown for run in runs)]
+    columns = [c for c in map(str, runs[0].shown.select_dtypes("number")) if c != "t_s" and c in data.table]
     figure, axes = new_figure(len(columns), 1, (8.0, 1.2 + 2.1 * len(columns)), sharex=True)
     for column, axis in zip(columns, axes[:, 0], strict=True):
         for number, run in enumerate(runs):
@@ -154,5 +144,5 @@ def draw_measured(runs: Sequence[Run], names: Sequence[str], data: Measured | No
         if column == "y_m" and all(run.from_rest for run in runs):
             axis.set_ylabel(FROM_REST)
     shifted = f"; measured data shifted by {quantity(data.shift, 's', digits=4)}" if data.shift else ""
-    axes[-1, 0].set_xlabel(f"$t$ (s){shifted}")
+    axes[-1, 0].set_xlabel(f"time (s){shifted}")
     return figure

@@ -15,7 +15,7 @@ from vibroplat.plots.measured import DataFile, read_data
 from vibroplat.plots.paper import paper_figures
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.style import Saving, save, styled
-from vibroplat.results.files import commands_in
+from vibroplat.results.files import commands_in, directory_of
 from vibroplat.results.labels import ABSCISSAE
 from vibroplat.results.result import Result
 
@@ -67,13 +67,17 @@ def _draw(
     """Draw the pictures of results of studies, those that can be laid over each other at once."""
     for places in [directories] if command in _COMPARED else [[place] for place in directories]:
         results = [Result.read(place, command) for place in places]
-        yield from ((places[0], *drawn) for drawn in draw_study(command, results, kinds, **options))
+        yield from (
+            (directory_of(places[0], command), *drawn) for drawn in draw_study(command, results, kinds, **options)
+        )
 
 
 def draw_study(
     command: str, results: Sequence[Result], kinds: Sequence[str] = (), *, data: DataFile | None = None, **options: Any
 ) -> Iterator[tuple[str, Figure]]:
     """Draw the pictures of results of one kind of study; yield the name and the figure of each."""
+    if data is not None:
+        options |= {"kept": [*map(str, data.columns or data.table)]}
     for picture in KINDS[command].pictures.pictures(results, kinds, **options):
         if "print" in picture.places:
             x = picture.axes[0] if options.get("x") is None else ABSCISSAE[options["x"]]
@@ -91,7 +95,7 @@ def plot_results(
     Parameters
     ----------
     directories
-        Result directories; figures are saved in the first one, those of branches in each.
+        Result directories; figures are saved beside the tables of the first one, those of branches in each.
     kinds
         Figures; all that the results have if empty.
     saving

@@ -25,6 +25,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.plots.histories import read_run
 from vibroplat.plots.style import MATERIAL, PLATFORM, head, new_figure, styled
 from vibroplat.plots.timelines import FROM_REST
+from vibroplat.results.files import directory_of
 from vibroplat.results.picture import CURVES
 from vibroplat.results.tables import replace_file, require_replaceable
 
@@ -59,7 +60,7 @@ def write_film(
     directory
         Result directory of ``vibroplat run``.
     out
-        The film, ``.gif`` or ``.mp4``. Default: ``machine.gif`` in the directory.
+        The film, ``.gif`` or ``.mp4``. Default: ``machine.gif`` beside its tables.
     start, stop
         Interval that is filmed (s). Default: the last turns.
     turns, frames
@@ -70,7 +71,7 @@ def write_film(
     VibroplatError
         There is no such result or nothing to film, the format is unknown, or ffmpeg is not installed.
     """
-    out = out or directory / "machine.gif"
+    out = out or directory_of(directory, "run") / "machine.gif"
     if out.suffix not in (".gif", ".mp4"):
         raise VibroplatError(f"--out {out}: not a film; allowed: a name that ends with .gif or .mp4")
     if out.suffix == ".mp4" and shutil.which("ffmpeg") is None:

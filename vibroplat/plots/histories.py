@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,9 @@ _LOG = logging.getLogger("vibroplat")
 POINTS = 20_000
 #: Most bins of an envelope; none is shorter than a turn, over which it would not be one.
 BINS = 400
-#: Turns of the exciters that are shown in detail if no interval is given; more of them for so many samples.
-SHOWN_TURNS, FEWEST = 10, 10
+#: Turns of the exciters that stand beside a whole run; those that are known in detail if no interval is given, and are
+#: shown of motion that does not repeat so soon; and the fewest samples, for which there are more turns.
+LAST_TURNS, SHOWN_TURNS, FEWEST = 3, 10, 10
 
 _ANGLES = ("phi1_rad", "phi2_rad", "phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
 _RATES = ("x_rate_m_per_s", "y_rate_m_per_s")
@@ -37,6 +39,8 @@ _PEAKS = {
     "y_m": "stroke_y_m",
     "x_m": "stroke_x_m",
 }
+#: Speeds of both exciters, their mean and their difference.
+SPEEDS = ("speed_1_hz", "speed_2_hz", "speed_mean_hz", "speed_difference_hz")
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,8 @@ class Run:
     peaks
         Largest force into the foundation and stroke of the whole run, as far as they are known and in the interval: by
         column its value, time (s) and the mean speed of the exciters then (Hz).
+    summary
+        The summary of the whole run.
     """
 
     name: str
@@ -76,17 +82,24 @@ class Run:
     chosen: bool
     from_rest: bool
     peaks: Mapping[str, tuple[float, float, float | None]]
+    summary: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def turns(self) -> float:
         """Turns of exciter 1 in the rows shown."""
-        angles = self.shown["phi1_rad"]
-        return abs(float(angles.iloc[-1] - angles.iloc[0])) / (2.0 * math.pi)
+        return turns_of(self.shown)
 
     @property
     def is_long(self) -> bool:
         """Whether it is much longer than its part shown in detail."""
-        return float(np.ptp(self.whole["t_s"])) > 1.5 * float(np.ptp(self.shown["t_s"]))
+        return float(np.ptp(self.whole["t_s"])) > 1.5 * float(np.ptp(self.last["t_s"]))
+
+    @cached_property
+    def last(self) -> pd.DataFrame:
+        """The rows of the last turns that stand beside the whole run; all that are shown if an interval was given."""
+        turns = (self.shown["phi1_rad"] - self.shown["phi1_rad"].iloc[-1]).abs() / (2.0 * math.pi)
+        found = self.shown[turns <= shown_turns(self.summary)]
+        return self.shown if self.chosen or len(found) < FEWEST else found
 
     def range_of(self, column: str) -> float:
         """Return the range of a coordinate over the whole interval (m)."""
@@ -99,6 +112,18 @@ class Run:
         found = values.to_numpy(dtype=float)
         found = found[np.isfinite(found)]
         return arm * float(np.ptp(found)) if len(found) else 0.0
+
+
+def turns_of(table: pd.DataFrame) -> float:
+    """Return the turns of exciter 1 in a trajectory."""
+    angles = table["phi1_rad"]
+    return abs(float(angles.iloc[-1] - angles.iloc[0])) / (2.0 * math.pi)
+
+
+def shown_turns(summary: Mapping[str, Any]) -> int:
+    """Return the turns that are shown in detail: several periods of the motion, as far as it repeats."""
+    period = summary.get("period")
+    return min(max(LAST_TURNS, 2 * period - 1), SHOWN_TURNS) if isinstance(period, int) and period else SHOWN_TURNS
 
 
 #: How messages call a run in memory, an end of an interval of it, and a trajectory without rows.
@@ -116,7 +141,7 @@ def read_run(directory: Path, start: float | None = None, stop: float | None = N
     known = frequency is None or (type(frequency) in (int, float) and frequency >= 0.0)
     if not known or not isinstance(summary.get("name"), str):
         raise TableError(f"{directory / 'summary.json'} is not the summary of a run")
-    ends = ends_of(result.column_parts("trajectory", (), ("t_s",)))
+    ends = ends_of(result.column_parts("trajectory", (), ("t_s", *_ANGLES[:2])))
     scene = result.known_scene
     moved = () if scene is None else acceleration_columns(scene.output.points)
     optional = {*COORDINATES, *_RATES, *moved, *more} - {"t_s", "mode", "y_m", *_ANGLES}
@@ -156,8 +181,11 @@ def run_of(
     turns = int((end - begin) * (frequency or 0.0))
     bins = min(turns, BINS) if turns else BINS
     sag = summary.get("static_sag_m") if scene is None else -rest_of(scene)
-    parts = (_with_forces(part, scene).assign(y_m=part["y_m"] + (sag or 0.0)) for part in trajectory)
-    columns = (*COORDINATES, *FORCES)
+    ways = [-1.0 if ends.last[f"phi{n}_rad"] < ends.first[f"phi{n}_rad"] else 1.0 for n in (1, 2)]
+    parts = (
+        _with_speeds(_with_forces(part, scene), ways).assign(y_m=part["y_m"] + (sag or 0.0)) for part in trajectory
+    )
+    columns = (*COORDINATES, *FORCES, *SPEEDS)
     found = Cut(parts, (detail, end), (begin, end, bins), columns, every=math.ceil(ends.rows / POINTS))
     shown_events = pd.concat([part[part["t_s"].between(detail, end)] for part in events], ignore_index=True)
     if found.shown["t_s"].nunique() < 2:
@@ -165,7 +193,7 @@ def run_of(
     co_rotating = summary.get("rotation") == "co-rotating"
     cut = (found.thinned, found.envelope(), found.shown, shown_events)
     peaks = {column: one for column, one in _peaks(summary).items() if begin <= one[1] <= end}
-    return Run(summary["name"], scene, *cut, co_rotating, chosen, sag is not None, peaks)
+    return Run(summary["name"], scene, *cut, co_rotating, chosen, sag is not None, peaks, summary)
 
 
 def _with_forces(part: pd.DataFrame, scene: Scene | None) -> pd.DataFrame:
@@ -176,6 +204,15 @@ def _with_forces(part: pd.DataFrame, scene: Scene | None) -> pd.DataFrame:
     along_x = machine.stiffness_x_n_per_m * part["x_m"] + machine.damping_x_n_s_per_m * part["x_rate_m_per_s"]
     along_y = machine.stiffness_y_n_per_m * part["y_m"] + machine.damping_y_n_s_per_m * part["y_rate_m_per_s"]
     return part.assign(force_x_n=along_x, force_y_n=along_y)
+
+
+def _with_speeds(part: pd.DataFrame, ways: Sequence[float]) -> pd.DataFrame:
+    """Add speeds (Hz) to a part of a trajectory, positive in the direction in which each exciter turns on the whole."""
+    first, second = (
+        way * part[f"phi{n}_rate_rad_per_s"] / (2.0 * math.pi) for n, way in zip((1, 2), ways, strict=True)
+    )
+    found = (first, second, 0.5 * (first + second), first - second)
+    return part.assign(**dict(zip(SPEEDS, found, strict=True)))
 
 
 def _peaks(summary: Mapping[str, Any]) -> dict[str, tuple[float, float, float | None]]:

@@ -40,6 +40,8 @@ Curve = tuple[FloatArray, FloatArray]
 
 #: Largest file that is read (bytes).
 MAX_BYTES = 2**26
+#: Most samples of measured data that are correlated.
+MOST_SAMPLES = 2**24
 #: Most measured points that are drawn large.
 MOST_LARGE = 100
 #: Short names of columns; ``ax`` and ``ay`` are accelerations, ``ay_inlet`` that of point ``inlet``.
@@ -63,12 +65,13 @@ class Measured:
     errors: dict[str, float] = field(default_factory=dict)
 
     def fit(self, simulated: pd.DataFrame) -> None:
-        """Find the shift in time at which the data correlate best with rows of a trajectory, if it is not known."""
+        """Find the shift in time, if it is not known, by the column with most values that a trajectory has as well."""
         if self.shift is None:
             columns = [column for column in map(str, self.table) if column in simulated and column != "t_s"]
-            pairs = [(curve_of(self.table, c), curve_of(simulated, c)) for c in columns]
-            found = best_shift([pair for pair in pairs if min(len(of[0]) for of in pair) > 1])
-            self.table, self.shift = self.table.assign(t_s=self.table["t_s"] + found), found
+            measured = [(curve_of(self.table, column), column) for column in columns]
+            curve, column = max(measured, key=lambda of: len(of[0][0]))
+            self.shift = best_shift(curve, curve_of(simulated, column))
+            self.table = self.table.assign(t_s=self.table["t_s"] + self.shift)
 
     def compare(self, column: str, x: str, curves: Collection[Curve]) -> None:
         """Note the error of a column beside the nearest of some curves over ``x``."""
@@ -80,6 +83,10 @@ class Measured:
     def told(self, column: str) -> str:
         """Say how much a column differs from what was computed; "" if it was not compared."""
         return f"differs by {share(self.errors[column])}" if column in self.errors else ""
+
+    def differences(self) -> list[str]:
+        """Say how much each column differs from what was computed."""
+        return [f"{display_name(column)} {self.told(column)}" for column in self.errors]
 
     def lines(self) -> list[str]:
         """Say the errors of all columns, and how far the data were shifted."""
@@ -121,39 +128,38 @@ def relative_error(measured: Curve, computed: Curve) -> float | None:
     return float(np.sqrt(np.square(np.interp(x[inside], places, curve) - values[inside]).sum() / square))
 
 
-def best_shift(pairs: Collection[tuple[Curve, Curve]]) -> float:
-    """Find what to add to the times of measured curves so that they correlate best with computed ones (s).
+def best_shift(measured: Curve, computed: Curve) -> float:
+    """Find what to add to the times of a measured curve so that it correlates best with a computed one (s).
 
     Both are taken at the median distance of the computed samples. The shorter one slides along the longer one, and
-    the coefficient of correlation is that of where both are, its mean for several pairs. The best place is that of the
-    parabola through three of them.
+    the coefficient of correlation is that of where both are. The best place is that of the parabola through three.
 
     Raises
     ------
     TableError
         Nothing to compare, or a curve of one value.
     """
-    total: Any = 0.0
-    start, longer_is_measured, step = 0.0, False, 0.0
-    for measured, computed in pairs:
-        step = step or float(np.median(np.diff(np.unique(computed[0]))))
-        grids = [np.arange(times[0], times[-1] + 1e-9 * step, step) for times, _ in (measured, computed)]
-        longer_is_measured = len(grids[0]) > len(grids[1])
-        sampled = [np.interp(grid, *curve) for grid, curve in zip(grids, (measured, computed), strict=True)]
-        (first, one), (second, other) = sorted(zip(grids, sampled, strict=True), key=lambda of: len(of[0]))
-        start, count = second[0] - first[0], len(one)
-        one, size = one - one.mean(), len(one) + len(other)
-        other = other - other.mean()
-        spectrum = np.fft.rfft(other, size) * np.conj(np.fft.rfft(one, size))
-        products = np.fft.irfft(spectrum, size)[: len(other) - count + 1]
-        sums, squares = (np.concatenate([[0.0], np.cumsum(values)]) for values in (other, other * other))
-        spread = (squares[count:] - squares[:-count]) - (sums[count:] - sums[:-count]) ** 2 / count
-        scale = np.sqrt(np.maximum(spread, 1e-12 * squares[-1]) * float(one @ one))
-        total = total + np.divide(products, scale, out=np.zeros_like(scale), where=scale > 0.0)
+    from scipy.signal import correlate  # noqa: PLC0415  (takes half a second, and few figures need it)
+
+    if not len(measured[0]) > 1:
+        raise TableError("--data: shift=fit needs values over time; allowed: shift=S in seconds")
+    step, span = float(np.median(np.diff(np.unique(computed[0])))), float(np.ptp(measured[0]))
+    if span > MOST_SAMPLES * step:
+        raise TableError(f"--data: times span {span:g} s; allowed with shift=fit: seconds, as by t=NAME*0.001")
+    grids = [np.arange(times[0], times[-1] + 1e-9 * step, step) for times, _ in (measured, computed)]
+    sampled = [np.interp(grid, *curve) for grid, curve in zip(grids, (measured, computed), strict=True)]
+    longer_is_measured = len(grids[0]) > len(grids[1])
+    (first, one), (second, other) = sorted(zip(grids, sampled, strict=True), key=lambda of: len(of[0]))
+    start, count, one, other = second[0] - first[0], len(one), one - one.mean(), other - other.mean()
+    products = correlate(other, one, "valid", "fft")
+    sums, squares = (np.concatenate([[0.0], np.cumsum(values)]) for values in (other, other * other))
+    spread = (squares[count:] - squares[:-count]) - (sums[count:] - sums[:-count]) ** 2 / count
+    scale = np.sqrt(np.maximum(spread, 1e-12 * squares[-1]) * float(one @ one))
+    total = np.divide(products, scale, out=np.zeros_like(scale), where=scale > 0.0)
     if not np.any(total):
         raise TableError("--data: shift=fit finds nothing to correlate; allowed: shift=S in seconds")
     shifts = (start + step * np.arange(len(total))) * (-1.0 if longer_is_measured else 1.0)
-    near = np.flatnonzero(total >= total.max() - ALIKE * len(pairs))
+    near = np.flatnonzero(total >= total.max() - ALIKE)
     place = int(near[np.abs(shifts[near]).argmin()])
     around = range(max(place - 2, 0), min(place + 3, len(total)))  # a plateau has its best within
     place = max(around, key=lambda k: total[k])
@@ -264,9 +270,9 @@ def _mapping(path: Path, told: str, known: list[str]) -> tuple[dict[str, tuple[s
             raise TableError(f"--data {path}: {entry!r} in the mapping; allowed: COLUMN=NAME, COLUMN=NAME*FACTOR")
         try:
             if ours == "shift":
-                shift = None if theirs == "fit" else float(theirs)
+                shift = None if theirs == "fit" else _number(theirs)
                 continue
-            scale = float(factor) if name else 1.0
+            scale = _number(factor) if name else 1.0
         except ValueError:
             allowed = "a time in s, or fit" if ours == "shift" else "a number behind the star"
             raise TableError(f"--data {path}: {entry}; allowed: {allowed}") from None
@@ -277,6 +283,13 @@ def _mapping(path: Path, told: str, known: list[str]) -> tuple[dict[str, tuple[s
             ours = f"acceleration_{found[1]}{found[2] or ''}_m_per_s2"
         columns[SHORT.get(ours, ours)] = name.strip(), scale
     return columns, shift
+
+
+def _number(text: str) -> float:
+    """Return a finite number; raises ValueError."""
+    if not abs(value := float(text)) <= MAX_SIZE:
+        raise ValueError
+    return value
 
 
 def _text(path: Path) -> str:

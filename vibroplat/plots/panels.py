@@ -14,15 +14,17 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.patheffects import Normal, Stroke
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
+from vibroplat.config import digits
+from vibroplat.plots.strips import PALE
 from vibroplat.plots.style import in_decades
-from vibroplat.results.labels import SUPPLY, in_ratios, key_label, key_name
+from vibroplat.results.labels import SUPPLY, halfway, in_ratios, key_label, key_name
 from vibroplat.results.picture import BLUE, REFERENCE, VERMILION, Panel, Picture, Series
 
 if TYPE_CHECKING:
     from vibroplat.kernels.compiled import FloatArray
 
-#: Bars of a panel and of a histogram.
-BARS, BINS = 10, 30
+#: Bars of a panel, dots from which on they are smaller, and shares of points that are marked (%).
+BARS, MANY, QUANTILES, SHARES = 10, 200, (5, 50, 95), (5, 25, 50, 75, 95)
 #: Hatch of tiles of points that failed, and most ticks of their vertical axis.
 HATCH, _TICKS = "xxxx", 12
 #: Largest real and imaginary part on the plane, and the least frame, just around the unit circle.
@@ -41,8 +43,9 @@ def ended(values: Any) -> FloatArray:
 
 
 def draw_map(
-    axis: Axes, table: pd.DataFrame, key: str, values: pd.Series, colours: Any, norm: Any, *, x: str = SUPPLY
-) -> Axes:
+    axis: Axes, table: pd.DataFrame, key: str, values: pd.Series, colours: Any, norm: Any, *, x: str = SUPPLY,
+    alpha: float | None = None,
+) -> Axes:  # fmt: skip
     """Draw a tile of equal height for each point of one direction of a sweep; failed points are hatched.
 
     Rows are in the order of the key's values, evenly spaced whatever these are: their ticks say which.
@@ -59,21 +62,25 @@ def draw_map(
         What is drawn; NaN where a point failed.
     colours, norm
         Matplotlib's colour map and norm of these values.
-    x
-        Column of the horizontal axis.
+    x, alpha
+        Column of the horizontal axis, and opacity of the tiles.
 
     Returns
     -------
     Axes
         The same axis.
     """
-    grid = table.assign(value=values).pivot_table(
-        index=key, columns=x, values="value", aggfunc="first", dropna=False, sort=True
+    grid = (
+        table.assign(value=values)
+        .dropna(subset=[key, x])
+        .pivot_table(index=key, columns=x, values="value", aggfunc="first", dropna=False, sort=True)
     )
+    if grid.empty:
+        return axis
     found = grid.to_numpy(dtype=float)
-    rows, edges = np.arange(len(grid.index)), _edges(grid.columns.to_numpy(dtype=float))
+    rows, edges = np.arange(len(grid.index)), halfway(grid.columns.to_numpy(dtype=float))
     corners = edges, np.arange(len(rows) + 1) - 0.5
-    axis.pcolormesh(*corners, found, cmap=colours, norm=norm, rasterized=True)
+    axis.pcolormesh(*corners, found, cmap=colours, norm=norm, alpha=alpha, rasterized=True)
     missing = np.ma.masked_where(np.isfinite(found), np.zeros(found.shape))
     if missing.count():
         axis.pcolor(*corners, missing, cmap=ListedColormap(["white"]), hatch=HATCH, lw=0.0)
@@ -83,14 +90,6 @@ def draw_map(
     axis.set_yticks(rows[::every], [f"{value:.4g}" for value in grid.index[::every]])
     axis.grid(visible=False)
     return axis
-
-
-def _edges(values: FloatArray) -> FloatArray:
-    """Return the edges of tiles around ascending values: half way, of values in equal ratios by their logarithms."""
-    if in_ratios(values):
-        return np.exp(_edges(np.log(values)))
-    half = 0.5 * np.diff(values) if len(values) > 1 else 0.01 * np.abs(values) + 1e-9
-    return np.concatenate([[values[0] - half[0]], values[:-1] + half[: len(values) - 1], [values[-1] + half[-1]]])
 
 
 def coloured(panel: Panel, points: pd.DataFrame) -> tuple[FloatArray, Any, Normalize]:
@@ -114,7 +113,17 @@ def _tiles(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[S
     points, (values, colours, norm) = picture.points, coloured(panel, picture.points)
     rows = np.concatenate([series.places for series in shown if series.mode == "dots"])
     table = points.iloc[rows]
-    draw_map(axis, table, panel.column, pd.Series(values[rows], table.index), colours, norm, x=x)
+    draw_map(
+        axis,
+        table,
+        panel.column,
+        pd.Series(values[rows], table.index),
+        colours,
+        norm,
+        x=x,
+        alpha=PALE if panel.classes else None,
+    )
+    _over_tiles(axis, panel, table, x)
     levels = np.unique(table[panel.column])
     across, up = ended(points[x]), ended(points[panel.column])
     for series in (series for series in shown if series.mode == "lines"):
@@ -127,6 +136,26 @@ def _tiles(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[S
             "path_effects": outlined,
         }
         axis.plot(across[series.places], places, scalex=False, scaley=False, **look)
+
+
+def _over_tiles(axis: Axes, panel: Panel, table: pd.DataFrame, x: str) -> None:
+    """Draw hatches of tiles and contours over them."""
+    if not (panel.hatch or panel.contours):
+        return
+    look: dict[str, Any] = {"index": panel.column, "columns": x, "aggfunc": "first", "dropna": False, "sort": True}
+    across = np.unique(table[x])
+    rows = np.arange(table[panel.column].nunique())
+    corners = halfway(across), np.arange(len(rows) + 1) - 0.5
+    for hatch in panel.hatches:
+        flags = table.assign(flag=np.where(table[panel.hatch] == hatch, 1.0, np.nan)).pivot_table(values="flag", **look)
+        values = np.ma.masked_invalid(flags.to_numpy(dtype=float))
+        if values.count():
+            axis.pcolor(*corners, values, cmap=ListedColormap(["#ffffff00"]), hatch=hatch, lw=0.0)
+    if panel.contours and min(len(across), len(rows)) > 1:
+        heights = table.pivot_table(values=panel.contours.column, **look).to_numpy(dtype=float)
+        levels = panel.contours.levels
+        dashes = [dash for dash, _ in levels.values()]
+        axis.contour(across, rows, heights, [*levels], colors="k", linewidths=0.9, linestyles=dashes)
 
 
 def _bars(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Series]) -> None:
@@ -145,7 +174,7 @@ def _stack(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[S
     points, below = picture.points, pd.Series(0.0, np.unique(picture.points[x]))
     values = below.index.to_numpy(float)
     for series in shown:
-        own = points.iloc[series.places].set_index(x).reindex(values)
+        own = points.iloc[series.places].drop_duplicates(x).set_index(x).reindex(values)
         share, low, high = (own[f"{panel.column}{end}"].astype(float) for end in ("", "_low", "_high"))
         top = below + share.fillna(0.0)
         if len(values) > 1:
@@ -202,15 +231,27 @@ def tick_sizes(axis: Axes) -> None:
     axis.yaxis.set_major_formatter("{x:g}")
 
 
-def _histogram(axis: Axes, picture: Picture, panel: Panel, _: str, series: Sequence[Series]) -> None:
-    """Draw how often the values of a measure occur, in the colours of its classes."""
-    own = picture.points.iloc[np.concatenate([one.places for one in series])]
-    values = own[panel.column].to_numpy(dtype=float, na_value=np.nan)
-    parts = [values[(own[panel.by] == name).to_numpy() & np.isfinite(values)] for name in panel.classes]
-    if any(len(part) for part in parts):
-        axis.hist(parts, bins=BINS, stacked=True, color=[colour for colour, _ in panel.classes.values()])
-    axis.xaxis.set_major_locator(MaxNLocator(5))
-    axis.set_ylabel("samples")
+def _ranks(axis: Axes, picture: Picture, panel: Panel, _: str, series: Sequence[Series]) -> None:
+    """Draw each point in the order of its values, in the colour of its class, and rings at 5, 50 and 95 %."""
+    own = picture.points.iloc[np.concatenate([one.places for one in series])].dropna(subset=[panel.column])
+    own = own.sort_values(panel.column, kind="stable")
+    values, share = own[panel.column].to_numpy(dtype=float), 100.0 * (np.arange(len(own)) + 0.5) / max(len(own), 1)
+    size = 2.4 if len(own) <= MANY else 1.2
+    for name, (colour, _) in panel.classes.items():
+        chosen = (own[panel.by] == name).to_numpy(dtype=bool)
+        axis.plot(values[chosen], share[chosen], "o", ms=size, mew=0.0, color=colour)
+    axis.set(yticks=SHARES, ylim=(-4.0, 104.0))
+    axis.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+    if axis.get_subplotspec().is_first_col():  # type: ignore[union-attr]
+        axis.set_ylabel("samples that are smaller (%)")
+    if len(own) and np.ptp(values) > 0.0:
+        for quantile, place in zip(QUANTILES, np.percentile(values, QUANTILES), strict=True):
+            left = place > 0.5 * (values[0] + values[-1])
+            axis.plot(place, quantile, "o", ms=5.0, mfc="white", mec=BLUE)
+            axis.annotate(
+                digits.number(float(place)), (place, quantile), (-6.0 if left else 6.0, 0.0), fontsize=8.0, color=BLUE,
+                textcoords="offset points", ha="right" if left else "left", va="center",
+            )  # fmt: skip
 
 
 def _dots(axis: Axes, picture: Picture, panel: Panel, x: str, series: Sequence[Series]) -> None:
@@ -225,7 +266,7 @@ def _dots(axis: Axes, picture: Picture, panel: Panel, x: str, series: Sequence[S
 
 DRAWERS: Mapping[str, Any] = {
     "dots": _dots,
-    "counts": _histogram,
+    "ranks": _ranks,
     "tiles": _tiles,
     "bars": _bars,
     "stack": _stack,

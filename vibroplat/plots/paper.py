@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN
+from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN, display_name, unit_of
 from vibroplat.plots.pictures import draw_response, marker_legend
-from vibroplat.plots.style import begin_at_zero, entry, new_figure
+from vibroplat.plots.style import begin_at_zero, entry, head, new_figure
 from vibroplat.plots.timelines import FloatArray, in_units
 from vibroplat.results.picture import BLACK, BLUE, GREEN, ORANGE, PURPLE, REFERENCE, VERMILION, finite
 from vibroplat.results.result import Result
+from vibroplat.study import titles
 from vibroplat.study.bands import find_jumps
 from vibroplat.study.branches import EXCITATION
 
@@ -72,7 +73,7 @@ def _arrows(axis: Axes, rows: pd.DataFrame, column: str, colour: str) -> None:
     """
     f, values = rows[EXCITATION].to_numpy(dtype=float), in_units(rows[column], column)
     up = rows["direction"].iloc[0] != "down"
-    arrow = {"arrowstyle": "->", "color": colour, "lw": 0.8, "ls": "-" if up else "--", "shrinkA": 0.0, "shrinkB": 0.0}
+    arrow = {"arrowstyle": "->", "color": colour, "lw": 0.6, "ls": "-" if up else "--", "shrinkA": 0.0, "shrinkB": 0.0}
     known = [0.0, 2.0 * np.pi] if column == PHASE_COLUMN else [0.0, *values[np.isfinite(values)]]
     least = VISIBLE * float(np.ptp(known))
     for i in np.flatnonzero(find_jumps(rows)):
@@ -100,10 +101,22 @@ def _over_frequency(height: float, panels: Sequence[Panel], names: Curves = ()) 
             begin_at_zero(axis)
         axis.set_title(panel.title, loc="left")
     axes[-1, 0].set_xlabel("$f$ (Hz)")
+    head(figure, _largest(panels[0]))
     handles = [entry(name, color=colour, lw=2.0) for name, colour in names]
     markers = marker_legend(pd.concat([rows for panel in panels for rows, _, _ in panel.curves]))
     figure.legend(handles=[*handles, *markers], loc="outside lower center", ncols=4)
     return figure
+
+
+def _largest(panel: Panel) -> str:
+    """Say the largest value of each curve of a panel, and where it is."""
+    known = [rows.dropna(subset=[panel.column]).sort_values(panel.column) for rows, *_ in panel.curves]
+    best = [rows.iloc[-1] for rows in known if len(rows)]
+    if not best:
+        return "Every point failed"
+    largest = titles.several([float(row[panel.column]) for row in best], unit_of(panel.column))
+    where = titles.place(EXCITATION, [float(row[EXCITATION]) for row in best])
+    return f"{display_name(panel.column)} at most {largest} at {where}"
 
 
 def _fig2(result: Result) -> Figure:
@@ -161,7 +174,7 @@ def history(name: str, column: str, curves: Curves, title: str, *, near: float =
             axis = next(left)
             for number, curve in _curves(rows).items():  # the first ones are wider, visible below the others
                 label, colour = curves[number - 1]
-                look = {"lw": 2.4 - 0.5 * (number - 1), "color": colour, "label": label}
+                look = {"lw": 1.6 - 0.3 * (number - 1), "color": colour, "label": label}
                 axis.plot(1e3 * curve["t_s"], quantity.factor * curve[column], **look)
             axis.set_ylabel(quantity.label)
             shown = " … ".join(dict.fromkeys(f"{f:.2f}" for f in (rows[EXCITATION].min(), rows[EXCITATION].max())))
@@ -174,12 +187,23 @@ def history(name: str, column: str, curves: Curves, title: str, *, near: float =
                 below.set_ylabel(f"{', '.join(map(str, found))} minus 1\n(mm)", fontsize=8.5)
                 below.sharex(axis)
                 axis.tick_params(labelbottom=False)
-        axes[-1, 0].set_xlabel("$t$ (ms)")
+        axes[-1, 0].set_xlabel("time (ms)")
+        head(figure, _heights(panels, column))
         handles, labels = axes[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=4)
         return figure
 
     return draw
+
+
+def _heights(panels: Sequence[pd.DataFrame], column: str) -> str:
+    """Say from the least to the largest value of each curve, by panels."""
+    told = []
+    for rows in panels:
+        ranges = [float(curve[column].max() - curve[column].min()) for curve in _curves(rows).values()]
+        where = titles.place(EXCITATION, rows[EXCITATION])
+        told.append(f"{titles.several(ranges, unit_of(column))}{f' at {where}' if where else ''}")
+    return f"{display_name(column)} peak to peak {'; '.join(told)}"
 
 
 def _curves(rows: pd.DataFrame) -> dict[int, pd.DataFrame]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,21 +17,14 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from vibroplat.columns import PHASE_COLUMN, QUANTITIES, quantity_of
+from vibroplat.plots.layout import cells_of
 from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.panels import DRAWERS, HATCH, coloured, ended, placed_by_size, size_at, tick_sizes
-from vibroplat.plots.style import (
-    begin_at_zero,
-    entry,
-    few,
-    head,
-    in_decades,
-    legend_below,
-    new_figure,
-    panel_grid,
-    widen_ticks,
-)
+from vibroplat.plots.strips import PALE, draw_jumps, draw_strips, draw_words, entries_of, jump_entry
+from vibroplat.plots.style import TOLD, begin_at_zero, entry, few, head, in_decades, legend_below, widen_ticks
 from vibroplat.plots.timelines import in_units, name_axis, tell_shaking
-from vibroplat.results.labels import EXCITATION, SUPPLY, is_number, key_label
+from vibroplat.results.content import motions_of
+from vibroplat.results.labels import EXCITATION, is_number, key_label
 from vibroplat.results.picture import (
     BEHIND,
     BLACK,
@@ -40,25 +33,23 @@ from vibroplat.results.picture import (
     FAILED,
     REFERENCE,
     STATES,
-    Facet,
     Mark,
     Panel,
     Picture,
     Series,
-    motions_of,
 )
-from vibroplat.study.picture import branch_series, placed
+from vibroplat.study.curves import branch_series, failed_of, marked_series, open_of, placed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from vibroplat.kernels.compiled import FloatArray
 
-#: Panels beside each other at most.
-ACROSS = 3
 #: Fillings of markers by the state of a point.
 _FILLINGS = dict(zip(STATES, ("full", "none", "bottom", "none"), strict=True))
 _CROSS: Mapping[str, Any] = {"marker": "x", "ls": "", "color": FAILED, "ms": 5.0, "mew": 1.4}
+#: Most entries of a legend in the place of a panel that is left empty.
+MOST_WITHIN = 11
 #: Opacity of intervals that are shaded.
 _SHADE = 0.15
 
@@ -101,7 +92,7 @@ def _draw(axis: Axes, drawn: _Drawn, y: FloatArray, *, wraps: bool = False, colo
     marker: dict[str, Any] = {"marker": series.symbol, "ms": 3.2 * series.size, "mew": 0.7}
     if series.mode == "dots":
         known = np.isfinite(y)
-        axis.plot(x[known], y[known], ls="", marker="o", ms=1.6, mew=0.0, rasterized=len(x) > 2000, **style)
+        axis.plot(x[known], y[known], "o", ms=1.6 * series.size, mew=0.0, rasterized=len(x) > 2000, **style)
         return
     shown = [(name, chosen) for name, chosen in drawn.states if name != "failed"]
     alone = len(shown) == 1 and series.mode == "both" and len(drawn.states) == 1
@@ -131,9 +122,8 @@ def draw_response(
 ) -> Axes:
     """Draw a quantity along one branch of a sweep.
 
-    The way down is wide and pale below the way up, so that both are seen where they coincide. Jumps are left open.
-    Markers point in the direction of the branch: full ones are periodic, open ones quasi-periodic or chaotic, half-full
-    ones undecided. Points that failed are crosses on the horizontal axis.
+    It is solid, and dashed on the way down. Jumps are left open. Where the motion does not repeat, points are open
+    circles, half-full ones where that is undecided; points that failed are crosses on the horizontal axis.
 
     Parameters
     ----------
@@ -146,9 +136,9 @@ def draw_response(
     x
         Column of the horizontal axis.
     color, label
-        Of the line and its markers.
+        Of the line.
     size
-        Factor of the line's width and the markers' size.
+        Factor of its width.
 
     Returns
     -------
@@ -157,8 +147,10 @@ def draw_response(
     """
     rows = rows.reset_index(drop=True)
     drawn = _prepared(branch_series(rows, "", color, size), ended(placed(rows, x)), motions_of(rows))
-    count = len(axis.lines)
-    _draw(axis, drawn, ended(in_units(rows[column], column)), wraps=column == PHASE_COLUMN)
+    count, y = len(axis.lines), ended(in_units(rows[column], column))
+    _draw(axis, drawn, y, wraps=column == PHASE_COLUMN)
+    for marked in marked_series(rows, color, open_of(rows) | failed_of(rows), size):
+        _draw(axis, _prepared(marked, ended(placed(rows, x)), motions_of(rows)), y)
     if label is not None:
         axis.lines[count].set_label(label)
     axis.autoscale_view()
@@ -181,19 +173,23 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
     """Draw a picture over the first of its axes, or another column, with measured data laid over it."""
     x = x or picture.axes[0]
     computed, picture = picture.points, _in_units(picture, x)
-    figure, cells = _cells(picture, x)
+    figure, strip, cells = cells_of(picture, x)
+    if strip is not None:
+        draw_strips(strip, picture, x)
     prepared = [_prepared(series, ended(picture.points[x]), _states(picture)) for series in picture.series]
-    for axis, panel, series, behind in cells:
-        _panel(axis, picture, panel, x, [prepared[n] for n in series], [prepared[n] for n in behind])
+    for axis, panel, *numbers in cells:
+        shown, behind = ([prepared[n] for n in own if _within(picture.series[n], panel)] for own in numbers)
+        _panel(axis, picture, panel, x, shown, behind)
         if data is not None:
-            places = [np.asarray(picture.series[n].rows) for n in series]
+            places = [picture.series[n].places for n in numbers[0]]
             curves = [curve_of(computed.iloc[rows[rows != BROKEN]], panel.column, x) for rows in places]
             data.compare(panel.column, x, curves)
             data.draw(axis, x, panel.column)
             _limit(axis, panel, picture.points)
-    first = cells[0][0]
-    if picture.log(x) and not picture.counted and picture.panels[0].kind not in ("tiles", "bars"):
-        in_decades(next(axis for axis, panel, *_ in cells if not panel.x), "x")  # that all share
+    first = cells[0].axis if cells else strip
+    assert first is not None
+    if picture.log(x) and not {panel.kind for panel in picture.panels} & {"tiles", "bars", "ranks"}:
+        in_decades(next((axis for axis, panel, *_ in cells if not panel.x), first), "x")  # that all share
     if x == "start":
         first.xaxis.set_major_locator(MaxNLocator(integer=True))
     head(figure, picture.title, picture.told)
@@ -204,7 +200,12 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
         bar = figure.colorbar(ScalarMappable(norm, dark), ax=figure.axes, aspect=50, pad=0.01)
         bar.set_label(key_label(picture.scale))
     measured = [line for axis in figure.axes for line in axis.get_legend_handles_labels()[0]][:1]
-    legend_below(figure, [*legend_of(picture), *(measured if data is not None else [])])
+    entries = [*legend_of(picture), *(measured if data is not None else [])]
+    empty = next((axis for axis in figure.axes if not axis.axison), None)
+    if empty is not None and len(cells) > 1 and len(entries) <= MOST_WITHIN:
+        empty.legend(handles=entries, loc="center", fontsize=8.0)
+    else:
+        legend_below(figure, entries)
     return figure
 
 
@@ -219,69 +220,31 @@ def _states(picture: Picture) -> Any:
     return np.zeros(0, dtype=int) if picture.states is None else picture.states
 
 
-def _cells(picture: Picture, x: str) -> tuple[Figure, list[tuple[Axes, Panel, Sequence[int], Sequence[int]]]]:
-    """Return a figure and its panels, each with the numbers of its series and of those behind them."""
-    panels = [panel for panel in picture.panels if panel.column != x or picture.counted]
-    facets = picture.facets or (Facet("", range(len(picture.series))),)
-    label = key_label(x) if x in (EXCITATION, SUPPLY) or "." in x or picture.facets else _label(x)
-    high = any(panel.kind in ("tiles", "plane") for panel in panels) or picture.high
-    share = not any(panel.kind == "plane" for panel in panels)
-    if len(panels) > 1 and (len(facets) > 1 or not share):
-        size = (max(8.0 if share else 5.8, 1.5 + 4.3 * len(facets)), 1.4 + (3.4 if high else 2.9) * len(panels))
-        figure, axes = new_figure(len(panels), len(facets), size, sharex=share, sharey="row")
-        cells = [
-            (axis, panel, facet.series, facet.behind)
-            for row, panel in zip(axes, panels, strict=True)
-            for axis, facet in zip(row, facets, strict=True)
-        ]
-        for axis, panel, *_ in cells:
-            if panel.title or axis in axes[0]:
-                axis.set_title(facets[axis.get_subplotspec().colspan.start].label, loc="left")
-        for axis in axes[-1]:
-            axis.set_xlabel(label)
-        return figure, cells
-    count, many = max(len(panels), len(facets), 1), picture.counted or len(facets) > 1 or high
-    shown = [(panel, facet.series, facet.behind) for panel in panels for facet in facets]
-    if many:
-        across = min(count, ACROSS)
-        figure, axes = new_figure(
-            -(-count // across), across, (max(4.4 * across, 6.0), 0.9 + (4.2 if high else 2.6) * -(-count // across))
-        )
-        grid = list(axes.ravel())
-        for axis in grid[count:]:
-            axis.set_axis_off()
-        for axis, (panel, *_) in zip(grid, shown, strict=False):
-            own = _label(panel.column) if picture.counted else panel.label if panel.kind == "bars" else label
-            axis.set_xlabel(own)
-    else:
-        two = count > 5
-        size = (11.0 if two else 8.0, 1.9 + (4.0 if count == 1 else 1.75) * -(-count // (1 + two)))
-        figure, grid = panel_grid(count, 1 + two, size, label)
-    for axis, facet in zip(grid, facets if len(facets) > 1 else (), strict=False):
-        axis.set_title(facet.label, loc="left")
-    return figure, [(axis, *one) for axis, one in zip(grid, shown, strict=False)]
-
-
-def _label(column: str) -> str:
-    """Return what a column is called on an axis, with its unit."""
-    return quantity_of(column).label if column in QUANTITIES or column.endswith("_m") else key_label(column)
+def _within(series: Series, panel: Panel) -> bool:
+    """Whether a series is in a panel."""
+    return not series.of or panel.column in series.of
 
 
 def _panel(axis: Axes, picture: Picture, panel: Panel, x: str, shown: list[_Drawn], behind: list[_Drawn]) -> None:
     """Draw what a panel shows, and name its axis."""
     points, series = picture.points, [one.series for one in shown]
-    kind = "counts" if picture.counted else "dots" if panel.by and panel.kind == "points" else panel.kind
+    kind = "dots" if panel.by and panel.kind == "points" else panel.kind
     if kind in DRAWERS:
         DRAWERS[kind](axis, picture, panel, x, series)
     else:
         _curves(axis, picture, panel, x, shown, behind)
-    if not picture.counted and (axis.get_subplotspec().is_first_col() or len(picture.facets) < 2):  # type: ignore[union-attr]
+    if kind != "ranks" and (axis.get_subplotspec().is_first_col() or len(picture.facets) < 2):  # type: ignore[union-attr]
         _name(axis, panel)
     _references(axis, picture, panel, x)
     _limit(axis, panel, points)
-    if panel.column == PHASE_COLUMN and not picture.counted:
+    if panel.column == PHASE_COLUMN and kind != "ranks":
         tell_shaking(axis, picture.rotation)
-    if panel.by and panel.kind != "plane" and not picture.counted:
+    if kind in ("points", "dots", "tiles") and not picture.log(x):
+        widen_ticks(axis, "x")
+    draw_words(axis, picture, panel.column, x)
+    if panel.note:
+        axis.set_title(panel.note, loc="right", fontsize=8.0, color=TOLD)
+    if panel.by and panel.kind not in ("plane", "ranks"):
         _explain(axis, picture, panel)
     if panel.title:
         own = axis.get_title(loc="left")
@@ -298,8 +261,9 @@ def _curves(axis: Axes, picture: Picture, panel: Panel, x: str, shown: list[_Dra
         _draw(axis, one, y, colour=BEHIND)
     for one in shown:
         _draw(axis, one, y, wraps=panel.column == PHASE_COLUMN)
+    draw_jumps(axis, picture, panel.column, x)
     for mark in picture.marks:
-        places, size = picture.points[x].iloc[[*mark.rows]], 11.0 if mark.colour else 5.0
+        places, size = picture.points[x].iloc[[*mark.rows]], 8.0 if mark.colour else 3.6
         axis.plot(places, y[mark.rows], zorder=4.0, **_marked(mark) | {"ms": size})
     axis.autoscale_view()
 
@@ -307,7 +271,7 @@ def _curves(axis: Axes, picture: Picture, panel: Panel, x: str, shown: list[_Dra
 def _marked(mark: Mark) -> dict[str, Any]:
     """Return the look of special points."""
     edge, filling = mark.colour or BLACK, mark.colour or "white"
-    return {"marker": mark.symbol, "ls": "", "mfc": filling, "mec": edge, "mew": 1.1, "ms": 6.0}
+    return {"marker": mark.symbol, "ls": "", "mfc": filling, "mec": edge, "mew": 0.8, "ms": 5.0}
 
 
 def _name(axis: Axes, panel: Panel) -> None:
@@ -324,11 +288,11 @@ def _name(axis: Axes, panel: Panel) -> None:
 
 def _references(axis: Axes, picture: Picture, panel: Panel, x: str) -> None:
     """Draw lines of reference and shade intervals."""
-    over = panel.column if picture.counted else panel.x or x
+    over = panel.column if panel.kind == "ranks" else panel.x or x
     for line in picture.lines:
         draw: Any = axis.axvline if line.column == over else axis.axhline if line.column == panel.column else None
         for value in in_units(list(line.at), line.column) if draw else ():
-            draw(value, color=REFERENCE, lw=0.9, ls=line.dash, zorder=1.5)
+            draw(value, color=line.colour, lw=0.9, ls=line.dash, zorder=1.5)
     for one in picture.ranges:
         if one.column == over:
             axis.axvspan(one.low, one.high, color=REFERENCE, alpha=_SHADE, lw=0.0, zorder=0.5)
@@ -363,7 +327,7 @@ def _explain(axis: Axes, picture: Picture, panel: Panel) -> None:
 
 def legend_of(picture: Picture) -> list[Any]:
     """Return the entries of a legend: what colours, lines, fillings and marks mean, of those that the picture needs."""
-    series, entries = picture.series, list[Any]()
+    series, entries = picture.series, [] if picture.strips is None else [*entries_of(picture.strips)]
     labels = {one.label: one for one in reversed(series) if one.label}
     names = dict.fromkeys(one.label for one in series if one.label)
     if not picture.scale:
@@ -374,13 +338,18 @@ def legend_of(picture: Picture) -> list[Any]:
         if panel.kind == "tiles" and (_states(picture) == STATES.index("failed")).any():
             entries.append(Patch(facecolor="white", edgecolor="black", hatch=HATCH, lw=0.3, label="failed"))
         entries += [
-            Patch(color=colour, label=label) for name, (colour, label) in panel.classes.items() if (known == name).any()
+            Patch(facecolor=colour, alpha=PALE if panel.kind == "tiles" else 1.0, label=label)
+            for name, (colour, label) in panel.classes.items()
+            if (known == name).any()
         ]
-    entries += _looks(picture)
+        entries += [Patch(fc="white", ec="black", hatch=hatch, lw=0.3, label=t) for hatch, t in panel.hatches.items()]
+        for dash, told in panel.contours.levels.values() if panel.contours else ():
+            entries.append(entry(told, color=BLACK, lw=0.9, ls=dash))
+    entries += [*_looks(picture), *jump_entry(picture)]
     for mark in picture.marks:
         entries.append(entry(": ".join(filter(None, (mark.kind, mark.meaning))), **_marked(mark)))
     entries += [
-        entry(line.label, color=REFERENCE, lw=0.9, ls=line.dash) for line in picture.lines if line.label and line.at
+        entry(line.label, color=line.colour, lw=0.9, ls=line.dash) for line in picture.lines if line.label and line.at
     ]
     entries += [entry(one.label, color=REFERENCE, alpha=_SHADE, lw=5.0) for one in picture.ranges]
     if picture.facets and any(facet.behind for facet in picture.facets):
@@ -409,11 +378,13 @@ def _looks(picture: Picture) -> Iterator[Line2D]:
     for name in found if found != ["full"] else ():
         look = {"marker": "o", "ls": "", "color": BLACK, "ms": 6.0, "mew": 0.7, "markerfacecoloralt": "white"}
         look = dict(_CROSS) if name == "failed" else look | {"fillstyle": _FILLINGS[name]}
-        yield entry(picture.meanings[STATES.index(name)], **look)
+        if meaning := picture.meanings[STATES.index(name)]:
+            yield entry(meaning, **look)
 
 
 def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:
     """Yield the entries of a legend that say what markers of a sweep mean, of those that a table needs."""
     table = table.reset_index(drop=True)
     series = [branch_series(rows) for _, rows in table.groupby("direction", sort=False)]
+    series += marked_series(table, BLACK, open_of(table) | failed_of(table))
     yield from _looks(Picture("response", "", "", table, "", [EXCITATION], [], series, states=motions_of(table)))

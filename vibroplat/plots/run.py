@@ -14,21 +14,26 @@ import numpy as np
 from vibroplat.columns import FORCES, PHASE
 from vibroplat.errors import TableError
 from vibroplat.plots import accelerations, timelines
-from vibroplat.plots.histories import Run, read_run
+from vibroplat.plots.headlines import headline
+from vibroplat.plots.histories import Run, read_run, turns_of
 from vibroplat.plots.measured import DataFile, Measured, curve_of
 from vibroplat.plots.style import (
     FORCE,
     MATERIAL,
     PLATFORM,
+    TOLD,
     begin_at_zero,
     head,
     legend_below,
     new_figure,
 )
+from vibroplat.results.files import directory_of
 from vibroplat.results.labels import compared, distinct, run_parameters
-from vibroplat.results.picture import BLACK, CURVES, REFERENCE
+from vibroplat.results.labels import named as label_of_runs
+from vibroplat.results.picture import BLACK, CURVES, ORANGE, REFERENCE
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -42,6 +47,10 @@ MATTERS = 0.05
 MOST_TURNS = 60
 
 _MOVING = ("x_m", "y_m", "phi_rad")
+#: Colours of columns of one run: what is along x is orange everywhere.
+_COLOURS = {"gap_m": MATERIAL, "contact_force_n": FORCE, "x_m": ORANGE, "force_x_n": ORANGE}
+#: Difference of speeds up to which it has a panel of its own, over the largest speed.
+NEARLY = 0.05
 
 # -- figures -----------------------------------------------------------------------------------------------------------
 
@@ -67,21 +76,21 @@ class Shown:
     @property
     def detail(self) -> str:
         """The label of the horizontal axis where turns are shown in detail."""
-        return "$t$ since a whole turn of exciter 1 (s)" if self.aligned else "$t$ (s)"
+        return "time since a whole turn of exciter 1 (s)" if self.aligned else "time (s)"
 
     def origin(self, run: Run) -> float:
         """Return the time (s) from which those of a run are counted in detail."""
         if not self.aligned:
             return 0.0
-        turns = run.shown["phi1_rad"].abs() // (2.0 * np.pi)
-        return float(run.shown["t_s"].iloc[int(turns.gt(turns.iloc[0]).argmax())])
+        turns = run.last["phi1_rad"].abs() // (2.0 * np.pi)
+        return float(run.last["t_s"].iloc[int(turns.gt(turns.iloc[0]).argmax())])
 
     def look(self, number: int, column: str) -> dict[str, Any]:
         """Return the look of a run's line: a colour for each quantity, or for each run if there are several."""
         if self.only is not None:
-            return {"color": {"gap_m": MATERIAL, "contact_force_n": FORCE}.get(column, PLATFORM)}
+            return {"color": _COLOURS.get(column, PLATFORM)}
         colour = CURVES[number % len(CURVES)]
-        return {"color": colour, "label": self.names[number], "lw": 1.8 - 0.9 * number / len(self.runs), "alpha": 0.9}
+        return {"color": colour, "label": self.names[number], "lw": 1.5 - 0.7 * number / len(self.runs), "alpha": 0.9}
 
 
 def run_figures(
@@ -122,13 +131,13 @@ def run_figures(
         measured = data.select("t_s", numbers)
         measured.fit(runs[0].shown)
         for column in numbers:
-            measured.compare(column, "t_s", [curve_of(runs[0].shown, column)])
+            measured.compare(column, "t_s", [curve_of(run.shown, column) for run in runs if column in run.shown])
     shown = _shown(runs, directories, measured)
     drawn = [kind for kind in kinds or FIGURES if not missing(kind, shown)]
     if not drawn:
         raise TableError(f"--kind {kinds[0]}: {directories[0]} {missing(kinds[0], shown)}")
     for kind in drawn:
-        yield directories[0], kind, FIGURES[kind](shown)
+        yield directory_of(directories[0], "run"), kind, FIGURES[kind](shown)
 
 
 def missing(kind: str, shown: Shown) -> str:
@@ -149,14 +158,19 @@ def _shown(runs: Sequence[Run], directories: Sequence[Path], data: Measured | No
     return Shown(runs, data, compared("run", names, [run.scene for run in runs]))
 
 
-def _head(figure: Figure, shown: Shown, named: Axes | None = None) -> None:
-    """Put the runs' names and parameters above a figure, and below it the lines of an axis that names them.
+def _head(figure: Figure, shown: Shown, kind: str, named: Axes | None = None) -> None:
+    """Put what a figure shows above it, and below it the lines of an axis that names them.
 
     Several runs are always named, by the lines of the last axis.
     """
     run = shown.only
     parameters = "" if run is None else run_parameters(run.scene, float(run.whole["t_s"].iloc[0]))
-    head(figure, ", ".join(run.name for run in shown.runs), parameters)
+    told = [] if shown.data is None or kind != "measured" else shown.data.differences()
+    head(
+        figure,
+        "; ".join(told) or headline(kind, shown.runs),
+        label_of_runs([run.name for run in shown.runs], parameters),
+    )
     if run is None or named is not None:
         legend_below(figure, (named or figure.axes[-1]).get_legend_handles_labels()[0])
 
@@ -167,8 +181,33 @@ def _legend_above(axis: Axes, columns: int = 1) -> None:
         axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderpad=0.0, ncols=columns)
 
 
+def _over_time(shown: Shown, rows: Sequence[str], more: int = 0) -> tuple[Figure, Any, bool]:
+    """Draw columns over time, the range of each turn of a long run on the left and its last turns on the right.
+
+    Both have the scale of the whole run. ``more`` panels below are left to others.
+    """
+    overview = not any(run.chosen for run in shown.runs) and any(run.is_long for run in shown.runs)
+    count = len(rows) + more
+    figure, axes = new_figure(
+        count, 1 + overview, (10.0 if overview else 8.0, 1.5 + 1.45 * count),
+        sharex="col", sharey="row", width_ratios=[2.2, 1.0] if overview else None,
+    )  # fmt: skip
+    for column, row in zip(rows, axes, strict=False):
+        for axis in row:
+            _draw(axis, shown, column, detail=axis is row[-1])
+        if overview:
+            row[-1].set_ylabel("")
+    if overview:
+        turns = round(turns_of(shown.runs[0].last))
+        axes[0, 0].set_title("whole run: range of each turn", loc="left", color=TOLD, fontsize=8.5)
+        axes[0, 1].set_title(f"last {turns} turns", loc="left", color=TOLD, fontsize=8.5)
+        axes[-1, 0].set_xlabel("time (s)")
+    axes[-1, -1].set_xlabel(shown.detail)
+    return figure, axes, overview
+
+
 def _motion(shown: Shown) -> Figure:
-    """Draw the platform and the gap: the whole run on the left, the last turns on the right."""
+    """Draw the platform and the gap."""
     runs = shown.runs
     largest = [max(run.range_of(c) for c in _MOVING) for run in runs]
     rows = ["y_m"]
@@ -176,31 +215,20 @@ def _motion(shown: Shown) -> Figure:
         if any(run.range_of(column) > MATTERS * most for run, most in zip(runs, largest, strict=True)):
             rows.append(column)
     rows += ["gap_m"] if any("gap_m" in run.shown for run in runs) else []
-    overview = not any(run.chosen for run in runs) and any(run.is_long for run in runs)
-    size = (10.0 if overview else 8.0, 1.5 + 1.45 * len(rows))
-    figure, axes = new_figure(len(rows), 1 + overview, size, sharex="col")
-    for column, row in zip(rows, axes, strict=True):
-        if overview:
-            _draw(row[0], shown, column, detail=False)
-        _draw(row[-1], shown, column)
-    if overview:
-        axes[0, 0].set_title("whole run, range of values", loc="left")
-        axes[0, 1].set_title("last turns, grey on the left" if shown.only else "last turns", loc="left")
-        axes[-1, 0].set_xlabel("$t$ (s)")
-    axes[-1, -1].set_xlabel(shown.detail)
+    figure, axes, _ = _over_time(shown, rows)
     if shown.only is not None:
         if "gap_m" in rows:
             _legend_above(axes[-1, -1], 2)
         if shown.data is not None:
             _legend_above(axes[0, -1])
-    _head(figure, shown)
+    _head(figure, shown, "motion")
     return figure
 
 
 def _draw(axis: Axes, shown: Shown, column: str, *, detail: bool = True) -> None:
     """Draw a coordinate in detail, or its range over the whole run.
 
-    If there is one run, contact is shaded and impacts are marked in detail; the other panel shades what detail shows.
+    If there is one run, contact is shaded and impacts are marked in detail.
     """
     alone = shown.only is not None
     for number, run in enumerate(shown.runs):
@@ -210,21 +238,24 @@ def _draw(axis: Axes, shown: Shown, column: str, *, detail: bool = True) -> None
         if not detail or run.turns > MOST_TURNS:
             colour, label = look["color"], look.get("label")
             timelines.draw_envelope(axis, run.envelope, column, color=colour, label=label, filled=alone)
-            if alone and not detail:
-                axis.axvspan(run.shown["t_s"].iloc[0], run.shown["t_s"].iloc[-1], color=REFERENCE, alpha=0.25, lw=0)
             continue
-        table = run.shown.assign(t_s=run.shown["t_s"] - shown.origin(run))
+        table = run.last.assign(t_s=run.last["t_s"] - shown.origin(run))
         timelines.draw_coordinate(axis, table[table["t_s"] >= 0.0] if shown.aligned else table, column, **look)
-        if alone and "gap_m" in run.shown:
-            timelines.draw_contact(axis, run.shown)
+        if alone and column in ("y_m", "x_m", "phi_rad", "gap_m", "contact_force_n") and "gap_m" in run.shown:
+            timelines.draw_contact(axis, run.last)
             if column == "gap_m":
-                timelines.draw_impacts(axis, run.events)
+                timelines.draw_impacts(axis, _during(run))
     if column == "y_m" and all(run.from_rest for run in shown.runs):
         axis.set_ylabel(timelines.FROM_REST)
     if shown.data is not None:
         shown.data.draw(axis, "t_s", column, inside=True)
     if detail and column in ("x_m", "y_m"):
         _no_noise(axis, shown)
+
+
+def _during(run: Run) -> pd.DataFrame:
+    """Return the events of the last turns."""
+    return run.events[run.events["t_s"] >= float(run.last["t_s"].iloc[0])]
 
 
 def _no_noise(axis: Axes, shown: Shown) -> None:
@@ -237,78 +268,113 @@ def _no_noise(axis: Axes, shown: Shown) -> None:
 
 def _force(shown: Shown) -> Figure:
     """Draw the contact force, and below it the impulses of impacts as stems: they are no forces."""
-    strikes = any((run.events["impulse_n_s"] > 0.0).any() for run in shown.runs)
+    strikes = any((_during(run)["impulse_n_s"] > 0.0).any() for run in shown.runs)
     ratios = {"height_ratios": [2.0, 1.0]} if strikes else {}
     figure, axes = new_figure(1 + strikes, 1, (8.0, 4.4 if strikes else 3.2), sharex=True, gridspec_kw=ratios)
     force: Axes = axes[0, 0]
     _draw(force, shown, "contact_force_n")
     begin_at_zero(force)
     for number, run in enumerate(shown.runs if strikes else []):
-        events = run.events.assign(t_s=run.events["t_s"] - shown.origin(run))
+        events = _during(run)
+        events = events.assign(t_s=events["t_s"] - shown.origin(run))
         look = shown.look(number, "")
         timelines.draw_impulses(axes[1, 0], events, BLACK if shown.only else look["color"], look.get("label"))
     if strikes and shown.only is not None and shown.only.turns <= MOST_TURNS:
-        timelines.draw_contact(axes[1, 0], shown.only.shown)
+        timelines.draw_contact(axes[1, 0], shown.only.last)
     axes[-1, 0].set_xlabel(shown.detail)
     if any(patch.get_label() == "attached" for patch in force.patches) or shown.data is not None:
         _legend_above(force, 2)
-    _head(figure, shown)
+    _head(figure, shown, "force")
     return figure
 
 
 def _exciters(shown: Shown) -> Figure:
-    """Draw the speeds of both exciters and their phase difference over the whole interval."""
-    figure, axes = new_figure(2, 1, (8.0, 5.0), sharex=True)
-    speeds, phases = axes[:, 0]
+    """Draw the speeds of both exciters, their difference if that is small, and their phase difference."""
     only = shown.only
+    split = only is not None and _nearly_equal(only)
+    heights = [1.4, 1.0, 1.2] if split else [1.0, 1.0]
+    figure, axes = new_figure(len(heights), 1, (8.0, 1.4 + 1.5 * sum(heights)), sharex=True, height_ratios=heights)
+    speeds, phases = axes[0, 0], axes[-1, 0]
     for number, run in enumerate(shown.runs):
         colour = CURVES[number % len(CURVES)]
-        timelines.draw_speeds(speeds, run.whole, (colour, CURVES[1] if only else colour))
+        _speeds(speeds, run, (colour, CURVES[1] if only else colour), both=split)
         if only is not None and only.scene is not None:
             timelines.draw_synchronous_speed(speeds, only.scene, run.whole["t_s"])
         label = None if only else shown.names[number]
-        timelines.draw_phase_difference(phases, run.whole, co_rotating=run.co_rotating, color=colour, label=label)
+        timelines.draw_phase_difference(
+            phases, run.whole, co_rotating=run.co_rotating, color=BLACK if only else colour, label=label
+        )
+    if split and only is not None:
+        _middle(axes[1, 0], only, "speed_difference_hz", CURVES[0])
+        axes[1, 0].axhline(0.0, color=REFERENCE, lw=0.6)
+        axes[1, 0].set_ylabel("exciter 1 minus\nexciter 2 (Hz)")
     if only is None:
-        for number, line in enumerate(speeds.lines[:2], 1):
-            look: dict[str, Any] = {"ls": line.get_linestyle(), "lw": line.get_linewidth(), "color": REFERENCE}
-            phases.plot([], [], label=f"exciter {number}", **look)
+        for number, style in enumerate(("-", "--"), 1):
+            phases.plot([], [], label=f"exciter {number}", ls=style, color=REFERENCE)
     if len({run.co_rotating for run in shown.runs}) > 1:
         phases.set_ylabel(PHASE)
-    phases.set_xlabel("$t$ (s)")
-    _head(figure, shown, speeds if only else phases)
+    phases.set_xlabel("time (s)")
+    _head(figure, shown, "exciters", speeds if only else phases)
     return figure
 
 
+def _nearly_equal(run: Run) -> bool:
+    """Whether both exciters turn so equally fast that their difference is seen only in a panel of its own."""
+    if turns_of(run.whole) <= MOST_TURNS or "speed_mean_hz:max" not in run.envelope:
+        return False
+    apart, speed = (
+        run.envelope[[f"{name}:min", f"{name}:max"]].abs().max().max()
+        for name in ("speed_difference_hz", "speed_mean_hz")
+    )
+    return bool(apart <= NEARLY * speed)
+
+
+def _middle(axis: Axes, run: Run, column: str, colour: str, label: str | None = None) -> None:
+    """Draw the range of a column in each turn, pale, and its middle as a line."""
+    low, high = (run.envelope[f"{column}:{end}"] for end in ("min", "max"))
+    axis.fill_between(run.envelope["t_s"], low, high, color=colour, alpha=timelines.PALE, lw=0.0)
+    axis.plot(run.envelope["t_s"], 0.5 * (low + high), color=colour, lw=1.0, label=label)
+
+
+def _speeds(axis: Axes, run: Run, colours: tuple[str, str], *, both: bool = False) -> None:
+    """Draw the speeds of both exciters over the whole run; of many turns their range in each, and its middle."""
+    if turns_of(run.whole) <= MOST_TURNS or "speed_mean_hz:max" not in run.envelope:
+        timelines.draw_speeds(axis, run.whole, colours)
+    elif both:
+        _middle(axis, run, "speed_mean_hz", colours[0], "mean of both exciters; pale: range in each turn")
+    else:
+        for number, colour in enumerate(colours, 1):
+            _middle(axis, run, f"speed_{number}_hz", colour, f"exciter {number}")
+        if colours[0] == colours[1]:
+            axis.lines[-1].set_linestyle("--")
+    axis.set_ylabel("speed (Hz)")
+
+
 def _loads(shown: Shown) -> Figure:
-    """Draw the range of forces into the foundation and of displacements over the whole interval, and the speeds."""
+    """Draw forces into the foundation and displacements with their peaks, and the speeds."""
     rows: list[str] = []
     for columns in (FORCES, ("y_m", "x_m")):
         ranges = {c: max(run.range_of(c) for run in shown.runs) for c in columns}
         rows += [c for c in columns if ranges[c] > MATTERS * max(ranges.values())]
-    figure, axes = new_figure(len(rows) + 1, 1, (8.0, 1.6 + 1.5 * (len(rows) + 1)), sharex=True)
-    *panels, speeds = axes[:, 0]
+    figure, axes, overview = _over_time(shown, rows, 1)
     for number, run in enumerate(shown.runs):
-        look: dict[str, Any] = {
-            "color": CURVES[number % len(CURVES)],
-            "label": None if shown.only else shown.names[number],
-        }
-        for axis, column in zip(panels, rows, strict=True):
-            if f"{column}:max" in run.envelope:
-                timelines.draw_envelope(axis, run.envelope, column, filled=shown.only is not None, **look)
-            if column == "y_m" and all(run.from_rest for run in shown.runs):
-                axis.set_ylabel(timelines.FROM_REST)
+        colour = CURVES[number % len(CURVES)]
+        pair = (colour, CURVES[1] if shown.only else colour)
+        _speeds(axes[-1, 0], run, pair, both=shown.only is not None and _nearly_equal(run))
+        if overview:
+            timelines.draw_speeds(axes[-1, 1], run.last.assign(t_s=run.last["t_s"] - shown.origin(run)), pair)
+            axes[-1, 1].set_ylabel("")
+        for axis, column in zip(axes[:, 0], rows, strict=False):
             if shown.only and column in run.peaks:
                 timelines.mark_peak(axis, run.envelope, column, *run.peaks[column])
-        timelines.draw_speeds(speeds, run.whole, (look["color"], CURVES[1] if shown.only else look["color"]))
-    speeds.set_xlabel("$t$ (s)")
-    _head(figure, shown, speeds if shown.only or not panels else panels[0])
+    _head(figure, shown, "loads", axes[-1, 0] if shown.only or not rows else axes[0, 0])
     return figure
 
 
-def _named(draw: Callable[[Sequence[Run], Sequence[str], Measured | None], Figure], shown: Shown) -> Figure:
+def _named(kind: str, draw: Callable[[Sequence[Run], Sequence[str], Measured | None], Figure], shown: Shown) -> Figure:
     """Draw a figure of another file, with the names of runs and lines."""
     figure = draw(shown.runs, shown.names, shown.data)
-    _head(figure, shown, figure.axes[0])
+    _head(figure, shown, kind, figure.axes[0])
     return figure
 
 
@@ -317,7 +383,7 @@ FIGURES: dict[str, Callable[[Shown], Figure]] = {
     "force": _force,
     "exciters": _exciters,
     "loads": _loads,
-    "acceleration": partial(_named, accelerations.draw_accelerations),
-    "spectrum": partial(_named, accelerations.draw_spectra),
-    "measured": partial(_named, accelerations.draw_measured),
+    "acceleration": partial(_named, "acceleration", accelerations.draw_accelerations),
+    "spectrum": partial(_named, "spectrum", accelerations.draw_spectra),
+    "measured": partial(_named, "measured", accelerations.draw_measured),
 }

@@ -7,7 +7,9 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from textwrap import wrap
 from typing import Any, Literal
 
 import matplotlib as mpl
@@ -15,9 +17,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator
+from matplotlib.ticker import AutoLocator, FuncFormatter, LogLocator, MaxNLocator
 
-from vibroplat.results.labels import plain
+from vibroplat.config import digits
 from vibroplat.results.picture import BLUE, GREEN, VERMILION
 from vibroplat.results.tables import replace_file, result_directory
 
@@ -26,18 +28,18 @@ Form = Literal["png", "pdf", "svg"]
 PLATFORM, MATERIAL, FORCE = BLUE, VERMILION, GREEN
 #: Shade of contact.
 CONTACT = "#e3eaf0"
-#: Markers of curves that may lie on each other.
-MARKERS = "osD^vPX<>hp"
 #: Most curves that a legend names; hundreds would cover the figure, and setting them takes longer than drawing it.
 MOST_ENTRIES = 24
 #: Share of an axis beyond what is on it, so that markers are whole.
 MARGIN = 0.05
 #: Least range of an axis over its largest number.
-LEAST_SHARE = 2e-4
+LEAST_SHARE = 1e-3
 #: Ratio of the ends of a logarithmic axis up to which there are ticks between its powers of ten.
 NEAR_DECADES = 300.0
-#: Letters of a legend that an inch has room for.
-LETTERS = 14.0
+#: Room for a tick (inch), and letters of a label of a vertical axis that an inch has room for.
+TICK, LABEL = 0.65, 13.5
+#: Letters of a legend, of a title and of what is told below it that an inch has room for; colour of the last.
+LETTERS, TITLE_LETTERS, TOLD_LETTERS, TOLD = 14.0, 11.5, 15.0, "#777777"
 
 _STYLE: Any = {
     "figure.constrained_layout.use": True,
@@ -58,7 +60,13 @@ _STYLE: Any = {
     "legend.fontsize": 8.5,
     "pdf.fonttype": 42,  # text stays text, as publishers ask for
     "svg.hashsalt": "vibroplat",  # the same figure gives the same file
+    # settings of matplotlib that start programs; a file in the current directory may have others
+    "text.usetex": False,
+    "animation.ffmpeg_path": "ffmpeg",
+    "animation.ffmpeg_args": [],
 }
+#: What matplotlib reads as mathematics: between dollar signs without a backslash.
+_FORMULA = r"(?<!\\)\$[^$]*(?<!\\)\$"
 #: Dates that would make two files of the same figure differ.
 _DATES: dict[Form, dict[str, None]] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
 
@@ -106,16 +114,27 @@ def new_figure(rows: int, columns: int, size: tuple[float, float], **options: An
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
-def panel_grid(count: int, columns: int, size: tuple[float, float], label: str) -> tuple[Figure, list[Axes]]:
-    """Return a figure and its panels, which share a horizontal axis of this label; each column is filled downwards."""
-    figure, axes = new_figure(-(-count // columns), columns, size, sharex=True)
-    panels = list(axes.T.ravel())
-    for axis in panels[count:]:
-        axis.set_axis_off()
-    for axis in (panels[len(axes) - 1], panels[count - 1]):
-        axis.set_xlabel(label)
-        axis.tick_params(labelbottom=True)
-    return figure, panels
+def below_strips(
+    rows: int, columns: int, size: tuple[float, float], above: float, *, sharex: bool = True, sharey: bool = False
+) -> tuple[Figure, Any, Any]:
+    """Return a figure of a size (inch), its axes in rows and columns, and above them one of this height; or None.
+
+    Axes share the horizontal axis, or those of a row the vertical one.
+    """
+    figure = _Figure(figsize=(size[0], size[1] + above))
+    heights = [above, *[size[1] / max(rows, 1)] * rows] if above else None
+    grid = figure.add_gridspec(rows + bool(above), columns, height_ratios=heights)
+    strip = figure.add_subplot(grid[0, :]) if above else None
+    axes = np.empty((rows, columns), dtype=object)
+    for row in range(rows):
+        for column in range(columns):
+            along = (axes[0, 0] if row or column else strip) if sharex else None
+            beside = axes[row, 0] if sharey and column else None
+            axes[row, column] = figure.add_subplot(grid[row + bool(above), column], sharex=along, sharey=beside)
+            axes[row, column].tick_params(labelbottom=not sharex or row == rows - 1, labelleft=beside is None)
+    if strip is not None and rows:
+        strip.tick_params(labelbottom=False)
+    return figure, axes, strip
 
 
 def begin_at_zero(axis: Axes, end: float | None = None) -> None:
@@ -143,13 +162,61 @@ def in_decades(axis: Axes, which: Literal["x", "y"]) -> None:
     along.set_minor_formatter("")
 
 
-def head(figure: Figure, name: str, parameters: str = "") -> None:
-    """Put the name of a result above a figure, and below it its parameters."""
-    figure.suptitle(plain(name), x=0.01, ha="left")
-    if parameters:
+def head(figure: Figure, title: str, told: str = "") -> None:
+    """Put what a figure shows above it, and below that, in grey, of what it is."""
+    _set_ticks(figure)
+    for axis in figure.axes:
+        room = axis.get_position().height * figure.get_figheight()
+        if "\n" not in axis.get_ylabel():
+            axis.set_ylabel(_wrapped(axis.get_ylabel(), LABEL * room, least=12))
+    width = figure.get_figwidth()
+    figure.suptitle(_wrapped(title, TITLE_LETTERS * width), x=0.01, ha="left")
+    if told:
         first: Axes = figure.axes[0]
-        own = first.get_title(loc="left")
-        first.set_title(f"{parameters}\n{own}" if own else parameters, loc="left")
+        lines = "\n".join(_wrapped(line, TOLD_LETTERS * (width - 1.0)) for line in told.splitlines())
+        own = first.get_title(loc="left") or first.get_title(loc="right")
+        first.set_title("", loc="right")
+        first.set_title(f"{lines}\n{own}" if own else lines, loc="left", color=TOLD, fontsize=8.5)
+
+
+def _set_ticks(figure: Figure) -> None:
+    """Give linear axes ticks at 1, 2 or 5 times powers of ten, and units in which 1 … 999 stand before the point."""
+    for along in (one for axis in figure.axes for one in (axis.xaxis, axis.yaxis)):
+        if isinstance(along.get_major_locator(), AutoLocator):
+            along.set_major_locator(_Locator("auto", steps=[1, 2, 5, 10]))
+        unit = re.search(r"\(([^()]*)\)$", along.get_label_text())
+        if along.get_scale() != "linear" or unit is None or unit[1] not in digits.PREFIXES or unit[1] in ("m", "rad"):
+            continue
+        factor, name = digits.prefixed(float(np.abs(along.get_view_interval()).max()), unit[1])
+        if factor != 1.0:
+            along.set_major_formatter(FuncFormatter(partial(_over, factor)))
+            along.set_label_text(along.get_label_text().replace(unit[0], f"({name})"))
+
+
+class _Locator(MaxNLocator):
+    """Places ticks so that a horizontal axis has room for their numbers."""
+
+    def __call__(self) -> Any:
+        """Return the places of ticks."""
+        if self.axis is not None and getattr(self.axis, "axis_name", "") == "x":
+            box = self.axis.axes.bbox  # type: ignore[union-attr]
+            self.set_params(nbins=int(np.clip(box.width / (self.axis.figure.dpi * TICK), 2, 9)))  # type: ignore[union-attr]
+        return super().__call__()
+
+
+def _over(factor: float, value: float, _: int | None = None) -> str:
+    """Write a tick in a unit with a prefix."""
+    return f"{value / factor:.6g}".replace("-", "\N{MINUS SIGN}")
+
+
+def _wrapped(text: str, letters: float, least: int = 20) -> str:
+    """Break a text into lines of so many letters; a formula counts as one of them."""
+    formulas = iter(re.findall(_FORMULA, text))
+    short = re.sub(_FORMULA, "\x00", text).replace("\x00 = ", "\x00\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}")
+    short = short.replace(" … ", "\N{NO-BREAK SPACE}…\N{NO-BREAK SPACE}")
+    lines = wrap(short, max(int(letters), least), break_on_hyphens=False)
+    told = "\n".join(lines).replace("\N{NO-BREAK SPACE}", " ")
+    return re.sub("\x00", lambda _: next(formulas), told)
 
 
 def entry(label: str, **look: Any) -> Line2D:

@@ -13,11 +13,11 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
 from vibroplat.columns import COORDINATES, FORCES, PHASE, PHASE_COLUMN, describe_sync, quantity_of
-from vibroplat.config.plausibility import as_text
+from vibroplat.config import digits
 from vibroplat.config.scene import Scene
 from vibroplat.plots.style import CONTACT, PLATFORM
 from vibroplat.results.labels import phase_label
-from vibroplat.results.picture import BLACK, CURVES, REFERENCE
+from vibroplat.results.picture import BLACK, CURVES, REFERENCE, SYNC
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -30,6 +30,10 @@ TURN = 2.0 * np.pi
 LOWEST_PHASE = -0.5 * np.pi
 #: Most wraps of a line of common width; of more, nothing but a drift is to be seen.
 MOST_WRAPS = 60
+#: Opacity of ranges, and distance of curves that coincide, over their size.
+PALE, SAME = 0.25, 0.015
+#: Distance from 0 and from π up to which phase differences are shaded as those of a synchronization (rad).
+NEAR = np.pi / 3.0
 #: A step of the phase difference that is a wrap, not a motion (rad).
 WRAP = np.pi
 
@@ -68,26 +72,25 @@ def draw_envelope(
     """
     low, high = (in_units(envelope[f"{column}:{end}"], column) for end in ("min", "max"))
     if filled:
-        axis.fill_between(envelope["t_s"], low, high, color=color, lw=0.4, alpha=0.85, label=label)
-    else:
-        axis.plot(envelope["t_s"], low, lw=1.0, color=color, label=label)
-        axis.plot(envelope["t_s"], high, lw=1.0, color=color)
+        axis.fill_between(envelope["t_s"], low, high, color=color, lw=0.0, alpha=PALE)
+    axis.plot(envelope["t_s"], low, lw=0.7, color=color, label=label)
+    axis.plot(envelope["t_s"], high, lw=0.7, color=color)
     return name_axis(axis, column)
 
 
 def mark_peak(axis: Axes, envelope: pd.DataFrame, column: str, value: float, time: float, pace: float | None) -> Axes:
     """Mark the largest size of a force, or where a stroke was complete, with its time (s) and the speed then (Hz)."""
-    speed = "" if pace is None else f", {pace:.3g} Hz"
+    speed = "" if pace is None else f", {digits.quantity(pace, 'Hz', digits=3)}"
     least, largest = envelope[f"{column}:min"], envelope[f"{column}:max"]
     if column in FORCES:
-        place, told = (-value if -least.min() > largest.max() else value), f"{as_text(value, 4)} N"
+        place, told = (-value if -least.min() > largest.max() else value), digits.quantity(value, "N")
     else:
         place = least.min() if least.argmin() > largest.argmax() else largest.max()
-        place, told = float(in_units(place, column)), f"stroke {as_text(float(in_units(value, column)), 4)} mm"
+        place, told = float(in_units(place, column)), f"stroke {digits.quantity(value, 'm')}"
     axis.plot(time, place, "o", ms=4.5, mfc="white", mec=BLACK, clip_on=False, zorder=5)
     axis.annotate(
-        f"{told} at {time:.4g} s{speed}", (time, place), (7.0, 0.0), textcoords="offset points", fontsize=8,
-        va="center", bbox={"fc": "white", "ec": "none", "alpha": 0.7, "pad": 0.5},
+        f"{told} at {digits.quantity(time, 's')}{speed}", (time, place), (7.0, 0.0), textcoords="offset points",
+        fontsize=8, va="center", bbox={"fc": "white", "ec": "none", "alpha": 0.7, "pad": 0.5},
     )  # fmt: skip
     return axis
 
@@ -129,16 +132,25 @@ def draw_impulses(axis: Axes, events: pd.DataFrame, color: str = BLACK, label: s
 def draw_speeds(
     axis: Axes, table: pd.DataFrame, colours: tuple[str, str] = (CURVES[0], CURVES[1]), name: str = ""
 ) -> Axes:
-    """Draw the speeds of both exciters (Hz) over time; that of exciter 2 is thinner, and dashed, above the other.
+    """Draw the speeds of both exciters (Hz) over time; that of exciter 2 is dashed. Those that coincide are one line.
 
     Each is positive in the direction in which the exciter turns on the whole: one that swings at last passes 0.
     """
-    for number, style, width, colour in ((1, "-", 2.0, colours[0]), (2, "--", 0.9, colours[1])):
-        rates = table[f"phi{number}_rate_rad_per_s"]
-        speed = rates * (-1.0 if rates.sum() < 0.0 else 1.0) / TURN
-        axis.plot(table["t_s"], speed, style, lw=width, color=colour, label=f"{name}exciter {number}")
+    rates = [table[f"phi{number}_rate_rad_per_s"].to_numpy(dtype=float) for number in (1, 2)]
+    first, second = (rate * (-1.0 if np.nansum(rate) < 0.0 else 1.0) / TURN for rate in rates)
+    if coincide(first, second):
+        axis.plot(table["t_s"], 0.5 * (first + second), color=colours[0], label=f"{name}exciter 1 = 2")
+    else:
+        for number, style, speed in ((1, "-", first), (2, "--", second)):
+            axis.plot(table["t_s"], speed, style, color=colours[number - 1], label=f"{name}exciter {number}")
     axis.set_ylabel("speed (Hz)")
     return axis
+
+
+def coincide(first: Any, second: Any) -> bool:
+    """Whether two curves are the same up to :data:`SAME` of what they reach."""
+    size = np.nanmax(np.abs([first, second]), initial=0.0)
+    return bool(np.nanmax(np.abs(np.subtract(first, second)), initial=0.0) <= SAME * size)
 
 
 def draw_synchronous_speed(axis: Axes, scene: Scene, times: pd.Series) -> Axes:
@@ -165,14 +177,19 @@ def draw_phase_difference(
     axis: Axes, table: pd.DataFrame, *, co_rotating: bool = False, color: str = PLATFORM, label: str | None = None
 ) -> Axes:
     """Draw the phase difference of the exciters over time; wraps are left out."""
-    sign = -1.0 if co_rotating else 1.0
-    phase = wrapped((table["phi1_rad"] + sign * table["phi2_rad"]).to_numpy(dtype=float))
+    phase = phase_of(table, co_rotating=co_rotating)
     times, wraps = table["t_s"].to_numpy(dtype=float), np.flatnonzero(np.abs(np.diff(phase)) > WRAP) + 1
     line = np.insert(times, wraps, times[wraps]), np.insert(phase, wraps, np.nan)
     axis.plot(*line, lw=1.0 if len(wraps) <= MOST_WRAPS else 0.25, color=color, label=label)
     phase_axis(axis, phase_label(co_rotating))
     tell_shaking(axis, "co-rotating" if co_rotating else "counter-rotating")
     return axis
+
+
+def phase_of(table: pd.DataFrame, *, co_rotating: bool) -> FloatArray:
+    """Return the phase differences of a trajectory on their axis."""
+    sign = -1.0 if co_rotating else 1.0
+    return wrapped((table["phi1_rad"] + sign * table["phi2_rad"]).to_numpy(dtype=float))
 
 
 def wrapped(phase: FloatArray) -> FloatArray:
@@ -200,14 +217,14 @@ def name_axis(axis: Axes, column: str) -> Axes:
 def phase_axis(axis: Axes, label: str = PHASE) -> None:
     """Label an axis of phase differences: a circle that is cut at −π/2, with values in (−π, π] as in the tables."""
     axis.set_ylim(LOWEST_PHASE - 0.1, LOWEST_PHASE + TURN + 0.1)
-    ticks = {-0.5: "−π/2", 0.0: "0", 0.5: "π/2", 1.0: "±π", 1.5: "−π/2"}
+    ticks = {-0.5: "−90°", 0.0: "0°", 0.5: "90°", 1.0: "±180°", 1.5: "−90°"}
     axis.set_yticks([np.pi * tick for tick in ticks], list(ticks.values()))
     axis.set_ylabel(label)
     for angle, name in () if axis.texts else ((0.0, "in-phase"), (np.pi, "antiphase")):
+        axis.axhspan(angle - NEAR, angle + NEAR, color=SYNC[name], alpha=0.1, lw=0.0, zorder=0.4)
         axis.annotate(
-            name, (1.0, angle), (-2.0, 5.0), axis.get_yaxis_transform(), "offset points",
-            fontsize=7.5, color=REFERENCE, ha="right", va="bottom",
-            bbox={"fc": "white", "ec": "none", "alpha": 0.7, "pad": 0.3},
+            name, (1.0, angle + NEAR), (-2.0, -2.0), axis.get_yaxis_transform(), "offset points",
+            fontsize=7.5, color=REFERENCE, ha="right", va="top",
         )  # fmt: skip
 
 

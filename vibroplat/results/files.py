@@ -4,6 +4,9 @@
 files, of whatever format. Readers refuse a file with another digest. A lock keeps two commands from replacing files at
 the same time; the digests also hold where a file system has no locks, and find files that were damaged or changed.
 
+A command of a scene writes into ``NAME/COMMAND``. Readers take that directory or ``NAME``, and also results that lie in
+``NAME`` itself, as former versions wrote them.
+
 A directory may hold a result of each command. The first of them has ``provenance.json``; that of another command is
 then ``run-provenance.json``, ``sweep-provenance.json`` or ``orbits-provenance.json``, so that none overwrites that of
 another.
@@ -136,7 +139,7 @@ class SavedFiles:
     Parameters
     ----------
     directory
-        Where it is.
+        Where it is, or the directory above; see :func:`directory_of`.
     command
         The command that wrote it.
 
@@ -154,8 +157,8 @@ class SavedFiles:
     """
 
     def __init__(self, directory: Path, command: str) -> None:
-        self.directory, self.command = directory, command
-        self.provenance = read_provenance(directory, command)
+        self.directory, self.command = directory_of(directory, command), command
+        self.provenance = read_provenance(self.directory, command)
         if self.provenance.get("command", command) != command:
             raise TableError(f"{directory} holds a result of {self.provenance['command']}; allowed: one of {command}")
         files = self.provenance.get("files")
@@ -210,7 +213,22 @@ def store_file(command: str) -> str:
 
 
 def commands_in(directory: Path) -> list[str]:
-    """Return the commands whose finished results a directory holds, as its provenance says."""
+    """Return the commands whose finished results a directory holds, itself or in directories of their names."""
+    found = _commands_right_in(directory)
+    return [name for name in COMMANDS if name in found or name in _commands_right_in(directory / name)]
+
+
+def directory_of(directory: Path, command: str) -> Path:
+    """Return where a command's result is: in a directory itself, or in that of its name there; the later of both."""
+    own = directory / command
+    places = [place for place in (directory, own) if command in _commands_right_in(place)]
+    if not places:
+        return own if own.is_dir() else directory
+    return max(places, key=lambda place: str(read_provenance(place, command).get("created")) if places[1:] else "")
+
+
+def _commands_right_in(directory: Path) -> list[str]:
+    """Return the commands whose results lie in a directory itself."""
     first = read_json(directory, "provenance") if (directory / "provenance.json").exists() else None
     known = first.get("command") if isinstance(first, dict) else None
     return [command for command in COMMANDS if command == known or _own(directory, command).exists()]

@@ -87,6 +87,16 @@ def in_ratios(values: Any) -> bool:
     return bool(np.ptp(steps) < RATIO * steps.sum())
 
 
+def halfway(values: Any) -> Any:
+    """Return the edges of tiles around ascending values: half way, of values in equal ratios by their logarithms."""
+    if not len(values):
+        return np.asarray(values, dtype=float)
+    if in_ratios(values):
+        return np.exp(halfway(np.log(values)))
+    half = 0.5 * np.diff(values) if len(values) > 1 else 0.01 * np.abs(values) + 1e-9
+    return np.concatenate([[values[0] - half[0]], values[:-1] + half[: len(values) - 1], [values[-1] + half[-1]]])
+
+
 def key_name(key: str) -> str:
     """Return what a key, or its column, is called beside values or directions, as plain text."""
     return plain(_KEYS.get(key, (indexed_name(key), ""))[0])
@@ -136,6 +146,12 @@ def sweep_parameters(scene: Scene | None, varied: Sequence[str]) -> str:
         return ""
     supply = [] if {SUPPLY, FREQUENCY} & {*varied} else [supply_label(scene)]
     return ", ".join([*supply, *_material(scene, varied)])
+
+
+def named(names: Sequence[str], *told: str) -> str:
+    """Return what stands below the title of a figure: names of results, and what is told of them."""
+    parts = "; ".join(filter(None, told))
+    return ": ".join(filter(None, (plain(", ".join(names)), parts)))
 
 
 def supply_label(scene: Scene, begin: float = 0.0) -> str:

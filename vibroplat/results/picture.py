@@ -7,19 +7,15 @@ which unit they stand on an axis, follows from the names of their columns. Nothi
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from vibroplat.columns import PHASE_COLUMN
-from vibroplat.errors import TableError
 from vibroplat.frames import pd
-from vibroplat.results.files import SavedFiles
-from vibroplat.results.labels import EXCITATION, in_ratios, is_number
-from vibroplat.results.result import Result
+from vibroplat.results.labels import halfway, in_ratios, is_number
 
 #: Colours of curves: those of Okabe and Ito, without their yellow, which is too pale for lines on white.
 CURVES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -41,16 +37,6 @@ MOTIONS = ("periodic", "not periodic", "undecided", "failed")
 BROKEN = -1
 #: What exciters do that are not synchronous.
 NOT_SYNCHRONOUS = "not synchronous"
-#: Measures that pictures show, one panel each, in this order.
-DRAWN = (
-    *("rms_y_m", PHASE_COLUMN, "gap_max_m", "contact_force_max_n", "motor_power_w", "flight_fraction"),
-    *("impulse_max_n_s", "rms_x_m", "rms_phi_rad", "lyapunov_per_s"),
-)
-#: Least range of an axis of RMS, relative to the largest RMS: small quantities are drawn small.
-LEAST_RANGE = 0.02
-#: Share of the largest RMS (m or rad) up to which another one is rounding: orbits in antiphase have 2e-13 m along x and
-#: 4e-11 rad beside 9e-3 m along y.
-ROUNDING = 1e-7
 
 Places = np.ndarray[Any, np.dtype[np.int_]]
 
@@ -68,7 +54,8 @@ class Panel:
         Columns of the vertical and of the horizontal axis; "" for the axis of the picture.
     kind
         ``points``: curves and dots; ``tiles``: one for each point, in rows; ``bars``: horizontal ones, over the words
-        of ``column``; ``stack``: fractions on each other; ``plane``: of complex numbers, with the unit circle.
+        of ``column``; ``stack``: fractions on each other; ``plane``: of complex numbers, with the unit circle;
+        ``ranks``: each point a dot in the order of its values, at the share of those that are not larger.
     by, classes
         Column by which dots and tiles are coloured, "" for the colour of their series; and colours and names by its
         values, without them along a scale.
@@ -78,17 +65,32 @@ class Panel:
         The axis begins at 0 and goes at least to here (SI units); None: as far as the points.
     scale
         Of the vertical axis; ``one`` has room for numbers near 1.
+    note
+        What is said within the panel, in grey: which curves coincide, or that a bound is far away.
+    hatch, hatches, contours
+        Of tiles the column of their hatches and what these mean, and contours over them.
     """
 
     column: str
     x: str = ""
-    kind: Literal["points", "tiles", "bars", "stack", "plane"] = "points"
+    kind: Literal["points", "tiles", "bars", "stack", "plane", "ranks"] = "points"
     by: str = ""
     classes: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     label: str = ""
     title: str = ""
     least: float | None = None
     scale: Literal["linear", "log", "one"] = "linear"
+    note: str = ""
+    hatch: str = ""
+    hatches: Mapping[str, str] = field(default_factory=dict)
+    contours: Contours | None = None
+
+
+class Contours(NamedTuple):
+    """Lines over tiles where a column has these values, with what each means and its dash."""
+
+    column: str
+    levels: Mapping[float, tuple[str, str]]
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,8 @@ class Series:
         ``lines`` (a single point is a dot), ``markers``, ``both``, or ``dots``: many small ones.
     symbol, dash, width, size, pale
         Matplotlib's marker and style of lines, factors of its width and of markers, and whether it is half transparent.
+    of
+        Columns of the panels that it is in; () for all: a curve is left out where it coincides with another one.
     """
 
     label: str
@@ -117,6 +121,7 @@ class Series:
     width: float = 1.0
     size: float = 1.0
     pale: bool = False
+    of: Collection[str] = ()
 
     @cached_property
     def places(self) -> Places:
@@ -134,6 +139,100 @@ class Mark(NamedTuple):
     colour: str = ""
 
 
+class Jump(NamedTuple):
+    """A jump between two points, by their places: a thin arrow in the panels of some columns."""
+
+    before: int
+    after: int
+    colour: str
+    of: Collection[str]
+
+
+class Word(NamedTuple):
+    """A text at a point of the panel of a column, whose values are in SI units: it names an area or a curve."""
+
+    text: str
+    column: str
+    x: float
+    y: float
+    colour: str = BLACK
+
+
+class Span(NamedTuple):
+    """An interval of a strip: its ends, its class or "", its hatch or "", whether it has a line, and its text."""
+
+    low: float
+    high: float
+    kind: str
+    hatch: str
+    lined: bool
+    text: str
+
+
+class Strip(NamedTuple):
+    """What happens along one branch, in colours of classes over the axis.
+
+    Attributes
+    ----------
+    label, colour
+        What is said beside it, and the colour of that.
+    rows
+        Places of its points in the order of the axis.
+    kinds, hatches, lined, texts
+        Of each point its class, "" where it failed, its hatch, whether a line is below, and what is said above.
+    """
+
+    label: str
+    colour: str
+    rows: Sequence[int]
+    kinds: Sequence[str]
+    hatches: Sequence[str] = ()
+    lined: Sequence[bool] = ()
+    texts: Sequence[str] = ()
+
+    def spans(self, values: Any) -> list[Span]:
+        """Return its intervals for the values that points have on the axis, each as far as half way to the next."""
+        at = np.asarray(values, dtype=float)[[*self.rows]]
+        order = np.flatnonzero(np.isfinite(at))[np.argsort(at[np.isfinite(at)], kind="stable")]
+        if not len(order):
+            return []
+        edges, found = halfway(at[order]), list[Span]()
+        for number, place in enumerate(order):
+            flags = (
+                self.hatches[place] if self.hatches else "",
+                bool(self.lined[place]) if self.lined else False,
+                self.texts[place] if self.texts else "",
+            )
+            span = Span(float(edges[number]), float(edges[number + 1]), self.kinds[place], *flags)
+            if found and found[-1][2:] == span[2:]:
+                span = found.pop()._replace(high=span.high)
+            found.append(span)
+        return found
+
+
+@dataclass(frozen=True)
+class Strips:
+    """Strips over the axis of a picture, one below the other.
+
+    Attributes
+    ----------
+    rows
+        The strips.
+    classes
+        Colours of classes and what these mean.
+    hatches, line
+        What matplotlib's hatches mean, and what a line means.
+    label
+        What is said beside them all.
+    """
+
+    rows: Sequence[Strip]
+    classes: Mapping[str, tuple[str, str]]
+    hatches: Mapping[str, str] = field(default_factory=dict)
+    line: str = ""
+    label: str = ""
+
+
 class Facet(NamedTuple):
     """Panels of some series alone, by their numbers, with others in grey behind."""
 
@@ -143,12 +242,16 @@ class Facet(NamedTuple):
 
 
 class Line(NamedTuple):
-    """Lines of reference at values of a column, across each panel that has it as an axis."""
+    """Lines of reference at values of a column, across each panel that has it as an axis.
+
+    ``label`` is what they mean in a legend.
+    """
 
     column: str
     at: Sequence[float]
     label: str = ""
     dash: str = "--"
+    colour: str = REFERENCE
 
 
 class Range(NamedTuple):
@@ -189,13 +292,15 @@ class Picture:
     Attributes
     ----------
     name, heading, title
-        The name of the figure, of its section on the page, and of the result.
+        The name of the figure, of its section on the page, and the result in one sentence, from its tables.
     table, special
         The points, and special ones behind them; ``table_name`` and ``special_name`` say what their rows are.
     axes
         Columns that it may be drawn over; in print over the first one.
     panels, series, marks, lines, ranges, facets
         What is drawn; without facets all series at once.
+    strips, jumps, words
+        Strips above the panels, arrows between points, and texts within panels.
     drawn
         Where points are, by their places; only where these are not in both tables.
     states, meanings
@@ -210,9 +315,8 @@ class Picture:
         Column whose numbers the colours of series follow.
     orbits
         What moves on the page.
-    high, counted
-        Whether panels are high; and whether each measure is drawn over itself in print, which shows how often its
-        values occur.
+    high
+        Whether panels are high.
     places
         Where it is shown.
     """
@@ -229,6 +333,9 @@ class Picture:
     lines: Sequence[Line] = ()
     ranges: Sequence[Range] = ()
     facets: Sequence[Facet] = ()
+    strips: Strips | None = None
+    jumps: Sequence[Jump] = ()
+    words: Sequence[Word] = ()
     special: pd.DataFrame | None = None
     special_name: str = ""
     drawn: pd.DataFrame | None = None
@@ -241,7 +348,6 @@ class Picture:
     scale: str = ""
     orbits: Orbits | None = None
     high: bool = False
-    counted: bool = False
     places: Collection[str] = ("print", "page")
 
     @cached_property
@@ -299,67 +405,3 @@ def attractor_colours(attractors: Iterable[str]) -> dict[str, str]:
 def finite(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table whose infinite numbers are missing, as no axis has room for them."""
     return table.replace([np.inf, -np.inf], np.nan)
-
-
-def fills(table: pd.DataFrame, column: str) -> bool:
-    """Whether a table has numbers in a column."""
-    return column in table and is_number(table[column]) and bool(table[column].notna().any())
-
-
-def axes_of(table: pd.DataFrame, columns: Iterable[str]) -> list[str]:
-    """Return those of some columns that points may be drawn over, numbers that vary, in their order."""
-    given = [name for name in dict.fromkeys(columns) if name in table and is_number(table[name])]
-    return [name for name in given if len(table[name].dropna().unique()) > 1] or given[:1]
-
-
-def measures(table: pd.DataFrame, columns: Iterable[str] = DRAWN, asked: Sequence[str] = ()) -> list[Panel]:
-    """Return the panels of columns that a table fills, at least one, or of those that are asked for.
-
-    What moves by rounding alone has none, and what is small is drawn small.
-    """
-    columns = [*dict.fromkeys(asked or columns)]
-    largest = {name: float(table[name].abs().max()) for name in columns if fills(table, name)}
-    moved = max((float(table[name].abs().max()) for name in table if str(name).startswith("rms_")), default=0.0)
-    least = {name: ROUNDING * moved if name.startswith("rms") else 0.0 for name in largest}
-    found = [name for name, size in largest.items() if size > least[name]] or columns[:1]
-    ends = dict.fromkeys(("gap_max_m", "contact_force_max_n"), 0.0) | {"flight_fraction": 1.0}
-    ends |= {name: LEAST_RANGE * np.nan_to_num(moved) for name in columns if name.startswith("rms")}
-    return [Panel(name, least=ends.get(name)) for name in asked or found]
-
-
-def states_of(open_: Any, failed: Any = False, undecided: Any = False) -> Places:
-    """Return the states of points from what is so of each."""
-    found = np.where(np.asarray(undecided, dtype=bool), HALF, np.where(np.asarray(open_, dtype=bool), OPEN, FULL))
-    return np.where(np.asarray(failed, dtype=bool), LOST, found)
-
-
-def motions_of(table: pd.DataFrame) -> Places:
-    """Return the states of points by what is known of their motion."""
-    motion = table["motion"] if "motion" in table else pd.Series("periodic", table.index)
-    failed = table["outcome"] != "ok" if "outcome" in table else table.get(EXCITATION, motion).isna()
-    return states_of(motion != "periodic", failed, motion == "undecided")
-
-
-def in_groups(table: pd.DataFrame, keys: Sequence[str]) -> Iterator[pd.DataFrame]:
-    """Yield the rows of a table that share keys, in its order."""
-    yield from (rows for _, rows in table.groupby([*keys], sort=False, dropna=False))
-
-
-def rows_of(chosen: Any) -> Places:
-    """Return the places at which something is so."""
-    return np.flatnonzero(np.asarray(chosen, dtype=bool))
-
-
-def rows_in(result: Result, name: str, *columns: Collection[str]) -> pd.DataFrame:
-    """Return a table of a result, with these columns as :meth:`Result.columns` has them, and one row or more."""
-    table = result.columns(name, *columns)
-    if table.empty:
-        where = result.directory or result.name
-        raise TableError(f"{where} holds an empty {name} table; there is nothing to plot")
-    return table
-
-
-def beside(result: Result, command: str, name: str) -> pd.DataFrame | None:
-    """Return a table of another command in the directory of a result, None if there is none."""
-    place = result.directory
-    return SavedFiles(place, command).table(name) if place and any(place.glob(f"{name}.*")) else None

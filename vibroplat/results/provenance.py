@@ -66,7 +66,7 @@ def _commit() -> str | None:
 
     def git(*arguments: str) -> str:
         # a process that is killed meanwhile must not leave a lock in the repository
-        command = ["git", "--no-optional-locks", "-C", str(here), *arguments]
+        command = ["git", "--no-optional-locks", "-c", "core.fsmonitor=false", "-C", str(here), *arguments]
         return subprocess.run(command, capture_output=True, text=True, check=True, timeout=5).stdout.strip()
 
     try:

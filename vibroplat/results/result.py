@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from vibroplat.config.kinds import noun_of
 from vibroplat.config.scene import Scene
@@ -14,53 +14,13 @@ from vibroplat.errors import ConfigError, TableError
 from vibroplat.extensions import figure_of
 from vibroplat.frames import pd
 from vibroplat.integrate import engine_name
-from vibroplat.results.files import SCHEMA, SavedFiles, commands_in, store_file, write_result
+from vibroplat.results.answer import Answer
+from vibroplat.results.files import SCHEMA, SavedFiles, commands_in, directory_of, store_file, write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import FORMATS, Format, result_directory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-#: Width of the labels that are printed (characters).
-LABELS = 28
-
-
-class Answer(NamedTuple):
-    """What a command prints.
-
-    Attributes
-    ----------
-    lines
-        Labels and texts of an overview.
-    text
-        Further lines below it.
-    notes
-        Warnings.
-    failures
-        A line for each motion that failed.
-    """
-
-    lines: Mapping[str, str] = {}
-    text: Sequence[str] = ()
-    notes: Sequence[str] = ()
-    failures: Sequence[str] = ()
-
-    @classmethod
-    def from_tree(cls, tree: object) -> Self:
-        """Return the answer that a provenance holds; an empty one if it holds none."""
-        found = tree if isinstance(tree, Mapping) else {}
-        lines, *texts = (found.get(name) for name in cls._fields)
-        overview = {str(label): str(text) for label, text in lines.items()} if isinstance(lines, Mapping) else {}
-        return cls(overview, *([str(line) for line in given] if isinstance(given, list) else [] for given in texts))
-
-    def to_tree(self) -> dict[str, object]:
-        """Return it as plain values, for a provenance."""
-        return {"lines": dict(self.lines), **{name: list(getattr(self, name)) for name in self._fields[1:]}}
-
-    def __str__(self) -> str:
-        """Return what is printed."""
-        overview = [f"{label:<{LABELS}}{text}" for label, text in self.lines.items()]
-        return "\n".join([*overview, *self.text, *(f"note: {note}" for note in self.notes), *self.failures])
 
 
 class Result:
@@ -126,7 +86,7 @@ class Result:
         place = Path(directory)
         if not place.is_dir():
             raise TableError(f"{place} is not a directory; allowed: a result directory of vibroplat")
-        if (place / store_file(command)).exists() and command not in commands_in(place):
+        if (directory_of(place, command) / store_file(command)).exists() and command not in commands_in(place):
             raise TableError(f"{place} holds unfinished work; continue it with `vibroplat {command} --resume`")
         found = cls.__new__(cls)
         found.command, found.saved = command, SavedFiles(place, command)
@@ -200,8 +160,16 @@ class Result:
 
     @property
     def name(self) -> str:
-        """Name in figures: name of the directory, or of the scene."""
-        return self.scene.name if self.directory is None else self.directory.resolve().name
+        """Name in figures: name of the directory of the scene's results, or of the scene."""
+        return self.scene.name if self.home is None else self.home.name
+
+    @property
+    def home(self) -> Path | None:
+        """Directory of the results of all commands of the scene, if it was read."""
+        if self.directory is None:
+            return None
+        place = self.directory.resolve()
+        return place.parent if place.name == self.command else place
 
     def __getattr__(self, name: str) -> pd.DataFrame:
         if name.startswith("_"):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import html
 import io
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -38,10 +37,12 @@ from vibroplat.observe.tables import (
     require_room,
     state_places,
 )
+from vibroplat.results.answer import Answer
 from vibroplat.results.exports import plain_array, write_mat
 from vibroplat.results.files import commands_in
 from vibroplat.results.provenance import provenance
-from vibroplat.results.result import LABELS, Answer, Result, Tables
+from vibroplat.results.result import Result, Tables
+from vibroplat.results.run_answer import headline, short_lines
 from vibroplat.results.summary_text import data_sheet_lines, main_results, whole_run_lines
 from vibroplat.results.tables import replace_file, require_replaceable
 
@@ -288,6 +289,11 @@ class RunResult(Result):
         return str(self.summary["outcome"])
 
     @property
+    def name(self) -> str:
+        """Name of the scene."""
+        return str(self.summary["name"])
+
+    @property
     def provenance(self) -> dict[str, Any]:
         """How it was made."""
         if self.saved is not None:
@@ -297,10 +303,16 @@ class RunResult(Result):
     @property
     def answer(self) -> Answer:
         """What ``vibroplat run`` prints."""
-        lines = main_results(self.scene, self.summary, self.origin)
-        lines |= data_sheet_lines(self.scene, self.summary) | whole_run_lines(self.summary)
-        detail = str(self.summary["detail"])
-        return Answer(lines, notes=self.notes, failures=[] if self.outcome == "ok" else [f"{self.outcome}: {detail}"])
+        scene, summary = self.scene, self.summary
+        lines = main_results(scene, summary, self.origin) | data_sheet_lines(scene, summary) | whole_run_lines(summary)
+        detail = str(summary["detail"]).partition(", state [")[0]
+        return Answer(
+            lines,
+            notes=self.notes,
+            failures=[] if self.outcome == "ok" else [f"{self.outcome}: {detail}"],
+            headline=headline(scene, summary),
+            short=short_lines(scene, summary),
+        )
 
     @cached_property
     def notes(self) -> list[str]:
@@ -321,29 +333,15 @@ class RunResult(Result):
                 return [*notes, str(error)]
         return notes + notes_on_samples(peaks, self.summary, self.scene.output.sample_rate_hz)
 
-    def __repr__(self) -> str:
-        """Return a card of a few lines."""
-        lines = [f"{label:<{LABELS}}{text}" for label, text in self._card().items()]
-        return "\n".join([f"vibroplat run {self.scene.name}", *lines])
-
     def _repr_html_(self) -> str:
-        """Return the card and the figure of the motion, for a notebook."""
-        rows = "".join(
-            f"<tr><td>{html.escape(label)}</td><td>{html.escape(text)}</td></tr>"
-            for label, text in self._card().items()
-        )
+        """Return what the command prints and the figure of the motion, for a notebook."""
         picture = ""
         if len(self.trajectory) > 1:
             written = io.BytesIO()
             self.plot().savefig(written, format="png", dpi=90)
             data = base64.b64encode(written.getvalue()).decode()
             picture = f'<img alt="motion" src="data:image/png;base64,{data}">'
-        return f"<b>vibroplat run {html.escape(self.scene.name)}</b><table>{rows}</table>{picture}"
-
-    def _card(self) -> dict[str, str]:
-        detail = {"detail": self.summary["detail"]} if self.summary["detail"] else {}
-        notes = {"notes": f"{len(self.notes)}, see run.notes"} if self.summary["notes"] else {}
-        return main_results(self.scene, self.summary, self.origin) | detail | notes
+        return f"{super()._repr_html_()}{picture}"
 
     def plot(self, kind: str | None = None, **options: Any) -> Figure:
         """Draw a figure: ``motion`` (platform, gap), ``force`` (contact), ``exciters`` (speeds, phase difference).

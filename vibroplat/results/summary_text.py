@@ -1,15 +1,17 @@
-"""A run in a few lines: label and text of each."""
+"""All numbers of a run in lines of a label and a text."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-from vibroplat.columns import describe_sync, split
-from vibroplat.config.plausibility import as_text
+from vibroplat.columns import split, unit_of
+from vibroplat.config.digits import given, quantity, share
 from vibroplat.config.scene import Scene
 from vibroplat.observe.section import MAX_PERIOD
-from vibroplat.observe.summary import COHERENCE, synchronization
+from vibroplat.observe.summary import synchronization
+from vibroplat.results.answer import counted
+from vibroplat.results.run_answer import peak_text, phase_text, speeds_of_both, sync_text
 
 
 def main_results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] | None) -> dict[str, str]:
@@ -22,66 +24,69 @@ def main_results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, 
         ", ".join(str(summary[f"{part}{kind}"]) for kind in ("liftoffs", "impacts", "chatters"))
         for part in ("measured_", "")
     )
-    return _lines(
-        ("outcome", summary["outcome"], ""),
-        ("start", _start(scene, summary, origin), ""),
-        ("simulated", summary["simulated_s"], "s"),
-        ("measured", _window(scene, summary), ""),
-        ("repeats after", _period(summary), ""),
-        ("excitation frequency", summary["excitation_frequency_hz"], "Hz"),
-        ("speeds of the exciters", _speeds(summary), "Hz"),
-        (f"phase difference {phases}", *_phase(scene, summary)),
-        ("RMS x, y", [_mm(summary["rms_x_m"]), _mm(summary["rms_y_m"])], "mm"),
-        ("RMS phi", summary["rms_phi_rad"], "rad"),
-        ("static sag", _mm(summary.get("static_sag_m")), "mm"),
-        ("contact force, largest", summary["contact_force_max_n"], "N"),
-        ("gap, largest", _mm(summary["gap_max_m"]) or None, "mm"),
-        ("impulse, largest", summary["impulse_max_n_s"] or None, "N·s"),
-        ("flight fraction", summary["flight_fraction"] if scene.has_contact else None, ""),
-        ("liftoffs, impacts, chatters", f"{counts}; in the whole run {in_whole}", ""),
+    speeds = speeds_of_both(summary)
+    flight = share(summary["flight_fraction"]) if scene.has_contact else None
+    return _known(
+        {
+            "outcome": summary["outcome"],
+            "start": _start(scene, summary, origin),
+            "simulated": quantity(summary["simulated_s"], "s"),
+            "measured": _window(scene, summary),
+            "repeats after": _period(summary),
+            "excitation frequency": _text(summary, "excitation_frequency_hz"),
+            "speeds of the exciters": ", ".join(quantity(speed, "Hz") for speed in speeds) if speeds else None,
+            f"phase difference {phases}": _phase(scene, summary),
+            "RMS x, y": _strokes(summary),
+            "RMS phi": _text(summary, "rms_phi_rad", _rotation(scene, summary)),
+            "static sag": _text(summary, "static_sag_m"),
+            "contact force, largest": _text(summary, "contact_force_max_n"),
+            "gap, largest": _text(summary, "gap_max_m") if summary["gap_max_m"] else None,
+            "impulse, largest": _text(summary, "impulse_max_n_s") if summary["impulse_max_n_s"] else None,
+            "flight fraction": flight,
+            "liftoffs, impacts, chatters": f"{counts}; in the whole run {in_whole}",
+        }
     )
 
 
 def data_sheet_lines(scene: Scene, summary: Mapping[str, Any]) -> dict[str, str]:
-    """Return the data sheet of a run: of the measured part and, after "whole run", the largest values of all of it.
+    """Return the data sheet of a run: of the measured part, then the largest values of the whole run.
 
     A summary from before there were data sheets has none.
     """
     if summary.get("foundation_force_y_rms_n") is None:
         return {}
-    gravity = scene.machine.gravity_m_per_s2
-    lines = {}
-    for name, unit, written in (("force_x", "n", "N"), ("force_y", "n", "N"), ("moment", "n_m", "N·m")):
-        most, rms = f"foundation_{name}_max_{unit}", _short(summary, f"foundation_{name}_rms_{unit}")
-        weighs = name == "force_y" and gravity > 0.0
-        mean = _short(summary, "foundation_force_y_mean_n", -1.0)
-        static, about = (f", static {mean} {written}", " about it") if weighs else ("", "")
-        lines[f"{name.replace('_', ' ')} into foundation"] = (
-            f"largest {_short(summary, most)} {written}{static}, RMS {rms}{about}{_peak(summary, most, written)}"
+    gravity, lines = scene.machine.gravity_m_per_s2, dict[str, str]()
+    for name, unit, other in (("force_x", "n", "force_y"), ("force_y", "n", "force_x"), ("moment", "n_m", "moment")):
+        columns = {how: f"foundation_{name}_{how}_{unit}" for how in ("max", "amplitude", "rms")}
+        most = max(summary[columns["max"]], summary[f"foundation_{other}_max_{unit}"])
+        parts = (
+            [f"static {quantity(-summary['foundation_force_y_mean_n'], 'N')}"] if name == "force_y" and gravity else []
         )
-    strokes = {"stroke x": "stroke_x_m", "stroke y": "stroke_y_m"}
-    for name in scene.output.points:
-        strokes |= {f"stroke {axis} of {name}": f"stroke_{axis}_{name}_m" for axis in ("x", "y")}
-    lines |= {
-        label: f"{_short(summary, name, 1e3)} mm{_peak(summary, name, 'mm', 1e3)}" for label, name in strokes.items()
-    }
-    for label, point in {
-        "acceleration": "",
-        **{f"acceleration of {name}": f"_{name}" for name in scene.output.points},
-    }.items():
-        column = f"acceleration_max{point}_m_per_s2"
-        throw = f" ({_short(summary, column, 1.0 / gravity)} g)" if gravity > 0.0 else ""
-        index = f", throw index gamma {_short(summary, 'gamma')}" if gravity > 0.0 and not point else ""
-        lines[label] = f"largest {_short(summary, column)} m/s²{throw}{index}{_peak(summary, column, 'm/s²')}"
+        varies, rms = (_text(summary, columns[how], most) for how in ("amplitude", "rms"))
+        parts += [*([f"dynamic ± {varies}"] if varies else []), f"RMS {rms}"]
+        lines[f"{name.replace('_', ' ')} into foundation"] = _with_peak(summary, columns["max"], ", ".join(parts), most)
+    named = {"": "", **{f" of {name}": f"_{name}" for name in scene.output.points}}
+    for of, end in named.items():
+        both = [f"stroke_{axis}{end}_m" for axis in ("x", "y")]
+        most = max(summary[column] or 0.0 for column in both)
+        lines |= {
+            f"stroke {axis}{of}": _with_peak(summary, column, "", most) for axis, column in zip("xy", both, strict=True)
+        }
+    for of, end in named.items():
+        column = f"acceleration_max{end}_m_per_s2"
+        told = [f"{quantity(summary[column] / gravity)} g"] if gravity and summary[column] is not None else []
+        told += [f"throw index gamma {quantity(summary['gamma'])}"] if gravity and not end else []
+        lines[f"acceleration{of}"] = _with_peak(summary, column, ", ".join(told))
+    for name in scene.output.springs:
+        parts = [f"{what} {_text(summary, f'spring_force_{what}_{name}_n')}" for what in ("mean", "amplitude")]
+        lines[f"force of a spring at {name}"] = _with_peak(summary, f"spring_force_max_{name}_n", ", ".join(parts))
     for n in (1, 2):
         lines |= _motor(summary, n)
     for n in (1, 2):
-        column = f"bearing_force_{n}_max_n"
-        peak = _peak(summary, column, "N")
-        lines[f"bearing of exciter {n}"] = f"largest centrifugal force {_short(summary, column)} N{peak}"
-    at = summary["synchronized_at_s"]
-    if at is not None:
-        lines["in step"] = f"from {at:.4g} s, after {_short(summary, 'start_energy_j')} J of motor work"
+        lines[f"bearing of exciter {n}"] = _with_peak(summary, f"bearing_force_{n}_max_n", "centrifugal")
+    if summary["synchronized_at_s"] is not None:
+        work = f"after {quantity(summary['start_energy_j'], 'J')} of motor work"
+        lines["synchronized"] = f"from {quantity(summary['synchronized_at_s'], 's')}, {work}"
     if summary["captured_by"]:
         lines["captured"] = f"by the resonance in {summary['captured_by']}"
     return lines
@@ -89,93 +94,88 @@ def data_sheet_lines(scene: Scene, summary: Mapping[str, Any]) -> dict[str, str]
 
 def _motor(summary: Mapping[str, Any], n: int) -> dict[str, str]:
     """Return what a data sheet says of a motor; shares are of its critical torque."""
-    torque, power, share = f"motor_torque_{n}", f"motor_power_{n}", f"torque_ratio_{n}"
-    shares = {name: summary.get(name) for name in (share, f"{share}_max", f"whole_{share}_max")}
-    mean, most, whole = ("" if one is None else f" ({100.0 * one:.3g} %)" for one in shares.values())
-    of = " of critical)" if mean else ""
-    most_column, peak = f"{torque}_max_n_m", _peak(summary, f"{torque}_max_n_m", f"N·m{whole}")
-    slip = "" if summary[f"slip_{n}"] is None else f"slip {100.0 * summary[f'slip_{n}']:.3g} %, "
+    ratio, ratio_max = summary.get(f"torque_ratio_{n}"), summary.get(f"torque_ratio_{n}_max")
+    of = [] if ratio is None else [f"{share(ratio)} of critical torque in the mean, {share(ratio_max)} at most"]
+    means = [f"mean {_text(summary, f'motor_{name}')}" for name in (f"torque_{n}_mean_n_m", f"power_{n}_mean_w")]
+    slip = [] if summary[f"slip_{n}"] is None else [f"slip {share(summary[f'slip_{n}'])}"]
     return {
-        f"torque of motor {n}": f"mean {_short(summary, f'{torque}_mean_n_m')} N·m{mean.replace(')', of)}, "
-        f"largest {_short(summary, most_column)} N·m{most}{peak}",
-        f"power of motor {n}": f"mean {_short(summary, f'{power}_mean_w')} W, "
-        f"largest {_short(summary, f'{power}_max_w')} W{_peak(summary, f'{power}_max_w', 'W')}",
-        f"speed of motor {n}": f"{slip}ripple {_short(summary, f'speed_ripple_{n}_hz')} Hz",
+        f"torque of motor {n}": _with_peak(summary, f"motor_torque_{n}_max_n_m", ", ".join([means[0], *of])),
+        f"power of motor {n}": _with_peak(summary, f"motor_power_{n}_max_w", means[1]),
+        f"speed of motor {n}": ", ".join([*slip, f"ripple {_text(summary, f'speed_ripple_{n}_hz')}"]),
     }
-
-
-def _short(summary: Mapping[str, Any], column: str, factor: float = 1.0) -> str:
-    """Write a value of a summary with three digits."""
-    value = summary[column]
-    return "none" if value is None else as_text(factor * value)
-
-
-def _peak(summary: Mapping[str, Any], column: str, unit: str, factor: float = 1.0) -> str:
-    """Write the largest value of the whole run, unless it is that of the measured part; its time and speed if known."""
-    base, value = split(column)[0], summary[f"whole_{column}"]
-    if not value:
-        return ""
-    whole = f"whole run: {as_text(factor * value)} {unit}"
-    at, pace = (summary.get(f"whole_{base}_at_{end}") for end in ("s", "hz"))
-    if at is None:
-        return "" if value == summary[column] else f"; {whole}"
-    same = value == summary[column] and summary["measured_from_s"] <= at <= summary["measured_to_s"]
-    speed = "" if pace is None else f", {pace:.3g} Hz"
-    return f"; {'that' if same else whole} at {at:.4g} s{speed}"
 
 
 def whole_run_lines(summary: Mapping[str, Any]) -> dict[str, str]:
     """Return what is of the whole run, and the work done."""
     steps, calls = summary["steps"], summary["residual_calls"]  # engine taylor has no residual
-    return _lines(
-        ("phi, largest", summary["phi_max_rad"], "rad in the whole run"),
-        ("energy residual", summary["energy_residual"], ""),
-        ("steps", steps, "") if calls is None else ("steps, residual calls", [steps, calls], ""),
-        ("wall time", summary["wall_s"], "s"),
+    work = {"steps": str(steps)} if calls is None else {"steps, residual calls": f"{steps}, {calls}"}
+    residual = summary["energy_residual"]
+    return _known(
+        {
+            "phi, largest": f"{_text(summary, 'phi_max_rad')} in the whole run",
+            "energy residual": None if residual is None else f"{residual:.1e} of the energy converted",
+            **work,
+            "wall time": quantity(summary["wall_s"], "s"),
+        }
     )
 
 
-def _lines(*rows: tuple[str, Any, str]) -> dict[str, str]:
-    """Write values with their units; None is left out."""
-    return {label: f"{_number(value)} {unit}".rstrip() for label, value, unit in rows if value is not None}
+def _with_peak(summary: Mapping[str, Any], column: str, more: str = "", largest: float | None = None) -> str:
+    """Write the largest value of the measured part, what qualifies it, and the largest one of the whole run."""
+    whole, at = peak_text(summary, column, unit_of(column)), summary.get(f"whole_{split(column)[0]}_at_s")
+    inside = at is None or summary["measured_from_s"] <= at <= summary["measured_to_s"]
+    if inside and summary[f"whole_{column}"] == summary[column]:
+        told = whole.partition(" at ")[2] and f"that at {whole.partition(' at ')[2]}"
+    else:
+        told = whole and f"whole run: {whole.removeprefix('largest ')}"
+    return "; ".join(filter(None, (", ".join(filter(None, (_text(summary, column, largest), more))), told)))
 
 
-def _mm(metres: float | None) -> float | None:
-    return None if metres is None else 1e3 * metres
+def _text(summary: Mapping[str, Any], column: str, largest: float | None = None) -> str | None:
+    """Write a value of a summary with its unit, one next to nothing beside the largest as 0; None if it has none."""
+    value = summary.get(column)
+    return None if value is None else quantity(value, unit_of(column), largest=largest)
+
+
+def _strokes(summary: Mapping[str, Any]) -> str | None:
+    """Write the RMS along both axes."""
+    found = [summary["rms_x_m"], summary["rms_y_m"]]
+    return None if None in found else ", ".join(quantity(one, "m", largest=max(found)) for one in found)
+
+
+def _rotation(scene: Scene, summary: Mapping[str, Any]) -> float:
+    """Return the rotation (rad) that moves the exciters' axes as far as the RMS of the platform along x or y."""
+    return max(summary["rms_x_m"] or 0.0, summary["rms_y_m"] or 0.0) / scene.body.distance
+
+
+def _known(lines: Mapping[str, str | None]) -> dict[str, str]:
+    """Leave out what is not known."""
+    return {label: text for label, text in lines.items() if text is not None}
 
 
 def _start(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] | None) -> str:
     """Describe how a run began."""
-    share, seed = summary["perturbation"], scene.run.seed
-    changed = f"rates perturbed by {share:g} of their scales, seed {seed}" if share else "not perturbed"
-    return changed if origin is None else f"where {origin['directory']} ended, {origin['t_s']:g} s; {changed}"
+    size, seed = summary["perturbation"], scene.run.seed
+    changed = f"rates perturbed by {given(size)} of their scales, seed {seed}" if size else "not perturbed"
+    return changed if origin is None else f"where {origin['directory']} ended, {given(origin['t_s'])} s; {changed}"
 
 
-def _speeds(summary: Mapping[str, Any]) -> list[float] | None:
-    """Return the mean speeds of both exciters (Hz) where they differ."""
-    mean, split = summary["excitation_frequency_hz"], summary["frequency_split_hz"]
-    return [mean + 0.5 * split, mean - 0.5 * split] if mean and abs(split) > 1e-3 * mean else None
-
-
-def _phase(scene: Scene, summary: Mapping[str, Any]) -> tuple[float | str | None, str]:
-    """Return the mean phase difference with its unit, unless it drifts so much that it has no mean."""
-    drifts = summary["phase_coherence"] is not None and summary["phase_coherence"] < COHERENCE
-    if drifts or summary["phase_difference_rad"] is None:
-        return ("drifts" if drifts else None), ""
-    named = synchronization(summary)
-    told = describe_sync(named, scene.rotation)
-    if not scene.has_mirrored_exciters:
-        told = told.replace(": ", ": mainly ")
-    return summary["phase_difference_rad"], "rad" if named == "none" else f"rad, {told}"
+def _phase(scene: Scene, summary: Mapping[str, Any]) -> str | None:
+    """Return the mean phase difference and its name, unless it drifts so much that it has no mean."""
+    phase = phase_text(summary)
+    if phase is None or phase == "drifts":
+        return phase
+    return phase if synchronization(summary) == "none" else f"{phase}, {sync_text(scene, summary)}"
 
 
 def _window(scene: Scene, summary: Mapping[str, Any]) -> str:
     """Describe the measured part of a run."""
     first, last, turns = (summary[f"measured_{key}"] for key in ("from_s", "to_s", "turns"))
     if last <= first:
-        return f"nothing: the run ended before {_number(first)} s"
+        return f"nothing: the run ended before {quantity(first, 's')}"
     coasting = "" if any(scene.driven(last, last)) else ", motors off"
-    return f"{_number(first)} … {_number(last)} s, {turns or 'no'} whole turn{'' if turns == 1 else 's'}{coasting}"
+    whole = counted(turns, "whole turn") if turns else "no whole turns"
+    return f"{quantity(first, 's')} … {quantity(last, 's')}, {whole}{coasting}"
 
 
 def _period(summary: Mapping[str, Any]) -> str | None:
@@ -183,10 +183,4 @@ def _period(summary: Mapping[str, Any]) -> str | None:
     turns = summary.get("period")
     if turns == 0:
         return f"not yet, or not within {MAX_PERIOD} turns"
-    return turns and f"{turns} turn{'' if turns == 1 else 's'}"
-
-
-def _number(value: Any) -> str:
-    if isinstance(value, list):
-        return ", ".join(_number(v) for v in value)
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return counted(turns, "turn") if turns else None

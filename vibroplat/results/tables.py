@@ -59,7 +59,7 @@ def result_directory(out: Path, name: str) -> Path:
             pass
         alike = [out / found for found in os.listdir(out) if found != name and found.casefold() == name.casefold()]
         same = [other for other in alike if os.path.samefile(directory, other)]
-        if same and (directory / "provenance.json").exists():
+        if same and any(directory.glob("**/provenance.json")):
             raise TableError(f"output {directory} is {same[0]} on this file system; allowed: another name")
     except OSError as error:
         raise TableError(f"output {directory} is not writable: {error.strerror or error}") from None

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from vibroplat.config.digits import quantity
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.extensions import load_provided
@@ -75,7 +76,7 @@ def _search(scene: Scene, plan: SweepPlan, beginning: SearchBeginning, detector:
             if found.orbit is not None:
                 orbits.append(found.orbit)
             elif found.apart_s:
-                told.add(f"{_attractor_text(other.row)}, apart for {found.apart_s:.4g} s")
+                told.add(f"{_attractor_text(other.row)}, apart for {quantity(found.apart_s, 's')}")
     told |= {_orbit_text(scene, orbit, detector) for orbit in orbits}
     if told:
         return "; ".join(sorted(told))
@@ -90,4 +91,4 @@ def _orbit_text(scene: Scene, orbit: KnownOrbit, detector: OrbitDetector) -> str
 def _attractor_text(row: Mapping[str, Any]) -> str:
     """Say in a few words what an attractor is."""
     kind = f"period {row['period']}" if row["period"] else "chaotic"
-    return f"{kind}, {row['sync']}, RMS y {row['rms_y_m']:.4g} m"
+    return f"{kind}, {row['sync']}, RMS y {quantity(row['rms_y_m'], 'm')}"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from vibroplat.columns import COUNT, TEXT, VIBRATION_PATTERN, Column, Columns, display_name, indexed_name, unit_of
+from vibroplat.config.digits import given, quantity
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.branches import BRANCH, EXCITATION, SUPPLY, study_table
 
@@ -122,7 +123,7 @@ def _isolated(change: FloatArray, steps: FloatArray) -> Flags:
     for beside in (slice(None, -2), slice(2, None)):
         with np.errstate(divide="ignore", invalid="ignore"):
             farther = np.maximum(steps[1:-1] / steps[beside], 1.0)
-        alone[1:-1] &= (change[1:-1] > ISOLATION * farther * change[beside]) & (farther <= ISOLATION)
+            alone[1:-1] &= (change[1:-1] > ISOLATION * farther * change[beside]) & (farther <= ISOLATION)
     return alone
 
 
@@ -212,15 +213,19 @@ def _span(row: pd.Series) -> str:
     across = " → " if kind in ("jump", "liftoff", "flight-end") else " … "
     key = next(str(column) for column in row.index if str(column).startswith("from_")).removeprefix("from_")
     over, found, height = ((row[f"from_{c}"], row[f"to_{c}"]) for c in (key, EXCITATION, RMS))
-    parts = [f"{'f_e' if key == SUPPLY else indexed_name(key)} {_ends(over, 'g', across)} {unit_of(key)}".rstrip()]
+    name = "f_e" if key == SUPPLY else indexed_name(key)
+    parts = [f"{name} {across.join(dict.fromkeys(map(given, over)))} {unit_of(key)}".rstrip()]
     if np.isfinite(found).all():
-        parts.append(f"f {_ends(found, '.2f', across)} Hz")
+        parts.append(f"f {_ends(found, 'Hz', across)}")
     if kind in ("jump", "largest"):
-        parts.append(f"RMS y {_ends([1e3 * h for h in height], '.3g', across)} mm")
+        parts.append(f"RMS y {_ends(height, 'm', across)}")
     if kind == "jump":
         parts.append(row["name"])
     return ", ".join(parts)
 
 
-def _ends(values: Iterable[float], form: str, across: str) -> str:
-    return across.join(dict.fromkeys(format(value, form) for value in values))
+def _ends(values: Sequence[float], unit: str, across: str) -> str:
+    """Write numbers with a unit, those next to nothing beside the largest as 0."""
+    told = [quantity(value, unit, largest=max(values)) for value in values]
+    own = f" {told[-1].rpartition(' ')[2]}"
+    return across.join(dict.fromkeys([*(text.removesuffix(own) for text in told[:-1]), told[-1]]))

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import COUNT, FLAG, NUMBER, TEXT, Column, Columns, indexed_name, unit_of
+from vibroplat.config.digits import given
 from vibroplat.config.keys import key_of, keys, number_of
 from vibroplat.config.plans import FREQUENCY, ParameterRange, SweepPlan
 from vibroplat.config.scene import Scene
@@ -172,7 +173,7 @@ def column_of(key: str) -> str:
 
 def place_words(key: str, *values: float) -> str:
     """Say where points are, by the column of the swept key and its values there."""
-    ends = " … ".join(dict.fromkeys(f"{value:g}" for value in values))
+    ends = " … ".join(dict.fromkeys(map(given, values)))
     name = "a supply of" if key == SUPPLY else indexed_name(key)
     return " ".join(part for part in (name, ends, unit_of(key)) if part)
 

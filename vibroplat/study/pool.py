@@ -26,7 +26,7 @@ from vibroplat.study.store import Record, Store, aside_name, digest
 from vibroplat.system.interrupts import stop_if_asked, unwinding, watching
 from vibroplat.system.memory import is_short_of_memory
 from vibroplat.system.threads import one_thread
-from vibroplat.system.workers import close_workers, submit, worker_processes
+from vibroplat.system.workers import Workers, core_count, worker_processes
 
 #: Seconds without a result after which the pool is checked for workers.
 CHECK_AFTER_S = 1.0
@@ -312,41 +312,34 @@ class Inline:
 
 
 class Processes:
-    """Worker processes of this machine, started by loky; numerical libraries use one thread in each."""
+    """Worker processes of this machine; numerical libraries use one thread in each."""
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
         self.slots = jobs + 1  # one task waits while results are received
-        self.renew()
+        self._workers = _started(jobs)
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Start a task; if the workers have just died it fails like the tasks that they had."""
-        try:
-            with _starting():
-                future = submit(self._executor, function, *arguments)
-        except BrokenExecutor as error:
-            future = Future()
-            future.set_exception(error)
-        return future
+        return self._workers.submit(function, *arguments)
 
     def renew(self) -> None:
-        """Start new workers if the old ones are broken."""
-        with _starting():
-            self._executor = worker_processes(self._jobs)
+        """Start new workers, as one of the old ones has died."""
+        self._workers.close()
+        self._workers = _started(self._jobs)
 
     def check(self) -> None:
         """Nothing to look for: the futures of workers that die fail by themselves."""
 
     def close(self) -> None:
         """Stop the workers."""
-        close_workers(self._executor)
+        self._workers.close()
 
 
-@contextmanager
-def _starting() -> Iterator[None]:
-    """Let an error of the system say that it is about processes: it may be short of files, or not give semaphores."""
+def _started(jobs: int) -> Workers:
+    """Start worker processes; an error of the system says that it is about them."""
     try:
-        yield
+        return worker_processes(jobs)
     except OSError as error:
         if is_short_of_memory(error):
             raise
@@ -394,9 +387,7 @@ def _useful_processes(jobs: int | None, chains: int | None) -> int:
     """Return how many of the processes have both a task and a core; warn if some have not."""
     if jobs == 1:
         return 1
-    from loky import cpu_count  # noqa: PLC0415  (not needed for one job)
-
-    cores = int(cpu_count())
+    cores = core_count()
     wanted = cores if jobs is None else jobs
     useful = max(1, min(wanted, cores, wanted if chains is None else chains))
     if jobs is not None and useful < jobs and chains != 0:

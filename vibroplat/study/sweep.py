@@ -10,12 +10,15 @@ from typing import Any, Protocol, Unpack
 import pandas as pd
 
 from vibroplat.columns import PHASE_COLUMN, VIBRATION_PATTERN, Column, Columns
+from vibroplat.config.digits import interval, quantity
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
 from vibroplat.integrate.interface import WORK
 from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.observe.summary import MEASURES
-from vibroplat.results.result import Answer, Result
+from vibroplat.results.answer import Answer
+from vibroplat.results.result import Result
+from vibroplat.study.answer import short_answer, sync_counts
 from vibroplat.study.attractor_search import failed_search, search_coexisting
 from vibroplat.study.bands import BANDS, band_lines, bands
 from vibroplat.study.branches import (
@@ -137,7 +140,8 @@ class SweepStudy(Study):
         }
         banded = bands(points)
         text = band_lines(banded, "".join(points["rotation"].dropna().unique()))
-        answer = Answer(overview(points), list(text), notes_on_points(points), failures(points))
+        headline, short = short_answer(points, banded)
+        answer = Answer(overview(points), list(text), notes_on_points(points), failures(points), headline, short)
         return Result("sweep", self.scene, {**diagram, "bands": banded, "sweep": points}, answer)
 
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
@@ -373,30 +377,29 @@ def _parts(
 
 def overview(table: pd.DataFrame) -> dict[str, str]:
     """Summarize a sweep table in a few lines: label and text."""
-    frequency, height = table[EXCITATION], 1e3 * table["rms_y_m"]
+    frequency, height = table[EXCITATION], table["rms_y_m"]
     lines = {
         "points": f"{len(table)} in {table['branch'].nunique()} branches",
         "outcomes": _counts(table["outcome"]),
         "synchronization": synchronizations(table),
         "motions": _counts(table["motion"]),
         "periods": _counts(table["period"].map({0: "none"}).fillna(table["period"].astype("str"))),
-        "simulated": f"{table['simulated_s'].sum():.6g} s, {table['events'].sum()} events, "
+        "simulated": f"{quantity(table['simulated_s'].sum(), 's')}, {table['events'].sum()} events, "
         f"{table['steps'].sum()} steps",
     }
     if height.notna().any():
         lines |= {
-            "excitation frequency": f"{frequency.min():.2f} … {frequency.max():.2f} Hz",
-            "RMS y": f"{height.min():.3g} … {height.max():.3g} mm",
-            "energy residual": f"at most {table['energy_residual'].max():.2g}",
+            "excitation frequency": interval(frequency.min(), frequency.max(), "Hz"),
+            "RMS y": f"{quantity(height.min(), 'm', largest=height.max())} … {quantity(height.max(), 'm')}",
+            "energy residual": f"at most {table['energy_residual'].max():.1e} of the energy converted",
         }
     return {label: text for label, text in lines.items() if text}
 
 
 def synchronizations(table: pd.DataFrame) -> str:
     """Count the kinds of synchronization, and say what the machine does in each."""
-    counts = table[["rotation", "sync"]].dropna().value_counts().reset_index()
-    kinds = zip(counts["rotation"], counts["sync"], counts["count"], strict=True)
     shakes = {kind: f" ({what})" for kind, what in VIBRATION_PATTERN.items()}
+    kinds = sync_counts(table)
     return ", ".join(f"{sync} {count}{shakes.get((rotation, sync), '')}" for rotation, sync, count in kinds)
 
 
@@ -408,9 +411,14 @@ def failures(table: pd.DataFrame) -> list[str]:
     """Describe each point that did not end ``ok``: its outcome, its place in the sweep and the reason."""
     swept = list(table.columns[: list(table.columns).index("direction") + 1])
     return [
-        f"{row['outcome']} at {', '.join(f'{key} {row[key]}' for key in swept)}: {row['detail']}"
+        f"{row['outcome']} at {', '.join(f'{key} {row[key]}' for key in swept)}: {_without_state(str(row['detail']))}"
         for _, row in table[table["outcome"] != "ok"].iterrows()
     ]
+
+
+def _without_state(detail: str) -> str:
+    """Return why a motion ended, without the numbers of its last state."""
+    return detail.partition(", state [")[0]
 
 
 def notes_on_points(table: pd.DataFrame) -> list[str]:

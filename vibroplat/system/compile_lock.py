@@ -78,7 +78,7 @@ def _file(folder: Path) -> int | None:
     if _fcntl is None:
         return None
     try:
-        return os.open(folder / LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o600)
+        return os.open(folder / LOCK_FILE, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
     except OSError:
         return None
 

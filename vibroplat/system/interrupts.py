@@ -83,11 +83,7 @@ def _end(number: int, _frame: object) -> None:
 
 
 def _exit(number: int) -> None:
-    """End the process here, and workers that are loading."""
-    processes = sys.modules.get("multiprocessing")
-    for child in processes.active_children() if processes is not None else ():
-        with contextlib.suppress(OSError):
-            os.kill(child.pid or 0, signal.SIGKILL)
+    """End the process here; workers that are loading end with it."""
     for path in _unfinished:
         with contextlib.suppress(OSError):
             path.unlink()

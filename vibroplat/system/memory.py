@@ -84,14 +84,14 @@ def _of_group() -> float:
         ("memory.max", "memory.current"),
         ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
     ):
-        for group in _groups():
+        for group in control_groups():
             with suppress(OSError, ValueError):  # "max" is no number
                 most = int((group / limit).read_text(encoding="ascii"))
                 least = min(least, most - int((group / used).read_text(encoding="ascii")) + _cache(group / limit))
     return least
 
 
-def _groups() -> list[Path]:
+def control_groups() -> list[Path]:
     """List the directories of the process's control group and of those it is in."""
     root = GROUPS
     with suppress(OSError):

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-from vibroplat.columns import PHASE_COLUMN
-from vibroplat.results import picture
-from vibroplat.results.labels import sweep_parameters, value_label
+from vibroplat.columns import PHASE_COLUMN, unit_of
+from vibroplat.config import digits
+from vibroplat.frames import pd
+from vibroplat.results import content, picture
+from vibroplat.results.labels import key_name, named, sweep_parameters
 from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of
 
 OPTIONS = ("measure",)
+#: Most thresholds that a title has.
+MOST = 4
 #: Ends of mixed intervals in the table of thresholds.
 _MIXED = ["mixed_low", "mixed_high"]
 
@@ -25,46 +30,46 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
     key, expression = column_of(plan["key"]), plan.get("expression") or ""
     level, _, number = (part.strip() for part in expression.replace("=", "").replace("<", ">").partition(">"))
     needed = (key, "rms_x_m", "rms_y_m", PHASE_COLUMN, *measure, *filter(None, [level]))
-    table = picture.finite(picture.rows_in(result, "scan", ("reason", "sync", "motion", "outcome"), needed))
-    found = result.columns("thresholds", ("kind",), ("value", "below"), _MIXED)
+    table = picture.finite(content.rows_in(result, "scan", ("reason", "sync", "motion", "outcome"), needed))
+    found = picture.finite(result.columns("thresholds", ("kind",), ("value", "below"), _MIXED))
     mixed = found.reindex(columns=_MIXED).dropna().drop_duplicates().astype(float).itertuples(index=False)
     ranges = [picture.Range(key, low, high, "mixed") for low, high in mixed]
     lines = [
         picture.Line(key, found["value"].tolist(), "threshold"),
-        *([picture.Line(level, [float(number)], dash=":")] if level else []),
+        *([picture.Line(level, [float(number)], dash=":", label=expression)] if level else []),
     ]
-    told = [f"mixed from {value_label(plan['key'], one.low)} to {one.high:.6g}" for one in ranges]
-    told += [f"{value_label(plan['key'], float(row['value']))}: {row['kind']}" for _, row in found.iterrows()]
+    panels, left = content.measures(table, filter(None, (level, *content.DRAWN)), measure, stripped=True)
     names = {"none": picture.NOT_SYNCHRONOUS}
     sync = table["sync"].fillna("failed")
     series = [
         picture.Series(
             names.get(name, name),
-            picture.rows_of(sync == name),
+            content.rows_of(sync == name),
             colour=picture.SYNC.get(name, picture.FAILED),
             mode="markers",
+            size=0.8,
         )
         for name in dict.fromkeys(sync)
     ]
     # Both sides of a threshold come first; a click on it shows what is below.
-    good = table[table["outcome"] == "ok"]
+    good = table[table["outcome"] == "ok"].dropna(subset=[key])
     sides = [int((good[key] - value).abs().idxmin()) if len(good) else None for value in found["below"].fillna(0.0)]
     return picture.Picture(
         name="thresholds",
         heading="Thresholds",
-        title=result.name,
+        title=_title(plan, table, found, ranges),
         table=table,
         table_name="values",
         special=found,
         special_name="thresholds",
-        axes=picture.axes_of(table, [key]),
-        panels=picture.measures(table, filter(None, (level, *picture.DRAWN)), measure),
+        axes=content.axes_of(table, [key]),
+        panels=panels,
         series=series,
         lines=lines,
         ranges=ranges,
-        states=picture.motions_of(table),
+        states=content.motions_of(table),
         rotation=result.known_scene.rotation if result.known_scene else "",
-        told="\n".join(filter(None, (sweep_parameters(result.known_scene, [key]), *(told or ["no threshold"])))),
+        told="\n".join(filter(None, (named([result.name], sweep_parameters(result.known_scene, [key])), left))),
         meaning="Every value that was looked at. Filled: periodic, open: not periodic, ×: failed; dashed lines: "
         "thresholds.",
         orbits=picture.Orbits(
@@ -74,3 +79,29 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
             "Orbit just below this threshold.",
         ),
     )
+
+
+def _title(plan: Any, table: pd.DataFrame, found: pd.DataFrame, mixed: Sequence[picture.Range]) -> str:
+    """Say where thresholds lie, as exactly as they are known, and what is on either side of a single one."""
+    words, unit = key_name(plan["key"]), unit_of(plan["key"])
+    if found.empty:
+        key = column_of(plan["key"])
+        ends = digits.interval(float(table[key].min()), float(table[key].max()), unit)
+        told = f"No threshold of {words} in {ends}"
+    else:
+        told = ", ".join(_value(row, unit) for _, row in found.head(MOST).iterrows())
+        told = f"{words[:1].upper()}{words[1:]} {told}{' …' if len(found) > MOST else ''}"
+    for one in mixed:
+        told += f"; mixed {digits.interval(one.low, one.high, unit)}"
+    sides = [str(found[name].iloc[0]) for name in ("below_sync", "above_sync") if len(found) == 1 and name in found]
+    if len(sides) == 2 and not mixed:
+        below, above = (picture.NOT_SYNCHRONOUS if side == "none" else side for side in sides)
+        told += f": {below} below and above" if below == above else f": {below} below, {above} above"
+    return told
+
+
+def _value(row: pd.Series, unit: str) -> str:
+    """Write a threshold with the digits that its bracket leaves."""
+    ends = [float(row[name]) for name in ("below", "above") if name in row and pd.notna(row[name])]
+    error = abs(ends[1] - ends[0]) if len(ends) == 2 else None
+    return digits.quantity(float(row["value"]), unit, digits=8 if error else 4, error=error)

@@ -10,6 +10,7 @@ from typing import Unpack
 import pandas as pd
 
 from vibroplat.columns import COUNT, FLAG, TEXT, Column, Columns, unit_of
+from vibroplat.config.digits import given, number, quantity
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
@@ -18,11 +19,12 @@ from vibroplat.config.study_plans import FindPlan
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import ConfigError
 from vibroplat.observe.data_sheet import SHEET, point_columns
-from vibroplat.results.result import Answer, Result
+from vibroplat.results.answer import Answer
+from vibroplat.results.result import Result
 from vibroplat.study.branches import SUPPLY, column_of, study_table
 from vibroplat.study.point import failed_record
 from vibroplat.study.pool import Pool, Task
-from vibroplat.study.store import Store
+from vibroplat.study.store import Record, Store
 from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, run_study
 from vibroplat.study.sweep import COLUMNS, SWEEP
 from vibroplat.thresholds.evidence import DISTANCES, PAIRS, ClearRange, Threshold, Zone, facts, is_wanted
@@ -129,9 +131,10 @@ class ThresholdStudy(Study):
         every = sorted([*scan, *search.evaluated], key=lambda value: value.value)
         tables = {"scan": self._scan(every), "thresholds": self._thresholds(zones)}
         lines = {"values": f"{len(scan)} of the scan, {len(search.evaluated)} more", "thresholds": str(len(found))}
-        failed = [f"{v.row['outcome']} at {self.plan.key} = {v.value:g}: {v.row['detail']}" for v in every if v.failed]
+        headline, short = self._short(zones, scan)
+        failed = [self._failure(value) for value in every if value.failed]
         text = list(self._text(zones)) if found else [self._unchanged(scan)]
-        answer = Answer(lines, text, list(self._notes(every, zones)), failed)
+        answer = Answer(lines, text, list(self._notes(every, zones)), failed, headline, short)
         return Result("find", self.scene, tables, answer)
 
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
@@ -192,8 +195,48 @@ class ThresholdStudy(Study):
         if self.plan.compared is None:
             return value.text
         column = self.plan.compared[0]
-        number = value.row.get(column)
-        return f"{column} = {number:.5g}" if number is not None else f"no {column}"
+        found = value.row.get(column)
+        return f"{column} = {quantity(found, unit_of(column), digits=5)}" if found is not None else f"no {column}"
+
+    def _failure(self, value: ScanPoint) -> str:
+        place = interval_text(self.plan.key, value.value, value.value)
+        return f"{value.row['outcome']} at {place}: {value.row['detail'].partition(', state [')[0]}"
+
+    def _short(self, zones: Sequence[Zone], scan: Sequence[ScanPoint]) -> tuple[str, list[str]]:
+        """Return the headline and the lines below it: thresholds and mixed intervals with the motion on both sides."""
+        found = [(zone, one) for zone in zones for one in zone.thresholds]
+        if not found:
+            return self._unchanged(scan), []
+        if len(zones) == 1 and zones[0].mixed:
+            return next(texts := self._mixed(zones[0])), list(texts)
+        if len(found) == 1:
+            return self._threshold(found[0][1]), self._both_sides(found[0][1])
+        ends = interval_text(self.plan.key, self.plan.start, self.plan.stop)
+        places = [line for zone in zones for line in self._lines_of(zone)]
+        return f"{len(found)} thresholds of {ends}", places
+
+    def _lines_of(self, zone: Zone) -> list[str]:
+        """Return a line for each threshold, or those of a mixed interval."""
+        if zone.mixed:
+            return list(self._mixed(zone))
+        return [f"{self._threshold(one)}: {self._side(one.low)} → {self._side(one.high)}" for one in zone.thresholds]
+
+    def _threshold(self, one: Threshold) -> str:
+        """Return where a threshold is, how well it is known, and its kind."""
+        half = max(one.value - one.low.value, one.high.value - one.value)
+        special = f", {one.special} of the orbit" if one.special else ""
+        value = f"{one.value:.{self._digits + 1}f} ± {number(half, 1)} {unit_of(self.plan.key)}".rstrip()
+        return f"{self.plan.key} = {value}: {self._kind(one)}{special}"
+
+    def _both_sides(self, one: Threshold) -> list[str]:
+        """Return what motion there is below and above a threshold."""
+        sides = {"below": one.low, "above": one.high}
+        most = max(value.row.get(name) or 0.0 for value in sides.values() for name in ("rms_x_m", "rms_y_m"))
+        compared = self.plan.compared is not None
+        return [
+            f"{side}  {self._side(value) + '; ' if compared else ''}{value.text}: {measures_text(value.row, most)}"
+            for side, value in sides.items()
+        ]
 
     def _text(self, zones: Sequence[Zone]) -> Iterator[str]:
         """Yield the outcomes on both sides of each mixed interval and in it, then the thresholds."""
@@ -238,7 +281,7 @@ class ThresholdStudy(Study):
         unknown = f"; {clear.unknown} further values have no clear outcome" if clear.unknown else ""
         outcome = f"{self._expressed}{self._outcome(clear.nearest)}"
         seeds = f", with {clear.seeds} seeds" if clear.seeds > 1 else ""
-        return f"{where}: {outcome} at all {clear.tried} values tried {way} {clear.last:.6g}{seeds}{unknown}"
+        return f"{where}: {outcome} at all {clear.tried} values tried {way} {number(clear.last, 6)}{seeds}{unknown}"
 
     def _outcome(self, value: ScanPoint) -> str:
         """Return the outcome at a value in words."""
@@ -261,7 +304,7 @@ class ThresholdStudy(Study):
 
     def _unchanged(self, scan: Sequence[ScanPoint]) -> str:
         plan, good = self.plan, [value for value in scan if not value.failed]
-        place = f"from {plan.key} = {plan.start:g} to {plan.stop:g}"
+        place = f"from {plan.key} = {given(plan.start)} to {given(plan.stop)}"
         if not good:
             return f"nothing is known {place}"
         tried = f"at all {len({value.value for value in good})} values tried {place}"
@@ -270,10 +313,10 @@ class ThresholdStudy(Study):
     def _notes(self, every: Sequence[ScanPoint], zones: Sequence[Zone]) -> Iterator[str]:
         for zone in zones:
             if zone.mixed:
-                place = "the mixed interval from {:.6g} to {:.6g}".format(*zone.ends or ())
+                place = "the mixed interval from {} to {}".format(*(number(end, 6) for end in zone.ends or ()))
                 what = "the boundary is fractal" if zone.fractal else "the outcome alternates"
                 told = ", ".join(
-                    f"{share * PAIRS:.0f} at a distance of {d:g}"
+                    f"{share * PAIRS:.0f} at a distance of {given(d)}"
                     for share, d in zip(zone.shares, DISTANCES, strict=False)
                 )
                 pairs = f": of {PAIRS} pairs of values, {told} of its width have different outcomes" if told else ""
@@ -285,16 +328,28 @@ class ThresholdStudy(Study):
             for one in zone.thresholds:
                 if one.kind == "unresolved-transient" and one.special:
                     yield (
-                        f"near {self.plan.key} = {one.value:.6g} the orbit is so weakly unstable that the motion "
-                        "had not left it when it was measured"
+                        f"near {self.plan.key} = {number(one.value, 6)} the orbit is so weakly unstable that the "
+                        "motion had not left it when it was measured"
                     )
         unsettled = [value.value for value in every if value.unsettled and not value.failed]
         if unsettled and self.plan.expression is not None:
             yield (
-                f"at {len(unsettled)} of {len(every)} values, first at {self.plan.key} = {unsettled[0]:.6g}, the "
-                "motion was measured in a transient or has no clear class: a larger find.max_settle_s may "
+                f"at {len(unsettled)} of {len(every)} values, first at {self.plan.key} = {number(unsettled[0], 6)}, "
+                "the motion was measured in a transient or has no clear class: a larger find.max_settle_s may "
                 "change the outcome"
             )
+
+
+def measures_text(row: Record, most: float) -> str:
+    """Write frequency, RMS of both coordinates and power of a motion; ``most`` is the largest RMS beside it."""
+    heights = [quantity(row.get(name), "m", largest=most) for name in ("rms_y_m", "rms_x_m")]
+    pace, power = quantity(row.get("excitation_frequency_hz"), "Hz"), quantity(row.get("motor_power_w"), "W")
+    return f"{pace}, RMS y {heights[0]}, x {heights[1]}, power {power}"
+
+
+def interval_text(key: str, start: float, stop: float) -> str:
+    """Write a range of a key, or a single value, as it was given."""
+    return f"{key} = {' … '.join(dict.fromkeys(map(given, (start, stop))))} {unit_of(key)}".rstrip()
 
 
 def _columns(scene: Scene) -> Columns:
@@ -367,6 +422,6 @@ def find(scene: Scene, **options: Unpack[Options]) -> Result:
     >>> plan = {"key": "drive.supply_frequency_hz", "start": 40.0, "stop": 50.0, "scan": 5}
     >>> plan |= {"expression": "excitation_frequency_hz > 22", "tolerance": 0.01}
     >>> find(Scene().replace({"find": plan})).answer.text
-    ['drive.supply_frequency_hz = 44.40 Hz: level-crossing; below excitation_frequency_hz = 21.996; above ...']
+    ['drive.supply_frequency_hz = 44.40 Hz: level-crossing; below excitation_frequency_hz = 21.996 Hz; above ...']
     """
     return run_study(ThresholdStudy, scene, **options)

@@ -1,0 +1,163 @@
+"""What commands print: the answer in the first line, twelve lines at most, all with -v, for every configuration."""
+
+import pytest
+from common.places import ROOT
+
+from vibroplat import load_config
+from vibroplat.cli.common import print_answer
+from vibroplat.config.kinds import KINDS
+from vibroplat.plots.command import families
+from vibroplat.results.answer import MAX_LINES, Answer, first_failures, of_both
+from vibroplat.results.run_answer import headline, short_lines
+
+#: Most characters of a line that is printed in the directory of the results.
+WIDEST = 110
+#: Changes that make the studies of shipped configurations short, by command.
+THINNED = {
+    "run": {"run.duration_s": 3.0},
+    "sweep": {
+        "sweep.supply_frequency_hz.step": 4.0,
+        "sweep.measure_s": 0.3,
+        "sweep.max_settle_s": 10.0,
+        "sweep.lyapunov": False,
+    },
+    "orbits": {"orbits.max_points": 12},
+    "find": {"find.scan": 3, "find.tolerance": 0.1},
+    "basins": {"basins.initial_conditions": {"run.initial.phase_difference_rad": [-3.0, 3.0, 4]}},
+    "design": {"design.samples": 16, "design.starts": 1},
+}
+
+
+def cases():
+    """Yield each command and each shipped configuration that it takes."""
+    for file in sorted((ROOT / "configs").rglob("*.yaml")):
+        if file.parent.name in ("configs", "examples", "templates", "paper"):
+            scene = load_config(file)
+            yield from (
+                (command, file)
+                for command in ("run", *KINDS)
+                if command == "run" or getattr(scene, command) is not None
+            )
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "file"), [pytest.param(*case, id=f"{case[0]}-{case[1].stem}") for case in cases()])
+def test_shipped_configurations_print_twelve_lines(name, file, command, kernels, here):
+    known = load_config(file)
+    changes = THINNED[name]
+    given = [f"{key}={str(value).replace(chr(39), '')}" for key, value in changes.items() if holds(known, key)]
+    done = command(name, file, *(part for one in given for part in ("--set", one)), "--engine", "taylor")
+    printed = [*done.out.splitlines(), *done.err.splitlines()]
+    assert done.code in (0, 1), done.err
+    assert len(printed) <= MAX_LINES, done.out
+    assert max(map(len, done.out.splitlines())) <= WIDEST, done.out
+    last = done.out.splitlines()[-1]
+    assert last.startswith(f"results/{known.name}/{name}: ")
+    assert " next: vibroplat " in last
+    assert "nan" not in done.out
+
+
+def holds(scene, key):
+    """Whether a scene has the section of a key, and a value that it is an alternative to."""
+    section, *rest = key.split(".")
+    if getattr(scene, section, None) is None:
+        return False
+    return rest != ["supply_frequency_hz", "step"] or scene.sweep.over is None
+
+
+def test_readme_shows_what_the_quickstart_prints(command, kernels, here):
+    done = command("run", ROOT / "configs/quickstart.yaml")
+    assert (done.code, done.err) == (0, "")
+    shown = (ROOT / "README.md").read_text(encoding="utf-8").partition("```text\n")[2].partition("```")[0]
+    assert done.out == shown
+
+
+# -- what there is room for ------------------------------------------------------------------------------
+
+
+def test_notes_take_the_room_that_is_left():
+    notes = [f"note number {n} " + "with more words " * 8 for n in range(5)]
+    answer = Answer(notes=notes, headline="what it is", short=["line"] * 5)
+    lines = answer.brief()
+    assert lines[:2] == ["what it is", "  line"]
+    assert len(lines) <= MAX_LINES
+    assert lines[-1] == "  3 more notes: -v"
+    assert max(map(len, lines)) <= WIDEST
+    for room in range(7, 20):
+        assert len(answer.brief(room)) <= room
+    assert answer.brief(7)[-1].endswith(" … (4 more: -v)")
+    assert answer.full()[-5:] == [f"note: {note}" for note in notes]
+
+
+def test_an_answer_of_a_former_version_is_printed_whole():
+    former = Answer.from_tree({"lines": {"points": "8"}, "text": ["a band"], "notes": ["look"], "failures": []})
+    assert former.brief(3) == [f"{'points':<28}8", "a band", "note: look"]
+    assert Answer.from_tree(former.to_tree()).full() == former.full()
+
+
+def test_a_print_with_failures_and_a_check_keeps_within_its_lines(capsys, here):
+    answer = Answer({"all": "1"}, ["more"], ["look"] * 4, headline="what it is", short=["line"] * 8)
+    failures = first_failures([f"lost {n}" for n in range(9)], "9 of the points failed")
+    assert failures == ["lost 0", "lost 1", "lost 2", "9 of the points failed"]
+    print_answer(
+        answer, here, "plot", verbose=False, more={"wall time": "1 s"}, failures=failures, check={"checked by": "x"}
+    )
+    brief = capsys.readouterr()
+    assert brief.out.startswith("what it is\n  line\n")
+    assert len(brief.out.splitlines()) + len(brief.err.splitlines()) == MAX_LINES
+    assert "wall time" not in brief.out
+    print_answer(answer, here, "plot", verbose=True, more={"wall time": "1 s"}, reused=3)
+    told = capsys.readouterr().out
+    assert "wall time                   1 s\nmore\nnote: look\n" in told
+    assert told.endswith(f"{here}: 3 tasks from before; next: vibroplat plot\n")
+
+
+def test_two_equal_exciters_are_told_once():
+    assert of_both([155.2, 155.9], "N") == "155 N each"
+    assert of_both([155.0, 99.0], "N") == "155 N and 99.0 N"
+    assert of_both([155.0, 0.01], "N") == "155 N and 0"
+
+
+def test_kind_knows_all_figures(command):
+    help_ = " ".join(command("plot", "--help").out.replace("\n", " ").split())
+    for family in families():
+        for kind in family.kinds:
+            assert kind in help_
+
+
+# -- runs that went wrong --------------------------------------------------------------------------------
+
+#: Changes of a run's summary, and how the headline begins then.
+HEADLINES = {
+    "runs at 25.74 Hz (1545 rpm), antiphase: vibrates along y": {},
+    "STOPPED at 0.100 s: event-storm": {"outcome": "event-storm", "simulated_s": 0.1},
+    "INACCURATE, runs at 25.74 Hz": {"outcome": "inaccurate"},
+    "CAPTURED by the resonance in y: 25.74 Hz, 25.75 Hz wanted": {"captured_by": "y"},
+    "nothing measured, the run is too short": {"excitation_frequency_hz": None},
+    "the exciters hardly turn": {"measured_turns": 0},
+    "runs, not synchronized: exciters at 26.74 Hz and 24.74 Hz": {"frequency_split_hz": 2.0, "phase_coherence": 0.1},
+    "runs at 25.74 Hz (1545 rpm), phase difference 90 °": {"phase_difference_rad": 1.5707},
+    "runs at 25.74 Hz (1545 rpm), in-phase: vibrates along x and rocks; repeats every 3 turns": {
+        "phase_difference_rad": 0.1,
+        "period": 3,
+    },
+}
+
+
+@pytest.mark.parametrize(("told", "changes"), HEADLINES.items(), ids=range(len(HEADLINES)))
+def test_a_headline_says_what_is_wrong_first(told, changes, runs):
+    run = runs["two layers"]
+    assert headline(run.scene, run.summary | changes).startswith(f"quickstart: {told}")
+
+
+def test_what_is_nothing_is_0_and_what_is_missing_is_left_out(runs):
+    run = runs["two layers"]
+    lines = short_lines(run.scene, run.summary | {"stroke_x_m": 1e-9, "foundation_force_x_max_n": 0.01})
+    assert " x 0; largest " in lines[0]
+    assert not [line for line in lines if line.startswith("foundation, x")]
+    off = run.scene.replace({"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}]})
+    assert headline(off, run.summary).startswith("quickstart: coasts with the motors off at 25.74 Hz")
+    assert not [line for line in short_lines(off, run.summary) if line.startswith("motor power")]
+    assert short_lines(run.scene, run.summary | {"stroke_y_m": None}) == []
+    former = {name: value for name, value in run.summary.items() if not name.startswith("foundation")}
+    assert short_lines(run.scene, former) == []

@@ -1,0 +1,301 @@
+"""Runs on the page: the data sheet, curves over all of the run, and turns in which the machine moves."""
+
+import itertools
+import json
+import shutil
+
+import numpy as np
+import pytest
+from common.pages import figures_of, frames_of, page_of, read, unpacked
+from common.results import unproven
+
+from vibroplat.config.scene import Scene
+from vibroplat.errors import TableError
+from vibroplat.page import run
+from vibroplat.page.curves import Line, one_line
+from vibroplat.page.machine import drawing, machine_of, packed
+from vibroplat.page.results import find_results
+from vibroplat.page.run import windows_of
+from vibroplat.page.sheet import Sheet, sheet_html
+from vibroplat.results.tables import read_json, read_table, write_table
+
+
+def rewritten(source, place, **changes):
+    """Copy a run with another summary; None takes an entry out."""
+    copy = unproven(shutil.copytree(source, place))
+    summary = read_json(copy, "summary") | changes
+    (copy / "summary.json").write_text(json.dumps({key: value for key, value in summary.items() if value is not None}))
+    return copy
+
+
+def rows_of(sheet):
+    return {row.label: row for rows in sheet.groups.values() for row in rows}
+
+
+# -- the data sheet -------------------------------------------------------------------------------------
+
+LOADS = {
+    "foundation_force_y_amplitude_n": None,
+    "foundation_force_y_mean_n": -14126.4,
+    "foundation_force_y_max_n": 14979.4,
+}
+LOADS |= {
+    "whole_foundation_force_y_max_n": 15713.8,
+    "whole_foundation_force_y_max_at_s": 0.4538,
+    "whole_foundation_force_y_max_at_hz": 23.41,
+}
+LOADS |= {"foundation_force_x_max_n": 0.0157, "whole_foundation_force_x_max_n": 54.3}
+LOADS |= {"whole_foundation_force_x_max_at_s": 0.32, "whole_foundation_force_x_max_at_hz": 11.87}
+POWERS = {"motor_power_1_mean_w": 959.9, "motor_power_2_mean_w": 960.1, "whole_motor_power_1_max_w": 4621.0}
+
+
+@pytest.fixture
+def sheet(moved):
+    """Write the data sheet of the bare run with other entries in its summary."""
+    (result,) = find_results([moved["bare"]])
+    return lambda **changes: Sheet(result.summary | changes, result.scene)
+
+
+def test_static_and_dynamic_force_and_the_largest_one_stand_in_one_row(sheet):
+    rows = rows_of(sheet(**LOADS))
+    assert rows["y, static ± dynamic"][1:] == ("14.13 ± 0.85 kN", "", "15.7 kN", "0.454 s, 23.4 Hz")
+    assert rows["x"][1:] == ("0", "", "54.3 N", "0.320 s, 11.9 Hz"), "1/1000 of the force along y is nothing"
+
+
+def test_the_dynamic_force_is_its_column_where_there_is_one(sheet):
+    rows = rows_of(sheet(**LOADS | {"foundation_force_y_amplitude_n": 900.0}))
+    assert rows["y, static ± dynamic"].now == "14.13 ± 0.90 kN"
+
+
+def test_each_spring_at_a_point_has_its_static_and_dynamic_force(sheet):
+    forces = {"spring_force_mean_inlet_n": -3500.0, "spring_force_amplitude_inlet_n": 210.0}
+    forces |= {"spring_force_max_inlet_n": 3710.0, "whole_spring_force_max_inlet_n": 3900.0}
+    row = sheet(**forces)._spring("inlet")
+    assert (row.label, row.now, row.most) == ("each spring at inlet", "3.50 ± 0.21 kN", "3.90 kN")
+
+
+def test_a_named_point_has_one_row(moved):
+    (result,) = find_results([moved["bare"]])
+    scene = result.scene.replace({"output.points": {"inlet": [-0.1, 0.0]}})
+    strokes = {"stroke_y_inlet_m": 3.45e-3, "whole_stroke_y_inlet_m": 6.6e-3, "stroke_x_inlet_m": 0.2e-3}
+    found = Sheet(result.summary | strokes | {"acceleration_max_inlet_m_per_s2": 37.4}, scene)
+    row = rows_of(found)["stroke y at inlet"]
+    assert (row.now, row.also, row.most) == ("3.45 mm", "x 0.200 mm, 3.81 g", "6.60 mm")
+
+
+def test_motors_that_are_alike_have_one_number(sheet):
+    assert rows_of(sheet(**POWERS))["power, mean"].now == "960 W"
+    unlike = rows_of(sheet(**POWERS | {"motor_power_2_mean_w": 1200.0, "slip_1": 0.0005, "slip_2": 0.0009}))
+    assert unlike["power, mean"].now == "0.960 / 1.20 kW"
+    assert unlike["power, mean"].most == "4.62 kW"
+    assert unlike["slip"].now == "0.1 %"
+
+
+def test_a_summary_of_an_old_version_has_what_it_has(moved, sheet):
+    (result,) = find_results([moved["bare"]])
+    old = {
+        key: value
+        for key, value in result.summary.items()
+        if not key.startswith(("foundation", "whole", "stroke", "motor_p", "motor_t", "slip", "torque"))
+    }
+    rows = rows_of(Sheet(old, result.scene))
+    assert rows["amplitude y"].also.startswith("RMS")
+    assert "y, static ± dynamic" not in rows
+    assert Sheet({"outcome": "solver-failure"}, result.scene).groups == {}
+
+
+def test_exciters_that_are_not_synchronous_have_two_speeds(sheet):
+    rows = rows_of(sheet(excitation_frequency_hz=25.0, frequency_split_hz=2.0, phase_coherence=0.1))
+    assert rows["speeds"].now == "26.00 Hz / 24.00 Hz"
+    assert rows["phase difference"].now == "drifts"
+
+
+def test_several_runs_have_a_column_each(moved):
+    runs = find_results([moved["two layers"], moved["bare"]])
+    text = sheet_html([Sheet(one.summary, one.scene) for one in runs], ["<one>", "two"])
+    assert "&lt;one&gt;" in text
+    assert text.count("<td>") == 2 * (text.count("<tr><th") - 1), "one row has the headings"
+    assert ">Material</th>" in text
+
+
+# -- curves ---------------------------------------------------------------------------------------------
+
+
+def test_curves_have_the_extremes_of_all_of_the_run(moved):
+    """Forces follow from springs and dampers; what is on the page lies on the curves of the run to a pixel."""
+    figures = figures_of(page_of(moved["two layers"]))
+    trajectory, summary = read_table(moved["two layers"], "trajectory"), read_json(moved["two layers"], "summary")
+    y = 1e3 * (trajectory["y_m"] + summary["static_sag_m"])
+    found = figures["Platform y from rest, whole run"]
+    assert found.points("y")[:, 1].max() == pytest.approx(y.max(), abs=0.01 * np.ptp(y))
+    assert found.points("y")[:, 1].min() == pytest.approx(y.min(), abs=0.01 * np.ptp(y))
+    (force,) = (one for title, one in figures.items() if title.startswith("Force into the foundation, y: each"))
+    whole = np.abs(force.points("force y")[:, 1]).max() * (1e3 if force.unit == "kN" else 1.0)
+    assert whole == pytest.approx(summary["whole_foundation_force_y_max_n"], rel=0.02)
+
+
+def test_impulses_and_the_machine_cover_the_whole_run(moved):
+    text = page_of(moved["two layers"])
+    events = read_table(moved["two layers"], "events")
+    struck = events[events["impulse_n_s"] > 0.0]
+    (motion,) = frames_of(text)
+    points = figures_of(text)["Impulse of each impact, whole run"].points("impulse")
+    assert len(points) == len(struck)
+    assert points[:, 0].max() == pytest.approx(struck["t_s"].max(), abs=1e-3)
+    first, last = motion["windows"][0], motion["windows"][-1]
+    assert first[0] < 1.1 / 25.0
+    assert last[0] + last[1] > read_table(moved["two layers"], "trajectory")["t_s"].iloc[-1] - 1.1 / 25.0
+    assert len(motion["hits"]) > 0.8 * len(struck) > 0
+
+
+def test_frames_are_where_the_machine_was(moved):
+    (motion,) = frames_of(page_of(moved["two layers"]))
+    trajectory, sag = (
+        read_table(moved["two layers"], "trajectory"),
+        read_json(moved["two layers"], "summary")["static_sag_m"],
+    )
+    begin, seconds, first, count = motion["windows"][-1]
+    times = begin + seconds * np.arange(count) / count
+    y = np.interp(times, trajectory["t_s"], trajectory["y_m"]) + sag
+    np.testing.assert_allclose(unpacked(motion["columns"]["y_m"])[first : first + count], y, atol=1e-3 * np.ptp(y))
+    angle = np.interp(times, trajectory["t_s"], trajectory["phi1_rad"])
+    shown = unpacked(motion["columns"]["phi1_rad"])[first : first + count]
+    np.testing.assert_allclose(np.exp(1j * shown), np.exp(1j * angle), atol=2e-3)
+
+
+def test_turns_lie_evenly_over_a_start_and_a_stop_and_each_begins_at_one_angle():
+    t = np.linspace(0.0, 20.0, 40_001)
+    speed = 25.0 * np.clip(np.minimum(t, 20.0 - t) / 4.0, 0.0, 1.0)
+    turns = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t))])
+    windows = windows_of(t, turns, 25.0, 1)
+    begins = np.array([begin for begin, _, _ in windows])
+    assert begins[0] == 0.0
+    assert windows[-1][1] > 19.5
+    assert np.diff(begins).max() < 1.0
+    running = [(a, b) for a, b, _ in windows if 2.0 < a < 18.0]
+    for a, b in running:
+        np.testing.assert_allclose(np.interp([a, b], t, turns) % 1.0 % 0.999, 0.0, atol=2e-3)
+    assert all(b <= c for (_, b, _), (c, _, _) in itertools.pairwise(windows))
+
+
+def test_a_machine_that_does_not_turn_is_shown_by_time():
+    t = np.linspace(0.0, 2.0, 2001)
+    windows = windows_of(t, 0.0 * t, None, 1)
+    assert windows[0][0] == 0.0
+    assert windows[-1][1] == 2.0
+
+
+def test_curves_that_coincide_are_one():
+    t = np.arange(10.0)
+    lines = [Line(f"exciter {n}", "#000", "", t, t + shift, t + shift) for n, shift in ((1, 0.0), (2, 1e-3), (3, 1.0))]
+    assert [line.name for line in one_line(lines)] == ["exciter 1 = 2", "exciter 3"]
+
+
+def test_speeds_of_exciters_are_in_hz_and_phases_in_degrees(moved):
+    figures = figures_of(page_of(moved["bare"]))
+    trajectory = read_table(moved["bare"], "trajectory")
+    speed = figures["Speed, whole run"]
+    assert speed.unit == "Hz"
+    wanted = np.abs(trajectory["phi1_rate_rad_per_s"]) / (2.0 * np.pi)
+    assert speed.points(speed.names[0])[:, 1].mean() == pytest.approx(wanted.mean(), rel=0.01)
+    assert figures["Phase difference, whole run"].unit == "°"
+
+
+def test_what_has_nothing_to_show_is_told_not_drawn(moved):
+    text = page_of(moved["bare"])
+    assert "nothing to see in" in read(text)
+    assert "Gap, whole run" not in figures_of(text)
+    assert "Contact force, whole run" in figures_of(page_of(moved["two layers"]))
+
+
+def test_the_interval_of_a_run_can_be_chosen(moved):
+    text = page_of(moved["two layers"], start=0.05, stop=0.1)
+    (motion,) = frames_of(text)
+    ends = motion["windows"][0][0], sum(motion["windows"][-1][:2])
+    assert 0.05 <= ends[0] < ends[1] <= 0.1 + 1e-4
+    detail = figures_of(text)["Platform and material, interval"]
+    assert detail.ends(0) == pytest.approx([0.05, 0.1], abs=1e-3)
+    with pytest.raises(TableError, match=r"no data between 3 and 4 s in .*; allowed: an interval within 0 … 0\.25 s"):
+        page_of(moved["bare"], start=3.0, stop=4.0)
+
+
+@pytest.mark.long
+def test_a_run_that_is_read_in_parts_is_the_same_run(moved, monkeypatch):
+    whole = frames_of(page_of(moved["two layers"]))
+    monkeypatch.setattr("vibroplat.results.tables.MAX_PART_ROWS", 37)
+    monkeypatch.setattr(run, "ANGLES", 200)
+    assert frames_of(page_of(moved["two layers"]))[0]["windows"] == [
+        [pytest.approx(value, abs=1e-3) for value in window] for window in whole[0]["windows"]
+    ]
+
+
+@pytest.mark.long
+def test_a_start_says_when_it_is_steady_and_shows_its_speeds(started):
+    text = page_of(started)
+    assert "Speed until the stroke is steady" in figures_of(text)
+    assert frames_of(text)[0]["windows"][0][0] == pytest.approx(0.0, abs=0.05)
+
+
+# -- odd runs -------------------------------------------------------------------------------------------
+
+
+def test_a_failed_run_tells_its_outcome_first(moved, tmp_path):
+    copy = rewritten(
+        moved["bare"], tmp_path / "copy", outcome="too-many-events", detail="more than 10", notes=["look twice"]
+    )
+    write_table(read_table(copy, "trajectory").iloc[:0], copy, "trajectory", "csv")
+    text = page_of(copy)
+    assert '<p class="answer bad">too-many-events: more than 10</p>' in text
+    assert "Note: look twice" in read(text)
+    assert 'id="frames"' not in text
+    assert "All curves" not in text
+    assert "RMS" in read(text)
+
+
+def test_a_run_without_a_measured_part_has_no_sheet(moved, tmp_path):
+    nothing = dict.fromkeys(("rms_y_m", "rms_x_m", "excitation_frequency_hz"), None)
+    text = page_of(rewritten(moved["bare"], tmp_path / "copy", **nothing))
+    assert "Nothing measured" in text
+    assert '<table class="sheet' not in text
+    assert frames_of(text)[0]["windows"]
+
+
+def test_infinite_numbers_are_missing(moved, tmp_path):
+    copy = unproven(shutil.copytree(moved["two layers"], tmp_path / "copy"))
+    for name in ("trajectory", "events"):
+        table = read_table(copy, name)
+        numbers = table.select_dtypes(float).columns.drop("t_s")
+        table.loc[len(table) // 2 :, numbers] = np.inf
+        write_table(table, copy, name, "parquet")
+    text = page_of(copy)
+    assert "Infinity" not in text
+    assert "inf" not in {*read(text).split()}
+
+
+def test_a_captured_start_says_so_first(moved, tmp_path):
+    text = page_of(rewritten(moved["bare"], tmp_path / "copy", captured_by="y"))
+    assert '<p class="answer bad">CAPTURED by the resonance in y' in text
+
+
+def test_results_name_the_parameters_in_which_they_differ(moved):
+    text = read(page_of(moved["two layers"], moved["bare"]))
+    assert "mass ratio 0" in text[: text.index("Amplitude and stroke")]
+
+
+# -- the drawing ----------------------------------------------------------------------------------------
+
+
+def test_numbers_are_right_to_a_pixel():
+    values = np.array([-2.0, np.nan, 0.1, 3.0])
+    np.testing.assert_allclose(unpacked(packed(values)), values, atol=5.0 / 65534)
+    assert packed([7.0, 7.0]) == (7.0, 7.0, "")
+    assert np.isnan(unpacked(packed([np.nan, 1.0, 2.0]))[0])
+
+
+def test_the_drawing_has_the_layers_of_the_scene_and_ways_of_turning(quickstart_scene):
+    two = drawing(machine_of(quickstart_scene), "x")
+    assert two.count('class="between"') == 3
+    bare = quickstart_scene.replace({"material.mass_ratio": 0.0})
+    assert 'class="lower"' not in drawing(machine_of(bare), "x")
+    one = Scene.from_tree(quickstart_scene.to_tree() | {"contact": {"model": "non-impact"}})
+    assert drawing(machine_of(one), "x").count('class="arm"') == 2

@@ -1,0 +1,84 @@
+"""The few lines of a sweep: from its tables, over any key, with whatever is in them."""
+
+import numpy as np
+import pandas as pd
+from common.handmade import after, branch
+
+from vibroplat.study.answer import short_answer
+from vibroplat.study.bands import bands
+
+
+def told(*parts, **columns):
+    """Return the headline and the lines of branches of a sweep."""
+    table = pd.concat(parts or [branch(**columns)], ignore_index=True)
+    usual = {"motion": "periodic", "period": 1, "rotation": "counter-rotating", "motor_power_w": 5.0, "coexisting": ""}
+    table = table.assign(**{name: value for name, value in usual.items() if name not in table})
+    headline, lines = short_answer(table, bands(table))
+    assert max(map(len, [headline, *lines])) <= 108
+    assert len(lines) <= 10
+    return headline, lines
+
+
+SYNC = {"phase_difference_rad": after(8, np.pi, 0.0), "sync": after(8, "antiphase", "in-phase")}
+
+
+def test_a_jump_is_told_in_the_middle_of_its_points_and_how_far_it_is_known():
+    headline, (head, row, known, legend) = told(**SYNC)
+    assert headline == "21 points, f_e 42 … 52 Hz in steps of 0.5, up; all repeat every turn"
+    assert head.split("  ")[0] == "at f_e (Hz)"
+    assert "antiphase → in-phase" in head
+    assert row.startswith("mass ratio 0.2  45.75  ")
+    assert row.endswith(" 0.125 mm at 52")
+    assert known == "each change ± 0.25 Hz"
+    assert legend == "in-phase: vibrates along x and rocks; antiphase: vibrates along y"
+
+
+def test_both_directions_stand_beside_each_other():
+    """What changes is told as the key grows, whichever way the sweep goes."""
+    up, down = (
+        branch(**SYNC),
+        branch(
+            **SYNC
+            | {
+                name: after(5, *ends)
+                for name, ends in {"phase_difference_rad": (np.pi, 0.0), "sync": ("antiphase", "in-phase")}.items()
+            }
+        ),
+    )
+    down = down.iloc[::-1].assign(direction="down", branch=1)
+    _, lines = told(up, down)
+    assert lines[1].startswith("mass ratio 0.2  45.75 up, 44.25 down ")
+    assert lines[2] == "each change ± 0.25 Hz; where up and down differ, the start decides"
+    same = branch().iloc[::-1].assign(direction="down", branch=1)
+    assert "no jump; up and down agree within 1 %" in told(branch(), same)[1]
+    other = same.assign(rms_y_m=np.where(same["supply_frequency_hz"] == 45.0, 0.5, 1.0) * same["rms_y_m"])
+    assert "no jump; up and down differ by up to 50 %, at f_e 45 Hz" in told(branch(), other)[1]
+
+
+def test_a_change_across_a_short_band_is_told_by_its_ends():
+    phase = np.select([np.arange(21) < 8, np.arange(21) < 11], [np.pi, 1.5], 0.0)
+    names = np.select([np.arange(21) < 8, np.arange(21) < 11], ["antiphase", "intermediate"], "in-phase")
+    _, lines = told(phase_difference_rad=phase, sync=names)
+    assert lines[1].startswith("mass ratio 0.2  45.5 … 47.5  ")
+
+
+def test_failed_points_chaos_and_coexisting_attractors_are_counted():
+    columns = {"outcome": after(19, "ok", "event-storm"), "motion": after(18, "periodic", "chaotic")}
+    headline, lines = told(**columns, coexisting=after(18, "", "antiphase, period 1"))
+    assert headline == "2 of 21 points FAILED (event-storm), f_e 42 … 52 Hz in steps of 0.5, up"
+    assert lines[0] == "1 chaotic, the others repeat every turn"
+    assert lines[-1] == "at 1 point other attractors coexist: column coexisting"
+    lost = {"outcome": "event-storm", "rms_y_m": np.nan, "rms_x_m": np.nan, "excitation_frequency_hz": np.nan}
+    headline, lines = told(**lost, sync=None)
+    assert headline == "21 of 21 points FAILED (event-storm), f_e 42 … 52 Hz in steps of 0.5, up"
+    assert lines == []
+
+
+def test_one_point_and_another_key():
+    headline, lines = told(branch(1))
+    assert headline == "1 point, f_e 42 Hz, up; all repeat every turn"
+    assert "no jump" in lines
+    table = branch().rename(columns={"supply_frequency_hz": "material.natural_frequency_hz"})
+    headline, lines = told(table)
+    assert headline.startswith("21 points, natural frequency 42 … 52 Hz in steps of 0.5, up; ")
+    assert lines[0].startswith("at natural frequency (Hz) ")

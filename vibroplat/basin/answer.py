@@ -1,0 +1,182 @@
+"""The answer of basins: attractors with their shares of the initial conditions, and what may have been missed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.basin.attractors import AttractorSet
+from vibroplat.basin.rates import ALPHA, CHAOTIC, TRANSIENT_MOTIONS, clopper_pearson
+from vibroplat.columns import indexed_name
+from vibroplat.config.digits import given, number, quantity, share
+from vibroplat.config.scene import Scene
+from vibroplat.config.study_plans import BasinsPlan
+from vibroplat.results.answer import Answer, counted, in_columns
+from vibroplat.study.branches import column_of, place_words
+
+#: Most attractors that have a line.
+MAX_ATTRACTORS = 6
+
+
+def answer_of(
+    scene: Scene,
+    tables: Mapping[str, pd.DataFrame],
+    key: str | None,
+    found: Sequence[AttractorSet],
+    escaped: Mapping[str, int],
+) -> Answer:
+    """Return what is printed of basins.
+
+    ``escaped`` has the number of motions of an attractor that converged to an orbit when they were continued.
+    """
+    plan, attractors = scene.basins, tables["attractors"]
+    assert plan is not None
+    names = list(dict.fromkeys(attractors["attractor"]))
+    values = len(found)
+    over = f" at each of {values} values of {plan.over.key}" if plan.over else ""
+    headline = f"{counted(len(names), 'attractor')} from {plan.number} initial conditions{over}: {_box(plan)}"
+    return Answer(
+        lines=_lines(plan, tables, values),
+        text=_text(attractors, key, escaped),
+        notes=_notes(plan, attractors, found),
+        failures=[line for f in found for line in _failures(f)],
+        headline=headline,
+        short=[*_shares(attractors, key), *_neighbours(plan, tables["starts"])],
+    )
+
+
+def _box(plan: BasinsPlan) -> str:
+    """Write the box of initial conditions."""
+    return ", ".join(
+        f"{indexed_name(key)} {given(low)} … {given(high)}" for key, (low, high, *_) in plan.initial_conditions.items()
+    )
+
+
+def _shares(table: pd.DataFrame, key: str | None) -> Iterator[str]:
+    """Yield a line for each attractor, the largest first: its share with bounds, RMS, frequency and power.
+
+    Over a key there are the smallest and the largest share instead, and where it was found.
+    """
+    rows, most = [], max(table["rms_x_m"].max(), table["rms_y_m"].max())
+    largest = table.groupby("attractor", sort=False)["fraction"].max().sort_values(ascending=False, kind="stable")
+    for name in largest.index[:MAX_ATTRACTORS]:
+        own = table[table["attractor"] == name]
+        row = own.iloc[0]
+        if key is None:
+            bounds = f"{share(row['fraction_low'])} to {share(row['fraction_high'])}"
+            heights = [f"{axis} {quantity(row[f'rms_{axis}_m'], 'm', largest=most)}" for axis in "yx"]
+            pace, power = quantity(row["excitation_frequency_hz"], "Hz"), quantity(row["motor_power_w"], "W")
+            rows.append([share(row["fraction"]), f"({bounds})", name, f"RMS {', '.join(heights)}", pace, power])
+        else:
+            values = own[column_of(key)]
+            where = place_words(column_of(key), values.min(), values.max())
+            rows.append([f"{share(own['fraction'].min())} to {share(own['fraction'].max())}", name, f"at {where}"])
+    yield from in_columns(rows) if rows else ()
+    if largest.size > MAX_ATTRACTORS:
+        yield f"and {counted(largest.size - MAX_ATTRACTORS, 'more attractor')}: -v"
+
+
+def _neighbours(plan: BasinsPlan, starts: pd.DataFrame) -> Iterator[str]:
+    """Yield how many neighbours on the grid of initial conditions converge to different attractors."""
+    keys = list(plan.initial_conditions)
+    counts = [len(np.unique(starts[key])) for key in keys]
+    if plan.over is not None or plan.random or len(starts) != np.prod(counts) or len(set(starts["attractor"])) == 1:
+        return
+    names = starts.sort_values(keys)["attractor"].to_numpy(dtype=str).reshape(counts)
+    pairs = [
+        (np.diff(np.unique(names, return_inverse=True)[1].reshape(counts), axis=axis) != 0) for axis in range(len(keys))
+    ]
+    differ = sum(int(one.sum()) for one in pairs) / max(sum(one.size for one in pairs), 1)
+    yield f"{share(differ)} of the pairs of neighbouring initial conditions converge to different attractors"
+
+
+def _lines(plan: BasinsPlan, tables: Mapping[str, pd.DataFrame], values: int) -> dict[str, str]:
+    """Return the overview, which includes the box of initial conditions."""
+    ways = [f"{plan.number}"] + ([f"at each of {values} values of {plan.over.key}"] if plan.over else [])
+    lines = {"initial conditions": f"{' '.join(ways)}, for at most {plan.max_turns} turns"}
+    for key, (low, high, *count) in plan.initial_conditions.items():
+        lines[indexed_name(key)] = f"{given(low)} … {given(high)}" + (
+            f", {int(count[0])} values" if count else ", random"
+        )
+    turns = tables["starts"]["turns"]
+    lines["turns until assigned"] = f"median {turns.median():.0f}, maximum {turns.max():.0f}"
+    return lines
+
+
+def _text(table: pd.DataFrame, key: str | None, escaped: Mapping[str, int]) -> list[str]:
+    """Return a line for each attractor: its basin fraction with bounds; over a key its smallest and largest fraction.
+
+    ``escaped`` has the number of its motions that converged to an orbit when they were continued.
+    """
+    lines = []
+    for name, rows in table.groupby("attractor", sort=False):
+        row, fraction = rows.iloc[0], rows["fraction"]
+        told = f"{share(fraction.iloc[0])} ({share(row['fraction_low'])} to {share(row['fraction_high'])})"
+        if key is not None:
+            values = rows[column_of(key)]
+            where = place_words(column_of(key), values.min(), values.max())
+            told = f"{share(fraction.min())} to {share(fraction.max())} at {where}"
+        else:
+            told += f" within {row['within_turns']} turns"
+            sure = pd.notna(row["rms_y_m"]) and row["motion"] != "undecided"
+            told += f", RMS y {quantity(row['rms_y_m'], 'm')}" if sure else ""
+            told += f", multiplier {number(row['multiplier_max'], 4)}" if pd.notna(row["multiplier_max"]) else ""
+            told += _lifetime_text(row, escaped.get(str(name), 0))
+        lines.append(f"{name:<{max(map(len, table['attractor']))}}  {told}")
+    return lines
+
+
+def _lifetime_text(row: pd.Series, escaped: int) -> str:
+    """Return the mean life of a chaotic motion with bounds, in words; empty if it is not known."""
+    if row["motion"] != CHAOTIC or pd.isna(row["rate_high_per_turn"]):
+        return ""
+    rate, slowest, fastest = (row[f"rate_{name}per_turn"] for name in ("", "low_", "high_"))
+    if not rate > 0.0 and escaped:
+        return f"; transient: {escaped} motion{'s' * (escaped > 1)} converged to an orbit when continued"
+    if not rate > 0.0:
+        return f"; mean life above {_turns(1.0 / fastest)} turns"
+    if row["rate_constant_p"] < ALPHA:
+        return "; transient, with a rate that is not constant"
+    return f"; transient, mean life {_turns(1.0 / rate)} ({_turns(1.0 / fastest)} … {_turns(1.0 / slowest)}) turns"
+
+
+def _turns(number: float) -> str:
+    """Write a number of turns with two significant digits and a space between thousands."""
+    return f"{float(f'{number:.2g}'):,.0f}".replace(",", " ")
+
+
+def _notes(plan: BasinsPlan, table: pd.DataFrame, found: Sequence[AttractorSet]) -> list[str]:
+    """Return warnings."""
+    least = clopper_pearson(0, plan.number)[1]
+    notes = [f"attractors that attract less than {share(least)} of the initial conditions may have been missed"]
+    if table["motion"].isin(TRANSIENT_MOTIONS).any():
+        notes.append(
+            f"motions that did not converge to an orbit within {plan.max_turns} turns were grouped by windows of "
+            "their last turns; one motion of each group was classified"
+        )
+    for f in found:
+        chaos = [k for k, record in enumerate(f.attractors) if record["row"]["motion"] == CHAOTIC and f.counts[k]]
+        if len(chaos) > 1:
+            turns = f.unchanged(plan.max_turns)
+            notes.append(
+                f"no change from one chaotic motion to another occurred in {_turns(turns)} turns: such changes "
+                f"occur less often than once in {_turns(turns / 3.0)} turns (95 %)"
+            )
+            break
+    escaped = sum(record.get("escaped", 0) for f in found for record in f.attractors)
+    if escaped:
+        notes.append(
+            f"{escaped} such motion{'s' * (escaped > 1)} converged to an orbit when continued: a larger "
+            "basins.max_turns assigns more initial conditions to orbits"
+        )
+    return notes
+
+
+def _failures(found: AttractorSet) -> Iterator[str]:
+    """Yield a line for each failed simulation."""
+    for start in found.starts:
+        row = found.attractors[start["attractor"]]["row"]
+        if row["outcome"] != "ok":
+            yield f"{row['outcome']}: {(start.get('detail') or row['detail']).partition(', state [')[0]}"

@@ -1,0 +1,217 @@
+"""The answer of orbits: where they are stable, special points and boundaries."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.columns import indexed_name, unit_of
+from vibroplat.config.digits import MISSING, NEGLIGIBLE, interval, number, quantity
+from vibroplat.config.plans import OrbitsPlan
+from vibroplat.results.answer import Answer, counted, in_columns
+from vibroplat.study.answer import axis_name, value_text
+from vibroplat.study.branches import EXCITATION, column_of
+from vibroplat.study.sweep import synchronizations
+
+#: Maximum number of branches and special points that are printed with ``-v``.
+MAX_PRINTED = 40
+#: Most combinations of the grid's values and boundaries that have a line, kinds of synchronization that have a column,
+#: ranges of stability in a cell, and kinds of special points.
+MAX_ROWS, MAX_KINDS, MAX_RANGES, MAX_SPECIAL = 4, 2, 3, 5
+
+
+def answer_of(
+    plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any], rotation: str
+) -> Answer:
+    """Return what is printed of orbits; ``rotation`` is that of the exciters, "" if it varies."""
+    branches = tables["branches"]
+    text = [*_boundary_lines(summary), *_branch_lines(plan, summary), *_special_lines(plan, tables["special"])]
+    return Answer(
+        _overview(branches.assign(rotation=rotation), summary),
+        text,
+        failures=_failures(summary),
+        headline=_headline(plan, branches, summary),
+        short=[*_stable_lines(plan, tables), *_special_counts(tables["special"]), *_curves(plan, tables)],
+    )
+
+
+def _headline(plan: OrbitsPlan, table: pd.DataFrame, summary: Mapping[str, Any]) -> str:
+    """Return how many orbits were found, over which range, and how many of them are stable."""
+    key, values = column_of(plan.key), table[column_of(plan.key)]
+    unit, ends = unit_of(key), dict.fromkeys(number(end, 4) for end in (values.min(), values.max()))
+    failed = [f"{summary['failed']} FAILED"] if summary["failed"] else []
+    told = [*failed, f"{counted(len(table), 'orbit')} over {axis_name(key)} {' … '.join(ends)} {unit}".rstrip()]
+    count = len(summary["branches"])
+    stable = f"{int(table['stable'].sum())} stable"
+    return f"{count} branch{'es' * (count != 1)}, {', '.join(told)}: {stable}"
+
+
+def _stable_lines(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Iterator[str]:
+    """Yield a table: for each combination of the grid's values where orbits of each synchronization are stable."""
+    branches, special = tables["branches"], tables["special"]
+    keys, key = [column_of(name) for name in _varied_keys(plan)], column_of(plan.key)
+    stable = branches[branches["stable"]]
+    if stable.empty:
+        yield "no orbit is stable"
+        return
+    counts = stable["sync"].value_counts()
+    kinds = counts.index[:MAX_KINDS]
+    lifts = bool((special["kind"] == "liftoff").any())
+    corner = f"stable at {axis_name(key)}{f' ({unit_of(key)})' if unit_of(key) else ''}"
+    rows = [[corner, *kinds, *(["first lift-off"] if lifts else [])]]
+    groups = list(branches.groupby(keys, sort=False)) if keys else [((), branches)]
+    for at, own in groups[:MAX_ROWS]:
+        name = ", ".join(f"{indexed_name(one)} {value_text(one, value)}" for one, value in zip(keys, at, strict=True))
+        cells = [_ranges(own, key, str(kind)) for kind in kinds]
+        rows.append([name, *cells, *([_first_liftoff(special, keys, at, key)] if lifts else [])])
+    yield from in_columns(rows)
+    if groups[MAX_ROWS:]:
+        yield f"and {len(groups) - MAX_ROWS} more combinations of the grid: -v"
+    others = "".join(f"; {count} stable orbits are {kind}" for kind, count in counts[MAX_KINDS:].items())
+    if len(kinds) > 1:
+        yield f"where both hold a value, the start decides{others}"
+
+
+def _ranges(table: pd.DataFrame, key: str, sync: str) -> str:
+    """Write in which ranges of the key orbits of a synchronization are stable, those of several branches united.
+
+    Ranges narrower than 1/1000 of the whole are left out beside wider ones: orbits at the limit of stability.
+    """
+    found: list[list[float]] = []
+    for _, branch in table.groupby("branch", sort=False):
+        holds = (branch["stable"] & (branch["sync"] == sync)).to_numpy()
+        pieces = np.split(branch[key].to_numpy(float), np.flatnonzero(np.diff(holds)) + 1)
+        begins = np.split(holds, np.flatnonzero(np.diff(holds)) + 1)
+        found += [[piece.min(), piece.max()] for piece, held in zip(pieces, begins, strict=True) if held.any()]
+    united: list[list[float]] = []
+    for low, high in sorted(found):
+        if united and low <= united[-1][1]:
+            united[-1][1] = max(united[-1][1], high)
+        else:
+            united.append([low, high])
+    least = NEGLIGIBLE * float(np.ptp(table[key]))
+    united = [ends for ends in united if ends[1] - ends[0] > least] or united
+    widest = sorted(united, key=lambda ends: ends[0] - ends[1])[:MAX_RANGES]
+    told = [" … ".join(dict.fromkeys(number(end, 4) for end in ends)) for ends in sorted(widest)]
+    left = len(united) - len(told)
+    return (", ".join(told) + (f" and {left} more" if left else "")) or MISSING
+
+
+def _ends(values: pd.Series) -> str:
+    return interval(values.min(), values.max(), digits=4)
+
+
+def _first_liftoff(special: pd.DataFrame, keys: Sequence[str], at: Sequence[Any], key: str) -> str:
+    """Write the smallest value of the key at which material lifts off, of a combination of the grid's values."""
+    own = special[special["kind"] == "liftoff"]
+    for name, value in zip(keys, at, strict=True):
+        own = own[own[name] == value]
+    return number(own[key].min(), 4) if len(own) else MISSING
+
+
+def _special_counts(special: pd.DataFrame) -> Iterator[str]:
+    if len(special):
+        counts = [f"{count} {kind}" for kind, count in special["kind"].value_counts().items()]
+        shown = ", ".join(counts[:MAX_SPECIAL])
+        yield f"special points: {shown}{', …' if counts[MAX_SPECIAL:] else ''}"
+
+
+def _curves(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Iterator[str]:
+    """Yield a line for each boundary: over which ranges of both keys it was followed."""
+    if plan.boundaries is None:
+        return
+    keys, groups = [column_of(plan.key), column_of(plan.boundaries.key)], list(tables["boundaries"].groupby("curve"))
+    rows = [
+        [f"boundary of {own['kind'].iloc[0]}", counted(len(own), "point")]
+        + [
+            f"{axis_name(key)} {interval(own[key].min(), own[key].max(), digits=4)} {unit_of(key)}".rstrip()
+            for key in keys
+        ]
+        for _, own in groups[:MAX_ROWS]
+    ]
+    yield from in_columns(rows) if rows else ["no boundary: no special point to start from"]
+    if groups[MAX_ROWS:]:
+        yield f"and {counted(len(groups) - MAX_ROWS, 'more curve')}: -v"
+
+
+def _failures(summary: Mapping[str, Any]) -> list[str]:
+    """Return a line for each branch that failed."""
+    return [
+        f"branch {branch['branch']}{''.join(f', {key} {value}' for key, value in branch['grid'].items())} failed "
+        f"after {branch['points']} points: {branch['ended']}"
+        for branch in summary["branches"]
+        if branch["failed"]
+    ]
+
+
+def _overview(table: pd.DataFrame, summary: Mapping[str, Any]) -> dict[str, str]:
+    """Summarize branches in a few lines: label and text."""
+    points = len(table)
+    frequency, height = table["excitation_frequency_hz"], table["rms_y_m"]
+    failed = f", {summary['failed']} failed" if summary["failed"] else ""
+    return {
+        "branches": f"{len(summary['branches'])}{failed}",
+        "points": f"{points}, {int(table['stable'].sum())} of them stable",
+        "synchronization": synchronizations(table),
+        "turns": f"{summary['turns']:.0f}, {summary['turns'] / max(points, 1):.1f} per point",
+        "excitation frequency": interval(frequency.min(), frequency.max(), "Hz"),
+        "RMS y": f"{quantity(height.min(), 'm', largest=height.max())} … {quantity(height.max(), 'm')}",
+        "residual": f"at most {table['residual'].max():.1e} of scaled units",
+    }
+
+
+def _boundary_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Return a line for each boundary, and an empty one."""
+    lines = []
+    for curve in summary["boundaries"]:
+        which = "".join(f", {key} {value}" for key, value in curve["grid"].items())
+        lines.append(f"boundary of {curve['kind']}{which}: {curve['points']} points; {' and '.join(curve['ended'])}")
+    return [*lines, ""]
+
+
+def _varied_keys(plan: OrbitsPlan) -> list[str]:
+    """List the keys of the grid that have several values."""
+    return [key for key, values in plan.grid.items() if len(values) > 1]
+
+
+def _branch_lines(plan: OrbitsPlan, summary: Mapping[str, Any]) -> Iterator[str]:
+    """Return a line for each branch."""
+    keys, value = _varied_keys(plan), column_of(plan.key)
+    header = [*(key.rpartition(".")[2] for key in keys), "branch", "begins at", value, "points", "stable", "ended"]
+    rows = [
+        [
+            *(f"{branch['grid'][key]}" for key in keys),
+            str(branch["branch"]),
+            branch["origin"] + ("" if branch["parent"] is None else f" of branch {branch['parent']}"),
+            "" if branch["least"] is None else f"{number(branch['least'], 6)} … {number(branch['largest'], 6)}",
+            str(branch["points"]),
+            str(branch["stable"]),
+            ("failed: " if branch["failed"] else "") + branch["ended"],
+        ]
+        for branch in summary["branches"]
+    ]
+    return _first_rows(header, rows, more="orbits.json")
+
+
+def _special_lines(plan: OrbitsPlan, special: pd.DataFrame) -> Iterator[str]:
+    """Yield a line for each special point."""
+    if special.empty:
+        return
+    keys, value = [column_of(key) for key in _varied_keys(plan)], column_of(plan.key)
+    shown = special[[*keys, "branch", "kind"]].astype(str)
+    for name in (value, EXCITATION):
+        shown[name] = [number(value, 8) for value in special[name]]
+    shown["period"] = special["period"].astype(str)
+    header = [*(name.rpartition(".")[2] for name in keys), "branch", "special point", value, EXCITATION, "period"]
+    yield ""
+    yield from _first_rows(header, shown.to_numpy().tolist(), more="table special")
+
+
+def _first_rows(header: Sequence[str], rows: Sequence[Sequence[str]], more: str) -> Iterator[str]:
+    """Yield the first rows of a table of texts in columns; if they are not all, where the others are."""
+    yield from in_columns([header, *rows[:MAX_PRINTED]])
+    if len(rows) > MAX_PRINTED:
+        yield f"… and {len(rows) - MAX_PRINTED} more: {more}"

@@ -1,0 +1,142 @@
+"""The answer of a design in a few lines: the best values, what tolerances change, what measures depend on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import pandas as pd
+
+from vibroplat.basin.rates import clopper_pearson
+from vibroplat.columns import quantity_of, unit_of
+from vibroplat.config.digits import DIGITS, FREQUENCY_DIGITS, NEGLIGIBLE, number, prefixed, quantity, share
+from vibroplat.config.study_plans import DesignPlan
+from vibroplat.designs.optimum import VIOLATION_TOLERANCE
+from vibroplat.designs.samples import QUANTILES
+from vibroplat.results.answer import counted, in_columns
+
+#: Most keys, measures, and keys of a measure that have a line or a place.
+MAX_KEYS, MAX_MEASURES, MAX_TOLD = 4, 3, 3
+#: Distance of a best value from an end of its range, over the range, at which it lies at the end.
+AT_END = 1e-3
+#: Relative difference of objectives up to which searches agree.
+AGREE = 1e-4
+
+
+def short_answer(plan: DesignPlan, tables: Mapping[str, pd.DataFrame], motion: str) -> tuple[str, list[str]]:
+    """Return the headline of a design and the lines below it, from its tables; ``motion`` describes the nominal one."""
+    evaluations, samples = tables.get("evaluations"), tables.get("samples")
+    tolerances = [] if samples is None else list(_samples(plan, samples, tables["variance_contributions"]))
+    if evaluations is not None:
+        found = evaluations[evaluations["best"].astype(bool)]
+        if evaluations.empty:
+            return "unknown: the orbit was lost on the way to every starting point of the search", []
+        if found.empty:
+            return "no design in this box satisfies all constraints", list(_nearest(plan, evaluations))
+        best = found.iloc[0]
+        return _best(plan, best), [_agreement(plan, best, evaluations), *_values(plan, best), *tolerances]
+    if tolerances:
+        return tolerances[0], tolerances[1:]
+    return f"what measures depend on, for {motion}", list(_elasticities(tables["sensitivities"]))
+
+
+def measure_text(name: str, value: Any) -> str:
+    """Write a measure with its name and unit."""
+    return f"{_label(name)} {quantity(value, unit_of(name))}"
+
+
+def _label(name: str) -> str:
+    """Return what a measure is called in prints."""
+    return quantity_of(name).name.replace("$", "")
+
+
+def _best(plan: DesignPlan, best: pd.Series) -> str:
+    assert plan.minimize is not None
+    bounds = [measure_text(name, best[name]) for name in plan.constraints]
+    told = f"best: {measure_text(plan.minimize, best[plan.minimize])}"
+    told += f" with {', '.join(bounds)}" if bounds else ""
+    if plan.parameter_tolerances:
+        told += f"; up to {quantity(best['objective'], unit_of(plan.minimize))} within the tolerances"
+    return told
+
+
+def _agreement(plan: DesignPlan, best: pd.Series, evaluations: pd.DataFrame) -> str:
+    """Return how many searches came to the best design."""
+    least = evaluations[evaluations["feasible"].astype(bool)].groupby("start")["objective"].min()
+    same = int((least <= best["objective"] + AGREE * abs(best["objective"])).sum())
+    return f"found by {same} of {plan.starts} searches:"
+
+
+def _values(plan: DesignPlan, best: pd.Series) -> Iterator[str]:
+    """Yield the best values of the keys, and which of them lie at an end of their range."""
+    for key in [*plan.keys][:MAX_KEYS]:
+        low, high = plan.keys[key]
+        room = AT_END * (high - low)
+        end = "lower" if best[key] - low < room else "upper" if high - best[key] < room else ""
+        more = f"at the {end} end of its range in design.keys" if end else ""
+        value = f"{number(best[key], 4)} {unit_of(key)}".rstrip()
+        yield f"{key:<34}{value:<16}{more}".rstrip()
+    if plan.keys.keys() - [*plan.keys][:MAX_KEYS]:
+        yield f"and {counted(len(plan.keys) - MAX_KEYS, 'more key')}: -v"
+
+
+def _nearest(plan: DesignPlan, evaluations: pd.DataFrame) -> Iterator[str]:
+    """Yield the evaluated design that violates the constraints least."""
+    nearest = evaluations.sort_values("violation").iloc[0]
+    yield f"the closest one violates a bound by {share(nearest['violation'])} of it; wider design.keys may help"
+    yield from _values(plan, nearest)
+    yield ", ".join(measure_text(name, nearest[name]) for name in plan.constraints)
+
+
+def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFrame) -> Iterator[str]:
+    """Yield how many samples within the tolerances are good, the quantiles of measures, and what explains them."""
+    told = [f"{share(samples['stable'].mean())} stable"]
+    together = [*satisfied(plan, samples).values()][:1]
+    told += [f"{with_confidence(count, len(samples))} satisfy the constraints" for count in together]
+    yield f"{counted(len(samples), 'machine')} within the tolerances: {', '.join(told)}"
+    names = [name for name in (plan.minimize, *plan.constraints, *contributions["measure"].unique()) if name]
+    shown = [name for name in dict.fromkeys(names) if name in samples and samples[name].notna().any()][:MAX_MEASURES]
+    rows = [["", *(f"{100.0 * of:.0f} %" for of in QUANTILES)]]
+    for name in shown:
+        values = samples[name].quantile(list(QUANTILES)).tolist()
+        factor, unit = prefixed(values[1], unit_of(name))
+        digits = FREQUENCY_DIGITS if unit == "Hz" else DIGITS
+        label = f"{_label(name)} ({unit})" if unit else _label(name)
+        rows.append([label, *(number(value / factor, digits) for value in values)])
+    yield from in_columns(rows)
+    own = contributions[contributions["measure"].isin(shown[:1])].sort_values("regression", ascending=False)
+    for _, row in own.head(1).iterrows():
+        yield f"{row['key']} explains {share(row['regression'])} of the variance of {_label(shown[0])}"
+
+
+def satisfied(plan: DesignPlan, samples: pd.DataFrame) -> dict[str, int]:
+    """Count the samples that satisfy all constraints, and each of several; tolerances together may violate one."""
+    kept: dict[str, pd.Series[bool]] = {}
+    for name, bound in plan.constraints.items():
+        sign, limit = plan.bound(name)
+        kept[f"  {name} {bound}"] = sign * (samples[name] - limit) >= -VIOLATION_TOLERANCE * abs(limit)
+    together = {"constraints satisfied": pd.DataFrame(kept).all(axis=1)} if kept else {}
+    return {label: int(inside.sum()) for label, inside in (together | (kept if len(kept) > 1 else {})).items()}
+
+
+def with_confidence(count: int, number_of_samples: int) -> str:
+    """Write a fraction of samples with its confidence bounds.
+
+    These are binomial; the samples are distributed more evenly than at random, so they err on the safe side.
+    """
+    low, high = clopper_pearson(count, number_of_samples)
+    return f"{share(count / number_of_samples)} ({share(low)} to {share(high)} with 95 % confidence)"
+
+
+def _elasticities(table: pd.DataFrame) -> Iterator[str]:
+    """Yield the largest elasticities of each measure."""
+    known = table.dropna(subset=["elasticity"])
+    yield "relative change of a measure over that of a key, largest first"
+    rows = []
+    for name, own in list(known.groupby("measure", sort=False))[: 2 * MAX_MEASURES]:
+        first = own.reindex(own["elasticity"].abs().sort_values(ascending=False, kind="stable").index).head(MAX_TOLD)
+        least = NEGLIGIBLE * first["elasticity"].abs().max()
+        first = first[first["elasticity"].abs() > least]
+        told = [f"{row['key'].rpartition('.')[2]} {number(row['elasticity'], 2)}" for _, row in first.iterrows()]
+        rows.append([_label(str(name)), quantity(own["value"].iloc[0], unit_of(str(name))), ", ".join(told)])
+    yield from in_columns(rows) if rows else ()

@@ -1,0 +1,191 @@
+"""The machine on the page: its drawing, which a browser without scripts shows at rest, and what moves it."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from vibroplat.config.scene import Scene
+
+#: Half the platform's width, length of a spring, of those between layers, largest of the force's arrow, room for
+#: motion: units of the drawing.
+HALF, SPRING, BETWEEN, ARROW, ROOM = 100.0, 58.0, 26.0, 62.0, 22.0
+#: Frames of a turn: the script draws what is between them.
+FRAMES = 36
+#: Columns that move the machine.
+MOVING = ("x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", "gap_m", "upper_m", "contact_force_n")
+#: Largest of the whole numbers that curves are packed as.
+STEPS = 65534
+_EXCITERS = ("#0072B2", "#D55E00")
+
+
+def packed(values: npt.ArrayLike, least: float = 0.0) -> tuple[float, float, str]:
+    """Return the smallest and the largest number, and all as base64 of 16-bit parts of their range; 65535 is missing.
+
+    That is 1.5e-5 of the range: far less than a pixel. What varies by less than ``least`` has a mean alone.
+    """
+    numbers = np.asarray(values, dtype=float)
+    known = numbers[np.isfinite(numbers)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+    if high - low <= least:
+        mean = float(f"{0.5 * (low + high):.9g}")
+        return mean, mean, ""
+    with np.errstate(invalid="ignore"):
+        parts = np.where(np.isfinite(numbers), (numbers - low) / (high - low or 1.0) * STEPS, STEPS + 1)
+    return (
+        float(f"{low:.9g}"),
+        float(f"{high:.9g}"),
+        base64.b64encode(parts.round().astype("<u2").tobytes()).decode("ascii"),
+    )
+
+
+def moving(frames: pd.DataFrame, scene: Scene, hits: Sequence[Sequence[float]], **more: Any) -> dict[str, Any]:
+    """Return what the script moves a machine through.
+
+    Parameters
+    ----------
+    frames
+        Values of :data:`MOVING` at equal parts of turns; y is counted from the static rest.
+    scene
+        Whose machine it is.
+    hits
+        Frames, with parts of them, at which material strikes, and its impulses (N·s).
+    more
+        Further entries.
+    """
+    known = [name for name in MOVING if name in frames and frames[name].notna().any()]
+    unseen = 1e-4 * ROOM / (scale_of(machine_of(scene)) * magnification(frames, machine_of(scene)))
+    least = dict.fromkeys(("x_m", "y_m", "gap_m", "upper_m"), unseen) | {
+        "phi_rad": unseen / HALF * scale_of(machine_of(scene))
+    }
+    columns = {name: packed(frames[name], least.get(name, 0.0)) for name in known}
+    for angle in ("phi1_rad", "phi2_rad"):
+        columns[angle] = packed(np.mod(frames[angle], 2.0 * math.pi))
+    return {
+        "columns": columns,
+        "frames": len(frames),
+        "k": magnification(frames, machine_of(scene)),
+        "hits": hits,
+        **more,
+    }
+
+
+def machine_of(scene: Scene) -> dict[str, Any]:
+    """Return what the drawing of a machine needs; lengths in m."""
+    return {
+        "axes": scene.body.axes,
+        "radii": [exciter.unbalance_radius_m for exciter in scene.exciter_pair],
+        "directions": [exciter.direction for exciter in scene.exciter_pair],
+        "layers": scene.layers,
+        "lower_share": scene.material.lower_share if scene.layers == 2 else 1.0,
+    }
+
+
+def scale_of(machine: Mapping[str, Any]) -> float:
+    """Return units of the drawing in a metre."""
+    reach = max(abs(x) + 1.25 * radius for (x, _), radius in zip(machine["axes"], machine["radii"], strict=True))
+    return HALF / max(float(reach), 1e-6)
+
+
+def magnification(frames: pd.DataFrame, machine: Mapping[str, Any]) -> float:
+    """Return the round number with which the largest displacement has the room that it needs."""
+    scale = scale_of(machine)
+    parts = {"x_m": 1.0, "y_m": 1.0, "gap_m": 0.7, "upper_m": 1.0, "phi_rad": HALF / scale}
+    most = [part * float(frames[name].abs().max()) for name, part in parts.items() if name in frames]
+    free = ROOM / scale / max([one for one in most if math.isfinite(one)], default=1.0) if any(most) else 1.0
+    power = 10.0 ** math.floor(math.log10(free))
+    return next(step * power for step in (5.0, 3.0, 2.0, 1.0) if step * power <= free * 1.0001)
+
+
+# -- the drawing -------------------------------------------------------------------------------------------------------
+
+
+def drawing(machine: Mapping[str, Any], label: str) -> str:
+    """Return the drawing of a machine at rest; the script moves its groups by their classes."""
+    scale, layers = scale_of(machine), int(machine["layers"])
+    axes = [(scale * x, scale * y) for x, y in machine["axes"]]
+    radii = [scale * radius for radius in machine["radii"]]
+    top = max(*(y + r for (_, y), r in zip(axes, radii, strict=True)), 0.0) + 13.0
+    bottom = min(*(y - r for (_, y), r in zip(axes, radii, strict=True)), 3.0) - 17.0
+    floor = bottom - SPRING - ROOM
+    share = machine["lower_share"]
+    heights = (10.0 + 14.0 * share, 10.0 + 14.0 * (1.0 - share)) if layers == 2 else (22.0 if layers else 0.0, 0.0)
+    above = top + (2.4 if layers else 1.0) * ROOM + sum(heights) + (BETWEEN if layers == 2 else 0.0) + 12.0
+    sizes = {"scale": scale, "top": top, "bottom": bottom, "floor": floor, "between": BETWEEN, "arrow": ARROW}
+    data = " ".join(f'data-{name}="{value:.4g}"' for name, value in sizes.items())
+    body = f'<rect x="{-HALF}" y="{-top:.1f}" width="{2 * HALF}" height="{top - bottom:.1f}" rx="5" class="steel"/>'
+    body += f'<path class="ink deck" d="M{-HALF} {-top:.1f}h{2 * HALF}"/><path class="ink" d="M-5 0h10M0 -5v10"/>'
+    body += "".join(_exciter(n, axes[n], radii[n], machine["directions"][n]) for n in (0, 1))
+    coil = _coil(SPRING + ROOM, 7, 7.0)
+    return (
+        f'<svg class="machine" viewBox="-124 {-above:.1f} 262 {above - floor + 12.0:.1f}" role="img" '
+        f'aria-label="{label}" {data}>{_ground(floor)}'
+        + "".join(
+            f'<g class="spring" data-at="{x}" transform="translate({x} {-floor:.1f})">{coil}</g>' for x in (-72, 72)
+        )
+        + f'<g class="body">{body}{_layers(heights, top)}{_signs(top)}</g></svg>'
+    )
+
+
+def _ground(floor: float) -> str:
+    hatch = "".join(f"M{x} {-floor:.1f}l-6 7" for x in range(-90, 91, 9))
+    return f'<path class="ground" d="M-96 {-floor:.1f}H96{hatch}"/>'
+
+
+def _coil(length: float, turns: int, width: float) -> str:
+    """Return a spring that stands on 0 and is so long."""
+    ends = min(7.0, 0.15 * length)
+    step = (length - 2.0 * ends) / (2 * turns)
+    zigzag = "".join(f"L{width if i % 2 else -width:g} {-ends - (i + 0.5) * step:.1f}" for i in range(2 * turns))
+    return f'<path class="ink" d="M0 0V{-ends:.1f}{zigzag}L0 {-length + ends:.1f}V{-length:.1f}"/>'
+
+
+def _exciter(number: int, axis: tuple[float, float], radius: float, direction: float) -> str:
+    """Return an exciter: its circle, which way it turns, and the arm with the unbalance, which points along x."""
+    inner, colour = 0.55 * radius, _EXCITERS[number]
+    x, y = inner * math.cos(0.9), inner * math.sin(0.9)
+    head = f"translate({x:.1f} {-y:.1f}) rotate(50)" if direction < 0 else f"translate({-x:.1f} {-y:.1f}) rotate(130)"
+    return (
+        f'<g transform="translate({axis[0]:.1f} {-axis[1]:.1f})"><circle r="{radius:.1f}" class="path"/>'
+        f'<path class="way" d="M{-x:.1f} {-y:.1f}A{inner:.1f} {inner:.1f} 0 0 1 {x:.1f} {-y:.1f}"/>'
+        f'<path class="way" d="M-4 -3L1.5 0L-4 3" transform="{head}"/>'
+        f'<g class="arm" transform="rotate(-90)"><path d="M0 0H{radius:.1f}" stroke="{colour}" stroke-width="2.4"/>'
+        f'<circle cx="{radius:.1f}" r="6.5" fill="{colour}"/></g><circle r="3" fill="#333"/>'
+        f'<text y="{radius + 11.5:.1f}" text-anchor="middle" fill="{colour}">{number + 1}</text></g>'
+    )
+
+
+def _layers(heights: tuple[float, float], top: float) -> str:
+    """Return the layers of material on the platform."""
+    found = ""
+    for name, height, base in (("lower", heights[0], top), ("upper", heights[1], top + heights[0] + BETWEEN)):
+        if height:
+            place = f'x="-78" y="{-base - height:.1f}" width="156" height="{height:.1f}" rx="2"'
+            found += f'<g class="{name}"><rect {place} class="{name}-layer"/></g>'
+    high, coil = f"{top + heights[0]:.1f}", _coil(BETWEEN, 4, 5.0)
+    coils = (f'<g class="between" data-at="{x}" transform="translate({x} -{high})">{coil}</g>' for x in (-52, 0, 52))
+    return found + (f'<g class="lower" data-base="{high}">{"".join(coils)}</g>' if heights[1] else "")
+
+
+def _signs(top: float) -> str:
+    """Return the force of contact and the flash of an impact, which are hidden at rest."""
+    rays = [(0.62 if ray % 2 else 1.0, math.pi * ray / 14.0) for ray in range(28)]
+    star = "L".join(f"{102.0 * size * math.cos(a):.0f} {13.0 * size * math.sin(a):.0f}" for size, a in rays)
+    return (
+        f'<g class="flash" visibility="hidden" transform="translate(0 {-top:.1f})"><path d="M{star}Z"/></g>'
+        f'<g class="force" visibility="hidden" transform="translate(-26 {-top:.1f})"><path class="shaft"/>'
+        '<path class="head" d="M-6.5 2L0 -10L6.5 2Z"/></g>'
+    )
+
+
+def as_json(data: Any) -> str:
+    """Return JSON in which no character has a meaning in HTML."""
+    text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")

@@ -1,0 +1,295 @@
+"""Panels of pictures: each kind draws what the data model of pictures says into a drawing of the page."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from contourpy import contour_generator
+
+from vibroplat.columns import display_name, quantity_of, unit_of
+from vibroplat.config.digits import quantity
+from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
+from vibroplat.page.view import View, alone, axis_name, coloured, dashes, heading, near, places_of, shown_at, unwrapped
+from vibroplat.results.labels import halfway, in_ratios
+from vibroplat.results.picture import BEHIND, BLACK, FULL, LOST, VERMILION, Facet, Panel, Series
+
+#: Signs of matplotlib's markers.
+SIGNS = dict(zip("osD^vXP*", "○□◇△▽✕✚★", strict=True))
+#: What columns of classes are called.
+_CALLED = {"sync": "synchronization"}
+#: What the hatches of the page are called.
+HATCHES = ("stripes", "bars", "dots")
+#: Samples up to which dots are large, and failed points that are marked.
+FEW = 400
+
+
+def hatches_told(hatches: Mapping[str, str], more: str) -> str:
+    """Return what hatches mean, and more."""
+    told = [f"{HATCHES[number % len(HATCHES)]}: {text}" for number, text in enumerate(hatches.values())]
+    return plain_text("; ".join(filter(None, (*told, more))))
+
+
+def figures(view: View, facet: Facet | None) -> list[str]:
+    """Return the figures of all panels, of a facet or of all series."""
+    all_of = list(view.picture.series)
+    numbers = range(len(all_of)) if facet is None else facet.series
+    shown, behind = [all_of[n] for n in numbers], [all_of[n] for n in facet.behind] if facet else []
+    found = strips(view) if facet is None or facet is view.picture.facets[0] else []
+    for panel in view.picture.panels:
+        if panel.column == (panel.x or view.axis) and panel.kind == "points":
+            continue
+        named = plain_text(facet.label) if facet is not None and panel.kind == "bars" else ""
+        if any(len(places_of([one])) for one in shown):
+            found.append(_KINDS[panel.kind](view, panel, shown, behind, named).html())
+    return found
+
+
+def points(view: View, panel: Panel, shown: Sequence[Series], behind: Sequence[Series], _: str) -> Plot:
+    """Draw curves and dots."""
+    column, x_column = panel.column, panel.x or view.axis
+    own = [one for one in shown if not one.of or column in one.of]
+    places = places_of([*own, *behind])
+    lines = [shown_at(column, v) for line in view.picture.lines if line.column == column for v in line.at]
+    x_values, y_values = view.values(x_column), view.values(column)
+    reached = np.append(y_values[places], near(lines, y_values[places]))
+    y = Scale.of(reached, column, least=panel.least, log=panel.scale == "log")
+    plot = view.plot(panel, view.across(panel, shown), y)
+    for one in behind:
+        plot.dots(x_values[places_of([one])], y_values[places_of([one])], "", BEHIND, size=2.5)
+    for one in own:
+        if panel.by and one.mode == "dots":
+            _classed(view, plot, panel, one)
+        else:
+            _series(view, plot, one, x_values, y_values)
+    for jump in view.picture.jumps:
+        if column in jump.of:
+            plot.jump(x_values[[jump.before, jump.after]], y_values[[jump.before, jump.after]], jump.colour)
+    for mark in view.picture.marks:
+        for place in mark.rows:
+            plot.mark(x_values[place], y_values[place], mark.kind, SIGNS.get(mark.symbol, "◆"), mark.colour)
+    # Points of curves that are left out because they coincide with others are found as well.
+    whole = len(shown) == len(view.picture.series)
+    places = np.arange(len(x_values)) if whole else np.unique(places_of(own))
+    view.hits(plot, x_values[places], y_values[places], places)
+    return plot
+
+
+def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> None:
+    """Draw a series: its line, and dots where there is none or where points are not as usual."""
+    name = ", ".join(filter(None, (plain_text(series.label), plain_text(series.look))))
+    places = places_of([series])
+    states = view.picture.states
+    state = (
+        np.zeros(len(places), dtype=int)
+        if states is None
+        else np.append(states, [0] * len(view.picture.points))[places]
+    )
+    if series.mode in ("lines", "both"):
+        rows = series.places
+        line_x, line_y = (np.where(rows >= 0, values[np.maximum(rows, 0)], np.nan) for values in (x, y))
+        single = places[alone(np.isfinite(line_x) & np.isfinite(line_y), rows)]
+        if plot.y.unit == "°":
+            line_x, line_y = unwrapped(line_x, line_y)
+        plot.curve(
+            line_x,
+            line_y,
+            name,
+            series.colour,
+            dash=dashes(series.dash),
+            width=1.3 * min(series.width, 1.3),
+            pale=series.pale,
+        )
+        plot.dots(x[single], y[single], "", series.colour, size=5.0)
+        odd = (state != FULL) & (state != LOST) & (series.mode == "both")
+        plot.dots(x[places[odd]], y[places[odd]], "", series.colour, size=5.0, hollow=True, pale=series.pale)
+    else:
+        size = 3.0 if series.mode == "dots" else 5.5 * min(series.size, 1.2)
+        full = (state == FULL) | (series.mode == "dots")
+        plot.dots(x[places[full]], y[places[full]], name, series.colour, size=size, pale=series.pale)
+        odd = ~full & (state != LOST)
+        plot.dots(x[places[odd]], y[places[odd]], "" if full.any() else name, series.colour, size=size, hollow=True)
+    lost = places[state == LOST]
+    for place in lost[:FEW]:
+        plot.mark(x[place], y[place] if np.isfinite(y[place]) else plot.y.low, "failed", "✕", "#a00000")
+
+
+def _classed(view: View, plot: Plot, panel: Panel, series: Series) -> None:
+    """Draw dots in the colours of a column."""
+    places = places_of([series])
+    x, y = view.values(panel.x or view.axis)[places], view.values(panel.column)[places]
+    size = 5.0 if len(places) <= FEW else 3.2
+    for name, colour, chosen in coloured(panel, view.picture.points.iloc[places]):
+        plot.dots(x[chosen], y[chosen], name, colour, size=size)
+
+
+def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series], __: str) -> Plot:
+    """Draw a tile for each point, in rows that are evenly spaced; neighbours of one colour are one."""
+    across, up = view.values(panel.x or view.axis), view.values(panel.column)
+    places = places_of([one for one in shown if one.mode == "dots"])
+    places = places[np.isfinite(across[places]) & np.isfinite(up[places])]
+    if not len(places):
+        return view.plot(panel, Scale(0.0, 1.0), Scale(0.0, 1.0))
+    levels, over = np.unique(up[places]), np.unique(across[places])
+    at = np.searchsorted(levels, up[places]), np.searchsorted(over, across[places])
+    unit, factor = unit_for(panel.column, float(np.abs(levels).max()))
+    ends, units = halfway(over), unit_for(view.axis, float(over[-1]))
+    x = Scale(ends[0], ends[-1], *units, label=axis_name(panel.x or view.axis), log=in_ratios(over))
+    y = Scale(-0.5, len(levels) - 0.5, unit, names=[f"{level * factor:.4g}" for level in levels])
+    title = plain_text(panel.title or panel.label) or _CALLED.get(panel.by) or axis_name(panel.by)
+    plot = view.plot(panel, x, y, f"{title}; upwards: {axis_name(panel.column)}")
+    points, looks = view.picture.points.iloc[places], np.full(len(places), "", dtype=object)
+    for name, colour, chosen in coloured(panel, points):
+        looks[chosen] = f"{colour}|{name}"
+    _boxes(plot, _grid(looks, at, (len(levels), len(over)), ""), ends)
+    if panel.hatch:
+        each = enumerate(panel.hatches.items())
+        numbers = {hatch: f"url(#hatch-{number % len(HATCHES)})|{told}" for number, (hatch, told) in each}
+        plot.note = hatches_told(panel.hatches, panel.note)
+        hatched = points[panel.hatch].map(numbers).fillna("").to_numpy(dtype=object)
+        _boxes(plot, _grid(hatched, at, (len(levels), len(over)), ""), ends)
+    if panel.contours and min(len(levels), len(over)) > 1:
+        values = _grid(view.values(panel.contours.column)[places], at, (len(levels), len(over)), np.nan)
+        heights: Any = np.ma.masked_invalid(values.astype(float))
+        drawing = contour_generator(over, np.arange(len(levels)), heights)
+        for level, (told, dash) in panel.contours.levels.items():
+            for line in map(np.asarray, drawing.lines(level)):
+                plot.curve(line[:, 0], line[:, 1], plain_text(told), BLACK, dash=dashes(dash), width=1.2)
+    for word in view.picture.words:
+        if word.column == panel.column:
+            row_of = float(np.interp(word.y, levels, np.arange(len(levels))))
+            plot.word(word.x, row_of, plain_text(word.text), word.colour)
+    for one in (one for one in shown if one.mode != "dots"):
+        known = np.maximum(one.places, 0)
+        row = np.interp(up[known], levels, np.arange(len(levels)), np.nan, np.nan)
+        over_x, over_y = (np.where(one.places >= 0, values, np.nan) for values in (across[known], row))
+        plot.curve(over_x, over_y, plain_text(one.label), one.colour, dash=dashes(one.dash), width=1.3 * one.width)
+    view.hits(plot, across[places], at[0].astype(float), places)
+    return plot
+
+
+def _grid(values: Any, at: tuple[Any, Any], shape: tuple[int, int], empty: Any) -> Any:
+    """Return values of points in rows and columns."""
+    found = np.full(shape, empty, dtype=object)
+    found[at] = values
+    return found
+
+
+def _boxes(plot: Plot, grid: Any, ends: Any) -> None:
+    """Draw rows of colours, each with what it means behind a bar, between the ends of the columns."""
+    for row, cells in enumerate(grid.tolist()):
+        first = 0
+        for look, run in itertools.groupby(cells):
+            after = first + len(list(run))
+            if look:
+                colour, _, told = look.partition("|")
+                plot.box((ends[first], ends[after]), (row - 0.49, row + 0.49), colour, told)
+            first = after
+
+
+def bars(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series], named: str) -> Plot:
+    """Draw horizontal bars over words, the first one on top."""
+    places = places_of(shown)
+    values = view.values(view.axis)[places]
+    words = [display_name(str(word)) or str(word) for word in view.picture.points[panel.column].iloc[places]]
+    x = Scale.of(np.append(values, 0.0), view.axis, label=plain_text(panel.label) or axis_name(view.axis))
+    y = Scale(len(words) - 0.5, -0.5, names=words)
+    plot = view.plot(panel, x, y, named or heading(panel))
+    plot.look, plot.height = "picture bars", f"--h:{22 * max(len(words), 1) + 6}px"
+    for row, value in enumerate(values):
+        colour = shown[0].colour if value >= 0.0 else VERMILION
+        plot.box((0.0, float(value)), (row - 0.34, row + 0.34), colour, f"{words[row]}: {value:.3g}")
+    plot.rule(x=0.0, dash="none")
+    return plot
+
+
+def stack(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series], __: str) -> Plot:
+    """Draw fractions on each other."""
+    plot = view.plot(panel, view.across(panel, shown), Scale(0.0, 1.0, "%", 100.0))
+    x, y = view.values(view.axis), view.values(panel.column)
+    over = np.unique(x[np.isfinite(x)])
+    below = np.zeros(len(over))
+    spots: list[tuple[Floats, Floats, Any]] = []
+    for one in shown:
+        places = places_of([one])
+        share = pd.Series(y[places], x[places]).groupby(level=0).sum().reindex(over).fillna(0.0).to_numpy()
+        plot.band(over, below, below + share, plain_text(one.label), one.colour)
+        spots.append((x[places], np.interp(x[places], over, below) + 0.5 * y[places], places))
+        below = below + share
+    view.hits(plot, *(np.concatenate(part) for part in zip(*spots, strict=True)))
+    return plot
+
+
+def ranks(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series], __: str) -> Plot:
+    """Draw each point a dot in the order of its values, over which stands the share of those not larger."""
+    places = places_of(shown)
+    values = view.values(panel.column)
+    places = places[np.isfinite(values[places])]
+    order = places[np.argsort(values[places], kind="stable")]
+    shares = (np.arange(len(order)) + 0.5) / max(len(order), 1)
+    lines = [v for line in view.picture.lines if line.column == panel.column for v in line.at]
+    unit = quantity_of(panel.column).name
+    x = Scale.of(np.append(values[order], near(lines, values[order])), panel.column, label=plain_text(unit))
+    plot = Plot(heading(panel), x, Scale(0.0, 1.0, "%", 100.0), "picture")
+    plot.note = plain_text(panel.note)
+    for line in view.picture.lines:
+        for value in line.at if line.column == panel.column else ():
+            plot.rule(plain_text(line.label), x=value, dash=dashes(line.dash))
+    at = pd.Series(shares, order)
+    for name, colour, chosen in (
+        coloured(panel, view.picture.points.iloc[order]) if panel.by else [("", shown[0].colour, slice(None))]
+    ):
+        own = order[chosen]
+        plot.dots(values[own], at[own].to_numpy(), name, colour, size=5.0 if len(order) <= FEW else 3.2)
+    for share in (0.05, 0.5, 0.95) if len(order) else ():
+        value = float(np.quantile(values[order], share))
+        plot.mark(value, share, f"{100 * share:g} %: {quantity(value, unit_of(panel.column))}")
+    view.hits(plot, values[order], shares, order)
+    return plot
+
+
+def strips(view: View) -> list[str]:
+    """Return what happens along branches, as strips over the axis, one below the other."""
+    strips = view.picture.strips
+    if strips is None or not strips.rows:
+        return []
+    at = view.values(view.axis)
+    spans = [strip.spans(at) for strip in strips.rows]
+    if not any(spans):
+        return []
+    x = view.across(Panel(view.axis), view.picture.series)
+    y = Scale(len(spans) - 0.5, -0.5, names=[plain_text(strip.label) for strip in strips.rows])
+    plot = Plot(plain_text(strips.label), x, y, "picture strips")
+    plot.height, hatches = f"--h:{24 * len(spans) + 6}px", list(strips.hatches)
+    plot.note = hatches_told(strips.hatches, f"line: {strips.line}" if strips.line else "")
+    for row, found in enumerate(spans):
+        for span in found:
+            colour, meaning = strips.classes.get(span.kind, ("", ""))
+            ends_of = (max(span.low, x.low), min(span.high, x.high))
+            if colour:
+                plot.box(ends_of, (row - 0.36, row + 0.36), colour, plain_text(meaning))
+            if span.hatch in hatches:
+                hatch = hatches.index(span.hatch) % len(HATCHES)
+                plot.box(ends_of, (row - 0.36, row + 0.36), f"url(#hatch-{hatch})", strips.hatches[span.hatch])
+            if span.lined:
+                plot.box(ends_of, (row + 0.38, row + 0.46), "#000")
+            if span.text:
+                plot.word(0.5 * (span.low + span.high), row, span.text, "#fff" if colour else "#222")
+    places = np.concatenate([np.asarray(strip.rows, dtype=int) for strip in strips.rows])
+    rows = np.repeat(np.arange(len(spans), dtype=float), [len(strip.rows) for strip in strips.rows])
+    view.hits(plot, at[places], rows, places)
+    plot.key = [(plain_text(meaning), colour) for colour, meaning in strips.classes.values()]
+    return [plot.html()]
+
+
+_KINDS: Mapping[str, Callable[[View, Panel, Sequence[Series], Sequence[Series], str], Plot]] = {
+    "points": points,
+    "plane": points,
+    "tiles": tiles,
+    "bars": bars,
+    "stack": stack,
+    "ranks": ranks,
+}

@@ -1,0 +1,393 @@
+"""Curves as drawings inside the page: they stretch to any width, their texts are HTML and do not."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.columns import PHASE_COLUMN, display_unit, unit_of
+from vibroplat.config.digits import decimal, prefixed
+
+Floats = np.ndarray[Any, np.dtype[np.float64]]
+
+#: Units of a drawing along both axes, which the script reads values from: a screen has fewer points.
+WIDTH, HEIGHT = 10_000, 3_000
+#: Parts of the width in which a curve keeps its first, smallest, largest and last point, and parts of both axes in
+#: which one of many dots is kept: about a point of a wide screen, and half the size of a dot.
+COLUMNS, DOTS = 800, (400, 200)
+#: Least range of an axis over its largest value, and of phases (rad): less is noise.
+LEAST, LEAST_PHASE = 1e-3, math.radians(2.0)
+#: Room above and below curves, over their range.
+ROOM = 0.06
+#: What stands between dollar signs in labels of figures, and its symbols.
+_MATHEMATICS = re.compile(r"(?<!\\)\$(.*?)(?<!\\)\$")
+_SYMBOLS = {"varphi": "φ", "Delta": "Δ", "mu": "μ", "zeta": "ζ", "gamma": "γ", "pi": "π", "omega": "ω", "sigma": "σ"}
+#: Step of an axis of angles over more than half a turn (°).
+QUARTER = 90.0
+#: Part of an axis up to which a number has room for a unit behind it.
+FITS = 0.95
+#: Numbers on an axis, about, across and up.
+TICKS = (6, 5)
+
+
+def unit_for(column: str, size: float) -> tuple[str, float]:
+    """Return the unit in which numbers of a column up to a size are shown, and the factor from SI units to it.
+
+    Phase differences are in degrees, lengths in mm; forces, torques, powers and works have a prefix. Keys have the unit
+    of their name.
+    """
+    if column == PHASE_COLUMN:
+        return "°", 180.0 / math.pi
+    if "." in column:
+        return display_unit(column)
+    step, name = prefixed(size, unit_of(column))
+    return name, 1.0 / step
+
+
+def plain_text(label: str) -> str:
+    """Return a label of a figure, in which mathematics stands between dollar signs, as plain text."""
+
+    def spoken(found: re.Match[str]) -> str:
+        inside = re.sub(r"\\([A-Za-z]+)", lambda word: _SYMBOLS.get(word[1], word[1]), found[1])
+        return re.sub(r"[_{}]", "", inside)
+
+    return _MATHEMATICS.sub(spoken, label).replace(r"\$", "$").replace("\n", " ")
+
+
+# -- axes --------------------------------------------------------------------------------------------------------------
+
+
+class Scale:
+    """An axis between two values.
+
+    Parameters
+    ----------
+    low, high
+        Its ends (SI units).
+    unit, factor
+        In which its numbers are shown.
+    label
+        What is said below it.
+    log
+        Whether it is logarithmic.
+    names
+        What stands at 0, 1, 2 … instead of numbers.
+    """
+
+    def __init__(
+        self,
+        low: float,
+        high: float,
+        unit: str = "",
+        factor: float = 1.0,
+        *,
+        label: str = "",
+        log: bool = False,
+        names: Sequence[str] = (),
+    ) -> None:
+        self.low, self.high, self.unit, self.factor, self.label = low, high, unit, factor, label
+        self.log, self.names = log and low > 0.0, names
+
+    @classmethod
+    def of(
+        cls, values: Floats, column: str, *, least: float | None = None, log: bool = False, label: str = ""
+    ) -> Scale:
+        """Return an axis with room for some values of a column.
+
+        With ``least`` it begins at 0 and goes at least to there.
+        """
+        known = values[np.isfinite(values)]
+        low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+        unit, factor = unit_for(column, max(abs(low), abs(high)))
+        if log and low > 0.0:
+            part = (high / low) ** ROOM if high > low else 1.2
+            return cls(low / part, high * part, unit, factor, label=label, log=True)
+        if least is not None:
+            low, high = min(low, 0.0), max(high, least)
+        floor = LEAST_PHASE if column == PHASE_COLUMN else LEAST * max(abs(low), abs(high)) or 1.0
+        missing = 0.5 * max(floor - (high - low), 0.0)
+        room = missing + ROOM * (high - low + 2.0 * missing)
+        return cls(low - room, high + room, unit, factor, label=label)
+
+    def share(self, values: Any) -> Floats:
+        """Return where values lie between the ends, which are 0 and 1."""
+        found = np.asarray(values, dtype=float)
+        if self.log:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                return np.log(found / self.low) / math.log(self.high / self.low)
+        return (found - self.low) / ((self.high - self.low) or 1.0)
+
+    def ticks(self, most: int) -> list[tuple[float, str]]:
+        """Return round numbers on the axis: their places and texts."""
+        if self.names:
+            every = -(-len(self.names) // 14)
+            kept = [*range(len(self.names))][::every]
+            return [(float(self.share(place)), self.names[place]) for place in kept]
+        low, high = self.low * self.factor, self.high * self.factor
+        if self.log and high > 3.0 * low:
+            powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+            steps = (1, 2, 5) if len(powers) < 4 else (1,)
+            found = [(step * 10.0**power, max(-power, 0)) for power in powers for step in steps]
+        else:
+            step = QUARTER if self.unit == "°" and high - low > 2.0 * QUARTER else nice_step(high - low, most)
+            places = max(0, -math.floor(math.log10(step) + 1e-9))
+            ends = math.ceil(low / step - 1e-6), math.floor(high / step + 1e-6)
+            found = [(number * step, places) for number in range(ends[0], ends[1] + 1)]
+        inside = [
+            (value, places)
+            for value, places in found
+            if low - 1e-9 * abs(low) <= value <= high * (1.0 + 1e-9) or not self.log
+        ]
+        turn = 360.0 if self.unit == "°" else 0.0  # angles are told from -180 to 180, as in tables
+        return [
+            (float(self.share(value / self.factor)), tick_text(value - turn * (value > 180.0), places))
+            for value, places in inside
+        ]
+
+    @property
+    def told(self) -> str:
+        """What the script is told of it: its ends in its unit, and its kind."""
+        kind = "names" if self.names else "log" if self.log else "even"
+        return f"{self.low * self.factor:.7g} {self.high * self.factor:.7g} {kind}"
+
+
+def nice_step(span: float, most: int) -> float:
+    """Return 1, 2 or 5 times a power of ten that divides an interval into so many parts at most."""
+    part = span / max(most, 1)
+    if not (part > 0.0 and math.isfinite(part)):
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(part))
+    return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= part * 0.999)
+
+
+def tick_text(value: float, places: int) -> str:
+    """Write a number of an axis; what has many zeros as a power of ten."""
+    if places > 6 or abs(value) >= 1e6:
+        return power_of_ten(value) if value else "0"
+    return decimal(value, places)
+
+
+def power_of_ten(value: float) -> str:
+    """Write a number that is very small or large with a power of ten."""
+    mantissa, _, exponent = f"{value:.2e}".partition("e")
+    raised = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    front = f"{float(mantissa):g}·".removesuffix("1·") if abs(float(mantissa)) == 1.0 else f"{float(mantissa):g}·"
+    return f"{front}10{raised}".replace("-", "−")
+
+
+# -- less than there is ------------------------------------------------------------------------------------------------
+
+
+def thinned(x: Floats, y: Floats, columns: int = COLUMNS) -> tuple[Floats, Floats]:
+    """Return a curve in shares of its axes with all that can be seen.
+
+    Of neighbours in one column of points, these are the first, the smallest, the largest and the last one.
+    """
+    if len(x) <= 4 * columns:
+        return x, y
+    column = np.where(np.isfinite(x) & np.isfinite(y), np.floor(np.nan_to_num(x) * columns), np.nan)
+    first = np.ones(len(x), dtype=bool)
+    first[1:] = ~(column[1:] == column[:-1])
+    known = np.flatnonzero(np.isfinite(column))
+    values = pd.Series(y[known], known).groupby(np.cumsum(first)[known])
+    starts = np.flatnonzero(first)
+    kept = np.unique(np.concatenate([starts, np.append(starts[1:], len(x)) - 1, values.idxmin(), values.idxmax()]))
+    return x[kept], y[kept]
+
+
+def apart(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Return dots in shares of the axes of which no two cover each other, ordered so that their path is short."""
+    number = np.unique(np.round(x * DOTS[0]).astype(int) * (DOTS[1] + 1) + np.round(y * DOTS[1]).astype(int))
+    across, up = np.divmod(number, DOTS[1] + 1)
+    return across / DOTS[0], up / DOTS[1]
+
+
+def path(x: Floats, y: Floats) -> str:
+    """Return a curve in shares of its axes as a path: whole numbers, each from the one before; gaps break it."""
+    across, down = np.round(x * WIDTH), np.round((1.0 - y) * HEIGHT)
+    known = np.isfinite(across) & np.isfinite(down)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
+    found = ""
+    for first, after in zip(ends[::2], ends[1::2], strict=True):
+        places = np.stack([across[first:after], down[first:after]], axis=1).astype(int)
+        steps = np.diff(places, axis=0)
+        steps = steps[steps.any(axis=1)]
+        if len(steps):
+            found += f"M{places[0, 0]} {places[0, 1]}l" + " ".join(f"{a} {b}" for a, b in steps.tolist())
+    return found.replace(" -", "-")
+
+
+def dotted(x: Floats, y: Floats) -> str:
+    """Return dots in shares of their axes as a path of lines without length."""
+    found, before = "", (0, 0)
+    for a, b in zip(np.round(x * WIDTH).tolist(), np.round((1.0 - y) * HEIGHT).tolist(), strict=True):
+        here = int(a), int(b)
+        found += f"{'m' if found else 'M'}{here[0] - before[0]} {here[1] - before[1]}h0"
+        before = here
+    return found.replace(" -", "-")
+
+
+# -- a drawing ---------------------------------------------------------------------------------------------------------
+
+
+class Plot:
+    """Curves over one axis, drawn one after the other; values are in SI units.
+
+    Parameters
+    ----------
+    title
+        What is said above it.
+    x, y
+        Its axes.
+    look
+        Class of the figure.
+    """
+
+    def __init__(self, title: str, x: Scale, y: Scale, look: str = "") -> None:
+        self.title, self.x, self.y, self.look = title, x, y, look
+        self.height = self.note = ""
+        self.key: list[tuple[str, str]] = []
+        self.hits = ""
+        self._drawn: list[str] = []
+        self._texts: list[str] = []
+
+    def curve(
+        self, x: Any, y: Any, name: str, colour: str, *, dash: str = "", width: float = 1.5, pale: bool = False
+    ) -> None:
+        """Draw a curve; where values are missing it is broken."""
+        places = thinned(self.x.share(x), self.y.share(y))
+        self._add(
+            "curve",
+            path(*places),
+            name,
+            f"stroke:{colour}",
+            dash and f"stroke-dasharray:{dash}",
+            f"stroke-width:{width:g}",
+            "opacity:.45" if pale else "",
+        )
+
+    def band(self, x: Any, low: Any, high: Any, name: str, colour: str) -> None:
+        """Fill what is between two curves."""
+        across, down, up = self.x.share(x), self.y.share(low), self.y.share(high)
+        known = np.isfinite(down) & np.isfinite(up)
+        there, back = (across[known], up[known]), (across[known][::-1], down[known][::-1])
+        line = path(*(np.concatenate(pair) for pair in zip(there, back, strict=True)))
+        self._add("band", line and f"{line}z", name, f"fill:{colour}33", f"stroke:{colour}")
+
+    def dots(
+        self,
+        x: Any,
+        y: Any,
+        name: str,
+        colour: str,
+        *,
+        size: float = 3.5,
+        hollow: bool = False,
+        pale: bool = False,
+        square: bool = False,
+    ) -> None:
+        """Draw dots, of which those that would be covered are left out."""
+        across, up = self.x.share(x), self.y.share(y)
+        known = (
+            np.isfinite(across)
+            & np.isfinite(up)
+            & (np.abs(across - 0.5) <= 0.5 + 1e-9)
+            & (np.abs(up - 0.5) <= 0.5 + 1e-9)
+        )
+        line = dotted(*apart(across[known], up[known]))
+        looks = (
+            f"stroke:{colour}",
+            f"stroke-width:{size:g}",
+            "opacity:.6" if pale else "",
+            "stroke-linecap:square" if square else "",
+        )
+        self._add("dots", line, name, *looks)
+        if hollow:
+            self._add("dots", line, "", "stroke:#fff", f"stroke-width:{size - 2.0:g}")
+
+    def box(
+        self, x: tuple[float, float], y: tuple[float, float], colour: str, tip: str = "", opacity: float = 1.0
+    ) -> None:
+        """Fill a rectangle between values."""
+        (a, b), (c, d) = ((float(v) for v in scale.share(ends)) for scale, ends in ((self.x, x), (self.y, y)))
+        sizes = abs(b - a) * WIDTH, abs(d - c) * HEIGHT
+        place = f'x="{min(a, b) * WIDTH:.0f}" y="{(1.0 - max(c, d)) * HEIGHT:.0f}" '
+        place += f'width="{sizes[0]:.0f}" height="{sizes[1]:.0f}"'
+        told = f"<title>{escape(tip)}</title>" if tip else ""
+        more = f' opacity="{opacity:g}"' if opacity != 1.0 else ""
+        self._drawn.append(
+            f'<rect {place} fill="{colour}"{more}>{told}</rect>' if told else f'<rect {place} fill="{colour}"{more}/>'
+        )
+
+    def rule(self, text: str = "", *, x: float | None = None, y: float | None = None, dash: str = "2 3") -> None:
+        """Draw a line of reference across at a value of one axis."""
+        scale, value = (self.y, y) if x is None else (self.x, x)
+        place = float(scale.share(value))
+        if not 0.0 <= place <= 1.0:
+            return
+        line = f"M0 {(1.0 - place) * HEIGHT:.0f}h{WIDTH}" if x is None else f"M{place * WIDTH:.0f} 0v{HEIGHT}"
+        self._drawn.append(f'<path class="rule" style="stroke-dasharray:{dash}" d="{line}"/>')
+        if text:
+            where = f"right:2px;top:{1.0 - place:.2%}" if x is None else f"left:{place:.2%};top:13px"
+            self._texts.append(f'<span class="note" style="{where}">{escape(text)}</span>')
+
+    def mark(self, x: float, y: float, text: str = "", symbol: str = "", colour: str = "") -> None:
+        """Put a ring, or a symbol, at a point, with a text beside it."""
+        across, up = float(self.x.share(x)), float(self.y.share(y))
+        if not (-1e-9 <= across <= 1.0 + 1e-9 and -1e-9 <= up <= 1.0 + 1e-9):
+            return
+        place = f"left:{across:.2%};top:{1.0 - up:.2%}"
+        if symbol:
+            look = f";color:{colour}" if colour else ""
+            self._texts.append(f'<b class="symbol" title="{escape(text)}" style="{place}{look}">{escape(symbol)}</b>')
+            return
+        side = "before" if across > 0.6 else "after"
+        self._texts.append(f'<i style="{place}"></i><span class="mark {side}" style="{place}">{escape(text)}</span>')
+
+    def word(self, x: float, y: float, text: str, colour: str) -> None:
+        """Write a text about a point."""
+        across, up = float(self.x.share(x)), float(self.y.share(y))
+        if 0.0 <= across <= 1.0 and -0.05 <= up <= 1.05:
+            place = f"left:{across:.2%};top:{1.0 - up:.2%};color:{colour}"
+            side = "" if 0.12 < across < 0.88 else " after" if across < 0.5 else " before"
+            self._texts.append(f'<span class="word{side}" style="{place}">{escape(text)}</span>')
+
+    def jump(self, x: Any, y: Any, colour: str) -> None:
+        """Draw a thin line between two points, with a head at the second one."""
+        self._add("curve", path(self.x.share(x), self.y.share(y)), "", f"stroke:{colour}", "stroke-width:.8")
+        self.mark(x[1], y[1], "jump", "▴" if y[1] > y[0] else "▾", colour)
+
+    def _add(self, kind: str, line: str, name: str, *looks: str) -> None:
+        named = f' data-n="{escape(name)}"' if name else ""
+        if line:
+            self._drawn.append(f'<path class="{kind}"{named} style="{";".join(filter(None, looks))}" d="{line}"/>')
+
+    def html(self) -> str:
+        """Return the figure."""
+        across, up = self.x.ticks(TICKS[0]), self.y.ticks(TICKS[1] if not self.y.names else len(self.y.names))
+        grid = "" if self.y.names else "".join(f"M0 {(1.0 - place) * HEIGHT:.0f}h{WIDTH}" for place, _ in up)
+        numbers = "".join(f'<span class="yt" style="top:{1.0 - place:.2%}">{escape(text)}</span>' for place, text in up)
+        last = max((number for number, (place, _) in enumerate(across) if place < FITS), default=None)
+        if last is not None and not self.x.label:
+            across[last] = (across[last][0], f"{across[last][1]} {self.x.unit}")
+        numbers += "".join(f'<span class="xt" style="left:{place:.2%}">{escape(text)}</span>' for place, text in across)
+        unit = f" ({self.x.unit})" if self.x.unit else ""
+        below = f'<span class="xl">{escape(self.x.label)}{escape(unit)}</span>' if self.x.label else ""
+        key = "".join(f'<em style="color:{colour}">{escape(name)}</em>' for name, colour in self.key)
+        size, hits = (f' style="{self.height}"' if self.height else ""), (f" data-p='{self.hits}'" if self.hits else "")
+        units = f'data-u="{escape(self.y.unit)}" data-xu="{escape(self.x.unit)}"'
+        told = f'data-x="{self.x.told}" data-y="{self.y.told}" {units}{hits}'
+        title = f"<figcaption><b>{escape(self.title)}</b> {escape(self.y.unit)} {key} {escape(self.note)}</figcaption>"
+        low = "" if self.x.label else " low"
+        texts = f'<div class="on">{"".join(self._texts)}</div></div>{numbers}{below}'
+        return (
+            f'<figure class="plot {self.look}{low}"{size} {told}>{title}<div class="area"><div class="clip">'
+            f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" preserveAspectRatio="none"><path class="grid" d="{grid}"/>'
+            f"{''.join(self._drawn)}</svg>{texts}<output></output></div></figure>"
+        )

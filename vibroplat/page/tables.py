@@ -1,0 +1,151 @@
+"""Tables on the page, which are read without scripts: rows of numbers, listings of words, and parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.columns import display_name
+from vibroplat.config.digits import decimal, given, places
+from vibroplat.page.svg import power_of_ten, unit_for
+from vibroplat.results.picture import finite
+
+#: Most cells and most rows of a table on the page.
+MOST_CELLS, MOST_ROWS = 36_000, 2_000
+#: Significant digits of the largest number of a column.
+DIGITS = 5
+
+
+def kept_rows(count: int, most: int) -> Any:
+    """Return the rows of a table that the page has; one that is too long loses some evenly."""
+    return np.arange(count) if count <= most else np.unique(np.linspace(0, count - 1, most).round().astype(int))
+
+
+def rows_on_page(table: pd.DataFrame) -> Any:
+    """Return the rows of a table that the page has."""
+    return kept_rows(len(table), min(MOST_ROWS, max(MOST_CELLS // max(len(table.columns), 1), 50)))
+
+
+def fold(title: str, more: str, body: str, look: str = "") -> str:
+    """Return HTML that is folded below its title, with more told beside it."""
+    small = f" <small>{escape(more)}</small>" if more else ""
+    opens = f'<details class="{look}">' if look else "<details>"
+    return f"{opens}<summary>{escape(title[:1].upper() + title[1:])}{small}</summary>{body}</details>"
+
+
+def hint(text: str) -> str:
+    """Return a remark."""
+    return f'<p class="hint">{escape(text)}</p>'
+
+
+def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, file: str = "", told: str = "") -> str:
+    """Return a table, folded; the script sorts it and saves it as CSV. End tags are left out, as HTML allows."""
+    kept = rows_on_page(whole) if rows is None else rows
+    table = finite(whole.iloc[kept]).dropna(axis="columns", how="all")
+    columns = [_column(str(name), table[name]) for name in table]
+    heads = "".join(
+        f'<th scope=col data-n="{escape(name)}">{escape(head)}'
+        for name, (head, _) in zip(table.columns.map(str), columns, strict=True)
+    )
+    lines = "".join(
+        "<tr>" + "".join(f"<td>{cell}" for cell in row) for row in zip(*(cells for _, cells in columns), strict=True)
+    )
+    which = "evenly chosen" if len(kept) < 2 or kept[0] == 0 else "the last ones"
+    more = (
+        ""
+        if len(kept) == len(whole)
+        else f" The page holds {len(kept)} of {len(whole)} rows, {which}; the table of the result holds all."
+    )
+    count = told or f"{len(whole)} row{'' if len(whole) == 1 else 's'}"
+    table_of = f'<table class="rows"><thead><tr>{heads}</thead><tbody>{lines}</tbody></table>'
+    return fold(
+        title,
+        count,
+        f'<p class="hint"><span class="scripted">A click on a heading sorts. <button type="button" class="csv" '
+        f'data-file="{escape(file)}">Save as CSV</button></span>{more}</p>'
+        f'<div class="wide">{table_of}</div>',
+        "table",
+    )
+
+
+def _column(name: str, column: pd.Series) -> tuple[str, list[str]]:
+    """Return the heading of a column and its cells: numbers with the decimals that its largest one needs."""
+    words = display_name(name) or name
+    if not pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column):
+        return words, ["–" if pd.isna(value) else escape(_word(value)) for value in column.astype(object)]
+    numbers = column.to_numpy(dtype=float, na_value=np.nan)
+    known = np.abs(numbers[np.isfinite(numbers)])
+    size = float(known.max()) if known.size else 0.0
+    unit, factor = unit_for(name, size)
+    scaled, raised = size * factor, ""
+    if scaled and not 1e-3 <= scaled < 1e7:
+        power = 3 * math.floor(math.log10(scaled) / 3)
+        factor, raised = factor * 10.0**-power, power_of_ten(10.0**power)
+    whole = bool(np.all(known == np.round(known))) and not unit and not raised
+    decimals = 0 if whole else max(places(size * factor, DIGITS), 0)
+    told = " ".join(filter(None, (raised, unit)))
+    cells = [_cell(value * factor, decimals) for value in numbers]
+    while decimals and all(cell.endswith("0") or cell in "–0" for cell in cells):  # as in values that were given
+        decimals -= 1
+        cells = [cell if cell in "–0" else cell[:-1].removesuffix(".") for cell in cells]
+    return (f"{words} ({told})" if told else words), cells
+
+
+def _cell(value: float, decimals: int) -> str:
+    if not math.isfinite(value):
+        return "–"
+    return decimal(value, decimals) if round(value, decimals) else "0"
+
+
+def _word(value: Any) -> str:
+    return {True: "yes", False: "no"}[bool(value)] if isinstance(value, bool | np.bool_) else str(value)
+
+
+def listing(heads: Sequence[str], rows: Sequence[Sequence[str]], look: str = "listing") -> str:
+    """Return a table of headings and rows of texts."""
+    head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
+    begin = f"<thead><tr>{head}</tr></thead>" if heads else ""
+    lines = "".join(
+        f'<tr><th scope="row">{escape(row[0])}</th>{"".join(f"<td>{escape(cell)}</td>" for cell in row[1:])}</tr>'
+        for row in rows
+    )
+    return f'<div class="wide"><table class="{look}">{begin}<tbody>{lines}</tbody></table></div>'
+
+
+def value_text(value: Any) -> str:
+    """Return a value of a configuration as a person reads it."""
+    if value is None or isinstance(value, bool):
+        return {None: "–", True: "yes", False: "no"}[value]
+    if not isinstance(value, int | float):
+        return str(value)
+    return power_of_ten(value) if value and not 1e-4 <= abs(value) < 1e7 else given(value).replace("-", "−")
+
+
+def parameters_html(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> str:
+    """Return the parameters that are not the default, or not the same in all results; the others folded below."""
+    told = [row for row in rows if row["differs"] or any(row["changed"])]
+    rest = [row for row in rows if row not in told]
+    note = "Default: the paper's test rig." + (" ≠: not the same in all results." if len(names) > 1 else "")
+    heads = ["key", "meaning", "unit", "default", *(names if len(names) > 1 else ["here"])]
+    more = fold("Parameters as by default", str(len(rest)), _parameters(heads, rest)) if rest else ""
+    body = hint(note) + _parameters(heads, told) + more
+    return fold("Parameters that differ from the default", f"{len(told)} of {len(rows)}", body, "parameters")
+
+
+def _parameters(heads: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> str:
+    lines = [
+        [
+            ("≠ " if row["differs"] else "") + row["key"],
+            row["meaning"],
+            row["unit"],
+            value_text(row["default"]),
+            *map(value_text, row["values"]),
+        ]
+        for row in rows
+    ]
+    return listing(heads, lines, "listing parameters")

@@ -1,0 +1,182 @@
+"""A picture over one of its axes: its values, axes and colours, and drawings for its panels."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.columns import PHASE_COLUMN, display_name, indexed_name, quantity_of
+from vibroplat.page.run import wrapped
+from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
+from vibroplat.results.picture import REFERENCE, Panel, Picture, Series, shade
+
+#: Patterns of lines by matplotlib's names, in points of the screen.
+_DASHES = {"-": "", "--": "6 3", ":": "1.5 3", "-.": "7 3 1.5 3"}
+#: Colours of a scale, from small values, pale, to large ones.
+SHADES = 12
+
+
+@dataclass(frozen=True)
+class View:
+    """A picture over one axis, of which some places are rows on the page.
+
+    Attributes
+    ----------
+    picture, axis
+        The picture and the column of its horizontal axis.
+    renumbered
+        For each place its number among those on the page, negative if it is none of them.
+    """
+
+    picture: Picture
+    axis: str
+    renumbered: Any
+
+    # -- values and axes ----------------------------------------------------------------------------
+
+    def values(self, column: str) -> Floats:
+        """Return the numbers of a column at all places, phases from -90° to 270°."""
+        points = self.picture.points
+        if column not in points or not pd.api.types.is_numeric_dtype(points[column]):
+            return np.full(len(points), np.nan)
+        found: Floats = points[column].to_numpy(dtype=float, na_value=np.nan)
+        return wrapped(found) if column == PHASE_COLUMN else found
+
+    def across(self, panel: Panel, series: Sequence[Series]) -> Scale:
+        """Return the horizontal axis, the same for all panels of a picture."""
+        column = panel.x or self.axis
+        shown = series if panel.x else self.picture.series
+        places = places_of(shown)
+        for line in () if panel.x else self.picture.lines:
+            if line.column == column:
+                return Scale.of(
+                    np.append(self.values(column)[places], np.asarray(line.at, dtype=float)),
+                    column,
+                    label=axis_name(column),
+                )
+        return Scale.of(self.values(column)[places], column, label=axis_name(column), log=self.picture.log(column))
+
+    # -- drawings -----------------------------------------------------------------------------------
+
+    def plot(self, panel: Panel, x: Scale, y: Scale, title: str = "") -> Plot:
+        """Return the drawing of a panel, with lines of reference, shaded intervals and words."""
+        plot = Plot(title or heading(panel), x, y, "picture")
+        plot.height, plot.note = "--h:300px" if self.picture.high else "", plain_text(panel.note)
+        column = panel.x or self.axis
+        for one in self.picture.ranges:
+            if one.column == column:
+                plot.box((max(one.low, x.low), min(one.high, x.high)), (y.low, y.high), REFERENCE, one.label, 0.15)
+        for line in self.picture.lines:
+            for number, value in enumerate(line.at):
+                text = "" if number else line.label
+                if line.column == panel.column and panel.kind != "bars":
+                    plot.rule(plain_text(text), y=shown_at(line.column, value), dash=dashes(line.dash))
+                elif line.column == column:
+                    plot.rule(plain_text(text), x=value, dash=dashes(line.dash))
+        for word in self.picture.words:
+            if word.column == panel.column and not y.names:
+                plot.word(word.x, word.y, plain_text(word.text), word.colour)
+        return plot
+
+    def hits(self, plot: Plot, x: Any, y: Any, places: Any) -> None:
+        """Let points of a drawing be found by a click: their numbers on the page, and where they are."""
+        across, up, numbers = plot.x.share(x), plot.y.share(y), self.renumbered[places]
+        inside = [np.isfinite(part) & (np.abs(part - 0.5) <= 0.51) for part in (across, up)]
+        good = inside[0] & inside[1] & (numbers >= 0)
+        parts = [numbers[good], np.clip(across[good], 0, 1) * 65535, (1.0 - np.clip(up[good], 0, 1)) * 65535]
+        plot.hits = base64.b64encode(np.concatenate(parts).round().astype("<u2").tobytes()).decode("ascii")
+
+
+# -- words and values --------------------------------------------------------------------------------------------------
+
+
+def axis_name(column: str) -> str:
+    """Return what a column is called on an axis, without its unit."""
+    name = plain_text(quantity_of(column).name)
+    return indexed_name(column) if name == display_name(column) else name
+
+
+def heading(panel: Panel) -> str:
+    """Return what is said above a panel."""
+    label = plain_text(panel.label)
+    told = label.rpartition(" (")[0] if label.endswith(")") else label
+    return plain_text(panel.title) or told or axis_name(panel.column)
+
+
+def shown_at(column: str, value: float) -> float:
+    """Return a value as an axis of its column has it."""
+    return float(wrapped(value)) if column == PHASE_COLUMN else float(value)
+
+
+def dashes(dash: Any) -> str:
+    """Return a style of lines as the lengths of its dashes and gaps."""
+    if isinstance(dash, str):
+        return _DASHES.get(dash, "6 3")
+    return " ".join(f"{1.3 * part:g}" for part in dash[1])
+
+
+def places_of(series: Sequence[Series]) -> Any:
+    """Return the places of some series."""
+    found = [one.places[one.places >= 0] for one in series]
+    return np.concatenate(found) if found else np.zeros(0, dtype=int)
+
+
+def alone(known: Any, rows: Any) -> Any:
+    """Return which points of a series, gaps left out, have no neighbour on its line."""
+    left, right = np.append(False, known[:-1]), np.append(known[1:], False)
+    return (known & ~left & ~right)[rows >= 0]
+
+
+def unwrapped(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Break a line of phases where it jumps by most of a turn."""
+    far = np.flatnonzero(np.abs(np.diff(y)) > math.pi) + 1
+    return np.insert(x, far, np.nan), np.insert(y, far, np.nan)
+
+
+def near(lines: Sequence[float], values: Floats) -> list[float]:
+    """Return those lines of reference for which an axis has room: not farther away than values spread."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return list(lines)
+    low, high = float(known.min()), float(known.max())
+    room = max(high - low, 0.1 * abs(high))
+    return [line for line in lines if low - room <= line <= high + room]
+
+
+def coloured(panel: Panel, points: pd.DataFrame) -> list[tuple[str, str, Any]]:
+    """Return names, colours and which points have them: by classes of a column, or along a scale."""
+    by = points[panel.by]
+    if panel.classes:
+        found = [
+            (plain_text(told or name), colour, (by == name).to_numpy())
+            for name, (colour, told) in panel.classes.items()
+        ]
+        return [one for one in found if one[2].any()]
+    values = by.to_numpy(dtype=float, na_value=np.nan)
+    low, high, unit, factor = ends_of_scale(panel, values)
+    step = np.clip(np.floor((values - low) / ((high - low) or 1.0) * SHADES), 0, SHADES - 1)
+    found = [("none", "#d9d9d9", ~np.isfinite(values))]
+    if panel.least is not None:  # white where there is nothing
+        found.append((f"0 {unit}".strip(), "#f4f4f4", values == 0.0))
+        step = np.where(values == 0.0, -1, step)
+    for number in range(SHADES):
+        ends = [(low + (high - low) * (number + end) / SHADES) * factor for end in (0, 1)]
+        found.append(
+            (f"{ends[0]:.3g} … {ends[1]:.3g} {unit}".strip(), shade(1.0 - (number + 0.5) / SHADES), step == number)
+        )
+    return [one for one in found if one[2].any()]
+
+
+def ends_of_scale(panel: Panel, values: Floats) -> tuple[float, float, str, float]:
+    """Return the ends of a scale of colours, and its unit with the factor to it."""
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    if panel.least is not None:
+        low, high = 0.0, panel.least
+    return low, high, *unit_for(panel.by, max(abs(low), abs(high)))

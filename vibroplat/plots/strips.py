@@ -1,0 +1,114 @@
+"""Strips of what happens over an axis, arrows of jumps, and texts in panels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.patches import Patch
+
+from vibroplat.plots.style import entry
+from vibroplat.plots.timelines import in_units
+from vibroplat.results.picture import BLACK, REFERENCE, Picture, Strips
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Height of a strip, of one that is a bar without panels below, and of what is around them (inch).
+STRIP, BAR, AROUND = 0.17, 0.36, 0.4
+#: Opacity of strips, and the share of an axis that a letter takes.
+PALE, LETTER = 0.75, 0.011
+
+
+def height_of(picture: Picture) -> float:
+    """Return the height of the strips of a picture (inch)."""
+    if picture.strips is None:
+        return 0.0
+    return AROUND + (STRIP if picture.panels else BAR) * max(len(picture.strips.rows), 2)
+
+
+def draw_strips(axis: Axes, picture: Picture, x: str) -> None:
+    """Draw strips, one below the other, with their names beside them; ``x`` is the column of the axis."""
+    strips = picture.strips
+    assert strips is not None
+    values, ends = picture.points[x], list[float]()
+    for number, strip in enumerate(strips.rows):
+        spans = strip.spans(values)
+        ends += [end for span in spans for end in (span.low, span.high)]
+        for look in dict.fromkeys((span.kind, span.hatch) for span in spans):
+            own = [(span.low, span.high - span.low) for span in spans if (span.kind, span.hatch) == look]
+            colour = strips.classes[look[0]][0] if look[0] in strips.classes else "white"
+            axis.broken_barh(own, (-number - 0.36, 0.72), facecolor=colour, alpha=PALE, lw=0.0)
+            if look[1]:
+                axis.broken_barh(own, (-number - 0.36, 0.72), facecolor="none", hatch=look[1], edgecolor=BLACK, lw=0.0)
+        for span in (span for span in spans if span.lined):
+            axis.plot([span.low, span.high], [-number - 0.43] * 2, color=BLACK, lw=1.4, solid_capstyle="butt")
+    labels = [strip.label for strip in strips.rows]
+    axis.set_yticks([-number for number in range(len(labels))], labels, fontsize=8.5)
+    for text, strip in zip(axis.get_yticklabels(), strips.rows, strict=True):
+        text.set_color(strip.colour)
+    if ends and min(ends) < max(ends):
+        axis.set_xlim(min(ends), max(ends))
+    axis.set(ylim=(0.5 - len(labels), 0.6), ylabel=strips.label if not picture.panels else "")
+    axis.grid(visible=False)
+    axis.tick_params(axis="y", length=0)
+    axis.spines["left"].set_visible(False)
+    _tell(axis, strips, values)
+
+
+def _tell(axis: Axes, strips: Strips, values: Any) -> None:
+    """Write the texts of intervals above them, as many as there is room for."""
+    low, high = axis.get_xlim()
+    for number, strip in enumerate(strips.rows):
+        free = -np.inf
+        for span in (span for span in strip.spans(values) if span.text):
+            middle = 0.5 * (span.low + span.high)
+            half = 0.5 * LETTER * (high - low) * len(span.text)
+            if middle - half > free:
+                axis.text(middle, -number, span.text, ha="center", va="center", fontsize=7.0)
+                free = middle + half
+
+
+def entries_of(strips: Strips) -> Iterator[Any]:
+    """Yield the entries of a legend that say what colours, hatches and lines of strips mean."""
+    for colour, told in strips.classes.values():
+        yield Patch(facecolor=colour, alpha=PALE, label=told)
+    for hatch, told in strips.hatches.items():
+        yield Patch(facecolor="white", edgecolor=BLACK, hatch=hatch, lw=0.3, label=told)
+    if strips.line:
+        yield entry(strips.line, color=BLACK, lw=1.4)
+
+
+def draw_jumps(axis: Axes, picture: Picture, column: str, x: str) -> None:
+    """Draw the jumps that are seen in a column as thin arrows: dotted lines with a small head."""
+    across, up = (picture.points[name].to_numpy(dtype=float, na_value=np.nan) for name in (x, column))
+    jumps = [jump for jump in picture.jumps if column in jump.of]
+    lines = [[(across[n], up[n]) for n in (jump.before, jump.after)] for jump in jumps]
+    kept = [number for number, line in enumerate(lines) if np.isfinite(line).all()]
+    if not kept:
+        return
+    shown = LineCollection([lines[n] for n in kept], colors=[jumps[n].colour for n in kept], lw=0.6, ls=":")
+    axis.add_collection(shown)
+    for n in kept:
+        (_, begin), (at, end) = lines[n]
+        axis.plot(at, end, "^" if end > begin else "v", color=jumps[n].colour, ms=3.0, mew=0.0)
+
+
+def draw_words(axis: Axes, picture: Picture, column: str, x: str) -> None:
+    """Write the texts of a panel at their points; of tiles at their rows."""
+    levels = np.unique(picture.points[column]) if any(panel.kind == "tiles" for panel in picture.panels) else None
+    for word in picture.words:
+        if word.column != column or x != picture.axes[0]:
+            continue
+        at, height = (float(in_units(value, name)) for value, name in ((word.x, x), (word.y, column)))
+        if levels is not None:
+            height = float(np.interp(height, levels, np.arange(len(levels))))
+        look: dict[str, Any] = {"fc": "white", "ec": "none", "pad": 1.5, "alpha": 0.75}
+        axis.text(at, height, word.text, ha="center", va="center", fontsize=8.5, color=word.colour, bbox=look)
+
+
+def jump_entry(picture: Picture) -> list[Any]:
+    """Return the entry of a legend for jumps, if there are any."""
+    return [entry("jump", color=REFERENCE, lw=0.6, ls=":", marker="^", ms=3.0, mew=0.0)] if picture.jumps else []

@@ -1,0 +1,140 @@
+"""What a command prints: the answer in its first line and a few more, and all of it on request."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple, Self
+
+from vibroplat.config.digits import quantity
+
+#: Most lines that a command prints without ``-v``, and their width (characters).
+MAX_LINES, WIDTH = 12, 100
+#: Most failures that are told one by one.
+MAX_FAILURES = 3
+#: Width of the labels of the overview, and of a label and a value in the short lines (characters).
+LABELS, LABEL, VALUE = 28, 20, 22
+#: Relative difference up to which the numbers of two exciters are told once.
+EQUAL = 0.01
+
+
+class Answer(NamedTuple):
+    """What a command prints.
+
+    Attributes
+    ----------
+    lines
+        Labels and texts of an overview, printed with ``-v``.
+    text
+        Further lines below it.
+    notes
+        Warnings.
+    failures
+        A line for each motion that failed.
+    headline
+        The answer in a sentence; empty in results of former versions.
+    short
+        The few lines below it that are printed without ``-v``, too.
+    """
+
+    lines: Mapping[str, str] = {}
+    text: Sequence[str] = ()
+    notes: Sequence[str] = ()
+    failures: Sequence[str] = ()
+    headline: str = ""
+    short: Sequence[str] = ()
+
+    @classmethod
+    def from_tree(cls, tree: object) -> Self:
+        """Return the answer that a provenance holds; an empty one if it holds none."""
+        found = tree if isinstance(tree, Mapping) else {}
+        lines, headline = found.get("lines"), found.get("headline")
+        overview = {str(label): str(text) for label, text in lines.items()} if isinstance(lines, Mapping) else {}
+        texts = {name: found.get(name) for name in ("text", "notes", "failures", "short")}
+        lists = {name: [str(line) for line in given] for name, given in texts.items() if isinstance(given, list)}
+        return cls(lines=overview, headline=str(headline or ""), **lists)
+
+    def to_tree(self) -> dict[str, object]:
+        """Return it as plain values, for a provenance."""
+        texts = {name: list(getattr(self, name)) for name in ("text", "notes", "failures", "short")}
+        return {"lines": dict(self.lines), "headline": self.headline, **texts}
+
+    def brief(self, room: int = MAX_LINES) -> list[str]:
+        """Return the answer in at most ``room`` lines: headline, short lines, and as many notes as there is room for.
+
+        Answers of former versions are as long as they are.
+        """
+        if not self.headline:
+            return self.full()
+        found = [self.headline, *(f"  {line}" for line in self.short)]
+        if len(found) + bool(self.notes) > room:
+            kept = room - 1
+            return [*found[:kept], f"  … {len(found) - kept + len(self.notes)} more lines: -v prints them"]
+        return found + list(_fitted([_note(note) for note in self.notes], room - len(found)))
+
+    def full(self) -> list[str]:
+        """Return all of it but the failures."""
+        begin = [self.headline, *(f"  {line}" for line in self.short), ""] if self.headline else []
+        return [*begin, *labelled(self.lines), *self.text, *(f"note: {note}" for note in self.notes)]
+
+    def __str__(self) -> str:
+        """Return what is printed without ``-v``."""
+        return "\n".join([*self.brief(), *first_failures(self.failures)])
+
+
+def labelled(lines: Mapping[str, str]) -> list[str]:
+    """Return labels and texts in two columns."""
+    return [f"{label:<{LABELS}}{text}" for label, text in lines.items()]
+
+
+def first_failures(lines: Sequence[str], total: str = "") -> list[str]:
+    """Return the first failures, and a total if there is one or some are left out."""
+    left = len(lines) - MAX_FAILURES
+    last = total or (f"… and {left} more failures" if left > 0 else "")
+    return [*lines[:MAX_FAILURES], *([last] if lines and last else [])]
+
+
+def short_line(label: str, value: str, more: str = "") -> str:
+    """Return a short line: a label, a value, and what qualifies it."""
+    return f"{label:<{LABEL}}{value:<{VALUE}}{more}".rstrip()
+
+
+def in_columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return rows of texts as lines, each column as wide as its widest text."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number with a noun, which gets an s for all numbers but 1."""
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
+def are_alike(values: Sequence[float]) -> bool:
+    """Return whether the numbers of both exciters are equal within 1 %."""
+    return abs(values[0] - values[1]) <= EQUAL * max(map(abs, values))
+
+
+def of_both(values: Sequence[float], unit: str) -> str:
+    """Write the numbers of both exciters: once if they are equal within 1 %."""
+    if are_alike(values):
+        return f"{quantity(values[0], unit)} each"
+    return " and ".join(quantity(value, unit, largest=max(map(abs, values))) for value in values)
+
+
+def _note(note: str) -> list[str]:
+    return textwrap.wrap(f"  note: {note}", WIDTH, subsequent_indent=" " * 8, break_on_hyphens=False)
+
+
+def _fitted(notes: Sequence[list[str]], room: int) -> Iterator[str]:
+    """Yield the lines of as many notes as have room, then how many more there are."""
+    fits = [notes[:count] for count in range(len(notes) + 1)]
+    whole = [few for few in fits if sum(map(len, few)) + (len(few) < len(notes)) <= room]
+    shown = whole[-1] if whole else []
+    yield from (line for note in shown for line in note)
+    left = len(notes) - len(shown)
+    if left and not shown:
+        begin = textwrap.shorten(" ".join(notes[0]), WIDTH - 20, placeholder=" …")
+        yield f"  {begin} (-v)" if left == 1 else f"  {begin} ({left - 1} more: -v)"
+    elif left:
+        yield f"  {counted(left, 'more note')}: -v"

@@ -1,0 +1,251 @@
+"""The answer of a sweep in a few lines: what was measured, where motion jumps and lifts off, the largest amplitude."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.columns import describe_sync, display_name, indexed_name, unit_of
+from vibroplat.config.digits import given, interval, number, prefixed, quantity, share
+from vibroplat.results.answer import WIDTH, counted, in_columns
+from vibroplat.study.bands import FORCE, RMS
+from vibroplat.study.branches import SUPPLY
+
+#: Most combinations of the grid's values, and kinds of jumps, that have a row and a column.
+MAX_ROWS, MAX_JUMPS = 5, 2
+#: Kinds of synchronization between which others are left out.
+MAIN = {"antiphase", "in-phase"}
+#: Relative difference of amplitudes up to which both directions agree.
+AGREE = 0.01
+#: What stands where nothing is.
+NONE = "–"
+
+
+def short_answer(points: pd.DataFrame, bands: pd.DataFrame) -> tuple[str, list[str]]:
+    """Return the headline of a sweep and the lines below it, from its tables."""
+    key = str(points.columns[0])
+    good = points[points["outcome"] == "ok"]
+    first = f"{_counts(points)}, {range_text(key, points[key])}{_directions(points)}"
+    if good[RMS].notna().sum() == 0:
+        return first, []
+    lines = [*_rows(points, bands, key), *_agreement(good, bands, key), *_legend(good), *_coexisting(good)]
+    headline, motions = f"{first}; {motions_text(good)}", motions_text(good)
+    return (headline, lines) if len(headline) <= WIDTH else (first, [motions, *lines])
+
+
+def axis_name(key: str) -> str:
+    """Return what a swept key is called in prints."""
+    return "f_e" if key == SUPPLY else indexed_name(key)
+
+
+def range_text(key: str, values: pd.Series) -> str:
+    """Return the name of a swept key, its range and its step, if that is the same throughout."""
+    known = np.unique(values.to_numpy(dtype=float))
+    steps = np.diff(known)
+    unit, ends = unit_of(key), " … ".join(given(end) for end in dict.fromkeys((known[0], known[-1])))
+    even = steps.size > 0 and np.ptp(steps) <= 1e-6 * steps.max()
+    step = (
+        f" in steps of {given(float(f'{steps[0]:.6g}'))}" if even else f" at {len(known)} values" if steps.size else ""
+    )
+    return " ".join(filter(None, (axis_name(key), ends, unit))) + step
+
+
+def motions_text(table: pd.DataFrame) -> str:
+    """Count the motions that are not periodic, and those that repeat after several turns."""
+    rest = table[(table["motion"] != "periodic") & table["motion"].notna()]
+    several = table[(table["motion"] == "periodic") & (table["period"] > 1)]
+    odd = {**rest["motion"].value_counts().to_dict()}
+    odd |= {f"of period {period}": count for period, count in several["period"].value_counts().items()}
+    if not odd:
+        return "all repeat every turn"
+    told = [f"{count} {kind}" for kind, count in list(odd.items())[:MAX_ROWS]]
+    left = len(table) - sum(odd.values())
+    return ", ".join([*told, *(["the others repeat every turn"] if left else [])])
+
+
+def _counts(points: pd.DataFrame) -> str:
+    """Count the points, and first those that failed."""
+    counts, number = points.loc[points["outcome"] != "ok", "outcome"].value_counts(), counted(len(points), "point")
+    why = ", ".join(str(outcome) for outcome in counts.index)
+    return f"{counts.sum()} of {number} FAILED ({why})" if len(counts) else number
+
+
+def _directions(points: pd.DataFrame) -> str:
+    names = [str(name) for name in points["direction"].unique()]
+    return f", {' and '.join(names)}"
+
+
+def _combinations(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Yield the rows of each combination of the grid's values, with what tells it from the others."""
+    keys = [str(key) for key in table.columns[1 : list(table.columns).index("direction")]]
+    if not keys:
+        yield "", table
+        return
+    varied = [key for key in keys if len(table[key].unique()) > 1] or keys[:1]
+    for _, rows in table.groupby(keys, sort=False):
+        values = [rows[key].iloc[0] for key in varied]
+        yield (
+            ", ".join(
+                f"{indexed_name(key)} {value_text(key, value)}" for key, value in zip(varied, values, strict=True)
+            ),
+            rows,
+        )
+
+
+def value_text(key: str, value: Any) -> str:
+    """Write a value of a key as it was given, with its unit."""
+    told = given(float(value)) if isinstance(value, int | float | np.number) else str(value)
+    return f"{told} {unit_of(key)}".rstrip()
+
+
+def _rows(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
+    """Yield a table: for each combination of the grid's values its jumps, lift-off and largest amplitude."""
+    groups, unit, step = list(_combinations(points)), unit_of(key), _step(points[key])
+    parts = [bands[bands["branch"].isin(rows["branch"].unique())] for _, rows in groups]
+    jumps = [_changes(own, key) for own in parts]
+    kinds = list(dict.fromkeys(name for one in jumps for name in one))
+    shown, flies = kinds[:MAX_JUMPS], points["flight_fraction"].gt(0.0).any() or _has_material(points)
+    both_ways = len(points["direction"].unique()) > 1
+    height = RMS if points[RMS].max() >= points["rms_x_m"].max() else "rms_x_m"
+    corner = f"at {axis_name(key)}{f' ({unit})' if unit else ''}"
+    head = [corner, *shown, *(["lifts off"] if flies else [])]
+    table = [[*head, f"largest {display_name(height)}", *([] if shown else ["motor power"])]]
+    for (name, rows), own, found in list(zip(groups, parts, jumps, strict=True))[:MAX_ROWS]:
+        cells = [_cell(found.get(kind, {}), step, both_ways=both_ways) for kind in shown] + (
+            [_liftoff(rows, own, key)] if flies else []
+        )
+        table.append([name, *cells, _largest(rows, height, key), *([] if shown else [_power(rows)])])
+    yield from in_columns(table)
+    if groups[MAX_ROWS:]:
+        yield f"and {len(groups) - MAX_ROWS} more combinations of the grid: -v, table bands"
+    if kinds[MAX_JUMPS:]:
+        yield f"and {', '.join(kinds[MAX_JUMPS : 2 * MAX_JUMPS])}, …: -v, table bands"
+
+
+def _changes(bands: pd.DataFrame, key: str) -> dict[str, dict[str, list[tuple[float, float]]]]:
+    """Return the ends of the changes of a combination, by what changes as the key grows and by direction.
+
+    These are changes of synchronization, whether the amplitude jumps there or not, and further jumps.
+    """
+    found: dict[str, dict[str, list[tuple[float, float]]]] = {}
+    for _, rows in bands.groupby("branch", sort=False):
+        way, ends = str(rows["direction"].iloc[0]), (f"from_{key}", f"to_{key}")
+        changes = [(one["name"], one[ends[1]], other["name"], other[ends[0]]) for one, other in _pairs(rows)]
+        jumps = rows[(rows["kind"] == "jump") & ~rows["name"].str.contains("→")]
+        changes += [("", begin, "", end) for begin, end in zip(jumps[ends[0]], jumps[ends[1]], strict=True)]
+        for before, begin, after, end in changes:
+            names = (before, after) if begin < end else (after, before)
+            name = " → ".join(names) if before else "jump"
+            found.setdefault(name, {}).setdefault(way, []).append((min(begin, end), max(begin, end)))
+    return found
+
+
+def _pairs(rows: pd.DataFrame) -> Iterator[tuple[Any, Any]]:
+    """Yield the bands on both sides of each change of synchronization; short of those between the two main ones."""
+    found = [band for _, band in rows[rows["kind"] == "band"].iterrows()]
+    names = [str(band["name"]) for band in found]
+    between = [{*names[i - 1 : i + 2 : 2]} == MAIN for i in range(1, len(names) - 1)]
+    kept = [band for band, skipped in zip(found, [False, *between, False][: len(found)], strict=True) if not skipped]
+    yield from itertools.pairwise(kept)
+
+
+def _cell(found: Mapping[str, list[tuple[float, float]]], step: float, *, both_ways: bool) -> str:
+    """Write where a change is in each direction; once where they agree, or where there is one."""
+    told = {way: ", ".join(_place(*ends, step) for ends in found[way]) for way in found}
+    if len(set(told.values())) == 1 and (len(told) > 1 or not both_ways):
+        return next(iter(told.values()))
+    return ", ".join(f"{text} {way}" for way, text in told.items()) or NONE
+
+
+def _place(low: float, high: float, step: float) -> str:
+    """Write where a change is: in the middle between two points a step apart, else between which ones."""
+    return middle_text(low, high) if high - low <= 1.001 * step else f"{given(low)} … {given(high)}"
+
+
+def middle_text(low: float, high: float) -> str:
+    """Write the middle of an interval with a digit more than its half width has."""
+    return number(0.5 * (low + high), 12, error=0.05 * (high - low))
+
+
+def _has_material(points: pd.DataFrame) -> bool:
+    return FORCE in points and bool(points[FORCE].notna().any())
+
+
+def _liftoff(rows: pd.DataFrame, bands: pd.DataFrame, key: str) -> str:
+    """Write where material first lifts off as the key grows; whether it always or never does."""
+    if not _has_material(rows):
+        return "no material"
+    changes = bands[bands["kind"].isin(["liftoff", "flight-end"])]
+    if changes.empty:
+        return "everywhere" if rows["flight_fraction"].gt(0.0).any() else "never"
+    ends = changes[[f"from_{key}", f"to_{key}"]].astype(float)
+    grows = (changes["kind"] == "liftoff") == (ends.iloc[:, 0] < ends.iloc[:, 1])
+    starts = sorted((float(row.min()), float(row.max())) for _, row in ends[grows].iterrows())
+    return middle_text(*starts[0]) if starts else "from the start"
+
+
+def _largest(rows: pd.DataFrame, column: str, key: str) -> str:
+    if rows[column].notna().sum() == 0:
+        return NONE
+    top = rows.sort_values(column, ascending=False, kind="stable").iloc[0]
+    way = f" {top['direction']}" if len(rows["direction"].unique()) > 1 else ""
+    return f"{quantity(top[column], unit_of(column))} at {given(float(top[key]))}{way}"
+
+
+def _power(rows: pd.DataFrame) -> str:
+    low, high = rows["motor_power_w"].min(), rows["motor_power_w"].max()
+    same = prefixed(low, "W") == prefixed(high, "W")
+    return interval(low, high, "W") if same else f"{quantity(low, 'W')} … {quantity(high, 'W')}"
+
+
+def _step(values: pd.Series) -> float:
+    """Return the largest distance of successive values of a swept key."""
+    return float(np.diff(np.unique(values.to_numpy(dtype=float))).max(initial=0.0))
+
+
+def _agreement(good: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
+    """Yield how far jumps are known, and whether both directions agree."""
+    changes, unit, both_ways = _changes(bands, key), unit_of(key), len(good["direction"].unique()) > 1
+    if changes:
+        known = f"each change ± {given(float(f'{0.5 * _step(good[key]):.3g}'))} {unit}".rstrip()
+        yield f"{known}{'; where up and down differ, the start decides' if both_ways else ''}"
+        return
+    if not both_ways:
+        yield "no jump"
+        return
+    size = np.hypot(good["rms_x_m"], good[RMS])
+    places = [str(name) for name in good.columns[: list(good.columns).index("direction")]]
+    both = good.assign(size=size).pivot_table(index=places, columns="direction", values="size").dropna()
+    if both.empty:
+        return
+    apart = (both.iloc[:, 0] - both.iloc[:, 1]).abs() / both.max(axis=1)
+    if apart.max() <= AGREE:
+        yield "no jump; up and down agree within 1 %"
+    else:
+        where = apart.idxmax()
+        value = where[0] if isinstance(where, tuple) else where
+        yield f"no jump; up and down differ by up to {share(apart.max())}, at {axis_name(key)} {value_text(key, value)}"
+
+
+def sync_counts(table: pd.DataFrame) -> Iterable[tuple[str, str, int]]:
+    """Yield the kinds of synchronization: rotation of the exciters, name and number of points."""
+    counts = table[["rotation", "sync"]].dropna().value_counts().reset_index()
+    yield from zip(counts["rotation"].astype(str), counts["sync"].astype(str), counts["count"], strict=True)
+
+
+def _legend(good: pd.DataFrame) -> Iterator[str]:
+    """Yield what the machine does in each kind of synchronization."""
+    told = [describe_sync(sync, rotation) for rotation, sync, _ in sync_counts(good)]
+    if told:
+        yield f"{'always ' if len(told) == 1 else ''}{'; '.join(told)}"
+
+
+def _coexisting(good: pd.DataFrame) -> Iterator[str]:
+    known = good["coexisting"].fillna("").astype(str)
+    found = int((known.ne("") & ~known.str.startswith("not ")).sum())
+    if found:
+        yield f"at {counted(found, 'point')} other attractors coexist: column coexisting"

@@ -1,0 +1,145 @@
+"""What pictures of sweeps show, in one sentence: each function computes it from the tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from vibroplat.columns import PHASE_COLUMN, display_name, unit_of
+from vibroplat.config import digits
+from vibroplat.frames import pd
+from vibroplat.results import picture
+from vibroplat.results.labels import EXCITATION, SUPPLY, key_name
+from vibroplat.study.sweeps import Sweeps
+
+#: Symbols of frequencies.
+SYMBOLS = {EXCITATION: "$f$", SUPPLY: "$f_e$"}
+#: Most numbers that are told one by one.
+MOST = 3
+#: Share of points at which two ways agree.
+AGREE = 0.95
+
+
+def place(column: str, values: Any) -> str:
+    """Say a place on an axis, or from where to where places are: "$f$ = 30.9 Hz"."""
+    known = np.asarray(values, dtype=float)
+    known = known[np.isfinite(known)]
+    if not len(known):
+        return ""
+    name, told = SYMBOLS.get(column, ""), digits.interval(known.min(), known.max(), unit_of(column))
+    return f"{name} = {told}" if name else f"{key_name(column)} {told}"
+
+
+def several(values: Sequence[float], unit: str) -> str:
+    """Say a few numbers one by one, more of them as an interval, in one unit."""
+    known = [value for value in values if np.isfinite(value)]
+    if not known:
+        return digits.MISSING
+    size = max(map(abs, known))
+    if len(known) > MOST or unit == "rad":
+        return digits.interval(min(known), max(known), unit)
+    told = list(dict.fromkeys(digits.quantity(value, unit, size=size) for value in known))
+    return ", ".join(
+        [*(one.rpartition(" ")[0] or one for one in told[:-1] if unit), *([] if unit else told[:-1]), told[-1]]
+    )
+
+
+def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> str:
+    """Say the largest value of the first measure, and from where on exciters synchronize otherwise."""
+    table, column = sweeps.table, next(iter(columns), "rms_y_m")
+    if column not in table or not table[column].notna().any():
+        return "Every point failed" if len(table) else "No points"
+    if column == PHASE_COLUMN:
+        return _sentence(_changes(sweeps)) or "Phase difference of the exciters"
+    varied = [name for name in sweeps.varied if name in table]
+    groups = [rows for _, rows in table.groupby(varied, sort=False)] if varied else [table]
+    known = [rows.dropna(subset=[column]).sort_values(column, ascending=False, kind="stable") for rows in groups]
+    best = [rows.iloc[0] for rows in known if len(rows)]
+    largest = several([float(row[column]) for row in best], unit_of(column))
+    at = place(sweeps.x, [float(row[sweeps.x]) for row in best])
+    return _sentence(f"{display_name(column)} at most {largest} at {at}", _changes(sweeps), _failed(table))
+
+
+def _sentence(*parts: str) -> str:
+    """Join what is said, with a capital letter."""
+    told = "; ".join(filter(None, parts))
+    return told[:1].upper() + told[1:]
+
+
+def _failed(table: pd.DataFrame) -> str:
+    """Say how many points failed."""
+    count = int((table["outcome"] != "ok").sum()) if "outcome" in table else 0
+    return f"{count} of {len(table)} points failed" if count else ""
+
+
+def _changes(sweeps: Sweeps) -> str:
+    """Say from where on exciters synchronize otherwise than at the lowest values of the key, on each way."""
+    first, found = set[str](), dict[str, list[float]]()
+    others = set[str]()
+    for rows in sweeps.branches:
+        known = rows.dropna(subset=["sync", sweeps.x]).sort_values(sweeps.key, kind="stable")
+        if known.empty:
+            continue
+        first.add(str(known["sync"].iloc[0]))
+        after = known[known["sync"] != known["sync"].iloc[0]]
+        if len(after):
+            others.add(str(after["sync"].iloc[0]))
+            found.setdefault(str(rows["direction"].iloc[0]), []).append(float(after[sweeps.x].iloc[0]))
+    if len(first) != 1 or len(others) > 1:
+        return ""
+    if not others:
+        return f"{_words(first.pop())} throughout"
+    told = {way: place(sweeps.x, values) for way, values in found.items()}
+    if len({*told.values()}) == 1:
+        return f"{_words(others.pop())} from {next(iter(told.values()))} on"
+    return f"{_words(others.pop())} from " + ", from ".join(f"{at} on the way {way}" for way, at in told.items())
+
+
+def _words(sync: str) -> str:
+    return picture.NOT_SYNCHRONOUS if sync == "none" else sync
+
+
+def bifurcation(sweeps: Sweeps, kinds: Sequence[Sequence[str]]) -> str:
+    """Say up to where the motion repeats each turn, and whether both ways agree; ``kinds`` are classes by branch."""
+    firsts, where, ways = set[str](), list[float](), list[dict[float, str]]()
+    for rows, own in zip(sweeps.branches, kinds, strict=True):
+        known = rows.assign(kind=own)
+        known = known[known["kind"] != ""].dropna(subset=[sweeps.x]).sort_values(sweeps.key, kind="stable")
+        ways.append(dict(zip(known[sweeps.key], known["kind"], strict=True)))
+        if known.empty:
+            continue
+        firsts.add(str(known["kind"].iloc[0]))
+        other = np.flatnonzero((known["kind"] != known["kind"].iloc[0]).to_numpy())
+        where += [float(known[sweeps.x].iloc[other[0] - 1])] if len(other) else []
+    names = {"1": "period 1", "n": "period of several turns"}
+    told = names.get(first := next(iter(firsts)), first) if len(firsts) == 1 else ""
+    every = [kind for own in kinds for kind in own if kind]
+    if not every:
+        return "Every point failed"
+    open_ = np.mean([kind not in names for kind in every])
+    begin = (f"{told} up to {place(sweeps.x, where)}" if where else f"{told} throughout") if told else ""
+    chaos = f"not periodic at {digits.share(float(open_))} of the points" if open_ and (where or not told) else ""
+    both = ""
+    if len(ways) == 2 and (shared := ways[0].keys() & ways[1].keys()):
+        same = np.mean([ways[0][value] == ways[1][value] for value in shared])
+        both = "up and down agree" if same >= AGREE else f"up and down differ at {digits.share(float(1.0 - same))}"
+    return _sentence(begin, chaos, both)
+
+
+def regimes(sweeps: Sweeps) -> str:
+    """Say at which share of its points a map has each synchronization, motion that does not repeat, and flight."""
+    table = sweeps.table
+    known = table[table["sync"].notna()]
+    if known.empty:
+        return "Every point failed"
+    count = len(known)
+    shares = known["sync"].value_counts() / count
+    parts = [", ".join(f"{_words(str(sync))} at {digits.share(float(share))}" for sync, share in shares.items())]
+    parts[0] += " of the points"
+    if "motion" in known and (odd := float((known["motion"] != "periodic").mean())):
+        parts.append(f"not periodic at {digits.share(odd)}")
+    if "flight_fraction" in known and (flies := float((known["flight_fraction"] > 0.0).mean())):
+        parts.append(f"material flies at {digits.share(flies)}")
+    return _sentence(*parts, _failed(table))
