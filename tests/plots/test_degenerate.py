@@ -436,6 +436,13 @@ PAIRS = [
     ("branches", "no numbers"),
     ("boundaries", "no events"),
     ("multipliers", "huge"),
+    ("response", "three rows"),
+    ("thresholds", "no numbers"),
+    ("basins", "one row"),
+    ("shares", "all failed"),
+    ("samples", "one row"),
+    ("evaluations", "no rows"),
+    ("sensitivities", "zero"),
 ]
 
 

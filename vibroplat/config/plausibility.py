@@ -78,7 +78,7 @@ def notes_on_plan(scene: Scene, kind: str) -> list[str]:
     sizes = dict.fromkeys(re.findall(r"[\w.]+\.(?:critical_torque_n_m|rated_power_w)\b", varied))
     if not sizes or INERTIA in varied:
         return []
-    told = " and ".join(dict.fromkeys(number(getattr(exciter, INERTIA)) for exciter in scene.exciter_pair))
+    told = " and ".join(dict.fromkeys(given(getattr(exciter, INERTIA)) for exciter in scene.exciter_pair))
     where = "exciters.N" if scene.exciters is not None else "machine"
     return [
         f"{', '.join(sizes)} varies, but {where}.{INERTIA} stays {told} kg·m²: rotors do not grow with their motors; "

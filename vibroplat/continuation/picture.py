@@ -212,7 +212,7 @@ def branches(found: Branches) -> picture.Picture:
         meanings=_STABLE,
         rotation=found.rotation,
         told="\n".join(filter(None, (found.told(), left))),
-        meaning="Solid: stable orbits; dashed, with open points: unstable ones. White marks: special points of "
+        meaning="Solid: stable orbits; dashed: unstable ones. White marks: special points of "
         f"branches, at their exact frequency.{found.meaning}",
         orbits=picture.Orbits(everything, [*range(len(table), len(everything)), *first]),
     )

@@ -114,7 +114,7 @@ def run_figures(
         that need what there is not (contact, accelerations, data) are left out, and refused if nothing else is asked
         for.
     start, stop
-        Interval shown (s). Default: the whole run, and the last ten turns of the exciters in detail.
+        Interval shown (s). Default: the whole run, and beside it the last turns of the exciters.
     data
         Measured data laid over the figures: y is counted from the static rest.
 
@@ -362,7 +362,8 @@ def _loads(shown: Shown) -> Figure:
         pair = (colour, CURVES[1] if shown.only else colour)
         _speeds(axes[-1, 0], run, pair, both=shown.only is not None and _nearly_equal(run))
         if overview:
-            timelines.draw_speeds(axes[-1, 1], run.last.assign(t_s=run.last["t_s"] - shown.origin(run)), pair)
+            last = run.last.assign(t_s=run.last["t_s"] - shown.origin(run))
+            timelines.draw_speeds(axes[-1, 1], last[last["t_s"] >= 0.0] if shown.aligned else last, pair)
             axes[-1, 1].set_ylabel("")
         for axis, column in zip(axes[:, 0], rows, strict=False):
             if shown.only and column in run.peaks:

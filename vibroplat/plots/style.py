@@ -173,7 +173,8 @@ def head(figure: Figure, title: str, told: str = "") -> None:
     figure.suptitle(_wrapped(title, TITLE_LETTERS * width), x=0.01, ha="left")
     if told:
         first: Axes = figure.axes[0]
-        lines = "\n".join(_wrapped(line, TOLD_LETTERS * (width - 1.0)) for line in told.splitlines())
+        beside = max((len(text.get_text()) for text in first.get_yticklabels()), default=0) / TOLD_LETTERS
+        lines = "\n".join(_wrapped(line, TOLD_LETTERS * (width - 0.8 - beside)) for line in told.splitlines())
         own = first.get_title(loc="left") or first.get_title(loc="right")
         first.set_title("", loc="right")
         first.set_title(f"{lines}\n{own}" if own else lines, loc="left", color=TOLD, fontsize=8.5)
