@@ -77,7 +77,7 @@ def test_the_worst_scene_of_a_tolerance_counts():
     assert "motor power 4.38 W, RMS y 1.18 mm" in found.answer.lines["there"]
     assert found.answer.headline.endswith("; up to 5.79 W within the tolerances")
     kept = "100 % (74 % to 100 % with 95 % confidence)"
-    assert f"10 machines within the tolerances: 100 % stable, {kept} satisfy the constraints" in found.answer.short
+    assert f"10 machines within the tolerances: 100 % stable, {kept} within bounds" in found.answer.short
     assert found.answer.lines["constraints satisfied"] == kept
     table = found.tables["evaluations"]
     (best,) = table.index[table["best"]]

@@ -92,7 +92,7 @@ def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFram
     """Yield how many samples within the tolerances are good, the quantiles of measures, and what explains them."""
     told = [f"{share(samples['stable'].mean())} stable"]
     together = [*satisfied(plan, samples).values()][:1]
-    told += [f"{with_confidence(count, len(samples))} satisfy the constraints" for count in together]
+    told += [f"{with_confidence(count, len(samples))} within bounds" for count in together]
     yield f"{counted(len(samples), 'machine')} within the tolerances: {', '.join(told)}"
     names = [name for name in (plan.minimize, *plan.constraints, *contributions["measure"].unique()) if name]
     shown = [name for name in dict.fromkeys(names) if name in samples and samples[name].notna().any()][:MAX_MEASURES]
