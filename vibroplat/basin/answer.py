@@ -39,7 +39,7 @@ def answer_of(
     headline = f"{counted(len(names), 'attractor')} from {plan.number} initial conditions{over}: {_box(plan)}"
     return Answer(
         lines=_lines(plan, tables, values),
-        text=_text(attractors, key, escaped),
+        text=[*_text(attractors, escaped)] if key is None else (),
         notes=_notes(plan, attractors, found),
         failures=[line for f in found for line in _failures(f)],
         headline=headline,
@@ -105,27 +105,16 @@ def _lines(plan: BasinsPlan, tables: Mapping[str, pd.DataFrame], values: int) ->
     return lines
 
 
-def _text(table: pd.DataFrame, key: str | None, escaped: Mapping[str, int]) -> list[str]:
-    """Return a line for each attractor: its basin fraction with bounds; over a key its smallest and largest fraction.
+def _text(table: pd.DataFrame, escaped: Mapping[str, int]) -> Iterator[str]:
+    """Yield a line for each attractor: the leading multiplier of an orbit, the mean life of a chaotic motion.
 
     ``escaped`` has the number of its motions that converged to an orbit when they were continued.
     """
-    lines = []
-    for name, rows in table.groupby("attractor", sort=False):
-        row, fraction = rows.iloc[0], rows["fraction"]
-        told = f"{share(fraction.iloc[0])} ({share(row['fraction_low'])} to {share(row['fraction_high'])})"
-        if key is not None:
-            values = rows[column_of(key)]
-            where = place_words(column_of(key), values.min(), values.max())
-            told = f"{share(fraction.min())} to {share(fraction.max())} at {where}"
-        else:
-            told += f" within {row['within_turns']} turns"
-            sure = pd.notna(row["rms_y_m"]) and row["motion"] != "undecided"
-            told += f", RMS y {quantity(row['rms_y_m'], 'm')}" if sure else ""
-            told += f", multiplier {number(row['multiplier_max'], 4)}" if pd.notna(row["multiplier_max"]) else ""
-            told += _lifetime_text(row, escaped.get(str(name), 0))
-        lines.append(f"{name:<{max(map(len, table['attractor']))}}  {told}")
-    return lines
+    for _, row in table.iterrows():
+        stable = f"multiplier {number(row['multiplier_max'], 4)}" if pd.notna(row["multiplier_max"]) else ""
+        told = stable or _lifetime_text(row, escaped.get(str(row["attractor"]), 0))
+        if told:
+            yield f"{row['attractor']:<{max(map(len, table['attractor']))}}  {told}"
 
 
 def _lifetime_text(row: pd.Series, escaped: int) -> str:
@@ -134,12 +123,12 @@ def _lifetime_text(row: pd.Series, escaped: int) -> str:
         return ""
     rate, slowest, fastest = (row[f"rate_{name}per_turn"] for name in ("", "low_", "high_"))
     if not rate > 0.0 and escaped:
-        return f"; transient: {escaped} motion{'s' * (escaped > 1)} converged to an orbit when continued"
+        return f"transient: {escaped} motion{'s' * (escaped > 1)} converged to an orbit when continued"
     if not rate > 0.0:
-        return f"; mean life above {_turns(1.0 / fastest)} turns"
+        return f"mean life above {_turns(1.0 / fastest)} turns"
     if row["rate_constant_p"] < ALPHA:
-        return "; transient, with a rate that is not constant"
-    return f"; transient, mean life {_turns(1.0 / rate)} ({_turns(1.0 / fastest)} … {_turns(1.0 / slowest)}) turns"
+        return "transient, with a rate that is not constant"
+    return f"transient, mean life {_turns(1.0 / rate)} ({_turns(1.0 / fastest)} … {_turns(1.0 / slowest)}) turns"
 
 
 def _turns(number: float) -> str:
