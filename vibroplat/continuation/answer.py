@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import indexed_name, unit_of
+from vibroplat.columns import unit_of
 from vibroplat.config.digits import MISSING, NEGLIGIBLE, interval, number, quantity
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.results.answer import Answer, counted, in_columns
-from vibroplat.study.answer import axis_name, value_text
-from vibroplat.study.branches import EXCITATION, column_of
+from vibroplat.results.labels import value_words
+from vibroplat.study.branches import EXCITATION, axis_name, column_of
 from vibroplat.study.sweep import synchronizations
 
 #: Maximum number of branches and special points that are printed with ``-v``.
@@ -64,7 +64,7 @@ def _stable_lines(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Itera
     rows = [[corner, *kinds, *(["first lift-off"] if lifts else [])]]
     groups = list(branches.groupby(keys, sort=False)) if keys else [((), branches)]
     for at, own in groups[:MAX_ROWS]:
-        name = ", ".join(f"{indexed_name(one)} {value_text(one, value)}" for one, value in zip(keys, at, strict=True))
+        name = ", ".join(map(value_words, keys, at))
         cells = [_ranges(own, key, str(kind)) for kind in kinds]
         rows.append([name, *cells, *([_first_liftoff(special, keys, at, key)] if lifts else [])])
     yield from in_columns(rows)

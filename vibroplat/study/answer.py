@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import describe_sync, display_name, indexed_name, unit_of
-from vibroplat.config.digits import given, interval, number, prefixed, quantity, share
+from vibroplat.columns import describe_sync, display_name, unit_of
+from vibroplat.config.digits import MISSING, given, interval, number, quantity, share
 from vibroplat.results.answer import WIDTH, counted, in_columns
+from vibroplat.results.content import in_groups
+from vibroplat.results.labels import value_words
 from vibroplat.study.bands import FORCE, RMS
-from vibroplat.study.branches import SUPPLY
+from vibroplat.study.branches import axis_name
+from vibroplat.study.sweeps import grid_of
 
 #: Most combinations of the grid's values, and kinds of jumps, that have a row and a column.
 MAX_ROWS, MAX_JUMPS = 5, 2
@@ -21,25 +24,18 @@ MAX_ROWS, MAX_JUMPS = 5, 2
 MAIN = {"antiphase", "in-phase"}
 #: Relative difference of amplitudes up to which both directions agree.
 AGREE = 0.01
-#: What stands where nothing is.
-NONE = "–"
 
 
 def short_answer(points: pd.DataFrame, bands: pd.DataFrame) -> tuple[str, list[str]]:
     """Return the headline of a sweep and the lines below it, from its tables."""
     key = str(points.columns[0])
     good = points[points["outcome"] == "ok"]
-    first = f"{_counts(points)}, {range_text(key, points[key])}{_directions(points)}"
+    first = f"{_counts(points)}, {range_text(key, points[key])}, {' and '.join(points['direction'].unique())}"
     if good[RMS].notna().sum() == 0:
         return first, []
     lines = [*_rows(points, bands, key), *_agreement(good, bands, key), *_legend(good), *_coexisting(good)]
     headline, motions = f"{first}; {motions_text(good)}", motions_text(good)
     return (headline, lines) if len(headline) <= WIDTH else (first, [motions, *lines])
-
-
-def axis_name(key: str) -> str:
-    """Return what a swept key is called in prints."""
-    return "f_e" if key == SUPPLY else indexed_name(key)
 
 
 def range_text(key: str, values: pd.Series) -> str:
@@ -74,32 +70,12 @@ def _counts(points: pd.DataFrame) -> str:
     return f"{counts.sum()} of {number} FAILED ({why})" if len(counts) else number
 
 
-def _directions(points: pd.DataFrame) -> str:
-    names = [str(name) for name in points["direction"].unique()]
-    return f", {' and '.join(names)}"
-
-
 def _combinations(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
     """Yield the rows of each combination of the grid's values, with what tells it from the others."""
-    keys = [str(key) for key in table.columns[1 : list(table.columns).index("direction")]]
-    if not keys:
-        yield "", table
-        return
+    keys = grid_of(table)
     varied = [key for key in keys if len(table[key].unique()) > 1] or keys[:1]
-    for _, rows in table.groupby(keys, sort=False):
-        values = [rows[key].iloc[0] for key in varied]
-        yield (
-            ", ".join(
-                f"{indexed_name(key)} {value_text(key, value)}" for key, value in zip(varied, values, strict=True)
-            ),
-            rows,
-        )
-
-
-def value_text(key: str, value: Any) -> str:
-    """Write a value of a key as it was given, with its unit."""
-    told = given(float(value)) if isinstance(value, int | float | np.number) else str(value)
-    return f"{told} {unit_of(key)}".rstrip()
+    for rows in in_groups(table, keys) if keys else [table]:
+        yield ", ".join(value_words(key, rows[key].iloc[0]) for key in varied), rows
 
 
 def _rows(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
@@ -158,7 +134,7 @@ def _cell(found: Mapping[str, list[tuple[float, float]]], step: float, *, both_w
     told = {way: ", ".join(_place(*ends, step) for ends in found[way]) for way in found}
     if len(set(told.values())) == 1 and (len(told) > 1 or not both_ways):
         return next(iter(told.values()))
-    return ", ".join(f"{text} {way}" for way, text in told.items()) or NONE
+    return ", ".join(f"{text} {way}" for way, text in told.items()) or MISSING
 
 
 def _place(low: float, high: float, step: float) -> str:
@@ -190,16 +166,14 @@ def _liftoff(rows: pd.DataFrame, bands: pd.DataFrame, key: str) -> str:
 
 def _largest(rows: pd.DataFrame, column: str, key: str) -> str:
     if rows[column].notna().sum() == 0:
-        return NONE
+        return MISSING
     top = rows.sort_values(column, ascending=False, kind="stable").iloc[0]
     way = f" {top['direction']}" if len(rows["direction"].unique()) > 1 else ""
     return f"{quantity(top[column], unit_of(column))} at {given(float(top[key]))}{way}"
 
 
 def _power(rows: pd.DataFrame) -> str:
-    low, high = rows["motor_power_w"].min(), rows["motor_power_w"].max()
-    same = prefixed(low, "W") == prefixed(high, "W")
-    return interval(low, high, "W") if same else f"{quantity(low, 'W')} … {quantity(high, 'W')}"
+    return interval(rows["motor_power_w"].min(), rows["motor_power_w"].max(), "W")
 
 
 def _step(values: pd.Series) -> float:
@@ -218,17 +192,16 @@ def _agreement(good: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[st
         yield "no jump"
         return
     size = np.hypot(good["rms_x_m"], good[RMS])
-    places = [str(name) for name in good.columns[: list(good.columns).index("direction")]]
-    both = good.assign(size=size).pivot_table(index=places, columns="direction", values="size").dropna()
+    both = good.assign(size=size).pivot_table(index=[key, *grid_of(good)], columns="direction", values="size").dropna()
     if both.empty:
         return
     apart = (both.iloc[:, 0] - both.iloc[:, 1]).abs() / both.max(axis=1)
     if apart.max() <= AGREE:
         yield "no jump; up and down agree within 1 %"
     else:
-        where = apart.idxmax()
-        value = where[0] if isinstance(where, tuple) else where
-        yield f"no jump; up and down differ by up to {share(apart.max())}, at {axis_name(key)} {value_text(key, value)}"
+        value = apart.index.get_level_values(key)[int(apart.argmax())]
+        place = f"at {axis_name(key)} {given(value)} {unit_of(key)}".rstrip()
+        yield f"no jump; up and down differ by up to {share(apart.max())}, {place}"
 
 
 def sync_counts(table: pd.DataFrame) -> Iterable[tuple[str, str, int]]:

@@ -171,6 +171,11 @@ def column_of(key: str) -> str:
     return SUPPLY if key == FREQUENCY else key
 
 
+def axis_name(key: str) -> str:
+    """Return what a swept key is called in prints."""
+    return "f_e" if key == SUPPLY else indexed_name(key)
+
+
 def place_words(key: str, *values: float) -> str:
     """Say where points are, by the column of the swept key and its values there."""
     ends = " … ".join(dict.fromkeys(map(given, values)))

@@ -139,9 +139,9 @@ class SweepStudy(Study):
             if self.branches[0].plan.kind == "bifurcation"
         }
         banded = bands(points)
-        text = band_lines(banded, "".join(points["rotation"].dropna().unique()))
         headline, short = short_answer(points, banded)
-        answer = Answer(overview(points), list(text), notes_on_points(points), failures(points), headline, short)
+        notes, failed = notes_on_points(points), failures(points)
+        answer = Answer(overview(points), list(band_lines(banded)), notes, failed, headline, short)
         return Result("sweep", self.scene, {**diagram, "bands": banded, "sweep": points}, answer)
 
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:

@@ -39,11 +39,10 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
         *([picture.Line(level, [float(number)], dash=":", label=expression)] if level else []),
     ]
     panels, left = content.measures(table, filter(None, (level, *content.DRAWN)), measure, stripped=True)
-    names = {"none": picture.NOT_SYNCHRONOUS}
     sync = table["sync"].fillna("failed")
     series = [
         picture.Series(
-            names.get(name, name),
+            picture.sync_words(name),
             content.rows_of(sync == name),
             colour=picture.SYNC.get(name, picture.FAILED),
             mode="markers",
@@ -95,7 +94,7 @@ def _title(plan: Any, table: pd.DataFrame, found: pd.DataFrame, mixed: Sequence[
         told += f"; mixed {digits.interval(one.low, one.high, unit)}"
     sides = [str(found[name].iloc[0]) for name in ("below_sync", "above_sync") if len(found) == 1 and name in found]
     if len(sides) == 2 and not mixed:
-        below, above = (picture.NOT_SYNCHRONOUS if side == "none" else side for side in sides)
+        below, above = map(picture.sync_words, sides)
         told += f": {below} below and above" if below == above else f": {below} below, {above} above"
     return told
 
