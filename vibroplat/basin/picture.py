@@ -11,13 +11,12 @@ from vibroplat.columns import display_name, unit_of
 from vibroplat.config import digits
 from vibroplat.frames import pd
 from vibroplat.results import content, picture
-from vibroplat.results.labels import key_name, named, sweep_parameters, value_words
+from vibroplat.results.labels import key_name, named, shortened, sweep_parameters, value_words
 from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of
+from vibroplat.study.titles import sentence
 
 OPTIONS = ()
-#: Attractors that a title has, at most.
-MOST = 4
 #: Share of starts from which on an area is named, and starts among which its middle is looked for, at most.
 LARGE, STARTS = 0.05, 800
 #: Share that is none, and the range of starts that is seen, over their size.
@@ -59,16 +58,17 @@ def _motion(row: pd.Series) -> str:
 
 def _title(attractors: pd.DataFrame, count: int) -> str:
     """Say which share of the starts comes to each attractor, and how well that is known."""
-    best = attractors.sort_values("fraction", ascending=False).head(MOST)
     told = []
-    for _, row in best.iterrows():
-        name = str(row["attractor"]).removesuffix(", period 1")
+    for _, row in attractors[attractors["fraction"] > ROUNDING].sort_values("fraction", ascending=False).iterrows():
         share, low, high = (100.0 * np.clip(row[f"fraction{end}"], 0.0, 1.0) for end in ("", "_low", "_high"))
         known = digits.spread(share, 0.5 * (high - low), "%") if 0.0 < share < 100.0 else f"100 % (≥ {low:.0f} %)"
-        told.append(f"{name} {known}")
-    more = f", {len(attractors) - MOST} more" if len(attractors) > MOST else ""
-    sentence = f"{', '.join(told)}{more} of {count} starts"
-    return sentence[:1].upper() + sentence[1:]
+        told.append(f"{_short(row['attractor'])} {known}")
+    return sentence(f"{', '.join(shortened(told))} of {count} starts")
+
+
+def _short(attractor: object) -> str:
+    """Return the name of an attractor without its period, if that is a turn."""
+    return str(attractor).removesuffix(", period 1")
 
 
 def _words(starts: pd.DataFrame, attractors: pd.DataFrame, x: str, y: str) -> list[picture.Word]:
@@ -87,11 +87,7 @@ def _words(starts: pd.DataFrame, attractors: pd.DataFrame, x: str, y: str) -> li
             continue
         far = np.min([np.abs(places[own] - place).max(axis=1) for place in places[~own]] or [edges[own]], axis=0)
         best = few[own].iloc[int(np.argmax(np.minimum(far, 1.5 * edges[own])))]
-        told = "\n".join(
-            filter(
-                None, (str(row["attractor"]).removesuffix(", period 1"), digits.share(row["fraction"]), _motion(row))
-            )
-        )
+        told = "\n".join(filter(None, (_short(row["attractor"]), digits.share(row["fraction"]), _motion(row))))
         found.append(picture.Word(told, y, float(best[x]), float(best[y])))
     return found
 
@@ -190,7 +186,5 @@ def _shares_title(attractors: pd.DataFrame, key: str) -> str:
     for name, rows in attractors.groupby("attractor", sort=False):
         shares = rows.groupby(key)["fraction"].first().reindex(values).fillna(0.0)
         low, high = digits.share(float(shares.min())), digits.share(float(shares.max()))
-        told.append(f"{str(name).removesuffix(', period 1')} {low if low == high else f'{low} … {high}'}")
-    more = f", {len(told) - MOST} more" if len(told) > MOST else ""
-    sentence = f"{', '.join(told[:MOST])}{more} of the starts at {len(values)} values of {key_name(key)}"
-    return sentence[:1].upper() + sentence[1:]
+        told.append(f"{_short(name)} {low if low == high else f'{low} … {high}'}")
+    return sentence(f"{', '.join(shortened(told))} of the starts at {len(values)} values of {key_name(key)}")

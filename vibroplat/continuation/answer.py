@@ -100,10 +100,6 @@ def _ranges(table: pd.DataFrame, key: str, sync: str) -> str:
     return (", ".join(told) + (f" and {left} more" if left else "")) or MISSING
 
 
-def _ends(values: pd.Series) -> str:
-    return interval(values.min(), values.max(), digits=4)
-
-
 def _first_liftoff(special: pd.DataFrame, keys: Sequence[str], at: Sequence[Any], key: str) -> str:
     """Write the smallest value of the key at which material lifts off, of a combination of the grid's values."""
     own = special[special["kind"] == "liftoff"]
@@ -149,14 +145,10 @@ def _failures(summary: Mapping[str, Any]) -> list[str]:
 
 def _overview(table: pd.DataFrame, summary: Mapping[str, Any]) -> dict[str, str]:
     """Summarize branches in a few lines: label and text."""
-    points = len(table)
     frequency, height = table["excitation_frequency_hz"], table["rms_y_m"]
-    failed = f", {summary['failed']} failed" if summary["failed"] else ""
     return {
-        "branches": f"{len(summary['branches'])}{failed}",
-        "points": f"{points}, {int(table['stable'].sum())} of them stable",
         "synchronization": synchronizations(table),
-        "turns": f"{summary['turns']:.0f}, {summary['turns'] / max(points, 1):.1f} per point",
+        "turns": f"{summary['turns']:.0f}, {summary['turns'] / max(len(table), 1):.1f} per point",
         "excitation frequency": interval(frequency.min(), frequency.max(), "Hz"),
         "RMS y": f"{quantity(height.min(), 'm', largest=height.max())} … {quantity(height.max(), 'm')}",
         "residual": f"at most {table['residual'].max():.1e} of scaled units",

@@ -52,15 +52,12 @@ def range_text(key: str, values: pd.Series) -> str:
 
 def motions_text(table: pd.DataFrame) -> str:
     """Count the motions that are not periodic, and those that repeat after several turns."""
-    rest = table[(table["motion"] != "periodic") & table["motion"].notna()]
-    several = table[(table["motion"] == "periodic") & (table["period"] > 1)]
-    odd = {**rest["motion"].value_counts().to_dict()}
-    odd |= {f"of period {period}": count for period, count in several["period"].value_counts().items()}
-    if not odd:
-        return "all repeat every turn"
-    told = [f"{count} {kind}" for kind, count in list(odd.items())[:MAX_ROWS]]
-    left = len(table) - sum(odd.values())
-    return ", ".join([*told, *(["the others repeat every turn"] if left else [])])
+    several = ("of period " + table["period"].astype(str)).where(table["period"].gt(1).fillna(False), "")
+    names = table["motion"].where(table["motion"] != "periodic", several)
+    odd = names[names != ""].value_counts()
+    told = [f"{count} {name}" for name, count in odd.head(MAX_ROWS).items()]
+    others = ["the others repeat every turn"] if odd.sum() < len(table) else []
+    return ", ".join([*told, *others]) if told else "all repeat every turn"
 
 
 def _counts(points: pd.DataFrame) -> str:
@@ -84,18 +81,18 @@ def _rows(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
     parts = [bands[bands["branch"].isin(rows["branch"].unique())] for _, rows in groups]
     jumps = [_changes(own, key) for own in parts]
     kinds = list(dict.fromkeys(name for one in jumps for name in one))
-    shown, flies = kinds[:MAX_JUMPS], points["flight_fraction"].gt(0.0).any() or _has_material(points)
     both_ways = len(points["direction"].unique()) > 1
     height = RMS if points[RMS].max() >= points["rms_x_m"].max() else "rms_x_m"
-    corner = f"at {axis_name(key)}{f' ({unit})' if unit else ''}"
-    head = [corner, *shown, *(["lifts off"] if flies else [])]
-    table = [[*head, f"largest {display_name(height)}", *([] if shown else ["motor power"])]]
-    for (name, rows), own, found in list(zip(groups, parts, jumps, strict=True))[:MAX_ROWS]:
-        cells = [_cell(found.get(kind, {}), step, both_ways=both_ways) for kind in shown] + (
-            [_liftoff(rows, own, key)] if flies else []
-        )
-        table.append([name, *cells, _largest(rows, height, key), *([] if shown else [_power(rows)])])
-    yield from in_columns(table)
+    columns = {f"at {axis_name(key)}{f' ({unit})' if unit else ''}": [name for name, _ in groups]}
+    for kind in kinds[:MAX_JUMPS]:
+        columns[kind] = [_cell(found.get(kind, {}), step, both_ways=both_ways) for found in jumps]
+    if points["flight_fraction"].gt(0.0).any() or _has_material(points):
+        columns["lifts off"] = [_liftoff(rows, own, key) for (_, rows), own in zip(groups, parts, strict=True)]
+    columns[f"largest {display_name(height)}"] = [_largest(rows, height, key) for _, rows in groups]
+    if not kinds:
+        power = [rows["motor_power_w"] for _, rows in groups]
+        columns["motor power"] = [interval(one.min(), one.max(), "W") for one in power]
+    yield from in_columns([*zip(*([head, *cells[:MAX_ROWS]] for head, cells in columns.items()), strict=True)])
     if groups[MAX_ROWS:]:
         yield f"and {len(groups) - MAX_ROWS} more combinations of the grid: -v, table bands"
     if kinds[MAX_JUMPS:]:
@@ -170,10 +167,6 @@ def _largest(rows: pd.DataFrame, column: str, key: str) -> str:
     top = rows.sort_values(column, ascending=False, kind="stable").iloc[0]
     way = f" {top['direction']}" if len(rows["direction"].unique()) > 1 else ""
     return f"{quantity(top[column], unit_of(column))} at {given(float(top[key]))}{way}"
-
-
-def _power(rows: pd.DataFrame) -> str:
-    return interval(rows["motor_power_w"].min(), rows["motor_power_w"].max(), "W")
 
 
 def _step(values: pd.Series) -> float:

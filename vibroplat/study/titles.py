@@ -48,17 +48,17 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> str:
     if column not in table or not table[column].notna().any():
         return "Every point failed" if len(table) else "No points"
     if column == PHASE_COLUMN:
-        return _sentence(_changes(sweeps)) or "Phase difference of the exciters"
+        return sentence(_changes(sweeps)) or "Phase difference of the exciters"
     varied = [name for name in sweeps.varied if name in table]
     groups = [rows for _, rows in table.groupby(varied, sort=False)] if varied else [table]
     known = [rows.dropna(subset=[column]).sort_values(column, ascending=False, kind="stable") for rows in groups]
     best = [rows.iloc[0] for rows in known if len(rows)]
     largest = several([float(row[column]) for row in best], unit_of(column))
     at = place(sweeps.x, [float(row[sweeps.x]) for row in best])
-    return _sentence(f"{display_name(column)} at most {largest} at {at}", _changes(sweeps), _failed(table))
+    return sentence(f"{display_name(column)} at most {largest} at {at}", _changes(sweeps), _failed(table))
 
 
-def _sentence(*parts: str) -> str:
+def sentence(*parts: str) -> str:
     """Join what is said, with a capital letter."""
     told = "; ".join(filter(None, parts))
     return told[:1].upper() + told[1:]
@@ -112,7 +112,7 @@ def bifurcation(sweeps: Sweeps, kinds: Sequence[Sequence[str]]) -> str:
     differ = float((values.nunique()[values.size() == 2] == 2).mean()) if len(kinds) == 2 else np.nan
     both = "up and down agree" if differ <= 1.0 - AGREE else f"up and down differ at {digits.share(differ)}"
     both = both if np.isfinite(differ) else ""
-    return _sentence(begin, chaos, both)
+    return sentence(begin, chaos, both)
 
 
 def regimes(sweeps: Sweeps) -> str:
@@ -129,4 +129,4 @@ def regimes(sweeps: Sweeps) -> str:
         parts.append(f"not periodic at {digits.share(odd)}")
     if "flight_fraction" in known and (flies := float((known["flight_fraction"] > 0.0).mean())):
         parts.append(f"material flies at {digits.share(flies)}")
-    return _sentence(*parts, _failed(table))
+    return sentence(*parts, _failed(table))
