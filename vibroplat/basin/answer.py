@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.basin.attractors import AttractorSet
-from vibroplat.basin.rates import ALPHA, CHAOTIC, TRANSIENT_MOTIONS, clopper_pearson
+from vibroplat.basin.rates import ALPHA, CHAOTIC, TRANSIENT_MOTIONS, clopper_pearson, shares_over
 from vibroplat.columns import indexed_name
-from vibroplat.config.digits import given, number, quantity, share
+from vibroplat.config.digits import given, number, share
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import BasinsPlan
 from vibroplat.results.answer import Answer, counted, in_columns
-from vibroplat.study.branches import column_of, place_words
+from vibroplat.study.branches import column_of, measures_text, place_words
 
 #: Most attractors that have a line.
 MAX_ATTRACTORS = 6
@@ -61,18 +61,16 @@ def _shares(table: pd.DataFrame, key: str | None) -> Iterator[str]:
     """
     rows, most = [], max(table["rms_x_m"].max(), table["rms_y_m"].max())
     largest = table.groupby("attractor", sort=False)["fraction"].max().sort_values(ascending=False, kind="stable")
+    over = {} if key is None else shares_over(table, column_of(key))
     for name in largest.index[:MAX_ATTRACTORS]:
         own = table[table["attractor"] == name]
         row = own.iloc[0]
         if key is None:
-            bounds = f"{share(row['fraction_low'])} to {share(row['fraction_high'])}"
-            heights = [f"{axis} {quantity(row[f'rms_{axis}_m'], 'm', largest=most)}" for axis in "yx"]
-            pace, power = quantity(row["excitation_frequency_hz"], "Hz"), quantity(row["motor_power_w"], "W")
-            rows.append([share(row["fraction"]), f"({bounds})", name, f"RMS {', '.join(heights)}", pace, power])
+            bounds = f"({share(row['fraction_low'])} to {share(row['fraction_high'])})"
+            rows.append([share(row["fraction"]), bounds, name, measures_text(row, most)])
         else:
             values = own[column_of(key)]
-            where = place_words(column_of(key), values.min(), values.max())
-            rows.append([f"{share(own['fraction'].min())} to {share(own['fraction'].max())}", name, f"at {where}"])
+            rows.append([over[name], name, f"at {place_words(column_of(key), values.min(), values.max())}"])
     yield from in_columns(rows) if rows else ()
     if largest.size > MAX_ATTRACTORS:
         yield f"and {counted(largest.size - MAX_ATTRACTORS, 'more attractor')}: -v"

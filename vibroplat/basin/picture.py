@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from vibroplat.basin.rates import shares_over
 from vibroplat.columns import display_name, unit_of
 from vibroplat.config import digits
 from vibroplat.frames import pd
 from vibroplat.results import content, picture
-from vibroplat.results.labels import key_name, named, shortened, sweep_parameters, value_words
+from vibroplat.results.labels import key_name, shortened, told_of, value_words
 from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of
 from vibroplat.study.titles import sentence
@@ -113,15 +114,10 @@ def _starts(
     panels = [picture.Panel(name, kind=kind if name == others[0] else "points", **by) for name in others]
     panels = panels or [picture.Panel("turns", title="turns until settled", **by)]
     groups = [*content.in_groups(starts, keys)] if keys else [starts]
-    facets = (
-        [picture.Facet(value_words(keys[0], rows[keys[0]].iloc[0]), [n]) for n, rows in enumerate(groups)]
-        if keys
-        else []
-    )
+    facets = [picture.Facet(value_words(key, rows[key].iloc[0]), [n]) for key in keys for n, rows in enumerate(groups)]
     hidden = not keys and starts.duplicated([*ranges][:2]).any()
     box = "" if keys else ", ".join(_range(key, ranges[key]) for key in list(ranges)[2:])
     told = (
-        named([result.name], sweep_parameters(result.known_scene, keys)),
         box and f"starts: {box}",
         f"starts followed for {plan['max_turns']} turns",
         "where several starts have one place, the last is seen" if hidden else "",
@@ -140,7 +136,7 @@ def _starts(
         series=[picture.Series("", rows.index.to_numpy(), mode="dots") for rows in groups],
         facets=facets,
         choice=keys[0] if keys else "",
-        told="\n".join(filter(None, told)),
+        told=told_of([result.name], result.known_scene, keys, *told),
         meaning="Each dot is a start, in the colour of the attractor to which its motion converges within "
         f"{plan['max_turns']} turns. A key drawn over itself shows how many starts come to each attractor.",
         orbits=picture.Orbits(attractors, (), [*(orbits.owner or ()), *range(0 if keys else len(attractors))]),
@@ -171,9 +167,7 @@ def _shares(result: Result, plan: Any, key: str, attractors: pd.DataFrame) -> pi
             for name in colours
         ],
         states=content.motions_of(attractors),
-        told="\n".join(
-            filter(None, (named([result.name], sweep_parameters(result.known_scene, [key])), f"starts: {box}", left))
-        ),
+        told=told_of([result.name], result.known_scene, [key], f"starts: {box}", left),
         meaning=f"The share of the starts that converges to each attractor {turns}, and below it the motion of each.",
         orbits=picture.Orbits(attractors),
     )
@@ -181,10 +175,6 @@ def _shares(result: Result, plan: Any, key: str, attractors: pd.DataFrame) -> pi
 
 def _shares_title(attractors: pd.DataFrame, key: str) -> str:
     """Say between which shares each attractor varies over the key."""
-    values = np.unique(attractors[key])
-    told = []
-    for name, rows in attractors.groupby("attractor", sort=False):
-        shares = rows.groupby(key)["fraction"].first().reindex(values).fillna(0.0)
-        low, high = digits.share(float(shares.min())), digits.share(float(shares.max()))
-        told.append(f"{_short(name)} {low if low == high else f'{low} … {high}'}")
-    return sentence(f"{', '.join(shortened(told))} of the starts at {len(values)} values of {key_name(key)}")
+    told = [f"{_short(name)} {text}" for name, text in shares_over(attractors, key).items()]
+    count = attractors[key].nunique()
+    return sentence(f"{', '.join(shortened(told))} of the starts at {count} values of {key_name(key)}")

@@ -211,7 +211,7 @@ def branches(found: Branches) -> picture.Picture:
         states=content.states_of(~table["stable"].astype(bool)),
         meanings=_STABLE,
         rotation=found.rotation,
-        told="\n".join(filter(None, (found.told(), left))),
+        told=found.told(left),
         meaning="Solid: stable orbits; dashed: unstable ones. White marks: special points of "
         f"branches, at their exact frequency.{found.meaning}",
         orbits=picture.Orbits(everything, [*range(len(table), len(everything)), *first]),
@@ -329,7 +329,7 @@ def boundaries(found: Branches) -> picture.Picture:
         series=series,
         facets=facets if len(facets) > 1 else (),
         choice="grid",
-        told=found.told(found.second),
+        told=found.told(beside=found.second),
         meaning="Curves of special points over two keys.",
         high=True,
     )

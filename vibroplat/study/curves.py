@@ -26,6 +26,14 @@ DISTINCT = 5
 SAME, VISIBLE = 0.015, 0.05
 #: Most strips of a picture.
 MOST_STRIPS = 12
+#: Classes of periods of a bifurcation diagram, their colours and meanings.
+PERIODS = {
+    "1": ("#cfe3f1", "period 1"),
+    "n": ("#f3c14b", "period of several turns"),
+    "quasi-periodic": (picture.PURPLE, "quasi-periodic"),
+    "chaotic": ("#5c2a4d", "chaotic"),
+    "undecided": ("#9a9a9a", "not periodic"),
+}
 #: Hatches of motions that do not repeat each turn, and what they mean.
 APERIODIC, SEVERAL = "/////", "...."
 HATCHES = {APERIODIC: "not periodic", SEVERAL: "period of several turns"}
@@ -157,8 +165,7 @@ def _coincide(first: Sequence[_Branch], others: Sequence[_Branch], column: str, 
 
 def _equal(labels: Sequence[str]) -> str:
     """Say that curves coincide: "mass ratio 0 = 0.1"."""
-    common = common_words(labels)
-    return " = ".join([labels[0], *(label.removeprefix(common).strip() for label in labels[1:])])
+    return " = ".join([labels[0], *(_short(label, labels) for label in labels[1:])])
 
 
 def _places(one: _Branch, first: _Branch | None, column: str, span: float) -> Any:
@@ -205,9 +212,8 @@ def sync_classes(rotation: str) -> dict[str, tuple[str, str]]:
 
 def hatches_of(rows: pd.DataFrame) -> list[str]:
     """Return the hatch of each point: of a motion that does not repeat, or after several turns."""
-    several = np.where(rows["period"].to_numpy(dtype=float, na_value=np.nan) > 1.0, SEVERAL, "")
-    found = np.where(failed_of(rows), "", np.where(open_of(rows), APERIODIC, several))
-    return [str(hatch) for hatch in found]
+    told = {"": "", "1": "", "n": SEVERAL}
+    return [told.get(kind, APERIODIC) for kind in period_kinds(rows)]
 
 
 def strips_of(sweeps: Sweeps, colours: Mapping[str, str], *, flies: bool = False) -> picture.Strips | None:
@@ -258,9 +264,17 @@ def failed_of(rows: pd.DataFrame) -> Any:
 
 def open_of(rows: pd.DataFrame) -> Any:
     """Return whether the motion of each point does not repeat, as far as is known."""
-    period = rows["period"].to_numpy(dtype=float, na_value=np.nan) if "period" in rows else np.ones(len(rows))
+    return ~np.isin(period_kinds(rows), ["", "1", "n"])
+
+
+def period_kinds(rows: pd.DataFrame) -> list[str]:
+    """Return the class of each point in :data:`PERIODS`, "" if it failed."""
     motion = rows["motion"] if "motion" in rows else pd.Series("periodic", rows.index)
-    return ((motion != "periodic").to_numpy(dtype=bool) | (period == 0.0)) & ~failed_of(rows)
+    period = rows["period"].to_numpy(dtype=float, na_value=np.nan) if "period" in rows else np.ones(len(rows))
+    period = np.where(motion.isin(["periodic"]) & (period != 0.0), period, 0.0)
+    open_ = motion.where(motion.isin([*PERIODS]), "undecided").to_numpy(dtype=object)
+    kinds = np.where(period == 0.0, open_, np.where(period > 1.0, "n", "1"))
+    return [str(kind) for kind in np.where(failed_of(rows), "", kinds)]
 
 
 def failed_places(rows: pd.DataFrame, x: str) -> Any:

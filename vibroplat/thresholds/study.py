@@ -21,10 +21,10 @@ from vibroplat.errors import ConfigError
 from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.results.answer import Answer
 from vibroplat.results.result import Result
-from vibroplat.study.branches import SUPPLY, column_of, study_table
+from vibroplat.study.branches import SUPPLY, column_of, measures_text, study_table
 from vibroplat.study.point import failed_record
 from vibroplat.study.pool import Pool, Task
-from vibroplat.study.store import Record, Store
+from vibroplat.study.store import Store
 from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, run_study
 from vibroplat.study.sweep import COLUMNS, SWEEP
 from vibroplat.thresholds.evidence import DISTANCES, PAIRS, ClearRange, Threshold, Zone, facts, is_wanted
@@ -324,13 +324,6 @@ class ThresholdStudy(Study):
                 "the motion was measured in a transient or has no clear class: a larger find.max_settle_s may "
                 "change the outcome"
             )
-
-
-def measures_text(row: Record, most: float) -> str:
-    """Write frequency, RMS of both coordinates and power of a motion; ``most`` is the largest RMS beside it."""
-    heights = [quantity(row.get(name), "m", largest=most) for name in ("rms_y_m", "rms_x_m")]
-    pace, power = quantity(row.get("excitation_frequency_hz"), "Hz"), quantity(row.get("motor_power_w"), "W")
-    return f"{pace}, RMS y {heights[0]}, x {heights[1]}, power {power}"
 
 
 def interval_text(key: str, start: float, stop: float) -> str:
