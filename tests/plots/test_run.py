@@ -19,6 +19,7 @@ from vibroplat.plots.command import plot_results
 from vibroplat.plots.measured import read_data
 from vibroplat.plots.run import run_figures
 from vibroplat.results.labels import run_parameters
+from vibroplat.results.run import RunResult
 from vibroplat.results.tables import read_json, read_table, write_table
 
 from .conftest import data_of, table_line, texts
@@ -73,7 +74,7 @@ def test_few_samples_a_second_are_shown_over_more_turns(kernels, tmp_path):
     """A second is 23 turns."""
     few = {"run.duration_s": 15.0, "output.sample_rate_hz": 1.0, "drive.supply_frequency_hz": 46.0}
     simulate(load_config(QUICKSTART, few | {"material.mass_ratio": 0.0})).save(tmp_path / "few")
-    assert histories.read_run(tmp_path / "few").shown["t_s"].tolist() == [*range(5, 16)]
+    assert histories.run_of(RunResult.read(tmp_path / "few", "run")).shown["t_s"].tolist() == [*range(5, 16)]
     assert "motion" in drawn(tmp_path / "few")
 
 

@@ -15,7 +15,7 @@ from vibroplat.columns import FORCES, PHASE
 from vibroplat.errors import TableError
 from vibroplat.plots import accelerations, timelines
 from vibroplat.plots.headlines import headline
-from vibroplat.plots.histories import Run, read_run, turns_of
+from vibroplat.plots.histories import Run, run_of, turns_of
 from vibroplat.plots.measured import DataFile, Measured, curve_of
 from vibroplat.plots.style import (
     FORCE,
@@ -31,6 +31,7 @@ from vibroplat.results.files import directory_of
 from vibroplat.results.labels import compared, distinct, run_parameters
 from vibroplat.results.labels import named as label_of_runs
 from vibroplat.results.picture import BLACK, CURVES, ORANGE, REFERENCE
+from vibroplat.results.run import RunResult
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -124,7 +125,7 @@ def run_figures(
         Tables are missing or have another schema version, or the interval is empty.
     """
     given = [] if data is None else [*map(str, data.columns or data.table)]
-    runs = [read_run(place, start, stop, given) for place in directories]
+    runs = [run_of(RunResult.read(place, "run"), start, stop, given) for place in directories]
     measured = None
     if data is not None:
         numbers = [column for column in map(str, runs[0].shown.select_dtypes("number")) if column != "t_s"]
