@@ -68,7 +68,7 @@ def _run_figure(run: RunResult, kind: str, start: float | None = None, stop: flo
     if lacking := drawing.missing(kind, shown):
         allowed = ", ".join(name for name in drawing.FIGURES if not drawing.missing(name, shown))
         raise ValueError(f"kind = {kind!r} but this run {lacking}; allowed: {allowed}")
-    return drawing.FIGURES[kind](shown)
+    return drawing.draw(kind, shown)
 
 
 def orbit_figure(orbit: Orbit) -> Figure:

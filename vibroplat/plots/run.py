@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +36,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    #: A figure, and the axis whose lines are named below it, if there is one.
+    Drawn = tuple[Figure, Axes | None]
 
 _LOG = logging.getLogger("vibroplat")
 
@@ -138,7 +140,7 @@ def run_figures(
     if not drawn:
         raise TableError(f"--kind {kinds[0]}: {directories[0]} {missing(kinds[0], shown)}")
     for kind in drawn:
-        yield directory_of(directories[0], "run"), kind, FIGURES[kind](shown)
+        yield directory_of(directories[0], "run"), kind, draw(kind, shown)
 
 
 def missing(kind: str, shown: Shown) -> str:
@@ -159,21 +161,20 @@ def _shown(runs: Sequence[Run], directories: Sequence[Path], data: Measured | No
     return Shown(runs, data, compared("run", names, [run.scene for run in runs]))
 
 
-def _head(figure: Figure, shown: Shown, kind: str, named: Axes | None = None) -> None:
-    """Put what a figure shows above it, and below it the lines of an axis that names them.
+def draw(kind: str, shown: Shown) -> Figure:
+    """Draw a figure, with what it shows above it, and below it the lines of an axis that names them.
 
-    Several runs are always named, by the lines of the last axis.
+    Several runs are always named, by the lines of the last axis if there is no other.
     """
+    figure, named = FIGURES[kind](shown)
     run = shown.only
     parameters = "" if run is None else run_parameters(run.scene, float(run.whole["t_s"].iloc[0]))
     told = [] if shown.data is None or kind != "measured" else shown.data.differences()
-    head(
-        figure,
-        "; ".join(told) or headline(kind, shown.runs),
-        label_of_runs([run.name for run in shown.runs], parameters),
-    )
+    names = label_of_runs([run.name for run in shown.runs], parameters)
+    head(figure, "; ".join(told) or headline(kind, shown.runs), names)
     if run is None or named is not None:
         legend_below(figure, (named or figure.axes[-1]).get_legend_handles_labels()[0])
+    return figure
 
 
 def _legend_above(axis: Axes, columns: int = 1) -> None:
@@ -207,7 +208,7 @@ def _over_time(shown: Shown, rows: Sequence[str], more: int = 0) -> tuple[Figure
     return figure, axes, overview
 
 
-def _motion(shown: Shown) -> Figure:
+def _motion(shown: Shown) -> Drawn:
     """Draw the platform and the gap."""
     runs = shown.runs
     largest = [max(run.range_of(c) for c in _MOVING) for run in runs]
@@ -222,8 +223,7 @@ def _motion(shown: Shown) -> Figure:
             _legend_above(axes[-1, -1], 2)
         if shown.data is not None:
             _legend_above(axes[0, -1])
-    _head(figure, shown, "motion")
-    return figure
+    return figure, None
 
 
 def _draw(axis: Axes, shown: Shown, column: str, *, detail: bool = True) -> None:
@@ -267,7 +267,7 @@ def _no_noise(axis: Axes, shown: Shown) -> None:
         axis.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
 
 
-def _force(shown: Shown) -> Figure:
+def _force(shown: Shown) -> Drawn:
     """Draw the contact force, and below it the impulses of impacts as stems: they are no forces."""
     strikes = any((_during(run)["impulse_n_s"] > 0.0).any() for run in shown.runs)
     ratios = {"height_ratios": [2.0, 1.0]} if strikes else {}
@@ -285,11 +285,10 @@ def _force(shown: Shown) -> Figure:
     axes[-1, 0].set_xlabel(shown.detail)
     if any(patch.get_label() == "attached" for patch in force.patches) or shown.data is not None:
         _legend_above(force, 2)
-    _head(figure, shown, "force")
-    return figure
+    return figure, None
 
 
-def _exciters(shown: Shown) -> Figure:
+def _exciters(shown: Shown) -> Drawn:
     """Draw the speeds of both exciters, their difference if that is small, and their phase difference."""
     only = shown.only
     split = only is not None and _nearly_equal(only)
@@ -315,8 +314,7 @@ def _exciters(shown: Shown) -> Figure:
     if len({run.co_rotating for run in shown.runs}) > 1:
         phases.set_ylabel(PHASE)
     phases.set_xlabel("time (s)")
-    _head(figure, shown, "exciters", speeds if only else phases)
-    return figure
+    return figure, speeds if only else phases
 
 
 def _nearly_equal(run: Run) -> bool:
@@ -351,7 +349,7 @@ def _speeds(axis: Axes, run: Run, colours: tuple[str, str], *, both: bool = Fals
     axis.set_ylabel("speed (Hz)")
 
 
-def _loads(shown: Shown) -> Figure:
+def _loads(shown: Shown) -> Drawn:
     """Draw forces into the foundation and displacements with their peaks, and the speeds."""
     rows: list[str] = []
     for columns in (FORCES, ("y_m", "x_m")):
@@ -369,23 +367,15 @@ def _loads(shown: Shown) -> Figure:
         for axis, column in zip(axes[:, 0], rows, strict=False):
             if shown.only and column in run.peaks:
                 timelines.mark_peak(axis, run.envelope, column, *run.peaks[column])
-    _head(figure, shown, "loads", axes[-1, 0] if shown.only or not rows else axes[0, 0])
-    return figure
+    return figure, axes[-1, 0] if shown.only or not rows else axes[0, 0]
 
 
-def _named(kind: str, draw: Callable[[Sequence[Run], Sequence[str], Measured | None], Figure], shown: Shown) -> Figure:
-    """Draw a figure of another file, with the names of runs and lines."""
-    figure = draw(shown.runs, shown.names, shown.data)
-    _head(figure, shown, kind, figure.axes[0])
-    return figure
-
-
-FIGURES: dict[str, Callable[[Shown], Figure]] = {
+FIGURES: dict[str, Callable[[Shown], Drawn]] = {
     "motion": _motion,
     "force": _force,
     "exciters": _exciters,
     "loads": _loads,
-    "acceleration": partial(_named, "acceleration", accelerations.draw_accelerations),
-    "spectrum": partial(_named, "spectrum", accelerations.draw_spectra),
-    "measured": partial(_named, "measured", accelerations.draw_measured),
+    "acceleration": accelerations.draw_accelerations,
+    "spectrum": accelerations.draw_spectra,
+    "measured": accelerations.draw_measured,
 }
