@@ -143,7 +143,7 @@ def draw_measured(shown: Shown) -> Drawn:
             if column in run.shown:
                 look = {"color": CURVES[number % len(CURVES)], "label": names[number] if names else "computed"}
                 draw_coordinate(axis, run.shown, column, lw=1.0, **look)
-        data.draw(axis, "t_s", column, inside=True).lines[-1].set_label(f"measured: {plain(data.name)}")
+        data.draw(axis, "t_s", column, inside=True).lines[-1].set_label(f"measured: {plain(data.path.name)}")
         axis.set_title(data.told(column), loc="left")
         if column == "y_m" and all(run.from_rest for run in runs):
             axis.set_ylabel(FROM_REST)

@@ -15,7 +15,7 @@ from vibroplat.errors import TableError
 from vibroplat.plots import accelerations, timelines
 from vibroplat.plots.headlines import headline
 from vibroplat.plots.histories import Run, run_of, turns_of
-from vibroplat.plots.measured import DataFile, Measured, curve_of
+from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.style import (
     FORCE,
     MATERIAL,
@@ -102,7 +102,7 @@ def run_figures(
     *,
     start: float | None = None,
     stop: float | None = None,
-    data: DataFile | None = None,
+    data: Measured | None = None,
 ) -> Iterator[tuple[Path, str, Figure]]:
     """Draw figures of a run, or of several over each other; yield the directory and the name of each.
 
@@ -126,16 +126,14 @@ def run_figures(
     TableError
         Tables are missing or have another schema version, or the interval is empty.
     """
-    given = [] if data is None else [*map(str, data.columns or data.table)]
+    given = [] if data is None else [*map(str, data.given)]
     runs = [run_of(RunResult.read(place, "run"), start, stop, given) for place in directories]
-    measured = None
     if data is not None:
         numbers = [column for column in map(str, runs[0].shown.select_dtypes("number")) if column != "t_s"]
-        measured = data.select("t_s", numbers)
-        measured.fit(runs[0].shown)
+        data.select("t_s", numbers).fit(runs[0].shown)
         for column in numbers:
-            measured.compare(column, "t_s", [curve_of(run.shown, column) for run in runs if column in run.shown])
-    shown = _shown(runs, directories, measured)
+            data.compare(column, "t_s", [curve_of(run.shown, column) for run in runs if column in run.shown])
+    shown = _shown(runs, directories, data)
     drawn = [kind for kind in kinds or FIGURES if not missing(kind, shown)]
     if not drawn:
         raise TableError(f"--kind {kinds[0]}: {directories[0]} {missing(kinds[0], shown)}")
