@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -29,8 +29,10 @@ BINS = 400
 #: shown of motion that does not repeat so soon; and the fewest samples, for which there are more turns.
 LAST_TURNS, SHOWN_TURNS, FEWEST = 3, 10, 10
 
-_ANGLES = ("phi1_rad", "phi2_rad", "phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
-_RATES = ("x_rate_m_per_s", "y_rate_m_per_s")
+#: Speeds of both exciters.
+RATES = ("phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
+_ANGLES = ("phi1_rad", "phi2_rad")
+_MOVING_RATES = ("x_rate_m_per_s", "y_rate_m_per_s")
 #: Columns of which the largest value of the whole run is known, and what the summary calls it.
 _PEAKS = {
     "force_y_n": "foundation_force_y_max_n",
@@ -38,8 +40,6 @@ _PEAKS = {
     "y_m": "stroke_y_m",
     "x_m": "stroke_x_m",
 }
-#: Speeds of both exciters, their mean and their difference.
-SPEEDS = ("speed_1_hz", "speed_2_hz", "speed_mean_hz", "speed_difference_hz")
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def run_of(result: RunResult, start: float | None = None, stop: float | None = N
     known = frequency is None or (type(frequency) in (int, float) and frequency >= 0.0)
     if not known or not isinstance(summary.get("name"), str):
         raise TableError(f"{result.place}/summary.json is not the summary of a run")
-    ends = ends_of(result.column_parts("trajectory", (), ("t_s", *_ANGLES[:2])))
+    ends = ends_of(result.column_parts("trajectory", (), ("t_s", *_ANGLES)))
     if ends is None:
         raise TableError(f"{result.place} holds an empty trajectory; there is nothing to plot")
     first, last = float(ends.first["t_s"]), float(ends.last["t_s"])
@@ -153,14 +153,13 @@ def run_of(result: RunResult, start: float | None = None, stop: float | None = N
     turns = int((end - begin) * (frequency or 0.0))
     bins = min(turns, BINS) if turns else BINS
     sag = summary.get("static_sag_m") if scene is None else -rest_of(scene)
-    ways = [-1.0 if ends.last[angle] < ends.first[angle] else 1.0 for angle in _ANGLES[:2]]
     moved = () if scene is None else acceleration_columns(scene.output.points)
-    optional = {*COORDINATES, *_RATES, *moved, *more} - {"t_s", "mode", "y_m", *_ANGLES}
+    optional = {*COORDINATES, *_MOVING_RATES, *moved, *more} - {"t_s", "mode", "y_m", *_ANGLES, *RATES}
     parts = (
-        _with_speeds(_with_forces(part, scene), ways).assign(y_m=part["y_m"] + (sag or 0.0))
-        for part in result.column_parts("trajectory", ("mode",), ("t_s", "y_m", *_ANGLES), optional)
+        _with_forces(part, scene).assign(y_m=part["y_m"] + (sag or 0.0))
+        for part in result.column_parts("trajectory", ("mode",), ("t_s", "y_m", *_ANGLES, *RATES), optional)
     )
-    columns = (*COORDINATES, *FORCES, *SPEEDS)
+    columns = (*COORDINATES, *FORCES, *RATES)
     found = Cut(parts, (detail, end), (begin, end, bins), columns, every=math.ceil(ends.rows / POINTS))
     if found.shown["t_s"].nunique() < 2:
         raise TableError(f"no data between {begin:g} and {end:g} s; {length}")
@@ -174,21 +173,12 @@ def run_of(result: RunResult, start: float | None = None, stop: float | None = N
 
 def _with_forces(part: pd.DataFrame, scene: Scene | None) -> pd.DataFrame:
     """Add the forces of springs and dampers into the foundation to a part of a trajectory, if they are known."""
-    if scene is None or not {"x_m", "y_m", *_RATES} <= {*part.columns}:
+    if scene is None or not {"x_m", "y_m", *_MOVING_RATES} <= {*part.columns}:
         return part
     machine = scene.machine
     along_x = machine.stiffness_x_n_per_m * part["x_m"] + machine.damping_x_n_s_per_m * part["x_rate_m_per_s"]
     along_y = machine.stiffness_y_n_per_m * part["y_m"] + machine.damping_y_n_s_per_m * part["y_rate_m_per_s"]
     return part.assign(force_x_n=along_x, force_y_n=along_y)
-
-
-def _with_speeds(part: pd.DataFrame, ways: Sequence[float]) -> pd.DataFrame:
-    """Add speeds (Hz) to a part of a trajectory, positive in the direction in which each exciter turns on the whole."""
-    first, second = (
-        way * part[f"phi{n}_rate_rad_per_s"] / (2.0 * math.pi) for n, way in zip((1, 2), ways, strict=True)
-    )
-    found = (first, second, 0.5 * (first + second), first - second)
-    return part.assign(**dict(zip(SPEEDS, found, strict=True)))
 
 
 def _peaks(summary: Mapping[str, Any]) -> dict[str, tuple[float, float, float | None]]:

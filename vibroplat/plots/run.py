@@ -14,7 +14,7 @@ from vibroplat.columns import FORCES, PHASE
 from vibroplat.errors import TableError
 from vibroplat.plots import accelerations, timelines
 from vibroplat.plots.headlines import headline
-from vibroplat.plots.histories import Run, run_of, turns_of
+from vibroplat.plots.histories import RATES, Run, run_of, turns_of
 from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.style import (
     FORCE,
@@ -52,8 +52,6 @@ MOST_TURNS = 60
 _MOVING = ("x_m", "y_m", "phi_rad")
 #: Colours of columns of one run: what is along x is orange everywhere.
 _COLOURS = {"gap_m": MATERIAL, "contact_force_n": FORCE, "x_m": ORANGE, "force_x_n": ORANGE}
-#: Difference of speeds up to which it has a panel of its own, over the largest speed.
-NEARLY = 0.05
 
 # -- figures -----------------------------------------------------------------------------------------------------------
 
@@ -287,25 +285,19 @@ def _force(shown: Shown) -> Drawn:
 
 
 def _exciters(shown: Shown) -> Drawn:
-    """Draw the speeds of both exciters, their difference if that is small, and their phase difference."""
+    """Draw the speeds of both exciters and their phase difference."""
     only = shown.only
-    split = only is not None and _nearly_equal(only)
-    heights = [1.4, 1.0, 1.2] if split else [1.0, 1.0]
-    figure, axes = new_figure(len(heights), 1, (8.0, 1.4 + 1.5 * sum(heights)), sharex=True, height_ratios=heights)
-    speeds, phases = axes[0, 0], axes[-1, 0]
+    figure, axes = new_figure(2, 1, (8.0, 4.4), sharex=True)
+    speeds, phases = axes[:, 0]
     for number, run in enumerate(shown.runs):
         colour = CURVES[number % len(CURVES)]
-        _speeds(speeds, run, (colour, CURVES[1] if only else colour), both=split)
+        _speeds(speeds, run, (colour, CURVES[1] if only else colour))
         if only is not None and only.scene is not None:
             timelines.draw_synchronous_speed(speeds, only.scene, run.whole["t_s"])
         label = None if only else shown.names[number]
         timelines.draw_phase_difference(
             phases, run.whole, co_rotating=run.co_rotating, color=BLACK if only else colour, label=label
         )
-    if split and only is not None:
-        _middle(axes[1, 0], only, "speed_difference_hz", CURVES[0])
-        axes[1, 0].axhline(0.0, color=REFERENCE, lw=0.6)
-        axes[1, 0].set_ylabel("exciter 1 minus\nexciter 2 (Hz)")
     if only is None:
         for number, style in enumerate(("-", "--"), 1):
             phases.plot([], [], label=f"exciter {number}", ls=style, color=REFERENCE)
@@ -315,36 +307,20 @@ def _exciters(shown: Shown) -> Drawn:
     return figure, speeds if only else phases
 
 
-def _nearly_equal(run: Run) -> bool:
-    """Whether both exciters turn so equally fast that their difference is seen only in a panel of its own."""
-    if turns_of(run.whole) <= MOST_TURNS or "speed_mean_hz:max" not in run.envelope:
-        return False
-    apart, speed = (
-        run.envelope[[f"{name}:min", f"{name}:max"]].abs().max().max()
-        for name in ("speed_difference_hz", "speed_mean_hz")
-    )
-    return bool(apart <= NEARLY * speed)
-
-
-def _middle(axis: Axes, run: Run, column: str, colour: str, label: str | None = None) -> None:
-    """Draw the range of a column in each turn, pale, and its middle as a line."""
-    low, high = (run.envelope[f"{column}:{end}"] for end in ("min", "max"))
-    axis.fill_between(run.envelope["t_s"], low, high, color=colour, alpha=timelines.PALE, lw=0.0)
-    axis.plot(run.envelope["t_s"], 0.5 * (low + high), color=colour, lw=1.0, label=label)
-
-
-def _speeds(axis: Axes, run: Run, colours: tuple[str, str], *, both: bool = False) -> None:
+def _speeds(axis: Axes, run: Run, colours: tuple[str, str]) -> None:
     """Draw the speeds of both exciters over the whole run; of many turns their range in each, and its middle."""
-    if turns_of(run.whole) <= MOST_TURNS or "speed_mean_hz:max" not in run.envelope:
+    envelope = run.envelope
+    if turns_of(run.whole) <= MOST_TURNS or f"{RATES[0]}:max" not in envelope:
         timelines.draw_speeds(axis, run.whole, colours)
-    elif both:
-        _middle(axis, run, "speed_mean_hz", colours[0], "mean of both exciters; pale: range in each turn")
-    else:
-        for number, colour in enumerate(colours, 1):
-            _middle(axis, run, f"speed_{number}_hz", colour, f"exciter {number}")
-        if colours[0] == colours[1]:
-            axis.lines[-1].set_linestyle("--")
-    axis.set_ylabel("speed (Hz)")
+        return
+    ranges = [envelope[[f"{rate}:min", f"{rate}:max"]].astype(float) / timelines.TURN for rate in RATES]
+    same = timelines.coincide(*(found.mean(axis=1).abs().to_numpy() for found in ranges))
+    for found, colour in zip(ranges[: 1 if same else 2], colours, strict=False):
+        low, high = (found * np.sign(found.to_numpy().sum())).to_numpy().T
+        look: dict[str, Any] = {"alpha": timelines.PALE, "lw": 0.0, "label": "range in each turn"}
+        axis.fill_between(envelope["t_s"], low, high, color=colour, **look)
+    middle = {rate: timelines.TURN * found.mean(axis=1) for rate, found in zip(RATES, ranges, strict=True)}
+    timelines.draw_speeds(axis, envelope[["t_s"]].assign(**middle), colours)
 
 
 def _loads(shown: Shown) -> Drawn:
@@ -357,7 +333,7 @@ def _loads(shown: Shown) -> Drawn:
     for number, run in enumerate(shown.runs):
         colour = CURVES[number % len(CURVES)]
         pair = (colour, CURVES[1] if shown.only else colour)
-        _speeds(axes[-1, 0], run, pair, both=shown.only is not None and _nearly_equal(run))
+        _speeds(axes[-1, 0], run, pair)
         if overview:
             last = run.last.assign(t_s=run.last["t_s"] - shown.origin(run))
             timelines.draw_speeds(axes[-1, 1], last[last["t_s"] >= 0.0] if shown.aligned else last, pair)
