@@ -86,6 +86,11 @@ class Shown:
         turns = run.last["phi1_rad"].abs() // (2.0 * np.pi)
         return float(run.last["t_s"].iloc[int(turns.gt(turns.iloc[0]).argmax())])
 
+    def last(self, run: Run) -> pd.DataFrame:
+        """Return the last turns of a run over the time of detail."""
+        table = run.last.assign(t_s=run.last["t_s"] - self.origin(run))
+        return table[table["t_s"] >= 0.0] if self.aligned else table
+
     def look(self, number: int, column: str) -> dict[str, Any]:
         """Return the look of a run's line: a colour for each quantity, or for each run if there are several."""
         if self.only is not None:
@@ -236,8 +241,7 @@ def _draw(axis: Axes, shown: Shown, column: str, *, detail: bool = True) -> None
             colour, label = look["color"], look.get("label")
             timelines.draw_envelope(axis, run.envelope, column, color=colour, label=label, filled=alone)
             continue
-        table = run.last.assign(t_s=run.last["t_s"] - shown.origin(run))
-        timelines.draw_coordinate(axis, table[table["t_s"] >= 0.0] if shown.aligned else table, column, **look)
+        timelines.draw_coordinate(axis, shown.last(run), column, **look)
         if alone and column in ("y_m", "x_m", "phi_rad", "gap_m", "contact_force_n") and "gap_m" in run.shown:
             timelines.draw_contact(axis, run.last)
             if column == "gap_m":
@@ -335,8 +339,7 @@ def _loads(shown: Shown) -> Drawn:
         pair = (colour, CURVES[1] if shown.only else colour)
         _speeds(axes[-1, 0], run, pair)
         if overview:
-            last = run.last.assign(t_s=run.last["t_s"] - shown.origin(run))
-            timelines.draw_speeds(axes[-1, 1], last[last["t_s"] >= 0.0] if shown.aligned else last, pair)
+            timelines.draw_speeds(axes[-1, 1], shown.last(run), pair)
             axes[-1, 1].set_ylabel("")
         for axis, column in zip(axes[:, 0], rows, strict=False):
             if shown.only and column in run.peaks:
