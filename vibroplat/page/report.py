@@ -20,7 +20,7 @@ import pandas as pd
 from vibroplat.config.digits import given, quantity, share
 from vibroplat.config.kinds import KINDS
 from vibroplat.config.scene import Scene
-from vibroplat.page.answer import Told, told_of
+from vibroplat.page.answer import told_of
 from vibroplat.page.curves import Runs
 from vibroplat.page.machine import as_json, drawing, machine_of
 from vibroplat.page.orbits import MOST_SAMPLES, Motions, Mover, Progress
@@ -30,6 +30,7 @@ from vibroplat.page.run import Course, course_of
 from vibroplat.page.sheet import Sheet, caption, sheet_html
 from vibroplat.page.svg import plain_text
 from vibroplat.page.tables import fold, hint, listing, parameters_html, table_html
+from vibroplat.results.answer import Answer
 from vibroplat.results.picture import Picture, finite
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
@@ -127,7 +128,7 @@ class Report:
         return {label: course for label, course in found.items() if course is not None}
 
     @cached_property
-    def told(self) -> list[Told]:
+    def told(self) -> list[Answer]:
         """The answer of each result."""
         return [told_of(one) for one in self.results]
 
@@ -196,10 +197,9 @@ class Report:
             found += f'<p class="answer{" bad" if bad else ""}{" run" if several else ""}">{name}{headline}</p>'
             if failed and told.headline:
                 found += f'<p class="more">{escape(told.headline)}</p>'
-            if told.more:
-                found += f'<p class="more">{escape(told.more)}</p>'
             if told.short:
-                found += f'<pre class="short">{escape(chr(10).join(told.short))}</pre>'
+                look = 'p class="more"' if isinstance(one, RunResult) else 'pre class="short"'
+                found += f"<{look}>{escape(chr(10).join(told.short))}</{look.partition(' ')[0]}>"
             found += "".join(f'<ul class="notes"><li><b>Note:</b> {escape(note)}</li></ul>' for note in told.notes)
         return found
 
