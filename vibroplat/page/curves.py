@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.digits import NEGLIGIBLE, quantity
-from vibroplat.page.run import LAST_TURNS, Course, accelerations
+from vibroplat.page.run import EXCITERS, LAST_TURNS, PANELS, Course, accelerations
 from vibroplat.page.svg import Floats, Plot, Scale
 from vibroplat.page.tables import hint
 from vibroplat.results.picture import CURVES, ORANGE, VERMILION
@@ -31,21 +30,6 @@ _COLOURS = {
     "contact_force_n": VERMILION,
     "gap_m": VERMILION,
 }
-_EXCITERS = {"speed_1_hz": "exciter 1", "speed_2_hz": "exciter 2", "synchronous_hz": "synchronous"}
-#: Panels of all curves: their titles, and columns with what these are called beside each other.
-PANELS: tuple[tuple[str, dict[str, str]], ...] = (
-    ("Force into the foundation, y", {"force_y_n": "force y"}),
-    ("Force into the foundation, x", {"force_x_n": "force x"}),
-    ("Platform y from rest", {"y_m": "y"}),
-    ("Platform x", {"x_m": "x"}),
-    ("Rotation", {"phi_rad": "φ"}),
-    ("Gap", {"gap_m": "gap"}),
-    ("Upper layer over the lower one", {"upper_m": "upper layer"}),
-    ("Contact force", {"contact_force_n": "contact force"}),
-    ("Speed", _EXCITERS),
-    ("Phase difference", {PHASE_COLUMN: "phase difference"}),
-    ("Motor power", {"motor_power_1_w": "motor 1", "motor_power_2_w": "motor 2"}),
-)
 
 
 class Line(NamedTuple):
@@ -131,10 +115,10 @@ class Runs:
         if not moves:
             lines, title = self.detail({"force_y_n": "force y"}), f"Force into the foundation, {self.last}"
         elif any(one.steady is None for one in self.courses):
-            lines, title = self.whole(_EXCITERS), "Speed, whole run"
+            lines, title = self.whole(EXCITERS), "Speed, whole run"
         else:
             until = max(max(one.steady or 0.0, one.first + START) for one in self.courses)
-            lines, title = self.whole(_EXCITERS, until), "Speed until the stroke is steady"
+            lines, title = self.whole(EXCITERS, until), "Speed until the stroke is steady"
         if not lines:
             return ""
         column = "speed_1_hz" if moves else "force_y_n"
@@ -247,14 +231,6 @@ def drawn(title: str, lines: Iterable[Line], column: str, *, detail: bool = Fals
         if line.low is not line.high and np.nanmax(line.high - line.low) > narrow * span:
             plot.band(line.t, line.low, line.high, line.name, line.colour)
         else:
-            plot.curve(line.t, _broken(0.5 * (line.low + line.high), column), line.name, line.colour, dash=line.dash)
+            plot.curve(line.t, 0.5 * (line.low + line.high), line.name, line.colour, dash=line.dash)
     plot.key = [(line.name, line.colour) for line in lines] if len(lines) > 1 or " = " in lines[0].name else []
     return plot
-
-
-def _broken(values: Floats, column: str) -> Any:
-    """Break phases where they jump by most of a turn."""
-    if column != PHASE_COLUMN:
-        return values
-    far = np.append(False, np.abs(np.diff(values)) > math.pi)
-    return np.where(far, np.nan, values)

@@ -122,8 +122,8 @@ class Motions:
         turns = max(1, round(abs(float(np.ptp(trajectory["phi1_rad"].iloc[[0, -1]]))) / (2.0 * np.pi)))
         count, machine = SAMPLES * turns, machine_of(scene)
         self.machines += [] if machine in self.machines else [machine]
-        samples = resampled(trajectory, scene, count, "y_rate_m_per_s")
-        hits = impulses_of(events, seconds, count)
+        samples = resampled(trajectory, scene, np.linspace(0.0, seconds, count, endpoint=False), "y_rate_m_per_s")
+        hits = impulses_of(events, 0.0, seconds, count)
         windows, number = [[0.0, round(seconds, 6), 0, count]], self.machines.index(machine)
         orbit = moving(samples, scene, hits, windows=windows, turns=turns, machine=number)
         orbit["columns"]["y_rate_m_per_s"] = packed(samples["y_rate_m_per_s"])

@@ -13,7 +13,7 @@ from contourpy import contour_generator
 from vibroplat.columns import display_name, quantity_of, unit_of
 from vibroplat.config.digits import quantity
 from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
-from vibroplat.page.view import View, alone, axis_name, coloured, dashes, heading, near, places_of, shown_at, unwrapped
+from vibroplat.page.view import View, alone, axis_name, coloured, dashes, heading, near, places_of, shown_at
 from vibroplat.results.labels import halfway, in_ratios
 from vibroplat.results.picture import BEHIND, BLACK, FULL, LOST, VERMILION, Facet, Panel, Series
 
@@ -92,8 +92,6 @@ def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> Non
         rows = series.places
         line_x, line_y = (np.where(rows >= 0, values[np.maximum(rows, 0)], np.nan) for values in (x, y))
         single = places[alone(np.isfinite(line_x) & np.isfinite(line_y), rows)]
-        if plot.y.unit == "°":
-            line_x, line_y = unwrapped(line_x, line_y)
         plot.curve(
             line_x,
             line_y,

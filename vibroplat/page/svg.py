@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
 from html import escape
 from typing import Any
 
@@ -63,10 +64,11 @@ def plain_text(label: str) -> str:
 # -- axes --------------------------------------------------------------------------------------------------------------
 
 
+@dataclass
 class Scale:
     """An axis between two values.
 
-    Parameters
+    Attributes
     ----------
     low, high
         Its ends (SI units).
@@ -75,24 +77,19 @@ class Scale:
     label
         What is said below it.
     log
-        Whether it is logarithmic.
+        Whether it is logarithmic; both ends are positive then.
     names
         What stands at 0, 1, 2 … instead of numbers.
     """
 
-    def __init__(
-        self,
-        low: float,
-        high: float,
-        unit: str = "",
-        factor: float = 1.0,
-        *,
-        label: str = "",
-        log: bool = False,
-        names: Sequence[str] = (),
-    ) -> None:
-        self.low, self.high, self.unit, self.factor, self.label = low, high, unit, factor, label
-        self.log, self.names = log and low > 0.0, names
+    low: float
+    high: float
+    unit: str = ""
+    factor: float = 1.0
+    _: KW_ONLY
+    label: str = ""
+    log: bool = False
+    names: Sequence[str] = ()
 
     @classmethod
     def of(
@@ -260,8 +257,12 @@ class Plot:
     def curve(
         self, x: Any, y: Any, name: str, colour: str, *, dash: str = "", width: float = 1.5, pale: bool = False
     ) -> None:
-        """Draw a curve; where values are missing it is broken."""
-        places = thinned(self.x.share(x), self.y.share(y))
+        """Draw a curve; where values are missing, and where phases jump by most of a turn, it is broken."""
+        across, up = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+        if self.y.unit == "°":
+            far = np.flatnonzero(np.abs(np.diff(up)) > math.pi) + 1
+            across, up = np.insert(across, far, np.nan), np.insert(up, far, np.nan)
+        places = thinned(self.x.share(across), self.y.share(up))
         self._add(
             "curve",
             path(*places),
@@ -290,23 +291,12 @@ class Plot:
         size: float = 3.5,
         hollow: bool = False,
         pale: bool = False,
-        square: bool = False,
     ) -> None:
         """Draw dots, of which those that would be covered are left out."""
         across, up = self.x.share(x), self.y.share(y)
-        known = (
-            np.isfinite(across)
-            & np.isfinite(up)
-            & (np.abs(across - 0.5) <= 0.5 + 1e-9)
-            & (np.abs(up - 0.5) <= 0.5 + 1e-9)
-        )
+        known = (np.abs(across - 0.5) <= 0.5 + 1e-9) & (np.abs(up - 0.5) <= 0.5 + 1e-9)
         line = dotted(*apart(across[known], up[known]))
-        looks = (
-            f"stroke:{colour}",
-            f"stroke-width:{size:g}",
-            "opacity:.6" if pale else "",
-            "stroke-linecap:square" if square else "",
-        )
+        looks = (f"stroke:{colour}", f"stroke-width:{size:g}", "opacity:.6" if pale else "")
         self._add("dots", line, name, *looks)
         if hollow:
             self._add("dots", line, "", "stroke:#fff", f"stroke-width:{size - 2.0:g}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -131,12 +130,6 @@ def alone(known: Any, rows: Any) -> Any:
     """Return which points of a series, gaps left out, have no neighbour on its line."""
     left, right = np.append(False, known[:-1]), np.append(known[1:], False)
     return (known & ~left & ~right)[rows >= 0]
-
-
-def unwrapped(x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """Break a line of phases where it jumps by most of a turn."""
-    far = np.flatnonzero(np.abs(np.diff(y)) > math.pi) + 1
-    return np.insert(x, far, np.nan), np.insert(y, far, np.nan)
 
 
 def near(lines: Sequence[float], values: Floats) -> list[float]:
