@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -15,7 +14,7 @@ from vibroplat.config.digits import quantity
 from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
 from vibroplat.page.view import View, alone, axis_name, coloured, dashes, heading, near, places_of, shown_at
 from vibroplat.results.labels import halfway, in_ratios
-from vibroplat.results.picture import BEHIND, BLACK, FULL, LOST, VERMILION, Facet, Panel, Series
+from vibroplat.results.picture import BEHIND, BLACK, FULL, LOST, VERMILION, Facet, Panel, Series, Span, Strip
 
 #: Signs of matplotlib's markers.
 SIGNS = dict(zip("osD^vXP*", "○□◇△▽✕✚★", strict=True))
@@ -82,25 +81,14 @@ def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> Non
     """Draw a series: its line, and dots where there is none or where points are not as usual."""
     name = ", ".join(filter(None, (plain_text(series.label), plain_text(series.look))))
     places = places_of([series])
-    states = view.picture.states
-    state = (
-        np.zeros(len(places), dtype=int)
-        if states is None
-        else np.append(states, [0] * len(view.picture.points))[places]
-    )
+    known = () if view.picture.states is None else view.picture.states
+    state = np.append(known, np.full(len(x), FULL))[places]
     if series.mode in ("lines", "both"):
         rows = series.places
         line_x, line_y = (np.where(rows >= 0, values[np.maximum(rows, 0)], np.nan) for values in (x, y))
         single = places[alone(np.isfinite(line_x) & np.isfinite(line_y), rows)]
-        plot.curve(
-            line_x,
-            line_y,
-            name,
-            series.colour,
-            dash=dashes(series.dash),
-            width=1.3 * min(series.width, 1.3),
-            pale=series.pale,
-        )
+        look = {"dash": dashes(series.dash), "width": 1.3 * min(series.width, 1.3), "pale": series.pale}
+        plot.curve(line_x, line_y, name, series.colour, **look)
         plot.dots(x[single], y[single], "", series.colour, size=5.0)
         odd = (state != FULL) & (state != LOST) & (series.mode == "both")
         plot.dots(x[places[odd]], y[places[odd]], "", series.colour, size=5.0, hollow=True, pale=series.pale)
@@ -132,27 +120,26 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]
     if not len(places):
         return view.plot(panel, Scale(0.0, 1.0), Scale(0.0, 1.0))
     levels, over = np.unique(up[places]), np.unique(across[places])
-    at = np.searchsorted(levels, up[places]), np.searchsorted(over, across[places])
+    at = np.searchsorted(levels, up[places])
     unit, factor = unit_for(panel.column, float(np.abs(levels).max()))
     ends, units = halfway(over), unit_for(view.axis, float(over[-1]))
     x = Scale(ends[0], ends[-1], *units, label=axis_name(panel.x or view.axis), log=in_ratios(over))
     y = Scale(-0.5, len(levels) - 0.5, unit, names=[f"{level * factor:.4g}" for level in levels])
     title = plain_text(panel.title or panel.label) or _CALLED.get(panel.by) or axis_name(panel.by)
     plot = view.plot(panel, x, y, f"{title}; upwards: {axis_name(panel.column)}")
-    points, looks = view.picture.points.iloc[places], np.full(len(places), "", dtype=object)
-    for name, colour, chosen in coloured(panel, points):
-        looks[chosen] = f"{colour}|{name}"
-    _boxes(plot, _grid(looks, at, (len(levels), len(over)), ""), ends)
-    if panel.hatch:
-        each = enumerate(panel.hatches.items())
-        numbers = {hatch: f"url(#hatch-{number % len(HATCHES)})|{told}" for number, (hatch, told) in each}
-        plot.note = hatches_told(panel.hatches, panel.note)
-        hatched = points[panel.hatch].map(numbers).fillna("").to_numpy(dtype=object)
-        _boxes(plot, _grid(hatched, at, (len(levels), len(over)), ""), ends)
+    points = view.picture.points
+    looks = coloured(panel, points)
+    kinds = np.select([chosen for *_, chosen in looks], [name for name, *_ in looks], "")
+    classes = {name: (colour, name) for name, colour, _ in looks}
+    hatched = points[panel.hatch].to_numpy(dtype=object) if panel.hatch else np.full(len(points), "")
+    plot.note = hatches_told(panel.hatches, panel.note)
+    for row in range(len(levels)):
+        own = places[at == row]
+        _spans(plot, row, Strip("", "", own, kinds[own], hatched[own]).spans(across), classes, panel.hatches, 0.49)
     if panel.contours and min(len(levels), len(over)) > 1:
-        values = _grid(view.values(panel.contours.column)[places], at, (len(levels), len(over)), np.nan)
-        heights: Any = np.ma.masked_invalid(values.astype(float))
-        drawing = contour_generator(over, np.arange(len(levels)), heights)
+        values = np.full((len(levels), len(over)), np.nan)
+        values[at, np.searchsorted(over, across[places])] = view.values(panel.contours.column)[places]
+        drawing = contour_generator(over, np.arange(len(levels)), np.ma.masked_invalid(values))
         for level, (told, dash) in panel.contours.levels.items():
             for line in map(np.asarray, drawing.lines(level)):
                 plot.curve(line[:, 0], line[:, 1], plain_text(told), BLACK, dash=dashes(dash), width=1.2)
@@ -165,27 +152,32 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]
         row = np.interp(up[known], levels, np.arange(len(levels)), np.nan, np.nan)
         over_x, over_y = (np.where(one.places >= 0, values, np.nan) for values in (across[known], row))
         plot.curve(over_x, over_y, plain_text(one.label), one.colour, dash=dashes(one.dash), width=1.3 * one.width)
-    view.hits(plot, across[places], at[0].astype(float), places)
+    view.hits(plot, across[places], at.astype(float), places)
     return plot
 
 
-def _grid(values: Any, at: tuple[Any, Any], shape: tuple[int, int], empty: Any) -> Any:
-    """Return values of points in rows and columns."""
-    found = np.full(shape, empty, dtype=object)
-    found[at] = values
-    return found
-
-
-def _boxes(plot: Plot, grid: Any, ends: Any) -> None:
-    """Draw rows of colours, each with what it means behind a bar, between the ends of the columns."""
-    for row, cells in enumerate(grid.tolist()):
-        first = 0
-        for look, run in itertools.groupby(cells):
-            after = first + len(list(run))
-            if look:
-                colour, _, told = look.partition("|")
-                plot.box((ends[first], ends[after]), (row - 0.49, row + 0.49), colour, told)
-            first = after
+def _spans(
+    plot: Plot,
+    row: float,
+    spans: Sequence[Span],
+    classes: Mapping[str, tuple[str, str]],
+    hatches: Mapping[str, str],
+    half: float,
+) -> None:
+    """Draw the intervals of a row: colours, hatches, lines below and texts."""
+    up = (row - half, row + half)
+    for span in spans:
+        colour, meaning = classes.get(span.kind, ("", ""))
+        across = (max(span.low, plot.x.low), min(span.high, plot.x.high))
+        if colour:
+            plot.box(across, up, colour, plain_text(meaning))
+        if span.hatch in hatches:
+            hatch = [*hatches].index(span.hatch) % len(HATCHES)
+            plot.box(across, up, f"url(#hatch-{hatch})", hatches[span.hatch])
+        if span.lined:
+            plot.box(across, (row + 0.38, row + 0.46), "#000")
+        if span.text:
+            plot.word(0.5 * (span.low + span.high), row, span.text, "#fff" if colour else "#222")
 
 
 def bars(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series], named: str) -> Plot:
@@ -261,21 +253,10 @@ def strips(view: View) -> list[str]:
     x = view.across(Panel(view.axis), view.picture.series)
     y = Scale(len(spans) - 0.5, -0.5, names=[plain_text(strip.label) for strip in strips.rows])
     plot = Plot(plain_text(strips.label), x, y, "picture strips")
-    plot.height, hatches = f"--h:{24 * len(spans) + 6}px", list(strips.hatches)
+    plot.height = f"--h:{24 * len(spans) + 6}px"
     plot.note = hatches_told(strips.hatches, f"line: {strips.line}" if strips.line else "")
     for row, found in enumerate(spans):
-        for span in found:
-            colour, meaning = strips.classes.get(span.kind, ("", ""))
-            ends_of = (max(span.low, x.low), min(span.high, x.high))
-            if colour:
-                plot.box(ends_of, (row - 0.36, row + 0.36), colour, plain_text(meaning))
-            if span.hatch in hatches:
-                hatch = hatches.index(span.hatch) % len(HATCHES)
-                plot.box(ends_of, (row - 0.36, row + 0.36), f"url(#hatch-{hatch})", strips.hatches[span.hatch])
-            if span.lined:
-                plot.box(ends_of, (row + 0.38, row + 0.46), "#000")
-            if span.text:
-                plot.word(0.5 * (span.low + span.high), row, span.text, "#fff" if colour else "#222")
+        _spans(plot, row, found, strips.classes, strips.hatches, 0.36)
     places = np.concatenate([np.asarray(strip.rows, dtype=int) for strip in strips.rows])
     rows = np.repeat(np.arange(len(spans), dtype=float), [len(strip.rows) for strip in strips.rows])
     view.hits(plot, at[places], rows, places)

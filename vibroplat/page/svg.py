@@ -309,11 +309,9 @@ class Plot:
         sizes = abs(b - a) * WIDTH, abs(d - c) * HEIGHT
         place = f'x="{min(a, b) * WIDTH:.0f}" y="{(1.0 - max(c, d)) * HEIGHT:.0f}" '
         place += f'width="{sizes[0]:.0f}" height="{sizes[1]:.0f}"'
-        told = f"<title>{escape(tip)}</title>" if tip else ""
         more = f' opacity="{opacity:g}"' if opacity != 1.0 else ""
-        self._drawn.append(
-            f'<rect {place} fill="{colour}"{more}>{told}</rect>' if told else f'<rect {place} fill="{colour}"{more}/>'
-        )
+        told = f"><title>{escape(tip)}</title></rect>" if tip else "/>"
+        self._drawn.append(f'<rect {place} fill="{colour}"{more}{told}')
 
     def rule(self, text: str = "", *, x: float | None = None, y: float | None = None, dash: str = "2 3") -> None:
         """Draw a line of reference across at a value of one axis."""
@@ -329,24 +327,27 @@ class Plot:
 
     def mark(self, x: float, y: float, text: str = "", symbol: str = "", colour: str = "") -> None:
         """Put a ring, or a symbol, at a point, with a text beside it."""
-        across, up = float(self.x.share(x)), float(self.y.share(y))
-        if not (-1e-9 <= across <= 1.0 + 1e-9 and -1e-9 <= up <= 1.0 + 1e-9):
-            return
-        place = f"left:{across:.2%};top:{1.0 - up:.2%}"
-        if symbol:
-            look = f";color:{colour}" if colour else ""
-            self._texts.append(f'<b class="symbol" title="{escape(text)}" style="{place}{look}">{escape(symbol)}</b>')
-            return
-        side = "before" if across > 0.6 else "after"
-        self._texts.append(f'<i style="{place}"></i><span class="mark {side}" style="{place}">{escape(text)}</span>')
+        across, place = self._place(x, y)
+        if symbol and place:
+            look = f"{place};color:{colour}" if colour else place
+            self._texts.append(f'<b class="symbol" title="{escape(text)}" style="{look}">{escape(symbol)}</b>')
+        elif place:
+            side = "before" if across > 0.6 else "after"
+            told = f'<span class="mark {side}" style="{place}">{escape(text)}</span>'
+            self._texts.append(f'<i style="{place}"></i>{told}')
 
     def word(self, x: float, y: float, text: str, colour: str) -> None:
         """Write a text about a point."""
-        across, up = float(self.x.share(x)), float(self.y.share(y))
-        if 0.0 <= across <= 1.0 and -0.05 <= up <= 1.05:
-            place = f"left:{across:.2%};top:{1.0 - up:.2%};color:{colour}"
+        across, place = self._place(x, y)
+        if place:
             side = "" if 0.12 < across < 0.88 else " after" if across < 0.5 else " before"
-            self._texts.append(f'<span class="word{side}" style="{place}">{escape(text)}</span>')
+            self._texts.append(f'<span class="word{side}" style="{place};color:{colour}">{escape(text)}</span>')
+
+    def _place(self, x: float, y: float) -> tuple[float, str]:
+        """Return the share of a point across, and its place as a style; "" where it is outside."""
+        across, up = float(self.x.share(x)), float(self.y.share(y))
+        inside = abs(across - 0.5) <= 0.5 + 1e-9 and abs(up - 0.5) <= 0.5 + 1e-9
+        return across, f"left:{across:.2%};top:{1.0 - up:.2%}" if inside else ""
 
     def jump(self, x: Any, y: Any, colour: str) -> None:
         """Draw a thin line between two points, with a head at the second one."""
