@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from contourpy import contour_generator
 from vibroplat.columns import display_name, quantity_of, unit_of
 from vibroplat.config.digits import quantity
 from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
-from vibroplat.page.view import View, alone, axis_name, coloured, dashes, heading, near, places_of, shown_at
+from vibroplat.page.view import View, alone, axis_name, coloured, dashes, heading, places_of
 from vibroplat.results.labels import halfway, in_ratios
 from vibroplat.results.picture import BEHIND, BLACK, FULL, LOST, VERMILION, Facet, Panel, Series, Span, Strip
 
@@ -41,21 +42,19 @@ def figures(view: View, facet: Facet | None) -> list[str]:
     for panel in view.picture.panels:
         if panel.column == (panel.x or view.axis) and panel.kind == "points":
             continue
-        named = plain_text(facet.label) if facet is not None and panel.kind == "bars" else ""
-        if any(len(places_of([one])) for one in shown):
-            found.append(_KINDS[panel.kind](view, panel, shown, behind, named).html())
+        titled = replace(panel, title=facet.label) if facet is not None and panel.kind == "bars" else panel
+        if len(places_of(shown)):
+            found.append(_KINDS[panel.kind](view, titled, shown, behind).html())
     return found
 
 
-def points(view: View, panel: Panel, shown: Sequence[Series], behind: Sequence[Series], _: str) -> Plot:
+def points(view: View, panel: Panel, shown: Sequence[Series], behind: Sequence[Series]) -> Plot:
     """Draw curves and dots."""
     column, x_column = panel.column, panel.x or view.axis
     own = [one for one in shown if not one.of or column in one.of]
     places = places_of([*own, *behind])
-    lines = [shown_at(column, v) for line in view.picture.lines if line.column == column for v in line.at]
     x_values, y_values = view.values(x_column), view.values(column)
-    reached = np.append(y_values[places], near(lines, y_values[places]))
-    y = Scale.of(reached, column, least=panel.least, log=panel.scale == "log")
+    y = Scale.of(view.reached(column, places), column, least=panel.least, log=panel.scale == "log")
     plot = view.plot(panel, view.across(panel, shown), y)
     for one in behind:
         plot.dots(x_values[places_of([one])], y_values[places_of([one])], "", BEHIND, size=2.5)
@@ -81,14 +80,14 @@ def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> Non
     """Draw a series: its line, and dots where there is none or where points are not as usual."""
     name = ", ".join(filter(None, (plain_text(series.label), plain_text(series.look))))
     places = places_of([series])
-    known = () if view.picture.states is None else view.picture.states
+    known: Any = () if view.picture.states is None else view.picture.states
     state = np.append(known, np.full(len(x), FULL))[places]
     if series.mode in ("lines", "both"):
         rows = series.places
         line_x, line_y = (np.where(rows >= 0, values[np.maximum(rows, 0)], np.nan) for values in (x, y))
         single = places[alone(np.isfinite(line_x) & np.isfinite(line_y), rows)]
-        look = {"dash": dashes(series.dash), "width": 1.3 * min(series.width, 1.3), "pale": series.pale}
-        plot.curve(line_x, line_y, name, series.colour, **look)
+        width, dash = 1.3 * min(series.width, 1.3), dashes(series.dash)
+        plot.curve(line_x, line_y, name, series.colour, dash=dash, width=width, pale=series.pale)
         plot.dots(x[single], y[single], "", series.colour, size=5.0)
         odd = (state != FULL) & (state != LOST) & (series.mode == "both")
         plot.dots(x[places[odd]], y[places[odd]], "", series.colour, size=5.0, hollow=True, pale=series.pale)
@@ -112,7 +111,7 @@ def _classed(view: View, plot: Plot, panel: Panel, series: Series) -> None:
         plot.dots(x[chosen], y[chosen], name, colour, size=size)
 
 
-def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series], __: str) -> Plot:
+def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]) -> Plot:
     """Draw a tile for each point, in rows that are evenly spaced; neighbours of one colour are one."""
     across, up = view.values(panel.x or view.axis), view.values(panel.column)
     places = places_of([one for one in shown if one.mode == "dots"])
@@ -137,9 +136,9 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]
         own = places[at == row]
         _spans(plot, row, Strip("", "", own, kinds[own], hatched[own]).spans(across), classes, panel.hatches, 0.49)
     if panel.contours and min(len(levels), len(over)) > 1:
-        values = np.full((len(levels), len(over)), np.nan)
-        values[at, np.searchsorted(over, across[places])] = view.values(panel.contours.column)[places]
-        drawing = contour_generator(over, np.arange(len(levels)), np.ma.masked_invalid(values))
+        grid: Any = np.full((len(levels), len(over)), np.nan)
+        grid[at, np.searchsorted(over, across[places])] = view.values(panel.contours.column)[places]
+        drawing = contour_generator(over, np.arange(len(levels)), np.ma.masked_invalid(grid))
         for level, (told, dash) in panel.contours.levels.items():
             for line in map(np.asarray, drawing.lines(level)):
                 plot.curve(line[:, 0], line[:, 1], plain_text(told), BLACK, dash=dashes(dash), width=1.2)
@@ -149,8 +148,8 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]
             plot.word(word.x, row_of, plain_text(word.text), word.colour)
     for one in (one for one in shown if one.mode != "dots"):
         known = np.maximum(one.places, 0)
-        row = np.interp(up[known], levels, np.arange(len(levels)), np.nan, np.nan)
-        over_x, over_y = (np.where(one.places >= 0, values, np.nan) for values in (across[known], row))
+        height = np.interp(up[known], levels, np.arange(len(levels)), np.nan, np.nan)
+        over_x, over_y = (np.where(one.places >= 0, values, np.nan) for values in (across[known], height))
         plot.curve(over_x, over_y, plain_text(one.label), one.colour, dash=dashes(one.dash), width=1.3 * one.width)
     view.hits(plot, across[places], at.astype(float), places)
     return plot
@@ -180,14 +179,14 @@ def _spans(
             plot.word(0.5 * (span.low + span.high), row, span.text, "#fff" if colour else "#222")
 
 
-def bars(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series], named: str) -> Plot:
+def bars(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]) -> Plot:
     """Draw horizontal bars over words, the first one on top."""
     places = places_of(shown)
     values = view.values(view.axis)[places]
     words = [display_name(str(word)) or str(word) for word in view.picture.points[panel.column].iloc[places]]
     x = Scale.of(np.append(values, 0.0), view.axis, label=plain_text(panel.label) or axis_name(view.axis))
     y = Scale(len(words) - 0.5, -0.5, names=words)
-    plot = view.plot(panel, x, y, named or heading(panel))
+    plot = view.plot(panel, x, y, heading(panel))
     plot.look, plot.height = "picture bars", f"--h:{22 * max(len(words), 1) + 6}px"
     for row, value in enumerate(values):
         colour = shown[0].colour if value >= 0.0 else VERMILION
@@ -196,7 +195,7 @@ def bars(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series],
     return plot
 
 
-def stack(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series], __: str) -> Plot:
+def stack(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]) -> Plot:
     """Draw fractions on each other."""
     plot = view.plot(panel, view.across(panel, shown), Scale(0.0, 1.0, "%", 100.0))
     x, y = view.values(view.axis), view.values(panel.column)
@@ -213,25 +212,19 @@ def stack(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]
     return plot
 
 
-def ranks(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series], __: str) -> Plot:
+def ranks(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]) -> Plot:
     """Draw each point a dot in the order of its values, over which stands the share of those not larger."""
     places = places_of(shown)
     values = view.values(panel.column)
     places = places[np.isfinite(values[places])]
     order = places[np.argsort(values[places], kind="stable")]
     shares = (np.arange(len(order)) + 0.5) / max(len(order), 1)
-    lines = [v for line in view.picture.lines if line.column == panel.column for v in line.at]
-    unit = quantity_of(panel.column).name
-    x = Scale.of(np.append(values[order], near(lines, values[order])), panel.column, label=plain_text(unit))
-    plot = Plot(heading(panel), x, Scale(0.0, 1.0, "%", 100.0), "picture")
-    plot.note = plain_text(panel.note)
-    for line in view.picture.lines:
-        for value in line.at if line.column == panel.column else ():
-            plot.rule(plain_text(line.label), x=value, dash=dashes(line.dash))
+    label = plain_text(quantity_of(panel.column).name)
+    x = Scale.of(view.reached(panel.column, order), panel.column, label=label)
+    plot = view.plot(replace(panel, column="", x=panel.column), x, Scale(0.0, 1.0, "%", 100.0), heading(panel))
     at = pd.Series(shares, order)
-    for name, colour, chosen in (
-        coloured(panel, view.picture.points.iloc[order]) if panel.by else [("", shown[0].colour, slice(None))]
-    ):
+    whole: list[tuple[str, str, Any]] = [("", shown[0].colour, slice(None))]
+    for name, colour, chosen in coloured(panel, view.picture.points.iloc[order]) if panel.by else whole:
         own = order[chosen]
         plot.dots(values[own], at[own].to_numpy(), name, colour, size=5.0 if len(order) <= FEW else 3.2)
     for share in (0.05, 0.5, 0.95) if len(order) else ():
@@ -264,7 +257,7 @@ def strips(view: View) -> list[str]:
     return [plot.html()]
 
 
-_KINDS: Mapping[str, Callable[[View, Panel, Sequence[Series], Sequence[Series], str], Plot]] = {
+_KINDS: Mapping[str, Callable[[View, Panel, Sequence[Series], Sequence[Series]], Plot]] = {
     "points": points,
     "plane": points,
     "tiles": tiles,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import logging
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -36,10 +35,6 @@ from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
 from vibroplat.results.tables import replace_file, require_replaceable
 
-_LOG = logging.getLogger("vibroplat")
-
-#: Size of a page that is told (bytes): mail takes what is smaller.
-LARGE = 8_000_000
 #: How a page begins, whatever wrote it.
 BEGINS = b"<!doctype html"
 #: Name of the page where none is given.
@@ -90,11 +85,8 @@ def write_report(
     """
     path = directories[0] / NAME if out is None else out
     require_replaceable(path, BEGINS, overwrite=overwrite)
-    found = Report(find_results(directories), start, stop, mover, progress)
-    text = found.page()
+    text = Report(find_results(directories), start, stop, mover, progress).page()
     replace_file(path, lambda place: place.write_text(text, encoding="utf-8", newline="\n"))
-    if (size := path.stat().st_size) > LARGE:
-        _LOG.warning("%s has %.1f MB, over %.0f MB; %s", path, size / 1e6, LARGE / 1e6, found.smaller())
     return path
 
 
@@ -144,12 +136,6 @@ class Report:
         """The parameters in which results of one command differ."""
         return differences([one.command for one in self.results], [one.scene.to_tree() for one in self.results])
 
-    def smaller(self) -> str:
-        """Say what would make the page smaller."""
-        studies = self.mover is not None and len(self.runs) < len(self.results)
-        ways = [*["fewer results"] * (len(self.results) > 1), *["--no-orbits"] * studies] or ["fewer rows"]
-        return f"smaller with {', or '.join(ways)}"
-
     # -- the page -----------------------------------------------------------------------------------
 
     def page(self) -> str:
@@ -189,17 +175,18 @@ class Report:
         found = f'<h1 id="title">{escape(self.title)} <span>{escape(day)}</span></h1>'
         several = len(self.results) > 1
         for one, told, differs in zip(self.results, self.told, self.differs, strict=True):
-            called = one.label if isinstance(one, RunResult) else f"{one.label}, {one.command}"
-            name = f"<small>{escape(called)}{escape(f' ({differs})' if differs else '')}</small><br>" if several else ""
-            failed = "; ".join(told.failures)
-            bad = bool(failed) or (isinstance(one, RunResult) and bool(one.summary.get("captured_by")))
-            headline = escape(failed or told.headline or self._title_of(one))
-            found += f'<p class="answer{" bad" if bad else ""}{" run" if several else ""}">{name}{headline}</p>'
+            run = isinstance(one, RunResult)
+            called = (one.label if run else f"{one.label}, {one.command}") + (f" ({differs})" if differs else "")
+            name = f"<small>{escape(called)}</small><br>" if several else ""
+            failed, headline = "; ".join(told.failures), told.headline or self._title_of(one)
+            bad = bool(failed) or (run and bool(one.summary.get("captured_by")))
+            look = f"answer{' bad' if bad else ''}{' run' if several else ''}"
+            found += f'<p class="{look}">{name}{escape(failed or headline)}</p>'
             if failed and told.headline:
                 found += f'<p class="more">{escape(told.headline)}</p>'
             if told.short:
-                look = 'p class="more"' if isinstance(one, RunResult) else 'pre class="short"'
-                found += f"<{look}>{escape(chr(10).join(told.short))}</{look.partition(' ')[0]}>"
+                start, end = ('<p class="more">', "</p>") if run else ('<pre class="short">', "</pre>")
+                found += start + escape("\n".join(told.short)) + end
             found += "".join(f'<ul class="notes"><li><b>Note:</b> {escape(note)}</li></ul>' for note in told.notes)
         return found
 
@@ -297,7 +284,7 @@ class Report:
         rows = []
         for one in self.results:
             name = one.label if len(self.results) > 1 else ""
-            rows += [[", ".join(filter(None, (name, label))), text] for label, text in _facts(one) if text]
+            rows += [[", ".join(filter(None, (name, label))), text] for label, text in _facts(one).items() if text]
         first = self.results[0].provenance
         told = ", ".join(str(first[key])[:10] for key in ("vibroplat", "engine", "created") if first.get(key))
         return fold("How it was made", f"vibroplat {told}", listing([], rows))
@@ -342,32 +329,21 @@ def _inputs(scene: Scene) -> str:
     return f'<ul class="inputs">{lines}</ul>'
 
 
-def _facts(one: Result) -> list[tuple[str, str]]:
+def _facts(one: Result) -> dict[str, str]:
     """Return how a result was made, line by line."""
-    made = one.provenance
-    s = one.summary if isinstance(one, RunResult) else {}
-    commit = f", commit {str(made['git_commit'])[:10]}" if made.get("git_commit") else ""
-    libraries = made.get("libraries")
+    made, s = one.provenance, one.summary if isinstance(one, RunResult) else {}
+    begin, end, turns = (s.get(f"measured_{name}") for name in ("from_s", "to_s", "turns"))
     tolerance = f", tolerance {made['tolerance']:g}" if isinstance(made.get("tolerance"), int | float) else ""
     steps = f", {s['steps']} steps in {quantity(s.get('wall_s'), 's')}" if s.get("steps") else ""
-    window = s.get("measured_from_s"), s.get("measured_to_s"), s.get("measured_turns")
-    measured = f"{window[0]:.4g} … {window[1]:.4g} s, {window[2]} whole turns" if None not in window else ""
-    return [
-        ("command", one.command),
-        ("version", f"vibroplat {made.get('vibroplat', '')}{commit}"),
-        ("made", str(made.get("created") or "").replace("T", " ")[:19]),
-        ("engine", f"{made.get('engine') or ''}{tolerance}{steps}"),
-        ("simulated", quantity(s["simulated_s"], "s") if s.get("simulated_s") else ""),
-        ("measured", measured),
-        (
-            "configuration",
-            f"SHA-256 {str(made['configuration_sha256'])[:16]}…" if made.get("configuration_sha256") else "",
-        ),
-        (
-            "libraries",
-            ", ".join(f"{name} {version}" for name, version in libraries.items())
-            if isinstance(libraries, dict)
-            else "",
-        ),
-        ("directory", str(one.directory)),
-    ]
+    commit = f", commit {str(made['git_commit'])[:10]}" if made.get("git_commit") else ""
+    return {
+        "command": one.command,
+        "version": f"vibroplat {made.get('vibroplat', '')}{commit}",
+        "made": str(made.get("created") or "").replace("T", " ")[:19],
+        "engine": f"{made.get('engine') or ''}{tolerance}{steps}",
+        "simulated": quantity(s["simulated_s"], "s") if s.get("simulated_s") else "",
+        "measured": f"{begin:.4g} … {end:.4g} s, {turns} whole turns" if None not in (begin, end, turns) else "",
+        "configuration": f"SHA-256 {sha[:16]}…" if (sha := str(made.get("configuration_sha256") or "")) else "",
+        "libraries": ", ".join(f"{name} {version}" for name, version in (made.get("libraries") or {}).items()),
+        "directory": str(one.directory),
+    }

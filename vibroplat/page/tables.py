@@ -13,6 +13,7 @@ import pandas as pd
 from vibroplat.columns import display_name
 from vibroplat.config.digits import decimal, given, places
 from vibroplat.page.svg import power_of_ten, unit_for
+from vibroplat.results.answer import counted
 from vibroplat.results.picture import finite
 
 #: Most cells and most rows of a table on the page.
@@ -21,14 +22,10 @@ MOST_CELLS, MOST_ROWS = 36_000, 2_000
 DIGITS = 5
 
 
-def kept_rows(count: int, most: int) -> Any:
-    """Return the rows of a table that the page has; one that is too long loses some evenly."""
-    return np.arange(count) if count <= most else np.unique(np.linspace(0, count - 1, most).round().astype(int))
-
-
 def rows_on_page(table: pd.DataFrame) -> Any:
-    """Return the rows of a table that the page has."""
-    return kept_rows(len(table), min(MOST_ROWS, max(MOST_CELLS // max(len(table.columns), 1), 50)))
+    """Return the rows of a table that the page has; one that is too long loses some evenly."""
+    count, most = len(table), min(MOST_ROWS, max(MOST_CELLS // max(len(table.columns), 1), 50))
+    return np.arange(count) if count <= most else np.unique(np.linspace(0, count - 1, most).round().astype(int))
 
 
 def fold(title: str, more: str, body: str, look: str = "") -> str:
@@ -52,25 +49,18 @@ def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, file: str =
         f'<th scope=col data-n="{escape(name)}">{escape(head)}'
         for name, (head, _) in zip(table.columns.map(str), columns, strict=True)
     )
-    lines = "".join(
-        "<tr>" + "".join(f"<td>{cell}" for cell in row) for row in zip(*(cells for _, cells in columns), strict=True)
+    rows_of = zip(*(cells for _, cells in columns), strict=True)
+    lines = "".join("<tr>" + "".join(f"<td>{cell}" for cell in row) for row in rows_of)
+    more = ""
+    if len(kept) < len(whole):
+        which = "the last ones" if len(kept) > 1 and kept[0] else "evenly chosen"
+        more = f" The page holds {len(kept)} of {len(whole)} rows, {which}; the table of the result holds all."
+    save = f'<button type="button" class="csv" data-file="{escape(file)}">Save as CSV</button>'
+    body = (
+        f'<p class="hint"><span class="scripted">A click on a heading sorts. {save}</span>{more}</p><div class="wide">'
+        f'<table class="rows"><thead><tr>{heads}</thead><tbody>{lines}</tbody></table></div>'
     )
-    which = "evenly chosen" if len(kept) < 2 or kept[0] == 0 else "the last ones"
-    more = (
-        ""
-        if len(kept) == len(whole)
-        else f" The page holds {len(kept)} of {len(whole)} rows, {which}; the table of the result holds all."
-    )
-    count = told or f"{len(whole)} row{'' if len(whole) == 1 else 's'}"
-    table_of = f'<table class="rows"><thead><tr>{heads}</thead><tbody>{lines}</tbody></table>'
-    return fold(
-        title,
-        count,
-        f'<p class="hint"><span class="scripted">A click on a heading sorts. <button type="button" class="csv" '
-        f'data-file="{escape(file)}">Save as CSV</button></span>{more}</p>'
-        f'<div class="wide">{table_of}</div>',
-        "table",
-    )
+    return fold(title, told or counted(len(whole), "row"), body, "table")
 
 
 def _column(name: str, column: pd.Series) -> tuple[str, list[str]]:
@@ -138,14 +128,6 @@ def parameters_html(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> 
 
 
 def _parameters(heads: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> str:
-    lines = [
-        [
-            ("≠ " if row["differs"] else "") + row["key"],
-            row["meaning"],
-            row["unit"],
-            value_text(row["default"]),
-            *map(value_text, row["values"]),
-        ]
-        for row in rows
-    ]
-    return listing(heads, lines, "listing parameters")
+    words = [["≠ " * row["differs"] + row["key"], row["meaning"], row["unit"]] for row in rows]
+    values = [[value_text(value) for value in (row["default"], *row["values"])] for row in rows]
+    return listing(heads, [[*a, *b] for a, b in zip(words, values, strict=True)], "listing parameters")

@@ -51,15 +51,20 @@ class View:
         """Return the horizontal axis, the same for all panels of a picture."""
         column = panel.x or self.axis
         shown = series if panel.x else self.picture.series
-        places = places_of(shown)
-        for line in () if panel.x else self.picture.lines:
-            if line.column == column:
-                return Scale.of(
-                    np.append(self.values(column)[places], np.asarray(line.at, dtype=float)),
-                    column,
-                    label=axis_name(column),
-                )
-        return Scale.of(self.values(column)[places], column, label=axis_name(column), log=self.picture.log(column))
+        values = (
+            self.reached(column, places_of(shown)) if column == self.axis else self.values(column)[places_of(shown)]
+        )
+        return Scale.of(values, column, label=axis_name(column), log=self.picture.log(column))
+
+    def reached(self, column: str, places: Any) -> Floats:
+        """Return the values of a column at some places, and those of lines of reference that are not far away."""
+        values = self.values(column)[places]
+        lines = [shown_at(column, value) for line in self.picture.lines if line.column == column for value in line.at]
+        known = values[np.isfinite(values)]
+        if known.size:
+            room = max(float(np.ptp(known)), 0.1 * abs(float(known.max())))
+            lines = [one for one in lines if known.min() - room <= one <= known.max() + room]
+        return np.append(values, lines)
 
     # -- drawings -----------------------------------------------------------------------------------
 
@@ -72,8 +77,7 @@ class View:
             if one.column == column:
                 plot.box((max(one.low, x.low), min(one.high, x.high)), (y.low, y.high), REFERENCE, one.label, 0.15)
         for line in self.picture.lines:
-            for number, value in enumerate(line.at):
-                text = "" if number else line.label
+            for text, value in zip([line.label, *[""] * len(line.at)], line.at, strict=False):
                 if line.column == panel.column and panel.kind != "bars":
                     plot.rule(plain_text(text), y=shown_at(line.column, value), dash=dashes(line.dash))
                 elif line.column == column:
@@ -130,16 +134,6 @@ def alone(known: Any, rows: Any) -> Any:
     """Return which points of a series, gaps left out, have no neighbour on its line."""
     left, right = np.append(False, known[:-1]), np.append(known[1:], False)
     return (known & ~left & ~right)[rows >= 0]
-
-
-def near(lines: Sequence[float], values: Floats) -> list[float]:
-    """Return those lines of reference for which an axis has room: not farther away than values spread."""
-    known = values[np.isfinite(values)]
-    if not known.size:
-        return list(lines)
-    low, high = float(known.min()), float(known.max())
-    room = max(high - low, 0.1 * abs(high))
-    return [line for line in lines if low - room <= line <= high + room]
 
 
 def coloured(panel: Panel, points: pd.DataFrame) -> list[tuple[str, str, Any]]:
