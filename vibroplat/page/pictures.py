@@ -147,16 +147,17 @@ def _classes(panel: Any, picture: Picture) -> dict[str, str]:
 
 def _aside(moved: dict[str, Any]) -> str:
     """Return the place for what a click on a point shows: its orbit, the moving machine, and its numbers."""
-    orbit = " and its orbit with the moving machine" if moved["list"] else ""
-    click = hint(f"Click or tap a point, or a row of the table, to see its numbers{orbit}.")
-    if not moved["list"]:
-        return f'<aside class="row scripted">{click}<div class="circle"></div><div class="numbers"></div></aside>'
-    motion = _empty("Platform and underside of the material", "mm", "turns", "motion")
-    portrait = _empty("Speed of the platform over its height", "m/s", "mm", "portrait")
-    player = '<button type="button" class="play" aria-pressed="true">Pause</button><span class="told hint"></span>'
-    stage = f'<h3></h3><div class="stage"></div><div class="controls">{player}</div>{motion}{portrait}'
+    told, orbit = "", ""
+    if moved["list"]:
+        told = " and its orbit with the moving machine"
+        motion = _empty("Platform and underside of the material", "mm", "turns", "motion")
+        portrait = _empty("Speed of the platform over its height", "m/s", "mm", "portrait")
+        player = '<button type="button" class="play" aria-pressed="true">Pause</button><span class="told hint"></span>'
+        stage = f'<h3></h3><div class="stage"></div><div class="controls">{player}</div>{motion}{portrait}'
+        orbit = f'<div class="orbit" hidden>{stage}</div>'
+    click = hint(f"Click or tap a point, or a row of the table, to see its numbers{told}.")
     numbers = '<div class="circle"></div><div class="numbers"></div>'
-    return f'<aside class="row scripted"><div class="orbit" hidden>{stage}</div>{click}{numbers}</aside>'
+    return f'<aside class="row scripted">{orbit}{click}{numbers}</aside>'
 
 
 def _empty(title: str, unit: str, across: str, look: str) -> str:

@@ -32,11 +32,6 @@ def find_results(directories: Sequence[Path]) -> list[Result]:
     return found
 
 
-def summary_of(result: Result) -> dict[str, Any]:
-    """Return the summary of a run; empty for other results."""
-    return result.summary if isinstance(result, RunResult) else {}
-
-
 def _in(directory: Path) -> Iterator[Result]:
     commands = [command for command in commands_in(directory) if command != "paper"]
     if not commands:
@@ -47,7 +42,8 @@ def _in(directory: Path) -> Iterator[Result]:
         configuration = result.provenance.get("configuration")
         if not isinstance(configuration, dict):
             raise TableError(f"the provenance in {directory} holds no configuration; repeat the command that wrote it")
-        result.label = str(summary_of(result).get("name") or configuration.get("name") or directory.name)
+        summary = result.summary if isinstance(result, RunResult) else {}
+        result.label = str(summary.get("name") or configuration.get("name") or directory.name)
         yield result
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import PHASE_COLUMN, display_name, indexed_name, quantity_of
+from vibroplat.page.machine import base64_of
 from vibroplat.page.run import wrapped
 from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
 from vibroplat.results.picture import REFERENCE, Panel, Picture, Series, shade
@@ -93,7 +93,7 @@ class View:
         inside = [np.isfinite(part) & (np.abs(part - 0.5) <= 0.51) for part in (across, up)]
         good = inside[0] & inside[1] & (numbers >= 0)
         parts = [numbers[good], np.clip(across[good], 0, 1) * 65535, (1.0 - np.clip(up[good], 0, 1)) * 65535]
-        plot.hits = base64.b64encode(np.concatenate(parts).round().astype("<u2").tobytes()).decode("ascii")
+        plot.hits = base64_of(np.concatenate(parts))
 
 
 # -- words and values --------------------------------------------------------------------------------------------------
@@ -140,10 +140,8 @@ def coloured(panel: Panel, points: pd.DataFrame) -> list[tuple[str, str, Any]]:
     """Return names, colours and which points have them: by classes of a column, or along a scale."""
     by = points[panel.by]
     if panel.classes:
-        found = [
-            (plain_text(told or name), colour, (by == name).to_numpy())
-            for name, (colour, told) in panel.classes.items()
-        ]
+        named = [(plain_text(told or name), colour, name) for name, (colour, told) in panel.classes.items()]
+        found = [(told, colour, (by == name).to_numpy()) for told, colour, name in named]
         return [one for one in found if one[2].any()]
     values = by.to_numpy(dtype=float, na_value=np.nan)
     low, high, unit, factor = ends_of_scale(panel, values)
@@ -152,11 +150,10 @@ def coloured(panel: Panel, points: pd.DataFrame) -> list[tuple[str, str, Any]]:
     if panel.least is not None:  # white where there is nothing
         found.append((f"0 {unit}".strip(), "#f4f4f4", values == 0.0))
         step = np.where(values == 0.0, -1, step)
+    ends = factor * np.linspace(low, high, SHADES + 1)
     for number in range(SHADES):
-        ends = [(low + (high - low) * (number + end) / SHADES) * factor for end in (0, 1)]
-        found.append(
-            (f"{ends[0]:.3g} … {ends[1]:.3g} {unit}".strip(), shade(1.0 - (number + 0.5) / SHADES), step == number)
-        )
+        told = f"{ends[number]:.3g} … {ends[number + 1]:.3g} {unit}".strip()
+        found.append((told, shade(1.0 - (number + 0.5) / SHADES), step == number))
     return [one for one in found if one[2].any()]
 
 
