@@ -24,6 +24,8 @@ MOVING = ("x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", "gap_m", "upper_m", "
 #: Largest of the whole numbers that curves are packed as.
 STEPS = 65534
 _EXCITERS = ("#0072B2", "#D55E00")
+#: The button that stops it.
+PLAY = '<button type="button" class="play" aria-pressed="true">Pause</button>'
 
 
 def packed(values: npt.ArrayLike, least: float = 0.0) -> tuple[float, float, str]:

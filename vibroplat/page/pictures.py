@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.page.machine import as_json
+from vibroplat.page.machine import PLAY, as_json
 from vibroplat.page.orbits import Motions
 from vibroplat.page.panels import SIGNS, figures
 from vibroplat.page.svg import Plot, Scale, plain_text
@@ -152,9 +152,8 @@ def _aside(moved: dict[str, Any]) -> str:
         told = " and its orbit with the moving machine"
         motion = _empty("Platform and underside of the material", "mm", "turns", "motion")
         portrait = _empty("Speed of the platform over its height", "m/s", "mm", "portrait")
-        player = '<button type="button" class="play" aria-pressed="true">Pause</button><span class="told hint"></span>'
-        stage = f'<h3></h3><div class="stage"></div><div class="controls">{player}</div>{motion}{portrait}'
-        orbit = f'<div class="orbit" hidden>{stage}</div>'
+        player = f'<div class="controls">{PLAY}<span class="told hint"></span></div>'
+        orbit = f'<div class="orbit" hidden><h3></h3><div class="stage"></div>{player}{motion}{portrait}</div>'
     click = hint(f"Click or tap a point, or a row of the table, to see its numbers{told}.")
     numbers = '<div class="circle"></div><div class="numbers"></div>'
     return f'<aside class="row scripted">{orbit}{click}{numbers}</aside>'

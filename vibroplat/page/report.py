@@ -21,7 +21,7 @@ from vibroplat.config.kinds import KINDS
 from vibroplat.config.scene import Scene
 from vibroplat.page.answer import told_of
 from vibroplat.page.curves import Runs
-from vibroplat.page.machine import as_json, drawing, machine_of
+from vibroplat.page.machine import PLAY, as_json, drawing, machine_of
 from vibroplat.page.orbits import MOST_SAMPLES, Motions, Mover, Progress
 from vibroplat.page.pictures import picture_html
 from vibroplat.page.results import differences, find_results, parameters
@@ -213,20 +213,19 @@ class Report:
 
     def _stages(self, *, several: bool) -> str:
         """Return the drawings of the machines with what moves them, and what they are."""
+        inputs = "" if several else _inputs(self.runs[0].scene)
+        if not self.courses:
+            return inputs
         figures = ""
         for one in (course.result for course in self.courses.values()):
             told = escape(f"{one.label}: " * several + caption(one.summary, one.scene))
             picture = drawing(machine_of(one.scene), escape(f"Drawing of the machine: {one.label}"))
             figures += f"<figure><figcaption>{told}</figcaption>{picture}</figure>"
-        inputs = "" if several or not self.runs else _inputs(self.runs[0].scene)
-        if not self.courses:
-            return inputs
         motions = [course.motion for course in self.courses.values()]
         count = len(motions[0]["windows"])
         note = f"motion × {motions[0]['k']:g}" + (f"; {count} turns, evenly over the run" if count > 1 else "")
         controls = (
-            '<button type="button" class="play" aria-pressed="true">Pause</button>'
-            '<button type="button" class="whole">Whole run</button>'
+            f'{PLAY}<button type="button" class="whole">Whole run</button>'
             f'<input type="range" min="0" max="{count - 1}" value="{count - 1}" aria-label="time">'
             f'<span class="clock"></span><span>{escape(note)}</span>'
         )
@@ -302,10 +301,8 @@ def _machines(machines: Sequence[Mapping[str, Any]]) -> str:
         f'<g fill="#fff" fill-opacity=".7">{stripe}</g></pattern>'
         for n, stripe in enumerate(stripes)
     )
-    templates = "".join(
-        f'<template id="machine-{n}">{drawing(one, "Drawing of the machine")}</template>'
-        for n, one in enumerate(machines)
-    )
+    drawings = [drawing(one, "Drawing of the machine") for one in machines]
+    templates = "".join(f'<template id="machine-{n}">{one}</template>' for n, one in enumerate(drawings))
     return f'<svg width="0" height="0" class="patterns" aria-hidden="true"><defs>{patterns}</defs></svg>{templates}'
 
 

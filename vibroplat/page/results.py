@@ -69,12 +69,12 @@ def _parameter(name: str, values: Sequence[Any]) -> dict[str, Any]:
         key: Key | None = key_of(name)
     except KeyError:  # of a grid, or of another version
         key = None
-    default = None if key is None else key.default
+    default, meaning = (None, "") if key is None else (key.default, ": ".join(filter(None, (key.symbol, key.meaning))))
     # Places in lists begin with 0; exciters and entries of a program are counted from 1.
     return {
         "key": ".".join(str(int(part) + 1) if part.isdecimal() else part for part in name.split(".")),
         "unit": unit_of(name),
-        "meaning": "" if key is None else ": ".join(text for text in (key.symbol, key.meaning) if text),
+        "meaning": meaning,
         "default": default,
         "values": list(values),
         "changed": [value is not None and value != default for value in values],
