@@ -237,28 +237,23 @@ def windows_of(t: Floats, turns: Floats, frequency: float | None, last: int) -> 
 
     Where exciter 1 does not turn, they are as long as its turns in the measured part.
     """
-    grown = np.maximum.accumulate(turns)
-    rate = frequency or max(float(grown[-1] - grown[0]), 1.0) / float(t[-1] - t[0])
-    usual = min(1.0 / rate, float(t[-1] - t[0]))
+    grown, start, stop = np.maximum.accumulate(turns), float(t[0]), float(t[-1])
+    rate = frequency or max(float(grown[-1] - grown[0]), 1.0) / (stop - start)
+    usual = min(1.0 / rate, stop - start)
     end = float(np.floor(grown[-1] + 1e-6))
     found: list[tuple[float, float, int]] = []
-
-    def between(turn: float, count: int) -> tuple[float, float]:
-        a, b = np.interp([turn, turn + count], grown, t)
-        return float(a), float(b)
-
-    for begin in np.linspace(t[0], max(t[-1] - last * usual, t[0]), MOVING_TURNS + 1)[:-1].tolist():
+    for begin in np.linspace(start, max(stop - last * usual, start), MOVING_TURNS + 1)[:-1].tolist():
         turn = math.ceil(float(np.interp(begin, t, grown)) - 1e-6)
-        a, b = between(turn, 1)
+        a, b = np.interp([turn, turn + 1], grown, t).tolist()
         if turn + 1 > end or b - a > 4.0 * usual or a - begin > 4.0 * usual:
-            a, b = begin, min(begin + usual, float(t[-1]))
+            a, b = begin, min(begin + usual, stop)
         if b > a and (not found or a >= found[-1][1] - 1e-9):
             found.append((a, b, FRAMES))
-    a, b = between(max(end - last, float(np.ceil(grown[0]))), last)
-    if not 0.0 < b - a <= 4.0 * last * usual or t[-1] - b > 2.0 * usual:
-        a, b = max(float(t[-1]) - last * usual, float(t[0])), float(t[-1])
-    kept = [one for one in found if one[1] <= a + 1e-9]
-    return [*kept, (a, b, FRAMES * last)]
+    turn = max(end - last, math.ceil(grown[0]))
+    a, b = np.interp([turn, turn + last], grown, t).tolist()
+    if not 0.0 < b - a <= 4.0 * last * usual or stop - b > 2.0 * usual:
+        a, b = max(stop - last * usual, start), stop
+    return [*(one for one in found if one[1] <= a + 1e-9), (a, b, FRAMES * last)]
 
 
 def frames_at(found: RunResult, times: Floats) -> pd.DataFrame:

@@ -124,28 +124,21 @@ class Scale:
         """Return round numbers on the axis: their places and texts."""
         if self.names:
             every = -(-len(self.names) // 14)
-            kept = [*range(len(self.names))][::every]
-            return [(float(self.share(place)), self.names[place]) for place in kept]
+            return [(float(self.share(place)), name) for place, name in enumerate(self.names) if place % every == 0]
         low, high = self.low * self.factor, self.high * self.factor
         if self.log and high > 3.0 * low:
             powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
             steps = (1, 2, 5) if len(powers) < 4 else (1,)
             found = [(step * 10.0**power, max(-power, 0)) for power in powers for step in steps]
+            found = [(value, places) for value, places in found if low - 1e-9 * low <= value <= high * (1.0 + 1e-9)]
         else:
             step = QUARTER if self.unit == "°" and high - low > 2.0 * QUARTER else nice_step(high - low, most)
             places = max(0, -math.floor(math.log10(step) + 1e-9))
             ends = math.ceil(low / step - 1e-6), math.floor(high / step + 1e-6)
             found = [(number * step, places) for number in range(ends[0], ends[1] + 1)]
-        inside = [
-            (value, places)
-            for value, places in found
-            if low - 1e-9 * abs(low) <= value <= high * (1.0 + 1e-9) or not self.log
-        ]
         turn = 360.0 if self.unit == "°" else 0.0  # angles are told from -180 to 180, as in tables
-        return [
-            (float(self.share(value / self.factor)), tick_text(value - turn * (value > 180.0), places))
-            for value, places in inside
-        ]
+        texts = [tick_text(value - turn * (value > 180.0), places) for value, places in found]
+        return [(float(self.share(value / self.factor)), text) for (value, _), text in zip(found, texts, strict=True)]
 
     @property
     def told(self) -> str:
@@ -263,15 +256,8 @@ class Plot:
             far = np.flatnonzero(np.abs(np.diff(up)) > math.pi) + 1
             across, up = np.insert(across, far, np.nan), np.insert(up, far, np.nan)
         places = thinned(self.x.share(across), self.y.share(up))
-        self._add(
-            "curve",
-            path(*places),
-            name,
-            f"stroke:{colour}",
-            dash and f"stroke-dasharray:{dash}",
-            f"stroke-width:{width:g}",
-            "opacity:.45" if pale else "",
-        )
+        looks = (f"stroke:{colour}", dash and f"stroke-dasharray:{dash}", f"stroke-width:{width:g}")
+        self._add("curve", path(*places), name, *looks, "opacity:.45" * pale)
 
     def band(self, x: Any, low: Any, high: Any, name: str, colour: str) -> None:
         """Fill what is between two curves."""
@@ -296,7 +282,7 @@ class Plot:
         across, up = self.x.share(x), self.y.share(y)
         known = (np.abs(across - 0.5) <= 0.5 + 1e-9) & (np.abs(up - 0.5) <= 0.5 + 1e-9)
         line = dotted(*apart(across[known], up[known]))
-        looks = (f"stroke:{colour}", f"stroke-width:{size:g}", "opacity:.6" if pale else "")
+        looks = (f"stroke:{colour}", f"stroke-width:{size:g}", "opacity:.6" * pale)
         self._add("dots", line, name, *looks)
         if hollow:
             self._add("dots", line, "", "stroke:#fff", f"stroke-width:{size - 2.0:g}")
