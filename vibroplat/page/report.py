@@ -131,11 +131,6 @@ class Report:
         found = [(one, picture) for one in studies for picture in KINDS[one.command].pictures.pictures([one])]
         return [(one, picture) for one, picture in found if "page" in picture.places]
 
-    @cached_property
-    def differs(self) -> list[str]:
-        """The parameters in which results of one command differ."""
-        return differences([one.command for one in self.results], [one.scene.to_tree() for one in self.results])
-
     # -- the page -----------------------------------------------------------------------------------
 
     def page(self) -> str:
@@ -174,7 +169,8 @@ class Report:
         day = f"{str(made.get('created', ''))[:10]}, vibroplat {made.get('vibroplat', '')}"
         found = f'<h1 id="title">{escape(self.title)} <span>{escape(day)}</span></h1>'
         several = len(self.results) > 1
-        for one, told, differs in zip(self.results, self.told, self.differs, strict=True):
+        differing = differences([one.command for one in self.results], [one.scene.to_tree() for one in self.results])
+        for one, told, differs in zip(self.results, self.told, differing, strict=True):
             run = isinstance(one, RunResult)
             called = (one.label if run else f"{one.label}, {one.command}") + (f" ({differs})" if differs else "")
             name = f"<small>{escape(called)}</small><br>" if several else ""

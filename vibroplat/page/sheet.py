@@ -8,14 +8,13 @@ from typing import Any, NamedTuple
 
 from vibroplat.config.digits import NEGLIGIBLE, number, quantity, share, spread
 from vibroplat.config.scene import Scene
+from vibroplat.page.tables import hint
 from vibroplat.results.answer import are_alike
 from vibroplat.results.picture import NOT_SYNCHRONOUS
 from vibroplat.results.run_answer import peak_time, phase_text, speeds_of_both, static_and_dynamic, sync_text
 
 #: Headings of the columns of a single run.
 HEADS = ("", "in operation", "largest, with start", "when")
-#: Largest values of the measured part beside others, and their units.
-PEAKS = {"gap_max_m": "m", "impulse_max_n_s": "N·s"}
 
 
 class Row(NamedTuple):
@@ -192,10 +191,10 @@ class Sheet:
             return []
         impacts, flies = s.get("impacts_per_period"), s.get("flight_fraction")
         rate = "" if impacts is None else quantity(impacts) if impacts % 1 else str(int(impacts))
-        gap, impulse = (self._get(name, unit) if s.get(name) else "" for name, unit in PEAKS.items())
+        gap, impulse = self._get("gap_max_m", "m"), self._get("impulse_max_n_s", "N·s")
         return [
-            Row("in flight", share(flies), f"gap {gap}" if flies and gap else ""),
-            Row("impacts a turn", rate, f"impulse {impulse}" if impulse else ""),
+            Row("in flight", share(flies), f"gap {gap}" if flies else ""),
+            Row("impacts a turn", rate, f"impulse {impulse}" if impacts else ""),
             Row("contact force, largest", self._get("contact_force_max_n", "N")),
         ]
 
@@ -229,29 +228,25 @@ def sheet_html(sheets: Sequence[Sheet], names: Sequence[str]) -> str:
         return ""
     single = len(sheets) == 1
     heads = HEADS if single else ("", *names)
-    rows = "".join(_group(name, sheets, len(heads)) for name in dict.fromkeys(n for one in sheets for n in one.groups))
+    groups = ""
+    for name in dict.fromkeys(name for one in sheets for name in one.groups):
+        found = [{row.label: row for row in one.groups.get(name, [])} for one in sheets]
+        labels = dict.fromkeys(label for rows in found for label in rows)
+        lines = "".join(_line(label, [rows.get(label, Row(label)) for rows in found]) for label in labels)
+        title = f'<tr class="group"><th scope="rowgroup" colspan="{len(heads)}">{escape(name)}</th></tr>'
+        groups += f"<tbody>{title}{lines}</tbody>"
     head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
-    more = "" if single else '<p class="hint">Pale: the largest value of the whole run, with its start.</p>'
-    return f'<table class="sheet{"" if single else " several"}"><thead><tr>{head}</tr></thead>{rows}</table>{more}'
+    more = "" if single else hint("Pale: the largest value of the whole run, with its start.")
+    return f'<table class="sheet{"" if single else " several"}"><thead><tr>{head}</tr></thead>{groups}</table>{more}'
 
 
-def _group(name: str, sheets: Sequence[Sheet], width: int) -> str:
-    """Return the rows of a group."""
-    found = [{row.label: row for row in one.groups.get(name, [])} for one in sheets]
-    labels = dict.fromkeys(label for rows in found for label in rows)
-    body = "".join(_line(label, [rows.get(label) for rows in found]) for label in labels)
-    return f'<tbody><tr class="group"><th scope="rowgroup" colspan="{width}">{escape(name)}</th></tr>{body}</tbody>'
-
-
-def _line(label: str, rows: Sequence[Row | None]) -> str:
+def _line(label: str, rows: Sequence[Row]) -> str:
     """Return a line: of a single run with what was largest and when, of several their values beside each other."""
     cells = []
     for row in rows:
-        known = row or Row(label)
-        also = f" <small>{escape(known.also)}</small>" if known.also else ""
-        cells.append(f"<b>{escape(known.now)}</b>{also}")
+        cells.append(f"<b>{escape(row.now)}</b>" + (f" <small>{escape(row.also)}</small>" if row.also else ""))
         if len(rows) == 1:
-            cells += [escape(known.most), escape(known.when)]
-        elif known.most:
-            cells[-1] += f' <small class="most">{escape(known.most)}</small>'
+            cells += [escape(row.most), escape(row.when)]
+        elif row.most:
+            cells[-1] += f' <small class="most">{escape(row.most)}</small>'
     return f'<tr><th scope="row">{escape(label)}</th>{"".join(f"<td>{cell}</td>" for cell in cells)}</tr>'

@@ -215,12 +215,8 @@ def path(x: Floats, y: Floats) -> str:
 
 def dotted(x: Floats, y: Floats) -> str:
     """Return dots in shares of their axes as a path of lines without length."""
-    found, before = "", (0, 0)
-    for a, b in zip(np.round(x * WIDTH).tolist(), np.round((1.0 - y) * HEIGHT).tolist(), strict=True):
-        here = int(a), int(b)
-        found += f"{'m' if found else 'M'}{here[0] - before[0]} {here[1] - before[1]}h0"
-        before = here
-    return found.replace(" -", "-")
+    steps = np.diff(np.round([x * WIDTH, (1.0 - y) * HEIGHT]).astype(int), prepend=0).T.tolist()
+    return "".join(f"m{a} {b}h0" for a, b in steps).replace("m", "M", 1).replace(" -", "-")
 
 
 # -- a drawing ---------------------------------------------------------------------------------------------------------

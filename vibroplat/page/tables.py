@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import display_name
-from vibroplat.config.digits import decimal, given, places
+from vibroplat.config.digits import MISSING, decimal, given, places
 from vibroplat.page.svg import power_of_ten, unit_for
 from vibroplat.results.answer import counted
 from vibroplat.results.picture import finite
@@ -67,7 +67,7 @@ def _column(name: str, column: pd.Series) -> tuple[str, list[str]]:
     """Return the heading of a column and its cells: numbers with the decimals that its largest one needs."""
     words = display_name(name) or name
     if not pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column):
-        return words, ["–" if pd.isna(value) else escape(_word(value)) for value in column.astype(object)]
+        return words, [escape(value_text(None if pd.isna(value) else value)) for value in column.astype(object)]
     numbers = column.to_numpy(dtype=float, na_value=np.nan)
     known = np.abs(numbers[np.isfinite(numbers)])
     size = float(known.max()) if known.size else 0.0
@@ -79,21 +79,11 @@ def _column(name: str, column: pd.Series) -> tuple[str, list[str]]:
     whole = bool(np.all(known == np.round(known))) and not unit and not raised
     decimals = 0 if whole else max(places(size * factor, DIGITS), 0)
     told = " ".join(filter(None, (raised, unit)))
-    cells = [_cell(value * factor, decimals) for value in numbers]
+    cells = [decimal(value, decimals) if round(value, decimals) else "0" for value in (numbers * factor).tolist()]
     while decimals and all(cell.endswith("0") or cell in "–0" for cell in cells):  # as in values that were given
         decimals -= 1
         cells = [cell if cell in "–0" else cell[:-1].removesuffix(".") for cell in cells]
     return (f"{words} ({told})" if told else words), cells
-
-
-def _cell(value: float, decimals: int) -> str:
-    if not math.isfinite(value):
-        return "–"
-    return decimal(value, decimals) if round(value, decimals) else "0"
-
-
-def _word(value: Any) -> str:
-    return {True: "yes", False: "no"}[bool(value)] if isinstance(value, bool | np.bool_) else str(value)
 
 
 def listing(heads: Sequence[str], rows: Sequence[Sequence[str]], look: str = "listing") -> str:
@@ -109,8 +99,8 @@ def listing(heads: Sequence[str], rows: Sequence[Sequence[str]], look: str = "li
 
 def value_text(value: Any) -> str:
     """Return a value of a configuration as a person reads it."""
-    if value is None or isinstance(value, bool):
-        return {None: "–", True: "yes", False: "no"}[value]
+    if value is None or isinstance(value, bool | np.bool_):
+        return MISSING if value is None else "yes" if value else "no"
     if not isinstance(value, int | float):
         return str(value)
     return power_of_ten(value) if value and not 1e-4 <= abs(value) < 1e7 else given(value).replace("-", "−")
