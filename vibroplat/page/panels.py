@@ -82,21 +82,18 @@ def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> Non
     places = places_of([series])
     known: Any = () if view.picture.states is None else view.picture.states
     state = np.append(known, np.full(len(x), FULL))[places]
+    full = (state == FULL) | (series.mode == "dots")
+    odd = ~full & (state != LOST) & (series.mode != "lines")
+    size = {"dots": 3.0, "markers": 5.5 * min(series.size, 1.2)}.get(series.mode, 5.0)
     if series.mode in ("lines", "both"):
         rows = series.places
         line_x, line_y = (np.where(rows >= 0, values[np.maximum(rows, 0)], np.nan) for values in (x, y))
-        single = places[alone(np.isfinite(line_x) & np.isfinite(line_y), rows)]
         width, dash = 1.3 * min(series.width, 1.3), dashes(series.dash)
         plot.curve(line_x, line_y, name, series.colour, dash=dash, width=width, pale=series.pale)
-        plot.dots(x[single], y[single], "", series.colour, size=5.0)
-        odd = (state != FULL) & (state != LOST) & (series.mode == "both")
-        plot.dots(x[places[odd]], y[places[odd]], "", series.colour, size=5.0, hollow=True, pale=series.pale)
-    else:
-        size = 3.0 if series.mode == "dots" else 5.5 * min(series.size, 1.2)
-        full = (state == FULL) | (series.mode == "dots")
-        plot.dots(x[places[full]], y[places[full]], name, series.colour, size=size, pale=series.pale)
-        odd = ~full & (state != LOST)
-        plot.dots(x[places[odd]], y[places[odd]], "" if full.any() else name, series.colour, size=size, hollow=True)
+        full, name = alone(np.isfinite(line_x) & np.isfinite(line_y), rows), ""
+    plot.dots(x[places[full]], y[places[full]], name, series.colour, size=size, pale=series.pale)
+    told = "" if full.any() else name
+    plot.dots(x[places[odd]], y[places[odd]], told, series.colour, size=size, hollow=True, pale=series.pale)
     lost = places[state == LOST]
     for place in lost[:FEW]:
         plot.mark(x[place], y[place] if np.isfinite(y[place]) else plot.y.low, "failed", "✕", "#a00000")

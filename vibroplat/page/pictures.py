@@ -54,7 +54,7 @@ def picture_html(number: int, picture: Picture, motions: Motions, file: str, tit
     marks = {str(renumbered[row]): mark.kind for mark in picture.marks for row in mark.rows if renumbered[row] >= 0}
     own = moved if home == number else moved | {"list": []}
     data = as_json(own | {"home": home, "rows": len(kept), "marks": marks})
-    look = f"panels{' high' if picture.high else ''}{' bars' if bars else ''}"
+    look = "panels bars" if bars else "panels"
     return (
         f'<section class="study" id="picture-{number}"><h2>{escape(picture.heading)} '
         f"<small>{escape(title)}</small></h2>{_key(picture)}"

@@ -257,14 +257,11 @@ class Report:
             empty = f"; nothing to see in {', '.join(none)}" if none else ""
             told = f"{count} quantities, each turn of the whole run and {self._curves.last}{empty}"
             found += fold("All curves", told, f'{hint(_READING)}<div class="pair">{figures}</div>')
-        for one in self.runs:
-            events = _events(one)
-            if len(events):
-                name = f"events of {one.label}" if len(self.runs) > 1 else "events"
-                counted = events["kind"].value_counts()
-                kinds = ", ".join(f"{number} {kind}" for kind, number in counted.items())
-                rows = np.arange(max(len(events) - EVENTS, 0), len(events))
-                found += table_html(name, events, rows, file=f"{one.label}-events.csv", told=kinds)
+        for one, events in ((one, _events(one)) for one in self.runs):
+            name = f"events of {one.label}" if len(self.runs) > 1 else "events"
+            kinds = ", ".join(f"{number} {kind}" for kind, number in events["kind"].value_counts().items())
+            rows = np.arange(max(len(events) - EVENTS, 0), len(events))
+            found += table_html(name, events, rows, file=f"{one.label}-events.csv", told=kinds) if kinds else ""
         for result, answer in zip(self.results, self.told, strict=True):
             if answer.lines or answer.text:
                 text = f"<pre>{escape(chr(10).join(answer.text))}</pre>" if answer.text else ""
