@@ -19,8 +19,9 @@ def inspect(
     meanings, results/method.md how they compare with simulations.
     """
     from vibroplat.config.plausibility import notes_on_input
+    from vibroplat.results.answer import note_lines
 
     scene = common.scene_of(config, set_, None)
     print(scene.inspect())
     for note in notes_on_input(scene):
-        print(f"  note: {note}")
+        print("\n".join(note_lines(note)))

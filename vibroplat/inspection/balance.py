@@ -15,8 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibroplat.config.drive import Drive, Entry
 from vibroplat.config.scene import Scene
-from vibroplat.inspection.linear import ComplexArray, FloatArray, natural_speeds, platform_torques
+from vibroplat.inspection.linear import ComplexArray, FloatArray, natural_speeds, own_torques, platform_torques
 
 #: Number of lags and of evenly spaced speeds that are looked at, and of further speeds around each resonance.
 LAGS, SPEEDS, NEAR = 360, 500, 81
@@ -59,12 +60,25 @@ def supply_at(scene: Scene, time: float) -> Supply:
 
 def final_supply(scene: Scene) -> Supply:
     """Return the supply at the end, or the last one that drives a motor; the largest frequency if none ever does."""
+    now = while_driven(scene).drive.intervals[-1]
+    frequency = now.frequency
+    if any(now.driven) and frequency > 0.0:
+        return Supply(frequency, frequency, now.driven)
+    return Supply(scene.drive.largest_frequency, scene.drive.largest_frequency, (False, False))
+
+
+def while_driven(scene: Scene) -> Scene:
+    """Return the scene with the supply that drives a motor last kept on for ever."""
     for now in reversed(scene.drive.intervals):
         time = now.start if math.isinf(now.end) else now.end
         frequency = now.frequency_at(time)
         if any(now.driven) and frequency > 0.0:
-            return Supply(frequency, frequency, now.driven)
-    return Supply(scene.drive.largest_frequency, scene.drive.largest_frequency, (False, False))
+            if math.isinf(now.end):
+                break
+            before = [entry for entry in scene.drive.program or () if entry.t_s < now.end]
+            last = Entry(t_s=now.end, supply_frequency_hz=frequency)
+            return scene.model_copy(update={"drive": Drive(program=[*before, last])})
+    return scene
 
 
 def net_torques(scene: Scene, supply: Supply, speeds: FloatArray, factors: FloatArray | float = 1.0) -> FloatArray:
@@ -117,6 +131,16 @@ def balances(
     found = [of[at] + share * (of[at + 1] - of[at]) for of in (speed, LAG)]
     sense = scene.exciter_pair[0].direction
     return [Balance(w, lag, math.remainder(sense * lag, 2.0 * math.pi)) for w, lag in np.transpose(found).tolist()]
+
+
+def speed_alone(scene: Scene, supply: Supply, exciter: int, near: float, carried: complex = 0.0) -> float:
+    """Return the stable speed of an exciter that turns at no other's speed, the nearest to one; 0 without a torque."""
+    speeds = speed_grid(scene)
+    own = net_torques(scene, supply, np.stack([speeds, speeds], axis=-1))
+    net = (own + own_torques(scene, speeds, np.full(speeds.size, carried)))[:, exciter]
+    at = np.flatnonzero((net[:-1] > 0.0) & (net[1:] <= 0.0))
+    found = speeds[at] + net[at] / (net[at] - net[at + 1]) * (speeds[at + 1] - speeds[at])
+    return min(found.tolist(), key=lambda speed: abs(speed - near), default=0.0)
 
 
 def holding_torque(scene: Scene, speed: float) -> float:

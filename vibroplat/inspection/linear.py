@@ -51,6 +51,11 @@ def amplitudes(scene: Scene, speed: float, lags: FloatArray) -> ComplexArray:
     return np.asarray(forces * receptances(scene, np.array([speed])))
 
 
+def amplitudes_alone(scene: Scene, exciter: int, speed: float) -> ComplexArray:
+    """Return the complex amplitudes of x, y, φ (m, m, rad) if only one exciter turns at a speed, shape (3,)."""
+    return np.asarray(speed * speed * couplings(scene)[exciter] * receptances(scene, np.array(speed)))
+
+
 def ripple_factors(scene: Scene, speed: float, amplitude: float) -> tuple[float, float]:
     """Return factors of the largest accelerations up and down at a speed (rad/s), because the exciters turn unevenly.
 
@@ -72,11 +77,16 @@ def platform_torques(
 
     ``speeds`` and ``lag`` broadcast: shapes (n, 1) and (m,) give (n, m, 2).
     """
-    u, g = couplings(scene), receptances(scene, speeds, carried)
+    u, g, own = couplings(scene), receptances(scene, speeds, carried), own_torques(scene, speeds, carried)
     turn = np.exp(-1j * lag)
-    first = g @ np.abs(u[0]) ** 2 + g @ (np.conj(u[0]) * u[1]) * turn
-    second = g @ np.abs(u[1]) ** 2 + g @ (np.conj(u[1]) * u[0]) / turn
-    return np.asarray(0.5 * speeds[..., np.newaxis] ** 4 * np.stack([first.imag, second.imag], axis=-1))
+    first, second = g @ (np.conj(u[0]) * u[1]) * turn, g @ (np.conj(u[1]) * u[0]) / turn
+    return np.asarray(own + 0.5 * speeds[..., np.newaxis] ** 4 * np.stack([first.imag, second.imag], axis=-1))
+
+
+def own_torques(scene: Scene, speeds: FloatArray, carried: ComplexArray | float = 0.0) -> FloatArray:
+    """Return the mean torques by the vibration that each exciter makes itself (N·m), shape (…, 2)."""
+    answers = receptances(scene, speeds, carried) @ np.abs(couplings(scene).T) ** 2
+    return np.asarray(0.5 * speeds[..., np.newaxis] ** 4 * answers.imag)
 
 
 def natural_speeds(scene: Scene) -> FloatArray:

@@ -13,15 +13,19 @@ from vibroplat.results.answer import of_both
 Numbers = Mapping[str, Any]
 
 #: Widths of a line, of the name of its quantity, of the value, and of the name of a machine.
-WIDTH, NAME, VALUE, MACHINE = 110, 18, 23, 36
+WIDTH, NAME, VALUE, MACHINE = 110, 18, 22, 36
 #: Torque to pass a resonance over what there is from which on a start is tight, and ratio of frequencies that are far
 #: from each other.
 TIGHT, FAR = 0.7, 2.0
+#: Change of ranges from which on material that jumps has not settled.
+UNSETTLED = 0.02
+#: Centrifugal forces of both exciters.
+FORCE = "centrifugal_force_{}_n"
 
 
 def twelve_lines(name: str, v: Numbers) -> list[str]:
     """Write the lines of the numbers of an inspection; remarks that do not fit into a line are left out."""
-    rows = [_line(f"  {title:<{NAME}}{value:<{VALUE}}", remarks) for title, value, *remarks in _rows(v)]
+    rows = [_line(f"  {title:<{NAME}}{value:<{VALUE}}  ", remarks) for title, value, *remarks in _rows(v)]
     return [_line(f"{name[:MACHINE]}: ", _answer(v)), *rows]
 
 
@@ -34,13 +38,35 @@ def _line(begin: str, remarks: Sequence[str]) -> str:
 
 def _answer(v: Numbers) -> list[str]:
     """Return the answer in a sentence, and how a start ends."""
-    ratio = v["excitation_frequency_hz"] / v["natural_frequency_y_hz"]
+    load = _load(v)
+    sync, speeds = v[f"{load}expected"], [v[f"{load}excitation_frequency_{i}_hz"] for i in (1, 2)]
+    if not any(speeds):
+        return ["no motor drives, the exciters rest"]
+    ratio = max(speeds) / v["natural_frequency_y_hz"]
     far = "far " if ratio > FAR or ratio < 1.0 / FAR else ""
-    sync = "no synchronization" if v["expected"] == "none" else v["expected"]
     resonance = quantity(v["natural_frequency_y_hz"], "Hz", digits=3)
     where = f"{far}{'above' if ratio > 1.0 else 'below'} resonance ({resonance})"
-    expected = f"{sync} expected at {quantity(v['excitation_frequency_hz'], 'Hz')}, {where}"
-    return [expected, f"a start {_verdict(v)}" if v["passage_axis"] else ""]
+    at = _speeds(v, load) if sync == "none" else quantity(speeds[0], "Hz")
+    expected = f"{'no synchronization' if sync == 'none' else sync} expected at {at}, {where}"
+    empty = "without material" if v["loaded_expected"] and not load else ""
+    off = f"until motors off at {quantity(v['motors_off_s'], 's')}" if math.isfinite(v["motors_off_s"]) else ""
+    return [expected, empty, off, f"a start {_verdict(v)}" if v["passage_axis"] else ""]
+
+
+def _load(v: Numbers) -> str:
+    """Return how names of the loaded machine begin; nothing if only the empty one is known."""
+    return "loaded_" if math.isfinite(v["loaded_stroke_y_m"]) else ""
+
+
+def _apart(v: Numbers) -> bool:
+    """Return whether both exciters turn, and at different speeds."""
+    return math.isnan(v["excitation_frequency_hz"]) and all(v[f"excitation_frequency_{i}_hz"] for i in (1, 2))
+
+
+def _speeds(v: Numbers, load: str) -> str:
+    """Write the speeds of both exciters: once if they turn together."""
+    both = [v[f"{load}excitation_frequency_{i}_hz"] for i in (1, 2)]
+    return quantity(both[0], "Hz") if both[0] == both[1] else " and ".join(quantity(one, "Hz") for one in both)
 
 
 def _verdict(v: Numbers) -> str:
@@ -50,56 +76,108 @@ def _verdict(v: Numbers) -> str:
 
 
 def _rows(v: Numbers) -> Iterator[tuple[str, ...]]:
-    """Yield name, value and remarks of each quantity."""
+    """Yield name, value and remarks of each quantity: of the loaded machine, and what differs of the empty one."""
     told = {name: quantity(value, unit_of(name)) for name, value in v.items() if isinstance(value, float)}
-    load = "loaded_" if v["loaded_expected"] else ""
+    load = _load(v)
 
     def both(name: str) -> str:
         return of_both([v[name.format(i)] for i in (1, 2)], unit_of(name))
 
-    def loaded(text: str) -> str:
-        return f"with material {text}" if load else ""
+    def empty(text: str) -> str:
+        return f"empty {text}" if load else ""
 
-    mass = "no material"
-    if v["loaded_mass_kg"] > 0.0:
-        mass = f"with material {told['loaded_mass_kg']} ({share(v['loaded_mass_kg'] / v['mass_kg'] - 1.0)} more)"
-    yield "mass", told["mass_kg"], "with unbalances", mass
-    speed = f"{told['excitation_frequency_hz']} ({quantity(60.0 * v['excitation_frequency_hz'], 'rpm')})"
-    moments, force = " + ".join(number(v[f"static_moment_{i}_kg_m"]) for i in (1, 2)), both("centrifugal_force_{}_n")
-    yield "static moment", f"{moments} kg·m", f"centrifugal force {force} at {speed}"
-    yield "stroke", _strokes(v, ""), loaded(_strokes(v, load)), f"{told['stroke_far_above_m']} far above resonance"
-    moving = f"lifts off from 1 on; {share(max(v['moving_fraction'], 0.0))} of it moves along"
-    yield "throw index", told["throw_index"], loaded(told["loaded_throw_index"]), load and moving
+    yield _mass(v)
+    moments, force = " + ".join(number(v[f"static_moment_{i}_kg_m"]) for i in (1, 2)), both(load + FORCE)
+    fastest = max(v[f"{load}excitation_frequency_{i}_hz"] for i in (1, 2))
+    speed = f"{_speeds(v, load)} ({quantity(60.0 * fastest, 'rpm')})"
+    yield "static moment", f"{moments} kg·m", f"centrifugal {force} at {speed}", empty(_speeds(v, ""))
+    beat = "where both vibrations add" if _apart(v) else ""
+    far_above = f"{told['stroke_far_above_m']} far above resonance" if v["expected"] != "none" else ""
+    yield "stroke", _strokes(v, load), empty(_strokes(v, "")), far_above, beat
+    yield "throw index", _throw(v, load), empty(_throw(v, "")), *_of_material(v, load)
     axes = ("x", "y", "phi", "y_loaded_1", "y_loaded_2")
     x, y, phi, *contact = (number(v[f"natural_frequency_{axis}_hz"]) for axis in axes)
-    with_load = loaded(f"y {' and '.join(frequency for frequency in contact if frequency != MISSING)}")
+    with_load = " and ".join(frequency for frequency in contact if frequency != MISSING)
     damping = ", ".join(share(v[f"damping_ratio_{axis}"]) for axis in axes[:3])
-    yield "resonances (Hz)", f"x {x}, y {y}, φ {phi}", with_load, f"damping {damping}"
-    sag, weight = told["static_sag_m"], told["static_force_n"]
-    empty = f"empty {sag} and {weight}" if load else ""
-    yield "static sag", told[f"{load}static_sag_m"], f"spring force {told[f'{load}static_force_n']}", empty
-    total = quantity(v["centrifugal_force_1_n"] + v["centrifugal_force_2_n"], "N")
-    size = share(v["isolation"]) if v["isolation"] < 1.0 else f"{told['isolation']} times"
-    along, across = (v[f"{load}dynamic_force_{axis}_n"] for axis in "yx")
-    sideways = f"along x ± {quantity(across, 'N')}" if across > NEGLIGIBLE * along else ""
-    foundation = spread(v[f"{load}static_force_n"], along, "N")
-    yield "foundation force", foundation, "along y", f"{size} of {total} reach it", sideways
+    resting = f"empty; with material y {with_load}" if with_load else ""
+    yield "resonances (Hz)", f"x {x}, y {y}, φ {phi}", resting, f"damping {damping}"
+    weighed = "loaded_" if math.isfinite(v["loaded_mass_kg"]) else ""
+    sag, weight = f"{weighed}static_sag_m", f"{weighed}static_force_n"
+    less = f"empty {told['static_sag_m']} and {told['static_force_n']}" if weighed else ""
+    yield "static sag", told[sag], f"spring force {told[weight]}", less
+    yield "foundation force", _foundation(v, load), *_beside(v, load)
     lifting = [v[f"starting_torque_{i}_n_m"] / (v[f"lifting_torque_{i}_n_m"] or math.nan) for i in (1, 2)]
-    lifts = f"lifts {both('lifting_torque_{}_n_m')} ({number(min(lifting))} times)"
+    times = f" ({number(least)} times)" if (least := min(lifting)) > 0.0 else ""
+    lifts = f"lifts {both('lifting_torque_{}_n_m')}{times}"
     yield "motor at rest", both("starting_torque_{}_n_m"), lifts, f"breakdown {both('critical_torque_{}_n_m')}"
     needed = f"{told['passage_torque_n_m']} of {told['passage_available_n_m']}"
     where = f"{v['passage_axis'].replace('phi', 'φ')} at {told['passage_frequency_hz']}"
     passes = (needed, f"in {where}: a start {_verdict(v)}", f"{told['passage_steady_torque_n_m']} if infinitely slow")
-    yield "passing resonance", *(passes if v["passage_axis"] else ("any torque", "no resonance below holds the motors"))
-    friction = f"friction {both('friction_torque_{}_n_m')}"
-    powers = ", ".join(filter(None, (told["motor_power_w"], loaded(told["loaded_motor_power_w"]))))
-    yield "running", both("motor_torque_{}_n_m"), friction, f"power {powers}"
+    any_torque = ("any torque", "no resonance below holds the motors") if fastest else (MISSING, "no motor drives")
+    yield "passing resonance", *(passes if v["passage_axis"] else any_torque)
+    power, friction = f"power {told[f'{load}motor_power_w']}", f"friction {both('friction_torque_{}_n_m')}"
+    yield "running", both(f"{load}motor_torque_{{}}_n_m"), power, empty(told["motor_power_w"]), friction
+    yield "synchronization", *_synchronization(v, load, both("synchronous_speed_{}_hz"))
+
+
+def _mass(v: Numbers) -> tuple[str, ...]:
+    """Return the row of the masses."""
+    empty, load, material = (v[f"{name}_kg"] for name in ("mass", "loaded_mass", "material_mass"))
+    if not material:
+        return "mass", quantity(empty, "kg"), "with unbalances", "no material"
+    if load > 0.0:
+        more = f"with unbalances and {quantity(material, 'kg')} of material"
+        return "mass", quantity(load, "kg"), more, f"empty {quantity(empty, 'kg')} ({share(load / empty - 1.0)} more)"
+    return "mass", quantity(empty, "kg"), f"with unbalances; {quantity(material, 'kg')} of material cannot lift off"
+
+
+def _throw(v: Numbers, load: str) -> str:
+    """Write a throw index, 0 if it is nothing beside gravity."""
+    size = v[f"{load}throw_index"]
+    return number(0.0 if size < NEGLIGIBLE else size)
+
+
+def _of_material(v: Numbers, load: str) -> Iterator[str]:
+    """Yield what the material does."""
+    if load:
+        yield f"lifts off from 1 on; {share(max(v['moving_fraction'], 0.0))} of it moves along"
+        if v["loaded_change"] > UNSETTLED:
+            yield f"not settled: ranges change by {share(v['loaded_change'])}"
+    elif not math.isfinite(v["throw_index"]):
+        yield "no gravity: all numbers are of the empty machine" if v["material_mass_kg"] else ""
+    elif v["loaded_expected"] and max(v[f"excitation_frequency_{i}_hz"] for i in (1, 2)):
+        yield "empty; with material –, no common speed"
+
+
+def _foundation(v: Numbers, load: str) -> str:
+    """Write weight and dynamic force along y."""
+    weight, along = v[f"{load}static_force_n"], v[f"{load}dynamic_force_y_n"]
+    largest = max(weight, v["centrifugal_force_1_n"] + v["centrifugal_force_2_n"])
+    return spread(weight, along, "N") if along > NEGLIGIBLE * largest else quantity(weight, "N")
+
+
+def _beside(v: Numbers, load: str) -> Iterator[str]:
+    """Yield what is told of the force on the foundation beside it."""
+    yield "along y"
+    if v["isolation"] > 0.0:
+        size = share(v["isolation"]) if v["isolation"] < 1.0 else f"{number(v['isolation'])} times"
+        makes = v["dynamic_force_y_n"] / v["isolation"]
+        total = v["centrifugal_force_1_n"] + v["centrifugal_force_2_n"]
+        reach = f"{size} of {quantity(makes, 'N')}" if makes > NEGLIGIBLE * total else ""
+        yield f"empty {_foundation(v, '')}{reach and f': {reach}'}" if load else reach and f"{reach} reach it"
+    across = v[f"{load}dynamic_force_x_n"]
+    if across > NEGLIGIBLE * max(v[f"{load}dynamic_force_y_n"], v[f"{load}static_force_n"]):
+        yield f"along x ± {quantity(across, 'N')}"
+
+
+def _synchronization(v: Numbers, load: str, synchronous: str) -> Iterator[str]:
+    """Yield the synchronization, and what else there is."""
     none = v["expected"] == "none"
-    at = "" if none else f" at {quantity(math.degrees(v['phase_difference_rad']), '°')}"
-    alone = f"synchronous speeds {both('synchronous_speed_{}_hz')}" if none else ""
-    other = v["coexisting"] and f"also {v['coexisting']}"
-    holds = f"holds torques {told['holding_torque_n_m']} apart"
-    yield "synchronization", f"{v['expected']}{at}", alone, loaded(v["loaded_expected"]), other, holds
+    yield v["expected"] + ("" if none else f" at {quantity(math.degrees(v['phase_difference_rad']), '°')}")
+    yield f"synchronous speeds {synchronous}" if none else ""
+    yield f"with material {v['loaded_expected']}" if v["loaded_expected"] and not none else ""
+    yield v["coexisting"] and f"also {v['coexisting']}"
+    yield f"holds torques {quantity(v['holding_torque_n_m'], 'N·m')} apart"
 
 
 def _strokes(v: Numbers, load: str) -> str:

@@ -6,7 +6,8 @@ M is the platform with both unbalances, m_w the material, k_i static moments, ω
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from vibroplat.config.plausibility import SWING_TORQUE_RATIO
 from vibroplat.config.scene import Scene
 from vibroplat.inspection import balance, linear
 from vibroplat.inspection.balance import Balance, Supply, motor_torques
+from vibroplat.inspection.linear import ComplexArray
 from vibroplat.inspection.lines import twelve_lines
 from vibroplat.inspection.material import FOLLOWED, loaded_motion
 from vibroplat.inspection.start import averaged_start, least_factor
@@ -40,7 +42,8 @@ def _each(words: Mapping[str, str], described: Columns) -> dict[str, Column]:
 #: The numbers, and how each is found.
 INSPECTION: Columns = {
     "supply_frequency_hz": Column("supply frequency at the end of the program, or before the motors go off"),
-    "excitation_frequency_hz": Column("expected speed of the exciters", "balance of torques; or the mean of both"),
+    "motors_off_s": Column("when the motors go off for good; all else is before", "empty if they do not"),
+    "excitation_frequency_hz": Column("expected speed of the exciters", "balance of torques; empty if not together"),
     "expected": Column("expected synchronization", "balance of torques after the averaged start; or none", kind=TEXT),
     "coexisting": Column("another stable synchronization, and its speed", "as after another start", kind=TEXT),
     "loaded_expected": Column("expected synchronization with the material", "empty if there is none", kind=TEXT),
@@ -48,6 +51,8 @@ INSPECTION: Columns = {
     "holding_torque_n_m": Column("difference of both torques that the platform holds", "half the range over phases"),
     "stroke_far_above_m": Column("stroke far above resonance", "2 (k_1 + k_2) / M, peak to peak"),
     "isolation": Column("transmissibility along y", "√(1 + (2Dr)²) / √((1 − r²)² + (2Dr)²), r = ω / ω_y"),
+    "loaded_change": Column("change of the ranges in 32 turns with material that jumps", "0 if it does not"),
+    "material_mass_kg": Column("mass of the material", "m_w"),
     "moving_fraction": Column("fraction of the material that moves along", "of its dynamic mass; below 0: it pushes"),
     "passage_axis": Column("axis of the resonance that takes the largest torque to pass", kind=TEXT),
     "passage_frequency_hz": Column("its natural frequency"),
@@ -58,7 +63,11 @@ INSPECTION: Columns = {
     **_each({"1": "1", "2": "2"}, {
         "synchronous_speed_{}_hz": Column("synchronous speed of motor {}", "f_e / P; empty if it is off"),
         "static_moment_{}_kg_m": Column("static moment of exciter {}", "k_i"),
+        "excitation_frequency_{}_hz": Column("expected speed of exciter {}", "0: it stops"),
         "centrifugal_force_{}_n": Column("centrifugal force of exciter {}", "k_i ω²"),
+        "loaded_centrifugal_force_{}_n": Column("centrifugal force of exciter {} with the material", "k_i ω²"),
+        "loaded_motor_torque_{}_n_m": Column("mean torque of motor {} with the material", "Kloss"),
+        "loaded_excitation_frequency_{}_hz": Column("expected speed of exciter {} with the material"),
         "lifting_torque_{}_n_m": Column("torque to lift unbalance {}", f"k_i g; by a swing {SWING_TORQUE_RATIO} k_i g"),
         "starting_torque_{}_n_m": Column("torque of motor {} at rest", "Kloss, 2 M_c / (s_c + 1/s_c)"),
         "critical_torque_{}_n_m": Column("critical torque of motor {}", "breakdown, M_c"),
@@ -78,8 +87,8 @@ INSPECTION: Columns = {
         "{}stroke_y_m": Column("stroke along y{}", "peak to peak"),
         "{}stroke_phi_rad": Column("rotation of the platform{}", "peak to peak"),
         "{}throw_index": Column("maximum acceleration along y{} divided by gravity", "A_y ω² / g; between impacts"),
-        "{}dynamic_force_x_n": Column("amplitude of the force into the foundation along x{}"),
-        "{}dynamic_force_y_n": Column("amplitude of the force into the foundation along y{}", "downward, less weight"),
+        "{}dynamic_force_x_n": Column("amplitude of the force into the foundation along x{}", "half its range"),
+        "{}dynamic_force_y_n": Column("amplitude of the force into the foundation along y{}", "half its range"),
         "{}motor_power_w": Column("mechanical power of both motors{}", "torque times speed"),
     }),
 }  # fmt: skip
@@ -107,51 +116,86 @@ class Inspection(dict[str, float | str]):
         return "\n".join(twelve_lines(self.name, self))
 
 
+class Turning(NamedTuple):
+    """How the exciters turn in the end.
+
+    Attributes
+    ----------
+    speeds
+        Of both (rad/s).
+    balance
+        Of exciters that turn together; None if they do not.
+    others
+        Other balances.
+    """
+
+    speeds: tuple[float, float]
+    balance: Balance | None
+    others: list[Balance]
+
+
+class Tone(NamedTuple):
+    """A speed (rad/s) and the complex amplitudes of x, y, φ (m, m, rad) with which the empty machine vibrates at it."""
+
+    speed: float
+    amplitudes: ComplexArray
+
+
 def inspect(scene: Scene) -> Inspection:
     """Find what follows from a scene without a run; its method :meth:`vibroplat.Scene.inspect` calls this."""
     supply = balance.final_supply(scene)
-    found, speed, others = _expected(scene, supply)
+    turning = _expected(scene, supply)
+    found, last = turning.balance, scene.drive.intervals[-1]
     values: dict[str, float | str] = {
         "supply_frequency_hz": supply.frequency,
-        "excitation_frequency_hz": speed / TURN,
+        "motors_off_s": math.nan if any(last.driven) else max(last.start, 0.0),
         **_statics(scene),
-        **_of_motors(scene, supply, speed),
-        **_vibration(scene, speed, math.pi if found is None else found.lag),
+        **_of_motors(scene, supply, turning.speeds),
+        **_vibration(scene, _tones(scene, turning)),
         **_passage(scene, supply),
         "phase_difference_rad": math.nan if found is None else found.phase,
         "expected": "none" if found is None else sync_name(found.phase),
-        "coexisting": ", ".join(f"{sync_name(one.phase)} at {quantity(one.speed / TURN, 'Hz')}" for one in others),
-        "holding_torque_n_m": balance.holding_torque(scene, speed),
+        "coexisting": ", ".join(f"{sync_name(o.phase)} at {quantity(o.speed / TURN, 'Hz')}" for o in turning.others),
+        "holding_torque_n_m": balance.holding_torque(scene, max(turning.speeds)),
     }
     if scene.has_contact and scene.machine.gravity_m_per_s2:
-        values |= _loaded(scene, supply, speed, found)
+        values |= _loaded(scene, supply, turning)
     return Inspection(scene.name, values)
 
 
-def _expected(scene: Scene, supply: Supply) -> tuple[Balance | None, float, list[Balance]]:
-    """Return the balance that a start comes to, if there is one, the speed of the exciters (rad/s), and another one.
+def _expected(scene: Scene, supply: Supply) -> Turning:
+    """Return how the exciters turn that start from rest; before the motors go off, if they do in the end.
 
-    If the motors go off in the end, the balance before counts at the highest speed.
+    Exciters that do not turn together have each its own balance; one without a driving motor comes to rest.
     """
+    if not any(supply.driven):
+        return Turning((0.0, 0.0), None, [])
     grid = balance.speed_grid(scene)
     known = [one for highest in (True, False) for one in balance.balances(scene, supply, grid, highest=highest)]
-    synchronous = max(scene.synchronous_speeds_at(supply.frequency))
-    first = second = synchronous
-    if supply == balance.supply_at(scene, math.inf):
-        first, second = averaged_start(scene, np.ones(1))[0].tolist()
-    mean = 0.5 * (first + second)
+    ends = averaged_start(balance.while_driven(scene), np.ones(1))[0].tolist()
+    mean = 0.5 * sum(ends)
     found = min(known, key=lambda one: abs(one.speed - mean), default=None)
-    if found is None or abs(first - second) > TOGETHER * mean or abs(found.speed - mean) > 2.0 * TOGETHER * mean:
-        return None, mean or synchronous, known[:1]
+    if found is None or abs(ends[0] - ends[1]) > TOGETHER * mean or abs(found.speed - mean) > 2.0 * TOGETHER * mean:
+        first, second = (balance.speed_alone(scene, supply, i, near) for i, near in enumerate(ends))
+        return Turning((first, second), None, known[:1])
     sync = sync_name(found.phase)
     others = [o for o in known if abs(o.speed - found.speed) > DISTINCT * mean or sync_name(o.phase) != sync]
-    return found, found.speed, others[:1]
+    return Turning((found.speed, found.speed), found, others[:1])
+
+
+def _tones(scene: Scene, turning: Turning) -> list[Tone]:
+    """Return the vibration of exciters that turn together, or of each one that turns."""
+    if turning.balance is not None:
+        speed, lag, _ = turning.balance
+        return [Tone(speed, linear.amplitudes(scene, speed, np.array([lag]))[0])]
+    speeds = enumerate(turning.speeds)
+    return [Tone(speed, linear.amplitudes_alone(scene, i, speed)) for i, speed in speeds if speed]
 
 
 def _statics(scene: Scene) -> dict[str, float]:
     """Find masses, natural frequencies, sag and weight."""
     mass, load, machine = scene.platform_mass, sum(scene.layer_masses), scene.machine
-    found = {"stroke_far_above_m": 2.0 * sum(scene.unbalances) / mass}
+    found = {"stroke_far_above_m": 2.0 * sum(scene.unbalances) / mass, "material_mass_kg": scene.material_mass}
     for prefix, total in {"": mass, **({"loaded_": mass + load} if load else {})}.items():
         weight = total * machine.gravity_m_per_s2
         found |= {f"{prefix}mass_kg": total, f"{prefix}static_force_n": weight}
@@ -167,69 +211,97 @@ def _statics(scene: Scene) -> dict[str, float]:
     return found
 
 
-def _of_motors(scene: Scene, supply: Supply, speed: float) -> dict[str, float]:
-    """Find what each motor gives at rest and at a speed (rad/s), and what its unbalance takes."""
-    running, starting = motor_torques(scene, supply, np.array([[speed, speed], [0.0, 0.0]]))
+def _of_motors(scene: Scene, supply: Supply, speeds: tuple[float, float]) -> dict[str, float]:
+    """Find what each motor gives at rest and at its speed (rad/s), and what its unbalance takes."""
+    both = np.array(speeds)
+    running, starting = motor_torques(scene, supply, np.array([both, [0.0, 0.0]]))
     moments, pair = np.array(scene.unbalances), scene.exciter_pair
     found = {
+        "excitation_frequency_{}_hz": both / TURN,
         "static_moment_{}_kg_m": moments,
-        "centrifugal_force_{}_n": moments * speed**2,
+        "centrifugal_force_{}_n": moments * both**2,
         "lifting_torque_{}_n_m": moments * scene.machine.gravity_m_per_s2,
         "starting_torque_{}_n_m": starting,
         "critical_torque_{}_n_m": [exciter.critical_torque_n_m for exciter in pair],
-        "friction_torque_{}_n_m": moments * speed**2 * [exciter.friction_radius_m for exciter in pair],
+        "friction_torque_{}_n_m": moments * both**2 * [exciter.friction_radius_m for exciter in pair],
         "motor_torque_{}_n_m": running,
         "synchronous_speed_{}_hz": np.where(supply.driven, scene.synchronous_speeds_at(supply.frequency), np.nan)
         / TURN,
     }
-    values = {name.format(i): float(value) for name, both in found.items() for i, value in enumerate(both, start=1)}
-    return values | {"motor_power_w": float(running.sum()) * speed}
+    values = {name.format(i): float(value) for name, two in found.items() for i, value in enumerate(two, start=1)}
+    together = speeds[0] / TURN if speeds[0] == speeds[1] else math.nan
+    return values | {"excitation_frequency_hz": together, "motor_power_w": float(running @ both)}
 
 
-def _vibration(scene: Scene, speed: float, lag: float) -> dict[str, float]:
-    """Find strokes and forces at a speed (rad/s) and a lag (rad)."""
+def _vibration(scene: Scene, tones: Sequence[Tone]) -> dict[str, float]:
+    """Find strokes and forces; those of exciters that turn at different speeds where both vibrations add."""
     _, damping, stiffness = scene.oscillators
-    through = np.abs(stiffness + 1j * speed * damping)
-    amplitudes = np.abs(linear.amplitudes(scene, speed, np.array([lag]))[0])
-    y, gravity = float(amplitudes[1]), scene.machine.gravity_m_per_s2
-    uneven = max(linear.ripple_factors(scene, speed, y))
+    damping[1] = scene.machine.damping_y_n_s_per_m  # what acts on material does not reach the foundation
+    gravity = scene.machine.gravity_m_per_s2
+    strokes, forces, throw, isolation = np.zeros(3), np.zeros(3), 0.0, math.nan
+    for speed, amplitudes in tones:
+        sizes, through = np.abs(amplitudes), np.abs(stiffness + 1j * speed * damping)
+        strokes += 2.0 * sizes
+        forces += through * sizes
+        throw += max(linear.ripple_factors(scene, speed, sizes[1])) * sizes[1] * speed**2
+        isolation = float((through * np.abs(linear.receptances(scene, np.array([speed]))))[0, 1])
     return {
-        **dict(zip(("stroke_x_m", "stroke_y_m", "stroke_phi_rad"), (2.0 * amplitudes).tolist(), strict=True)),
-        **dict(zip(("dynamic_force_x_n", "dynamic_force_y_n"), (through * amplitudes)[:2].tolist(), strict=True)),
-        "throw_index": uneven * y * speed**2 / gravity if gravity else math.inf,
-        "isolation": float((through * np.abs(linear.receptances(scene, np.array([speed]))))[0, 1]),
+        **dict(zip(("stroke_x_m", "stroke_y_m", "stroke_phi_rad"), strokes.tolist(), strict=True)),
+        **dict(zip(("dynamic_force_x_n", "dynamic_force_y_n"), forces[:2].tolist(), strict=True)),
+        "throw_index": float(throw) / gravity if gravity else math.nan,
+        "isolation": isolation if len(tones) == 1 else math.nan,
     }
 
 
-def _loaded(scene: Scene, supply: Supply, speed: float, empty: Balance | None) -> dict[str, float | str]:
-    """Find the same of a machine with material that lifts off, about the speed of the empty one (rad/s)."""
-    motion = loaded_motion(scene, speed)
-    carried = np.interp(balance.LAG, FOLLOWED, motion["carried"], period=TURN)
-    grid = np.linspace(0.8 * speed, max(scene.synchronous_speeds_at(supply.frequency)), 200)
-    known = balance.balances(scene, supply, grid, carried)
-    lag, power = math.pi if empty is None else empty.lag, math.nan
-    near = min(known, key=lambda one: abs(math.remainder(one.lag - lag, TURN)), default=None)
-    if near is not None:
-        speed, lag = near.speed, near.lag
-        motion = loaded_motion(scene, speed)
-        power = float(motor_torques(scene, supply, np.array([speed, speed])).sum()) * speed
-    at = {name: np.interp(lag, FOLLOWED, part, period=TURN) for name, part in motion.items()}
+def _loaded(scene: Scene, supply: Supply, turning: Turning) -> dict[str, float | str]:
+    """Find the same of a machine with material that lifts off, about the speed of the empty one."""
+    tones = _tones(scene, turning)
+    if len(tones) != 1:
+        return {"loaded_expected": "none"}
+    speed = tones[0].speed
+    if turning.balance is None:
+        names, (driven,) = "none", [i for i in (0, 1) if turning.speeds[i]]
+        for _ in range(2):
+            steady = linear.amplitudes_alone(scene, driven, speed)
+            motion = loaded_motion(scene, speed, steady[1:2])
+            speed = balance.speed_alone(scene, supply, driven, speed, complex(motion["carried"][0]))
+        speeds = (speed, 0.0) if driven == 0 else (0.0, speed)
+        tone = Tone(speed, linear.amplitudes_alone(scene, driven, speed))
+    else:
+        known = _loaded_balances(scene, supply, turning.balance)
+        names = " or ".join(dict.fromkeys(sync_name(one.phase) for one in known)) or "none"
+        if not known:
+            return {"loaded_expected": names}
+        speed, lag, _ = known[0]
+        speeds, tone = (speed, speed), Tone(speed, linear.amplitudes(scene, speed, np.array([lag]))[0])
+    motion = loaded_motion(scene, speed, tone.amplitudes[1:2], settle=True)
+    at = {name: part[0] for name, part in motion.items()}
     up, down = linear.ripple_factors(scene, speed, 0.5 * float(at["stroke"]))
-    bare = _vibration(scene, speed, lag)
+    found = {**_vibration(scene, [tone]), **_of_motors(scene, supply, speeds)} | {
+        "stroke_y_m": float(at["stroke"]),
+        "throw_index": float(max(up * at["upward"], down * at["downward"])) / scene.machine.gravity_m_per_s2,
+        "dynamic_force_y_n": float(at["force"]),
+    }
     return {
-        **{f"loaded_{name}": bare[name] for name in ("stroke_x_m", "stroke_phi_rad", "dynamic_force_x_n")},
-        "loaded_stroke_y_m": float(at["stroke"]),
-        "loaded_throw_index": max(up * at["upward"], down * at["downward"]) / scene.machine.gravity_m_per_s2,
-        "loaded_dynamic_force_y_n": float(at["force"]),
-        "loaded_expected": " or ".join(dict.fromkeys(sync_name(one.phase) for one in known)) or "none",
-        "loaded_motor_power_w": power,
+        **{f"loaded_{name}": value for name, value in found.items() if f"loaded_{name}" in INSPECTION},
+        "loaded_expected": names,
+        "loaded_change": float(at["change"]),
         "moving_fraction": float(at["carried"].real) / sum(scene.layer_masses),
     }
 
 
+def _loaded_balances(scene: Scene, supply: Supply, empty: Balance) -> list[Balance]:
+    """Return the balances with the material, first the one whose lag is nearest to that of the empty machine."""
+    motion = loaded_motion(scene, empty.speed, linear.amplitudes(scene, empty.speed, FOLLOWED)[:, 1])
+    carried = np.interp(balance.LAG, FOLLOWED, motion["carried"], period=TURN)
+    grid = np.linspace(0.8 * empty.speed, max(scene.synchronous_speeds_at(supply.frequency)), 200)
+    known = balance.balances(scene, supply, grid, carried)
+    return sorted(known, key=lambda one: abs(math.remainder(one.lag - empty.lag, TURN)))
+
+
 def _passage(scene: Scene, supply: Supply) -> dict[str, float | str]:
     """Find the torque to pass the resonance that takes most."""
-    factor, stays = least_factor(scene)
+    factor, stays = least_factor(balance.while_driven(scene))
     if not stays:
         return {"passage_torque_n_m": 0.0, "passage_ratio": factor}
     natural = linear.natural_speeds(scene)

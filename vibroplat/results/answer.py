@@ -70,7 +70,7 @@ class Answer(NamedTuple):
         if len(found) + bool(self.notes) > room:
             kept = room - 1
             return [*found[:kept], f"  … {len(found) - kept + len(self.notes)} more lines: -v prints them"]
-        return found + list(_fitted([_note(note) for note in self.notes], room - len(found)))
+        return found + list(_fitted([note_lines(note) for note in self.notes], room - len(found)))
 
     def full(self) -> list[str]:
         """Return all of it but the failures."""
@@ -122,7 +122,8 @@ def of_both(values: Sequence[float], unit: str) -> str:
     return " and ".join(quantity(value, unit, largest=max(map(abs, values))) for value in values)
 
 
-def _note(note: str) -> list[str]:
+def note_lines(note: str) -> list[str]:
+    """Return the lines of a note."""
     return textwrap.wrap(f"  note: {note}", WIDTH, subsequent_indent=" " * 8, break_on_hyphens=False)
 
 
