@@ -89,7 +89,8 @@ def _rows(v: Numbers) -> Iterator[tuple[str, ...]]:
     yield _mass(v)
     moments, force = " + ".join(number(v[f"static_moment_{i}_kg_m"]) for i in (1, 2)), both(load + FORCE)
     fastest = max(v[f"{load}excitation_frequency_{i}_hz"] for i in (1, 2))
-    speed = f"{_speeds(v, load)} ({quantity(60.0 * fastest, 'rpm')})"
+    together = v[f"{load}excitation_frequency_1_hz"] == v[f"{load}excitation_frequency_2_hz"]
+    speed = _speeds(v, load) + (f" ({quantity(60.0 * fastest, 'rpm')})" if together and fastest else "")
     yield "static moment", f"{moments} kg·m", f"centrifugal {force} at {speed}", empty(_speeds(v, ""))
     beat = "where both vibrations add" if _apart(v) else ""
     far_above = f"{told['stroke_far_above_m']} far above resonance" if v["expected"] != "none" else ""
@@ -140,9 +141,8 @@ def _throw(v: Numbers, load: str) -> str:
 def _of_material(v: Numbers, load: str) -> Iterator[str]:
     """Yield what the material does."""
     if load:
+        yield f"not settled: ranges change by {share(v['loaded_change'])}" if v["loaded_change"] > UNSETTLED else ""
         yield f"lifts off from 1 on; {share(max(v['moving_fraction'], 0.0))} of it moves along"
-        if v["loaded_change"] > UNSETTLED:
-            yield f"not settled: ranges change by {share(v['loaded_change'])}"
     elif not math.isfinite(v["throw_index"]):
         yield "no gravity: all numbers are of the empty machine" if v["material_mass_kg"] else ""
     elif v["loaded_expected"] and max(v[f"excitation_frequency_{i}_hz"] for i in (1, 2)):
@@ -158,7 +158,7 @@ def _foundation(v: Numbers, load: str) -> str:
 
 def _beside(v: Numbers, load: str) -> Iterator[str]:
     """Yield what is told of the force on the foundation beside it."""
-    yield "along y"
+    yield "along y, empty" if v["loaded_expected"] and not load else "along y"
     if v["isolation"] > 0.0:
         size = share(v["isolation"]) if v["isolation"] < 1.0 else f"{number(v['isolation'])} times"
         makes = v["dynamic_force_y_n"] / v["isolation"]
