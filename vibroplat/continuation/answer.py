@@ -81,10 +81,9 @@ def _ranges(table: pd.DataFrame, key: str, sync: str) -> str:
     """
     found: list[list[float]] = []
     for _, branch in table.groupby("branch", sort=False):
-        holds = (branch["stable"] & (branch["sync"] == sync)).to_numpy()
-        pieces = np.split(branch[key].to_numpy(float), np.flatnonzero(np.diff(holds)) + 1)
-        begins = np.split(holds, np.flatnonzero(np.diff(holds)) + 1)
-        found += [[piece.min(), piece.max()] for piece, held in zip(pieces, begins, strict=True) if held.any()]
+        holds = branch["stable"] & (branch["sync"] == sync)
+        pieces = branch.loc[holds, key].astype(float).groupby((~holds).cumsum())
+        found += [[piece.min(), piece.max()] for _, piece in pieces]
     united: list[list[float]] = []
     for low, high in sorted(found):
         if united and low <= united[-1][1]:
