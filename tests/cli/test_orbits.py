@@ -138,7 +138,7 @@ REFUSED = {
     f"{NEAR}, period: 2": "orbits.period = 2 but the motion repeats after 1; allowed: 1",
     f"{NEAR}, step: {{first: 0}}": "c.yaml: orbits.step.first = 0; allowed: ",
     f"{KEY}, start: 47, stop: 47": "c.yaml: orbits: stop = 47.0 is start; allowed: another value",
-    f"{NEAR}, from: nowhere": "c.yaml: orbits.from = 'nowhere': nowhere holds no provenance",
+    f"{NEAR}, from: nowhere": "c.yaml: orbits.from = 'nowhere': nowhere holds no finished result",
     f"{NEAR}, from: state": "c.yaml: orbits.from = state but run.initial.state is not given; ",
     f"{NEAR}, grid: {{material.mass_ratio: [-1.0]}}": "c.yaml: orbits.grid: material.mass_ratio = -1.0; "
     "allowed: at least 0.0",
