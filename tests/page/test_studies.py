@@ -324,7 +324,7 @@ def told_otherwise(source, place, **told):
 
 def test_failures_come_first_and_notes_are_told(answered, tmp_path):
     text = page_of(told_otherwise(answered["basins"], tmp_path / "copy", notes=["look <twice>"], failures=["lost"] * 7))
-    assert '<p class="answer bad">lost; lost; lost; lost; lost; 2 more</p>' in text
+    assert '<p class="answer bad">lost; lost; lost; … and 4 more failures</p>' in text
     assert "<b>Note:</b> look &lt;twice&gt;" in text
 
 
