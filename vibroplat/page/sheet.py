@@ -91,7 +91,8 @@ class Sheet:
         if known[1:] and are_alike(known):
             values = known[:1]
         texts = [quantity(one, unit, digits=3, size=size, largest=size) if unit else share(one) for one in values]
-        return " / ".join(dict.fromkeys(texts)) if known else ""
+        *others, last = dict.fromkeys(texts)
+        return " / ".join([*(one.removesuffix(f" {last.rpartition(' ')[2]}") for one in others), last] * bool(known))
 
     def _pair_row(self, label: str, column: str, unit: str, most: str = "") -> Row:
         """Return the row of both motors, with the larger of their largest values."""
