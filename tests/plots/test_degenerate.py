@@ -17,9 +17,9 @@ from vibroplat.errors import TableError
 from vibroplat.plots import bench, histories, paper, run
 from vibroplat.plots.command import draw_study
 from vibroplat.plots.display import orbit_figure
-from vibroplat.plots.reading import ends_of
 from vibroplat.plots.style import styled
 from vibroplat.results.result import Answer, Result
+from vibroplat.results.run import RunResult
 
 from .conftest import diagram, sweep_table
 
@@ -200,11 +200,12 @@ def drawn_run(kind, count=1):
     def draw(change, tables):
         whole = tables["run"]
         table, events = change(whole.trajectory), change(whole.events)
-        told = whole.summary | {"name": "run"}
-        one = histories.run_of(told, whole.scene, ends_of([table]), [table], [events])
+        changed = RunResult(whole.scene, whole.summary | {"name": "run"}, table=table)
+        changed.events = events
+        one = histories.run_of(changed)
         if kind == "force" and "contact_force_n" not in one.shown:
             raise TableError("not drawn")
-        return run.FIGURES[kind](run.Shown([one] * count, names=["one", "another"]))
+        return run.draw(kind, run.Shown([one] * count, names=["one", "another"]))
 
     return draw
 

@@ -85,7 +85,7 @@ def test_a_phase_axis_tells_values_as_tables_do():
     assert told["±180°"] == pytest.approx(np.pi)
     assert told["−90°"] in (pytest.approx(-0.5 * np.pi), pytest.approx(1.5 * np.pi))
     table = pd.DataFrame({"supply_frequency_hz": [50.0, 51.0], PHASE_COLUMN: [-3.136, 3.136]})
-    Measured("measured", table).draw(axis, "supply_frequency_hz", PHASE_COLUMN)
+    Measured(Path("measured"), table).draw(axis, "supply_frequency_hz", PHASE_COLUMN)
     low, high = axis.get_ylim()
     drawn = axis.lines[0].get_ydata()
     assert all(low < value < high for value in drawn)

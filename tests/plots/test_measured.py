@@ -1,6 +1,7 @@
 """Measured data: files as spreadsheets write them, mapped, shifted and compared."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -29,10 +30,10 @@ def test_files_of_spreadsheets_are_mapped_to_columns(encoding, first, tmp_path):
     ("mapping", "line"),
     [
         ("t=Zeit,y=Weg y", "y=Weg y: no such column in the file; did you mean Weg, y? allowed: Zeit, Beschl_y (g), "),
-        ("t=Zeit,y=", "'y=' in the mapping; allowed: COLUMN=NAME, COLUMN=NAME*FACTOR"),
-        ("t=Zeit*ms", "t=Zeit*ms; allowed: a number behind the star"),
-        ("t=Zeit,shift=nan", "shift=nan; allowed: a time in s, or fit"),
-        ("t=Zeit,shift=soon", "shift=soon; allowed: a time in s, or fit"),
+        ("t=Zeit,y=", "y=: no such column in the file; allowed: Zeit, Beschl_y (g), "),
+        ("t=Zeit*ms", "'t=Zeit*ms' in the mapping; allowed: COLUMN=NAME, COLUMN=NAME*FACTOR, shift=SECONDS, shift=fit"),
+        ("t=Zeit,shift=nan", "'shift=nan' in the mapping; allowed: COLUMN=NAME, COLUMN=NAME*FACTOR, shift="),
+        ("t=Zeit,shift=soon", "'shift=soon' in the mapping; allowed: COLUMN=NAME, COLUMN=NAME*FACTOR, shift="),
     ],
 )
 def test_a_mapping_that_is_none_is_refused(mapping, line, tmp_path):
@@ -91,7 +92,7 @@ def test_the_error_is_that_of_the_difference_beside_the_measured_values():
     curve = TIMES, chirp(TIMES)
     assert relative_error((TIMES[5:50], chirp(TIMES[5:50]) / 0.9), curve) == pytest.approx(0.1, rel=1e-12)
     assert relative_error((TIMES + 5.0, chirp(TIMES)), curve) is None
-    data = Measured("rig", pd.DataFrame({"t_s": TIMES, "y_m": chirp(TIMES)}), 0.25)
+    data = Measured(Path("rig"), pd.DataFrame({"t_s": TIMES, "y_m": chirp(TIMES)}), shift=0.25)
     data.compare("y_m", "t_s", [(TIMES, 2.0 * chirp(TIMES)), (TIMES, 1.1 * chirp(TIMES))])
     assert data.lines() == [
         "rig: y differs by 10 % (RMS of the difference / RMS of the measured values); shifted by 0.2500 s"

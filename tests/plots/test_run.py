@@ -19,6 +19,7 @@ from vibroplat.plots.command import plot_results
 from vibroplat.plots.measured import read_data
 from vibroplat.plots.run import run_figures
 from vibroplat.results.labels import run_parameters
+from vibroplat.results.run import RunResult
 from vibroplat.results.tables import read_json, read_table, write_table
 
 from .conftest import data_of, table_line, texts
@@ -73,7 +74,7 @@ def test_few_samples_a_second_are_shown_over_more_turns(kernels, tmp_path):
     """A second is 23 turns."""
     few = {"run.duration_s": 15.0, "output.sample_rate_hz": 1.0, "drive.supply_frequency_hz": 46.0}
     simulate(load_config(QUICKSTART, few | {"material.mass_ratio": 0.0})).save(tmp_path / "few")
-    assert histories.read_run(tmp_path / "few").shown["t_s"].tolist() == [*range(5, 16)]
+    assert histories.run_of(RunResult.read(tmp_path / "few", "run")).shown["t_s"].tolist() == [*range(5, 16)]
     assert "motion" in drawn(tmp_path / "few")
 
 
@@ -154,7 +155,7 @@ def test_exciters_show_both_speeds_and_their_phase_over_the_whole_run(result):
     np.testing.assert_allclose(phase.lines[0].get_ydata(), (table["phi1_rad"] + table["phi2_rad"]) % TURN)
 
 
-def test_speeds_that_differ_are_two_lines_and_many_turns_have_their_difference(result, monkeypatch):
+def test_speeds_that_differ_are_two_lines_and_many_turns_have_their_range(result, monkeypatch):
     table = read_table(result, "trajectory")
     apart = table.assign(phi2_rate_rad_per_s=0.9 * table["phi2_rate_rad_per_s"])
     write_table(apart, result, "trajectory", "parquet")
@@ -163,12 +164,12 @@ def test_speeds_that_differ_are_two_lines_and_many_turns_have_their_difference(r
     np.testing.assert_allclose(data_of(speeds.lines[1]), table_line(apart, "phi2_rate_rad_per_s", -1.0 / TURN))
     write_table(table, result, "trajectory", "parquet")
     monkeypatch.setattr("vibroplat.plots.run.MOST_TURNS", 3)
-    speeds, difference, _ = drawn(result, kinds=["exciters"])["exciters"].axes
-    assert speeds.lines[0].get_label().startswith("mean of both exciters")
-    assert difference.get_ylabel() == "exciter 1 minus\nexciter 2 (Hz)"
-    apart = (table["phi1_rate_rad_per_s"] + table["phi2_rate_rad_per_s"]) / TURN
-    low, high = difference.collections[0].get_datalim(difference.transData).intervaly
-    assert (low, high) == pytest.approx((apart.min(), apart.max()))
+    speeds, _ = drawn(result, kinds=["exciters"])["exciters"].axes
+    assert speeds.lines[0].get_label() == "exciter 1 = 2"
+    (pale,) = speeds.collections
+    rates = table["phi1_rate_rad_per_s"] / TURN
+    low, high = pale.get_datalim(speeds.transData).intervaly
+    assert (low, high) == pytest.approx((rates.min(), rates.max()))
 
 
 def test_loads_are_forces_and_displacements_with_their_peaks(settled):
@@ -322,7 +323,7 @@ def refusal(directory, **interval):
         ("summary.json", "[]", "DIR/summary.json is not the summary of a run"),
         ("trajectory.csv", "a,b\n1,2\n", "the trajectory table in DIR has no numbers in column t_s"),
         ("events.csv", "", "DIR/events.csv cannot be read: "),
-        ("provenance.json", None, "DIR holds no provenance.json"),
+        ("provenance.json", None, "DIR holds no finished result: it has no provenance.json"),
         ("trajectory.csv", None, "DIR holds no trajectory table; allowed: a result directory of vibroplat"),
     ],
 )

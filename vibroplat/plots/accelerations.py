@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,11 +19,14 @@ from matplotlib.figure import Figure
 
 from vibroplat.config.digits import quantity
 from vibroplat.plots.histories import Run
-from vibroplat.plots.measured import FloatArray, Measured
+from vibroplat.plots.measured import FloatArray
 from vibroplat.plots.style import new_figure
 from vibroplat.plots.timelines import FROM_REST, TURN, draw_coordinate
 from vibroplat.results.labels import plain
 from vibroplat.results.picture import CURVES, REFERENCE
+
+if TYPE_CHECKING:
+    from vibroplat.plots.run import Drawn, Shown
 
 #: Range of accelerations along an axis, over the largest one, from which there is a panel.
 MATTERS = 1e-3
@@ -60,25 +64,25 @@ def _lines(runs: Sequence[Run], names: Sequence[str]) -> dict[str, list[_Line]]:
     return {axis: of for axis, of in found.items() if sizes[axis] >= MATTERS * max(sizes.values())}
 
 
-def _panels(lines: dict[str, list[_Line]]) -> tuple[Figure, list[Axes]]:
+def _panels(shown: Shown) -> tuple[dict[str, list[_Line]], Figure, list[Axes]]:
+    lines = _lines(shown.runs, shown.names)
     figure, axes = new_figure(len(lines), 1, (8.0, 1.2 + 2.3 * len(lines)), sharex=True)
-    return figure, list(axes[:, 0])
+    return lines, figure, list(axes[:, 0])
 
 
-def draw_accelerations(runs: Sequence[Run], names: Sequence[str], data: Measured | None) -> Figure:
+def draw_accelerations(shown: Shown) -> Drawn:
     """Draw accelerations over time in the rows shown: a panel for each axis, a line for each point."""
-    lines = _lines(runs, names)
-    figure, axes = _panels(lines)
+    lines, figure, axes = _panels(shown)
     for axis, (along, of) in zip(axes, lines.items(), strict=False):
         for number, (run, column, label) in enumerate(of):
             draw_coordinate(axis, run.shown, column, color=CURVES[number % len(CURVES)], label=label, lw=1.0)
-            if data is not None:
-                data.draw(axis, "t_s", column, inside=True)
+            if shown.data is not None:
+                shown.data.draw(axis, "t_s", column, inside=True)
         largest = max(float(run.shown[column].abs().max()) for run, column, _ in of)
         axis.set_ylabel(f"acceleration along {along} (m/s²)")
         axis.set_title(f"up to {quantity(largest, 'm/s²')}", loc="left")
     axes[-1].set_xlabel("time (s)")
-    return figure
+    return figure, axes[0]
 
 
 def amplitude_spectrum(run: Run, column: str) -> tuple[FloatArray, FloatArray]:
@@ -103,11 +107,10 @@ def _peaks(frequencies: FloatArray, sizes: FloatArray) -> str:
     return ", ".join(f"{quantity(sizes[k], 'm/s²')} at {quantity(frequencies[k], 'Hz')}" for k in told)
 
 
-def draw_spectra(runs: Sequence[Run], names: Sequence[str], data: Measured | None = None) -> Figure:
+def draw_spectra(shown: Shown) -> Drawn:
     """Draw amplitude spectra of accelerations, with the orders of the exciters; of measured data there are none."""
-    lines = _lines(runs, names)
-    figure, axes = _panels(lines)
-    run = runs[0]
+    lines, figure, axes = _panels(shown)
+    run = shown.runs[0]
     speed = float(run.shown["phi1_rate_rad_per_s"].abs().median()) / TURN  # also where a start is shown
     for axis, (along, of) in zip(axes, lines.items(), strict=False):
         found = [amplitude_spectrum(run, column) for run, column, _ in of]
@@ -126,11 +129,12 @@ def draw_spectra(runs: Sequence[Run], names: Sequence[str], data: Measured | Non
         axis.set_title(_peaks(*found[0]), loc="left")
     turns = f", Hann's window over {math.floor(run.turns)} turns" if run.turns >= 1.0 else ", Hann's window"
     axes[-1].set_xlabel(f"frequency (Hz){turns}; n×: orders of exciter 1")
-    return figure
+    return figure, axes[0]
 
 
-def draw_measured(runs: Sequence[Run], names: Sequence[str], data: Measured | None) -> Figure:
+def draw_measured(shown: Shown) -> Drawn:
     """Draw each measured column beside what was computed, with their difference."""
+    runs, names, data = shown.runs, shown.names, shown.data
     assert data is not None
     columns = [c for c in map(str, runs[0].shown.select_dtypes("number")) if c != "t_s" and c in data.table]
     figure, axes = new_figure(len(columns), 1, (8.0, 1.2 + 2.1 * len(columns)), sharex=True)
@@ -139,10 +143,10 @@ def draw_measured(runs: Sequence[Run], names: Sequence[str], data: Measured | No
             if column in run.shown:
                 look = {"color": CURVES[number % len(CURVES)], "label": names[number] if names else "computed"}
                 draw_coordinate(axis, run.shown, column, lw=1.0, **look)
-        data.draw(axis, "t_s", column, inside=True).lines[-1].set_label(f"measured: {plain(data.name)}")
+        data.draw(axis, "t_s", column, inside=True).lines[-1].set_label(f"measured: {plain(data.path.name)}")
         axis.set_title(data.told(column), loc="left")
         if column == "y_m" and all(run.from_rest for run in runs):
             axis.set_ylabel(FROM_REST)
     shifted = f"; measured data shifted by {quantity(data.shift, 's', digits=4)}" if data.shift else ""
     axes[-1, 0].set_xlabel(f"time (s){shifted}")
-    return figure
+    return figure, axes[0, 0]

@@ -11,7 +11,7 @@ from vibroplat.columns import QUANTITIES
 from vibroplat.config.kinds import KINDS, noun_of
 from vibroplat.errors import VibroplatError
 from vibroplat.plots import run
-from vibroplat.plots.measured import DataFile, read_data
+from vibroplat.plots.measured import Measured, read_data
 from vibroplat.plots.paper import paper_figures
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.style import Saving, save, styled
@@ -73,18 +73,17 @@ def _draw(
 
 
 def draw_study(
-    command: str, results: Sequence[Result], kinds: Sequence[str] = (), *, data: DataFile | None = None, **options: Any
+    command: str, results: Sequence[Result], kinds: Sequence[str] = (), *, data: Measured | None = None, **options: Any
 ) -> Iterator[tuple[str, Figure]]:
     """Draw the pictures of results of one kind of study; yield the name and the figure of each."""
     if data is not None:
-        options |= {"kept": [*map(str, data.columns or data.table)]}
+        options |= {"kept": [*map(str, data.given)]}
     for picture in KINDS[command].pictures.pictures(results, kinds, **options):
         if "print" in picture.places:
             x = picture.axes[0] if options.get("x") is None else ABSCISSAE[options["x"]]
             others = [column for column in (*ABSCISSAE.values(), *picture.axes) if column != x]
             known = [*QUANTITIES, *(panel.column for panel in picture.panels if panel.column not in QUANTITIES)]
-            measured = None if data is None else data.select(x, known, others)
-            yield picture.name, draw_picture(picture, x, measured)
+            yield picture.name, draw_picture(picture, x, data and data.select(x, known, others))
 
 
 def plot_results(

@@ -22,11 +22,12 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.plots.histories import read_run
+from vibroplat.plots.histories import run_of
 from vibroplat.plots.style import MATERIAL, PLATFORM, head, new_figure, styled
 from vibroplat.plots.timelines import FROM_REST
 from vibroplat.results.files import directory_of
 from vibroplat.results.picture import CURVES
+from vibroplat.results.run import RunResult
 from vibroplat.results.tables import replace_file, require_replaceable
 
 #: Duration of a frame (ms).
@@ -77,7 +78,7 @@ def write_film(
     if out.suffix == ".mp4" and shutil.which("ffmpeg") is None:
         raise VibroplatError(f"--out {out}: ffmpeg is not installed; allowed: a name that ends with .gif")
     require_replaceable(out, b"GIF" if out.suffix == ".gif" else b"")
-    run = read_run(directory, start, stop)
+    run = run_of(RunResult.read(directory, "run"), start, stop)
     if run.scene is None:
         raise VibroplatError(f"{directory}: its configuration cannot be read; there is nothing to film")
     table = run.shown.drop_duplicates("t_s", keep="last")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import unit_of
+from vibroplat.columns import split, unit_of
 from vibroplat.config import digits
 from vibroplat.plots.histories import Run
 from vibroplat.plots.timelines import phase_of
@@ -37,16 +38,13 @@ def _number(summary: Mapping[str, Any], key: str) -> float | None:
     return float(value) if isinstance(value, int | float) and np.isfinite(value) else None
 
 
-def _with_largest(run: Run, key: str, whole: str, at: str) -> str:
-    """Say a number in operation, and the largest of the whole run with its time where that is larger."""
-    value, largest, time = (_number(run.summary, name) for name in (key, whole, at))
-    if value is None:
+def _whole(run: Run, column: str, value: float) -> str:
+    """Return the largest value of the whole run with its time, where it is larger than that in operation."""
+    unit, names = unit_of(column), (column, f"{split(column)[0]}_at_s")
+    largest, time = (_number(run.summary, f"whole_{name}") for name in names)
+    if largest is None or time is None or largest <= LARGER * value:
         return ""
-    unit = unit_of(key)
-    told = digits.quantity(value, unit)
-    if largest is not None and time is not None and largest > LARGER * value:
-        told += f", {digits.quantity(largest, unit)} at {digits.quantity(time, 's')}"
-    return told
+    return f", {digits.quantity(largest, unit)} at {digits.quantity(time, 's')}"
 
 
 def _stroke(run: Run) -> list[str]:
@@ -57,9 +55,10 @@ def _stroke(run: Run) -> list[str]:
     arm = run.scene.body.distance if run.scene else 0.0
     if arm * turn > sizes[axis]:
         return [f"rocks, RMS φ {digits.quantity(turn, 'rad')}"]
-    names = (f"stroke_{axis}_m", f"whole_stroke_{axis}_m", f"whole_stroke_{axis}_at_s")
-    told = _with_largest(run, *names)
-    return [f"stroke along {axis} {told}"] if told else [f"RMS {axis} {digits.quantity(sizes[axis], 'm')}"]
+    stroke = _number(run.summary, f"stroke_{axis}_m")
+    if stroke is None:
+        return [f"RMS {axis} {digits.quantity(sizes[axis], 'm')}"]
+    return [f"stroke along {axis} {digits.quantity(stroke, 'm')}{_whole(run, f'stroke_{axis}_m', stroke)}"]
 
 
 def _motion(run: Run) -> list[str]:
@@ -67,35 +66,28 @@ def _motion(run: Run) -> list[str]:
     return [*_stroke(run), *([f"material flies {digits.share(flight)} of the time"] if flight else [])]
 
 
-def _force(run: Run) -> list[str]:
-    force, impulse = (_number(run.summary, key) for key in ("contact_force_max_n", "impulse_max_n_s"))
-    parts = [] if force is None else [f"contact force up to {digits.quantity(force, 'N')}"]
-    return parts + ([f"impulses up to {digits.quantity(impulse, 'N·s')}"] if impulse else [])
+def _largest(named: Mapping[str, str], run: Run) -> list[str]:
+    """Say the largest values of quantities in operation, by their names."""
+    known = {name: (_number(run.summary, column), unit_of(column)) for name, column in named.items()}
+    return [f"{name} up to {digits.quantity(value, unit)}" for name, (value, unit) in known.items() if value]
 
 
 def _loads(run: Run) -> list[str]:
     """Say the force into the foundation as static and dynamic, with its largest size, and the stroke."""
-    parts = []
     mean, largest = (_number(run.summary, f"foundation_force_y_{end}_n") for end in ("mean", "max"))
-    if mean is not None and largest is not None:
-        told = f"foundation along y {digits.spread(abs(mean), largest - abs(mean), 'N')}"
-        whole, time = (_number(run.summary, f"whole_foundation_force_y_max_{end}") for end in ("n", "at_s"))
-        if whole is not None and time is not None and whole > LARGER * largest:
-            told += f", {digits.quantity(whole, 'N')} at {digits.quantity(time, 's')}"
-        parts.append(told)
-    return [*parts, *_stroke(run)]
+    if mean is None or largest is None:
+        return _stroke(run)
+    told = digits.spread(abs(mean), largest - abs(mean), "N")
+    return [f"foundation along y {told}{_whole(run, 'foundation_force_y_max_n', largest)}", *_stroke(run)]
 
 
 def _exciters(run: Run) -> list[str]:
     """Say how exciters synchronize at the end and since when, how fast they turn, and their slip."""
     told = synchronization(run)
-    frequency, slips = (
-        _number(run.summary, "excitation_frequency_hz"),
-        [_number(run.summary, f"slip_{n}") for n in (1, 2)],
-    )
+    frequency = _number(run.summary, "excitation_frequency_hz")
     if frequency is not None:
         told.append(f"{digits.quantity(frequency, 'Hz')} in operation")
-    known = [slip for slip in slips if slip is not None]
+    known = [slip for n in (1, 2) if (slip := _number(run.summary, f"slip_{n}")) is not None]
     return told + ([f"slip {digits.share(float(np.mean(known)))}"] if len(known) == 2 else [])
 
 
@@ -116,16 +108,16 @@ def synchronization(run: Run) -> list[str]:
 
 
 def _acceleration(run: Run) -> list[str]:
-    largest, index = (_number(run.summary, key) for key in ("acceleration_max_m_per_s2", "gamma"))
-    parts = [] if largest is None else [f"acceleration up to {digits.quantity(largest, 'm/s²')}"]
-    return parts + ([] if index is None else [f"throw index {digits.number(index)}"])
+    index = _number(run.summary, "gamma")
+    largest = _largest({"acceleration": "acceleration_max_m_per_s2"}, run)
+    return largest + ([] if index is None else [f"throw index {digits.number(index)}"])
 
 
-_KINDS = {
+_KINDS: Mapping[str, Callable[[Run], list[str]]] = {
     "acceleration": _acceleration,
     "spectrum": _acceleration,
     "motion": _motion,
-    "force": _force,
+    "force": partial(_largest, {"contact force": "contact_force_max_n", "impulses": "impulse_max_n_s"}),
     "loads": _loads,
     "exciters": _exciters,
 }

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from vibroplat.columns import COORDINATES, FORCES, split
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.observe.tables import acceleration_columns
-from vibroplat.plots.reading import Cut, Ends, ends_of, rest_of
+from vibroplat.plots.reading import Cut, ends_of, rest_of
 from vibroplat.results.run import RunResult
 
 _LOG = logging.getLogger("vibroplat")
@@ -30,8 +29,10 @@ BINS = 400
 #: shown of motion that does not repeat so soon; and the fewest samples, for which there are more turns.
 LAST_TURNS, SHOWN_TURNS, FEWEST = 3, 10, 10
 
-_ANGLES = ("phi1_rad", "phi2_rad", "phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
-_RATES = ("x_rate_m_per_s", "y_rate_m_per_s")
+#: Speeds of both exciters.
+RATES = ("phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
+_ANGLES = ("phi1_rad", "phi2_rad")
+_MOVING_RATES = ("x_rate_m_per_s", "y_rate_m_per_s")
 #: Columns of which the largest value of the whole run is known, and what the summary calls it.
 _PEAKS = {
     "force_y_n": "foundation_force_y_max_n",
@@ -39,8 +40,6 @@ _PEAKS = {
     "y_m": "stroke_y_m",
     "x_m": "stroke_x_m",
 }
-#: Speeds of both exciters, their mean and their difference.
-SPEEDS = ("speed_1_hz", "speed_2_hz", "speed_mean_hz", "speed_difference_hz")
 
 
 @dataclass(frozen=True)
@@ -126,70 +125,46 @@ def shown_turns(summary: Mapping[str, Any]) -> int:
     return min(max(LAST_TURNS, 2 * period - 1), SHOWN_TURNS) if isinstance(period, int) and period else SHOWN_TURNS
 
 
-#: How messages call a run in memory, an end of an interval of it, and a trajectory without rows.
-_IN_MEMORY = ("the run lasted", "{} = {:g}", "the trajectory is empty")
-
-
-def read_run(directory: Path, start: float | None = None, stop: float | None = None, more: Iterable[str] = ()) -> Run:
-    """Read the tables of a run from ``start`` to ``stop`` (s); raises as :func:`run_of`, and where one is missing.
+def run_of(result: RunResult, start: float | None = None, stop: float | None = None, more: Iterable[str] = ()) -> Run:
+    """Cut the tables of a run from ``start`` to ``stop`` (s).
 
     Of the trajectory it has what figures show, and ``more`` columns if the table has them.
-    """
-    result = RunResult.read(directory, "run")
-    summary = result.summary
-    frequency = summary.get("excitation_frequency_hz", "")
-    known = frequency is None or (type(frequency) in (int, float) and frequency >= 0.0)
-    if not known or not isinstance(summary.get("name"), str):
-        raise TableError(f"{directory / 'summary.json'} is not the summary of a run")
-    ends = ends_of(result.column_parts("trajectory", (), ("t_s", *_ANGLES[:2])))
-    scene = result.known_scene
-    moved = () if scene is None else acceleration_columns(scene.output.points)
-    optional = {*COORDINATES, *_RATES, *moved, *more} - {"t_s", "mode", "y_m", *_ANGLES}
-    trajectory = result.column_parts("trajectory", ("mode",), ("t_s", "y_m", *_ANGLES), optional)
-    events = result.column_parts("events", ("kind",), ("t_s", "impulse_n_s"))
-    told = (f"{directory} runs", "--{} {:g}", f"{directory} holds an empty trajectory")
-    return run_of(summary, scene, ends, trajectory, events, start, stop, told)
-
-
-def run_of(
-    summary: Mapping[str, Any],
-    scene: Scene | None,
-    ends: Ends | None,
-    trajectory: Iterable[pd.DataFrame],
-    events: Iterable[pd.DataFrame],
-    start: float | None = None,
-    stop: float | None = None,
-    told: tuple[str, str, str] = _IN_MEMORY,
-) -> Run:
-    """Cut the tables of a run, in parts, from ``start`` to ``stop`` (s).
 
     Raises
     ------
     TableError
-        The trajectory is empty, or the interval holds no data.
+        A table is missing, the trajectory is empty, or the interval holds no data.
     """
-    subject, option, empty = told
+    summary, scene = result.summary, result.known_scene
+    frequency = summary.get("excitation_frequency_hz", "")
+    known = frequency is None or (type(frequency) in (int, float) and frequency >= 0.0)
+    if not known or not isinstance(summary.get("name"), str):
+        raise TableError(f"{result.place}/summary.json is not the summary of a run")
+    ends = ends_of(result.column_parts("trajectory", (), ("t_s", *_ANGLES)))
     if ends is None:
-        raise TableError(f"{empty}; there is nothing to plot")
+        raise TableError(f"{result.place} holds an empty trajectory; there is nothing to plot")
     first, last = float(ends.first["t_s"]), float(ends.last["t_s"])
-    length = f"{subject} from {first:g} to {last:g} s"
-    begin, end = _interval(first, last, start, stop, length, option)
-    frequency = summary["excitation_frequency_hz"]
+    length = f"{result.place} runs from {first:g} to {last:g} s"
+    given = {"start": start, "stop": stop}
+    begin, end = _interval(first, last, {name: at for name, at in given.items() if at is not None}, length)
     chosen = start is not None or stop is not None
     sparse = 0.0 if scene is None else FEWEST / scene.output.sample_rate_hz
     detail = max(begin, end - max(SHOWN_TURNS / frequency, sparse)) if frequency and not chosen else begin
     turns = int((end - begin) * (frequency or 0.0))
     bins = min(turns, BINS) if turns else BINS
     sag = summary.get("static_sag_m") if scene is None else -rest_of(scene)
-    ways = [-1.0 if ends.last[f"phi{n}_rad"] < ends.first[f"phi{n}_rad"] else 1.0 for n in (1, 2)]
+    moved = () if scene is None else acceleration_columns(scene.output.points)
+    optional = {*COORDINATES, *_MOVING_RATES, *moved, *more} - {"t_s", "mode", "y_m", *_ANGLES, *RATES}
     parts = (
-        _with_speeds(_with_forces(part, scene), ways).assign(y_m=part["y_m"] + (sag or 0.0)) for part in trajectory
+        _with_forces(part, scene).assign(y_m=part["y_m"] + (sag or 0.0))
+        for part in result.column_parts("trajectory", ("mode",), ("t_s", "y_m", *_ANGLES, *RATES), optional)
     )
-    columns = (*COORDINATES, *FORCES, *SPEEDS)
+    columns = (*COORDINATES, *FORCES, *RATES)
     found = Cut(parts, (detail, end), (begin, end, bins), columns, every=math.ceil(ends.rows / POINTS))
-    shown_events = pd.concat([part[part["t_s"].between(detail, end)] for part in events], ignore_index=True)
     if found.shown["t_s"].nunique() < 2:
         raise TableError(f"no data between {begin:g} and {end:g} s; {length}")
+    events = result.column_parts("events", ("kind",), ("t_s", "impulse_n_s"))
+    shown_events = pd.concat([part[part["t_s"].between(detail, end)] for part in events], ignore_index=True)
     co_rotating = summary.get("rotation") == "co-rotating"
     cut = (found.thinned, found.envelope(), found.shown, shown_events)
     peaks = {column: one for column, one in _peaks(summary).items() if begin <= one[1] <= end}
@@ -198,21 +173,12 @@ def run_of(
 
 def _with_forces(part: pd.DataFrame, scene: Scene | None) -> pd.DataFrame:
     """Add the forces of springs and dampers into the foundation to a part of a trajectory, if they are known."""
-    if scene is None or not {"x_m", "y_m", *_RATES} <= {*part.columns}:
+    if scene is None or not {"x_m", "y_m", *_MOVING_RATES} <= {*part.columns}:
         return part
     machine = scene.machine
     along_x = machine.stiffness_x_n_per_m * part["x_m"] + machine.damping_x_n_s_per_m * part["x_rate_m_per_s"]
     along_y = machine.stiffness_y_n_per_m * part["y_m"] + machine.damping_y_n_s_per_m * part["y_rate_m_per_s"]
     return part.assign(force_x_n=along_x, force_y_n=along_y)
-
-
-def _with_speeds(part: pd.DataFrame, ways: Sequence[float]) -> pd.DataFrame:
-    """Add speeds (Hz) to a part of a trajectory, positive in the direction in which each exciter turns on the whole."""
-    first, second = (
-        way * part[f"phi{n}_rate_rad_per_s"] / (2.0 * math.pi) for n, way in zip((1, 2), ways, strict=True)
-    )
-    found = (first, second, 0.5 * (first + second), first - second)
-    return part.assign(**dict(zip(SPEEDS, found, strict=True)))
 
 
 def _peaks(summary: Mapping[str, Any]) -> dict[str, tuple[float, float, float | None]]:
@@ -226,18 +192,15 @@ def _peaks(summary: Mapping[str, Any]) -> dict[str, tuple[float, float, float | 
     return found
 
 
-def _interval(
-    first: float, last: float, start: float | None, stop: float | None, length: str, option: str
-) -> tuple[float, float]:
+def _interval(first: float, last: float, given: Mapping[str, float], length: str) -> tuple[float, float]:
     """Return the interval of the figures; say how long the run was where the one given lies outside, or in part."""
-    begin, end = first if start is None else start, last if stop is None else stop
-    given = [(name, value) for name, value in (("start", start), ("stop", stop)) if value is not None]
-    beyond = [("start", begin)] if begin > last else [("stop", end)] if end < first else []
-    for name, value in [(name, value) for name, value in given if math.isnan(value)] + beyond:
-        raise TableError(f"{option.format(name, value)}: {length}; allowed: a time within it")
+    begin, end = given.get("start", first), given.get("stop", last)
+    wrong = {name: at for name, at in given.items() if math.isnan(at) or (at > last if name == "start" else at < first)}
+    for name, at in wrong.items():
+        raise TableError(f"--{name} {at:g}: {length}; allowed: a time within it")
     if begin >= end:
-        raise TableError(f"{option.format('start', begin)} is not before {option.format('stop', end)}; {length}")
-    for name, value in given:
-        if not first <= value <= last:
-            _LOG.warning("%s: %s; the figures show what there is", option.format(name, value), length)
+        raise TableError(f"--start {begin:g} is not before --stop {end:g}; {length}")
+    for name, at in given.items():
+        if not first <= at <= last:
+            _LOG.warning("--%s %g: %s; the figures show what there is", name, at, length)
     return max(begin, first), min(end, last)

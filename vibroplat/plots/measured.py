@@ -17,7 +17,7 @@ import warnings
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -53,16 +53,56 @@ ALIKE = 2e-3
 
 @dataclass
 class Measured:
-    """Measured data: the file's name, and a table whose columns are named as in results, in SI units.
+    """Measured data: their file, and a table whose columns are named as in results.
 
-    ``shift`` is what is added to their times (s); None until :meth:`fit` has found it. ``errors`` has the relative
-    error of each column that was compared with a curve.
+    ``given`` is that of the file, ``table`` that of the columns selected, in SI units with ``factors``. ``shift`` is
+    what is added to their times (s); None until :meth:`fit` has found it. ``errors`` has the relative error of each
+    column that was compared with a curve.
     """
 
-    name: str
-    table: pd.DataFrame
+    path: Path
+    given: pd.DataFrame
+    factors: Mapping[str, float] = field(default_factory=dict)
     shift: float | None = 0.0
     errors: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Show all columns until some are selected."""
+        self.table = self.given
+
+    def __str__(self) -> str:
+        """Name the file."""
+        return str(self.path)
+
+    def select(self, x: str, columns: Collection[str], others: Collection[str] = ()) -> Self:
+        """Show these columns over ``x``.
+
+        Columns that no figure shows are named in a line, but for ``others``, which further figures would use.
+
+        Raises
+        ------
+        TableError
+            There is no abscissa, nothing to draw, or there are no numbers.
+        """
+        names = [*map(str, self.given)]
+        for wanted, what in (([x], "of the horizontal axis"), (columns, "that a figure shows")):
+            if not {*wanted} & {*names}:
+                allowed = ", ".join(wanted)
+                raise TableError(f"--data {self}: no column {what} in {', '.join(names)}; allowed: {allowed}")
+        if self.shift != 0.0 and x != "t_s":
+            raise TableError(f"--data {self}: shift is of data over time; allowed: with a run")
+        found = {}
+        for column in [name for name in names if name in {x, *columns}]:
+            given = self.given[column]
+            numbers = pd.to_numeric(given, errors="coerce").astype(float)  # 1e19 in full digits is an object
+            if wrong := given[~(numbers.abs() <= MAX_SIZE)].dropna().tolist():
+                allowed = f"numbers such as 0.5 up to {MAX_SIZE:g}, or nothing"
+                raise TableError(f"--data {self}: column {column} holds {wrong[0]!r}; allowed: {allowed}")
+            found[column] = numbers * self.factors.get(column, 1.0) + ((self.shift or 0.0) if column == "t_s" else 0.0)
+        if left := [name for name in names if name not in {x, *columns, *others}]:
+            _LOG.warning("--data %s: not drawn: %s", self, ", ".join(left))
+        self.table = pd.DataFrame(found)
+        return self
 
     def fit(self, simulated: pd.DataFrame) -> None:
         """Find the shift in time, if it is not known, by the column with most values that a trajectory has as well."""
@@ -92,7 +132,7 @@ class Measured:
         """Say the errors of all columns, and how far the data were shifted."""
         shift = f"; shifted by {quantity(self.shift, 's', digits=4)}" if self.shift else ""
         what = "(RMS of the difference / RMS of the measured values)"
-        return [f"{self.name}: {display_name(column)} {self.told(column)} {what}{shift}" for column in self.errors]
+        return [f"{self.path.name}: {display_name(column)} {self.told(column)} {what}{shift}" for column in self.errors]
 
     def draw(self, axis: Axes, x: str, column: str, *, inside: bool = False) -> Axes:
         """Draw a column over another where the data have both, in black diamonds, smaller ones if they are many.
@@ -104,7 +144,7 @@ class Measured:
             table = self.table[self.table[x].between(low, high)]
             size, edge = (4.0, 1.0) if len(table) <= MOST_LARGE else (2.0, 0.5)
             look: dict[str, Any] = {"color": BLACK, "mfc": "white", "ms": size, "mew": edge, "zorder": 5.0, "ls": ""}
-            label = ", ".join(filter(None, (f"measured: {plain(self.name)}", self.told(column))))
+            label = ", ".join(filter(None, (f"measured: {plain(self.path.name)}", self.told(column))))
             axis.plot(table[x], in_units(table[column], column), marker="D", label=label, **look)
         return axis
 
@@ -174,64 +214,7 @@ def best_shift(measured: Curve, computed: Curve) -> float:
 # -- files -------------------------------------------------------------------------------------------------------------
 
 
-@dataclass
-class DataFile:
-    """A file of measured data as it was given: its path, and how its columns are called and scaled.
-
-    ``columns`` has the names in the file and the factors by the names in results; empty if they are the same.
-    """
-
-    path: Path
-    columns: Mapping[str, tuple[str, float]]
-    shift: float | None
-    table: pd.DataFrame
-    chosen: list[Measured] = field(default_factory=list)
-
-    def __str__(self) -> str:
-        """Name the file."""
-        return str(self.path)
-
-    def lines(self) -> list[str]:
-        """Say the errors of all that was compared, each column once."""
-        return [*dict.fromkeys(line for one in self.chosen for line in one.lines())]
-
-    def select(self, x: str, columns: Collection[str], others: Collection[str] = ()) -> Measured:
-        """Return the data of these columns over ``x``.
-
-        Columns that no figure shows are named in a line, but for ``others``, which further figures would use.
-
-        Raises
-        ------
-        TableError
-            There is no abscissa, nothing to draw, or there are no numbers.
-        """
-        table = self.table
-        if self.columns:
-            table = pd.DataFrame({ours: table[theirs] for ours, (theirs, _) in self.columns.items()})
-        for wanted, what in (([x], "of the horizontal axis"), (columns, "that a figure shows")):
-            if not {*wanted} & {*table.columns}:
-                held, allowed = ", ".join(map(str, table.columns)), ", ".join(wanted)
-                raise TableError(f"--data {self}: no column {what} in {held}; allowed: {allowed}")
-        if self.shift != 0.0 and x != "t_s":
-            raise TableError(f"--data {self}: shift is of data over time; allowed: with a run")
-        known = {x, *columns}
-        found = {}
-        for column in [column for column in table if column in known]:
-            numbers = pd.to_numeric(table[column], errors="coerce").astype(float)  # 1e19 in full digits is an object
-            if wrong := table[column][~(numbers.abs() <= MAX_SIZE)].dropna().tolist():
-                name = self.columns[column][0] if column in self.columns else column
-                allowed = f"numbers such as 0.5 up to {MAX_SIZE:g}, or nothing"
-                raise TableError(f"--data {self}: column {name} holds {wrong[0]!r}; allowed: {allowed}")
-            found[column] = numbers * self.columns.get(column, ("", 1.0))[1]
-        if x == "t_s":
-            found[x] = found[x] + (self.shift or 0.0)
-        if left := [str(column) for column in table.columns if column not in known | {*others}]:
-            _LOG.warning("--data %s: not drawn: %s", self, ", ".join(left))
-        self.chosen.append(Measured(self.path.name, table.assign(**found), self.shift))
-        return self.chosen[-1]
-
-
-def read_data(given: str | Path) -> DataFile:
+def read_data(given: str | Path) -> Measured:
     """Read a file of measured data, with its mapping if there is one.
 
     Raises
@@ -255,34 +238,34 @@ def read_data(given: str | Path) -> DataFile:
     except Exception as error:  # pandas raises many kinds on damaged files
         raise TableError(f"--data {path} cannot be read: {' '.join(str(error).split())}") from None
     table.columns = table.columns.map(str)
-    columns, shift = _mapping(path, mapping, [*table.columns])
-    return DataFile(path, columns, shift, table)
+    return _mapped(path, mapping, table) if mapping else Measured(path, table)
 
 
-def _mapping(path: Path, told: str, known: list[str]) -> tuple[dict[str, tuple[str, float]], float | None]:
-    """Return names in the file and factors by names in results, and the shift in time; raises TableError."""
-    columns: dict[str, tuple[str, float]] = {}
+def _mapped(path: Path, mapping: str, table: pd.DataFrame) -> Measured:
+    """Return the columns of a file that a mapping names, as it names and scales them; raises TableError."""
+    columns, known = dict[str, Any](), [*map(str, table)]
+    factors: dict[str, float] = {}
     shift: float | None = 0.0
-    for entry in next(csv.reader([told]), []):
+    for entry in next(csv.reader([mapping])):
         ours, _, theirs = (part.strip() for part in entry.partition("="))
-        name, _, factor = theirs.rpartition("*") if theirs not in known else (theirs, "", "1")
-        if not theirs:
-            raise TableError(f"--data {path}: {entry!r} in the mapping; allowed: COLUMN=NAME, COLUMN=NAME*FACTOR")
+        scaled = "*" in theirs and theirs not in known
+        name, _, factor = theirs.rpartition("*") if scaled else (theirs, "", "1")
         try:
             if ours == "shift":
                 shift = None if theirs == "fit" else _number(theirs)
                 continue
-            scale = _number(factor) if name else 1.0
+            name, scale = name.strip(), _number(factor)
         except ValueError:
-            allowed = "a time in s, or fit" if ours == "shift" else "a number behind the star"
-            raise TableError(f"--data {path}: {entry}; allowed: {allowed}") from None
-        if (name := name or theirs).strip() not in known:
+            allowed = "COLUMN=NAME, COLUMN=NAME*FACTOR, shift=SECONDS, shift=fit"
+            raise TableError(f"--data {path}: {entry!r} in the mapping; allowed: {allowed}") from None
+        if name not in known:
             allowed = f"{did_you_mean(name, known)}allowed: {', '.join(known)}"
             raise TableError(f"--data {path}: {ours}={name}: no such column in the file; {allowed}")
         if found := _ACCELERATION.fullmatch(ours):
             ours = f"acceleration_{found[1]}{found[2] or ''}_m_per_s2"
-        columns[SHORT.get(ours, ours)] = name.strip(), scale
-    return columns, shift
+        column = SHORT.get(ours, ours)
+        columns[column], factors[column] = table[name], scale
+    return Measured(path, pd.DataFrame(columns), factors, shift)
 
 
 def _number(text: str) -> float:

@@ -70,16 +70,11 @@ def draw_map(
     Axes
         The same axis.
     """
-    grid = (
-        table.assign(value=values)
-        .dropna(subset=[key, x])
-        .pivot_table(index=key, columns=x, values="value", aggfunc="first", dropna=False, sort=True)
-    )
+    grid = _grid(table, key, x, values)
     if grid.empty:
         return axis
-    found = grid.to_numpy(dtype=float)
-    rows, edges = np.arange(len(grid.index)), halfway(grid.columns.to_numpy(dtype=float))
-    corners = edges, np.arange(len(rows) + 1) - 0.5
+    found, rows = grid.to_numpy(), np.arange(len(grid.index))
+    corners = halfway(grid.columns.to_numpy(dtype=float)), np.arange(len(rows) + 1) - 0.5
     axis.pcolormesh(*corners, found, cmap=colours, norm=norm, alpha=alpha, rasterized=True)
     missing = np.ma.masked_where(np.isfinite(found), np.zeros(found.shape))
     if missing.count():
@@ -90,6 +85,13 @@ def draw_map(
     axis.set_yticks(rows[::every], [f"{value:.4g}" for value in grid.index[::every]])
     axis.grid(visible=False)
     return axis
+
+
+def _grid(table: pd.DataFrame, key: str, x: str, values: Any) -> pd.DataFrame:
+    """Return numbers of points in rows of a key and columns of the horizontal axis."""
+    known = table.assign(value=values).dropna(subset=[key, x])
+    look: dict[str, Any] = {"index": key, "columns": x, "aggfunc": "first", "dropna": False, "sort": True}
+    return known.pivot_table(values="value", **look).astype(float)
 
 
 def coloured(panel: Panel, points: pd.DataFrame) -> tuple[FloatArray, Any, Normalize]:
@@ -113,46 +115,31 @@ def _tiles(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[S
     points, (values, colours, norm) = picture.points, coloured(panel, picture.points)
     rows = np.concatenate([series.places for series in shown if series.mode == "dots"])
     table = points.iloc[rows]
-    draw_map(
-        axis,
-        table,
-        panel.column,
-        pd.Series(values[rows], table.index),
-        colours,
-        norm,
-        x=x,
-        alpha=PALE if panel.classes else None,
-    )
+    shades, alpha = pd.Series(values[rows], table.index), PALE if panel.classes else None
+    draw_map(axis, table, panel.column, shades, colours, norm, x=x, alpha=alpha)
     _over_tiles(axis, panel, table, x)
     levels = np.unique(table[panel.column])
     across, up = ended(points[x]), ended(points[panel.column])
     for series in (series for series in shown if series.mode == "lines"):
         places = np.interp(up[series.places], levels, np.arange(len(levels)), left=np.nan, right=np.nan)
+        look: dict[str, Any] = {"color": series.colour, "lw": 0.9 * series.width, "ls": series.dash}
         outlined = [Stroke(linewidth=2.3 * series.width, foreground="white"), Normal()]
-        look: dict[str, Any] = {
-            "color": series.colour,
-            "lw": 0.9 * series.width,
-            "ls": series.dash,
-            "path_effects": outlined,
-        }
-        axis.plot(across[series.places], places, scalex=False, scaley=False, **look)
+        axis.plot(across[series.places], places, scalex=False, scaley=False, path_effects=outlined, **look)
 
 
 def _over_tiles(axis: Axes, panel: Panel, table: pd.DataFrame, x: str) -> None:
     """Draw hatches of tiles and contours over them."""
     if not (panel.hatch or panel.contours):
         return
-    look: dict[str, Any] = {"index": panel.column, "columns": x, "aggfunc": "first", "dropna": False, "sort": True}
-    across = np.unique(table[x])
-    rows = np.arange(table[panel.column].nunique())
+    across, rows = np.unique(table[x]), np.arange(table[panel.column].nunique())
     corners = halfway(across), np.arange(len(rows) + 1) - 0.5
     for hatch in panel.hatches:
-        flags = table.assign(flag=np.where(table[panel.hatch] == hatch, 1.0, np.nan)).pivot_table(values="flag", **look)
-        values = np.ma.masked_invalid(flags.to_numpy(dtype=float))
+        flags = _grid(table, panel.column, x, np.where(table[panel.hatch] == hatch, 1.0, np.nan))
+        values = np.ma.masked_invalid(flags.to_numpy())
         if values.count():
             axis.pcolor(*corners, values, cmap=ListedColormap(["#ffffff00"]), hatch=hatch, lw=0.0)
     if panel.contours and min(len(across), len(rows)) > 1:
-        heights = table.pivot_table(values=panel.contours.column, **look).to_numpy(dtype=float)
+        heights = _grid(table, panel.column, x, table[panel.contours.column]).to_numpy()
         levels = panel.contours.levels
         dashes = [dash for dash, _ in levels.values()]
         axis.contour(across, rows, heights, [*levels], colors="k", linewidths=0.9, linestyles=dashes)

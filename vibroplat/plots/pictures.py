@@ -20,7 +20,7 @@ from vibroplat.columns import PHASE_COLUMN, QUANTITIES, quantity_of
 from vibroplat.plots.layout import cells_of
 from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.panels import DRAWERS, HATCH, coloured, ended, placed_by_size, size_at, tick_sizes
-from vibroplat.plots.strips import PALE, draw_jumps, draw_strips, draw_words, entries_of, jump_entry
+from vibroplat.plots.strips import PALE, draw_jumps, draw_strips, draw_words, entries_of
 from vibroplat.plots.style import TOLD, begin_at_zero, entry, few, head, in_decades, legend_below, widen_ticks
 from vibroplat.plots.timelines import in_units, name_axis, tell_shaking
 from vibroplat.results.content import motions_of
@@ -345,7 +345,9 @@ def legend_of(picture: Picture) -> list[Any]:
         entries += [Patch(fc="white", ec="black", hatch=hatch, lw=0.3, label=t) for hatch, t in panel.hatches.items()]
         for dash, told in panel.contours.levels.values() if panel.contours else ():
             entries.append(entry(told, color=BLACK, lw=0.9, ls=dash))
-    entries += [*_looks(picture), *jump_entry(picture)]
+    entries += _looks(picture)
+    if picture.jumps:
+        entries.append(entry("jump", color=REFERENCE, lw=0.6, ls=":", marker="^", ms=3.0, mew=0.0))
     for mark in picture.marks:
         entries.append(entry(": ".join(filter(None, (mark.kind, mark.meaning))), **_marked(mark)))
     entries += [

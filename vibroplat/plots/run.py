@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +14,8 @@ from vibroplat.columns import FORCES, PHASE
 from vibroplat.errors import TableError
 from vibroplat.plots import accelerations, timelines
 from vibroplat.plots.headlines import headline
-from vibroplat.plots.histories import Run, read_run, turns_of
-from vibroplat.plots.measured import DataFile, Measured, curve_of
+from vibroplat.plots.histories import RATES, Run, run_of, turns_of
+from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.style import (
     FORCE,
     MATERIAL,
@@ -31,11 +30,15 @@ from vibroplat.results.files import directory_of
 from vibroplat.results.labels import compared, distinct, run_parameters
 from vibroplat.results.labels import named as label_of_runs
 from vibroplat.results.picture import BLACK, CURVES, ORANGE, REFERENCE
+from vibroplat.results.run import RunResult
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    #: A figure, and the axis whose lines are named below it, if there is one.
+    Drawn = tuple[Figure, Axes | None]
 
 _LOG = logging.getLogger("vibroplat")
 
@@ -49,8 +52,6 @@ MOST_TURNS = 60
 _MOVING = ("x_m", "y_m", "phi_rad")
 #: Colours of columns of one run: what is along x is orange everywhere.
 _COLOURS = {"gap_m": MATERIAL, "contact_force_n": FORCE, "x_m": ORANGE, "force_x_n": ORANGE}
-#: Difference of speeds up to which it has a panel of its own, over the largest speed.
-NEARLY = 0.05
 
 # -- figures -----------------------------------------------------------------------------------------------------------
 
@@ -85,6 +86,11 @@ class Shown:
         turns = run.last["phi1_rad"].abs() // (2.0 * np.pi)
         return float(run.last["t_s"].iloc[int(turns.gt(turns.iloc[0]).argmax())])
 
+    def last(self, run: Run) -> pd.DataFrame:
+        """Return the last turns of a run over the time of detail."""
+        table = run.last.assign(t_s=run.last["t_s"] - self.origin(run))
+        return table[table["t_s"] >= 0.0] if self.aligned else table
+
     def look(self, number: int, column: str) -> dict[str, Any]:
         """Return the look of a run's line: a colour for each quantity, or for each run if there are several."""
         if self.only is not None:
@@ -99,7 +105,7 @@ def run_figures(
     *,
     start: float | None = None,
     stop: float | None = None,
-    data: DataFile | None = None,
+    data: Measured | None = None,
 ) -> Iterator[tuple[Path, str, Figure]]:
     """Draw figures of a run, or of several over each other; yield the directory and the name of each.
 
@@ -123,21 +129,19 @@ def run_figures(
     TableError
         Tables are missing or have another schema version, or the interval is empty.
     """
-    given = [] if data is None else [*map(str, data.columns or data.table)]
-    runs = [read_run(place, start, stop, given) for place in directories]
-    measured = None
+    given = [] if data is None else [*map(str, data.given)]
+    runs = [run_of(RunResult.read(place, "run"), start, stop, given) for place in directories]
     if data is not None:
         numbers = [column for column in map(str, runs[0].shown.select_dtypes("number")) if column != "t_s"]
-        measured = data.select("t_s", numbers)
-        measured.fit(runs[0].shown)
+        data.select("t_s", numbers).fit(runs[0].shown)
         for column in numbers:
-            measured.compare(column, "t_s", [curve_of(run.shown, column) for run in runs if column in run.shown])
-    shown = _shown(runs, directories, measured)
+            data.compare(column, "t_s", [curve_of(run.shown, column) for run in runs if column in run.shown])
+    shown = _shown(runs, directories, data)
     drawn = [kind for kind in kinds or FIGURES if not missing(kind, shown)]
     if not drawn:
         raise TableError(f"--kind {kinds[0]}: {directories[0]} {missing(kinds[0], shown)}")
     for kind in drawn:
-        yield directory_of(directories[0], "run"), kind, FIGURES[kind](shown)
+        yield directory_of(directories[0], "run"), kind, draw(kind, shown)
 
 
 def missing(kind: str, shown: Shown) -> str:
@@ -158,21 +162,20 @@ def _shown(runs: Sequence[Run], directories: Sequence[Path], data: Measured | No
     return Shown(runs, data, compared("run", names, [run.scene for run in runs]))
 
 
-def _head(figure: Figure, shown: Shown, kind: str, named: Axes | None = None) -> None:
-    """Put what a figure shows above it, and below it the lines of an axis that names them.
+def draw(kind: str, shown: Shown) -> Figure:
+    """Draw a figure, with what it shows above it, and below it the lines of an axis that names them.
 
-    Several runs are always named, by the lines of the last axis.
+    Several runs are always named, by the lines of the last axis if there is no other.
     """
+    figure, named = FIGURES[kind](shown)
     run = shown.only
     parameters = "" if run is None else run_parameters(run.scene, float(run.whole["t_s"].iloc[0]))
     told = [] if shown.data is None or kind != "measured" else shown.data.differences()
-    head(
-        figure,
-        "; ".join(told) or headline(kind, shown.runs),
-        label_of_runs([run.name for run in shown.runs], parameters),
-    )
+    names = label_of_runs([run.name for run in shown.runs], parameters)
+    head(figure, "; ".join(told) or headline(kind, shown.runs), names)
     if run is None or named is not None:
         legend_below(figure, (named or figure.axes[-1]).get_legend_handles_labels()[0])
+    return figure
 
 
 def _legend_above(axis: Axes, columns: int = 1) -> None:
@@ -206,7 +209,7 @@ def _over_time(shown: Shown, rows: Sequence[str], more: int = 0) -> tuple[Figure
     return figure, axes, overview
 
 
-def _motion(shown: Shown) -> Figure:
+def _motion(shown: Shown) -> Drawn:
     """Draw the platform and the gap."""
     runs = shown.runs
     largest = [max(run.range_of(c) for c in _MOVING) for run in runs]
@@ -221,8 +224,7 @@ def _motion(shown: Shown) -> Figure:
             _legend_above(axes[-1, -1], 2)
         if shown.data is not None:
             _legend_above(axes[0, -1])
-    _head(figure, shown, "motion")
-    return figure
+    return figure, None
 
 
 def _draw(axis: Axes, shown: Shown, column: str, *, detail: bool = True) -> None:
@@ -239,8 +241,7 @@ def _draw(axis: Axes, shown: Shown, column: str, *, detail: bool = True) -> None
             colour, label = look["color"], look.get("label")
             timelines.draw_envelope(axis, run.envelope, column, color=colour, label=label, filled=alone)
             continue
-        table = run.last.assign(t_s=run.last["t_s"] - shown.origin(run))
-        timelines.draw_coordinate(axis, table[table["t_s"] >= 0.0] if shown.aligned else table, column, **look)
+        timelines.draw_coordinate(axis, shown.last(run), column, **look)
         if alone and column in ("y_m", "x_m", "phi_rad", "gap_m", "contact_force_n") and "gap_m" in run.shown:
             timelines.draw_contact(axis, run.last)
             if column == "gap_m":
@@ -266,7 +267,7 @@ def _no_noise(axis: Axes, shown: Shown) -> None:
         axis.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
 
 
-def _force(shown: Shown) -> Figure:
+def _force(shown: Shown) -> Drawn:
     """Draw the contact force, and below it the impulses of impacts as stems: they are no forces."""
     strikes = any((_during(run)["impulse_n_s"] > 0.0).any() for run in shown.runs)
     ratios = {"height_ratios": [2.0, 1.0]} if strikes else {}
@@ -284,73 +285,49 @@ def _force(shown: Shown) -> Figure:
     axes[-1, 0].set_xlabel(shown.detail)
     if any(patch.get_label() == "attached" for patch in force.patches) or shown.data is not None:
         _legend_above(force, 2)
-    _head(figure, shown, "force")
-    return figure
+    return figure, None
 
 
-def _exciters(shown: Shown) -> Figure:
-    """Draw the speeds of both exciters, their difference if that is small, and their phase difference."""
+def _exciters(shown: Shown) -> Drawn:
+    """Draw the speeds of both exciters and their phase difference."""
     only = shown.only
-    split = only is not None and _nearly_equal(only)
-    heights = [1.4, 1.0, 1.2] if split else [1.0, 1.0]
-    figure, axes = new_figure(len(heights), 1, (8.0, 1.4 + 1.5 * sum(heights)), sharex=True, height_ratios=heights)
-    speeds, phases = axes[0, 0], axes[-1, 0]
+    figure, axes = new_figure(2, 1, (8.0, 4.4), sharex=True)
+    speeds, phases = axes[:, 0]
     for number, run in enumerate(shown.runs):
         colour = CURVES[number % len(CURVES)]
-        _speeds(speeds, run, (colour, CURVES[1] if only else colour), both=split)
+        _speeds(speeds, run, (colour, CURVES[1] if only else colour))
         if only is not None and only.scene is not None:
             timelines.draw_synchronous_speed(speeds, only.scene, run.whole["t_s"])
         label = None if only else shown.names[number]
         timelines.draw_phase_difference(
             phases, run.whole, co_rotating=run.co_rotating, color=BLACK if only else colour, label=label
         )
-    if split and only is not None:
-        _middle(axes[1, 0], only, "speed_difference_hz", CURVES[0])
-        axes[1, 0].axhline(0.0, color=REFERENCE, lw=0.6)
-        axes[1, 0].set_ylabel("exciter 1 minus\nexciter 2 (Hz)")
     if only is None:
         for number, style in enumerate(("-", "--"), 1):
             phases.plot([], [], label=f"exciter {number}", ls=style, color=REFERENCE)
     if len({run.co_rotating for run in shown.runs}) > 1:
         phases.set_ylabel(PHASE)
     phases.set_xlabel("time (s)")
-    _head(figure, shown, "exciters", speeds if only else phases)
-    return figure
+    return figure, speeds if only else phases
 
 
-def _nearly_equal(run: Run) -> bool:
-    """Whether both exciters turn so equally fast that their difference is seen only in a panel of its own."""
-    if turns_of(run.whole) <= MOST_TURNS or "speed_mean_hz:max" not in run.envelope:
-        return False
-    apart, speed = (
-        run.envelope[[f"{name}:min", f"{name}:max"]].abs().max().max()
-        for name in ("speed_difference_hz", "speed_mean_hz")
-    )
-    return bool(apart <= NEARLY * speed)
-
-
-def _middle(axis: Axes, run: Run, column: str, colour: str, label: str | None = None) -> None:
-    """Draw the range of a column in each turn, pale, and its middle as a line."""
-    low, high = (run.envelope[f"{column}:{end}"] for end in ("min", "max"))
-    axis.fill_between(run.envelope["t_s"], low, high, color=colour, alpha=timelines.PALE, lw=0.0)
-    axis.plot(run.envelope["t_s"], 0.5 * (low + high), color=colour, lw=1.0, label=label)
-
-
-def _speeds(axis: Axes, run: Run, colours: tuple[str, str], *, both: bool = False) -> None:
+def _speeds(axis: Axes, run: Run, colours: tuple[str, str]) -> None:
     """Draw the speeds of both exciters over the whole run; of many turns their range in each, and its middle."""
-    if turns_of(run.whole) <= MOST_TURNS or "speed_mean_hz:max" not in run.envelope:
+    envelope = run.envelope
+    if turns_of(run.whole) <= MOST_TURNS or f"{RATES[0]}:max" not in envelope:
         timelines.draw_speeds(axis, run.whole, colours)
-    elif both:
-        _middle(axis, run, "speed_mean_hz", colours[0], "mean of both exciters; pale: range in each turn")
-    else:
-        for number, colour in enumerate(colours, 1):
-            _middle(axis, run, f"speed_{number}_hz", colour, f"exciter {number}")
-        if colours[0] == colours[1]:
-            axis.lines[-1].set_linestyle("--")
-    axis.set_ylabel("speed (Hz)")
+        return
+    ranges = [envelope[[f"{rate}:min", f"{rate}:max"]].astype(float) / timelines.TURN for rate in RATES]
+    same = timelines.coincide(*(found.mean(axis=1).abs().to_numpy() for found in ranges))
+    for found, colour in zip(ranges[: 1 if same else 2], colours, strict=False):
+        low, high = (found * np.sign(found.to_numpy().sum())).to_numpy().T
+        look: dict[str, Any] = {"alpha": timelines.PALE, "lw": 0.0, "label": "range in each turn"}
+        axis.fill_between(envelope["t_s"], low, high, color=colour, **look)
+    middle = {rate: timelines.TURN * found.mean(axis=1) for rate, found in zip(RATES, ranges, strict=True)}
+    timelines.draw_speeds(axis, envelope[["t_s"]].assign(**middle), colours)
 
 
-def _loads(shown: Shown) -> Figure:
+def _loads(shown: Shown) -> Drawn:
     """Draw forces into the foundation and displacements with their peaks, and the speeds."""
     rows: list[str] = []
     for columns in (FORCES, ("y_m", "x_m")):
@@ -360,31 +337,22 @@ def _loads(shown: Shown) -> Figure:
     for number, run in enumerate(shown.runs):
         colour = CURVES[number % len(CURVES)]
         pair = (colour, CURVES[1] if shown.only else colour)
-        _speeds(axes[-1, 0], run, pair, both=shown.only is not None and _nearly_equal(run))
+        _speeds(axes[-1, 0], run, pair)
         if overview:
-            last = run.last.assign(t_s=run.last["t_s"] - shown.origin(run))
-            timelines.draw_speeds(axes[-1, 1], last[last["t_s"] >= 0.0] if shown.aligned else last, pair)
+            timelines.draw_speeds(axes[-1, 1], shown.last(run), pair)
             axes[-1, 1].set_ylabel("")
         for axis, column in zip(axes[:, 0], rows, strict=False):
             if shown.only and column in run.peaks:
                 timelines.mark_peak(axis, run.envelope, column, *run.peaks[column])
-    _head(figure, shown, "loads", axes[-1, 0] if shown.only or not rows else axes[0, 0])
-    return figure
+    return figure, axes[-1, 0] if shown.only or not rows else axes[0, 0]
 
 
-def _named(kind: str, draw: Callable[[Sequence[Run], Sequence[str], Measured | None], Figure], shown: Shown) -> Figure:
-    """Draw a figure of another file, with the names of runs and lines."""
-    figure = draw(shown.runs, shown.names, shown.data)
-    _head(figure, shown, kind, figure.axes[0])
-    return figure
-
-
-FIGURES: dict[str, Callable[[Shown], Figure]] = {
+FIGURES: dict[str, Callable[[Shown], Drawn]] = {
     "motion": _motion,
     "force": _force,
     "exciters": _exciters,
     "loads": _loads,
-    "acceleration": partial(_named, "acceleration", accelerations.draw_accelerations),
-    "spectrum": partial(_named, "spectrum", accelerations.draw_spectra),
-    "measured": partial(_named, "measured", accelerations.draw_measured),
+    "acceleration": accelerations.draw_accelerations,
+    "spectrum": accelerations.draw_spectra,
+    "measured": accelerations.draw_measured,
 }

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from vibroplat.plots.style import entry
 from vibroplat.plots.timelines import in_units
-from vibroplat.results.picture import BLACK, REFERENCE, Picture, Strips
+from vibroplat.results.picture import BLACK, Picture, Strips
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -107,8 +107,3 @@ def draw_words(axis: Axes, picture: Picture, column: str, x: str) -> None:
             height = float(np.interp(height, levels, np.arange(len(levels))))
         look: dict[str, Any] = {"fc": "white", "ec": "none", "pad": 1.5, "alpha": 0.75}
         axis.text(at, height, word.text, ha="center", va="center", fontsize=8.5, color=word.colour, bbox=look)
-
-
-def jump_entry(picture: Picture) -> list[Any]:
-    """Return the entry of a legend for jumps, if there are any."""
-    return [entry("jump", color=REFERENCE, lw=0.6, ls=":", marker="^", ms=3.0, mew=0.0)] if picture.jumps else []

@@ -46,7 +46,7 @@ def exports(form: str, command: str, tables: Files, documents: Documents) -> dic
     if require_writer(form) == "xlsx":
         return {f"{command}.xlsx": partial(_write_book, tables, documents)}
     if form == "mat":
-        return {f"{command}.mat": partial(_write_structures, tables, documents)}
+        return {f"{command}.mat": lambda path: write_mat(path, _whole(tables), _flat(documents))}
     return {f"{name}.csv": partial(_write_lines, file) for name, file in tables.items() if form == "csv-semicolon"}
 
 
@@ -106,10 +106,8 @@ def _flat(documents: Documents) -> dict[str, dict[str, Any]]:
     return {name: {k: v for k, v in of.items() if not isinstance(v, dict)} for name, of in found.items()}
 
 
-def _write_structures(tables: Files, documents: Documents, path: Path) -> None:
-    """Read the tables whole and write a file for MATLAB."""
-    whole = {name: pd.concat([*_parts(file)], ignore_index=True) for name, file in tables.items()}
-    write_mat(path, whole, _flat(documents))
+def _whole(tables: Files) -> dict[str, pd.DataFrame]:
+    return {name: pd.concat([*_parts(file)], ignore_index=True) for name, file in tables.items()}
 
 
 def write_mat(path: Path, tables: Mapping[str, pd.DataFrame], documents: Mapping[str, Mapping[str, Any]]) -> None:

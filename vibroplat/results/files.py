@@ -237,6 +237,8 @@ def _commands_right_in(directory: Path) -> list[str]:
 def read_provenance(directory: Path, command: str) -> dict[str, Any]:
     """Return the provenance of a command's result, or that of another one if it has none; refuse other schemas."""
     own = _own(directory, command)
+    if not own.exists() and not (directory / "provenance.json").exists():
+        raise TableError(f"{directory} holds no finished result: it has no provenance.json")
     origin = read_json(directory, own.stem if own.exists() else "provenance")
     found = origin.get("schema") if isinstance(origin, dict) else None
     if type(found) is not int or found not in (1, SCHEMA):
@@ -246,14 +248,20 @@ def read_provenance(directory: Path, command: str) -> dict[str, Any]:
     return dict(origin)
 
 
+def _held(directory: Path, name: str) -> dict[str, Any]:
+    """Return a provenance that is about to be replaced, as far as it can be read."""
+    try:
+        found = read_json(directory, name)
+    except TableError:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
 def _former_files(path: Path, command: str) -> set[str]:
     """Return the names of the files in the result of a command that is about to be replaced."""
-    try:
-        found = read_json(path.parent, path.stem)
-    except TableError:
-        return set()
-    own = isinstance(found, dict) and found.get("command") == command and isinstance(found.get("files"), dict)
-    return {name for name in found["files"] if name == Path(name).name} if own else set()
+    found = _held(path.parent, path.stem)
+    files = found.get("files") if found.get("command") == command else None
+    return {name for name in files if name == Path(name).name} if isinstance(files, dict) else set()
 
 
 def _own(directory: Path, command: str) -> Path:
@@ -263,11 +271,7 @@ def _own(directory: Path, command: str) -> Path:
 
 def _place_to_write(directory: Path, command: str) -> Path:
     """Return where the provenance of a command is to be written."""
-    try:
-        found = read_json(directory, "provenance")
-    except TableError:
-        found = None
-    others = isinstance(found, dict) and found.get("command", command) != command
+    others = _held(directory, "provenance").get("command", command) != command
     return _own(directory, command) if others else directory / "provenance.json"
 
 

@@ -207,8 +207,9 @@ class Result:
     def column_parts(
         self, name: str, texts: Collection[str], numbers: Collection[str], optional: Collection[str] = ()
     ) -> Iterator[pd.DataFrame]:
-        """Yield these columns of a saved table in parts, which must be as in :meth:`columns`."""
-        for part in self._read.parts(name, (*texts, *numbers, *optional)):
+        """Yield these columns of a table in parts, which must be as in :meth:`columns`; all that a new result has."""
+        wanted = (*texts, *numbers, *optional)
+        for part in self.tables.parts(name) if self.saved is None else self.saved.parts(name, wanted):
             yield self._checked(name, part, texts, numbers, optional)
 
     def _checked(

@@ -75,15 +75,10 @@ def write_table(table: Table, directory: Path, name: str, form: Format) -> Path:
     with TableFile(directory, name, form) as file:
         file.extend(table)
         put_in_place({file.path: file.finish()})
-    remove_table(directory, name, kept=form)
+    for other in FORMATS:
+        if other != form:
+            remove_file(directory / f"{name}.{other}")
     return file.path
-
-
-def remove_table(directory: Path, name: str, kept: Format | None = None) -> None:
-    """Remove a table, except a file of the format that is kept; raises :class:`TableError`."""
-    for form in FORMATS:
-        if form != kept:
-            remove_file(directory / f"{name}.{form}")
 
 
 def read_table(directory: Path, name: str, digests: Mapping[str, str] | None = None) -> pd.DataFrame:
