@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from textwrap import fill
-from typing import Any
 
 import numpy as np
 
@@ -116,15 +115,14 @@ def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
     regimes = table["regime"].mask(~table["stable"].astype(bool), table["regime"] + ", orbit lost").fillna("lost")
     colours = picture.attractor_colours(regimes)
     classes = {name: (colour, name) for name, colour in colours.items()}
-    spread = [f"{key_name(key)} ±{100.0 * share:g} %" for key, share in list(plan.parameter_tolerances.items())[:MOST]]
-    spread += [f"{len(plan.parameter_tolerances) - MOST} more"] if len(plan.parameter_tolerances) > MOST else []
-    left = ", ".join(text for text in told.values() if text)
+    spread = [f"{key_name(key)} ±{100.0 * share:g} %" for key, share in plan.parameter_tolerances.items()]
+    spread[MOST:] = [f"{len(spread) - MOST} more"] if spread[MOST:] else []
+    left = ", ".join(filter(None, told.values()))
     lines = [picture.Line(name, [nominal[name]], "nominal") for name in shown if pd.notna(nominal.get(name))]
     notes = dict[str, str]()
     for name in (name for name in plan.constraints if name in shown):
-        _, bound = plan.bound(name)
         notes[name] = f"{bound_of(plan, name)}: {digits.share(float(plan.keeps(name, table[name]).mean()))} keep it"
-        low, high = float(table[name].min()), float(table[name].max())
+        bound, low, high = plan.bound(name)[1], float(table[name].min()), float(table[name].max())
         if low - NEAR * (high - low) <= bound <= high + NEAR * (high - low):
             lines.append(picture.Line(name, [bound], "bound", "-", picture.VERMILION))
     more = (
@@ -262,14 +260,10 @@ def _measures(table: pd.DataFrame, aims: Sequence[str]) -> tuple[list[picture.Pa
     others = [
         str(name) for name in table if name not in {"start", "objective", "violation", "period", "feasible", "best"}
     ]
-    scales: Mapping[bool, Any] = {True: "log", False: "linear"}
     shown, left = content.measures(table, [*aims, *others])
-    return [replace(panel, scale=scales[_wide(table, panel.column)]) for panel in shown], left
-
-
-def _wide(table: pd.DataFrame, column: str) -> bool:
-    """Whether the numbers of a column are positive and differ by large factors."""
-    return bool(table[column].min() > 0.0 and table[column].max() > WIDE * table[column].min())
+    least, largest = table.min(numeric_only=True), table.max(numeric_only=True)
+    wide = (least > 0.0) & (largest > WIDE * least)
+    return [replace(panel, scale="log" if wide[panel.column] else "linear") for panel in shown], left
 
 
 _MAKERS: Mapping[str, Callable[[Result, DesignPlan], picture.Picture]] = {
