@@ -318,7 +318,7 @@ def _speeds(axis: Axes, run: Run, colours: tuple[str, str]) -> None:
         timelines.draw_speeds(axis, run.whole, colours)
         return
     ranges = [envelope[[f"{rate}:min", f"{rate}:max"]].astype(float) / timelines.TURN for rate in RATES]
-    same = timelines.coincide(*(found.mean(axis=1).abs().to_numpy() for found in ranges))
+    same = timelines.coincide(*(found.mean(axis=1).abs() for found in ranges))
     for found, colour in zip(ranges[: 1 if same else 2], colours, strict=False):
         low, high = (found * np.sign(found.to_numpy().sum())).to_numpy().T
         look: dict[str, Any] = {"alpha": timelines.PALE, "lw": 0.0, "label": "range in each turn"}

@@ -198,11 +198,8 @@ class Strip(NamedTuple):
             return []
         edges, found = halfway(at[order]), list[Span]()
         for number, place in enumerate(order):
-            flags = (
-                self.hatches[place] if self.hatches else "",
-                bool(self.lined[place]) if self.lined else False,
-                self.texts[place] if self.texts else "",
-            )
+            told: Any = ((self.hatches, ""), (self.lined, False), (self.texts, ""))
+            flags = [of[place] if of else none for of, none in told]
             span = Span(float(edges[number]), float(edges[number + 1]), self.kinds[place], *flags)
             if found and found[-1][2:] == span[2:]:
                 span = found.pop()._replace(high=span.high)
