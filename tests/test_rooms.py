@@ -15,11 +15,12 @@ import vibroplat
 PACKAGE = Path(vibroplat.__file__).parent
 #: From the lowest to the highest; ``errors``, ``extensions``, ``columns`` and ``frames`` are loose modules.
 ROOMS = (
-    *("errors", "extensions", "columns", "frames", "system", "kernels", "config", "inspection", "model", "hybrid"),
+    *("errors", "extensions", "columns", "frames", "system", "kernels", "config", "model", "hybrid"),
     *(
         "integrate",
         "observe",
         "results",
+        "inspection",
         "motion",
         "study",
         "check",

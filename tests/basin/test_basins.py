@@ -285,7 +285,7 @@ def test_radius_is_of_the_crossings_that_have_an_ellipsoid(monkeypatch):
 def test_what_is_printed_says_within_how_many_turns(found):
     _, tables = found
     assert set(tables.attractors["within_turns"]) == {6000}
-    assert all("within 6000 turns" in line for line in tables.answer.text)
+    assert tables.answer.lines["initial conditions"].endswith(", for at most 6000 turns")
 
 
 def test_motions_that_end_early_or_may_escape_from_chaos_are_not_repeated_by_another_engine():

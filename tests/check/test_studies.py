@@ -137,7 +137,7 @@ def test_points_are_chosen_all_over_a_sweep(monkeypatch, swept):
 
 
 def test_a_spoiled_branch_of_orbits_is_found():
-    plan = {"key": "drive.supply_frequency_hz", "start": 52.0, "stop": 62.0, "max_points": 24}
+    plan = {"key": "drive.supply_frequency_hz", "start": 52.0, "stop": 62.0, "max_points": 100}
     study = KINDS["orbits"].load()(loaded(orbits=plan))
     with Store(None, {}) as store, pool(1) as workers:
         result = study.run(store, workers, lambda done, known: None)

@@ -82,9 +82,8 @@ def test_writes_tables_and_prints_an_overview(followed):
     assert lines[0] == f"2 branches, {points} orbits over f_e 47.00 … 49.00 Hz: {points} stable"
     assert [line.split()[-1] for line in lines if "mass ratio" in line] == ["–", "48.18"]
     assert len(answer.notes) == 2
-    assert f"{points}, {points} of them stable" in answer.lines["points"]
     (row,) = (line for line in answer.text if line.startswith("0.1 ") and "start" in line)
-    assert row.startswith("0.1         0       start      47.0000 … 49.0000 ")
+    assert row.split()[:6] == ["0.1", "0", "start", "–", "47", "49"]
     assert row.endswith("  stop of the key's range")
     (row,) = (line for line in answer.text if "liftoff" in line)
     assert row.split()[:4] == ["0.1", "0", "liftoff", "48.176451"]
@@ -139,7 +138,7 @@ REFUSED = {
     f"{NEAR}, period: 2": "orbits.period = 2 but the motion repeats after 1; allowed: 1",
     f"{NEAR}, step: {{first: 0}}": "c.yaml: orbits.step.first = 0; allowed: ",
     f"{KEY}, start: 47, stop: 47": "c.yaml: orbits: stop = 47.0 is start; allowed: another value",
-    f"{NEAR}, from: nowhere": "c.yaml: orbits.from = 'nowhere': nowhere holds no provenance",
+    f"{NEAR}, from: nowhere": "c.yaml: orbits.from = 'nowhere': nowhere holds no finished result",
     f"{NEAR}, from: state": "c.yaml: orbits.from = state but run.initial.state is not given; ",
     f"{NEAR}, grid: {{material.mass_ratio: [-1.0]}}": "c.yaml: orbits.grid: material.mass_ratio = -1.0; "
     "allowed: at least 0.0",

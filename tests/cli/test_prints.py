@@ -96,17 +96,15 @@ def test_an_answer_of_a_former_version_is_printed_whole():
 
 
 def test_a_print_with_failures_and_a_check_keeps_within_its_lines(capsys, here):
-    answer = Answer({"all": "1"}, ["more"], ["look"] * 4, headline="what it is", short=["line"] * 8)
+    answer = Answer({"wall time": "1 s"}, ["more"], ["look"] * 4, headline="what it is", short=["line"] * 8)
     failures = first_failures([f"lost {n}" for n in range(9)], "9 of the points failed")
     assert failures == ["lost 0", "lost 1", "lost 2", "9 of the points failed"]
-    print_answer(
-        answer, here, "plot", verbose=False, more={"wall time": "1 s"}, failures=failures, check={"checked by": "x"}
-    )
+    print_answer(answer, here, "plot", verbose=False, failures=failures, check={"checked by": "x"})
     brief = capsys.readouterr()
     assert brief.out.startswith("what it is\n  line\n")
     assert len(brief.out.splitlines()) + len(brief.err.splitlines()) == MAX_LINES
     assert "wall time" not in brief.out
-    print_answer(answer, here, "plot", verbose=True, more={"wall time": "1 s"}, reused=3)
+    print_answer(answer, here, "plot", verbose=True, reused=3)
     told = capsys.readouterr().out
     assert "wall time                   1 s\nmore\nnote: look\n" in told
     assert told.endswith(f"{here}: 3 tasks from before; next: vibroplat plot\n")

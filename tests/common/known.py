@@ -3,9 +3,10 @@
 import math
 from contextlib import closing, contextmanager
 
+from vibroplat.config.computation import Solver
 from vibroplat.config.drive import Drive
 from vibroplat.config.scene import Scene
-from vibroplat.config.sections import Contact, Initial, Machine, Material, Motor, Run, Solver, State
+from vibroplat.config.sections import Contact, Initial, Machine, Material, Motor, Run, State
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator

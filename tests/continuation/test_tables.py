@@ -156,7 +156,7 @@ def test_start_that_is_no_run_is_refused(scene, here):
     with pytest.raises(ConfigError) as caught:
         OrbitsStudy(scene.replace({"orbits": PLAN | {"from": place}}))
     assert str(caught.value) == (
-        f"orbits.from = '{place}': {place} holds no provenance.json; "
+        f"orbits.from = '{place}': {place} holds no finished result: it has no provenance.json; "
         "allowed: settled, state, or the directory of a finished run"
     )
 

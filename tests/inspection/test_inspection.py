@@ -10,8 +10,8 @@ from common.commands import command
 from vibroplat import Scene, load_config
 from vibroplat.config.reader import configurations
 from vibroplat.inspection.balance import balances, final_supply, holding_torque, speed_grid
-from vibroplat.inspection.linear import AXES, loaded_frequencies, platform_torques
-from vibroplat.inspection.start import averaged_start, least_factor
+from vibroplat.inspection.linear import loaded_frequencies, platform_torques
+from vibroplat.inspection.start import averaged_start
 from vibroplat.inspection.values import INSPECTION
 
 CONFIGS = configurations()
@@ -36,7 +36,6 @@ def test_closed_formulas_of_the_default_rig():
     # the motors give what friction and dampers take
     power = 0.5 * RIG["b"] * (0.5 * stroke * w) ** 2 + 2.0 * found["friction_torque_1_n_m"] * w
     assert found["motor_power_w"] == pytest.approx(power, rel=1e-3)
-    assert found.table.set_index("name").loc["mass_kg", "unit"] == "kg"
 
 
 def test_material_in_contact_makes_two_oscillators_of_y():
@@ -62,11 +61,11 @@ def test_platform_torques_take_what_the_dampers_dissipate():
 
 
 @pytest.mark.parametrize(("changes", "expected"), [
-    ({"drive.supply_frequency_hz": 66.0}, "in-phase"),
+    pytest.param({"drive.supply_frequency_hz": 66.0}, "in-phase", marks=pytest.mark.long),
     ({"drive.supply_frequency_hz": 78.0}, "antiphase"),
     ({"motors": [{}, {"pole_pairs": 3}]}, "none"),
-    ({"motors": [{}, {"critical_torque_n_m": 0.0}]}, "antiphase"),
-    ({"exciters.0.rotation": "clockwise"}, "in-phase"),
+    pytest.param({"motors": [{}, {"critical_torque_n_m": 0.0}]}, "antiphase", marks=pytest.mark.long),
+    pytest.param({"exciters.0.rotation": "clockwise"}, "in-phase", marks=pytest.mark.long),
 ])  # fmt: skip
 def test_expected_synchronization(changes, expected):
     base = {"machine": {"unbalance_radius_m": 0.03}}
@@ -83,26 +82,26 @@ def test_unequal_torques_are_held_by_a_lag_up_to_the_holding_torque():
     for share, held in ((0.8, True), (1.3, False)):
         drag = {"friction_radius_m": share * hold / (0.00135 * (2.0 * math.pi * 39.0) ** 2)}
         other = Scene.from_tree(scene.to_tree() | {"motor": None, "motors": [{"friction_radius_m": 0.0}, drag]})
-        found = balances(other, final_supply(other), speed_grid(other, other.speed_scale))
+        found = balances(other, final_supply(other), speed_grid(other))
         assert bool(found) == held
 
 
 def test_a_start_is_captured_below_the_torque_that_passes():
     scene = load_config(CONFIGS / "examples" / "threshold-torque.yaml")
-    factor, stays = least_factor(scene)
+    found = scene.inspect()
+    factor = found["passage_ratio"]
     assert 1.2 * factor == pytest.approx(1.5295, rel=0.05)  # of `vibroplat find`
-    ends = averaged_start(scene, np.array([0.95, 1.05]) * factor).speeds / (2.0 * math.pi)
+    ends = averaged_start(scene, np.array([0.95, 1.05]) * factor) / (2.0 * math.pi)
     assert ends[0] == pytest.approx([30.8, 30.8], abs=0.2)
     assert (ends[1] > 32.0).all()
-    assert stays / (2.0 * math.pi) == pytest.approx(30.8, abs=0.1)
-    found = scene.inspect()
-    assert found["passage_axis"] in AXES
-    assert found["passage_ratio"] == pytest.approx(factor)
-    assert "captured by the resonance" in found.lines[0]
+    assert (found["passage_axis"], found["passage_frequency_hz"]) == ("y", pytest.approx(30.85, abs=0.01))
+    assert "a start is captured" in str(found).splitlines()[0]
 
 
 @pytest.mark.parametrize(("name", "stroke", "throw", "force"), [
-    ("screen", 3.0225e-3, 3.809, 853.0), ("feeder", 6.975e-3, 3.919, 1194.3), ("heavy-screen", 6.48e-3, 3.54, 5280.0),
+    ("screen", 3.0225e-3, 3.809, 853.0),
+    pytest.param("feeder", 6.975e-3, 3.919, 1194.3, marks=pytest.mark.long),
+    pytest.param("heavy-screen", 6.48e-3, 3.54, 5280.0, marks=pytest.mark.long),
 ])  # fmt: skip
 def test_loaded_templates_as_simulated(name, stroke, throw, force):
     found = load_config(CONFIGS / "templates" / f"{name}.yaml").inspect()
@@ -113,16 +112,16 @@ def test_loaded_templates_as_simulated(name, stroke, throw, force):
 
 
 @pytest.mark.parametrize("changes", [
-    {"machine.gravity_m_per_s2": 0.0},
     {"drive": {"program": [{"t_s": 0, "supply_frequency_hz": 50}, {"t_s": 1, "off": True}]}},
     {"motor.critical_torque_n_m": 0.0},
-    {"machine.stiffness_x_n_per_m": 0.0, "machine.damping_x_n_s_per_m": 0.0},
-    {"material": {"mass_ratio": 0.1, "layers": 1}, "contact.model": "non-impact"},
+    pytest.param({"machine.stiffness_x_n_per_m": 0.0, "machine.damping_x_n_s_per_m": 0.0}, marks=pytest.mark.long),
+    pytest.param({"material.mass_ratio": 0.1, "contact.model": "non-impact"}, marks=pytest.mark.long),
+    {"name": "m" * 100, "machine.gravity_m_per_s2": 0.0, "drive.supply_frequency_hz": 20.0},
 ])  # fmt: skip
 def test_twelve_lines_for_every_machine(changes):
-    lines = Scene().replace(changes).inspect().lines
+    lines = str(Scene().replace(changes).inspect()).splitlines()
     assert len(lines) == 12
-    assert all(len(line) <= 140 and not re.search(r"\b(nan|inf)\b", line) for line in lines), lines
+    assert all(len(line) <= 110 and not re.search(r"\b(nan|inf)\b", line) for line in lines), lines
 
 
 def test_command(tmp_path):
@@ -130,7 +129,7 @@ def test_command(tmp_path):
     file.write_text("motor: {critical_torque_n_m: 2}\n")
     done = command("inspect", str(file), "--set", "drive.supply_frequency_hz=40")
     assert done.code == 0
-    assert done.out.startswith("mine: 12.5 kg on springs of 30.8 Hz, 19.7")
+    assert done.out.startswith("mine: in-phase expected at 19.7")
     assert "note: machine: no key given" in done.out
     wrong = command("inspect", str(file), "--set", "motor.critical_torque_n_m=-1")
     assert wrong.code == 2

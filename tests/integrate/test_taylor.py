@@ -150,4 +150,4 @@ def test_stiff_scene_has_a_note_and_others_have_none(quickstart):
         told = simulate(scene, keep="summary").summary["notes"]
         notes[name] = [note for note in told if "engine taylor takes" in note]
     assert (len(notes["calm"]), len(notes["stiff"]), len(notes["native"])) == (0, 1, 0)
-    assert "engine native is likely to be faster" in notes["stiff"][0]
+    assert "solver.engine = native is likely to be faster" in notes["stiff"][0]

@@ -200,7 +200,7 @@ def no_rows(directory):
 
 
 SPOILT = {
-    "no directory": (shutil.rmtree, f": results/first holds no provenance.json{FINISHED}"),
+    "no directory": (shutil.rmtree, f": results/first holds no finished result: it has no provenance.json{FINISHED}"),
     "no trajectory": (
         removed("trajectory.parquet"),
         f": results/first/run holds no trajectory table{FINISHED}",

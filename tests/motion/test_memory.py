@@ -180,7 +180,7 @@ def test_table_that_does_not_fit_on_the_disk_is_refused_at_once(command, tmp_pat
         "vibroplat: output.sample_rate_hz = 5000 asks for 5e+07 rows of 17 columns in 10000 s: "
         "15.8 GiB on disk, where 2 GiB are free; allowed: at most 6.3e+02 Hz, or a shorter run.duration_s\n"
     )
-    assert list((tmp_path / "quickstart").iterdir()) == []
+    assert list((tmp_path / "quickstart/run").iterdir()) == []
 
 
 # -- memory that runs out -------------------------------------------------------------------------------

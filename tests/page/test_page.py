@@ -11,7 +11,6 @@ from common.pages import data_of, figures_of, page_of, read
 from common.results import unproven
 
 from vibroplat.continuation.rows import orbit_motion
-from vibroplat.page import report
 from vibroplat.page.report import write_report
 from vibroplat.page.results import parameters
 
@@ -106,15 +105,6 @@ def test_all_that_is_said_can_be_read_without_scripts(moved, swept):
         assert words in told
     assert len(figures_of(text)) >= 18
     assert text.count('<svg class="machine"') == 1
-
-
-def test_a_page_over_8_mb_is_told_with_what_makes_it_smaller(command, moved, swept, tmp_path, monkeypatch, caplog):
-    monkeypatch.setattr(report, "LARGE", 100_000)
-    command("report", moved["bare"], swept, "--no-orbits", "--out", tmp_path / "both.html")
-    size = (tmp_path / "both.html").stat().st_size / 1e6
-    (told,) = caplog.messages
-    assert f"both.html has {size:.1f} MB, over 0 MB; smaller with fewer results" in told
-    assert "--no-orbits" not in told, "there are none"
 
 
 # -- what is refused ------------------------------------------------------------------------------------

@@ -323,7 +323,7 @@ def refusal(directory, **interval):
         ("summary.json", "[]", "DIR/summary.json is not the summary of a run"),
         ("trajectory.csv", "a,b\n1,2\n", "the trajectory table in DIR has no numbers in column t_s"),
         ("events.csv", "", "DIR/events.csv cannot be read: "),
-        ("provenance.json", None, "DIR holds no provenance.json"),
+        ("provenance.json", None, "DIR holds no finished result: it has no provenance.json"),
         ("trajectory.csv", None, "DIR holds no trajectory table; allowed: a result directory of vibroplat"),
     ],
 )

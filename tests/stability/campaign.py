@@ -161,7 +161,8 @@ def judged_finer(run, limits):
 
 def _missing(*arrays):
     """Count what is not a number in arrays and records; before the first step turns and supplies have none."""
-    columns = [array[name] for array in arrays for name in array.dtype.names or () if name not in ("passed", "since", "turn")]
+    empty = ("passed", "since", "turn")
+    columns = [array[name] for array in arrays for name in array.dtype.names or () if name not in empty]
     columns += [array for array in arrays if array.dtype.names is None]
     return sum(int(np.isnan(column).sum()) for column in columns)
 

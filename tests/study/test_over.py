@@ -209,12 +209,8 @@ def test_bands_and_notes_name_the_key_with_its_unit():
     found = bands(lost)
     assert found.columns.tolist()[-6:-4] == [f"from_{key}", f"to_{key}"]
     assert found.attrs["units"][f"from_{key}"] == "N·s/m"
-    assert (
-        next(line for line in band_lines(found) if "jump" in line)
-        .split("jump")[1]
-        .strip()
-        .startswith("damping y 0.07 → 0.08 N·s/m, f 25.07 → 25.08 Hz")
-    )
+    jump = next(line for line in band_lines(found) if "jump" in line)
+    assert "damping y 0.07 → 0.08 N·s/m  f 25.07 → 25.08 Hz" in jump
     table = pd.DataFrame({key: [40.0, 50.0], "notes": "loose", "motion": "periodic", "outcome": "ok"})
     assert notes_on_points(table) == ["2 points at damping y 40 … 50 N·s/m, the first: loose"]
     one = table.rename(columns={key: "exciters.1.critical_slip"}).head(1)

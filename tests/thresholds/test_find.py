@@ -40,9 +40,11 @@ def test_the_smallest_torque_that_passes_the_resonance_is_told_by_where_the_moti
     assert 0.0 < row["above"] - row["below"] <= 1e-4
     assert (row["below_sync"], row["above_sync"]) == ("antiphase", "in-phase")
     assert found.scan["motor.critical_torque_n_m"].is_monotonic_increasing
-    assert found.answer.text == [
-        "motor.critical_torque_n_m = 1.52954 N·m: jump; below antiphase, period 1; above in-phase, period 1"
-    ]
+    below, above = found.answer.short
+    assert found.answer.headline.startswith("motor.critical_torque_n_m = 1.52954 ± ")
+    assert found.answer.headline.endswith(" N·m: jump")
+    assert below.startswith("below  antiphase, period 1: ")
+    assert above.startswith("above  in-phase, period 1: ")
 
 
 @pytest.mark.parametrize(("supply", "expected"), [(58.0, [0.05528, 0.511134]), (60.0, [0.202220, 0.410803])])
@@ -71,9 +73,9 @@ def test_a_measure_passes_a_level(begin):
 def test_what_never_changes_is_an_answer(expression, told):
     found = find(loaded(58.0, expression=expression, scan=2, start=0.2, stop=0.3))
     assert found.thresholds.empty
-    assert found.answer.text == [
+    assert found.answer.headline == (
         f"no threshold: {expression} is {told} at all 2 values tried from material.mass_ratio = 0.2 to 0.3"
-    ]
+    )
 
 
 @pytest.mark.parametrize(

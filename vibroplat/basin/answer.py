@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.basin.attractors import AttractorSet
-from vibroplat.basin.rates import ALPHA, CHAOTIC, TRANSIENT_MOTIONS, clopper_pearson
+from vibroplat.basin.rates import ALPHA, CHAOTIC, TRANSIENT_MOTIONS, clopper_pearson, shares_over
 from vibroplat.columns import indexed_name
-from vibroplat.config.digits import given, number, quantity, share
+from vibroplat.config.digits import given, number, share
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import BasinsPlan
 from vibroplat.results.answer import Answer, counted, in_columns
-from vibroplat.study.branches import column_of, place_words
+from vibroplat.study.branches import column_of, measures_text, place_words
 
 #: Most attractors that have a line.
 MAX_ATTRACTORS = 6
@@ -39,7 +39,7 @@ def answer_of(
     headline = f"{counted(len(names), 'attractor')} from {plan.number} initial conditions{over}: {_box(plan)}"
     return Answer(
         lines=_lines(plan, tables, values),
-        text=_text(attractors, key, escaped),
+        text=[*_text(attractors, escaped)] if key is None else (),
         notes=_notes(plan, attractors, found),
         failures=[line for f in found for line in _failures(f)],
         headline=headline,
@@ -61,18 +61,16 @@ def _shares(table: pd.DataFrame, key: str | None) -> Iterator[str]:
     """
     rows, most = [], max(table["rms_x_m"].max(), table["rms_y_m"].max())
     largest = table.groupby("attractor", sort=False)["fraction"].max().sort_values(ascending=False, kind="stable")
+    over = {} if key is None else shares_over(table, column_of(key))
     for name in largest.index[:MAX_ATTRACTORS]:
         own = table[table["attractor"] == name]
         row = own.iloc[0]
         if key is None:
-            bounds = f"{share(row['fraction_low'])} to {share(row['fraction_high'])}"
-            heights = [f"{axis} {quantity(row[f'rms_{axis}_m'], 'm', largest=most)}" for axis in "yx"]
-            pace, power = quantity(row["excitation_frequency_hz"], "Hz"), quantity(row["motor_power_w"], "W")
-            rows.append([share(row["fraction"]), f"({bounds})", name, f"RMS {', '.join(heights)}", pace, power])
+            bounds = f"({share(row['fraction_low'])} to {share(row['fraction_high'])})"
+            rows.append([share(row["fraction"]), bounds, name, measures_text(row, most)])
         else:
             values = own[column_of(key)]
-            where = place_words(column_of(key), values.min(), values.max())
-            rows.append([f"{share(own['fraction'].min())} to {share(own['fraction'].max())}", name, f"at {where}"])
+            rows.append([over[name], name, f"at {place_words(column_of(key), values.min(), values.max())}"])
     yield from in_columns(rows) if rows else ()
     if largest.size > MAX_ATTRACTORS:
         yield f"and {counted(largest.size - MAX_ATTRACTORS, 'more attractor')}: -v"
@@ -105,27 +103,16 @@ def _lines(plan: BasinsPlan, tables: Mapping[str, pd.DataFrame], values: int) ->
     return lines
 
 
-def _text(table: pd.DataFrame, key: str | None, escaped: Mapping[str, int]) -> list[str]:
-    """Return a line for each attractor: its basin fraction with bounds; over a key its smallest and largest fraction.
+def _text(table: pd.DataFrame, escaped: Mapping[str, int]) -> Iterator[str]:
+    """Yield a line for each attractor: the leading multiplier of an orbit, the mean life of a chaotic motion.
 
     ``escaped`` has the number of its motions that converged to an orbit when they were continued.
     """
-    lines = []
-    for name, rows in table.groupby("attractor", sort=False):
-        row, fraction = rows.iloc[0], rows["fraction"]
-        told = f"{share(fraction.iloc[0])} ({share(row['fraction_low'])} to {share(row['fraction_high'])})"
-        if key is not None:
-            values = rows[column_of(key)]
-            where = place_words(column_of(key), values.min(), values.max())
-            told = f"{share(fraction.min())} to {share(fraction.max())} at {where}"
-        else:
-            told += f" within {row['within_turns']} turns"
-            sure = pd.notna(row["rms_y_m"]) and row["motion"] != "undecided"
-            told += f", RMS y {quantity(row['rms_y_m'], 'm')}" if sure else ""
-            told += f", multiplier {number(row['multiplier_max'], 4)}" if pd.notna(row["multiplier_max"]) else ""
-            told += _lifetime_text(row, escaped.get(str(name), 0))
-        lines.append(f"{name:<{max(map(len, table['attractor']))}}  {told}")
-    return lines
+    for _, row in table.iterrows():
+        stable = f"multiplier {number(row['multiplier_max'], 4)}" if pd.notna(row["multiplier_max"]) else ""
+        told = stable or _lifetime_text(row, escaped.get(str(row["attractor"]), 0))
+        if told:
+            yield f"{row['attractor']:<{max(map(len, table['attractor']))}}  {told}"
 
 
 def _lifetime_text(row: pd.Series, escaped: int) -> str:
@@ -134,12 +121,12 @@ def _lifetime_text(row: pd.Series, escaped: int) -> str:
         return ""
     rate, slowest, fastest = (row[f"rate_{name}per_turn"] for name in ("", "low_", "high_"))
     if not rate > 0.0 and escaped:
-        return f"; transient: {escaped} motion{'s' * (escaped > 1)} converged to an orbit when continued"
+        return f"transient: {escaped} motion{'s' * (escaped > 1)} converged to an orbit when continued"
     if not rate > 0.0:
-        return f"; mean life above {_turns(1.0 / fastest)} turns"
+        return f"mean life above {_turns(1.0 / fastest)} turns"
     if row["rate_constant_p"] < ALPHA:
-        return "; transient, with a rate that is not constant"
-    return f"; transient, mean life {_turns(1.0 / rate)} ({_turns(1.0 / fastest)} … {_turns(1.0 / slowest)}) turns"
+        return "transient, with a rate that is not constant"
+    return f"transient, mean life {_turns(1.0 / rate)} ({_turns(1.0 / fastest)} … {_turns(1.0 / slowest)}) turns"
 
 
 def _turns(number: float) -> str:

@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from vibroplat.basin.rates import shares_over
 from vibroplat.columns import display_name, unit_of
 from vibroplat.config import digits
 from vibroplat.frames import pd
 from vibroplat.results import content, picture
-from vibroplat.results.labels import key_name, named, sweep_parameters, value_words
+from vibroplat.results.labels import key_name, shortened, told_of, value_words
 from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of
+from vibroplat.study.titles import sentence
 
 OPTIONS = ()
-#: Attractors that a title has, at most.
-MOST = 4
 #: Share of starts from which on an area is named, and starts among which its middle is looked for, at most.
 LARGE, STARTS = 0.05, 800
 #: Share that is none, and the range of starts that is seen, over their size.
@@ -59,16 +59,17 @@ def _motion(row: pd.Series) -> str:
 
 def _title(attractors: pd.DataFrame, count: int) -> str:
     """Say which share of the starts comes to each attractor, and how well that is known."""
-    best = attractors.sort_values("fraction", ascending=False).head(MOST)
     told = []
-    for _, row in best.iterrows():
-        name = str(row["attractor"]).removesuffix(", period 1")
+    for _, row in attractors[attractors["fraction"] > ROUNDING].sort_values("fraction", ascending=False).iterrows():
         share, low, high = (100.0 * np.clip(row[f"fraction{end}"], 0.0, 1.0) for end in ("", "_low", "_high"))
         known = digits.spread(share, 0.5 * (high - low), "%") if 0.0 < share < 100.0 else f"100 % (≥ {low:.0f} %)"
-        told.append(f"{name} {known}")
-    more = f", {len(attractors) - MOST} more" if len(attractors) > MOST else ""
-    sentence = f"{', '.join(told)}{more} of {count} starts"
-    return sentence[:1].upper() + sentence[1:]
+        told.append(f"{_short(row['attractor'])} {known}")
+    return sentence(f"{', '.join(shortened(told))} of {count} starts")
+
+
+def _short(attractor: object) -> str:
+    """Return the name of an attractor without its period, if that is a turn."""
+    return str(attractor).removesuffix(", period 1")
 
 
 def _words(starts: pd.DataFrame, attractors: pd.DataFrame, x: str, y: str) -> list[picture.Word]:
@@ -87,11 +88,7 @@ def _words(starts: pd.DataFrame, attractors: pd.DataFrame, x: str, y: str) -> li
             continue
         far = np.min([np.abs(places[own] - place).max(axis=1) for place in places[~own]] or [edges[own]], axis=0)
         best = few[own].iloc[int(np.argmax(np.minimum(far, 1.5 * edges[own])))]
-        told = "\n".join(
-            filter(
-                None, (str(row["attractor"]).removesuffix(", period 1"), digits.share(row["fraction"]), _motion(row))
-            )
-        )
+        told = "\n".join(filter(None, (_short(row["attractor"]), digits.share(row["fraction"]), _motion(row))))
         found.append(picture.Word(told, y, float(best[x]), float(best[y])))
     return found
 
@@ -117,15 +114,10 @@ def _starts(
     panels = [picture.Panel(name, kind=kind if name == others[0] else "points", **by) for name in others]
     panels = panels or [picture.Panel("turns", title="turns until settled", **by)]
     groups = [*content.in_groups(starts, keys)] if keys else [starts]
-    facets = (
-        [picture.Facet(value_words(keys[0], rows[keys[0]].iloc[0]), [n]) for n, rows in enumerate(groups)]
-        if keys
-        else []
-    )
+    facets = [picture.Facet(value_words(key, rows[key].iloc[0]), [n]) for key in keys for n, rows in enumerate(groups)]
     hidden = not keys and starts.duplicated([*ranges][:2]).any()
     box = "" if keys else ", ".join(_range(key, ranges[key]) for key in list(ranges)[2:])
     told = (
-        named([result.name], sweep_parameters(result.known_scene, keys)),
         box and f"starts: {box}",
         f"starts followed for {plan['max_turns']} turns",
         "where several starts have one place, the last is seen" if hidden else "",
@@ -144,7 +136,7 @@ def _starts(
         series=[picture.Series("", rows.index.to_numpy(), mode="dots") for rows in groups],
         facets=facets,
         choice=keys[0] if keys else "",
-        told="\n".join(filter(None, told)),
+        told=told_of([result.name], result.known_scene, keys, *told),
         meaning="Each dot is a start, in the colour of the attractor to which its motion converges within "
         f"{plan['max_turns']} turns. A key drawn over itself shows how many starts come to each attractor.",
         orbits=picture.Orbits(attractors, (), [*(orbits.owner or ()), *range(0 if keys else len(attractors))]),
@@ -175,9 +167,7 @@ def _shares(result: Result, plan: Any, key: str, attractors: pd.DataFrame) -> pi
             for name in colours
         ],
         states=content.motions_of(attractors),
-        told="\n".join(
-            filter(None, (named([result.name], sweep_parameters(result.known_scene, [key])), f"starts: {box}", left))
-        ),
+        told=told_of([result.name], result.known_scene, [key], f"starts: {box}", left),
         meaning=f"The share of the starts that converges to each attractor {turns}, and below it the motion of each.",
         orbits=picture.Orbits(attractors),
     )
@@ -185,12 +175,6 @@ def _shares(result: Result, plan: Any, key: str, attractors: pd.DataFrame) -> pi
 
 def _shares_title(attractors: pd.DataFrame, key: str) -> str:
     """Say between which shares each attractor varies over the key."""
-    values = np.unique(attractors[key])
-    told = []
-    for name, rows in attractors.groupby("attractor", sort=False):
-        shares = rows.groupby(key)["fraction"].first().reindex(values).fillna(0.0)
-        low, high = digits.share(float(shares.min())), digits.share(float(shares.max()))
-        told.append(f"{str(name).removesuffix(', period 1')} {low if low == high else f'{low} … {high}'}")
-    more = f", {len(told) - MOST} more" if len(told) > MOST else ""
-    sentence = f"{', '.join(told[:MOST])}{more} of the starts at {len(values)} values of {key_name(key)}"
-    return sentence[:1].upper() + sentence[1:]
+    told = [f"{_short(name)} {text}" for name, text in shares_over(attractors, key).items()]
+    count = attractors[key].nunique()
+    return sentence(f"{', '.join(shortened(told))} of the starts at {count} values of {key_name(key)}")

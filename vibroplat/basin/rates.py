@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibroplat.config.digits import share
+from vibroplat.frames import pd
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.store import Record
 
@@ -144,3 +146,10 @@ def clopper_pearson(count: int, number: int) -> tuple[float, float]:
     low = float(betaincinv(count, number - count + 1, tail)) if count else 0.0
     high = float(betaincinv(count + 1, number - count, 1.0 - tail)) if count < number else 1.0
     return low, high
+
+
+def shares_over(attractors: pd.DataFrame, key: str) -> dict[str, str]:
+    """Return between which shares of the starts each attractor varies over a key, in words; 0 where it is not found."""
+    shares = attractors.pivot_table("fraction", key, "attractor", fill_value=0.0, sort=False)
+    ends = {str(name): dict.fromkeys((share(one.min()), share(one.max()))) for name, one in shares.items()}
+    return {name: " … ".join(both) for name, both in ends.items()}

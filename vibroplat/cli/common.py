@@ -191,7 +191,6 @@ def print_answer(
     after: str,
     *,
     verbose: bool,
-    more: Mapping[str, str],
     failures: Sequence[str] = (),
     check: Mapping[str, str] | None = None,
     reused: int = 0,
@@ -207,9 +206,7 @@ def print_answer(
     after
         Command to run next, and what it is run with.
     verbose
-        Whether all of it is printed, with the lines ``more``.
-    more
-        Labels and texts that are printed with all of it.
+        Whether all of it is printed.
     failures
         Lines for standard error, the total included.
     check
@@ -221,7 +218,7 @@ def print_answer(
 
     checked = [f"  {label}: {text}" for label, text in (check or {}).items()]
     if verbose:
-        lines = [*answer._replace(lines={**answer.lines, **more}).full(), *labelled(check or {})]
+        lines = [*answer.full(), *labelled(check or {})]
     else:
         lines = [*answer.brief(MAX_LINES - 1 - len(checked) - len(failures)), *checked]
     last = [f"{reused} tasks from before"] if reused else []

@@ -72,7 +72,6 @@ def run(
         directory,
         f"report {directory.parent}",
         verbose=verbose,
-        more={},
         failures=failures,
         check=None if found is None else found.lines(),
     )

@@ -109,12 +109,12 @@ def run_and_print(
         told += first_failures(checked.disagreements, total)
     home = directory.parent if directory.name == study.kind else directory
     after = f"run {directory / 'best.yaml'}" if "best" in result.configurations else f"plot {home}"
+    answer = result.answer
     common.print_answer(
-        result.answer,
+        answer._replace(lines={**answer.lines, "wall time": quantity(seconds, "s")}),
         directory,
         after,
         verbose=verbose,
-        more={"wall time": quantity(seconds, "s")},
         failures=told,
         check=None if checked is None else dict(checked.lines()),
         reused=known,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 #: Digits that a number has, and a frequency.
 DIGITS, FREQUENCY_DIGITS = 3, 4
@@ -116,6 +117,14 @@ def interval(low: float, high: float, unit: str = "", *, digits: int | None = No
     decimals = places(max(abs(low), abs(high)) / factor, digits or _digits_of(unit))
     first, last = (decimal(end / factor, decimals) for end in (low, high))
     return f"{first if first == last else f'{first} … {last}'} {name}".strip()
+
+
+def together(values: Sequence[float], unit: str, between: str = ", ") -> str:
+    """Write numbers beside each other, equal ones once, and their unit behind the last one."""
+    size = max(map(abs, values))
+    name = f" {prefixed(size, unit)[1]}".rstrip()
+    told = dict.fromkeys(quantity(value, unit, largest=size, size=size).removesuffix(name) for value in values)
+    return between.join(told) + name
 
 
 def share(value: float | None) -> str:

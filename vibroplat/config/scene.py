@@ -12,6 +12,8 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Any, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError, ValidationInfo, model_validator
 
 from vibroplat.config.arguments import instance_of
@@ -310,16 +312,21 @@ class Scene(Section):
         return sum(self.layer_masses) * (self.machine.gravity_m_per_s2 + inertia)
 
     @property
+    def oscillators(self) -> NDArray[np.float64]:
+        """Inertias, dampings and stiffnesses of x, y, φ, shape (3, 3), without material that may lift off."""
+        machine = self.machine
+        return np.array([
+            [self.platform_mass, self.platform_mass, self.body.inertia],
+            [machine.damping_x_n_s_per_m, self.damping_y, machine.damping_phi_n_m_s_per_rad],
+            [machine.stiffness_x_n_per_m, machine.stiffness_y_n_per_m, machine.stiffness_phi_n_m_per_rad],
+        ])  # fmt: skip
+
+    @property
     def fastest_decay(self) -> float:
         """Largest decay rate (1/s) of x, y, φ and the exciters' speeds, each taken alone."""
-        machine = self.machine
-        springs = (
-            (self.platform_mass, machine.damping_x_n_s_per_m, machine.stiffness_x_n_per_m),
-            (self.platform_mass, self.damping_y, machine.stiffness_y_n_per_m),
-            (self.body.inertia, machine.damping_phi_n_m_s_per_rad, machine.stiffness_phi_n_m_per_rad),
-        )
-        halves = [(0.5 * (damping / mass), stiffness / mass) for mass, damping, stiffness in springs]
-        rates = [half + math.sqrt(max(half * half - stiffness, 0.0)) for half, stiffness in halves]
+        inertia, damping, stiffness = self.oscillators
+        half = 0.5 * (damping / inertia)
+        rates: list[float] = (half + np.sqrt(np.maximum(half * half - stiffness / inertia, 0.0))).tolist()
         for exciter, inertia in zip(self.exciter_pair, self.exciter_inertias, strict=True):
             slope = 2.0 * exciter.critical_torque_n_m / exciter.critical_slip_speed(self.drive.largest_frequency)
             rates.append(slope / inertia)

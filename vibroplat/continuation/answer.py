@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import indexed_name, unit_of
-from vibroplat.config.digits import MISSING, NEGLIGIBLE, interval, number, quantity
+from vibroplat.columns import unit_of
+from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, quantity
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.results.answer import Answer, counted, in_columns
-from vibroplat.study.answer import axis_name, value_text
-from vibroplat.study.branches import EXCITATION, column_of
+from vibroplat.results.labels import value_words
+from vibroplat.study.branches import EXCITATION, axis_name, column_of
 from vibroplat.study.sweep import synchronizations
 
 #: Maximum number of branches and special points that are printed with ``-v``.
@@ -28,10 +28,9 @@ def answer_of(
 ) -> Answer:
     """Return what is printed of orbits; ``rotation`` is that of the exciters, "" if it varies."""
     branches = tables["branches"]
-    text = [*_boundary_lines(summary), *_branch_lines(plan, summary), *_special_lines(plan, tables["special"])]
     return Answer(
         _overview(branches.assign(rotation=rotation), summary),
-        text,
+        [*_text(plan, tables["special"], summary)],
         failures=_failures(summary),
         headline=_headline(plan, branches, summary),
         short=[*_stable_lines(plan, tables), *_special_counts(tables["special"]), *_curves(plan, tables)],
@@ -64,7 +63,7 @@ def _stable_lines(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Itera
     rows = [[corner, *kinds, *(["first lift-off"] if lifts else [])]]
     groups = list(branches.groupby(keys, sort=False)) if keys else [((), branches)]
     for at, own in groups[:MAX_ROWS]:
-        name = ", ".join(f"{indexed_name(one)} {value_text(one, value)}" for one, value in zip(keys, at, strict=True))
+        name = ", ".join(map(value_words, keys, at))
         cells = [_ranges(own, key, str(kind)) for kind in kinds]
         rows.append([name, *cells, *([_first_liftoff(special, keys, at, key)] if lifts else [])])
     yield from in_columns(rows)
@@ -98,10 +97,6 @@ def _ranges(table: pd.DataFrame, key: str, sync: str) -> str:
     told = [" … ".join(dict.fromkeys(number(end, 4) for end in ends)) for ends in sorted(widest)]
     left = len(united) - len(told)
     return (", ".join(told) + (f" and {left} more" if left else "")) or MISSING
-
-
-def _ends(values: pd.Series) -> str:
-    return interval(values.min(), values.max(), digits=4)
 
 
 def _first_liftoff(special: pd.DataFrame, keys: Sequence[str], at: Sequence[Any], key: str) -> str:
@@ -149,27 +144,29 @@ def _failures(summary: Mapping[str, Any]) -> list[str]:
 
 def _overview(table: pd.DataFrame, summary: Mapping[str, Any]) -> dict[str, str]:
     """Summarize branches in a few lines: label and text."""
-    points = len(table)
     frequency, height = table["excitation_frequency_hz"], table["rms_y_m"]
-    failed = f", {summary['failed']} failed" if summary["failed"] else ""
     return {
-        "branches": f"{len(summary['branches'])}{failed}",
-        "points": f"{points}, {int(table['stable'].sum())} of them stable",
         "synchronization": synchronizations(table),
-        "turns": f"{summary['turns']:.0f}, {summary['turns'] / max(points, 1):.1f} per point",
+        "turns": f"{summary['turns']:.0f}, {summary['turns'] / max(len(table), 1):.1f} per point",
         "excitation frequency": interval(frequency.min(), frequency.max(), "Hz"),
         "RMS y": f"{quantity(height.min(), 'm', largest=height.max())} … {quantity(height.max(), 'm')}",
         "residual": f"at most {table['residual'].max():.1e} of scaled units",
     }
 
 
-def _boundary_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return a line for each boundary, and an empty one."""
-    lines = []
-    for curve in summary["boundaries"]:
-        which = "".join(f", {key} {value}" for key, value in curve["grid"].items())
-        lines.append(f"boundary of {curve['kind']}{which}: {curve['points']} points; {' and '.join(curve['ended'])}")
-    return [*lines, ""]
+def _text(plan: OrbitsPlan, special: pd.DataFrame, summary: Mapping[str, Any]) -> Iterator[str]:
+    """Yield tables of all boundaries, branches and special points."""
+    keys, value = _varied_keys(plan), column_of(plan.key)
+    boundaries, branches = (
+        pd.DataFrame([one["grid"] | one for one in summary[name]], dtype=object) for name in ("boundaries", "branches")
+    )
+    if len(boundaries):
+        yield from _lines_of(boundaries[[*keys, "kind", "points", "ended"]], "orbits.json")
+    ends = ["origin", "parent", "least", "largest", "points", "stable", "ended"]
+    yield from _lines_of(branches[[*keys, "branch", *ends]], "orbits.json")
+    if len(special):
+        shown = [*map(column_of, keys), "branch", "kind", value, EXCITATION, "period"]
+        yield from _lines_of(special[shown].astype(object), "table special")
 
 
 def _varied_keys(plan: OrbitsPlan) -> list[str]:
@@ -177,41 +174,16 @@ def _varied_keys(plan: OrbitsPlan) -> list[str]:
     return [key for key, values in plan.grid.items() if len(values) > 1]
 
 
-def _branch_lines(plan: OrbitsPlan, summary: Mapping[str, Any]) -> Iterator[str]:
-    """Return a line for each branch."""
-    keys, value = _varied_keys(plan), column_of(plan.key)
-    header = [*(key.rpartition(".")[2] for key in keys), "branch", "begins at", value, "points", "stable", "ended"]
-    rows = [
-        [
-            *(f"{branch['grid'][key]}" for key in keys),
-            str(branch["branch"]),
-            branch["origin"] + ("" if branch["parent"] is None else f" of branch {branch['parent']}"),
-            "" if branch["least"] is None else f"{number(branch['least'], 6)} … {number(branch['largest'], 6)}",
-            str(branch["points"]),
-            str(branch["stable"]),
-            ("failed: " if branch["failed"] else "") + branch["ended"],
-        ]
-        for branch in summary["branches"]
-    ]
-    return _first_rows(header, rows, more="orbits.json")
-
-
-def _special_lines(plan: OrbitsPlan, special: pd.DataFrame) -> Iterator[str]:
-    """Yield a line for each special point."""
-    if special.empty:
-        return
-    keys, value = [column_of(key) for key in _varied_keys(plan)], column_of(plan.key)
-    shown = special[[*keys, "branch", "kind"]].astype(str)
-    for name in (value, EXCITATION):
-        shown[name] = [number(value, 8) for value in special[name]]
-    shown["period"] = special["period"].astype(str)
-    header = [*(name.rpartition(".")[2] for name in keys), "branch", "special point", value, EXCITATION, "period"]
+def _lines_of(table: pd.DataFrame, more: str) -> Iterator[str]:
+    """Yield an empty line and the first rows of a table; if they are not all, where the others are."""
     yield ""
-    yield from _first_rows(header, shown.to_numpy().tolist(), more="table special")
+    rows = [[_cell(value) for value in row] for row in table.head(MAX_PRINTED).itertuples(index=False)]
+    yield from in_columns([[str(name).rpartition(".")[2] for name in table], *rows])
+    if len(table) > MAX_PRINTED:
+        yield f"… and {len(table) - MAX_PRINTED} more: {more}"
 
 
-def _first_rows(header: Sequence[str], rows: Sequence[Sequence[str]], more: str) -> Iterator[str]:
-    """Yield the first rows of a table of texts in columns; if they are not all, where the others are."""
-    yield from in_columns([header, *rows[:MAX_PRINTED]])
-    if len(rows) > MAX_PRINTED:
-        yield f"… and {len(rows) - MAX_PRINTED} more: {more}"
+def _cell(value: Any) -> str:
+    if isinstance(value, list):
+        return " and ".join(value)
+    return MISSING if value is None else given(float(f"{value:.8g}")) if isinstance(value, float) else str(value)

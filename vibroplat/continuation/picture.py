@@ -20,6 +20,7 @@ from vibroplat.results.labels import (
     LIFTOFF,
     SPECIAL_POINTS,
     is_number,
+    shortened,
 )
 from vibroplat.results.result import Result
 from vibroplat.study import titles
@@ -43,13 +44,14 @@ class Branches(Sweeps):
     second: str = ""
 
     @property
-    def result(self) -> Result:
-        """The result."""
-        return self.results[0]
+    def colours(self) -> dict[str, str]:
+        """Colours of combinations of the grid's values by their labels, or of branches."""
+        names = list(dict.fromkeys(self.curve(rows) for rows in self.branches))
+        return dict(zip(names, picture.palette(len(names)), strict=True))
 
-    def curves(self) -> Iterator[tuple[str, pd.DataFrame]]:
-        """Yield the rows of each branch with the label of its combination, "" for the only one."""
-        yield from ((self.label(rows.iloc[0]), rows) for rows in self.branches)
+    def curve(self, rows: pd.DataFrame) -> str:
+        """Return what the curve of a branch is called: by its combination, or by its number where there is one."""
+        return self.label(rows.iloc[0]) or f"branch {rows['branch'].iloc[0]}"
 
     def special_of(self, row: pd.Series) -> pd.DataFrame:
         """Return the special points of the branch of a row."""
@@ -127,9 +129,7 @@ def _limits(table: pd.DataFrame, found: Branches) -> str:
     """Say over which values of the first key boundaries of each kind lie."""
     over = found.x if found.x in table else found.key
     told = [f"{kind} at {titles.place(over, rows[over])}" for kind, rows in table.groupby("kind", sort=False)]
-    more = f", {len(told) - titles.MOST} more kinds" if len(told) > titles.MOST else ""
-    sentence = f"{', '.join(told[: titles.MOST])}{more}" if told else "No boundaries"
-    return sentence[:1].upper() + sentence[1:]
+    return titles.sentence(", ".join(shortened(told)) or "No boundaries")
 
 
 # -- branches ----------------------------------------------------------------------------------------------------------
@@ -191,7 +191,7 @@ def branches(found: Branches) -> picture.Picture:
     for kind, rows in special.groupby("kind", sort=False):
         name, places = str(kind), (len(table) + rows.index).tolist()
         marks.append(picture.Mark(name, SPECIAL_POINTS.get(name, ""), MARKERS.get(name, "*"), places))
-    points, behind = [table, at], content.beside(found.result, "sweep", "sweep")
+    points, behind = [table, at], content.beside(found.results[0], "sweep", "sweep")
     if behind is not None:
         points.append(behind[[name for name in behind if name in table]])
         series = [*_behind(found, behind.reset_index(drop=True)), *series]
@@ -211,7 +211,7 @@ def branches(found: Branches) -> picture.Picture:
         states=content.states_of(~table["stable"].astype(bool)),
         meanings=_STABLE,
         rotation=found.rotation,
-        told="\n".join(filter(None, (found.told(), left))),
+        told=found.told(left),
         meaning="Solid: stable orbits; dashed: unstable ones. White marks: special points of "
         f"branches, at their exact frequency.{found.meaning}",
         orbits=picture.Orbits(everything, [*range(len(table), len(everything)), *first]),
@@ -225,16 +225,15 @@ def _lines(found: Branches) -> tuple[pd.DataFrame, list[picture.Series], list[in
     at = special.assign(**{name: np.nan for name in drawn if name not in special})
     parts: dict[tuple[str, bool], list[int]] = {}
     ends: list[int] = []
-    for label, rows in found.curves():
-        own = found.special_of(rows.iloc[0])
+    for rows in found.branches:
+        own, name = found.special_of(rows.iloc[0]), found.curve(rows)
         shares, stable = places_of(rows, own), rows["stable"].to_numpy(dtype=bool)
-        for name in drawn:
-            at.loc[own.index, name] = between(rows, own, shares, name)
-        name = label if found.varied else f"branch {rows['branch'].iloc[0]}"
+        for column in drawn:
+            at.loc[own.index, column] = between(rows, own, shares, column)
         ends += [int(rows.index[0]), int(rows.index[-1]), *(rows.index[np.round(shares).astype(int)])]
         for is_stable, part in stretches(stable, shares, rows.index.to_numpy(), len(table) + own.index.to_numpy()):
             parts.setdefault((name, is_stable), []).extend([*part, picture.BROKEN])
-    colours, series = _colours(found), list[picture.Series]()
+    colours, series = found.colours, list[picture.Series]()
     for (name, is_stable), places in parts.items():
         look: dict[str, Any] = {"look": "stable"} if is_stable else {"look": "unstable", "dash": "--"}
         label = name if len(colours) > 1 else ""
@@ -242,19 +241,12 @@ def _lines(found: Branches) -> tuple[pd.DataFrame, list[picture.Series], list[in
     return at, series, ends
 
 
-def _colours(found: Branches) -> dict[str, str]:
-    """Return the colours of combinations of the grid's values by their labels, or of branches."""
-    names = [label if found.varied else f"branch {rows['branch'].iloc[0]}" for label, rows in found.curves()]
-    names = list(dict.fromkeys(names))
-    return dict(zip(names, picture.palette(len(names)), strict=True))
-
-
 def _behind(found: Branches, table: pd.DataFrame) -> Iterator[picture.Series]:
     """Yield the points of a sweep, which stand behind all others, in the colours of their combinations."""
     varied, begin = found.varied if {*found.varied} <= {*table} else [], len(found.table) + len(found.special)
     for own in content.in_groups(table, [*varied, "direction"]):
         colour, direction = (
-            _colours(found).get(found.label(own.iloc[0])) if varied else None,
+            found.colours.get(found.label(own.iloc[0])) if varied else None,
             str(own["direction"].iloc[0]),
         )
         look: dict[str, Any] = {"pale": True, "size": 0.8}
@@ -269,10 +261,10 @@ def multipliers(found: Branches) -> picture.Picture:
     """Return the leading multipliers on the plane, and the largest one over a column, a facet for each combination."""
     table = found.table
     parts, facets, series = [], dict[str, list[int]](), list[picture.Series]()
-    labels = list(dict.fromkeys(label for label, _ in found.curves()))
     begin = 0
-    for label, rows in found.curves():
-        colour = picture.CURVES[labels.index(label) % len(picture.CURVES)]
+    for rows in found.branches:
+        label = found.label(rows.iloc[0])
+        colour = picture.CURVES[[*facets, label].index(label) % len(picture.CURVES)]
         own = [rows.assign(size=np.hypot(rows["multiplier_1_re"], rows["multiplier_1_im"]))]
         for i in itertools.takewhile(lambda i: f"multiplier_{i}_re" in table, itertools.count(1)):
             real, imaginary = (rows[f"multiplier_{i}_{part}"].astype(float) for part in ("re", "im"))
@@ -315,9 +307,9 @@ def multipliers(found: Branches) -> picture.Picture:
 
 def boundaries(found: Branches) -> picture.Picture:
     """Return curves of special points over two keys: the second one over the first; a colour for each kind."""
-    table = picture.finite(found.result.columns("boundaries", ("kind",), ("curve", "n_unstable")))
+    table = picture.finite(found.results[0].columns("boundaries", ("kind",), ("curve", "n_unstable")))
     if not all(key in table and is_number(table[key]) for key in (found.key, found.second)):
-        raise TableError(f"the boundaries table in {found.result.place} has no numbers of two keys")
+        raise TableError(f"the boundaries table in {found.results[0].place} has no numbers of two keys")
     groups = [*content.in_groups(table, found.varied)] if found.varied else [table]
     series, facets = list[picture.Series](), list[picture.Facet]()
     for rows in groups:
@@ -337,7 +329,7 @@ def boundaries(found: Branches) -> picture.Picture:
         series=series,
         facets=facets if len(facets) > 1 else (),
         choice="grid",
-        told=found.told(found.second),
+        told=found.told(beside=found.second),
         meaning="Curves of special points over two keys.",
         high=True,
     )

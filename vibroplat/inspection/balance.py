@@ -16,13 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroplat.config.scene import Scene
-from vibroplat.inspection.linear import (
-    ComplexArray,
-    FloatArray,
-    natural_frequencies,
-    oscillators,
-    platform_torques,
-)
+from vibroplat.inspection.linear import ComplexArray, FloatArray, natural_speeds, platform_torques
 
 #: Number of lags and of evenly spaced speeds that are looked at, and of further speeds around each resonance.
 LAGS, SPEEDS, NEAR = 360, 500, 81
@@ -39,13 +33,13 @@ class Balance(NamedTuple):
         ω (rad/s).
     lag
         δ = θ₁ − θ₂ (rad).
-    torques
-        Mean torques of both motors (N·m).
+    phase
+        Phase difference, φ₁ + φ₂ or φ₁ − φ₂ (rad, −π … π).
     """
 
     speed: float
     lag: float
-    torques: tuple[float, float]
+    phase: float
 
 
 class Supply(NamedTuple):
@@ -75,7 +69,6 @@ def final_supply(scene: Scene) -> Supply:
 
 def net_torques(scene: Scene, supply: Supply, speeds: FloatArray, factors: FloatArray | float = 1.0) -> FloatArray:
     """Return motor torques times factors less the resistances k_R k ω² at speeds of shape (…, 2) (rad/s; N·m)."""
-    speeds = np.asarray(speeds)
     drag = [e.friction_radius_m * k for e, k in zip(scene.exciter_pair, scene.unbalances, strict=True)]
     return np.asarray(factors * motor_torques(scene, supply, speeds) - drag * speeds**2)
 
@@ -87,14 +80,13 @@ def motor_torques(scene: Scene, supply: Supply, speeds: FloatArray) -> FloatArra
     return np.stack(torques, axis=-1) * supply.driven
 
 
-def speed_grid(scene: Scene, largest: float) -> FloatArray:
-    """Return speeds up to the largest, closer to each other around resonances."""
-    found = [np.linspace(0.0, largest, SPEEDS + 1)[1:]]
-    spread = np.tan(np.linspace(-1.5, 1.5, NEAR))
-    for (inertia, damping, _), natural in zip(oscillators(scene), natural_frequencies(scene).values(), strict=True):
-        near = 2.0 * math.pi * natural + 0.5 * damping / inertia * spread
-        found.append(near[(near > 0.0) & (near < largest)])
-    return np.unique(np.concatenate(found))
+def speed_grid(scene: Scene) -> FloatArray:
+    """Return speeds up to the synchronous one, closer to each other around resonances."""
+    inertia, damping, _ = scene.oscillators
+    spread = np.tan(np.linspace(-1.5, 1.5, NEAR))[:, np.newaxis]
+    near = natural_speeds(scene) + 0.5 * damping / inertia * spread
+    evenly = np.linspace(0.0, scene.speed_scale, SPEEDS + 1)[1:]
+    return np.unique([*evenly, *near[(near > 0.0) & (near < scene.speed_scale)]])
 
 
 def balances(
@@ -114,30 +106,20 @@ def balances(
     total, difference = net.sum(axis=-1), net[..., 0] - net[..., 1]
     falls = (total[:-1] > 0.0) & (total[1:] <= 0.0)
     place = falls.shape[0] - 1 - falls[::-1].argmax(axis=0) if highest else falls.argmax(axis=0)
-    column = np.arange(LAG.size)
-    low, high = total[place, column], total[place + 1, column]
+    ends = np.stack([place, place + 1])
+    (low, high), (first, last) = (np.take_along_axis(of, ends, axis=0) for of in (total, difference))
     part = np.where(falls.any(axis=0), low / np.where(low > high, low - high, 1.0), np.nan)
     speed = speeds[place] + part * (speeds[place + 1] - speeds[place])
-    apart = difference[place, column] + part * (difference[place + 1, column] - difference[place, column])
-    found = []
-    for i in np.flatnonzero((apart[:-1] > 0.0) & (apart[1:] <= 0.0)):
-        if abs(place[i + 1] - place[i]) > NEAR // 8:  # another branch of speeds, not a balance
-            continue
-        share = apart[i] / (apart[i] - apart[i + 1])
-        there = float(speed[i] + share * (speed[i + 1] - speed[i]))
-        torques = motor_torques(scene, supply, np.array([there, there]))
-        found.append(
-            Balance(there, float(LAG[i] + share * (LAG[i + 1] - LAG[i])), (float(torques[0]), float(torques[1])))
-        )
-    return found
+    apart = first + part * (last - first)
+    same_branch = np.abs(np.diff(place)) <= NEAR // 8
+    at = np.flatnonzero((apart[:-1] > 0.0) & (apart[1:] <= 0.0) & same_branch)
+    share = apart[at] / (apart[at] - apart[at + 1])
+    found = [of[at] + share * (of[at + 1] - of[at]) for of in (speed, LAG)]
+    sense = scene.exciter_pair[0].direction
+    return [Balance(w, lag, math.remainder(sense * lag, 2.0 * math.pi)) for w, lag in np.transpose(found).tolist()]
 
 
 def holding_torque(scene: Scene, speed: float) -> float:
     """Return the largest part of the difference of both torques that the platform carries, by the lag alone (N·m)."""
-    torques = platform_torques(scene, np.full(LAG.shape, speed), LAG)
+    torques = platform_torques(scene, np.array([speed]), LAG)
     return 0.5 * float(np.ptp(torques[:, 0] - torques[:, 1]))
-
-
-def phase_of(scene: Scene, lag: float) -> float:
-    """Return the phase difference, φ₁ + φ₂ or φ₁ − φ₂ (rad, −π … π), at a lag."""
-    return math.remainder(scene.exciter_pair[0].direction * lag, 2.0 * math.pi)

@@ -26,25 +26,11 @@ ComplexArray = NDArray[np.complex128]
 AXES = ("x", "y", "phi")
 
 
-def oscillators(scene: Scene) -> FloatArray:
-    """Return inertia, damping and stiffness of x, y, φ, shape (3, 3), without material that may lift off."""
-    machine = scene.machine
-    return np.array(
-        [
-            (scene.platform_mass, machine.damping_x_n_s_per_m, machine.stiffness_x_n_per_m),
-            (scene.platform_mass, scene.damping_y, machine.stiffness_y_n_per_m),
-            (scene.body.inertia, machine.damping_phi_n_m_s_per_rad, machine.stiffness_phi_n_m_per_rad),
-        ]
-    )
-
-
 def couplings(scene: Scene) -> ComplexArray:
     """Return u_i of both exciters, shape (2, 3)."""
-    rows = []
-    for k, exciter, (x, y) in zip(scene.unbalances, scene.exciter_pair, scene.body.axes, strict=True):
-        sine = -1j * exciter.direction
-        rows.append(k * np.array([1.0, sine, x * sine - y]))
-    return np.array(rows)
+    (x, y), moments = np.array(scene.body.axes).T, np.array(scene.unbalances)
+    sine = np.array([-1j * exciter.direction for exciter in scene.exciter_pair])
+    return np.asarray((moments * [np.ones(2), sine, x * sine - y]).T)
 
 
 def receptances(scene: Scene, speeds: FloatArray, carried: ComplexArray | float = 0.0) -> ComplexArray:
@@ -52,17 +38,17 @@ def receptances(scene: Scene, speeds: FloatArray, carried: ComplexArray | float 
 
     ``carried`` is the dynamic mass of material that moves along y with the platform (kg), of the shape of ``speeds``.
     """
-    inertia, damping, stiffness = oscillators(scene).T
+    inertia, damping, stiffness = scene.oscillators
     w = np.asarray(speeds)[..., np.newaxis]
     masses = inertia + np.stack(np.broadcast_arrays(0.0, carried, 0.0), axis=-1)
     return np.asarray(1.0 / (stiffness - masses * w * w + 1j * w * damping + 1e-300))
 
 
-def amplitudes(scene: Scene, speed: float, lag: FloatArray, carried: ComplexArray | float = 0.0) -> ComplexArray:
-    """Return the complex amplitudes of x, y, φ (m, m, rad) at a speed and lags δ = θ₁ − θ₂, shape (…, 3)."""
+def amplitudes(scene: Scene, speed: float, lags: FloatArray) -> ComplexArray:
+    """Return the complex amplitudes of x, y, φ (m, m, rad) at a speed and lags δ = θ₁ − θ₂, shape (n, 3)."""
     u = couplings(scene)
-    forces = speed * speed * (u[0] + u[1] * np.exp(-1j * np.asarray(lag))[..., np.newaxis])
-    return np.asarray(forces * receptances(scene, np.full(np.shape(lag), speed), carried))
+    forces = speed * speed * (u[0] + u[1] * np.exp(-1j * lags)[:, np.newaxis])
+    return np.asarray(forces * receptances(scene, np.array([speed])))
 
 
 def ripple_factors(scene: Scene, speed: float, amplitude: float) -> tuple[float, float]:
@@ -72,7 +58,7 @@ def ripple_factors(scene: Scene, speed: float, amplitude: float) -> tuple[float,
     platform's amplitude A along y (m) by kA/(4J_e), both relative to ω; forces change by twice as much. Of first order
     in both, for forces that add along y; (1, 1) below resonance, where they move with the platform and hardly matter.
     """
-    if speed <= 2.0 * math.pi * natural_frequencies(scene)["y"]:
+    if speed <= natural_speeds(scene)[1]:
         return 1.0, 1.0
     ratio = sum(scene.unbalances) / sum(scene.exciter_inertias)
     gravity, own = ratio * scene.machine.gravity_m_per_s2 / speed**2, 0.25 * ratio * amplitude
@@ -87,24 +73,16 @@ def platform_torques(
     ``speeds`` and ``lag`` broadcast: shapes (n, 1) and (m,) give (n, m, 2).
     """
     u, g = couplings(scene), receptances(scene, speeds, carried)
-    own, mutual = (np.conj(u) * u) @ g[..., np.newaxis], np.sum(np.conj(u[0]) * u[1] * g, axis=-1)
-    back = np.sum(np.conj(u[1]) * u[0] * g, axis=-1)
-    turn, half = np.exp(-1j * lag), 0.5 * np.asarray(speeds) ** 4
-    first, second = own[..., 0, 0] + mutual * turn, own[..., 1, 0] + back / turn
-    return np.stack([half * first.imag, half * second.imag], axis=-1)
+    turn = np.exp(-1j * lag)
+    first = g @ np.abs(u[0]) ** 2 + g @ (np.conj(u[0]) * u[1]) * turn
+    second = g @ np.abs(u[1]) ** 2 + g @ (np.conj(u[1]) * u[0]) / turn
+    return np.asarray(0.5 * speeds[..., np.newaxis] ** 4 * np.stack([first.imag, second.imag], axis=-1))
 
 
-def natural_frequencies(scene: Scene) -> dict[str, float]:
-    """Return natural frequencies √(c/M)/2π of x, y, φ (Hz), of the machine without material; 0 without a spring."""
-    inertia, _, stiffness = oscillators(scene).T
-    return dict(zip(AXES, (np.sqrt(stiffness / inertia) / (2.0 * math.pi)).tolist(), strict=True))
-
-
-def damping_ratios(scene: Scene) -> dict[str, float]:
-    """Return b/(2√(cM)) of x, y, φ; infinite without a spring."""
-    inertia, damping, stiffness = oscillators(scene).T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return dict(zip(AXES, (0.5 * damping / np.sqrt(stiffness * inertia)).tolist(), strict=True))
+def natural_speeds(scene: Scene) -> FloatArray:
+    """Return natural angular frequencies √(c/M) of x, y, φ (rad/s), of the machine without material."""
+    inertia, _, stiffness = scene.oscillators
+    return np.asarray(np.sqrt(stiffness / inertia))
 
 
 def loaded_frequencies(scene: Scene) -> tuple[float, ...]:
@@ -114,12 +92,8 @@ def loaded_frequencies(scene: Scene) -> tuple[float, ...]:
     layer's relative displacement, det(K − ω²M) = 0 with M = [[M + m_w, m_w2], [m_w2, m_w2]], K = diag(c_y, c_w).
     """
     lower, upper = scene.layer_masses
-    total, stiffness = scene.platform_mass + lower + upper, scene.machine.stiffness_y_n_per_m
-    if not lower:
-        return ()
-    if not upper:
-        return (math.sqrt(stiffness / total) / (2.0 * math.pi),)
-    square = scene.layer_spring[0]
-    masses = np.array([[1.0, upper / total], [1.0, 1.0]])
-    values = np.linalg.eigvals(np.linalg.solve(masses, np.diag([stiffness / total, square])))
-    return tuple((np.sqrt(np.sort(values.real)) / (2.0 * math.pi)).tolist())
+    total, n = scene.platform_mass + lower + upper, scene.layers
+    stiffness = np.diag([scene.machine.stiffness_y_n_per_m, upper * scene.layer_spring[0]])[:n, :n]
+    masses = np.array([[total, upper], [upper, upper]])[:n, :n]
+    squares = np.linalg.eigvals(np.linalg.solve(masses, stiffness))
+    return tuple((np.sqrt(np.sort(squares.real)) / (2.0 * math.pi)).tolist())

@@ -12,104 +12,60 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from vibroplat.config.scene import Scene
-from vibroplat.inspection.linear import ComplexArray, FloatArray, amplitudes, oscillators, receptances
+from vibroplat.inspection.linear import ComplexArray, FloatArray, amplitudes, receptances
 
 #: Lags of the exciters at which the motion is followed, all once; steps of a turn; turns to settle and to measure.
 FOLLOWED, STEPS, SETTLING, MEASURED = np.linspace(-math.pi, math.pi, 36, endpoint=False), 80, 60, 32
+#: Parts of a step in which its free motion is summed up.
+PARTS = 1024
 #: Ratio of the upper layer's natural frequency to the speed above which it is taken as rigid.
 RIGID = 10.0
 #: Approach speed below which an impact is contact, over g/ω.
 CONTACT = 0.1
 
 
-class LoadedMotion(NamedTuple):
-    """The motion along y at each of some lags, shape (n,).
+def loaded_motion(scene: Scene, speed: float) -> dict[str, Any]:
+    """Follow the motion along y at a speed (rad/s) and at all :data:`FOLLOWED` lags.
 
-    Attributes
-    ----------
-    carried
-        Dynamic mass of the material (kg).
-    stroke
-        Peak to peak (m), in the mean of turns.
-    upward, downward
-        Largest accelerations between impacts (m/s²), in the mean of turns.
-    force
-        Largest force into the foundation less the weight (N), in the mean of turns.
+    Returns, of the shape of these, the dynamic mass ``carried`` of the material (kg); and in the mean of turns the
+    ``stroke`` (m), the largest accelerations ``upward`` and ``downward`` between impacts (m/s²), and the largest
+    ``force`` into the foundation less the weight (N).
     """
-
-    carried: ComplexArray
-    stroke: FloatArray
-    upward: FloatArray
-    downward: FloatArray
-    force: FloatArray
-
-
-class _Layers:
-    """Both layers at once for all lags; lengths in m."""
-
-    def __init__(self, scene: Scene, speed: float, size: int) -> None:
-        self.lower, upper = scene.layer_masses
-        self.square, self.damping = scene.layer_spring
-        if self.square > (RIGID * speed) ** 2:
-            self.lower, upper = self.lower + upper, 0.0
-        self.ratio = upper / self.lower
-        self.gravity = scene.machine.gravity_m_per_s2
-        sag = self.gravity / self.square if upper else 0.0
-        self.height, self.rate = np.zeros(size), np.zeros(size)
-        self.upper, self.upper_rate = np.full(size, -sag), np.zeros(size)
-
-    def fall(self, step: float) -> None:
-        """Move freely."""
-        if self.ratio:
-            pull = self.square * self.upper + self.damping * self.upper_rate
-            self.rate += step * self.ratio * pull
-            self.upper_rate -= step * (1.0 + self.ratio) * pull
-            self.upper += step * self.upper_rate
-        self.rate -= step * self.gravity
-        self.height += step * self.rate
-
-
-def loaded_motion(scene: Scene, speed: float) -> LoadedMotion:
-    """Follow the motion along y at a speed (rad/s) and at all :data:`FOLLOWED` lags."""
-    mass, damping, stiffness = oscillators(scene)[1].tolist()
+    mass, damping, stiffness = scene.oscillators[:, 1].tolist()
     steady = amplitudes(scene, speed, FOLLOWED)[:, 1]
     step, gravity = 2.0 * math.pi / speed / STEPS, scene.machine.gravity_m_per_s2
-    load = sum(scene.layer_masses) * gravity
-    layers = _Layers(scene, speed, FOLLOWED.size)
-    together = mass * layers.lower / (mass + layers.lower)
+    lower, upper = scene.layer_masses
+    load, square = (lower + upper) * gravity, scene.layer_spring[0]
+    if square > (RIGID * speed) ** 2:
+        lower, upper = lower + upper, 0.0
+    motion = _free_motion(scene, upper / lower, step)
+    together = mass * lower / (mass + lower)
     slow = max(CONTACT * gravity / speed, scene.contact.sticking_speed_m_per_s)
-    decay = 0.5 * damping / mass
-    own = cmath.sqrt(stiffness / mass - decay**2 + 1e-12 * speed**2)
-    one, other = (cmath.exp((sign * 1j * own - decay) * step) for sign in (1.0, -1.0))
-    cosine, sine = (0.5 * (one + other)).real, ((one - other) / (2j * own)).real  # times exp(−decay·step)
-    # what the material adds to the steady motion, and first the sag under its weight
-    y, rate = np.full(FOLLOWED.size, -load / stiffness), np.zeros(FOLLOWED.size)
-    layers.height, layers.rate = steady.real + y, (1j * speed * steady).real
+    # what the material adds to the steady motion, and first the sag under its weight; lower layer; upper one from there
+    state = np.zeros((7, FOLLOWED.size))
+    y, rate, height, height_rate, above, above_rate, one = state
+    y[:], above[:], one[:] = -load / stiffness, -gravity / square if upper else 0.0, 1.0
+    height[:], height_rate[:] = steady.real + y, (1j * speed * steady).real
     ends, sums = np.full((3, 2, FOLLOWED.size), -np.inf), np.zeros((4, FOLLOWED.size))
     fundamental: ComplexArray = np.zeros(FOLLOWED.size, complex)
     for number in range(1, (SETTLING + MEASURED) * STEPS + 1):
         turn = cmath.exp(2j * math.pi * number / STEPS)
         now = steady * turn
-        before = rate
-        y, rate = (
-            y * (cosine + decay * sine) + rate * sine,
-            rate * (cosine - decay * sine) - y * sine * stiffness / mass,
-        )
-        layers.fall(step)
+        before = rate.copy()
+        state[:] = motion @ state
         floor, floor_rate = now.real + y, (1j * speed * now).real + rate
-        met = layers.height <= floor
-        approach = np.where(met, floor_rate - layers.rate, 0.0)
+        approach = np.where(height <= floor, floor_rate - height_rate, 0.0)
         bounce = np.where(approach > slow, 1.0 + scene.contact.restitution, 1.0)
         impulse = together * bounce * np.maximum(approach, 0.0)
-        layers.rate += impulse / layers.lower
-        layers.upper_rate -= impulse / layers.lower
-        rate = rate - impulse / mass
-        layers.height = np.maximum(layers.height, floor)
+        height_rate += impulse / lower
+        above_rate -= impulse / lower
+        rate -= impulse / mass
+        np.maximum(height, floor, out=height)
         if number > SETTLING * STEPS:
             fundamental += floor / turn
             pushed = np.where(approach > slow, 0.0, (rate - before) / step - speed**2 * now.real)
@@ -120,8 +76,24 @@ def loaded_motion(scene: Scene, speed: float) -> LoadedMotion:
                 sums += [ends[0].sum(axis=0), *ends[1], ends[2, 1] - load]
                 ends[:] = -np.inf
     fundamental /= 0.5 * MEASURED * STEPS
-    carried = _dynamic_mass(scene, speed, steady, fundamental)
-    return LoadedMotion(carried, *(sums / MEASURED))
+    means = zip(("stroke", "upward", "downward", "force"), sums / MEASURED, strict=True)
+    return {"carried": _dynamic_mass(scene, speed, steady, fundamental), **dict(means)}
+
+
+def _free_motion(scene: Scene, ratio: float, step: float) -> FloatArray:
+    """Return the change in a step (s) of y, lower layer, upper layer from there, each with its rate, and 1.
+
+    ``ratio`` is the mass of the upper layer over that of the lower one.
+    """
+    mass, damping, stiffness = scene.oscillators[:, 1].tolist()
+    pull = np.array(scene.layer_spring) if ratio else np.zeros(2)
+    rates = np.zeros((7, 7))
+    rates[[0, 2, 4], [1, 3, 5]] = 1.0
+    rates[1, :2] = -stiffness / mass, -damping / mass
+    rates[3, 4:] = *(ratio * pull), -scene.machine.gravity_m_per_s2
+    rates[5, 4:6] = -(1.0 + ratio) * pull
+    part = rates * step / PARTS
+    return np.linalg.matrix_power(np.eye(7) + part + part @ part / 2.0, PARTS)
 
 
 def _dynamic_mass(scene: Scene, speed: float, steady: ComplexArray, loaded: ComplexArray) -> ComplexArray:

@@ -15,15 +15,14 @@ whose torque is constant; the passage in finite time, which takes less (Lewis 19
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import PERTURBATION
-from vibroplat.config.sections import exciter_angles
+from vibroplat.config.sections import Initial, Run
 from vibroplat.inspection.balance import final_supply, net_torques, supply_at
-from vibroplat.inspection.linear import FloatArray, couplings, natural_frequencies, oscillators
+from vibroplat.inspection.linear import FloatArray, couplings, natural_speeds
 
 #: Factors of the motors' torques that are tried at first, and their number between a captured and a passing one.
 FACTORS, FINER = np.geomspace(0.02, 20.0, 40), 24
@@ -32,24 +31,15 @@ FACTORS, FINER = np.geomspace(0.02, 20.0, 40), 24
 STEP, DECAYS, MAX_STEPS, SLIGHT = 0.1, 10.0, 10_000, 1e-4
 
 
-class End(NamedTuple):
-    """Where starts end: speeds (rad/s), shape (n, 2), and lags δ (rad), shape (n,)."""
-
-    speeds: FloatArray
-    lags: FloatArray
-
-
-def averaged_start(scene: Scene, factors: FloatArray, *, at_rest: bool = False) -> End:
-    """Follow starts of a scene, or from rest, with its motors' torques times some factors, shape (n,)."""
-    u, (inertia, damping, stiffness) = couplings(scene), oscillators(scene).T
+def averaged_start(scene: Scene, factors: FloatArray) -> FloatArray:
+    """Return the speeds to which a scene's start leads with its motors' torques times factors (rad/s), shape (n, 2)."""
+    u, (inertia, damping, stiffness) = couplings(scene), scene.oscillators
     rotors, top, initial = np.array(scene.exciter_inertias), scene.speed_scale, scene.run.initial
-    begin = 0.0 if at_rest else initial.speed_ratio * np.array(scene.synchronous_speeds)
-    speeds = np.tile(begin * np.ones(2), (factors.size, 1))
-    first, second = initial.angles(scene.phase_weights[1])
-    if at_rest and initial.speed_ratio:
-        first, second = exciter_angles(None, None, 0.0, 1.0)
-    own = [e.direction for e in scene.exciter_pair]
-    lag = np.full(factors.size, own[0] * first - own[1] * second + PERTURBATION)
+    speeds = np.tile(initial.speed_ratio * np.array(scene.synchronous_speeds), (factors.size, 1))
+    angles = [
+        e.direction * angle for e, angle in zip(scene.exciter_pair, initial.angles(scene.phase_weights[1]), strict=True)
+    ]
+    lag = np.full(factors.size, angles[0] - angles[1] + PERTURBATION)
     amplitudes, change = np.zeros((2, factors.size, 3), complex)
     rates = np.zeros_like(speeds)
     step, count = _steps(scene)
@@ -72,23 +62,18 @@ def averaged_start(scene: Scene, factors: FloatArray, *, at_rest: bool = False) 
         grown = np.exp(exponent * step)
         change = (grown - 1.0) * (amplitudes + force / exponent) / step
         amplitudes = amplitudes + step * change
-    return End(speeds, lag)
+    return speeds
 
 
 def _steps(scene: Scene) -> tuple[float, int]:
     """Return the length (s) and the number of the steps of a start."""
     u, rotors = couplings(scene), sum(scene.exciter_inertias)
-    inertia, damping, _ = oscillators(scene).T
-    natural = _natural_speeds(scene)
-    scale = natural * (np.abs(u).sum(axis=0) ** 2 / (4.0 * inertia * rotors)) ** (1.0 / 3.0)
+    inertia, damping, _ = scene.oscillators
+    scale = natural_speeds(scene) * (np.abs(u).sum(axis=0) ** 2 / (4.0 * inertia * rotors)) ** (1.0 / 3.0)
     step = STEP / max(float(scale.max()), 1e-3 * scene.speed_scale)
     slowest = float((0.5 * damping / inertia)[damping > 0.0].min(initial=math.inf))
     end = max(scene.drive.last_change(math.inf), 0.0) + DECAYS / min(slowest, 1.0 / step)
     return step, min(math.ceil(end / step), MAX_STEPS)
-
-
-def _natural_speeds(scene: Scene) -> FloatArray:
-    return 2.0 * math.pi * np.array(list(natural_frequencies(scene).values()))
 
 
 def least_factor(scene: Scene) -> tuple[float, float]:
@@ -100,10 +85,12 @@ def least_factor(scene: Scene) -> tuple[float, float]:
     supply = final_supply(scene)
     on = [i for i in (0, 1) if supply.driven[i] and scene.exciter_pair[i].critical_torque_n_m]
     last = min((scene.synchronous_speeds_at(supply.frequency)[i] for i in on), default=0.0)
-    highest = max((w for w in _natural_speeds(scene) if w < last), default=0.0)
+    highest = max((w for w in natural_speeds(scene) if w < last), default=0.0)
+    if scene.run.initial.speed_ratio:
+        scene = scene.model_copy(update={"run": Run(initial=Initial(speed_ratio=0.0))})
     factors, captured = FACTORS, (0.0, 0.0)
     for _ in range(2 if highest else 0):
-        least = averaged_start(scene, factors, at_rest=True).speeds[:, on].min(axis=1)
+        least = averaged_start(scene, factors)[:, on].min(axis=1)
         low = np.flatnonzero(least <= highest)
         if not low.size:
             break

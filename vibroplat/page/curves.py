@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.digits import NEGLIGIBLE, quantity
-from vibroplat.page.run import LAST_TURNS, Course, accelerations
+from vibroplat.page.run import EXCITERS, LAST_TURNS, PANELS, Course, accelerations
 from vibroplat.page.svg import Floats, Plot, Scale
 from vibroplat.page.tables import hint
 from vibroplat.results.picture import CURVES, ORANGE, VERMILION
@@ -31,21 +30,6 @@ _COLOURS = {
     "contact_force_n": VERMILION,
     "gap_m": VERMILION,
 }
-_EXCITERS = {"speed_1_hz": "exciter 1", "speed_2_hz": "exciter 2", "synchronous_hz": "synchronous"}
-#: Panels of all curves: their titles, and columns with what these are called beside each other.
-PANELS: tuple[tuple[str, dict[str, str]], ...] = (
-    ("Force into the foundation, y", {"force_y_n": "force y"}),
-    ("Force into the foundation, x", {"force_x_n": "force x"}),
-    ("Platform y from rest", {"y_m": "y"}),
-    ("Platform x", {"x_m": "x"}),
-    ("Rotation", {"phi_rad": "φ"}),
-    ("Gap", {"gap_m": "gap"}),
-    ("Upper layer over the lower one", {"upper_m": "upper layer"}),
-    ("Contact force", {"contact_force_n": "contact force"}),
-    ("Speed", _EXCITERS),
-    ("Phase difference", {PHASE_COLUMN: "phase difference"}),
-    ("Motor power", {"motor_power_1_w": "motor 1", "motor_power_2_w": "motor 2"}),
-)
 
 
 class Line(NamedTuple):
@@ -73,6 +57,9 @@ class Runs:
     def __init__(self, courses: Sequence[Course], names: Sequence[str]) -> None:
         self.courses, self.names = courses, names if len(names) > 1 else [""]
         self.chosen = any(one.detail["t_s"].iloc[-1] < one.last - 1e-9 for one in courses)
+        known = all(one.frequency for one in courses)
+        #: What the detail is called.
+        self.last = "interval" if self.chosen else f"last {LAST_TURNS} turns" if known else "whole run"
 
     # -- lines --------------------------------------------------------------------------------------
 
@@ -118,12 +105,6 @@ class Runs:
             found.append(drawn(f"{words}, {self.last}", lines, main, detail=not self.chosen).html())
         return found
 
-    @property
-    def last(self) -> str:
-        """What the detail is called."""
-        known = all(one.frequency for one in self.courses)
-        return "interval" if self.chosen else f"last {LAST_TURNS} turns" if known else "whole run"
-
     def third(self) -> str:
         """Return the speeds while the exciters start, or the force of the last turns."""
         sizes = [(one.size(f"speed_{n}_hz"), one.frequency or 0.0) for one in self.courses for n in (1, 2)]
@@ -131,10 +112,10 @@ class Runs:
         if not moves:
             lines, title = self.detail({"force_y_n": "force y"}), f"Force into the foundation, {self.last}"
         elif any(one.steady is None for one in self.courses):
-            lines, title = self.whole(_EXCITERS), "Speed, whole run"
+            lines, title = self.whole(EXCITERS), "Speed, whole run"
         else:
             until = max(max(one.steady or 0.0, one.first + START) for one in self.courses)
-            lines, title = self.whole(_EXCITERS, until), "Speed until the stroke is steady"
+            lines, title = self.whole(EXCITERS, until), "Speed until the stroke is steady"
         if not lines:
             return ""
         column = "speed_1_hz" if moves else "force_y_n"
@@ -145,11 +126,10 @@ class Runs:
     def _mark_largest(self, plot: Plot) -> None:
         """Mark the static force, and the largest one with its time."""
         for course in self.courses:
-            s = course.result.summary
+            s, band = course.result.summary, course.band("force_y_n")
             most, at = (s.get(f"whole_foundation_force_y_max_{end}") for end in ("n", "at_s"))
             if s.get("foundation_force_y_mean_n") is not None and len(self.courses) == 1:
                 plot.rule("static", y=-s["foundation_force_y_mean_n"])
-            band = course.band("force_y_n")
             if most is not None and at is not None and band is not None:
                 side = 1.0 if np.nanmax(band[2]) >= -np.nanmin(band[1]) else -1.0
                 plot.mark(at, side * most, f"{quantity(most, 'N')} at {quantity(at, 's')}")
@@ -158,16 +138,14 @@ class Runs:
         """Return all curves in pairs, how many quantities these are, and what has nothing to show."""
         pairs, none = [], []
         measured = {column: label for one in self.courses for column, label in accelerations(one.result.scene).items()}
-        named = (("Acceleration", measured),) if any(map(self.whole, ({column: ""} for column in measured))) else ()
-        for title, columns in (*PANELS, *named):
-            whole, detail = self.whole(columns), self.detail(columns)
+        for title, columns in (*PANELS, *[("Acceleration", measured)] * bool(self.whole(measured))):
+            whole, detail, column = self.whole(columns), self.detail(columns), next(iter(columns))
             if not whole or not any(self._matters(one, column) for one in self.courses for column in columns):
                 none.append(title[0].lower() + title[1:])
                 continue
-            column = next(iter(columns))
-            right = drawn(self.last.capitalize(), detail, column, detail=not self.chosen).html() if detail else ""
-            if self._rests(whole, detail):
-                right = hint(f"{self.last.capitalize()}: 0")
+            right = hint(f"{self.last.capitalize()}: 0")
+            if not self._rests(whole, detail):
+                right = drawn(self.last.capitalize(), detail, column, detail=not self.chosen).html() if detail else ""
             pairs.append(drawn(f"{title}, whole run", whole, column).html() + right)
         if any(len(one.impulses) for one in self.courses):
             pairs.append(self._impulses(detail=False) + self._impulses(detail=True))
@@ -188,20 +166,18 @@ class Runs:
 
     def _impulses(self, *, detail: bool) -> str:
         """Return the impulses of all impacts of the runs, or of their last turns."""
-        ends = [
-            (one.detail["t_s"].iloc[0], one.detail["t_s"].iloc[-1]) if detail else (one.first, one.last)
-            for one in self.courses
-        ]
-        origins = [self._origin(one) if detail else 0.0 for one in self.courses]
-        struck = [one.impulses[one.impulses["t_s"].between(*end)] for one, end in zip(self.courses, ends, strict=True)]
-        sizes = np.concatenate([one["impulse_n_s"].to_numpy(dtype=float) for one in struck])
-        times = [(a - origin, b - origin) for (a, b), origin in zip(ends, origins, strict=True)]
+        struck, times = [], []
+        for one in self.courses:
+            origin = self._origin(one) if detail else 0.0
+            first, last = one.detail["t_s"].iloc[[0, -1]] if detail else (one.first, one.last)
+            times += [first - origin, last - origin]
+            inside = one.impulses[one.impulses["t_s"].between(first, last)].to_numpy(dtype=float)
+            struck.append((inside[:, 0] - origin, inside[:, 1]))
         unit = ("ms", 1e3) if detail and not self.chosen else ("s", 1.0)
-        x = Scale(float(np.min(times)), float(np.max(times)), *unit)
+        x = Scale(float(min(times)), float(max(times)), *unit)
         title = self.last.capitalize() if detail else "Impulse of each impact, whole run"
-        plot = Plot(title, x, Scale.of(np.append(sizes, 0.0), "impulse_n_s"))
-        for run, (one, origin) in enumerate(zip(struck, origins, strict=True)):
-            t, size = one["t_s"].to_numpy(dtype=float) - origin, one["impulse_n_s"].to_numpy(dtype=float)
+        plot = Plot(title, x, Scale.of(np.concatenate([[0.0], *(size for _, size in struck)]), "impulse_n_s"))
+        for run, (t, size) in enumerate(struck):
             name, colour = self.names[run] or "impulse", CURVES[run % len(CURVES)] if self.names[run] else VERMILION
             if detail:
                 stems = np.column_stack([0.0 * size, size, np.full(len(size), np.nan)]).ravel()
@@ -217,11 +193,10 @@ def one_line(lines: list[Line]) -> list[Line]:
         twin = next((n for n, one in enumerate(found) if _coincide(one, line)), None)
         if twin is None:
             found.append(line)
-        else:
-            same = found[twin].name.rpartition(" ")[0] == line.name.rpartition(" ")[0]
-            found[twin] = found[twin]._replace(
-                name=f"{found[twin].name} = {line.name.rpartition(' ')[2] if same else line.name}"
-            )
+            continue
+        kind, _, number = line.name.rpartition(" ")
+        same = found[twin].name.rpartition(" ")[0] == kind
+        found[twin] = found[twin]._replace(name=f"{found[twin].name} = {number if same else line.name}")
     return found
 
 
@@ -247,14 +222,6 @@ def drawn(title: str, lines: Iterable[Line], column: str, *, detail: bool = Fals
         if line.low is not line.high and np.nanmax(line.high - line.low) > narrow * span:
             plot.band(line.t, line.low, line.high, line.name, line.colour)
         else:
-            plot.curve(line.t, _broken(0.5 * (line.low + line.high), column), line.name, line.colour, dash=line.dash)
+            plot.curve(line.t, 0.5 * (line.low + line.high), line.name, line.colour, dash=line.dash)
     plot.key = [(line.name, line.colour) for line in lines] if len(lines) > 1 or " = " in lines[0].name else []
     return plot
-
-
-def _broken(values: Floats, column: str) -> Any:
-    """Break phases where they jump by most of a turn."""
-    if column != PHASE_COLUMN:
-        return values
-    far = np.append(False, np.abs(np.diff(values)) > math.pi)
-    return np.where(far, np.nan, values)

@@ -24,6 +24,8 @@ MOVING = ("x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", "gap_m", "upper_m", "
 #: Largest of the whole numbers that curves are packed as.
 STEPS = 65534
 _EXCITERS = ("#0072B2", "#D55E00")
+#: The button that stops it.
+PLAY = '<button type="button" class="play" aria-pressed="true">Pause</button>'
 
 
 def packed(values: npt.ArrayLike, least: float = 0.0) -> tuple[float, float, str]:
@@ -39,11 +41,12 @@ def packed(values: npt.ArrayLike, least: float = 0.0) -> tuple[float, float, str
         return mean, mean, ""
     with np.errstate(invalid="ignore"):
         parts = np.where(np.isfinite(numbers), (numbers - low) / (high - low or 1.0) * STEPS, STEPS + 1)
-    return (
-        float(f"{low:.9g}"),
-        float(f"{high:.9g}"),
-        base64.b64encode(parts.round().astype("<u2").tobytes()).decode("ascii"),
-    )
+    return float(f"{low:.9g}"), float(f"{high:.9g}"), base64_of(parts)
+
+
+def base64_of(parts: Any) -> str:
+    """Return numbers up to 65535 as base64 of 16-bit ones."""
+    return base64.b64encode(np.round(parts).astype("<u2").tobytes()).decode("ascii")
 
 
 def moving(frames: pd.DataFrame, scene: Scene, hits: Sequence[Sequence[float]], **more: Any) -> dict[str, Any]:
@@ -60,21 +63,13 @@ def moving(frames: pd.DataFrame, scene: Scene, hits: Sequence[Sequence[float]], 
     more
         Further entries.
     """
+    scale, k = scale_of(machine_of(scene)), magnification(frames, machine_of(scene))
+    unseen = 1e-4 * ROOM / (scale * k)
+    least = dict.fromkeys(("x_m", "y_m", "gap_m", "upper_m"), unseen) | {"phi_rad": unseen / HALF * scale}
+    turned = frames.assign(**{angle: np.mod(frames[angle], 2.0 * math.pi) for angle in ("phi1_rad", "phi2_rad")})
     known = [name for name in MOVING if name in frames and frames[name].notna().any()]
-    unseen = 1e-4 * ROOM / (scale_of(machine_of(scene)) * magnification(frames, machine_of(scene)))
-    least = dict.fromkeys(("x_m", "y_m", "gap_m", "upper_m"), unseen) | {
-        "phi_rad": unseen / HALF * scale_of(machine_of(scene))
-    }
-    columns = {name: packed(frames[name], least.get(name, 0.0)) for name in known}
-    for angle in ("phi1_rad", "phi2_rad"):
-        columns[angle] = packed(np.mod(frames[angle], 2.0 * math.pi))
-    return {
-        "columns": columns,
-        "frames": len(frames),
-        "k": magnification(frames, machine_of(scene)),
-        "hits": hits,
-        **more,
-    }
+    columns = {name: packed(turned[name], least.get(name, 0.0)) for name in known}
+    return {"columns": columns, "frames": len(frames), "k": k, "hits": hits, **more}
 
 
 def machine_of(scene: Scene) -> dict[str, Any]:
@@ -123,20 +118,14 @@ def drawing(machine: Mapping[str, Any], label: str) -> str:
     body = f'<rect x="{-HALF}" y="{-top:.1f}" width="{2 * HALF}" height="{top - bottom:.1f}" rx="5" class="steel"/>'
     body += f'<path class="ink deck" d="M{-HALF} {-top:.1f}h{2 * HALF}"/><path class="ink" d="M-5 0h10M0 -5v10"/>'
     body += "".join(_exciter(n, axes[n], radii[n], machine["directions"][n]) for n in (0, 1))
-    coil = _coil(SPRING + ROOM, 7, 7.0)
+    coil, hatch = _coil(SPRING + ROOM, 7, 7.0), "".join(f"M{x} {-floor:.1f}l-6 7" for x in range(-90, 91, 9))
+    spring = f'<g class="spring" data-at="{{0}}" transform="translate({{0}} {-floor:.1f})">{coil}</g>'
+    springs = "".join(map(spring.format, (-72, 72)))
     return (
         f'<svg class="machine" viewBox="-124 {-above:.1f} 262 {above - floor + 12.0:.1f}" role="img" '
-        f'aria-label="{label}" {data}>{_ground(floor)}'
-        + "".join(
-            f'<g class="spring" data-at="{x}" transform="translate({x} {-floor:.1f})">{coil}</g>' for x in (-72, 72)
-        )
-        + f'<g class="body">{body}{_layers(heights, top)}{_signs(top)}</g></svg>'
+        f'aria-label="{label}" {data}><path class="ground" d="M-96 {-floor:.1f}H96{hatch}"/>{springs}'
+        f'<g class="body">{body}{_layers(heights, top)}{_signs(top)}</g></svg>'
     )
-
-
-def _ground(floor: float) -> str:
-    hatch = "".join(f"M{x} {-floor:.1f}l-6 7" for x in range(-90, 91, 9))
-    return f'<path class="ground" d="M-96 {-floor:.1f}H96{hatch}"/>'
 
 
 def _coil(length: float, turns: int, width: float) -> str:

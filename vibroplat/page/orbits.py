@@ -77,8 +77,7 @@ class Motions:
         if known is None:
             known = self._computed(orbits.table, orbits.first, [row for row in owner if row is not None])
             self.found.append((orbits.table, known))
-        rows, none = known["rows"], NOT_HELD
-        found = [rows.get(row, none) for row in owner]
+        found = [known["rows"].get(row, NOT_HELD) for row in owner]
         why = list(dict.fromkeys(one for one in found if isinstance(one, str)))
         numbers = [-1 - why.index(one) if isinstance(one, str) else one for one in found]
         owned = orbits.owner is not None and orbits.table is not picture.table
@@ -94,13 +93,14 @@ class Motions:
             ``list``: the orbits; ``rows``: for each row the place of its orbit, or why it has none.
         """
         chosen = sorted({*rows})
-        records = dict(zip(chosen, _records(table.iloc[chosen]), strict=True))
+        records: dict[int, Any] = dict(zip(chosen, table.iloc[chosen].to_dict("records"), strict=True))
         orbits: list[dict[str, Any]] = []
         found: dict[int, int | str] = {row: text for row in chosen if (text := _why_none(records[row]))}
         order = dict.fromkeys([*(row for row in first if row in records), *(chosen[n] for n in evenly(len(chosen)))])
         wanted, used = [row for row in order if row not in found], 0
-        for done, row in enumerate(wanted if self.mover is not None else ()):
-            assert self.mover is not None
+        for done, row in enumerate(wanted):
+            if self.mover is None:
+                break
             if self.progress is not None:
                 self.progress(done, len(wanted))
             try:
@@ -122,8 +122,8 @@ class Motions:
         turns = max(1, round(abs(float(np.ptp(trajectory["phi1_rad"].iloc[[0, -1]]))) / (2.0 * np.pi)))
         count, machine = SAMPLES * turns, machine_of(scene)
         self.machines += [] if machine in self.machines else [machine]
-        samples = resampled(trajectory, scene, count, "y_rate_m_per_s")
-        hits = impulses_of(events, seconds, count)
+        samples = resampled(trajectory, scene, np.linspace(0.0, seconds, count, endpoint=False), "y_rate_m_per_s")
+        hits = impulses_of(events, 0.0, seconds, count)
         windows, number = [[0.0, round(seconds, 6), 0, count]], self.machines.index(machine)
         orbit = moving(samples, scene, hits, windows=windows, turns=turns, machine=number)
         orbit["columns"]["y_rate_m_per_s"] = packed(samples["y_rate_m_per_s"])
@@ -134,11 +134,6 @@ def evenly(count: int) -> list[int]:
     """Order numbers from 0 so that the first ones, however many, lie evenly among all: by their bits, backwards."""
     bits = max(count - 1, 1).bit_length()
     return sorted(range(count), key=lambda number: int(f"{number:0{bits}b}"[::-1], 2))
-
-
-def _records(table: pd.DataFrame) -> list[Row]:
-    """Return the rows of a table by column."""
-    return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
 
 
 def _why_none(row: Row) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,9 @@ from contourpy import contour_generator
 from vibroplat.columns import display_name, quantity_of, unit_of
 from vibroplat.config.digits import quantity
 from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
-from vibroplat.page.view import View, alone, axis_name, coloured, dashes, heading, near, places_of, shown_at, unwrapped
+from vibroplat.page.view import View, alone, axis_name, coloured, dashes, heading, places_of
 from vibroplat.results.labels import halfway, in_ratios
-from vibroplat.results.picture import BEHIND, BLACK, FULL, LOST, VERMILION, Facet, Panel, Series
+from vibroplat.results.picture import BEHIND, BLACK, FULL, LOST, VERMILION, Facet, Panel, Series, Span, Strip
 
 #: Signs of matplotlib's markers.
 SIGNS = dict(zip("osD^vXP*", "○□◇△▽✕✚★", strict=True))
@@ -42,21 +42,19 @@ def figures(view: View, facet: Facet | None) -> list[str]:
     for panel in view.picture.panels:
         if panel.column == (panel.x or view.axis) and panel.kind == "points":
             continue
-        named = plain_text(facet.label) if facet is not None and panel.kind == "bars" else ""
-        if any(len(places_of([one])) for one in shown):
-            found.append(_KINDS[panel.kind](view, panel, shown, behind, named).html())
+        titled = replace(panel, title=facet.label) if facet is not None and panel.kind == "bars" else panel
+        if len(places_of(shown)):
+            found.append(_KINDS[panel.kind](view, titled, shown, behind).html())
     return found
 
 
-def points(view: View, panel: Panel, shown: Sequence[Series], behind: Sequence[Series], _: str) -> Plot:
+def points(view: View, panel: Panel, shown: Sequence[Series], behind: Sequence[Series]) -> Plot:
     """Draw curves and dots."""
     column, x_column = panel.column, panel.x or view.axis
     own = [one for one in shown if not one.of or column in one.of]
     places = places_of([*own, *behind])
-    lines = [shown_at(column, v) for line in view.picture.lines if line.column == column for v in line.at]
     x_values, y_values = view.values(x_column), view.values(column)
-    reached = np.append(y_values[places], near(lines, y_values[places]))
-    y = Scale.of(reached, column, least=panel.least, log=panel.scale == "log")
+    y = Scale.of(view.reached(column, places), column, least=panel.least, log=panel.scale == "log")
     plot = view.plot(panel, view.across(panel, shown), y)
     for one in behind:
         plot.dots(x_values[places_of([one])], y_values[places_of([one])], "", BEHIND, size=2.5)
@@ -82,36 +80,20 @@ def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> Non
     """Draw a series: its line, and dots where there is none or where points are not as usual."""
     name = ", ".join(filter(None, (plain_text(series.label), plain_text(series.look))))
     places = places_of([series])
-    states = view.picture.states
-    state = (
-        np.zeros(len(places), dtype=int)
-        if states is None
-        else np.append(states, [0] * len(view.picture.points))[places]
-    )
+    known: Any = () if view.picture.states is None else view.picture.states
+    state = np.append(known, np.full(len(x), FULL))[places]
+    full = (state == FULL) | (series.mode == "dots")
+    odd = ~full & (state != LOST) & (series.mode != "lines")
+    size = {"dots": 3.0, "markers": 5.5 * min(series.size, 1.2)}.get(series.mode, 5.0)
     if series.mode in ("lines", "both"):
         rows = series.places
         line_x, line_y = (np.where(rows >= 0, values[np.maximum(rows, 0)], np.nan) for values in (x, y))
-        single = places[alone(np.isfinite(line_x) & np.isfinite(line_y), rows)]
-        if plot.y.unit == "°":
-            line_x, line_y = unwrapped(line_x, line_y)
-        plot.curve(
-            line_x,
-            line_y,
-            name,
-            series.colour,
-            dash=dashes(series.dash),
-            width=1.3 * min(series.width, 1.3),
-            pale=series.pale,
-        )
-        plot.dots(x[single], y[single], "", series.colour, size=5.0)
-        odd = (state != FULL) & (state != LOST) & (series.mode == "both")
-        plot.dots(x[places[odd]], y[places[odd]], "", series.colour, size=5.0, hollow=True, pale=series.pale)
-    else:
-        size = 3.0 if series.mode == "dots" else 5.5 * min(series.size, 1.2)
-        full = (state == FULL) | (series.mode == "dots")
-        plot.dots(x[places[full]], y[places[full]], name, series.colour, size=size, pale=series.pale)
-        odd = ~full & (state != LOST)
-        plot.dots(x[places[odd]], y[places[odd]], "" if full.any() else name, series.colour, size=size, hollow=True)
+        width, dash = 1.3 * min(series.width, 1.3), dashes(series.dash)
+        plot.curve(line_x, line_y, name, series.colour, dash=dash, width=width, pale=series.pale)
+        full, name = alone(np.isfinite(line_x) & np.isfinite(line_y), rows), ""
+    plot.dots(x[places[full]], y[places[full]], name, series.colour, size=size, pale=series.pale)
+    told = "" if full.any() else name
+    plot.dots(x[places[odd]], y[places[odd]], told, series.colour, size=size, hollow=True, pale=series.pale)
     lost = places[state == LOST]
     for place in lost[:FEW]:
         plot.mark(x[place], y[place] if np.isfinite(y[place]) else plot.y.low, "failed", "✕", "#a00000")
@@ -126,7 +108,7 @@ def _classed(view: View, plot: Plot, panel: Panel, series: Series) -> None:
         plot.dots(x[chosen], y[chosen], name, colour, size=size)
 
 
-def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series], __: str) -> Plot:
+def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]) -> Plot:
     """Draw a tile for each point, in rows that are evenly spaced; neighbours of one colour are one."""
     across, up = view.values(panel.x or view.axis), view.values(panel.column)
     places = places_of([one for one in shown if one.mode == "dots"])
@@ -134,27 +116,26 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]
     if not len(places):
         return view.plot(panel, Scale(0.0, 1.0), Scale(0.0, 1.0))
     levels, over = np.unique(up[places]), np.unique(across[places])
-    at = np.searchsorted(levels, up[places]), np.searchsorted(over, across[places])
+    at = np.searchsorted(levels, up[places])
     unit, factor = unit_for(panel.column, float(np.abs(levels).max()))
     ends, units = halfway(over), unit_for(view.axis, float(over[-1]))
     x = Scale(ends[0], ends[-1], *units, label=axis_name(panel.x or view.axis), log=in_ratios(over))
     y = Scale(-0.5, len(levels) - 0.5, unit, names=[f"{level * factor:.4g}" for level in levels])
     title = plain_text(panel.title or panel.label) or _CALLED.get(panel.by) or axis_name(panel.by)
     plot = view.plot(panel, x, y, f"{title}; upwards: {axis_name(panel.column)}")
-    points, looks = view.picture.points.iloc[places], np.full(len(places), "", dtype=object)
-    for name, colour, chosen in coloured(panel, points):
-        looks[chosen] = f"{colour}|{name}"
-    _boxes(plot, _grid(looks, at, (len(levels), len(over)), ""), ends)
-    if panel.hatch:
-        each = enumerate(panel.hatches.items())
-        numbers = {hatch: f"url(#hatch-{number % len(HATCHES)})|{told}" for number, (hatch, told) in each}
-        plot.note = hatches_told(panel.hatches, panel.note)
-        hatched = points[panel.hatch].map(numbers).fillna("").to_numpy(dtype=object)
-        _boxes(plot, _grid(hatched, at, (len(levels), len(over)), ""), ends)
+    points = view.picture.points
+    looks = coloured(panel, points)
+    kinds = np.select([chosen for *_, chosen in looks], [name for name, *_ in looks], "")
+    classes = {name: (colour, name) for name, colour, _ in looks}
+    hatched = points[panel.hatch].to_numpy(dtype=object) if panel.hatch else np.full(len(points), "")
+    plot.note = hatches_told(panel.hatches, panel.note)
+    for row in range(len(levels)):
+        own = places[at == row]
+        _spans(plot, row, Strip("", "", own, kinds[own], hatched[own]).spans(across), classes, panel.hatches, 0.49)
     if panel.contours and min(len(levels), len(over)) > 1:
-        values = _grid(view.values(panel.contours.column)[places], at, (len(levels), len(over)), np.nan)
-        heights: Any = np.ma.masked_invalid(values.astype(float))
-        drawing = contour_generator(over, np.arange(len(levels)), heights)
+        grid: Any = np.full((len(levels), len(over)), np.nan)
+        grid[at, np.searchsorted(over, across[places])] = view.values(panel.contours.column)[places]
+        drawing = contour_generator(over, np.arange(len(levels)), np.ma.masked_invalid(grid))
         for level, (told, dash) in panel.contours.levels.items():
             for line in map(np.asarray, drawing.lines(level)):
                 plot.curve(line[:, 0], line[:, 1], plain_text(told), BLACK, dash=dashes(dash), width=1.2)
@@ -164,40 +145,45 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]
             plot.word(word.x, row_of, plain_text(word.text), word.colour)
     for one in (one for one in shown if one.mode != "dots"):
         known = np.maximum(one.places, 0)
-        row = np.interp(up[known], levels, np.arange(len(levels)), np.nan, np.nan)
-        over_x, over_y = (np.where(one.places >= 0, values, np.nan) for values in (across[known], row))
+        height = np.interp(up[known], levels, np.arange(len(levels)), np.nan, np.nan)
+        over_x, over_y = (np.where(one.places >= 0, values, np.nan) for values in (across[known], height))
         plot.curve(over_x, over_y, plain_text(one.label), one.colour, dash=dashes(one.dash), width=1.3 * one.width)
-    view.hits(plot, across[places], at[0].astype(float), places)
+    view.hits(plot, across[places], at.astype(float), places)
     return plot
 
 
-def _grid(values: Any, at: tuple[Any, Any], shape: tuple[int, int], empty: Any) -> Any:
-    """Return values of points in rows and columns."""
-    found = np.full(shape, empty, dtype=object)
-    found[at] = values
-    return found
+def _spans(
+    plot: Plot,
+    row: float,
+    spans: Sequence[Span],
+    classes: Mapping[str, tuple[str, str]],
+    hatches: Mapping[str, str],
+    half: float,
+) -> None:
+    """Draw the intervals of a row: colours, hatches, lines below and texts."""
+    up = (row - half, row + half)
+    for span in spans:
+        colour, meaning = classes.get(span.kind, ("", ""))
+        across = (max(span.low, plot.x.low), min(span.high, plot.x.high))
+        if colour:
+            plot.box(across, up, colour, plain_text(meaning))
+        if span.hatch in hatches:
+            hatch = [*hatches].index(span.hatch) % len(HATCHES)
+            plot.box(across, up, f"url(#hatch-{hatch})", hatches[span.hatch])
+        if span.lined:
+            plot.box(across, (row + 0.38, row + 0.46), "#000")
+        if span.text:
+            plot.word(0.5 * (span.low + span.high), row, span.text, "#fff" if colour else "#222")
 
 
-def _boxes(plot: Plot, grid: Any, ends: Any) -> None:
-    """Draw rows of colours, each with what it means behind a bar, between the ends of the columns."""
-    for row, cells in enumerate(grid.tolist()):
-        first = 0
-        for look, run in itertools.groupby(cells):
-            after = first + len(list(run))
-            if look:
-                colour, _, told = look.partition("|")
-                plot.box((ends[first], ends[after]), (row - 0.49, row + 0.49), colour, told)
-            first = after
-
-
-def bars(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series], named: str) -> Plot:
+def bars(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]) -> Plot:
     """Draw horizontal bars over words, the first one on top."""
     places = places_of(shown)
     values = view.values(view.axis)[places]
     words = [display_name(str(word)) or str(word) for word in view.picture.points[panel.column].iloc[places]]
     x = Scale.of(np.append(values, 0.0), view.axis, label=plain_text(panel.label) or axis_name(view.axis))
     y = Scale(len(words) - 0.5, -0.5, names=words)
-    plot = view.plot(panel, x, y, named or heading(panel))
+    plot = view.plot(panel, x, y, heading(panel))
     plot.look, plot.height = "picture bars", f"--h:{22 * max(len(words), 1) + 6}px"
     for row, value in enumerate(values):
         colour = shown[0].colour if value >= 0.0 else VERMILION
@@ -206,7 +192,7 @@ def bars(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series],
     return plot
 
 
-def stack(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series], __: str) -> Plot:
+def stack(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]) -> Plot:
     """Draw fractions on each other."""
     plot = view.plot(panel, view.across(panel, shown), Scale(0.0, 1.0, "%", 100.0))
     x, y = view.values(view.axis), view.values(panel.column)
@@ -223,25 +209,19 @@ def stack(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]
     return plot
 
 
-def ranks(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series], __: str) -> Plot:
+def ranks(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]) -> Plot:
     """Draw each point a dot in the order of its values, over which stands the share of those not larger."""
     places = places_of(shown)
     values = view.values(panel.column)
     places = places[np.isfinite(values[places])]
     order = places[np.argsort(values[places], kind="stable")]
     shares = (np.arange(len(order)) + 0.5) / max(len(order), 1)
-    lines = [v for line in view.picture.lines if line.column == panel.column for v in line.at]
-    unit = quantity_of(panel.column).name
-    x = Scale.of(np.append(values[order], near(lines, values[order])), panel.column, label=plain_text(unit))
-    plot = Plot(heading(panel), x, Scale(0.0, 1.0, "%", 100.0), "picture")
-    plot.note = plain_text(panel.note)
-    for line in view.picture.lines:
-        for value in line.at if line.column == panel.column else ():
-            plot.rule(plain_text(line.label), x=value, dash=dashes(line.dash))
+    label = plain_text(quantity_of(panel.column).name)
+    x = Scale.of(view.reached(panel.column, order), panel.column, label=label)
+    plot = view.plot(replace(panel, column="", x=panel.column), x, Scale(0.0, 1.0, "%", 100.0), heading(panel))
     at = pd.Series(shares, order)
-    for name, colour, chosen in (
-        coloured(panel, view.picture.points.iloc[order]) if panel.by else [("", shown[0].colour, slice(None))]
-    ):
+    whole: list[tuple[str, str, Any]] = [("", shown[0].colour, slice(None))]
+    for name, colour, chosen in coloured(panel, view.picture.points.iloc[order]) if panel.by else whole:
         own = order[chosen]
         plot.dots(values[own], at[own].to_numpy(), name, colour, size=5.0 if len(order) <= FEW else 3.2)
     for share in (0.05, 0.5, 0.95) if len(order) else ():
@@ -263,21 +243,10 @@ def strips(view: View) -> list[str]:
     x = view.across(Panel(view.axis), view.picture.series)
     y = Scale(len(spans) - 0.5, -0.5, names=[plain_text(strip.label) for strip in strips.rows])
     plot = Plot(plain_text(strips.label), x, y, "picture strips")
-    plot.height, hatches = f"--h:{24 * len(spans) + 6}px", list(strips.hatches)
+    plot.height = f"--h:{24 * len(spans) + 6}px"
     plot.note = hatches_told(strips.hatches, f"line: {strips.line}" if strips.line else "")
     for row, found in enumerate(spans):
-        for span in found:
-            colour, meaning = strips.classes.get(span.kind, ("", ""))
-            ends_of = (max(span.low, x.low), min(span.high, x.high))
-            if colour:
-                plot.box(ends_of, (row - 0.36, row + 0.36), colour, plain_text(meaning))
-            if span.hatch in hatches:
-                hatch = hatches.index(span.hatch) % len(HATCHES)
-                plot.box(ends_of, (row - 0.36, row + 0.36), f"url(#hatch-{hatch})", strips.hatches[span.hatch])
-            if span.lined:
-                plot.box(ends_of, (row + 0.38, row + 0.46), "#000")
-            if span.text:
-                plot.word(0.5 * (span.low + span.high), row, span.text, "#fff" if colour else "#222")
+        _spans(plot, row, found, strips.classes, strips.hatches, 0.36)
     places = np.concatenate([np.asarray(strip.rows, dtype=int) for strip in strips.rows])
     rows = np.repeat(np.arange(len(spans), dtype=float), [len(strip.rows) for strip in strips.rows])
     view.hits(plot, at[places], rows, places)
@@ -285,7 +254,7 @@ def strips(view: View) -> list[str]:
     return [plot.html()]
 
 
-_KINDS: Mapping[str, Callable[[View, Panel, Sequence[Series], Sequence[Series], str], Plot]] = {
+_KINDS: Mapping[str, Callable[[View, Panel, Sequence[Series], Sequence[Series]], Plot]] = {
     "points": points,
     "plane": points,
     "tiles": tiles,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
 from typing import Any
 
 import numpy as np
 
-from vibroplat.page.machine import as_json
+from vibroplat.page.machine import PLAY, as_json
 from vibroplat.page.orbits import Motions
 from vibroplat.page.panels import SIGNS, figures
 from vibroplat.page.svg import Plot, Scale, plain_text
@@ -36,13 +37,13 @@ def picture_html(number: int, picture: Picture, motions: Motions, file: str, tit
     view = View(picture, picture.axes[0] if picture.axes else "", renumbered)
     facets: list[Facet | None] = [*picture.facets] if len(picture.facets) > 1 else [None]
     bars = bool(picture.panels) and picture.panels[0].kind == "bars"
-    shown = facets if bars else facets[:1]
+    shown, others = (facets, []) if bars else (facets[:1], facets[1:])
     first = [figure for facet in shown for figure in figures(view, facet)]
     name = f"<h3>{escape(plain_text(facets[0].label))}</h3>" if facets[0] is not None and not bars else ""
     nothing = plain_text(picture.panels[0].title) if picture.panels else ""
     empty = hint(nothing or "Nothing here has a value that could be drawn.")
     moved = motions.of(picture, places)
-    more = _more(view, facets[len(shown) :], facets, MOST_POINTS // max(len(places) * max(len(first), 1), 1))
+    more = _more(view, others, facets, MOST_POINTS // max(len(places) * max(len(first), 1), 1))
     home, tables = _home(number, picture, motions), ""
     if home == number:
         tables = table_html(f"Table {picture.table_name}", picture.table, kept, file=f"{file}-{picture.table_name}.csv")
@@ -50,9 +51,10 @@ def picture_html(number: int, picture: Picture, motions: Motions, file: str, tit
         tables += table_html(picture.special_name, picture.special, special, file=f"{file}-{picture.special_name}.csv")
     told = [picture.told.replace("\n", "; "), picture.meaning, _orbits_told(moved, len(places))]
     sentences = " ".join(f"{text.removesuffix('.')}." for text in told if text)
+    marks = {str(renumbered[row]): mark.kind for mark in picture.marks for row in mark.rows if renumbered[row] >= 0}
     own = moved if home == number else moved | {"list": []}
-    data = as_json(own | {"home": home, "rows": len(kept), "marks": _marks_of(picture, renumbered)})
-    look = f"panels{' high' if picture.high else ''}{' bars' if bars else ''}"
+    data = as_json(own | {"home": home, "rows": len(kept), "marks": marks})
+    look = "panels bars" if bars else "panels"
     return (
         f'<section class="study" id="picture-{number}"><h2>{escape(picture.heading)} '
         f"<small>{escape(title)}</small></h2>{_key(picture)}"
@@ -72,24 +74,17 @@ def _home(number: int, picture: Picture, motions: Motions) -> int:
 
 def _more(view: View, others: Sequence[Facet | None], facets: Sequence[Facet | None], room: int) -> str:
     """Return the other facets of a picture, and it over its other axes, folded."""
-    found = "".join(_figures(plain_text(facet.label), figures(view, facet)) for facet in others if facet is not None)
+    found = "".join(_figures(plain_text(facet.label), view, [facet]) for facet in others if facet is not None)
     axes = view.picture.axes[1:][:room]
-    over = ""
-    for axis in axes:
-        other = View(view.picture, axis, view.renumbered)
-        over += _figures(f"Over {axis_name(axis)}", [figure for facet in facets for figure in figures(other, facet)])
-    if len(axes) < 2 or not over:
-        return found + over
-    return found + fold("Over another column", ", ".join(map(axis_name, axes)), over)
+    over = "".join(_figures(f"Over {axis_name(axis)}", replace(view, axis=axis), facets) for axis in axes)
+    if len(axes) > 1 and over:
+        over = fold("Over another column", ", ".join(map(axis_name, axes)), over)
+    return found + over
 
 
-def _figures(label: str, found: list[str]) -> str:
-    return fold(label, "", f'<div class="panels">{"".join(found)}</div>') if found else ""
-
-
-def _marks_of(picture: Picture, renumbered: Any) -> dict[str, str]:
-    """Return for points on the page with a mark what they are."""
-    return {str(int(renumbered[row])): mark.kind for mark in picture.marks for row in mark.rows if renumbered[row] >= 0}
+def _figures(label: str, view: View, facets: Sequence[Facet | None]) -> str:
+    found = "".join(figure for facet in facets for figure in figures(view, facet))
+    return fold(label, "", f'<div class="panels">{found}</div>') if found else ""
 
 
 def _orbits_told(moved: dict[str, Any], count: int) -> str:
@@ -120,11 +115,8 @@ def _key(picture: Picture) -> str:
         sign = f"<b{colour}>{SIGNS.get(mark.symbol, '◆')}</b>"
         entries.setdefault(mark.kind, f'<span title="{escape(mark.meaning)}">{sign} {escape(mark.kind)}</span>')
     for panel in picture.panels:
-        entries |= {
-            f"{panel.by}{name}": text
-            for name, text in _classes(panel, picture).items()
-            if f"{panel.by}{name}" not in entries
-        }
+        for name, text in _classes(panel, picture).items():
+            entries.setdefault(f"{panel.by}{name}", text)
     return f'<p class="key">{"".join(entries.values())}</p>' if entries else ""
 
 
@@ -147,16 +139,16 @@ def _classes(panel: Any, picture: Picture) -> dict[str, str]:
 
 def _aside(moved: dict[str, Any]) -> str:
     """Return the place for what a click on a point shows: its orbit, the moving machine, and its numbers."""
-    orbit = " and its orbit with the moving machine" if moved["list"] else ""
-    click = hint(f"Click or tap a point, or a row of the table, to see its numbers{orbit}.")
-    if not moved["list"]:
-        return f'<aside class="row scripted">{click}<div class="circle"></div><div class="numbers"></div></aside>'
-    motion = _empty("Platform and underside of the material", "mm", "turns", "motion")
-    portrait = _empty("Speed of the platform over its height", "m/s", "mm", "portrait")
-    player = '<button type="button" class="play" aria-pressed="true">Pause</button><span class="told hint"></span>'
-    stage = f'<h3></h3><div class="stage"></div><div class="controls">{player}</div>{motion}{portrait}'
+    told, orbit = "", ""
+    if moved["list"]:
+        told = " and its orbit with the moving machine"
+        motion = _empty("Platform and underside of the material", "mm", "turns", "motion")
+        portrait = _empty("Speed of the platform over its height", "m/s", "mm", "portrait")
+        player = f'<div class="controls">{PLAY}<span class="told hint"></span></div>'
+        orbit = f'<div class="orbit" hidden><h3></h3><div class="stage"></div>{player}{motion}{portrait}</div>'
+    click = hint(f"Click or tap a point, or a row of the table, to see its numbers{told}.")
     numbers = '<div class="circle"></div><div class="numbers"></div>'
-    return f'<aside class="row scripted"><div class="orbit" hidden>{stage}</div>{click}{numbers}</aside>'
+    return f'<aside class="row scripted">{orbit}{click}{numbers}</aside>'
 
 
 def _empty(title: str, unit: str, across: str, look: str) -> str:

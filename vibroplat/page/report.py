@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import logging
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,9 +19,9 @@ import pandas as pd
 from vibroplat.config.digits import given, quantity, share
 from vibroplat.config.kinds import KINDS
 from vibroplat.config.scene import Scene
-from vibroplat.page.answer import Told, told_of
+from vibroplat.page.answer import told_of
 from vibroplat.page.curves import Runs
-from vibroplat.page.machine import as_json, drawing, machine_of
+from vibroplat.page.machine import PLAY, as_json, drawing, machine_of
 from vibroplat.page.orbits import MOST_SAMPLES, Motions, Mover, Progress
 from vibroplat.page.pictures import picture_html
 from vibroplat.page.results import differences, find_results, parameters
@@ -30,15 +29,12 @@ from vibroplat.page.run import Course, course_of
 from vibroplat.page.sheet import Sheet, caption, sheet_html
 from vibroplat.page.svg import plain_text
 from vibroplat.page.tables import fold, hint, listing, parameters_html, table_html
+from vibroplat.results.answer import Answer
 from vibroplat.results.picture import Picture, finite
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
 from vibroplat.results.tables import replace_file, require_replaceable
 
-_LOG = logging.getLogger("vibroplat")
-
-#: Size of a page that is told (bytes): mail takes what is smaller.
-LARGE = 8_000_000
 #: How a page begins, whatever wrote it.
 BEGINS = b"<!doctype html"
 #: Name of the page where none is given.
@@ -89,11 +85,8 @@ def write_report(
     """
     path = directories[0] / NAME if out is None else out
     require_replaceable(path, BEGINS, overwrite=overwrite)
-    found = Report(find_results(directories), start, stop, mover, progress)
-    text = found.page()
+    text = Report(find_results(directories), start, stop, mover, progress).page()
     replace_file(path, lambda place: place.write_text(text, encoding="utf-8", newline="\n"))
-    if (size := path.stat().st_size) > LARGE:
-        _LOG.warning("%s has %.1f MB, over %.0f MB; %s", path, size / 1e6, LARGE / 1e6, found.smaller())
     return path
 
 
@@ -127,7 +120,7 @@ class Report:
         return {label: course for label, course in found.items() if course is not None}
 
     @cached_property
-    def told(self) -> list[Told]:
+    def told(self) -> list[Answer]:
         """The answer of each result."""
         return [told_of(one) for one in self.results]
 
@@ -137,17 +130,6 @@ class Report:
         studies = [one for one in self.results if not isinstance(one, RunResult)]
         found = [(one, picture) for one in studies for picture in KINDS[one.command].pictures.pictures([one])]
         return [(one, picture) for one, picture in found if "page" in picture.places]
-
-    @cached_property
-    def differs(self) -> list[str]:
-        """The parameters in which results of one command differ."""
-        return differences([one.command for one in self.results], [one.scene.to_tree() for one in self.results])
-
-    def smaller(self) -> str:
-        """Say what would make the page smaller."""
-        studies = self.mover is not None and len(self.runs) < len(self.results)
-        ways = [*["fewer results"] * (len(self.results) > 1), *["--no-orbits"] * studies] or ["fewer rows"]
-        return f"smaller with {', or '.join(ways)}"
 
     # -- the page -----------------------------------------------------------------------------------
 
@@ -187,19 +169,20 @@ class Report:
         day = f"{str(made.get('created', ''))[:10]}, vibroplat {made.get('vibroplat', '')}"
         found = f'<h1 id="title">{escape(self.title)} <span>{escape(day)}</span></h1>'
         several = len(self.results) > 1
-        for one, told, differs in zip(self.results, self.told, self.differs, strict=True):
-            called = one.label if isinstance(one, RunResult) else f"{one.label}, {one.command}"
-            name = f"<small>{escape(called)}{escape(f' ({differs})' if differs else '')}</small><br>" if several else ""
-            failed = "; ".join(told.failures)
-            bad = bool(failed) or (isinstance(one, RunResult) and bool(one.summary.get("captured_by")))
-            headline = escape(failed or told.headline or self._title_of(one))
-            found += f'<p class="answer{" bad" if bad else ""}{" run" if several else ""}">{name}{headline}</p>'
+        differing = differences([one.command for one in self.results], [one.scene.to_tree() for one in self.results])
+        for one, told, differs in zip(self.results, self.told, differing, strict=True):
+            run = isinstance(one, RunResult)
+            called = (one.label if run else f"{one.label}, {one.command}") + (f" ({differs})" if differs else "")
+            name = f"<small>{escape(called)}</small><br>" if several else ""
+            failed, headline = "; ".join(told.failures), told.headline or self._title_of(one)
+            bad = bool(failed) or (run and bool(one.summary.get("captured_by")))
+            look = f"answer{' bad' if bad else ''}{' run' if several else ''}"
+            found += f'<p class="{look}">{name}{escape(failed or headline)}</p>'
             if failed and told.headline:
                 found += f'<p class="more">{escape(told.headline)}</p>'
-            if told.more:
-                found += f'<p class="more">{escape(told.more)}</p>'
             if told.short:
-                found += f'<pre class="short">{escape(chr(10).join(told.short))}</pre>'
+                start, end = ('<p class="more">', "</p>") if run else ('<pre class="short">', "</pre>")
+                found += start + escape("\n".join(told.short)) + end
             found += "".join(f'<ul class="notes"><li><b>Note:</b> {escape(note)}</li></ul>' for note in told.notes)
         return found
 
@@ -226,20 +209,19 @@ class Report:
 
     def _stages(self, *, several: bool) -> str:
         """Return the drawings of the machines with what moves them, and what they are."""
+        inputs = "" if several else _inputs(self.runs[0].scene)
+        if not self.courses:
+            return inputs
         figures = ""
         for one in (course.result for course in self.courses.values()):
             told = escape(f"{one.label}: " * several + caption(one.summary, one.scene))
             picture = drawing(machine_of(one.scene), escape(f"Drawing of the machine: {one.label}"))
             figures += f"<figure><figcaption>{told}</figcaption>{picture}</figure>"
-        inputs = "" if several or not self.runs else _inputs(self.runs[0].scene)
-        if not self.courses:
-            return inputs
         motions = [course.motion for course in self.courses.values()]
         count = len(motions[0]["windows"])
         note = f"motion × {motions[0]['k']:g}" + (f"; {count} turns, evenly over the run" if count > 1 else "")
         controls = (
-            '<button type="button" class="play" aria-pressed="true">Pause</button>'
-            '<button type="button" class="whole">Whole run</button>'
+            f'{PLAY}<button type="button" class="whole">Whole run</button>'
             f'<input type="range" min="0" max="{count - 1}" value="{count - 1}" aria-label="time">'
             f'<span class="clock"></span><span>{escape(note)}</span>'
         )
@@ -275,14 +257,11 @@ class Report:
             empty = f"; nothing to see in {', '.join(none)}" if none else ""
             told = f"{count} quantities, each turn of the whole run and {self._curves.last}{empty}"
             found += fold("All curves", told, f'{hint(_READING)}<div class="pair">{figures}</div>')
-        for one in self.runs:
-            events = _events(one)
-            if len(events):
-                name = f"events of {one.label}" if len(self.runs) > 1 else "events"
-                counted = events["kind"].value_counts()
-                kinds = ", ".join(f"{number} {kind}" for kind, number in counted.items())
-                rows = np.arange(max(len(events) - EVENTS, 0), len(events))
-                found += table_html(name, events, rows, file=f"{one.label}-events.csv", told=kinds)
+        for one, events in ((one, _events(one)) for one in self.runs):
+            name = f"events of {one.label}" if len(self.runs) > 1 else "events"
+            kinds = ", ".join(f"{number} {kind}" for kind, number in events["kind"].value_counts().items())
+            rows = np.arange(max(len(events) - EVENTS, 0), len(events))
+            found += table_html(name, events, rows, file=f"{one.label}-events.csv", told=kinds) if kinds else ""
         for result, answer in zip(self.results, self.told, strict=True):
             if answer.lines or answer.text:
                 text = f"<pre>{escape(chr(10).join(answer.text))}</pre>" if answer.text else ""
@@ -297,7 +276,7 @@ class Report:
         rows = []
         for one in self.results:
             name = one.label if len(self.results) > 1 else ""
-            rows += [[", ".join(filter(None, (name, label))), text] for label, text in _facts(one) if text]
+            rows += [[", ".join(filter(None, (name, label))), text] for label, text in _facts(one).items() if text]
         first = self.results[0].provenance
         told = ", ".join(str(first[key])[:10] for key in ("vibroplat", "engine", "created") if first.get(key))
         return fold("How it was made", f"vibroplat {told}", listing([], rows))
@@ -315,10 +294,8 @@ def _machines(machines: Sequence[Mapping[str, Any]]) -> str:
         f'<g fill="#fff" fill-opacity=".7">{stripe}</g></pattern>'
         for n, stripe in enumerate(stripes)
     )
-    templates = "".join(
-        f'<template id="machine-{n}">{drawing(one, "Drawing of the machine")}</template>'
-        for n, one in enumerate(machines)
-    )
+    drawings = [drawing(one, "Drawing of the machine") for one in machines]
+    templates = "".join(f'<template id="machine-{n}">{one}</template>' for n, one in enumerate(drawings))
     return f'<svg width="0" height="0" class="patterns" aria-hidden="true"><defs>{patterns}</defs></svg>{templates}'
 
 
@@ -342,32 +319,21 @@ def _inputs(scene: Scene) -> str:
     return f'<ul class="inputs">{lines}</ul>'
 
 
-def _facts(one: Result) -> list[tuple[str, str]]:
+def _facts(one: Result) -> dict[str, str]:
     """Return how a result was made, line by line."""
-    made = one.provenance
-    s = one.summary if isinstance(one, RunResult) else {}
-    commit = f", commit {str(made['git_commit'])[:10]}" if made.get("git_commit") else ""
-    libraries = made.get("libraries")
+    made, s = one.provenance, one.summary if isinstance(one, RunResult) else {}
+    begin, end, turns = (s.get(f"measured_{name}") for name in ("from_s", "to_s", "turns"))
     tolerance = f", tolerance {made['tolerance']:g}" if isinstance(made.get("tolerance"), int | float) else ""
     steps = f", {s['steps']} steps in {quantity(s.get('wall_s'), 's')}" if s.get("steps") else ""
-    window = s.get("measured_from_s"), s.get("measured_to_s"), s.get("measured_turns")
-    measured = f"{window[0]:.4g} … {window[1]:.4g} s, {window[2]} whole turns" if None not in window else ""
-    return [
-        ("command", one.command),
-        ("version", f"vibroplat {made.get('vibroplat', '')}{commit}"),
-        ("made", str(made.get("created") or "").replace("T", " ")[:19]),
-        ("engine", f"{made.get('engine') or ''}{tolerance}{steps}"),
-        ("simulated", quantity(s["simulated_s"], "s") if s.get("simulated_s") else ""),
-        ("measured", measured),
-        (
-            "configuration",
-            f"SHA-256 {str(made['configuration_sha256'])[:16]}…" if made.get("configuration_sha256") else "",
-        ),
-        (
-            "libraries",
-            ", ".join(f"{name} {version}" for name, version in libraries.items())
-            if isinstance(libraries, dict)
-            else "",
-        ),
-        ("directory", str(one.directory)),
-    ]
+    commit = f", commit {str(made['git_commit'])[:10]}" if made.get("git_commit") else ""
+    return {
+        "command": one.command,
+        "version": f"vibroplat {made.get('vibroplat', '')}{commit}",
+        "made": str(made.get("created") or "").replace("T", " ")[:19],
+        "engine": f"{made.get('engine') or ''}{tolerance}{steps}",
+        "simulated": quantity(s["simulated_s"], "s") if s.get("simulated_s") else "",
+        "measured": f"{begin:.4g} … {end:.4g} s, {turns} whole turns" if None not in (begin, end, turns) else "",
+        "configuration": f"SHA-256 {sha[:16]}…" if (sha := str(made.get("configuration_sha256") or "")) else "",
+        "libraries": ", ".join(f"{name} {version}" for name, version in (made.get("libraries") or {}).items()),
+        "directory": str(one.directory),
+    }

@@ -32,11 +32,6 @@ def find_results(directories: Sequence[Path]) -> list[Result]:
     return found
 
 
-def summary_of(result: Result) -> dict[str, Any]:
-    """Return the summary of a run; empty for other results."""
-    return result.summary if isinstance(result, RunResult) else {}
-
-
 def _in(directory: Path) -> Iterator[Result]:
     commands = [command for command in commands_in(directory) if command != "paper"]
     if not commands:
@@ -47,7 +42,8 @@ def _in(directory: Path) -> Iterator[Result]:
         configuration = result.provenance.get("configuration")
         if not isinstance(configuration, dict):
             raise TableError(f"the provenance in {directory} holds no configuration; repeat the command that wrote it")
-        result.label = str(summary_of(result).get("name") or configuration.get("name") or directory.name)
+        summary = result.summary if isinstance(result, RunResult) else {}
+        result.label = str(summary.get("name") or configuration.get("name") or directory.name)
         yield result
 
 
@@ -73,12 +69,12 @@ def _parameter(name: str, values: Sequence[Any]) -> dict[str, Any]:
         key: Key | None = key_of(name)
     except KeyError:  # of a grid, or of another version
         key = None
-    default = None if key is None else key.default
+    default, meaning = (None, "") if key is None else (key.default, ": ".join(filter(None, (key.symbol, key.meaning))))
     # Places in lists begin with 0; exciters and entries of a program are counted from 1.
     return {
         "key": ".".join(str(int(part) + 1) if part.isdecimal() else part for part in name.split(".")),
         "unit": unit_of(name),
-        "meaning": "" if key is None else ": ".join(text for text in (key.symbol, key.meaning) if text),
+        "meaning": meaning,
         "default": default,
         "values": list(values),
         "changed": [value is not None and value != default for value in values],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,10 +34,20 @@ _OPTIONAL = (
     *("x_rate_m_per_s", "y_rate_m_per_s", "gap_m", "upper_m", "contact_force_n"),
     *("motor_power_1_w", "motor_power_2_w", "supply_frequency_hz"),
 )
-#: Columns of curves, in their order.
-CURVES = (
-    *("force_y_n", "force_x_n", "x_m", "y_m", "phi_rad", "gap_m", "underside_m", "upper_m", "contact_force_n"),
-    *("speed_1_hz", "speed_2_hz", "synchronous_hz", PHASE_COLUMN, "motor_power_1_w", "motor_power_2_w"),
+EXCITERS = {"speed_1_hz": "exciter 1", "speed_2_hz": "exciter 2", "synchronous_hz": "synchronous"}
+#: Panels of all curves: their titles, and columns with what these are called beside each other.
+PANELS: tuple[tuple[str, dict[str, str]], ...] = (
+    ("Force into the foundation, y", {"force_y_n": "force y"}),
+    ("Force into the foundation, x", {"force_x_n": "force x"}),
+    ("Platform y from rest", {"y_m": "y"}),
+    ("Platform x", {"x_m": "x"}),
+    ("Rotation", {"phi_rad": "φ"}),
+    ("Gap", {"gap_m": "gap"}),
+    ("Upper layer over the lower one", {"upper_m": "upper layer"}),
+    ("Contact force", {"contact_force_n": "contact force"}),
+    ("Speed", EXCITERS),
+    ("Phase difference", {PHASE_COLUMN: "phase difference"}),
+    ("Motor power", {"motor_power_1_w": "motor 1", "motor_power_2_w": "motor 2"}),
 )
 
 
@@ -141,8 +151,8 @@ def course_of(
         detail = max(first, last - LAST_TURNS / frequency)
     turns = int((last - first) * (frequency or 0.0))
     parts = turns // math.ceil(turns / PARTS) if turns > 12 else PARTS
-    columns = (*CURVES, *accelerations(found.scene))
-    cut = Cut(curves_of(found), (detail, end), (first, last, parts), columns)
+    columns = [column for _, panel in PANELS for column in panel]
+    cut = Cut(curves_of(found), (detail, end), (first, last, parts), (*columns, *accelerations(found.scene)))
     if cut.shown["t_s"].nunique() < 2:
         allowed = f"allowed: an interval within {first:g} … {last:g} s"
         raise TableError(f"no data between {begin:g} and {end:g} s in {found.directory}; {allowed}")
@@ -212,16 +222,13 @@ def _motion(
     windows = windows_of(thin["t_s"].to_numpy(dtype=float), turns, frequency, last)
     times = np.concatenate([np.linspace(a, b, count, endpoint=False) for a, b, count in windows])
     frames = frames_at(found, times)
-    first, places = 0, []
-    hits: list[list[float]] = []
-    for a, b, count in windows:
-        inside = struck[struck["t_s"].between(a, b, inclusive="left")]
-        at = first + (inside["t_s"] - a) / (b - a) * count
-        hits += [
-            [round(float(frame), 2), float(f"{p:.3g}")] for frame, p in zip(at, inside["impulse_n_s"], strict=True)
-        ]
-        places.append([round(a, 6), round(b - a, 7), first, count])
-        first += count
+    firsts = np.cumsum([0, *(count for *_, count in windows)]).tolist()
+    places = [[round(a, 6), round(b - a, 7), first, n] for (a, b, n), first in zip(windows, firsts, strict=False)]
+    hits = [
+        hit
+        for (a, b, n), first in zip(windows, firsts, strict=False)
+        for hit in impulses_of(struck, a, b - a, n, first)
+    ]
     return moving(frames, found.scene, hits, windows=places, turns=last)
 
 
@@ -230,65 +237,45 @@ def windows_of(t: Floats, turns: Floats, frequency: float | None, last: int) -> 
 
     Where exciter 1 does not turn, they are as long as its turns in the measured part.
     """
-    grown = np.maximum.accumulate(turns)
-    rate = frequency or max(float(grown[-1] - grown[0]), 1.0) / float(t[-1] - t[0])
-    usual = min(1.0 / rate, float(t[-1] - t[0]))
+    grown, start, stop = np.maximum.accumulate(turns), float(t[0]), float(t[-1])
+    rate = frequency or max(float(grown[-1] - grown[0]), 1.0) / (stop - start)
+    usual = min(1.0 / rate, stop - start)
     end = float(np.floor(grown[-1] + 1e-6))
     found: list[tuple[float, float, int]] = []
-
-    def between(turn: float, count: int) -> tuple[float, float]:
-        a, b = np.interp([turn, turn + count], grown, t)
-        return float(a), float(b)
-
-    for begin in np.linspace(t[0], max(t[-1] - last * usual, t[0]), MOVING_TURNS + 1)[:-1].tolist():
+    for begin in np.linspace(start, max(stop - last * usual, start), MOVING_TURNS + 1)[:-1].tolist():
         turn = math.ceil(float(np.interp(begin, t, grown)) - 1e-6)
-        a, b = between(turn, 1)
+        a, b = np.interp([turn, turn + 1], grown, t).tolist()
         if turn + 1 > end or b - a > 4.0 * usual or a - begin > 4.0 * usual:
-            a, b = begin, min(begin + usual, float(t[-1]))
+            a, b = begin, min(begin + usual, stop)
         if b > a and (not found or a >= found[-1][1] - 1e-9):
             found.append((a, b, FRAMES))
-    a, b = between(max(end - last, float(np.ceil(grown[0]))), last)
-    if not 0.0 < b - a <= 4.0 * last * usual or t[-1] - b > 2.0 * usual:
-        a, b = max(float(t[-1]) - last * usual, float(t[0])), float(t[-1])
-    kept = [one for one in found if one[1] <= a + 1e-9]
-    return [*kept, (a, b, FRAMES * last)]
+    turn = max(end - last, math.ceil(grown[0]))
+    a, b = np.interp([turn, turn + last], grown, t).tolist()
+    if not 0.0 < b - a <= 4.0 * last * usual or stop - b > 2.0 * usual:
+        a, b = max(stop - last * usual, start), stop
+    return [*(one for one in found if one[1] <= a + 1e-9), (a, b, FRAMES * last)]
 
 
 def frames_at(found: RunResult, times: Floats) -> pd.DataFrame:
-    """Return what moves a machine at some times, which ascend; between rows it changes evenly."""
-    rest, before = rest_of(found.scene), None
-    parts = found.column_parts("trajectory", (), ("t_s", *MOVING[:5]), MOVING[5:])
-    frames: list[pd.DataFrame] = []
-    done = 0
-    for part in map(finite, parts):
-        rows = part if before is None else pd.concat([before, part], ignore_index=True)
-        if not len(rows):
-            continue
-        before = rows.tail(1)
-        known = rows["t_s"].to_numpy(dtype=float)
-        until = int(np.searchsorted(times, known[-1], side="right"))
-        if until > done:
-            at = times[done:until]
-            values = {name: np.interp(at, known, rows[name].to_numpy(dtype=float)) for name in MOVING if name in rows}
-            frames.append(pd.DataFrame(values))
-            done = until
-    if done < len(times) and frames:
-        frames.append(pd.concat([frames[-1].tail(1)] * (len(times) - done)))
-    table = pd.concat(frames, ignore_index=True)
-    return table.assign(y_m=table["y_m"] - rest)
+    """Return what moves a machine at some times, which ascend; of each part of a trajectory the rows around them."""
+    kept = []
+    for part in found.column_parts("trajectory", (), ("t_s", *MOVING[:5]), MOVING[5:]):
+        after = np.searchsorted(part["t_s"], times)
+        places = np.unique(np.clip([after - 1, after], 0, max(len(part) - 1, 0)))
+        kept.append(finite(part.iloc[places[: len(part)]]))
+    return resampled(pd.concat(kept), found.scene, times)
 
 
-def resampled(trajectory: pd.DataFrame, scene: Scene, count: int, *more: str) -> pd.DataFrame:
-    """Return one period of an orbit at equal times."""
+def resampled(trajectory: pd.DataFrame, scene: Scene, times: Floats, *more: str) -> pd.DataFrame:
+    """Return what moves a machine, and more columns, at some times; between rows it changes evenly."""
     t = trajectory["t_s"].to_numpy(dtype=float)
-    at = np.linspace(t[0], t[-1], count, endpoint=False)
     names = [name for name in (*MOVING, *more) if name in trajectory]
-    found = pd.DataFrame({name: np.interp(at, t, trajectory[name].to_numpy(dtype=float)) for name in names})
+    found = pd.DataFrame({name: np.interp(times, t, trajectory[name].to_numpy(dtype=float)) for name in names})
     return found.assign(y_m=found["y_m"] - rest_of(scene))
 
 
-def impulses_of(events: pd.DataFrame, seconds: float, frames: int) -> Sequence[Sequence[float]]:
-    """Return frames at which material strikes in a period, and its impulses (N·s)."""
-    struck = events[(events["impulse_n_s"] > 0.0) & events["t_s"].between(0.0, seconds)]
-    at = struck["t_s"] / seconds * frames
-    return [[round(float(a), 2), float(f"{p:.3g}")] for a, p in zip(at, struck["impulse_n_s"], strict=True)]
+def impulses_of(struck: pd.DataFrame, begin: float, seconds: float, frames: int, first: int = 0) -> list[list[float]]:
+    """Return frames, counted from the first one of a time, at which material strikes, and its impulses (N·s)."""
+    inside = struck[struck["t_s"].between(begin, begin + seconds, inclusive="left") & (struck["impulse_n_s"] > 0.0)]
+    at = first + (inside["t_s"] - begin) / seconds * frames
+    return [[round(float(a), 2), float(f"{p:.3g}")] for a, p in zip(at, inside["impulse_n_s"], strict=True)]

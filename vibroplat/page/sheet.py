@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
 from html import escape
 from typing import Any, NamedTuple
 
-from vibroplat.columns import split
-from vibroplat.config.digits import MISSING, NEGLIGIBLE, number, quantity, share, spread
+from vibroplat.config.digits import NEGLIGIBLE, number, quantity, share, spread
 from vibroplat.config.scene import Scene
-from vibroplat.results.run_answer import phase_text, speeds_of_both, sync_text
+from vibroplat.page.tables import hint
+from vibroplat.results.answer import are_alike
+from vibroplat.results.picture import NOT_SYNCHRONOUS
+from vibroplat.results.run_answer import peak_time, phase_text, speeds_of_both, static_and_dynamic, sync_text
 
-#: Part of the larger one up to which two motors, or exciters, have one number.
-ALIKE = 0.01
 #: Headings of the columns of a single run.
 HEADS = ("", "in operation", "largest, with start", "when")
 
@@ -44,90 +42,83 @@ def told(value: float | None, unit: str = "", **how: Any) -> str:
     return "" if value is None else quantity(value, unit, **how)
 
 
-@dataclass
 class Sheet:
     """Writes the data sheet of a run.
 
-    Attributes
+    Parameters
     ----------
     summary, scene
         Its summary, and what was simulated.
     steady
         When its stroke was steady (s), if that is known.
+
+    Attributes
+    ----------
+    groups
+        Rows by the names of groups; rows and groups without a number are left out.
     """
 
-    summary: Mapping[str, Any]
-    scene: Scene
-    steady: float | None = None
-    groups: dict[str, list[Row]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if self.summary.get("rms_y_m") is not None:
-            self.groups = {
-                "Amplitude and stroke": self._strokes(),
-                "Force into the foundation": self._loads(),
-                "Motors, each or 1 / 2": self._motors(),
-                "Bearings, each or 1 / 2": self._bearings(),
-                "Synchronization": self._synchronization(),
-                "Material": self._material() if self.scene.has_contact else [],
-                "Balances": self._balances(),
-            }
-        self.groups = {
-            name: kept for name, rows in self.groups.items() if (kept := [r for r in rows if r[1:] != ("",) * 4])
+    def __init__(self, summary: Mapping[str, Any], scene: Scene, steady: float | None = None) -> None:
+        self.summary, self.scene, self.steady = summary, scene, steady
+        self.groups: dict[str, list[Row]] = {}
+        if summary.get("rms_y_m") is None:
+            return
+        groups = {
+            "Amplitude and stroke": self._strokes(),
+            "Force into the foundation": self._loads(),
+            "Motors, each or 1 / 2": self._motors(),
+            "Bearings, each or 1 / 2": [self._pair_row("centrifugal force", "bearing_force_{}_max_n", "N")],
+            "Synchronization": self._synchronization(),
+            "Material": self._material(),
+            "Balances": self._balances(),
         }
+        known = {name: [row for row in rows if any(row[1:])] for name, rows in groups.items()}
+        self.groups = {name: rows for name, rows in known.items() if rows}
 
     # -- parts of rows ------------------------------------------------------------------------------
 
-    def _get(self, key: str) -> Any:
-        return self.summary.get(key)
-
-    def _when(self, column: str) -> str:
-        base = split(column)[0]
-        at, pace = (self._get(f"whole_{base}_at_{end}") for end in ("s", "hz"))
-        if at is None:
-            return ""
-        return ", ".join(filter(None, (quantity(at, "s") if at else "0 s", told(pace, "Hz", digits=3))))
+    def _get(self, key: str, unit: str = "", **how: Any) -> str:
+        """Write a number of the summary as :func:`told` does."""
+        return told(self.summary.get(key), unit, **how)
 
     def _row(self, label: str, column: str, unit: str, *, largest: float | None = None, sign: str = "") -> Row:
         """Return the row of a column; beside ``largest`` what is small is 0, and was so at no time."""
-        now, most = self._get(column), self._get(f"whole_{column}")
-        size, peak = (told(value, unit, largest=largest) for value in (now, most))
+        size, peak = (self._get(name, unit, largest=largest) for name in (column, f"whole_{column}"))
         signed = f"{sign}{size}" if size not in ("", "0") else size
-        return Row(label, signed, "", peak, self._when(column) if peak and peak != "0" else "")
+        return Row(label, signed, "", peak, peak_time(self.summary, column) if peak not in ("", "0") else "")
 
-    def _pair(self, column: str, unit: str, write: Any = quantity) -> str:
-        """Return the numbers of both motors, one if they are alike."""
-        first, second = (self._get(column.format(n)) for n in (1, 2))
-        if first is None or second is None:
-            known = [MISSING if value is None else write(value, unit) for value in (first, second)]
-            return "" if first is second else " / ".join(known)
-        size = max(abs(first), abs(second))
-        if abs(first - second) <= ALIKE * size:
-            return str(write(first, unit))
-        one, other = (write(value, unit, size=size, largest=size) for value in (first, second))
-        return one if one == other else f"{one.removesuffix(' ' + other.rpartition(' ')[2])} / {other}"
+    def _pair(self, column: str, unit: str = "") -> str:
+        """Return the numbers of both motors, shares without a unit; one if they are alike."""
+        values = [self.summary.get(column.format(n)) for n in (1, 2)]
+        known = [value for value in values if value is not None]
+        size = max(map(abs, known), default=0.0)
+        if known[1:] and are_alike(known):
+            values = known[:1]
+        texts = [quantity(one, unit, digits=3, size=size, largest=size) if unit else share(one) for one in values]
+        return " / ".join(dict.fromkeys(texts)) if known else ""
 
     def _pair_row(self, label: str, column: str, unit: str, most: str = "") -> Row:
-        peaks = [(self._get(f"whole_{most.format(n)}"), most.format(n)) for n in (1, 2)]
-        known = [(value, name) for value, name in peaks if value is not None] if most else []
-        value, name = max(known, default=(None, ""))
-        return Row(label, self._pair(column, unit), "", told(value, unit), "" if value is None else self._when(name))
+        """Return the row of both motors, with the larger of their largest values."""
+        names = [(most or column).format(n) for n in (1, 2)]
+        name = max(names, key=lambda one: self.summary.get(f"whole_{one}") or 0.0)
+        return self._row(label, name, unit)._replace(now=self._pair(column, unit))
 
     # -- groups -------------------------------------------------------------------------------------
 
     def _strokes(self) -> list[Row]:
         s, arm = self.summary, self.scene.body.distance
         largest = max(s.get(f"stroke_{axis}_m") or 0.0 for axis in "xy")
-        rows = [self._row(f"stroke {axis}", f"stroke_{axis}_m", "m", largest=largest) for axis in "yx"]
-        rows += [self._point(name, largest) for name in self.scene.output.points]
         axis = "x" if s["rms_x_m"] > s["rms_y_m"] else "y"
-        rms, amplitude = told(s[f"rms_{axis}_m"], "m"), told(s.get(f"amplitude_{axis}_m"), "m")
-        rows.append(Row(f"amplitude {axis}", amplitude, f"RMS {rms}") if amplitude else Row(f"RMS {axis}", rms))
         still = NEGLIGIBLE * s[f"rms_{axis}_m"] / arm if arm else None
-        turned, most = (told(s.get(key), "rad", error=still) for key in ("rms_phi_rad", "phi_max_rad"))
-        rows.append(Row("rotation", turned, "RMS" if turned not in ("", "0") else "", most))
-        rows.append(self._acceleration("acceleration", "acceleration_max_m_per_s2"))
-        return [*rows, Row("throw index", told(s.get("gamma")), "", told(s.get("whole_gamma")))]
+        turned, most = (self._get(key, "rad", error=still) for key in ("rms_phi_rad", "phi_max_rad"))
+        return [
+            *(self._row(f"stroke {one}", f"stroke_{one}_m", "m", largest=largest) for one in "yx"),
+            *(self._point(name, largest) for name in self.scene.output.points),
+            Row(f"amplitude {axis}", self._get(f"amplitude_{axis}_m", "m"), f"RMS {self._get(f'rms_{axis}_m', 'm')}"),
+            Row("rotation", turned, "RMS" if turned not in ("", "0") else "", most),
+            self._acceleration("acceleration", "acceleration_max_m_per_s2"),
+            Row("throw index", self._get("gamma"), "", self._get("whole_gamma")),
+        ]
 
     def _point(self, name: str, largest: float) -> Row:
         """Return the motion of a named point in one row."""
@@ -139,89 +130,78 @@ class Sheet:
         gravity, row = self.scene.machine.gravity_m_per_s2, self._row(label, column, "m/s²")
         if not gravity or not row.now:
             return row
-        now, most = ((self._get(name) or 0.0) / gravity for name in (column, f"whole_{column}"))
+        now, most = ((self.summary.get(name) or 0.0) / gravity for name in (column, f"whole_{column}"))
         return Row(label, f"{number(now)} g", row.now, f"{number(most)} g" if row.most else "")
 
     def _loads(self) -> list[Row]:
         s = self.summary
-        mean, most = s.get("foundation_force_y_mean_n"), s.get("foundation_force_y_max_n")
-        if mean is None or most is None:
+        if not (both := static_and_dynamic(s)):
             return []
-        around = s.get("foundation_force_y_amplitude_n")
-        around = max(most - abs(mean), 0.0) if around is None else around
-        upright = self._row("y, static ± dynamic", "foundation_force_y_max_n", "N")
-        largest = max(most, s.get("whole_foundation_force_y_max_n") or 0.0)
+        largest = max(s["foundation_force_y_max_n"], s.get("whole_foundation_force_y_max_n") or 0.0)
         turning = s.get("whole_foundation_moment_max_n_m")
         return [
-            upright._replace(now=spread(-mean, around, "N")),
+            self._row("y, static ± dynamic", "foundation_force_y_max_n", "N")._replace(now=both),
             self._row("x", "foundation_force_x_max_n", "N", largest=largest, sign="± "),
             self._row("moment", "foundation_moment_max_n_m", "N·m", largest=turning, sign="± "),
             *(self._spring(name) for name in self.scene.output.springs),
-            Row("static sag", told(s.get("static_sag_m"), "m")),
+            Row("static sag", self._get("static_sag_m", "m")),
         ]
 
     def _spring(self, name: str) -> Row:
         """Return the force in each spring at a point."""
-        column = f"spring_force_max_{name}_n"
-        mean, around = (self._get(f"spring_force_{part}_{name}_n") for part in ("mean", "amplitude"))
-        now = spread(-mean, around, "N") if mean is not None and around is not None else ""
-        return self._row(f"each spring at {name}", column, "N")._replace(now=now)
+        mean, around = (self.summary[f"spring_force_{part}_{name}_n"] for part in ("mean", "amplitude"))
+        row = self._row(f"each spring at {name}", f"spring_force_max_{name}_n", "N")
+        return row._replace(now=spread(-mean, around, "N"))
 
     def _motors(self) -> list[Row]:
-        if self._get("motor_power_1_mean_w") is None:
-            return [Row("power of both, mean", told(self._get("motor_power_w"), "W"))]
-        most = [value for n in (1, 2) if (value := self._get(f"whole_torque_ratio_{n}_max")) is not None]
-        ripple = self._pair("speed_ripple_{}_hz", "Hz", partial(quantity, digits=3))
+        if self.summary.get("motor_power_1_mean_w") is None:
+            return [Row("power of both, mean", self._get("motor_power_w", "W"))]
+        most = max(self.summary.get(f"whole_torque_ratio_{n}_max") or 0.0 for n in (1, 2))
         return [
             self._pair_row("power, mean", "motor_power_{}_mean_w", "W", "motor_power_{}_max_w"),
             self._pair_row("torque, mean", "motor_torque_{}_mean_n_m", "N·m", "motor_torque_{}_max_n_m"),
-            Row("of breakdown torque", self._pair("torque_ratio_{}", "", _share), "", share(max(most)) if most else ""),
-            Row("slip", self._pair("slip_{}", "", _share), f"ripple {ripple}"),
+            Row("of breakdown torque", self._pair("torque_ratio_{}"), "", share(most) if most else ""),
+            Row("slip", self._pair("slip_{}"), f"ripple {self._pair('speed_ripple_{}_hz', 'Hz')}"),
         ]
-
-    def _bearings(self) -> list[Row]:
-        return [self._pair_row("centrifugal force", "bearing_force_{}_max_n", "N", "bearing_force_{}_max_n")]
 
     def _synchronization(self) -> list[Row]:
-        s, frequency = self.summary, self._get("excitation_frequency_hz")
+        s, frequency = self.summary, self.summary.get("excitation_frequency_hz")
         if not frequency:
             return [Row("speed", "the exciters do not turn")]
-        name = sync_text(self.scene, s).partition(":")[0]
-        speeds = speeds_of_both(s) if name == "none" else None
-        rows = [
-            Row("phase difference", phase_text(s) or "drifts", "not synchronous" if name == "none" else name),
-            Row("speeds", " / ".join(told(speed, "Hz") for speed in speeds))
-            if speeds
-            else Row("speed", told(frequency, "Hz"), told(60.0 * frequency, "rpm")),
+        name, speeds = caption(s, self.scene).partition(":")[0], speeds_of_both(s)
+        pace = Row("speed", quantity(frequency, "Hz"), quantity(60.0 * frequency, "rpm"))
+        if speeds and name == NOT_SYNCHRONOUS:
+            pace = Row("speeds", " / ".join(quantity(speed, "Hz") for speed in speeds))
+        work = self._get("start_energy_j", "J") if s.get("start_energy_j") else ""
+        step, steady = (
+            "" if at is None else f"after {quantity(at, 's', digits=2)}" if at else "from the start"
+            for at in (s.get("synchronized_at_s"), self.steady)
+        )
+        return [
+            Row("phase difference", phase_text(s) or "drifts", name),
+            pace,
+            Row("in step", step, work, "work until then") if step and work else Row("in step", step),
+            Row("stroke steady", steady, "within 1 %" if steady else ""),
+            Row("motion repeats", repeats(s.get("period"))),
         ]
-        work = s.get("start_energy_j") or None
-        when = {"in step": s.get("synchronized_at_s"), "stroke steady": self.steady}
-        more = {"in step": ("", told(work, "J"), "work until then" if work else ""), "stroke steady": ("within 1 %",)}
-        for label, at in when.items():
-            if at is not None:
-                rows.append(
-                    Row(label, f"after {quantity(at, 's', digits=2)}" if at else "from the start", *more[label])
-                )
-        return [*rows, Row("motion repeats", repeats(s.get("period")))]
 
     def _material(self) -> list[Row]:
-        s, flies = self.summary, bool(self._get("flight_fraction"))
-        impacts, gap, impulse = (s.get(key) for key in ("impacts_per_period", "gap_max_m", "impulse_max_n_s"))
-        rate = told(impacts) if impacts is None or impacts % 1 else str(int(impacts))
+        s = self.summary
+        if not self.scene.has_contact:
+            return []
+        impacts, flies = s.get("impacts_per_period"), s.get("flight_fraction")
+        rate = "" if impacts is None else quantity(impacts) if impacts % 1 else str(int(impacts))
+        gap, impulse = self._get("gap_max_m", "m"), self._get("impulse_max_n_s", "N·s")
         return [
-            Row("in flight", share(s.get("flight_fraction")), f"gap {told(gap, 'm')}" if flies and gap else ""),
-            Row("impacts a turn", rate, f"impulse {told(impulse, 'N·s')}" if impulse else ""),
-            Row("contact force, largest", told(s.get("contact_force_max_n"), "N")),
+            Row("in flight", share(flies), f"gap {gap}" if flies else ""),
+            Row("impacts a turn", rate, f"impulse {impulse}" if impacts else ""),
+            Row("contact force, largest", self._get("contact_force_max_n", "N")),
         ]
 
     def _balances(self) -> list[Row]:
         names = {"energy, residual": "energy_residual", "momentum y, residual": "momentum_residual"}
-        return [Row(label, share(self._get(key))) for label, key in names.items() if self._get(key) is not None]
-
-
-def _share(value: float | None, _: str, **__: Any) -> str:
-    """Write a share as :func:`quantity` writes numbers."""
-    return share(value)
+        known = {label: self.summary.get(name) for label, name in names.items()}
+        return [Row(label, share(value)) for label, value in known.items() if value is not None]
 
 
 def repeats(period: int | None) -> str:
@@ -235,8 +215,8 @@ def caption(summary: Mapping[str, Any], scene: Scene) -> str:
     """Return what a machine does, in a few words."""
     if not summary.get("excitation_frequency_hz"):
         return "the exciters do not turn"
-    told = sync_text(scene, summary)
-    return "not synchronous" if told == "none" else told
+    name = sync_text(scene, summary)
+    return NOT_SYNCHRONOUS if name == "none" else name
 
 
 # -- as HTML -----------------------------------------------------------------------------------------------------------
@@ -248,29 +228,25 @@ def sheet_html(sheets: Sequence[Sheet], names: Sequence[str]) -> str:
         return ""
     single = len(sheets) == 1
     heads = HEADS if single else ("", *names)
-    rows = "".join(_group(name, sheets, len(heads)) for name in dict.fromkeys(n for one in sheets for n in one.groups))
+    groups = ""
+    for name in dict.fromkeys(name for one in sheets for name in one.groups):
+        found = [{row.label: row for row in one.groups.get(name, [])} for one in sheets]
+        labels = dict.fromkeys(label for rows in found for label in rows)
+        lines = "".join(_line(label, [rows.get(label, Row(label)) for rows in found]) for label in labels)
+        title = f'<tr class="group"><th scope="rowgroup" colspan="{len(heads)}">{escape(name)}</th></tr>'
+        groups += f"<tbody>{title}{lines}</tbody>"
     head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
-    more = "" if single else '<p class="hint">Pale: the largest value of the whole run, with its start.</p>'
-    return f'<table class="sheet{"" if single else " several"}"><thead><tr>{head}</tr></thead>{rows}</table>{more}'
+    more = "" if single else hint("Pale: the largest value of the whole run, with its start.")
+    return f'<table class="sheet{"" if single else " several"}"><thead><tr>{head}</tr></thead>{groups}</table>{more}'
 
 
-def _group(name: str, sheets: Sequence[Sheet], width: int) -> str:
-    """Return the rows of a group."""
-    found = [{row.label: row for row in one.groups.get(name, [])} for one in sheets]
-    labels = dict.fromkeys(label for rows in found for label in rows)
-    body = "".join(_line(label, [rows.get(label) for rows in found]) for label in labels)
-    return f'<tbody><tr class="group"><th scope="rowgroup" colspan="{width}">{escape(name)}</th></tr>{body}</tbody>'
-
-
-def _line(label: str, rows: Sequence[Row | None]) -> str:
+def _line(label: str, rows: Sequence[Row]) -> str:
     """Return a line: of a single run with what was largest and when, of several their values beside each other."""
     cells = []
     for row in rows:
-        known = row or Row(label)
-        also = f" <small>{escape(known.also)}</small>" if known.also else ""
-        cells.append(f"<b>{escape(known.now)}</b>{also}")
+        cells.append(f"<b>{escape(row.now)}</b>" + (f" <small>{escape(row.also)}</small>" if row.also else ""))
         if len(rows) == 1:
-            cells += [escape(known.most), escape(known.when)]
-        elif known.most:
-            cells[-1] += f' <small class="most">{escape(known.most)}</small>'
+            cells += [escape(row.most), escape(row.when)]
+        elif row.most:
+            cells[-1] += f' <small class="most">{escape(row.most)}</small>'
     return f'<tr><th scope="row">{escape(label)}</th>{"".join(f"<td>{cell}</td>" for cell in cells)}</tr>'

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
 from html import escape
 from typing import Any
 
@@ -63,10 +64,11 @@ def plain_text(label: str) -> str:
 # -- axes --------------------------------------------------------------------------------------------------------------
 
 
+@dataclass
 class Scale:
     """An axis between two values.
 
-    Parameters
+    Attributes
     ----------
     low, high
         Its ends (SI units).
@@ -75,24 +77,19 @@ class Scale:
     label
         What is said below it.
     log
-        Whether it is logarithmic.
+        Whether it is logarithmic; both ends are positive then.
     names
         What stands at 0, 1, 2 … instead of numbers.
     """
 
-    def __init__(
-        self,
-        low: float,
-        high: float,
-        unit: str = "",
-        factor: float = 1.0,
-        *,
-        label: str = "",
-        log: bool = False,
-        names: Sequence[str] = (),
-    ) -> None:
-        self.low, self.high, self.unit, self.factor, self.label = low, high, unit, factor, label
-        self.log, self.names = log and low > 0.0, names
+    low: float
+    high: float
+    unit: str = ""
+    factor: float = 1.0
+    _: KW_ONLY
+    label: str = ""
+    log: bool = False
+    names: Sequence[str] = ()
 
     @classmethod
     def of(
@@ -127,28 +124,21 @@ class Scale:
         """Return round numbers on the axis: their places and texts."""
         if self.names:
             every = -(-len(self.names) // 14)
-            kept = [*range(len(self.names))][::every]
-            return [(float(self.share(place)), self.names[place]) for place in kept]
+            return [(float(self.share(place)), name) for place, name in enumerate(self.names) if place % every == 0]
         low, high = self.low * self.factor, self.high * self.factor
         if self.log and high > 3.0 * low:
             powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
             steps = (1, 2, 5) if len(powers) < 4 else (1,)
             found = [(step * 10.0**power, max(-power, 0)) for power in powers for step in steps]
+            found = [(value, places) for value, places in found if low - 1e-9 * low <= value <= high * (1.0 + 1e-9)]
         else:
             step = QUARTER if self.unit == "°" and high - low > 2.0 * QUARTER else nice_step(high - low, most)
             places = max(0, -math.floor(math.log10(step) + 1e-9))
             ends = math.ceil(low / step - 1e-6), math.floor(high / step + 1e-6)
             found = [(number * step, places) for number in range(ends[0], ends[1] + 1)]
-        inside = [
-            (value, places)
-            for value, places in found
-            if low - 1e-9 * abs(low) <= value <= high * (1.0 + 1e-9) or not self.log
-        ]
         turn = 360.0 if self.unit == "°" else 0.0  # angles are told from -180 to 180, as in tables
-        return [
-            (float(self.share(value / self.factor)), tick_text(value - turn * (value > 180.0), places))
-            for value, places in inside
-        ]
+        texts = [tick_text(value - turn * (value > 180.0), places) for value, places in found]
+        return [(float(self.share(value / self.factor)), text) for (value, _), text in zip(found, texts, strict=True)]
 
     @property
     def told(self) -> str:
@@ -225,12 +215,8 @@ def path(x: Floats, y: Floats) -> str:
 
 def dotted(x: Floats, y: Floats) -> str:
     """Return dots in shares of their axes as a path of lines without length."""
-    found, before = "", (0, 0)
-    for a, b in zip(np.round(x * WIDTH).tolist(), np.round((1.0 - y) * HEIGHT).tolist(), strict=True):
-        here = int(a), int(b)
-        found += f"{'m' if found else 'M'}{here[0] - before[0]} {here[1] - before[1]}h0"
-        before = here
-    return found.replace(" -", "-")
+    steps = np.diff(np.round([x * WIDTH, (1.0 - y) * HEIGHT]).astype(int), prepend=0).T.tolist()
+    return "".join(f"m{a} {b}h0" for a, b in steps).replace("m", "M", 1).replace(" -", "-")
 
 
 # -- a drawing ---------------------------------------------------------------------------------------------------------
@@ -260,17 +246,14 @@ class Plot:
     def curve(
         self, x: Any, y: Any, name: str, colour: str, *, dash: str = "", width: float = 1.5, pale: bool = False
     ) -> None:
-        """Draw a curve; where values are missing it is broken."""
-        places = thinned(self.x.share(x), self.y.share(y))
-        self._add(
-            "curve",
-            path(*places),
-            name,
-            f"stroke:{colour}",
-            dash and f"stroke-dasharray:{dash}",
-            f"stroke-width:{width:g}",
-            "opacity:.45" if pale else "",
-        )
+        """Draw a curve; where values are missing, and where phases jump by most of a turn, it is broken."""
+        across, up = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+        if self.y.unit == "°":
+            far = np.flatnonzero(np.abs(np.diff(up)) > math.pi) + 1
+            across, up = np.insert(across, far, np.nan), np.insert(up, far, np.nan)
+        places = thinned(self.x.share(across), self.y.share(up))
+        looks = (f"stroke:{colour}", dash and f"stroke-dasharray:{dash}", f"stroke-width:{width:g}")
+        self._add("curve", path(*places), name, *looks, "opacity:.45" * pale)
 
     def band(self, x: Any, low: Any, high: Any, name: str, colour: str) -> None:
         """Fill what is between two curves."""
@@ -290,23 +273,12 @@ class Plot:
         size: float = 3.5,
         hollow: bool = False,
         pale: bool = False,
-        square: bool = False,
     ) -> None:
         """Draw dots, of which those that would be covered are left out."""
         across, up = self.x.share(x), self.y.share(y)
-        known = (
-            np.isfinite(across)
-            & np.isfinite(up)
-            & (np.abs(across - 0.5) <= 0.5 + 1e-9)
-            & (np.abs(up - 0.5) <= 0.5 + 1e-9)
-        )
+        known = (np.abs(across - 0.5) <= 0.5 + 1e-9) & (np.abs(up - 0.5) <= 0.5 + 1e-9)
         line = dotted(*apart(across[known], up[known]))
-        looks = (
-            f"stroke:{colour}",
-            f"stroke-width:{size:g}",
-            "opacity:.6" if pale else "",
-            "stroke-linecap:square" if square else "",
-        )
+        looks = (f"stroke:{colour}", f"stroke-width:{size:g}", "opacity:.6" * pale)
         self._add("dots", line, name, *looks)
         if hollow:
             self._add("dots", line, "", "stroke:#fff", f"stroke-width:{size - 2.0:g}")
@@ -319,11 +291,9 @@ class Plot:
         sizes = abs(b - a) * WIDTH, abs(d - c) * HEIGHT
         place = f'x="{min(a, b) * WIDTH:.0f}" y="{(1.0 - max(c, d)) * HEIGHT:.0f}" '
         place += f'width="{sizes[0]:.0f}" height="{sizes[1]:.0f}"'
-        told = f"<title>{escape(tip)}</title>" if tip else ""
         more = f' opacity="{opacity:g}"' if opacity != 1.0 else ""
-        self._drawn.append(
-            f'<rect {place} fill="{colour}"{more}>{told}</rect>' if told else f'<rect {place} fill="{colour}"{more}/>'
-        )
+        told = f"><title>{escape(tip)}</title></rect>" if tip else "/>"
+        self._drawn.append(f'<rect {place} fill="{colour}"{more}{told}')
 
     def rule(self, text: str = "", *, x: float | None = None, y: float | None = None, dash: str = "2 3") -> None:
         """Draw a line of reference across at a value of one axis."""
@@ -339,24 +309,27 @@ class Plot:
 
     def mark(self, x: float, y: float, text: str = "", symbol: str = "", colour: str = "") -> None:
         """Put a ring, or a symbol, at a point, with a text beside it."""
-        across, up = float(self.x.share(x)), float(self.y.share(y))
-        if not (-1e-9 <= across <= 1.0 + 1e-9 and -1e-9 <= up <= 1.0 + 1e-9):
-            return
-        place = f"left:{across:.2%};top:{1.0 - up:.2%}"
-        if symbol:
-            look = f";color:{colour}" if colour else ""
-            self._texts.append(f'<b class="symbol" title="{escape(text)}" style="{place}{look}">{escape(symbol)}</b>')
-            return
-        side = "before" if across > 0.6 else "after"
-        self._texts.append(f'<i style="{place}"></i><span class="mark {side}" style="{place}">{escape(text)}</span>')
+        across, place = self._place(x, y)
+        if symbol and place:
+            look = f"{place};color:{colour}" if colour else place
+            self._texts.append(f'<b class="symbol" title="{escape(text)}" style="{look}">{escape(symbol)}</b>')
+        elif place:
+            side = "before" if across > 0.6 else "after"
+            told = f'<span class="mark {side}" style="{place}">{escape(text)}</span>'
+            self._texts.append(f'<i style="{place}"></i>{told}')
 
     def word(self, x: float, y: float, text: str, colour: str) -> None:
         """Write a text about a point."""
-        across, up = float(self.x.share(x)), float(self.y.share(y))
-        if 0.0 <= across <= 1.0 and -0.05 <= up <= 1.05:
-            place = f"left:{across:.2%};top:{1.0 - up:.2%};color:{colour}"
+        across, place = self._place(x, y)
+        if place:
             side = "" if 0.12 < across < 0.88 else " after" if across < 0.5 else " before"
-            self._texts.append(f'<span class="word{side}" style="{place}">{escape(text)}</span>')
+            self._texts.append(f'<span class="word{side}" style="{place};color:{colour}">{escape(text)}</span>')
+
+    def _place(self, x: float, y: float) -> tuple[float, str]:
+        """Return the share of a point across, and its place as a style; "" where it is outside."""
+        across, up = float(self.x.share(x)), float(self.y.share(y))
+        inside = abs(across - 0.5) <= 0.5 + 1e-9 and abs(up - 0.5) <= 0.5 + 1e-9
+        return across, f"left:{across:.2%};top:{1.0 - up:.2%}" if inside else ""
 
     def jump(self, x: Any, y: Any, colour: str) -> None:
         """Draw a thin line between two points, with a head at the second one."""

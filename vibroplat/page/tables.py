@@ -11,8 +11,9 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import display_name
-from vibroplat.config.digits import decimal, given, places
+from vibroplat.config.digits import MISSING, decimal, given, places
 from vibroplat.page.svg import power_of_ten, unit_for
+from vibroplat.results.answer import counted
 from vibroplat.results.picture import finite
 
 #: Most cells and most rows of a table on the page.
@@ -21,14 +22,10 @@ MOST_CELLS, MOST_ROWS = 36_000, 2_000
 DIGITS = 5
 
 
-def kept_rows(count: int, most: int) -> Any:
-    """Return the rows of a table that the page has; one that is too long loses some evenly."""
-    return np.arange(count) if count <= most else np.unique(np.linspace(0, count - 1, most).round().astype(int))
-
-
 def rows_on_page(table: pd.DataFrame) -> Any:
-    """Return the rows of a table that the page has."""
-    return kept_rows(len(table), min(MOST_ROWS, max(MOST_CELLS // max(len(table.columns), 1), 50)))
+    """Return the rows of a table that the page has; one that is too long loses some evenly."""
+    count, most = len(table), min(MOST_ROWS, max(MOST_CELLS // max(len(table.columns), 1), 50))
+    return np.arange(count) if count <= most else np.unique(np.linspace(0, count - 1, most).round().astype(int))
 
 
 def fold(title: str, more: str, body: str, look: str = "") -> str:
@@ -52,32 +49,25 @@ def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, file: str =
         f'<th scope=col data-n="{escape(name)}">{escape(head)}'
         for name, (head, _) in zip(table.columns.map(str), columns, strict=True)
     )
-    lines = "".join(
-        "<tr>" + "".join(f"<td>{cell}" for cell in row) for row in zip(*(cells for _, cells in columns), strict=True)
+    rows_of = zip(*(cells for _, cells in columns), strict=True)
+    lines = "".join("<tr>" + "".join(f"<td>{cell}" for cell in row) for row in rows_of)
+    more = ""
+    if len(kept) < len(whole):
+        which = "the last ones" if len(kept) > 1 and kept[0] else "evenly chosen"
+        more = f" The page holds {len(kept)} of {len(whole)} rows, {which}; the table of the result holds all."
+    save = f'<button type="button" class="csv" data-file="{escape(file)}">Save as CSV</button>'
+    body = (
+        f'<p class="hint"><span class="scripted">A click on a heading sorts. {save}</span>{more}</p><div class="wide">'
+        f'<table class="rows"><thead><tr>{heads}</thead><tbody>{lines}</tbody></table></div>'
     )
-    which = "evenly chosen" if len(kept) < 2 or kept[0] == 0 else "the last ones"
-    more = (
-        ""
-        if len(kept) == len(whole)
-        else f" The page holds {len(kept)} of {len(whole)} rows, {which}; the table of the result holds all."
-    )
-    count = told or f"{len(whole)} row{'' if len(whole) == 1 else 's'}"
-    table_of = f'<table class="rows"><thead><tr>{heads}</thead><tbody>{lines}</tbody></table>'
-    return fold(
-        title,
-        count,
-        f'<p class="hint"><span class="scripted">A click on a heading sorts. <button type="button" class="csv" '
-        f'data-file="{escape(file)}">Save as CSV</button></span>{more}</p>'
-        f'<div class="wide">{table_of}</div>',
-        "table",
-    )
+    return fold(title, told or counted(len(whole), "row"), body, "table")
 
 
 def _column(name: str, column: pd.Series) -> tuple[str, list[str]]:
     """Return the heading of a column and its cells: numbers with the decimals that its largest one needs."""
     words = display_name(name) or name
     if not pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column):
-        return words, ["–" if pd.isna(value) else escape(_word(value)) for value in column.astype(object)]
+        return words, [escape(value_text(None if pd.isna(value) else value)) for value in column.astype(object)]
     numbers = column.to_numpy(dtype=float, na_value=np.nan)
     known = np.abs(numbers[np.isfinite(numbers)])
     size = float(known.max()) if known.size else 0.0
@@ -89,21 +79,11 @@ def _column(name: str, column: pd.Series) -> tuple[str, list[str]]:
     whole = bool(np.all(known == np.round(known))) and not unit and not raised
     decimals = 0 if whole else max(places(size * factor, DIGITS), 0)
     told = " ".join(filter(None, (raised, unit)))
-    cells = [_cell(value * factor, decimals) for value in numbers]
+    cells = [decimal(value, decimals) if round(value, decimals) else "0" for value in (numbers * factor).tolist()]
     while decimals and all(cell.endswith("0") or cell in "–0" for cell in cells):  # as in values that were given
         decimals -= 1
         cells = [cell if cell in "–0" else cell[:-1].removesuffix(".") for cell in cells]
     return (f"{words} ({told})" if told else words), cells
-
-
-def _cell(value: float, decimals: int) -> str:
-    if not math.isfinite(value):
-        return "–"
-    return decimal(value, decimals) if round(value, decimals) else "0"
-
-
-def _word(value: Any) -> str:
-    return {True: "yes", False: "no"}[bool(value)] if isinstance(value, bool | np.bool_) else str(value)
 
 
 def listing(heads: Sequence[str], rows: Sequence[Sequence[str]], look: str = "listing") -> str:
@@ -119,8 +99,8 @@ def listing(heads: Sequence[str], rows: Sequence[Sequence[str]], look: str = "li
 
 def value_text(value: Any) -> str:
     """Return a value of a configuration as a person reads it."""
-    if value is None or isinstance(value, bool):
-        return {None: "–", True: "yes", False: "no"}[value]
+    if value is None or isinstance(value, bool | np.bool_):
+        return MISSING if value is None else "yes" if value else "no"
     if not isinstance(value, int | float):
         return str(value)
     return power_of_ten(value) if value and not 1e-4 <= abs(value) < 1e7 else given(value).replace("-", "−")
@@ -138,14 +118,6 @@ def parameters_html(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> 
 
 
 def _parameters(heads: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> str:
-    lines = [
-        [
-            ("≠ " if row["differs"] else "") + row["key"],
-            row["meaning"],
-            row["unit"],
-            value_text(row["default"]),
-            *map(value_text, row["values"]),
-        ]
-        for row in rows
-    ]
-    return listing(heads, lines, "listing parameters")
+    words = [["≠ " * row["differs"] + row["key"], row["meaning"], row["unit"]] for row in rows]
+    values = [[value_text(value) for value in (row["default"], *row["values"])] for row in rows]
+    return listing(heads, [[*a, *b] for a, b in zip(words, values, strict=True)], "listing parameters")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import PHASE_COLUMN, display_name, indexed_name, quantity_of
+from vibroplat.page.machine import base64_of
 from vibroplat.page.run import wrapped
 from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
 from vibroplat.results.picture import REFERENCE, Panel, Picture, Series, shade
@@ -52,15 +51,20 @@ class View:
         """Return the horizontal axis, the same for all panels of a picture."""
         column = panel.x or self.axis
         shown = series if panel.x else self.picture.series
-        places = places_of(shown)
-        for line in () if panel.x else self.picture.lines:
-            if line.column == column:
-                return Scale.of(
-                    np.append(self.values(column)[places], np.asarray(line.at, dtype=float)),
-                    column,
-                    label=axis_name(column),
-                )
-        return Scale.of(self.values(column)[places], column, label=axis_name(column), log=self.picture.log(column))
+        values = (
+            self.reached(column, places_of(shown)) if column == self.axis else self.values(column)[places_of(shown)]
+        )
+        return Scale.of(values, column, label=axis_name(column), log=self.picture.log(column))
+
+    def reached(self, column: str, places: Any) -> Floats:
+        """Return the values of a column at some places, and those of lines of reference that are not far away."""
+        values = self.values(column)[places]
+        lines = [shown_at(column, value) for line in self.picture.lines if line.column == column for value in line.at]
+        known = values[np.isfinite(values)]
+        if known.size:
+            room = max(float(np.ptp(known)), 0.1 * abs(float(known.max())))
+            lines = [one for one in lines if known.min() - room <= one <= known.max() + room]
+        return np.append(values, lines)
 
     # -- drawings -----------------------------------------------------------------------------------
 
@@ -73,8 +77,7 @@ class View:
             if one.column == column:
                 plot.box((max(one.low, x.low), min(one.high, x.high)), (y.low, y.high), REFERENCE, one.label, 0.15)
         for line in self.picture.lines:
-            for number, value in enumerate(line.at):
-                text = "" if number else line.label
+            for text, value in zip([line.label, *[""] * len(line.at)], line.at, strict=False):
                 if line.column == panel.column and panel.kind != "bars":
                     plot.rule(plain_text(text), y=shown_at(line.column, value), dash=dashes(line.dash))
                 elif line.column == column:
@@ -90,7 +93,7 @@ class View:
         inside = [np.isfinite(part) & (np.abs(part - 0.5) <= 0.51) for part in (across, up)]
         good = inside[0] & inside[1] & (numbers >= 0)
         parts = [numbers[good], np.clip(across[good], 0, 1) * 65535, (1.0 - np.clip(up[good], 0, 1)) * 65535]
-        plot.hits = base64.b64encode(np.concatenate(parts).round().astype("<u2").tobytes()).decode("ascii")
+        plot.hits = base64_of(np.concatenate(parts))
 
 
 # -- words and values --------------------------------------------------------------------------------------------------
@@ -133,30 +136,12 @@ def alone(known: Any, rows: Any) -> Any:
     return (known & ~left & ~right)[rows >= 0]
 
 
-def unwrapped(x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """Break a line of phases where it jumps by most of a turn."""
-    far = np.flatnonzero(np.abs(np.diff(y)) > math.pi) + 1
-    return np.insert(x, far, np.nan), np.insert(y, far, np.nan)
-
-
-def near(lines: Sequence[float], values: Floats) -> list[float]:
-    """Return those lines of reference for which an axis has room: not farther away than values spread."""
-    known = values[np.isfinite(values)]
-    if not known.size:
-        return list(lines)
-    low, high = float(known.min()), float(known.max())
-    room = max(high - low, 0.1 * abs(high))
-    return [line for line in lines if low - room <= line <= high + room]
-
-
 def coloured(panel: Panel, points: pd.DataFrame) -> list[tuple[str, str, Any]]:
     """Return names, colours and which points have them: by classes of a column, or along a scale."""
     by = points[panel.by]
     if panel.classes:
-        found = [
-            (plain_text(told or name), colour, (by == name).to_numpy())
-            for name, (colour, told) in panel.classes.items()
-        ]
+        named = [(plain_text(told or name), colour, name) for name, (colour, told) in panel.classes.items()]
+        found = [(told, colour, (by == name).to_numpy()) for told, colour, name in named]
         return [one for one in found if one[2].any()]
     values = by.to_numpy(dtype=float, na_value=np.nan)
     low, high, unit, factor = ends_of_scale(panel, values)
@@ -165,11 +150,10 @@ def coloured(panel: Panel, points: pd.DataFrame) -> list[tuple[str, str, Any]]:
     if panel.least is not None:  # white where there is nothing
         found.append((f"0 {unit}".strip(), "#f4f4f4", values == 0.0))
         step = np.where(values == 0.0, -1, step)
+    ends = factor * np.linspace(low, high, SHADES + 1)
     for number in range(SHADES):
-        ends = [(low + (high - low) * (number + end) / SHADES) * factor for end in (0, 1)]
-        found.append(
-            (f"{ends[0]:.3g} … {ends[1]:.3g} {unit}".strip(), shade(1.0 - (number + 0.5) / SHADES), step == number)
-        )
+        told = f"{ends[number]:.3g} … {ends[number + 1]:.3g} {unit}".strip()
+        found.append((told, shade(1.0 - (number + 0.5) / SHADES), step == number))
     return [one for one in found if one[2].any()]
 
 

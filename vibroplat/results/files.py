@@ -237,6 +237,8 @@ def _commands_right_in(directory: Path) -> list[str]:
 def read_provenance(directory: Path, command: str) -> dict[str, Any]:
     """Return the provenance of a command's result, or that of another one if it has none; refuse other schemas."""
     own = _own(directory, command)
+    if not own.exists() and not (directory / "provenance.json").exists():
+        raise TableError(f"{directory} holds no finished result: it has no provenance.json")
     origin = read_json(directory, own.stem if own.exists() else "provenance")
     found = origin.get("schema") if isinstance(origin, dict) else None
     if type(found) is not int or found not in (1, SCHEMA):

@@ -154,6 +154,11 @@ def named(names: Sequence[str], *told: str) -> str:
     return ": ".join(filter(None, (plain(", ".join(names)), parts)))
 
 
+def told_of(names: Sequence[str], scene: Scene | None, varied: Sequence[str], *lines: str) -> str:
+    """Return what stands below the title of a figure of a study, whose keys vary, and further lines."""
+    return "\n".join(filter(None, (named(names, sweep_parameters(scene, varied)), *lines)))
+
+
 def supply_label(scene: Scene, begin: float = 0.0) -> str:
     """Return the supply frequency, or a program's frequencies and switches; what it switches until a time has none."""
     program = scene.drive.program

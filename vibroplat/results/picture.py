@@ -41,6 +41,11 @@ NOT_SYNCHRONOUS = "not synchronous"
 Places = np.ndarray[Any, np.dtype[np.int_]]
 
 
+def sync_words(sync: str) -> str:
+    """Return what a kind of synchronization is called."""
+    return NOT_SYNCHRONOUS if sync == "none" else sync
+
+
 # -- what is drawn -----------------------------------------------------------------------------------------------------
 
 

@@ -84,15 +84,27 @@ def short_lines(scene: Scene, summary: Mapping[str, Any]) -> list[str]:
     return [*found, *_motors(scene, summary), _bearings(summary), *_start(summary), *_points(scene, summary)]
 
 
+def peak_time(summary: Mapping[str, Any], column: str) -> str:
+    """Return when the largest value of the whole run was, and the speed then, as far as they are known."""
+    at, pace = (summary.get(f"whole_{split(column)[0]}_at_{end}") for end in ("s", "hz"))
+    if at is None:
+        return ""
+    return ", ".join([quantity(at, "s") if at else "0 s", *([] if pace is None else [quantity(pace, "Hz", digits=3)])])
+
+
 def peak_text(summary: Mapping[str, Any], column: str, unit: str) -> str:
     """Return the largest value of the whole run, its time and speed, as far as they are known."""
-    base, value = split(column)[0], summary[f"whole_{column}"]
-    if not value:
+    value, when = summary[f"whole_{column}"], peak_time(summary, column)
+    return f"largest {quantity(value, unit)}{f' at {when}' if when else ''}" if value else ""
+
+
+def static_and_dynamic(summary: Mapping[str, Any]) -> str:
+    """Return the force into the foundation along y: the static one and what it varies by; "" if it is not known."""
+    mean, most = summary.get("foundation_force_y_mean_n"), summary.get("foundation_force_y_max_n")
+    if mean is None or most is None:
         return ""
-    at, pace = (summary.get(f"whole_{base}_at_{end}") for end in ("s", "hz"))
-    when = [quantity(at, "s"), "" if pace is None else quantity(pace, "Hz", digits=3)] if at is not None else []
-    told = ", ".join(filter(None, when))
-    return f"largest {quantity(value, unit)}{f' at {told}' if told else ''}"
+    varies = summary.get("foundation_force_y_amplitude_n")
+    return spread(-mean, max(most - abs(mean), 0.0) if varies is None else varies, "N")
 
 
 def _strokes(summary: Mapping[str, Any]) -> str:
@@ -126,12 +138,11 @@ def _throw(scene: Scene, summary: Mapping[str, Any]) -> str:
 
 def _forces(scene: Scene, summary: Mapping[str, Any]) -> Iterator[str]:
     """Yield forces into the foundation: along y the static one and what it varies by; along x if there is any."""
-    static, most = -summary["foundation_force_y_mean_n"], summary["foundation_force_y_max_n"]
-    varies = summary.get("foundation_force_y_amplitude_n")
-    varies = most - abs(static) if varies is None else varies
-    x, largest = summary["foundation_force_x_max_n"], max(most, summary["foundation_force_x_max_n"])
-    value = spread(static, varies, "N") if scene.machine.gravity_m_per_s2 else quantity(most, "N", largest=largest)
-    about = "static ± dynamic" if scene.machine.gravity_m_per_s2 else ""
+    x, most = summary["foundation_force_x_max_n"], summary["foundation_force_y_max_n"]
+    largest = max(most, x)
+    gravity = scene.machine.gravity_m_per_s2
+    value = static_and_dynamic(summary) if gravity else quantity(most, "N", largest=largest)
+    about = "static ± dynamic" if gravity else ""
     yield short_line("foundation, y", value, _joined(about, peak_text(summary, "foundation_force_y_max_n", "N")))
     if quantity(x, "N", largest=largest) != "0":
         yield short_line("foundation, x", quantity(x, "N"), peak_text(summary, "foundation_force_x_max_n", "N"))

@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import describe_sync, display_name, indexed_name, unit_of
-from vibroplat.config.digits import given, interval, number, prefixed, quantity, share
+from vibroplat.columns import describe_sync, display_name, unit_of
+from vibroplat.config.digits import MISSING, given, interval, number, quantity, share
 from vibroplat.results.answer import WIDTH, counted, in_columns
+from vibroplat.results.content import in_groups
+from vibroplat.results.labels import value_words
 from vibroplat.study.bands import FORCE, RMS
-from vibroplat.study.branches import SUPPLY
+from vibroplat.study.branches import axis_name
+from vibroplat.study.sweeps import grid_of
 
 #: Most combinations of the grid's values, and kinds of jumps, that have a row and a column.
 MAX_ROWS, MAX_JUMPS = 5, 2
@@ -21,25 +24,18 @@ MAX_ROWS, MAX_JUMPS = 5, 2
 MAIN = {"antiphase", "in-phase"}
 #: Relative difference of amplitudes up to which both directions agree.
 AGREE = 0.01
-#: What stands where nothing is.
-NONE = "–"
 
 
 def short_answer(points: pd.DataFrame, bands: pd.DataFrame) -> tuple[str, list[str]]:
     """Return the headline of a sweep and the lines below it, from its tables."""
     key = str(points.columns[0])
     good = points[points["outcome"] == "ok"]
-    first = f"{_counts(points)}, {range_text(key, points[key])}{_directions(points)}"
+    first = f"{_counts(points)}, {range_text(key, points[key])}, {' and '.join(points['direction'].unique())}"
     if good[RMS].notna().sum() == 0:
         return first, []
     lines = [*_rows(points, bands, key), *_agreement(good, bands, key), *_legend(good), *_coexisting(good)]
     headline, motions = f"{first}; {motions_text(good)}", motions_text(good)
     return (headline, lines) if len(headline) <= WIDTH else (first, [motions, *lines])
-
-
-def axis_name(key: str) -> str:
-    """Return what a swept key is called in prints."""
-    return "f_e" if key == SUPPLY else indexed_name(key)
 
 
 def range_text(key: str, values: pd.Series) -> str:
@@ -56,15 +52,12 @@ def range_text(key: str, values: pd.Series) -> str:
 
 def motions_text(table: pd.DataFrame) -> str:
     """Count the motions that are not periodic, and those that repeat after several turns."""
-    rest = table[(table["motion"] != "periodic") & table["motion"].notna()]
-    several = table[(table["motion"] == "periodic") & (table["period"] > 1)]
-    odd = {**rest["motion"].value_counts().to_dict()}
-    odd |= {f"of period {period}": count for period, count in several["period"].value_counts().items()}
-    if not odd:
-        return "all repeat every turn"
-    told = [f"{count} {kind}" for kind, count in list(odd.items())[:MAX_ROWS]]
-    left = len(table) - sum(odd.values())
-    return ", ".join([*told, *(["the others repeat every turn"] if left else [])])
+    several = ("of period " + table["period"].astype(str)).where(table["period"].gt(1).fillna(False), "")
+    names = table["motion"].where(table["motion"] != "periodic", several)
+    odd = names[names != ""].value_counts()
+    told = [f"{count} {name}" for name, count in odd.head(MAX_ROWS).items()]
+    others = ["the others repeat every turn"] if odd.sum() < len(table) else []
+    return ", ".join([*told, *others]) if told else "all repeat every turn"
 
 
 def _counts(points: pd.DataFrame) -> str:
@@ -74,32 +67,12 @@ def _counts(points: pd.DataFrame) -> str:
     return f"{counts.sum()} of {number} FAILED ({why})" if len(counts) else number
 
 
-def _directions(points: pd.DataFrame) -> str:
-    names = [str(name) for name in points["direction"].unique()]
-    return f", {' and '.join(names)}"
-
-
 def _combinations(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
     """Yield the rows of each combination of the grid's values, with what tells it from the others."""
-    keys = [str(key) for key in table.columns[1 : list(table.columns).index("direction")]]
-    if not keys:
-        yield "", table
-        return
+    keys = grid_of(table)
     varied = [key for key in keys if len(table[key].unique()) > 1] or keys[:1]
-    for _, rows in table.groupby(keys, sort=False):
-        values = [rows[key].iloc[0] for key in varied]
-        yield (
-            ", ".join(
-                f"{indexed_name(key)} {value_text(key, value)}" for key, value in zip(varied, values, strict=True)
-            ),
-            rows,
-        )
-
-
-def value_text(key: str, value: Any) -> str:
-    """Write a value of a key as it was given, with its unit."""
-    told = given(float(value)) if isinstance(value, int | float | np.number) else str(value)
-    return f"{told} {unit_of(key)}".rstrip()
+    for rows in in_groups(table, keys) if keys else [table]:
+        yield ", ".join(value_words(key, rows[key].iloc[0]) for key in varied), rows
 
 
 def _rows(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
@@ -108,18 +81,18 @@ def _rows(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
     parts = [bands[bands["branch"].isin(rows["branch"].unique())] for _, rows in groups]
     jumps = [_changes(own, key) for own in parts]
     kinds = list(dict.fromkeys(name for one in jumps for name in one))
-    shown, flies = kinds[:MAX_JUMPS], points["flight_fraction"].gt(0.0).any() or _has_material(points)
     both_ways = len(points["direction"].unique()) > 1
     height = RMS if points[RMS].max() >= points["rms_x_m"].max() else "rms_x_m"
-    corner = f"at {axis_name(key)}{f' ({unit})' if unit else ''}"
-    head = [corner, *shown, *(["lifts off"] if flies else [])]
-    table = [[*head, f"largest {display_name(height)}", *([] if shown else ["motor power"])]]
-    for (name, rows), own, found in list(zip(groups, parts, jumps, strict=True))[:MAX_ROWS]:
-        cells = [_cell(found.get(kind, {}), step, both_ways=both_ways) for kind in shown] + (
-            [_liftoff(rows, own, key)] if flies else []
-        )
-        table.append([name, *cells, _largest(rows, height, key), *([] if shown else [_power(rows)])])
-    yield from in_columns(table)
+    columns = {f"at {axis_name(key)}{f' ({unit})' if unit else ''}": [name for name, _ in groups]}
+    for kind in kinds[:MAX_JUMPS]:
+        columns[kind] = [_cell(found.get(kind, {}), step, both_ways=both_ways) for found in jumps]
+    if points["flight_fraction"].gt(0.0).any() or _has_material(points):
+        columns["lifts off"] = [_liftoff(rows, own, key) for (_, rows), own in zip(groups, parts, strict=True)]
+    columns[f"largest {display_name(height)}"] = [_largest(rows, height, key) for _, rows in groups]
+    if not kinds:
+        power = [rows["motor_power_w"] for _, rows in groups]
+        columns["motor power"] = [interval(one.min(), one.max(), "W") for one in power]
+    yield from in_columns([*zip(*([head, *cells[:MAX_ROWS]] for head, cells in columns.items()), strict=True)])
     if groups[MAX_ROWS:]:
         yield f"and {len(groups) - MAX_ROWS} more combinations of the grid: -v, table bands"
     if kinds[MAX_JUMPS:]:
@@ -158,7 +131,7 @@ def _cell(found: Mapping[str, list[tuple[float, float]]], step: float, *, both_w
     told = {way: ", ".join(_place(*ends, step) for ends in found[way]) for way in found}
     if len(set(told.values())) == 1 and (len(told) > 1 or not both_ways):
         return next(iter(told.values()))
-    return ", ".join(f"{text} {way}" for way, text in told.items()) or NONE
+    return ", ".join(f"{text} {way}" for way, text in told.items()) or MISSING
 
 
 def _place(low: float, high: float, step: float) -> str:
@@ -190,16 +163,10 @@ def _liftoff(rows: pd.DataFrame, bands: pd.DataFrame, key: str) -> str:
 
 def _largest(rows: pd.DataFrame, column: str, key: str) -> str:
     if rows[column].notna().sum() == 0:
-        return NONE
+        return MISSING
     top = rows.sort_values(column, ascending=False, kind="stable").iloc[0]
     way = f" {top['direction']}" if len(rows["direction"].unique()) > 1 else ""
     return f"{quantity(top[column], unit_of(column))} at {given(float(top[key]))}{way}"
-
-
-def _power(rows: pd.DataFrame) -> str:
-    low, high = rows["motor_power_w"].min(), rows["motor_power_w"].max()
-    same = prefixed(low, "W") == prefixed(high, "W")
-    return interval(low, high, "W") if same else f"{quantity(low, 'W')} … {quantity(high, 'W')}"
 
 
 def _step(values: pd.Series) -> float:
@@ -218,17 +185,16 @@ def _agreement(good: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[st
         yield "no jump"
         return
     size = np.hypot(good["rms_x_m"], good[RMS])
-    places = [str(name) for name in good.columns[: list(good.columns).index("direction")]]
-    both = good.assign(size=size).pivot_table(index=places, columns="direction", values="size").dropna()
+    both = good.assign(size=size).pivot_table(index=[key, *grid_of(good)], columns="direction", values="size").dropna()
     if both.empty:
         return
     apart = (both.iloc[:, 0] - both.iloc[:, 1]).abs() / both.max(axis=1)
     if apart.max() <= AGREE:
         yield "no jump; up and down agree within 1 %"
     else:
-        where = apart.idxmax()
-        value = where[0] if isinstance(where, tuple) else where
-        yield f"no jump; up and down differ by up to {share(apart.max())}, at {axis_name(key)} {value_text(key, value)}"
+        value = apart.index.get_level_values(key)[int(apart.argmax())]
+        place = f"at {axis_name(key)} {given(value)} {unit_of(key)}".rstrip()
+        yield f"no jump; up and down differ by up to {share(apart.max())}, {place}"
 
 
 def sync_counts(table: pd.DataFrame) -> Iterable[tuple[str, str, int]]:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import COUNT, TEXT, VIBRATION_PATTERN, Column, Columns, display_name, indexed_name, unit_of
-from vibroplat.config.digits import given, quantity
+from vibroplat.columns import COUNT, TEXT, Column, Columns, display_name, indexed_name, unit_of
+from vibroplat.config.digits import given, together
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.study.branches import BRANCH, EXCITATION, SUPPLY, study_table
+from vibroplat.results.answer import in_columns
+from vibroplat.results.labels import value_words
+from vibroplat.study.branches import BRANCH, EXCITATION, SUPPLY, axis_name, study_table
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 #: Columns of a table, or of a part of it.
@@ -190,42 +192,25 @@ MAX_PRINTED = 6
 _LABELS = {"jump": "jump", "liftoff": "lift-off", "flight-end": "end of flight", "largest": "largest RMS y"}
 
 
-def band_lines(table: pd.DataFrame, rotation: str = "") -> Iterator[str]:
-    """Yield the bands of the first branches as text: a line for each branch, and one for each of its bands below it.
-
-    They say what the machine does if it is known how its exciters are driven, ``counter-rotating`` or ``co-rotating``.
-    """
+def band_lines(table: pd.DataFrame) -> Iterator[str]:
+    """Yield the bands of the first branches as text: a line for each branch, and one for each of its bands below it."""
     keys = list(table.columns[: list(table.columns).index("direction")])
+    key = next(str(column) for column in table if str(column).startswith("from_")).removeprefix("from_")
     branches = table["branch"].unique()
     for branch in branches[:MAX_PRINTED]:
         rows = table[table["branch"] == branch]
-        yield ", ".join([*(f"{key} {rows[key].iloc[0]}" for key in keys), str(rows["direction"].iloc[0])])
-        for _, row in rows.iterrows():
-            shakes = VIBRATION_PATTERN.get((rotation, row["name"])) if row["kind"] == "band" else None
-            yield f"  {_LABELS.get(row['kind'], row['name']):<26}{_span(row)}{f': {shakes}' if shakes else ''}"
+        yield ", ".join([*(value_words(key, rows[key].iloc[0]) for key in keys), str(rows["direction"].iloc[0])])
+        yield from in_columns([_cells(row, key) for _, row in rows.iterrows()])
     if len(branches) > MAX_PRINTED:
         yield f"bands of {len(branches) - MAX_PRINTED} more branches are in the table bands"
 
 
-def _span(row: pd.Series) -> str:
-    """Describe where a band is, and what happens there."""
-    kind = row["kind"]
-    across = " → " if kind in ("jump", "liftoff", "flight-end") else " … "
-    key = next(str(column) for column in row.index if str(column).startswith("from_")).removeprefix("from_")
-    over, found, height = ((row[f"from_{c}"], row[f"to_{c}"]) for c in (key, EXCITATION, RMS))
-    name = "f_e" if key == SUPPLY else indexed_name(key)
-    parts = [f"{name} {across.join(dict.fromkeys(map(given, over)))} {unit_of(key)}".rstrip()]
-    if np.isfinite(found).all():
-        parts.append(f"f {_ends(found, 'Hz', across)}")
-    if kind in ("jump", "largest"):
-        parts.append(f"RMS y {_ends(height, 'm', across)}")
-    if kind == "jump":
-        parts.append(row["name"])
-    return ", ".join(parts)
-
-
-def _ends(values: Sequence[float], unit: str, across: str) -> str:
-    """Write numbers with a unit, those next to nothing beside the largest as 0."""
-    told = [quantity(value, unit, largest=max(values)) for value in values]
-    own = f" {told[-1].rpartition(' ')[2]}"
-    return across.join(dict.fromkeys([*(text.removesuffix(own) for text in told[:-1]), told[-1]]))
+def _cells(row: pd.Series, key: str) -> list[str]:
+    """Return what a band is, where it begins and ends, and the motion there."""
+    across = " → " if row["kind"] in ("jump", "liftoff", "flight-end") else " … "
+    over, found, height = ((row[f"from_{name}"], row[f"to_{name}"]) for name in (key, EXCITATION, RMS))
+    name = " ".join(filter(None, (_LABELS.get(row["kind"], ""), row["name"])))
+    told = [f"  {name}", f"{axis_name(key)} {across.join(dict.fromkeys(map(given, over)))} {unit_of(key)}".rstrip()]
+    if not np.isfinite(found).all():
+        return [*told, "", ""]
+    return [*told, f"f {together(found, 'Hz', across)}", f"RMS y {together(height, 'm', across)}"]

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import COUNT, FLAG, NUMBER, TEXT, Column, Columns, indexed_name, unit_of
-from vibroplat.config.digits import given
+from vibroplat.config.digits import given, quantity
 from vibroplat.config.keys import key_of, keys, number_of
 from vibroplat.config.plans import FREQUENCY, ParameterRange, SweepPlan
 from vibroplat.config.scene import Scene
@@ -171,11 +171,23 @@ def column_of(key: str) -> str:
     return SUPPLY if key == FREQUENCY else key
 
 
+def axis_name(key: str) -> str:
+    """Return what a swept key is called in prints."""
+    return "f_e" if key == SUPPLY else indexed_name(key)
+
+
 def place_words(key: str, *values: float) -> str:
     """Say where points are, by the column of the swept key and its values there."""
     ends = " … ".join(dict.fromkeys(map(given, values)))
     name = "a supply of" if key == SUPPLY else indexed_name(key)
     return " ".join(part for part in (name, ends, unit_of(key)) if part)
+
+
+def measures_text(row: Mapping[str, Any], most: float) -> str:
+    """Write frequency, RMS of both coordinates and power of a motion; ``most`` is the largest RMS beside it."""
+    heights = [quantity(row.get(name), "m", largest=most) for name in ("rms_y_m", "rms_x_m")]
+    pace, power = quantity(row.get("excitation_frequency_hz"), "Hz"), quantity(row.get("motor_power_w"), "W")
+    return f"{pace}, RMS y {heights[0]}, x {heights[1]}, power {power}"
 
 
 def study_table(

@@ -24,8 +24,16 @@ from vibroplat.study.sweeps import Sweeps, key_of
 DISTINCT = 5
 #: Distance of curves that coincide, and height of a jump that has an arrow, over the range of a panel.
 SAME, VISIBLE = 0.015, 0.05
-#: Most strips of a picture, and share of points in which two ways agree.
-MOST_STRIPS, AGREE = 12, 0.95
+#: Most strips of a picture.
+MOST_STRIPS = 12
+#: Classes of periods of a bifurcation diagram, their colours and meanings.
+PERIODS = {
+    "1": ("#cfe3f1", "period 1"),
+    "n": ("#f3c14b", "period of several turns"),
+    "quasi-periodic": (picture.PURPLE, "quasi-periodic"),
+    "chaotic": ("#5c2a4d", "chaotic"),
+    "undecided": ("#9a9a9a", "not periodic"),
+}
 #: Hatches of motions that do not repeat each turn, and what they mean.
 APERIODIC, SEVERAL = "/////", "...."
 HATCHES = {APERIODIC: "not periodic", SEVERAL: "period of several turns"}
@@ -51,10 +59,10 @@ class _Branch(NamedTuple):
     width: float
     jumps: Any
 
-    @property
-    def over(self) -> Any:
-        """The key."""
-        return self.rows[key_of(self.rows)].to_numpy(dtype=float)
+    def values(self, column: str) -> pd.Series:
+        """Return a column over the key."""
+        over = self.rows[key_of(self.rows)].to_numpy(dtype=float)
+        return pd.Series(self.rows[column].to_numpy(dtype=float, na_value=np.nan), over)
 
 
 def branch_series(rows: pd.DataFrame, label: str = "", colour: str = picture.BLUE, size: float = 1.0) -> picture.Series:
@@ -130,19 +138,15 @@ def _range_of(table: pd.DataFrame, column: str) -> float:
     return float(np.ptp([0.0, *values[np.isfinite(values)]]))
 
 
-def _apart(a: Any, b: Any, column: str) -> Any:
-    """Return how far values are apart; phase differences on their circle."""
-    return np.abs(np.angle(np.exp(1j * (a - b)))) if column == PHASE_COLUMN else np.abs(a - b)
+def _size_of(change: Any, column: str) -> Any:
+    """Return how large a change is; of phase differences on their circle."""
+    return np.abs(np.angle(np.exp(1j * change)) if column == PHASE_COLUMN else change)
 
 
-def _at(one: _Branch, over: Any, column: str) -> Any:
-    """Return a column of a branch at values of the key; NaN where it has none."""
-    order = np.argsort(one.over, kind="stable")
-    values = one.rows[column].to_numpy(dtype=float, na_value=np.nan)[order]
-    if column == PHASE_COLUMN:
-        near = np.clip(np.searchsorted(one.over[order], over), 0, len(order) - 1)
-        return values[near]
-    return np.interp(over, one.over[order], values, left=np.nan, right=np.nan)
+def _apart(one: pd.Series, other: pd.Series, column: str) -> Any:
+    """Return how far one curve is from another at its values of the key."""
+    beside = other[~other.index.duplicated()].reindex(one.index)
+    return _size_of(one.to_numpy() - beside.to_numpy(), column)
 
 
 def _coincide(first: Sequence[_Branch], others: Sequence[_Branch], column: str, span: float) -> bool:
@@ -150,20 +154,18 @@ def _coincide(first: Sequence[_Branch], others: Sequence[_Branch], column: str, 
     if [one.direction for one in first] != [one.direction for one in others]:
         return False
     for one, other in zip(first, others, strict=True):
-        values = other.rows[column].to_numpy(dtype=float, na_value=np.nan)
-        beside = _at(one, other.over, column)
-        if (np.isfinite(values) != np.isfinite(beside)).any() or not np.isfinite(values).any():
+        a, b = one.values(column), other.values(column)
+        known = a.notna().to_numpy()
+        if not known.any() or {*a.index[known]} != {*b.dropna().index}:
             return False
-        known = np.isfinite(values)
-        if (_apart(values[known], beside[known], column) > SAME * span).any():
+        if (_apart(a, b, column)[known] > SAME * span).any():
             return False
     return True
 
 
 def _equal(labels: Sequence[str]) -> str:
     """Say that curves coincide: "mass ratio 0 = 0.1"."""
-    common = common_words(labels)
-    return " = ".join([labels[0], *(label.removeprefix(common).strip() for label in labels[1:])])
+    return " = ".join([labels[0], *(_short(label, labels) for label in labels[1:])])
 
 
 def _places(one: _Branch, first: _Branch | None, column: str, span: float) -> Any:
@@ -171,37 +173,30 @@ def _places(one: _Branch, first: _Branch | None, column: str, span: float) -> An
 
     Lines are broken at jumps.
     """
-    values = one.rows[column].to_numpy(dtype=float, na_value=np.nan)
-    drawn = np.isfinite(values)
+    values = one.values(column)
+    known = drawn = values.notna().to_numpy()
     if column != PHASE_COLUMN and not (values < 0.0).any():
-        drawn &= values > digits.NEGLIGIBLE * span
+        drawn = drawn & (values > digits.NEGLIGIBLE * span).to_numpy()
     if first is not None:
-        beside = _at(first, one.over, column)
-        drawn &= ~(_apart(values, beside, column) <= SAME * span)
+        drawn = drawn & ~(_apart(values, first.values(column), column) <= SAME * span)
     joined = ~one.jumps
     grown = drawn.copy()  # a line begins where it leaves another one, or nothing
     grown[1:] |= drawn[:-1] & joined
     grown[:-1] |= drawn[1:] & joined
-    grown &= np.isfinite(values)
-    places = np.where(grown, one.rows.index.to_numpy(), picture.BROKEN)
+    places = np.where(grown & known, one.rows.index.to_numpy(), picture.BROKEN)
     return np.insert(places, np.flatnonzero(one.jumps) + 1, picture.BROKEN)
 
 
 def _jumps_of(one: _Branch, first: _Branch, columns: Sequence[str], table: pd.DataFrame) -> Iterator[picture.Jump]:
     """Yield the jumps of a branch in the columns in which they are seen, but those that another way has as well."""
-    places, flags, over = one.rows.index.to_numpy(), one.jumps, one.over
-    known = {frozenset((first.over[i], first.over[i + 1])) for i in np.flatnonzero(first.jumps)}
-    begin = 0
-    for jumps, part in itertools.groupby(flags.tolist()):
-        end = begin + len(list(part))
-        before, after, begin = begin, end, end
-        if not jumps or (one is not first and {over[before], over[after]} in known):
+    places, over = one.rows.index.to_numpy(), one.rows[key_of(one.rows)].to_numpy(dtype=float)
+    beside = first.rows[key_of(first.rows)].to_numpy(dtype=float)
+    known = {frozenset((beside[i], beside[i + 1])) for i in np.flatnonzero(first.jumps)}
+    for before, after in np.flatnonzero(np.diff(np.pad(one.jumps.astype(int), 1))).reshape(-1, 2):
+        if one is not first and {over[before], over[after]} in known:
             continue
-        of = []
-        for column in columns:
-            a, b = (float(one.rows[column].iloc[n]) for n in (before, after))
-            if _apart(a, b, column) > VISIBLE * _range_of(table, column) > 0.0:
-                of.append(column)
+        rise = {column: np.diff(one.values(column).iloc[[before, after]])[0] for column in columns}
+        of = [name for name in columns if _size_of(rise[name], name) > VISIBLE * _range_of(table, name) > 0.0]
         if of:
             yield picture.Jump(int(places[before]), int(places[after]), one.colour, tuple(of))
 
@@ -217,9 +212,8 @@ def sync_classes(rotation: str) -> dict[str, tuple[str, str]]:
 
 def hatches_of(rows: pd.DataFrame) -> list[str]:
     """Return the hatch of each point: of a motion that does not repeat, or after several turns."""
-    several = np.where(rows["period"].to_numpy(dtype=float, na_value=np.nan) > 1.0, SEVERAL, "")
-    found = np.where(failed_of(rows), "", np.where(open_of(rows), APERIODIC, several))
-    return [str(hatch) for hatch in found]
+    told = {"": "", "1": "", "n": SEVERAL}
+    return [told.get(kind, APERIODIC) for kind in period_kinds(rows)]
 
 
 def strips_of(sweeps: Sweeps, colours: Mapping[str, str], *, flies: bool = False) -> picture.Strips | None:
@@ -227,7 +221,7 @@ def strips_of(sweeps: Sweeps, colours: Mapping[str, str], *, flies: bool = False
 
     A way that is like the other one shares its strip. With ``flies`` a line is below where material flies.
     """
-    made: list[tuple[str, picture.Strip]] = []
+    made: dict[Any, tuple[str, picture.Strip]] = {}
     for rows in sweeps.branches:
         first, sync = rows.iloc[0], rows["sync"].where(~failed_of(rows), "").fillna("")
         flight = rows["flight_fraction"].fillna(0.0).gt(0.0).tolist() if flies and "flight_fraction" in rows else ()
@@ -235,14 +229,9 @@ def strips_of(sweeps: Sweeps, colours: Mapping[str, str], *, flies: bool = False
         strip = picture.Strip(
             label, colours[label], rows.index.tolist(), sync.astype(str).tolist(), hatches_of(rows), flight, ()
         )
-        made.append((way, strip))
-    found: list[picture.Strip] = []
-    for label in colours:
-        ways: dict[Any, tuple[str, picture.Strip]] = {}
-        for way, strip in (one for one in made if one[1].label == label):
-            key = tuple(span[:6] for span in strip.spans(sweeps.table[sweeps.key]))
-            ways[key] = (ways[key][0] + way, ways[key][1]) if key in ways else (way, strip)
-        found += [strip._replace(label=f"{_short(label, [*colours])} {way}".strip()) for way, strip in ways.values()]
+        key = (label, *strip.spans(sweeps.table[sweeps.key]))
+        made[key] = (made[key][0] + way, made[key][1]) if key in made else (way, strip)
+    found = [strip._replace(label=f"{_short(strip.label, [*colours])} {way}".strip()) for way, strip in made.values()]
     kinds = {(kind, hatch) for strip in found for kind, hatch in zip(strip.kinds, strip.hatches, strict=True) if kind}
     if not flies and (len(found) > MOST_STRIPS or (len(kinds) < 2 and not any(hatch for _, hatch in kinds))):
         return None
@@ -275,9 +264,17 @@ def failed_of(rows: pd.DataFrame) -> Any:
 
 def open_of(rows: pd.DataFrame) -> Any:
     """Return whether the motion of each point does not repeat, as far as is known."""
-    period = rows["period"].to_numpy(dtype=float, na_value=np.nan) if "period" in rows else np.ones(len(rows))
+    return ~np.isin(period_kinds(rows), ["", "1", "n"])
+
+
+def period_kinds(rows: pd.DataFrame) -> list[str]:
+    """Return the class of each point in :data:`PERIODS`, "" if it failed."""
     motion = rows["motion"] if "motion" in rows else pd.Series("periodic", rows.index)
-    return ((motion != "periodic").to_numpy(dtype=bool) | (period == 0.0)) & ~failed_of(rows)
+    period = rows["period"].to_numpy(dtype=float, na_value=np.nan) if "period" in rows else np.ones(len(rows))
+    period = np.where(motion.isin(["periodic"]) & (period != 0.0), period, 0.0)
+    open_ = motion.where(motion.isin([*PERIODS]), "undecided").to_numpy(dtype=object)
+    kinds = np.where(period == 0.0, open_, np.where(period > 1.0, "n", "1"))
+    return [str(kind) for kind in np.where(failed_of(rows), "", kinds)]
 
 
 def failed_places(rows: pd.DataFrame, x: str) -> Any:

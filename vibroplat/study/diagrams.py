@@ -17,8 +17,9 @@ from vibroplat.study import titles
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.curves import (
     HATCHES,
-    failed_of,
+    PERIODS,
     hatches_of,
+    period_kinds,
     strips_of,
     sync_classes,
 )
@@ -26,14 +27,6 @@ from vibroplat.study.sweeps import Sweeps
 
 #: Colours of the directions of a bifurcation diagram.
 _COLOURS = {"up": picture.BLUE, "down": picture.VERMILION}
-#: Classes of periods of a bifurcation diagram, their colours and meanings.
-PERIODS = {
-    "1": ("#cfe3f1", "period 1"),
-    "n": ("#f3c14b", "period of several turns"),
-    "quasi-periodic": (picture.PURPLE, "quasi-periodic"),
-    "chaotic": ("#5c2a4d", "chaotic"),
-    "undecided": ("#9a9a9a", "not periodic"),
-}
 #: Fewest values of the second key that make a map of tiles; fewer are bars.
 LEAST_ROWS = 5
 #: Shares of flight at which a map has lines.
@@ -92,16 +85,13 @@ def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> picture.Picture:
 
 def _dots(sweeps: Sweeps, table: pd.DataFrame, own: Sequence[pd.DataFrame]) -> Any:
     """Yield the points of branches of one combination: small where the motion does not repeat."""
-    first = None
     for rows in own:
         direction = str(rows["direction"].iloc[0])
         mine = (table["branch"] == rows["branch"].iloc[0]).to_numpy(dtype=bool, copy=True)
         look = f"{key_name(sweeps.key)} {direction}"
-        if first is not None:
-            mine &= ~_alike(sweeps, table, mine, (table["branch"] == first).to_numpy(dtype=bool))
+        if rows is not own[0]:
+            mine &= ~_alike(sweeps.key, table, rows, own[0])
             look += ", where it differs"
-        else:
-            first = rows["branch"].iloc[0]
         repeats = rows[sweeps.key][rows["period"].gt(0)]
         steady = table[sweeps.key].isin(repeats).to_numpy(dtype=bool)
         colour = _COLOURS.get(direction, picture.BLUE)
@@ -112,37 +102,22 @@ def _dots(sweeps: Sweeps, table: pd.DataFrame, own: Sequence[pd.DataFrame]) -> A
             yield picture.Series(label, content.rows_of(chosen), "", colour, "dots", size=size, pale=size == 1.0)
 
 
-def _alike(sweeps: Sweeps, table: pd.DataFrame, mine: Any, other: Any) -> Any:
-    """Return which points lie among the points of the other way at the same value of the key.
+def _alike(key: str, table: pd.DataFrame, rows: pd.DataFrame, first: pd.DataFrame) -> Any:
+    """Return which points of a branch lie among those of the other way at the same value of the key.
 
     Motion that does not repeat on either way visits what it visits by chance; there all points count as the same.
     """
-    found, over = np.zeros(len(table), dtype=bool), table[sweeps.key]
+    over, other = table[key], (table["branch"] == first["branch"].iloc[0]).to_numpy(dtype=bool)
+    chance = [{*one.loc[one["period"].eq(0), key].astype(float)} for one in (rows, first)]
+    found = over.isin(chance[0] & chance[1]).to_numpy(dtype=bool, copy=True)
     for column in (name for name in ("y_m", "impact_speed_m_per_s") if name in table):
         values = table[column].to_numpy(dtype=float)
         known = np.isfinite(values)
         span = float(np.ptp(values[known])) if known.any() else 0.0
-        ends = table[other & known].groupby(sweeps.key)[column].agg(["min", "max"])
+        ends = table[other & known].groupby(key)[column].agg(["min", "max"])
         low, high = (over.map(ends[end]).to_numpy(dtype=float) for end in ("min", "max"))
-        found |= mine & known & (values >= low - _SAME * span) & (values <= high + _SAME * span)
-    branches = [table.loc[flags, "branch"].iloc[:1] for flags in (mine, other)]
-    open_ = [_open_at(sweeps, own) for own in branches]
-    return found | (mine & over.isin(open_[0] & open_[1]).to_numpy(dtype=bool))
-
-
-def _open_at(sweeps: Sweeps, branch: pd.Series) -> set[float]:
-    """Return the values of the key at which the motion of a branch does not repeat."""
-    rows = sweeps.table[sweeps.table["branch"].isin(branch)]
-    return {*rows.loc[rows["period"].eq(0), sweeps.key].astype(float)}
-
-
-def period_kinds(rows: pd.DataFrame) -> list[str]:
-    """Return the class of each point in :data:`PERIODS`, "" if it failed."""
-    period = rows["period"].to_numpy(dtype=float, na_value=np.nan)
-    motion = rows["motion"] if "motion" in rows else pd.Series("undecided", rows.index)
-    open_ = motion.where(motion.isin([*PERIODS]), "undecided").to_numpy(dtype=object)
-    kinds = np.where(period == 1.0, "1", np.where(period > 1.0, "n", open_))
-    return [str(kind) for kind in np.where(failed_of(rows) | ~np.isfinite(period), "", kinds)]
+        found |= known & (values >= low - _SAME * span) & (values <= high + _SAME * span)
+    return found
 
 
 def _with_periods(

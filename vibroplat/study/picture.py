@@ -92,7 +92,7 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         states=content.motions_of(table),
         rotation=sweeps.rotation,
         scale=scale,
-        told="\n".join(filter(None, (sweeps.told(), left, *equal))),
+        told=sweeps.told(left, *equal),
         meaning="Solid: up; dashed: down, where it differs; arrows: jumps; what is 0 is not drawn; ×: failed."
         f"{sweeps.meaning}",
         orbits=picture.Orbits(table),

@@ -139,9 +139,9 @@ class SweepStudy(Study):
             if self.branches[0].plan.kind == "bifurcation"
         }
         banded = bands(points)
-        text = band_lines(banded, "".join(points["rotation"].dropna().unique()))
         headline, short = short_answer(points, banded)
-        answer = Answer(overview(points), list(text), notes_on_points(points), failures(points), headline, short)
+        notes, failed = notes_on_points(points), failures(points)
+        answer = Answer(overview(points), list(band_lines(banded)), notes, failed, headline, short)
         return Result("sweep", self.scene, {**diagram, "bands": banded, "sweep": points}, answer)
 
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
@@ -379,11 +379,7 @@ def overview(table: pd.DataFrame) -> dict[str, str]:
     """Summarize a sweep table in a few lines: label and text."""
     frequency, height = table[EXCITATION], table["rms_y_m"]
     lines = {
-        "points": f"{len(table)} in {table['branch'].nunique()} branches",
-        "outcomes": _counts(table["outcome"]),
         "synchronization": synchronizations(table),
-        "motions": _counts(table["motion"]),
-        "periods": _counts(table["period"].map({0: "none"}).fillna(table["period"].astype("str"))),
         "simulated": f"{quantity(table['simulated_s'].sum(), 's')}, {table['events'].sum()} events, "
         f"{table['steps'].sum()} steps",
     }
@@ -393,7 +389,7 @@ def overview(table: pd.DataFrame) -> dict[str, str]:
             "RMS y": f"{quantity(height.min(), 'm', largest=height.max())} … {quantity(height.max(), 'm')}",
             "energy residual": f"at most {table['energy_residual'].max():.1e} of the energy converted",
         }
-    return {label: text for label, text in lines.items() if text}
+    return lines
 
 
 def synchronizations(table: pd.DataFrame) -> str:
@@ -401,10 +397,6 @@ def synchronizations(table: pd.DataFrame) -> str:
     shakes = {kind: f" ({what})" for kind, what in VIBRATION_PATTERN.items()}
     kinds = sync_counts(table)
     return ", ".join(f"{sync} {count}{shakes.get((rotation, sync), '')}" for rotation, sync, count in kinds)
-
-
-def _counts(column: pd.Series) -> str:
-    return ", ".join(f"{name} {count}" for name, count in column.dropna().value_counts().items())
 
 
 def failures(table: pd.DataFrame) -> list[str]:

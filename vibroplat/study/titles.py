@@ -10,8 +10,8 @@ import numpy as np
 from vibroplat.columns import PHASE_COLUMN, display_name, unit_of
 from vibroplat.config import digits
 from vibroplat.frames import pd
-from vibroplat.results import picture
 from vibroplat.results.labels import EXCITATION, SUPPLY, key_name
+from vibroplat.results.picture import sync_words
 from vibroplat.study.sweeps import Sweeps
 
 #: Symbols of frequencies.
@@ -37,13 +37,9 @@ def several(values: Sequence[float], unit: str) -> str:
     known = [value for value in values if np.isfinite(value)]
     if not known:
         return digits.MISSING
-    size = max(map(abs, known))
     if len(known) > MOST or unit == "rad":
         return digits.interval(min(known), max(known), unit)
-    told = list(dict.fromkeys(digits.quantity(value, unit, size=size) for value in known))
-    return ", ".join(
-        [*(one.rpartition(" ")[0] or one for one in told[:-1] if unit), *([] if unit else told[:-1]), told[-1]]
-    )
+    return digits.together(known, unit)
 
 
 def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> str:
@@ -52,17 +48,17 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> str:
     if column not in table or not table[column].notna().any():
         return "Every point failed" if len(table) else "No points"
     if column == PHASE_COLUMN:
-        return _sentence(_changes(sweeps)) or "Phase difference of the exciters"
+        return sentence(_changes(sweeps)) or "Phase difference of the exciters"
     varied = [name for name in sweeps.varied if name in table]
     groups = [rows for _, rows in table.groupby(varied, sort=False)] if varied else [table]
     known = [rows.dropna(subset=[column]).sort_values(column, ascending=False, kind="stable") for rows in groups]
     best = [rows.iloc[0] for rows in known if len(rows)]
     largest = several([float(row[column]) for row in best], unit_of(column))
     at = place(sweeps.x, [float(row[sweeps.x]) for row in best])
-    return _sentence(f"{display_name(column)} at most {largest} at {at}", _changes(sweeps), _failed(table))
+    return sentence(f"{display_name(column)} at most {largest} at {at}", _changes(sweeps), _failed(table))
 
 
-def _sentence(*parts: str) -> str:
+def sentence(*parts: str) -> str:
     """Join what is said, with a capital letter."""
     told = "; ".join(filter(None, parts))
     return told[:1].upper() + told[1:]
@@ -90,42 +86,33 @@ def _changes(sweeps: Sweeps) -> str:
     if len(first) != 1 or len(others) > 1:
         return ""
     if not others:
-        return f"{_words(first.pop())} throughout"
+        return f"{sync_words(first.pop())} throughout"
     told = {way: place(sweeps.x, values) for way, values in found.items()}
     if len({*told.values()}) == 1:
-        return f"{_words(others.pop())} from {next(iter(told.values()))} on"
-    return f"{_words(others.pop())} from " + ", from ".join(f"{at} on the way {way}" for way, at in told.items())
-
-
-def _words(sync: str) -> str:
-    return picture.NOT_SYNCHRONOUS if sync == "none" else sync
+        return f"{sync_words(others.pop())} from {next(iter(told.values()))} on"
+    return f"{sync_words(others.pop())} from " + ", from ".join(f"{at} on the way {way}" for way, at in told.items())
 
 
 def bifurcation(sweeps: Sweeps, kinds: Sequence[Sequence[str]]) -> str:
     """Say up to where the motion repeats each turn, and whether both ways agree; ``kinds`` are classes by branch."""
-    firsts, where, ways = set[str](), list[float](), list[dict[float, str]]()
-    for rows, own in zip(sweeps.branches, kinds, strict=True):
-        known = rows.assign(kind=own)
-        known = known[known["kind"] != ""].dropna(subset=[sweeps.x]).sort_values(sweeps.key, kind="stable")
-        ways.append(dict(zip(known[sweeps.key], known["kind"], strict=True)))
-        if known.empty:
-            continue
-        firsts.add(str(known["kind"].iloc[0]))
-        other = np.flatnonzero((known["kind"] != known["kind"].iloc[0]).to_numpy())
-        where += [float(known[sweeps.x].iloc[other[0] - 1])] if len(other) else []
-    names = {"1": "period 1", "n": "period of several turns"}
-    told = names.get(first := next(iter(firsts)), first) if len(firsts) == 1 else ""
-    every = [kind for own in kinds for kind in own if kind]
-    if not every:
+    table = pd.concat([rows.assign(kind=own) for rows, own in zip(sweeps.branches, kinds, strict=True)])
+    known = table[table["kind"] != ""].dropna(subset=[sweeps.x]).sort_values(sweeps.key, kind="stable")
+    if known.empty:
         return "Every point failed"
-    open_ = np.mean([kind not in names for kind in every])
+    names, firsts, where = {"1": "period 1", "n": "period of several turns"}, set[str](), list[float]()
+    for _, rows in known.groupby("branch", sort=False):
+        firsts.add(first := str(rows["kind"].iloc[0]))
+        other = np.flatnonzero(rows["kind"] != first)
+        where += [float(rows[sweeps.x].iloc[other[0] - 1])] if len(other) else []
+    told = names.get(first := next(iter(firsts)), first) if len(firsts) == 1 else ""
     begin = (f"{told} up to {place(sweeps.x, where)}" if where else f"{told} throughout") if told else ""
-    chaos = f"not periodic at {digits.share(float(open_))} of the points" if open_ and (where or not told) else ""
-    both = ""
-    if len(ways) == 2 and (shared := ways[0].keys() & ways[1].keys()):
-        same = np.mean([ways[0][value] == ways[1][value] for value in shared])
-        both = "up and down agree" if same >= AGREE else f"up and down differ at {digits.share(float(1.0 - same))}"
-    return _sentence(begin, chaos, both)
+    open_ = float((~known["kind"].isin([*names])).mean())
+    chaos = f"not periodic at {digits.share(open_)} of the points" if open_ and (where or not told) else ""
+    values = known.groupby(sweeps.key)["kind"]
+    differ = float((values.nunique()[values.size() == 2] == 2).mean()) if len(kinds) == 2 else np.nan
+    both = "up and down agree" if differ <= 1.0 - AGREE else f"up and down differ at {digits.share(differ)}"
+    both = both if np.isfinite(differ) else ""
+    return sentence(begin, chaos, both)
 
 
 def regimes(sweeps: Sweeps) -> str:
@@ -136,10 +123,10 @@ def regimes(sweeps: Sweeps) -> str:
         return "Every point failed"
     count = len(known)
     shares = known["sync"].value_counts() / count
-    parts = [", ".join(f"{_words(str(sync))} at {digits.share(float(share))}" for sync, share in shares.items())]
+    parts = [", ".join(f"{sync_words(str(sync))} at {digits.share(float(share))}" for sync, share in shares.items())]
     parts[0] += " of the points"
     if "motion" in known and (odd := float((known["motion"] != "periodic").mean())):
         parts.append(f"not periodic at {digits.share(odd)}")
     if "flight_fraction" in known and (flies := float((known["flight_fraction"] > 0.0).mean())):
         parts.append(f"material flies at {digits.share(flies)}")
-    return _sentence(*parts, _failed(table))
+    return sentence(*parts, _failed(table))

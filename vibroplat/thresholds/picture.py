@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from vibroplat.columns import PHASE_COLUMN, unit_of
 from vibroplat.config import digits
+from vibroplat.config.study_plans import FindPlan
 from vibroplat.frames import pd
 from vibroplat.results import content, picture
-from vibroplat.results.labels import key_name, named, sweep_parameters
+from vibroplat.results.labels import key_name, told_of
 from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of
 
@@ -26,9 +26,8 @@ def pictures(results: Sequence[Result], _: Sequence[str] = (), *, measure: Seque
 
 
 def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
-    plan = result.given("find")
-    key, expression = column_of(plan["key"]), plan.get("expression") or ""
-    level, _, number = (part.strip() for part in expression.replace("=", "").replace("<", ">").partition(">"))
+    plan = FindPlan.model_validate(result.given("find"))
+    key, (level, _, number) = column_of(plan.key), plan.compared or ("", "", 0.0)
     needed = (key, "rms_x_m", "rms_y_m", PHASE_COLUMN, *measure, *filter(None, [level]))
     table = picture.finite(content.rows_in(result, "scan", ("reason", "sync", "motion", "outcome"), needed))
     found = picture.finite(result.columns("thresholds", ("kind",), ("value", "below"), _MIXED))
@@ -36,14 +35,13 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
     ranges = [picture.Range(key, low, high, "mixed") for low, high in mixed]
     lines = [
         picture.Line(key, found["value"].tolist(), "threshold"),
-        *([picture.Line(level, [float(number)], dash=":", label=expression)] if level else []),
+        *([picture.Line(level, [number], dash=":", label=plan.expression or "")] if level else []),
     ]
     panels, left = content.measures(table, filter(None, (level, *content.DRAWN)), measure, stripped=True)
-    names = {"none": picture.NOT_SYNCHRONOUS}
     sync = table["sync"].fillna("failed")
     series = [
         picture.Series(
-            names.get(name, name),
+            picture.sync_words(name),
             content.rows_of(sync == name),
             colour=picture.SYNC.get(name, picture.FAILED),
             mode="markers",
@@ -69,7 +67,7 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
         ranges=ranges,
         states=content.motions_of(table),
         rotation=result.known_scene.rotation if result.known_scene else "",
-        told="\n".join(filter(None, (named([result.name], sweep_parameters(result.known_scene, [key])), left))),
+        told=told_of([result.name], result.known_scene, [key], left),
         meaning="Every value that was looked at. Filled: periodic, open: not periodic, ×: failed; dashed lines: "
         "thresholds.",
         orbits=picture.Orbits(
@@ -81,11 +79,11 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
     )
 
 
-def _title(plan: Any, table: pd.DataFrame, found: pd.DataFrame, mixed: Sequence[picture.Range]) -> str:
+def _title(plan: FindPlan, table: pd.DataFrame, found: pd.DataFrame, mixed: Sequence[picture.Range]) -> str:
     """Say where thresholds lie, as exactly as they are known, and what is on either side of a single one."""
-    words, unit = key_name(plan["key"]), unit_of(plan["key"])
+    words, unit = key_name(plan.key), unit_of(plan.key)
     if found.empty:
-        key = column_of(plan["key"])
+        key = column_of(plan.key)
         ends = digits.interval(float(table[key].min()), float(table[key].max()), unit)
         told = f"No threshold of {words} in {ends}"
     else:
@@ -95,7 +93,7 @@ def _title(plan: Any, table: pd.DataFrame, found: pd.DataFrame, mixed: Sequence[
         told += f"; mixed {digits.interval(one.low, one.high, unit)}"
     sides = [str(found[name].iloc[0]) for name in ("below_sync", "above_sync") if len(found) == 1 and name in found]
     if len(sides) == 2 and not mixed:
-        below, above = (picture.NOT_SYNCHRONOUS if side == "none" else side for side in sides)
+        below, above = map(picture.sync_words, sides)
         told += f": {below} below and above" if below == above else f": {below} below, {above} above"
     return told
 

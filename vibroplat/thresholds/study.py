@@ -21,10 +21,10 @@ from vibroplat.errors import ConfigError
 from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.results.answer import Answer
 from vibroplat.results.result import Result
-from vibroplat.study.branches import SUPPLY, column_of, study_table
+from vibroplat.study.branches import SUPPLY, column_of, measures_text, study_table
 from vibroplat.study.point import failed_record
 from vibroplat.study.pool import Pool, Task
-from vibroplat.study.store import Record, Store
+from vibroplat.study.store import Store
 from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, run_study
 from vibroplat.study.sweep import COLUMNS, SWEEP
 from vibroplat.thresholds.evidence import DISTANCES, PAIRS, ClearRange, Threshold, Zone, facts, is_wanted
@@ -133,8 +133,7 @@ class ThresholdStudy(Study):
         lines = {"values": f"{len(scan)} of the scan, {len(search.evaluated)} more", "thresholds": str(len(found))}
         headline, short = self._short(zones, scan)
         failed = [self._failure(value) for value in every if value.failed]
-        text = list(self._text(zones)) if found else [self._unchanged(scan)]
-        answer = Answer(lines, text, list(self._notes(every, zones)), failed, headline, short)
+        answer = Answer(lines, (), list(self._notes(every, zones)), failed, headline, short)
         return Result("find", self.scene, tables, answer)
 
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
@@ -204,16 +203,15 @@ class ThresholdStudy(Study):
 
     def _short(self, zones: Sequence[Zone], scan: Sequence[ScanPoint]) -> tuple[str, list[str]]:
         """Return the headline and the lines below it: thresholds and mixed intervals with the motion on both sides."""
-        found = [(zone, one) for zone in zones for one in zone.thresholds]
+        found = [one for zone in zones for one in zone.thresholds]
         if not found:
             return self._unchanged(scan), []
-        if len(zones) == 1 and zones[0].mixed:
-            return next(texts := self._mixed(zones[0])), list(texts)
-        if len(found) == 1:
-            return self._threshold(found[0][1]), self._both_sides(found[0][1])
-        ends = interval_text(self.plan.key, self.plan.start, self.plan.stop)
         places = [line for zone in zones for line in self._lines_of(zone)]
-        return f"{len(found)} thresholds of {ends}", places
+        if len(zones) == 1 and zones[0].mixed:
+            return places[0], places[1:]
+        if len(found) == 1:
+            return self._threshold(found[0]), self._both_sides(found[0])
+        return f"{len(found)} thresholds of {interval_text(self.plan.key, self.plan.start, self.plan.stop)}", places
 
     def _lines_of(self, zone: Zone) -> list[str]:
         """Return a line for each threshold, or those of a mixed interval."""
@@ -237,18 +235,6 @@ class ThresholdStudy(Study):
             f"{side}  {self._side(value) + '; ' if compared else ''}{value.text}: {measures_text(value.row, most)}"
             for side, value in sides.items()
         ]
-
-    def _text(self, zones: Sequence[Zone]) -> Iterator[str]:
-        """Yield the outcomes on both sides of each mixed interval and in it, then the thresholds."""
-        for zone in zones:
-            if zone.mixed:
-                yield from self._mixed(zone)
-            for one in zone.thresholds:
-                yield (
-                    f"{'a change there: ' if zone.mixed else ''}{self.plan.key} = {self._number(one.value)}"
-                    f"{f', {one.special} of the orbit' if one.special else ''}: {self._kind(one)}; "
-                    f"below {self._side(one.low)}; above {self._side(one.high)}"
-                )
 
     def _kind(self, one: Threshold) -> str:
         """Return the kind of a threshold in words; without an expression there is no level to cross."""
@@ -340,13 +326,6 @@ class ThresholdStudy(Study):
             )
 
 
-def measures_text(row: Record, most: float) -> str:
-    """Write frequency, RMS of both coordinates and power of a motion; ``most`` is the largest RMS beside it."""
-    heights = [quantity(row.get(name), "m", largest=most) for name in ("rms_y_m", "rms_x_m")]
-    pace, power = quantity(row.get("excitation_frequency_hz"), "Hz"), quantity(row.get("motor_power_w"), "W")
-    return f"{pace}, RMS y {heights[0]}, x {heights[1]}, power {power}"
-
-
 def interval_text(key: str, start: float, stop: float) -> str:
     """Write a range of a key, or a single value, as it was given."""
     return f"{key} = {' … '.join(dict.fromkeys(map(given, (start, stop))))} {unit_of(key)}".rstrip()
@@ -421,7 +400,7 @@ def find(scene: Scene, **options: Unpack[Options]) -> Result:
     >>> from vibroplat import Scene, find
     >>> plan = {"key": "drive.supply_frequency_hz", "start": 40.0, "stop": 50.0, "scan": 5}
     >>> plan |= {"expression": "excitation_frequency_hz > 22", "tolerance": 0.01}
-    >>> find(Scene().replace({"find": plan})).answer.text
-    ['drive.supply_frequency_hz = 44.40 Hz: level-crossing; below excitation_frequency_hz = 21.996 Hz; above ...']
+    >>> find(Scene().replace({"find": plan})).answer.headline
+    'drive.supply_frequency_hz = 44.40 ± 0.005 Hz: level-crossing'
     """
     return run_study(ThresholdStudy, scene, **options)
