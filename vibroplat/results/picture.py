@@ -306,7 +306,7 @@ class Picture:
     drawn
         Where points are, by their places; only where these are not in both tables.
     states, meanings
-        Number in :data:`STATES` of each place, and what these mean; None: all are full.
+        Number in :data:`STATES` of each place, and what these mean; without any all are full.
     told, meaning
         What is said below the title in print, and below the figure on the page.
     rotation
@@ -341,7 +341,7 @@ class Picture:
     special: pd.DataFrame | None = None
     special_name: str = ""
     drawn: pd.DataFrame | None = None
-    states: Places | None = None
+    states: Places = field(default_factory=lambda: np.zeros(0, dtype=int))
     meanings: Sequence[str] = MOTIONS
     told: str = ""
     meaning: str = ""
