@@ -11,22 +11,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vibroplat.config.digits import quantity
-from vibroplat.plots.histories import Run
+from vibroplat.plots.histories import Drawn, Run, Shown
 from vibroplat.plots.measured import FloatArray
 from vibroplat.plots.style import new_figure
 from vibroplat.plots.timelines import FROM_REST, TURN, coincide, draw_coordinate
 from vibroplat.results.labels import plain
 from vibroplat.results.picture import CURVES, REFERENCE
-
-if TYPE_CHECKING:
-    from vibroplat.plots.run import Drawn, Shown
 
 #: Range of accelerations along an axis, over the largest one, from which there is a panel.
 MATTERS = 1e-3
