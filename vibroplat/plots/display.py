@@ -15,7 +15,7 @@ from vibroplat.errors import TableError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.plots import run as drawing
 from vibroplat.plots.command import draw_study
-from vibroplat.plots.histories import run_of
+from vibroplat.plots.histories import Shown, run_of
 from vibroplat.plots.style import begin_at_zero, head, new_figure, styled, widen_ticks
 from vibroplat.plots.timelines import FROM_REST, in_units
 from vibroplat.results.labels import run_parameters
@@ -64,7 +64,7 @@ def _run_figure(run: RunResult, kind: str, start: float | None = None, stop: flo
     """Draw a figure of a run."""
     if kind not in drawing.FIGURES:
         raise ValueError(f"kind = {kind!r}; allowed: {', '.join(drawing.FIGURES)}")
-    shown = drawing.Shown([run_of(run, start, stop)])
+    shown = Shown([run_of(run, start, stop)])
     if lacking := drawing.missing(kind, shown):
         allowed = ", ".join(name for name in drawing.FIGURES if not drawing.missing(name, shown))
         raise ValueError(f"kind = {kind!r} but this run {lacking}; allowed: {allowed}")
