@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -130,6 +130,8 @@ def run_figures(
         Tables are missing or have another schema version, or the interval is empty.
     """
     given = [] if data is None else [*map(str, data.given)]
+    if data is not None and data.shift is None and start is stop is None:
+        start, stop = _measured_interval(data, RunResult.read(directories[0], "run").trajectory)
     runs = [run_of(RunResult.read(place, "run"), start, stop, given) for place in directories]
     if data is not None:
         numbers = [column for column in map(str, runs[0].shown.select_dtypes("number")) if column != "t_s"]
@@ -142,6 +144,21 @@ def run_figures(
         raise TableError(f"--kind {kinds[0]}: {directories[0]} {missing(kinds[0], shown)}")
     for kind in drawn:
         yield directory_of(directories[0], "run"), kind, draw(kind, shown)
+
+
+def _measured_interval(data: Measured, whole: pd.DataFrame) -> tuple[float | None, float | None]:
+    """Find the shift of measured data in a whole run, and the interval that they cover; (None, None) without one."""
+    numbers = [column for column in map(str, whole.select_dtypes("number")) if column != "t_s"]
+    if "t_s" not in data.given or not {*numbers} & {*map(str, data.given)}:
+        return None, None
+    found = replace(data, errors={}).select("t_s", numbers, [*map(str, data.given)])
+    found.fit(whole)
+    data.shift = found.shift
+    first, last = (
+        max(found.table["t_s"].min(), whole["t_s"].iloc[0]),
+        min(found.table["t_s"].max(), whole["t_s"].iloc[-1]),
+    )
+    return (float(first), float(last)) if first < last else (None, None)
 
 
 def missing(kind: str, shown: Shown) -> str:

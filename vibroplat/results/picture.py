@@ -409,4 +409,5 @@ def attractor_colours(attractors: Iterable[str]) -> dict[str, str]:
 
 def finite(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table whose infinite numbers are missing, as no axis has room for them."""
-    return table.replace([np.inf, -np.inf], np.nan)
+    numbers = table.select_dtypes("number")
+    return table.assign(**{str(name): numbers[name].replace([np.inf, -np.inf], np.nan) for name in numbers})
