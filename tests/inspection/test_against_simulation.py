@@ -1,6 +1,6 @@
 """How often an inspection is right: random machines, the sweep of the quickstart, starts through a resonance.
 
-``python -m pytest -m campaign tests/inspection/test_against_simulation.py -s`` prints the shares that ``results/method.md``
+``python -m pytest -m campaign tests/inspection -s`` prints the shares that ``results/method.md``
 tells; half an hour.
 """
 
