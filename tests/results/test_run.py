@@ -58,7 +58,7 @@ def test_figures_that_there_are_not(run, runs):
     with pytest.raises(ConfigError, match="kind = 'map'; allowed: motion, force, exciters, loads"):
         run.plot("map")
     with pytest.raises(
-        ValueError,
+        ConfigError,
         match=r"has no contact force, as .* non-impact; allowed: motion, exciters, loads",
     ):
         runs["bare"].plot("force")
