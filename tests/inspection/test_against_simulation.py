@@ -64,7 +64,9 @@ def test_random_machines():
         right.append(row["sync"] == found["expected"])
         if right[-1] and row["sync"] != "none" and row["stroke_y_m"] > row["stroke_x_m"]:
             told = [found["stroke_y_m"], found["throw_index"], found["dynamic_force_y_n"]]
-            errors.append(np.abs(np.array(told) / [row["stroke_y_m"], row["gamma"], row["foundation_force_y_amplitude_n"]] - 1.0))
+            errors.append(
+                np.abs(np.array(told) / [row["stroke_y_m"], row["gamma"], row["foundation_force_y_amplitude_n"]] - 1.0)
+            )
     errors = np.array(errors)
     print(f"\nsynchronization of {MACHINES} machines: {sum(right)} right")
     print(f"stroke, throw index, force within 3 % at {(errors <= 0.03).sum(axis=0)} of {len(errors)} along y")

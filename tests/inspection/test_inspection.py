@@ -210,13 +210,15 @@ def test_what_is_nothing_beside_its_kind_is_0():
 
 def test_command(tmp_path):
     file = tmp_path / "mine.yaml"
-    file.write_text("motor: {critical_torque_n_m: 2}\n")
+    file.write_text(
+        "motor: {critical_torque_n_m: 2}\nmachine: {gravity_m_per_s2: 900}\nrun: {initial: {speed_ratio: 0}}\n"
+    )
     done = command("inspect", str(file), "--set", "drive.supply_frequency_hz=40")
     assert done.code == 0
     assert done.out.startswith("mine: in-phase expected at 19.7")
-    assert "note: machine: no key given" in done.out
-    weak = command("inspect", str(file), "--set", "motor.critical_torque_n_m=0.01")
-    assert max(map(len, weak.out.splitlines())) <= 110
+    assert "note: machine: platform_mass_kg" in done.out
+    assert "each motor gives" in done.out
+    assert max(map(len, done.out.splitlines())) <= 110
     wrong = command("inspect", str(file), "--set", "motor.critical_torque_n_m=-1")
     assert wrong.code == 2
     assert "critical_torque_n_m" in wrong.err

@@ -127,8 +127,8 @@ def _mass(v: Numbers) -> tuple[str, ...]:
     if not material:
         return "mass", quantity(empty, "kg"), "with unbalances", "no material"
     if load > 0.0:
-        more = f"with unbalances and {quantity(material, 'kg')} of material"
-        return "mass", quantity(load, "kg"), more, f"empty {quantity(empty, 'kg')} ({share(load / empty - 1.0)} more)"
+        part = f"{share(material / empty)} of the empty {quantity(empty, 'kg')} with unbalances"
+        return "mass", quantity(load, "kg"), f"with {quantity(material, 'kg')} of material, {part}"
     return "mass", quantity(empty, "kg"), f"with unbalances; {quantity(material, 'kg')} of material cannot lift off"
 
 
@@ -174,7 +174,9 @@ def _synchronization(v: Numbers, load: str, synchronous: str) -> Iterator[str]:
     """Yield the synchronization, and what else there is."""
     none = v["expected"] == "none"
     yield v["expected"] + ("" if none else f" at {quantity(math.degrees(v['phase_difference_rad']), '°')}")
-    yield f"synchronous speeds {synchronous}" if none else ""
+    resting = [i for i in (1, 2) if not v[f"excitation_frequency_{i}_hz"]]
+    yield f"exciter {resting[0]} comes to rest" if len(resting) == 1 else ""
+    yield f"synchronous speeds {synchronous}" if none and not resting else ""
     yield f"with material {v['loaded_expected']}" if v["loaded_expected"] and not none else ""
     yield v["coexisting"] and f"also {v['coexisting']}"
     yield f"holds torques {quantity(v['holding_torque_n_m'], 'N·m')} apart"
