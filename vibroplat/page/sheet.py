@@ -175,7 +175,7 @@ class Sheet:
         name, speeds = caption(s, self.scene).partition(":")[0], speeds_of_both(s)
         pace = Row("speed", quantity(frequency, "Hz"), quantity(60.0 * frequency, "rpm"))
         if speeds and name == NOT_SYNCHRONOUS:
-            pace = Row("speeds", " / ".join(quantity(speed, "Hz") for speed in speeds))
+            pace = Row("speeds", " / ".join(quantity(speed, "Hz", largest=max(speeds)) for speed in speeds))
         work = self._get("start_energy_j", "J") if s.get("start_energy_j") else ""
         step, steady = (
             "" if at is None else f"after {quantity(at, 's', digits=2)}" if at else "from the start"
