@@ -10,6 +10,7 @@ from vibroplat import Scene, check_run, load, load_config, lyapunov, orbit, simu
 from vibroplat.errors import ConfigError
 
 SCENE = Scene().replace({"solver.engine": "taylor", "sweep.supply_frequency_hz": {"start": 45.0, "stop": 45.5}})
+SHORT = SCENE.replace({"run.duration_s": 0.1})
 NO_SCENE = "scene = 'base.yaml'; allowed: a Scene, as load_config(FILE) returns one"
 
 
@@ -49,6 +50,10 @@ def test_nor_is_it_one_for_a_study(name):
         (lambda: sweep(SCENE, jobs=0), "jobs = 0; allowed: at least 1"),
         (lambda: sweep(SCENE, job=2), "unknown key job; did you mean jobs? allowed: jobs, scheduler, wait, progress"),
         (lambda: sweep(SCENE, wait=-1), "wait = -1; allowed: at least 0.0"),
+        (lambda: simulate(SHORT).save(5), "directory = 5; allowed: the name of a file or directory"),
+        (lambda: simulate(SHORT).save("x", "foo"), "form = 'foo'; allowed: 'parquet', 'csv'"),
+        (lambda: simulate(SHORT).plot("foo"), "kind = 'foo'; allowed: motion, force, exciters, loads"),
+        (lambda: simulate(SHORT).plot(size=5), "option size is unknown; allowed: start, stop"),
         (lambda: load(5), "directory = 5; allowed: the name of a file or directory"),
         (lambda: load_config(5), "path = 5; allowed: the name of a file or directory"),
         (lambda: SCENE.replace(5), "5 is no mapping; allowed: dotted keys and their values"),

@@ -39,7 +39,7 @@ def test_the_least_power_is_found_from_each_start(answer, tmp_path):
     assert first == "found by 2 of 2 searches:"
     assert radius.startswith("machine.unbalance_radius_m ")
     assert radius.endswith(" 0.04407 m")
-    assert "(from 2 of 2 starting points)" in answer.answer.lines["there"]
+    assert answer.answer.lines["best"].startswith("machine.unbalance_radius_m 0.0440")
     assert answer.answer.lines["from rest"] == "antiphase, period 1, motor power 3.43 W, RMS y 1.00 mm"
     assert answer.answer.notes == []
     (tmp_path / "best.yaml").write_text(answer.configurations["best"], encoding="utf-8")
@@ -74,7 +74,7 @@ def test_the_worst_scene_of_a_tolerance_counts():
     """The mass 5 % off to either side: the nominal machine has amplitude to spare, and takes less power."""
     plan = {"parameter_tolerances": {"machine.platform_mass_kg": 0.05}, "starts": 1, "samples": 10}
     found = design(scene(**plan))
-    assert "motor power 4.38 W, RMS y 1.18 mm" in found.answer.lines["there"]
+    assert found.answer.headline.startswith("best: motor power 4.38 W with RMS y 1.18 mm")
     assert found.answer.headline.endswith("; up to 5.79 W within the tolerances")
     kept = "100 % (74 % to 100 % with 95 % confidence)"
     assert f"10 machines within the tolerances: 100 % stable, {kept} within bounds" in found.answer.short
@@ -82,9 +82,6 @@ def test_the_worst_scene_of_a_tolerance_counts():
     table = found.tables["evaluations"]
     (best,) = table.index[table["best"]]
     assert table.loc[best, "objective"] == table.loc[table["feasible"], "objective"].min()
-    assert found.answer.lines["within tolerances"] == (
-        f"motor power {table.loc[best, 'objective']:.2f} W at most, one at a time"
-    )
     assert table.loc[best, "objective"] > table.loc[best, "motor_power_w"] + 1.0
     samples = found.tables["samples"]
     assert samples["stable"].all()
@@ -94,9 +91,7 @@ def test_the_worst_scene_of_a_tolerance_counts():
 
 def test_a_box_without_a_design_is_an_answer():
     found = design(scene(starts=2, constraints={"rms_y_m": ">= 8e-3"}))
-    assert found.answer.lines["best"].startswith(
-        f"no design in this box satisfies all constraints; the closest one: {RADIUS} 0.0480000 m, "
-    )
+    assert found.answer.lines["closest"].startswith(f"{RADIUS} 0.0480000 m, machine.stiffness_y_n_per_m ")
     assert found.answer.headline == "no design in this box satisfies all constraints"
     assert found.answer.short[0].startswith("the closest one violates a bound by ")
     assert not found.tables["evaluations"]["feasible"].any()
@@ -127,7 +122,6 @@ def test_a_tolerance_about_a_key_stays_within_the_model():
 
 def test_a_box_to_which_the_orbit_cannot_be_followed_is_no_answer_on_its_designs():
     found = design(scene(keys={"motor.critical_torque_n_m": [0.001, 0.002]}, starts=2))
-    assert found.answer.lines["best"].startswith("unknown: the orbit was lost on the way")
     assert found.answer.headline == "unknown: the orbit was lost on the way to every starting point of the search"
     assert found.tables["evaluations"].empty
     assert found.plot("evaluations").axes

@@ -1,6 +1,6 @@
 """How often an inspection is right: random machines, the sweep of the quickstart, starts through a resonance.
 
-``python -m pytest -m long tests/inspection/test_against_simulation.py -s`` prints the shares that ``results/method.md``
+``python -m pytest -m campaign tests/inspection -s`` prints the shares that ``results/method.md``
 tells; half an hour.
 """
 
@@ -11,7 +11,7 @@ from inspection.machines import machine, settled
 from vibroplat import find, load_config, simulate, sweep
 from vibroplat.config.reader import configurations
 
-pytestmark = pytest.mark.long
+pytestmark = pytest.mark.campaign
 CONFIGS = configurations()
 MACHINES = 100
 

@@ -62,7 +62,7 @@ def test_platform_torques_take_what_the_dampers_dissipate():
 
 @pytest.mark.parametrize(("changes", "expected"), [
     pytest.param({"drive.supply_frequency_hz": 66.0}, "in-phase", marks=pytest.mark.long),
-    ({"drive.supply_frequency_hz": 78.0}, "antiphase"),
+    pytest.param({"drive.supply_frequency_hz": 78.0}, "antiphase", marks=pytest.mark.long),
     ({"motors": [{}, {"pole_pairs": 3}]}, "none"),
     pytest.param({"motors": [{}, {"critical_torque_n_m": 0.0}]}, "antiphase", marks=pytest.mark.long),
     pytest.param({"exciters.0.rotation": "clockwise"}, "in-phase", marks=pytest.mark.long),
@@ -112,10 +112,12 @@ def test_loaded_templates_as_simulated(name, stroke, throw, force):
 
 
 @pytest.mark.parametrize("changes", [
-    {"drive": {"program": [{"t_s": 0, "supply_frequency_hz": 50}, {"t_s": 1, "off": True}]}},
+    pytest.param(
+        {"drive": {"program": [{"t_s": 0, "supply_frequency_hz": 50}, {"t_s": 1, "off": True}]}}, marks=pytest.mark.long
+    ),
     {"motor.critical_torque_n_m": 0.0},
     pytest.param({"machine.stiffness_x_n_per_m": 0.0, "machine.damping_x_n_s_per_m": 0.0}, marks=pytest.mark.long),
-    pytest.param({"material.mass_ratio": 0.1, "contact.model": "non-impact"}, marks=pytest.mark.long),
+    pytest.param({"material": {"mass_ratio": 0.1, "layers": 1}, "contact.model": "non-impact"}, marks=pytest.mark.long),
     {"name": "m" * 100, "machine.gravity_m_per_s2": 0.0, "drive.supply_frequency_hz": 20.0},
 ])  # fmt: skip
 def test_twelve_lines_for_every_machine(changes):

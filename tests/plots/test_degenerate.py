@@ -205,7 +205,7 @@ def drawn_run(kind, count=1):
         one = histories.run_of(changed)
         if kind == "force" and "contact_force_n" not in one.shown:
             raise TableError("not drawn")
-        return run.draw(kind, run.Shown([one] * count, names=["one", "another"]))
+        return run.draw(kind, histories.Shown([one] * count, names=["one", "another"]))
 
     return draw
 

@@ -7,8 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from vibroplat import Scene, load, simulate
 from vibroplat.errors import TableError
 from vibroplat.plots.measured import MAX_BYTES, Measured, best_shift, read_data, relative_error
+from vibroplat.plots.run import _measured_interval
 
 MAPPING = 't=Zeit*0.001,ay_inlet=Beschl_y (g)*10,"y=Weg, y"'
 TEXT = "Zeit;Beschl_y (g);Weg, y\n0;1,5;0,1\n500;−;0,2\n1000;-2,5;0,3\n".replace("−", "")
@@ -97,3 +99,30 @@ def test_the_error_is_that_of_the_difference_beside_the_measured_values():
     assert data.lines() == [
         "rig: y differs by 10 % (RMS of the difference / RMS of the measured values); shifted by 0.2500 s"
     ]
+
+
+def test_names_lose_blanks_at_their_ends_and_may_hold_semicolons(tmp_path):
+    (tmp_path / "blanks.csv").write_text("Zeit ; Weg\n0;1,5\n1;2,5\n")
+    found = read_data(f"{tmp_path}/blanks.csv:t=Zeit,y=Weg").select("t_s", ["y_m"])
+    assert found.table["y_m"].tolist() == [1.5, 2.5]
+    (tmp_path / "semicolon.csv").write_text("time (s; from start),y (m)\n0,1.5\n1,2.5\n")
+    assert [*read_data(tmp_path / "semicolon.csv").given] == ["time (s; from start)", "y (m)"]
+
+
+def test_what_is_not_compared_is_told(tmp_path):
+    data = Measured(tmp_path / "rig.csv", pd.DataFrame({"t_s": [5.0, 6.0], "y_m": [1.0, 2.0]})).select("t_s", ["y_m"])
+    data.compare("y_m", "t_s", [(np.array([0.0, 1.0]), np.array([0.0, 0.0]))])
+    assert data.lines() == ["rig.csv: y is not compared: fewer than two of its values lie beside a curve, or all are 0"]
+    assert data.told("y_m") == ""
+
+
+def test_the_shift_is_found_in_the_whole_run_and_the_interval_of_the_data_is_shown(tmp_path):
+    """Without an interval the last turns would be shown, where the start is not."""
+    scene = Scene().replace({"solver.engine": "taylor", "run.duration_s": 2.0, "run.initial.speed_ratio": 0.5})
+    simulate(scene).save(tmp_path / "a/run")
+    start = load(tmp_path / "a").trajectory.query("0.1 < t_s < 0.5")
+    start.assign(t_s=start["t_s"] + 12.7)[["t_s", "y_m"]].to_csv(tmp_path / "rig.csv", index=False)
+    data = read_data(f"{tmp_path}/rig.csv:t_s=t_s,y=y_m,shift=fit")
+    found = _measured_interval(data, load(tmp_path / "a").trajectory)
+    assert data.shift == pytest.approx(-12.7, abs=1e-3)
+    assert found == pytest.approx((0.1, 0.5), abs=2e-3)

@@ -10,7 +10,7 @@ import pytest
 import vibroplat
 from vibroplat import load, load_config
 from vibroplat.config.kinds import KINDS
-from vibroplat.errors import TableError
+from vibroplat.errors import ConfigError, TableError
 from vibroplat.results import renamed
 from vibroplat.results.result import Answer
 
@@ -42,7 +42,7 @@ def test_a_result_is_loaded_as_it_was_computed(kind, kernels, tmp_path):
     assert len(again.plot().axes) == len(fresh.plot().axes) > 0
     copied = load(again.save(tmp_path / "copied", "csv"))
     assert copied.answer == fresh.answer
-    with pytest.raises(ValueError, match="kind = 'motion'; allowed: "):
+    with pytest.raises(ConfigError, match="kind = 'motion'; allowed: "):
         fresh.plot("motion")
     with pytest.raises(TableError, match="is not a directory"):
         load(tmp_path / "nothing", kind)

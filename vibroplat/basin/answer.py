@@ -9,12 +9,11 @@ import pandas as pd
 
 from vibroplat.basin.attractors import AttractorSet
 from vibroplat.basin.rates import ALPHA, CHAOTIC, TRANSIENT_MOTIONS, clopper_pearson, shares_over
-from vibroplat.columns import indexed_name
-from vibroplat.config.digits import given, number, share
+from vibroplat.config.digits import number, share
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import BasinsPlan
 from vibroplat.results.answer import Answer, counted, in_columns
-from vibroplat.study.branches import column_of, measures_text, place_words
+from vibroplat.study.branches import box_words, column_of, measures_text, place_words
 
 #: Most attractors that have a line.
 MAX_ATTRACTORS = 6
@@ -36,21 +35,14 @@ def answer_of(
     names = list(dict.fromkeys(attractors["attractor"]))
     values = len(found)
     over = f" at each of {values} values of {plan.over.key}" if plan.over else ""
-    headline = f"{counted(len(names), 'attractor')} from {plan.number} initial conditions{over}: {_box(plan)}"
+    starts = f"{plan.number} initial conditions{over}: {box_words(plan.initial_conditions)}"
     return Answer(
         lines=_lines(plan, tables, values),
         text=[*_text(attractors, escaped)] if key is None else (),
         notes=_notes(plan, attractors, found),
         failures=[line for f in found for line in _failures(f)],
-        headline=headline,
+        headline=f"{counted(len(names), 'attractor')} from {starts}",
         short=[*_shares(attractors, key), *_neighbours(plan, tables["starts"])],
-    )
-
-
-def _box(plan: BasinsPlan) -> str:
-    """Write the box of initial conditions."""
-    return ", ".join(
-        f"{indexed_name(key)} {given(low)} … {given(high)}" for key, (low, high, *_) in plan.initial_conditions.items()
     )
 
 
@@ -91,16 +83,13 @@ def _neighbours(plan: BasinsPlan, starts: pd.DataFrame) -> Iterator[str]:
 
 
 def _lines(plan: BasinsPlan, tables: Mapping[str, pd.DataFrame], values: int) -> dict[str, str]:
-    """Return the overview, which includes the box of initial conditions."""
+    """Return the overview."""
     ways = [f"{plan.number}"] + ([f"at each of {values} values of {plan.over.key}"] if plan.over else [])
-    lines = {"initial conditions": f"{' '.join(ways)}, for at most {plan.max_turns} turns"}
-    for key, (low, high, *count) in plan.initial_conditions.items():
-        lines[indexed_name(key)] = f"{given(low)} … {given(high)}" + (
-            f", {int(count[0])} values" if count else ", random"
-        )
     turns = tables["starts"]["turns"]
-    lines["turns until assigned"] = f"median {turns.median():.0f}, maximum {turns.max():.0f}"
-    return lines
+    return {
+        "initial conditions": f"{' '.join(ways)}, for at most {plan.max_turns} turns",
+        "turns until assigned": f"median {turns.median():.0f}, maximum {turns.max():.0f}",
+    }
 
 
 def _text(table: pd.DataFrame, escaped: Mapping[str, int]) -> Iterator[str]:

@@ -14,7 +14,7 @@ from vibroplat.frames import pd
 from vibroplat.results import content, picture
 from vibroplat.results.labels import key_name, shortened, told_of, value_words
 from vibroplat.results.result import Result
-from vibroplat.study.branches import column_of
+from vibroplat.study.branches import box_words, column_of
 from vibroplat.study.titles import sentence
 
 OPTIONS = ()
@@ -44,11 +44,6 @@ def _pictures(result: Result) -> list[picture.Picture]:
 def _named(table: pd.DataFrame, keys: Sequence[str]) -> list[tuple[Any, ...]]:
     """Return what tells an attractor, or that of a start, from all others: the value of the key and its name."""
     return list(zip(*(table[name] for name in (*keys, "attractor")), strict=True))
-
-
-def _range(key: str, ends: Sequence[float]) -> str:
-    """Say between which values starts have a key."""
-    return f"{key_name(key)} {ends[0]:.4g} … {ends[1]:.4g} {unit_of(key)}".strip()
 
 
 def _motion(row: pd.Series) -> str:
@@ -116,7 +111,7 @@ def _starts(
     groups = [*content.in_groups(starts, keys)] if keys else [starts]
     facets = [picture.Facet(value_words(key, rows[key].iloc[0]), [n]) for key in keys for n, rows in enumerate(groups)]
     hidden = not keys and starts.duplicated([*ranges][:2]).any()
-    box = "" if keys else ", ".join(_range(key, ranges[key]) for key in list(ranges)[2:])
+    box = "" if keys else box_words(dict([*ranges.items()][2:]))
     told = (
         box and f"starts: {box}",
         f"starts followed for {plan['max_turns']} turns",
@@ -150,7 +145,7 @@ def _shares(result: Result, plan: Any, key: str, attractors: pd.DataFrame) -> pi
     colours, turns = picture.attractor_colours(attractors["attractor"]), f"within {plan['max_turns']} turns"
     shared = attractors["attractor"][attractors["fraction"] > ROUNDING].nunique() > 1
     panels, left = content.measures(attractors, stripped=not shared)
-    box = ", ".join([*(_range(*one) for one in plan["initial_conditions"].items()), turns])
+    box = f"{box_words(plan['initial_conditions'])}, {turns}"
     return picture.Picture(
         name="basins",
         heading="Shares",

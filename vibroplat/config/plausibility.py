@@ -90,18 +90,17 @@ def quantities(scene: Scene) -> Iterator[UsualRange]:
     """Yield what of a scene has a usual range."""
     machine, material, drive, initial = scene.machine, scene.material, scene.drive, scene.run.initial
     springs = (
-        ("x", scene.platform_mass, "stiffness_x_n_per_m", "damping_x_n_s_per_m"),
-        ("y", scene.platform_mass, "stiffness_y_n_per_m", "damping_y_n_s_per_m"),
-        ("phi", scene.body.inertia, "stiffness_phi_n_m_per_rad", "damping_phi_n_m_s_per_rad"),
+        ("x", "stiffness_x_n_per_m", "damping_x_n_s_per_m"),
+        ("y", "stiffness_y_n_per_m", "damping_y_n_s_per_m"),
+        ("phi", "stiffness_phi_n_m_per_rad", "damping_phi_n_m_s_per_rad"),
     )
-    for axis, mass, spring, _ in springs:
-        stiffness = getattr(machine, spring)
+    oscillators = scene.oscillators.T.tolist()
+    for (axis, spring, _), (mass, _, stiffness) in zip(springs, oscillators, strict=True):
         frequency = math.sqrt(stiffness / mass) / (2.0 * math.pi) if stiffness > 0.0 else None
         yield UsualRange(frequency, 1.0, 150.0, "Hz", (f"machine.{spring}",), f"natural frequency {{}} in {axis}")
-    for axis, mass, spring, damper in springs:
+    for (axis, _, damper), (mass, damping, stiffness) in zip(springs, oscillators, strict=True):
         keys = (f"machine.{damper}", *(["contact.viscous_per_mass_per_s"] if axis == "y" else []))
-        damping = scene.damping_y if axis == "y" else getattr(machine, damper)
-        ratio = _damping_ratio(damping, getattr(machine, spring), mass)
+        ratio = _damping_ratio(damping, stiffness, mass)
         yield UsualRange(ratio, 0.0, 1.0, "", keys, f"damping ratio {{}} in {axis}")
     weight = (scene.platform_mass + sum(scene.layer_masses)) * machine.gravity_m_per_s2
     sag = weight / machine.stiffness_y_n_per_m

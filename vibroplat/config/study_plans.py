@@ -25,6 +25,8 @@ EXCLUSIVE = (
 )
 #: Starts at random that there are without a number of them, and most starts at all values of a key.
 DEFAULT_RANDOM, MAX_INITIAL_CONDITIONS = 1000, 10_000_000
+#: Violation of a bound, over its scale, that counts as none.
+VIOLATION_TOLERANCE = 1e-6
 
 
 def _full_names(given: Any) -> Any:
@@ -247,6 +249,11 @@ class DesignPlan(Section, title="Design"):
         """Return 1 if a bound is the least value of its measure, −1 if the largest, 0 if it is none; and the value."""
         found = COMPARISON.fullmatch(f"{measure} {self.constraints[measure]}")
         return (0.0, 0.0) if found is None else ({">=": 1.0, "<=": -1.0}.get(found[2], 0.0), float(found[3]))
+
+    def keeps(self, measure: str, values: Any) -> Any:
+        """Return whether values of a measure keep its bound."""
+        sign, limit = self.bound(measure)
+        return sign * (values - limit) >= -VIOLATION_TOLERANCE * abs(limit)
 
     @property
     def named(self) -> list[str]:

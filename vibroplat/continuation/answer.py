@@ -13,14 +13,15 @@ from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.results.answer import Answer, counted, in_columns
 from vibroplat.results.labels import value_words
+from vibroplat.study.answer import axis_label, by_columns
 from vibroplat.study.branches import EXCITATION, axis_name, column_of
 from vibroplat.study.sweep import synchronizations
 
 #: Maximum number of branches and special points that are printed with ``-v``.
 MAX_PRINTED = 40
-#: Most combinations of the grid's values and boundaries that have a line, kinds of synchronization that have a column,
-#: ranges of stability in a cell, and kinds of special points.
-MAX_ROWS, MAX_KINDS, MAX_RANGES, MAX_SPECIAL = 4, 2, 3, 5
+#: Most boundaries that have a line, kinds of synchronization that have a column, ranges of stability in a cell, and
+#: kinds of special points.
+MAX_CURVES, MAX_KINDS, MAX_RANGES, MAX_SPECIAL = 4, 2, 3, 5
 
 
 def answer_of(
@@ -58,17 +59,12 @@ def _stable_lines(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Itera
         return
     counts = stable["sync"].value_counts()
     kinds = counts.index[:MAX_KINDS]
-    lifts = bool((special["kind"] == "liftoff").any())
-    corner = f"stable at {axis_name(key)}{f' ({unit_of(key)})' if unit_of(key) else ''}"
-    rows = [[corner, *kinds, *(["first lift-off"] if lifts else [])]]
     groups = list(branches.groupby(keys, sort=False)) if keys else [((), branches)]
-    for at, own in groups[:MAX_ROWS]:
-        name = ", ".join(map(value_words, keys, at))
-        cells = [_ranges(own, key, str(kind)) for kind in kinds]
-        rows.append([name, *cells, *([_first_liftoff(special, keys, at, key)] if lifts else [])])
-    yield from in_columns(rows)
-    if groups[MAX_ROWS:]:
-        yield f"and {len(groups) - MAX_ROWS} more combinations of the grid: -v"
+    columns = {f"stable at {axis_label(key)}": [", ".join(map(value_words, keys, at)) for at, _ in groups]}
+    columns |= {str(kind): [_ranges(own, key, str(kind)) for _, own in groups] for kind in kinds}
+    if (special["kind"] == "liftoff").any():
+        columns["first lift-off"] = [_first_liftoff(special, keys, at, key) for at, _ in groups]
+    yield from by_columns(columns, "-v")
     others = "".join(f"; {count} stable orbits are {kind}" for kind, count in counts[MAX_KINDS:].items())
     if len(kinds) > 1:
         yield f"where both hold a value, the start decides{others}"
@@ -81,10 +77,9 @@ def _ranges(table: pd.DataFrame, key: str, sync: str) -> str:
     """
     found: list[list[float]] = []
     for _, branch in table.groupby("branch", sort=False):
-        holds = (branch["stable"] & (branch["sync"] == sync)).to_numpy()
-        pieces = np.split(branch[key].to_numpy(float), np.flatnonzero(np.diff(holds)) + 1)
-        begins = np.split(holds, np.flatnonzero(np.diff(holds)) + 1)
-        found += [[piece.min(), piece.max()] for piece, held in zip(pieces, begins, strict=True) if held.any()]
+        holds = branch["stable"] & (branch["sync"] == sync)
+        pieces = branch.loc[holds, key].astype(float).groupby((~holds).cumsum())
+        found += [[piece.min(), piece.max()] for _, piece in pieces]
     united: list[list[float]] = []
     for low, high in sorted(found):
         if united and low <= united[-1][1]:
@@ -125,11 +120,11 @@ def _curves(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Iterator[st
             f"{axis_name(key)} {interval(own[key].min(), own[key].max(), digits=4)} {unit_of(key)}".rstrip()
             for key in keys
         ]
-        for _, own in groups[:MAX_ROWS]
+        for _, own in groups[:MAX_CURVES]
     ]
     yield from in_columns(rows) if rows else ["no boundary: no special point to start from"]
-    if groups[MAX_ROWS:]:
-        yield f"and {counted(len(groups) - MAX_ROWS, 'more curve')}: -v"
+    if groups[MAX_CURVES:]:
+        yield f"and {counted(len(groups) - MAX_CURVES, 'more curve')}: -v"
 
 
 def _failures(summary: Mapping[str, Any]) -> list[str]:

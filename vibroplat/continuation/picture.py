@@ -115,16 +115,6 @@ def _title(found: Branches) -> str:
     return f"{first}; {told}" if told else first
 
 
-def _stability(found: Branches) -> str:
-    """Say how many orbits are unstable, and how large the largest multiplier is."""
-    table = found.table
-    real, imaginary = (table[f"multiplier_1_{part}"].to_numpy(dtype=float, na_value=np.nan) for part in ("re", "im"))
-    sizes = np.hypot(real, imaginary)
-    unstable = int((~table["stable"].astype(bool)).sum())
-    largest = digits.number(float(np.nanmax(sizes))) if np.isfinite(sizes).any() else digits.MISSING
-    return f"{unstable} of {len(table)} orbits unstable; largest |multiplier| {largest}"
-
-
 def _limits(table: pd.DataFrame, found: Branches) -> str:
     """Say over which values of the first key boundaries of each kind lie."""
     over = found.x if found.x in table else found.key
@@ -265,7 +255,7 @@ def multipliers(found: Branches) -> picture.Picture:
     for rows in found.branches:
         label = found.label(rows.iloc[0])
         colour = picture.CURVES[[*facets, label].index(label) % len(picture.CURVES)]
-        own = [rows.assign(size=np.hypot(rows["multiplier_1_re"], rows["multiplier_1_im"]))]
+        own = [rows.assign(size=np.hypot(rows["multiplier_1_re"].astype(float), rows["multiplier_1_im"].astype(float)))]
         for i in itertools.takewhile(lambda i: f"multiplier_{i}_re" in table, itertools.count(1)):
             real, imaginary = (rows[f"multiplier_{i}_{part}"].astype(float) for part in ("re", "im"))
             own += [
@@ -280,11 +270,12 @@ def multipliers(found: Branches) -> picture.Picture:
         ]
         parts += own
         begin += len(places)
+    unstable = int((~table["stable"].astype(bool)).sum())
     melted = pd.concat(parts, ignore_index=True).reindex(columns=[found.x, "stable", "real", "imaginary", "size"])
     return picture.Picture(
         name="multipliers",
         heading="Multipliers",
-        title=_stability(found),
+        title=f"{unstable} of {len(table)} orbits unstable; largest |multiplier| {digits.number(melted['size'].max())}",
         table=melted,
         table_name="multipliers",
         axes=[found.x],

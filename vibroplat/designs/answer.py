@@ -11,7 +11,6 @@ from vibroplat.basin.rates import clopper_pearson
 from vibroplat.columns import quantity_of, unit_of
 from vibroplat.config.digits import DIGITS, FREQUENCY_DIGITS, NEGLIGIBLE, number, prefixed, quantity, share
 from vibroplat.config.study_plans import DesignPlan
-from vibroplat.designs.optimum import VIOLATION_TOLERANCE
 from vibroplat.designs.samples import QUANTILES
 from vibroplat.results.answer import counted, in_columns
 
@@ -42,10 +41,10 @@ def short_answer(plan: DesignPlan, tables: Mapping[str, pd.DataFrame], motion: s
 
 def measure_text(name: str, value: Any) -> str:
     """Write a measure with its name and unit."""
-    return f"{_label(name)} {quantity(value, unit_of(name))}"
+    return f"{label(name)} {quantity(value, unit_of(name))}"
 
 
-def _label(name: str) -> str:
+def label(name: str) -> str:
     """Return what a measure is called in prints."""
     return quantity_of(name).name.replace("$", "")
 
@@ -101,20 +100,18 @@ def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFram
         values = samples[name].quantile(list(QUANTILES)).tolist()
         factor, unit = prefixed(values[1], unit_of(name))
         digits = FREQUENCY_DIGITS if unit == "Hz" else DIGITS
-        label = f"{_label(name)} ({unit})" if unit else _label(name)
-        rows.append([label, *(number(value / factor, digits) for value in values)])
+        rows.append(
+            [f"{label(name)} ({unit})" if unit else label(name), *(number(value / factor, digits) for value in values)]
+        )
     yield from in_columns(rows)
     own = contributions[contributions["measure"].isin(shown[:1])].sort_values("regression", ascending=False)
     for _, row in own.head(1).iterrows():
-        yield f"{row['key']} explains {share(row['regression'])} of the variance of {_label(shown[0])}"
+        yield f"{row['key']} explains {share(row['regression'])} of the variance of {label(shown[0])}"
 
 
 def satisfied(plan: DesignPlan, samples: pd.DataFrame) -> dict[str, int]:
     """Count the samples that satisfy all constraints, and each of several; tolerances together may violate one."""
-    kept: dict[str, pd.Series[bool]] = {}
-    for name, bound in plan.constraints.items():
-        sign, limit = plan.bound(name)
-        kept[f"  {name} {bound}"] = sign * (samples[name] - limit) >= -VIOLATION_TOLERANCE * abs(limit)
+    kept = {f"  {name} {bound}": plan.keeps(name, samples[name]) for name, bound in plan.constraints.items()}
     together = {"constraints satisfied": pd.DataFrame(kept).all(axis=1)} if kept else {}
     return {label: int(inside.sum()) for label, inside in (together | (kept if len(kept) > 1 else {})).items()}
 
@@ -137,7 +134,7 @@ def _elasticities(table: pd.DataFrame) -> Iterator[str]:
         first = own.reindex(own["elasticity"].abs().sort_values(ascending=False, kind="stable").index)
         first = first[first["elasticity"].abs() > NEGLIGIBLE * first["elasticity"].abs().max()]
         told = _of_keys(dict(zip(first["key"], first["elasticity"], strict=True)))[:MAX_TOLD]
-        rows.append([_label(str(name)), quantity(own["value"].iloc[0], unit_of(str(name))), ", ".join(told)])
+        rows.append([label(str(name)), quantity(own["value"].iloc[0], unit_of(str(name))), ", ".join(told)])
     yield from in_columns(rows) if rows else ()
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from vibroplat.columns import COUNT, FLAG, Column, Columns
 from vibroplat.config.scene import Scene
+from vibroplat.config.study_plans import VIOLATION_TOLERANCE
 from vibroplat.continuation.newton import NoConvergenceError
 from vibroplat.continuation.orbit_neighbourhood import OrbitNeighbourhood
 from vibroplat.designs.samples import name_regime, sobol_points
@@ -23,9 +24,9 @@ from vibroplat.study.point import measure_point
 from vibroplat.study.store import Record
 from vibroplat.system.threads import one_thread
 
-#: Iterations of a search, fewer while a violation is made small, its tolerance, and the violation of a bound, over its
-#: scale, that counts as none. Searches that came into the bounds, in five boxes, took 2 to 15 of the former.
-MAX_ITERATIONS, MAX_VIOLATION_ITERATIONS, SEARCH_TOLERANCE, VIOLATION_TOLERANCE = 60, 20, 1e-8, 1e-6
+#: Iterations of a search, fewer while a violation is made small, and its tolerance. Searches that came into the bounds,
+#: in five boxes, took 2 to 15.
+MAX_ITERATIONS, MAX_VIOLATION_ITERATIONS, SEARCH_TOLERANCE = 60, 20, 1e-8
 #: Minimum scale of a bound of ``margin``, in which a hundredth is much.
 MIN_MARGIN_SCALE = 0.02
 #: How often a start at which the orbit is lost is moved half way to the scene as given.

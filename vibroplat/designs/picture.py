@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from textwrap import fill
-from typing import Any
 
 import numpy as np
 
@@ -24,8 +23,8 @@ OPTIONS = ()
 MOST, LETTERS = 10, 88
 #: Ratio of values from which on an axis is logarithmic: searches begin far away.
 WIDE = 5.0
-#: What is said of designs that keep all bounds, and how far a bound may be missed by rounding.
-KEEPS, ROUNDING = "keeps all bounds", 1e-9
+#: What is said of designs that keep all bounds.
+KEEPS = "keeps all bounds"
 #: Distance of a bound from samples up to which it is drawn, over their range.
 NEAR = 0.3
 
@@ -52,30 +51,19 @@ def _told(result: Result, plan: DesignPlan, told: str = "") -> str:
 def bound_of(plan: DesignPlan, name: str) -> str:
     """Return a bound in words and in the unit of its axis: "RMS y ≥ 1 mm"."""
     sign, value = plan.bound(name)
-    if not sign:
-        return f"{display_name(name)} {plan.constraints[name]}"
     unit, factor = display_unit(name)
     return f"{display_name(name)} {'≥' if sign > 0.0 else '≤'} {digits.given(factor * value)} {unit}".strip()
 
 
-def _keeps(plan: DesignPlan, table: pd.DataFrame, name: str) -> pd.Series:
-    """Return which rows keep a bound, up to rounding."""
-    sign, value = plan.bound(name)
-    if not sign or name not in table:
-        return pd.Series(True, table.index)
-    return sign * (table[name].astype(float) - value) >= -ROUNDING * abs(value)
-
-
-def _elastic(result: Result) -> pd.DataFrame:
-    """Return the rows of the measures that depend on keys; others are round-off."""
-    found = picture.finite(result.columns("sensitivities", ("measure", "key"), ("elasticity",)))
-    return found.dropna(subset=["elasticity"])
+def _elasticities(result: Result) -> pd.DataFrame:
+    """Return elasticities of measures on keys; missing ones are round-off."""
+    return picture.finite(result.columns("sensitivities", ("measure", "key"), ("elasticity",)))
 
 
 def _sensitivities(result: Result, plan: DesignPlan) -> picture.Picture:
     """Return bars of the elasticities of each measure, the largest first."""
-    table = picture.finite(result.columns("sensitivities", ("measure", "key"), ("elasticity",)))
-    known = _elastic(result)
+    table = _elasticities(result)
+    known = table.dropna(subset=["elasticity"])
     series, facets = [], []
     for number, measure in enumerate(known["measure"].unique()):
         own = known.loc[known["measure"] == measure, "elasticity"].abs().sort_values(ascending=False, kind="stable")
@@ -107,12 +95,11 @@ def _sensitivities(result: Result, plan: DesignPlan) -> picture.Picture:
 
 def _strongest(known: pd.DataFrame) -> str:
     """Say which key moves the first measures most."""
-    told, sizes = [], known["elasticity"].astype(float).abs()
-    for measure in sizes.groupby(known["measure"]).max().nlargest(2).index:
-        rows = known[known["measure"] == measure]
-        best = rows.loc[rows["elasticity"].astype(float).abs().idxmax()]
-        change = digits.number(float(best["elasticity"]))
-        told.append(f"{indexed_name(str(measure))} {change} % for 1 % of {key_name(str(best['key']))}")
+    told, sizes = list[str](), known["elasticity"].astype(float).abs()
+    largest = known.loc[sizes.groupby(known["measure"]).idxmax()].sort_values("elasticity", key=abs, ascending=False)
+    for _, row in largest.head(2).iterrows():
+        change = digits.number(float(row["elasticity"]))
+        told.append(f"{indexed_name(str(row['measure']))} {change} % for 1 % of {key_name(str(row['key']))}")
     sentence = "; ".join(told) or "No measure depends on a key"
     return sentence[:1].upper() + sentence[1:]
 
@@ -120,24 +107,23 @@ def _strongest(known: pd.DataFrame) -> str:
 def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
     """Return samples in the order of each measure that varies, in the colours of their regimes, with bounds."""
     table = picture.finite(content.rows_in(result, "samples", ("regime",)))
-    asked = [m for m in _elastic(result)["measure"].unique() if m in table]
+    asked = [m for m in _elasticities(result).dropna(subset=["elasticity"])["measure"].unique() if m in table]
     told = content.content_of(table, [*asked, *(name for name in plan.constraints if name in table)])
     shown = [name for name, text in told.items() if not text]
     nominal = _nominal(result, plan)
     panels, _ = content.measures(table, asked=shown) if shown else ([], "")
-    regimes = table["regime"].fillna("lost").mask(~table["stable"].astype(bool), table["regime"] + ", orbit lost")
-    colours = picture.attractor_colours(regimes.fillna("lost"))
+    regimes = table["regime"].mask(~table["stable"].astype(bool), table["regime"] + ", orbit lost").fillna("lost")
+    colours = picture.attractor_colours(regimes)
     classes = {name: (colour, name) for name, colour in colours.items()}
-    spread = [f"{key_name(key)} ±{100.0 * share:g} %" for key, share in list(plan.parameter_tolerances.items())[:MOST]]
-    spread += [f"{len(plan.parameter_tolerances) - MOST} more"] if len(plan.parameter_tolerances) > MOST else []
-    left = ", ".join(text for text in told.values() if text)
+    spread = [f"{key_name(key)} ±{100.0 * share:g} %" for key, share in plan.parameter_tolerances.items()]
+    spread[MOST:] = [f"{len(spread) - MOST} more"] if spread[MOST:] else []
+    left = ", ".join(filter(None, told.values()))
     lines = [picture.Line(name, [nominal[name]], "nominal") for name in shown if pd.notna(nominal.get(name))]
     notes = dict[str, str]()
     for name in (name for name in plan.constraints if name in shown):
-        sign, bound = plan.bound(name)
-        notes[name] = f"{bound_of(plan, name)}: {digits.share(float(_keeps(plan, table, name).mean()))} keep it"
-        low, high = float(table[name].min()), float(table[name].max())
-        if sign and low - NEAR * (high - low) <= bound <= high + NEAR * (high - low):
+        notes[name] = f"{bound_of(plan, name)}: {digits.share(float(plan.keeps(name, table[name]).mean()))} keep it"
+        bound, low, high = plan.bound(name)[1], float(table[name].min()), float(table[name].max())
+        if low - NEAR * (high - low) <= bound <= high + NEAR * (high - low):
             lines.append(picture.Line(name, [bound], "bound", "-", picture.VERMILION))
     more = (
         fill(", ".join(part.replace(" ", "\N{NO-BREAK SPACE}") for part in spread), LETTERS),
@@ -149,7 +135,7 @@ def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
         title=_within(plan, table, shown),
         table=table,
         table_name="samples",
-        drawn=table.assign(regime=regimes.fillna("lost")),
+        drawn=table.assign(regime=regimes),
         axes=content.axes_of(table, (*plan.parameter_tolerances, *shown)) or ["sample"],
         panels=[
             picture.Panel(p.column, kind="ranks", by="regime", classes=classes, note=notes.get(p.column, ""))
@@ -167,7 +153,7 @@ def _within(plan: DesignPlan, table: pd.DataFrame, shown: Sequence[str]) -> str:
     """Say how many samples keep all bounds, and how far the measures of most samples spread."""
     parts = []
     if bounds := [name for name in plan.constraints if name in table]:
-        kept = np.logical_and.reduce([_keeps(plan, table, name) for name in bounds])
+        kept = np.logical_and.reduce([plan.keeps(name, table[name]) for name in bounds])
         words = " and ".join(bound_of(plan, name) for name in bounds)
         parts.append(f"{int(kept.sum())} of {len(table)} samples keep {words}")
     for name in [name for name in shown if name not in plan.constraints or not parts][:2]:
@@ -249,7 +235,7 @@ def _reasons(plan: DesignPlan, table: pd.DataFrame) -> pd.Series:
     if "stability_margin" in table:
         found = found.mask(table["stability_margin"].astype(float) <= 0.0, "unstable")
     for name in reversed(plan.constraints):
-        found = found.where(_keeps(plan, table, name), f"violates {bound_of(plan, name)}")
+        found = found.where(plan.keeps(name, table[name]), f"violates {bound_of(plan, name)}")
     return found.mask(table["feasible"].astype(bool), KEEPS)
 
 
@@ -274,14 +260,10 @@ def _measures(table: pd.DataFrame, aims: Sequence[str]) -> tuple[list[picture.Pa
     others = [
         str(name) for name in table if name not in {"start", "objective", "violation", "period", "feasible", "best"}
     ]
-    scales: Mapping[bool, Any] = {True: "log", False: "linear"}
     shown, left = content.measures(table, [*aims, *others])
-    return [replace(panel, scale=scales[_wide(table, panel.column)]) for panel in shown], left
-
-
-def _wide(table: pd.DataFrame, column: str) -> bool:
-    """Whether the numbers of a column are positive and differ by large factors."""
-    return bool(table[column].min() > 0.0 and table[column].max() > WIDE * table[column].min())
+    least, largest = table.min(numeric_only=True), table.max(numeric_only=True)
+    wide = (least > 0.0) & (largest > WIDE * least)
+    return [replace(panel, scale="log" if wide[panel.column] else "linear") for panel in shown], left
 
 
 _MAKERS: Mapping[str, Callable[[Result, DesignPlan], picture.Picture]] = {

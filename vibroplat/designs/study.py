@@ -9,13 +9,13 @@ from typing import Any, Unpack
 import pandas as pd
 from ruamel.yaml import YAML
 
-from vibroplat.columns import Column, Columns, quantity_of, unit_of
+from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.digits import DIGITS, decimal, number, places, quantity, share
 from vibroplat.config.scene import Scene
 from vibroplat.designs import optimum
 from vibroplat.designs import samples as of_samples
 from vibroplat.designs import sensitivities as of_keys
-from vibroplat.designs.answer import measure_text, satisfied, short_answer, with_confidence
+from vibroplat.designs.answer import label, measure_text, satisfied, short_answer, with_confidence
 from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of
@@ -178,20 +178,12 @@ class DesignStudy(Study):
                 front.append({"bound": value, "feasible": part is not None, "period": known["period"], **row})
             tables["pareto"] = self._table(front, optimum.PARETO, ("bound",), ("objective", "feasible", "period"))
         if best is None:
-            if not rows:
-                return None, {"best": "unknown: the orbit was lost on the way to every starting point of the search"}
-            nearest = min(rows, key=lambda row: row["violation"])
-            near = ", ".join([_values(nearest, list(self.plan.keys)), *_measures(nearest, self.aims)])
-            return None, {"best": f"no design in this box satisfies all constraints; the closest one: {near}"}
-        same = sum(other["objective"] < best["objective"] + 1e-4 * abs(best["objective"]) for other in bests)
-        lines = {
-            "best": _values(best["values"], list(self.plan.keys)),
-            "there": ", ".join(_measures(best["measures"], self.aims))
-            + f" (from {same} of {self.plan.starts} starting points)",
-        }
-        if self.plan.parameter_tolerances:
-            lines["within tolerances"] = f"{measure_text(self.aims[0], best['objective'])} at most, one at a time"
-        return best, lines
+            nearest = min(rows, key=lambda row: row["violation"], default=None)
+            return None, {} if nearest is None else {"closest": self._values(nearest)}
+        return best, {"best": self._values(best["values"])}
+
+    def _values(self, found: Mapping[str, float]) -> str:
+        return ", ".join(f"{key} {number(found[key], 6)} {unit_of(key)}".rstrip() for key in self.plan.keys)
 
     def _table(self, rows: Sequence[Record], meant: Columns, first: Sequence[str], last: Sequence[str]) -> pd.DataFrame:
         """Make a table of the plan's keys and measures, with the columns ``first`` before and ``last`` after them."""
@@ -207,18 +199,14 @@ class DesignStudy(Study):
         places = of_samples.sobol_points(plan.seed, len(keys), 0, plan.samples)
         table = self._samples(run, scene, known, places)
         shares = of_samples.variance_contributions(table, keys, found["measure"].unique().tolist())
-        known_lines, kept = [*result.answer.lines.items(), *_lines_of_samples(table, home).items()], self._kept(table)
+        lines = dict(result.answer.lines) | _lines_of_samples(table, home)
+        kept = {of: with_confidence(count, len(table)) for of, count in satisfied(plan, table).items()}
         answer = result.answer._replace(
-            lines=dict([*kept, *known_lines] if plan.minimize is None else [*known_lines, *kept]),
+            lines=kept | lines if plan.minimize is None else lines | kept,
             text=[*result.answer.text, *_distribution_lines(table, shares)],
         )
         tables = {**result.tables, "samples": table, "variance_contributions": shares}
         return self._result(tables, answer, result.configurations)
-
-    def _kept(self, table: pd.DataFrame) -> list[tuple[str, str]]:
-        """Return the fraction of samples that satisfy all constraints, and each of several, with confidence bounds."""
-        counts = satisfied(self.plan, table)
-        return [(label, with_confidence(count, len(table))) for label, count in counts.items()]
 
     def _samples(self, run: _Runner, scene: Scene, known: Record, places: FloatArray) -> pd.DataFrame:
         """Measure samples at places, in parts that are the same for any number of workers."""
@@ -254,14 +242,6 @@ class _Runner:
 
         chains = [StoredChain(_single(Task(task[0], task[1:])), self._store, name) for name, task in tasks.items()]
         return run_stored(chains, self._workers, tell)
-
-
-def _values(found: Mapping[str, float], names: Sequence[str]) -> str:
-    return ", ".join(f"{name} {number(found[name], 6)} {unit_of(name)}".rstrip() for name in dict.fromkeys(names))
-
-
-def _measures(found: Mapping[str, Any], names: Sequence[str]) -> list[str]:
-    return [measure_text(name, found[name]) for name in dict.fromkeys(names)]
 
 
 def _configuration_text(scene: Scene) -> str:
@@ -313,7 +293,7 @@ def _distribution_lines(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[s
         told = ", ".join(f"{key} {share(part)}" for key, part in by if part >= LEAST_SHARE)
         explained = f" (of {share(own['explained'].iloc[0])} explained)" if told else ""
         quantiles = ", ".join(quantity(value, unit_of(str(name)), size=middle) for value in (low, middle, high))
-        yield f"  {quantity_of(str(name)).name.replace('$', '')} {quantiles}: {told or 'no variance'}{explained}"
+        yield f"  {label(str(name))} {quantiles}: {told or 'no variance'}{explained}"
 
 
 STUDY = DesignStudy

@@ -36,9 +36,7 @@ def averaged_start(scene: Scene, factors: FloatArray) -> FloatArray:
     u, (inertia, damping, stiffness) = couplings(scene), scene.oscillators
     rotors, top, initial = np.array(scene.exciter_inertias), scene.speed_scale, scene.run.initial
     speeds = np.tile(initial.speed_ratio * np.array(scene.synchronous_speeds), (factors.size, 1))
-    angles = [
-        e.direction * angle for e, angle in zip(scene.exciter_pair, initial.angles(scene.phase_weights[1]), strict=True)
-    ]
+    angles = np.multiply([e.direction for e in scene.exciter_pair], initial.angles(scene.phase_weights[1]))
     lag = np.full(factors.size, angles[0] - angles[1] + PERTURBATION)
     amplitudes, change = np.zeros((2, factors.size, 3), complex)
     rates = np.zeros_like(speeds)

@@ -8,13 +8,10 @@ from typing import Any
 
 from vibroplat.config.digits import quantity, share
 from vibroplat.config.scene import Scene
-from vibroplat.results.answer import Answer
+from vibroplat.results.answer import Answer, first_failures
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
 from vibroplat.results.run_answer import headline, peak_text, static_and_dynamic, transient
-
-#: Most failures of a result that are told.
-MOST_FAILURES = 5
 
 
 def told_of(result: Result) -> Answer:
@@ -22,21 +19,14 @@ def told_of(result: Result) -> Answer:
     if isinstance(result, RunResult):
         known = defaultdict(lambda: None, result.summary)  # results of former versions lack some
         told = headline(result.scene, known).removeprefix(f"{known['name']}: ")
-        numbers = _numbers(result.scene, known)
-        notes, failures = known["notes"] or (), _failures_of_run(known)
-        answer = Answer(headline=told[:1].upper() + told[1:], short=[numbers] * bool(numbers), notes=notes)
-    else:
-        answer, check = result.answer, result.provenance.get("check") or {}
-        failures = [*check.get("disagreements", ()), *answer.failures]
-    more = [f"{len(failures) - MOST_FAILURES} more"] * (len(failures) > MOST_FAILURES)
-    told = answer.headline.removeprefix(f"{result.label}: ")
-    return answer._replace(headline=told, failures=[*map(str, failures[:MOST_FAILURES]), *more])
-
-
-def _failures_of_run(summary: Mapping[str, Any]) -> list[str]:
-    outcome, check = summary["outcome"], summary["check"] or {}
-    failed = [] if outcome in ("ok", None) else [f"{outcome}: {summary['detail']}"]
-    return [*failed, *["engines disagree"] * (check.get("agrees") is False)]
+        numbers, outcome = _numbers(result.scene, known), known["outcome"]
+        failures = [f"{outcome}: {known['detail']}"] * (outcome not in ("ok", None))
+        failures += ["engines disagree"] * ((known["check"] or {}).get("agrees") is False)
+        short, notes = [numbers] * bool(numbers), known["notes"] or ()
+        return Answer(notes=notes, failures=failures, headline=told[:1].upper() + told[1:], short=short)
+    answer, check = result.answer, result.provenance.get("check") or {}
+    failures = first_failures([*check.get("disagreements", ()), *answer.failures])
+    return answer._replace(headline=answer.headline.removeprefix(f"{result.label}: "), failures=failures)
 
 
 def _numbers(scene: Scene, summary: Mapping[str, Any]) -> str:

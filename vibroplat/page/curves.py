@@ -92,7 +92,7 @@ class Runs:
     def key_figures(self) -> list[str]:
         """Return the curves that matter: the force into the foundation over the run, and the platform's last turns."""
         found = []
-        if force := self.whole({"force_y_n": "force y"}):
+        if force := self.whole(PANELS[0][1]):
             plot = drawn("Force into the foundation, y: each turn of the run", force, "force_y_n")
             self._mark_largest(plot)
             found.append(plot.html())
@@ -107,19 +107,17 @@ class Runs:
 
     def third(self) -> str:
         """Return the speeds while the exciters start, or the force of the last turns."""
-        sizes = [(one.size(f"speed_{n}_hz"), one.frequency or 0.0) for one in self.courses for n in (1, 2)]
-        moves = any(size > 0.1 * frequency for size, frequency in sizes)
-        if not moves:
-            lines, title = self.detail({"force_y_n": "force y"}), f"Force into the foundation, {self.last}"
-        elif any(one.steady is None for one in self.courses):
+        courses, column = self.courses, "speed_1_hz"
+        if not any(one.size(f"speed_{n}_hz") > 0.1 * (one.frequency or 0.0) for one in courses for n in (1, 2)):
+            lines, title, column = self.detail(PANELS[0][1]), f"Force into the foundation, {self.last}", "force_y_n"
+        elif any(one.steady is None for one in courses):
             lines, title = self.whole(EXCITERS), "Speed, whole run"
         else:
-            until = max(max(one.steady or 0.0, one.first + START) for one in self.courses)
+            until = max(max(one.steady or 0.0, one.first + START) for one in courses)
             lines, title = self.whole(EXCITERS, until), "Speed until the stroke is steady"
         if not lines:
             return ""
-        column = "speed_1_hz" if moves else "force_y_n"
-        plot = drawn(title, lines, column, detail=not moves and not self.chosen)
+        plot = drawn(title, lines, column, detail=column == "force_y_n" and not self.chosen)
         plot.height = "--h:150px"
         return plot.html()
 

@@ -80,8 +80,7 @@ def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> Non
     """Draw a series: its line, and dots where there is none or where points are not as usual."""
     name = ", ".join(filter(None, (plain_text(series.label), plain_text(series.look))))
     places = places_of([series])
-    known: Any = () if view.picture.states is None else view.picture.states
-    state = np.append(known, np.full(len(x), FULL))[places]
+    state = np.append(view.picture.states, np.full(len(x), FULL))[places]
     full = (state == FULL) | (series.mode == "dots")
     odd = ~full & (state != LOST) & (series.mode != "lines")
     size = {"dots": 3.0, "markers": 5.5 * min(series.size, 1.2)}.get(series.mode, 5.0)

@@ -37,11 +37,6 @@ class Row(NamedTuple):
     when: str = ""
 
 
-def told(value: float | None, unit: str = "", **how: Any) -> str:
-    """Write a number as :func:`quantity` does; "" if there is none."""
-    return "" if value is None else quantity(value, unit, **how)
-
-
 class Sheet:
     """Writes the data sheet of a run.
 
@@ -82,8 +77,9 @@ class Sheet:
     # -- parts of rows ------------------------------------------------------------------------------
 
     def _get(self, key: str, unit: str = "", **how: Any) -> str:
-        """Write a number of the summary as :func:`told` does."""
-        return told(self.summary.get(key), unit, **how)
+        """Write a number of the summary as :func:`quantity` does; "" if there is none."""
+        value = self.summary.get(key)
+        return "" if value is None else quantity(value, unit, **how)
 
     def _row(self, label: str, column: str, unit: str, *, largest: float | None = None, sign: str = "") -> Row:
         """Return the row of a column; beside ``largest`` what is small is 0, and was so at no time."""
@@ -99,7 +95,8 @@ class Sheet:
         if known[1:] and are_alike(known):
             values = known[:1]
         texts = [quantity(one, unit, digits=3, size=size, largest=size) if unit else share(one) for one in values]
-        return " / ".join(dict.fromkeys(texts)) if known else ""
+        *others, last = dict.fromkeys(texts)
+        return " / ".join([*(one.removesuffix(f" {last.rpartition(' ')[2]}") for one in others), last] * bool(known))
 
     def _pair_row(self, label: str, column: str, unit: str, most: str = "") -> Row:
         """Return the row of both motors, with the larger of their largest values."""
@@ -176,7 +173,7 @@ class Sheet:
         pace = Row("speed", quantity(frequency, "Hz"), quantity(60.0 * frequency, "rpm"))
         if speeds and name == NOT_SYNCHRONOUS:
             pace = Row("speeds", " / ".join(quantity(speed, "Hz", largest=max(speeds)) for speed in speeds))
-        work = self._get("start_energy_j", "J") if s.get("start_energy_j") else ""
+        work = self._get("start_energy_j", "J")
         step, steady = (
             "" if at is None else f"after {quantity(at, 's', digits=2)}" if at else "from the start"
             for at in (s.get("synchronized_at_s"), self.steady)
@@ -184,7 +181,7 @@ class Sheet:
         return [
             Row("phase difference", phase_text(s) or "drifts", name),
             pace,
-            Row("in step", step, work, "work until then") if step and work else Row("in step", step),
+            Row("in step", step, *((work, "work until then") if step and s.get("start_energy_j") else ())),
             Row("stroke steady", steady, "within 1 %" if steady else ""),
             Row("motion repeats", repeats(s.get("period"))),
         ]

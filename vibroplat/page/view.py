@@ -51,9 +51,7 @@ class View:
         """Return the horizontal axis, the same for all panels of a picture."""
         column = panel.x or self.axis
         shown = series if panel.x else self.picture.series
-        values = (
-            self.reached(column, places_of(shown)) if column == self.axis else self.values(column)[places_of(shown)]
-        )
+        values = self.reached(column, places_of(shown) if shown else np.arange(len(self.picture.points)))
         return Scale.of(values, column, label=axis_name(column), log=self.picture.log(column))
 
     def reached(self, column: str, places: Any) -> Floats:

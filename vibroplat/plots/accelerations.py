@@ -11,27 +11,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vibroplat.config.digits import quantity
-from vibroplat.plots.histories import Run
+from vibroplat.plots.histories import Drawn, Run, Shown
 from vibroplat.plots.measured import FloatArray
 from vibroplat.plots.style import new_figure
-from vibroplat.plots.timelines import FROM_REST, TURN, draw_coordinate
+from vibroplat.plots.timelines import FROM_REST, TURN, coincide, draw_coordinate
 from vibroplat.results.labels import plain
 from vibroplat.results.picture import CURVES, REFERENCE
 
-if TYPE_CHECKING:
-    from vibroplat.plots.run import Drawn, Shown
-
 #: Range of accelerations along an axis, over the largest one, from which there is a panel.
 MATTERS = 1e-3
-#: Difference of lines, over the largest acceleration, up to which they are one.
-ALIKE = 0.015
 #: Orders of the exciters up to which a spectrum is drawn, and up to which they are named.
 ORDERS, NAMED = 20, 10
 #: Largest lines of a spectrum that its title tells, and how far it reaches below and above the largest.
@@ -53,9 +47,9 @@ def _lines(runs: Sequence[Run], names: Sequence[str]) -> dict[str, list[_Line]]:
             for column in (column for column in map(str, run.shown) if column.startswith(begin)):
                 point = column.removeprefix(begin).removesuffix("m_per_s2").rstrip("_")
                 who = f"point {point}" if point else "centre of mass"
-                of, alike = found.setdefault(axis, []), ALIKE * float(run.shown[column].abs().max())
+                of = found.setdefault(axis, [])
                 for k, (one, other, label) in enumerate(of):
-                    if one is run and float((run.shown[other] - run.shown[column]).abs().max()) <= alike:
+                    if one is run and coincide(run.shown[other], run.shown[column]):
                         of[k] = (run, other, f"{label} = {who}")
                         break
                 else:

@@ -113,13 +113,10 @@ def plot_results(
         Their tables are missing or damaged.
     """
     every_family = families()
-    found = [family for family in every_family if all(family.command in commands_in(place) for place in directories)]
+    held = [commands_in(place) for place in directories]
+    found = [family for family in every_family if all(family.command in commands for commands in held)]
     first, every = directories[0], ", ".join(map(str, directories))
-    if (
-        not found
-        and len(directories) > 1
-        and any(f.command in commands_in(d) for f in every_family for d in directories)
-    ):
+    if not found and len(directories) > 1 and any(held):
         raise VibroplatError(f"{every} hold no results of one command; allowed: several runs, or several sweeps")
     found = found or [every_family[-1]]
     allowed = [kind for family in found for kind in family.kinds]
@@ -127,8 +124,8 @@ def plot_results(
         for kind in kinds:
             if kind in family.kinds and kind not in allowed:
                 names = ", ".join(allowed) or "no --kind"
-                held, other = (noun_of(one.command) for one in (found[0], family))
-                raise VibroplatError(f"--kind {kind} shows {other}, but {first} holds {held}; allowed: {names}")
+                own, other = (noun_of(one.command) for one in (found[0], family))
+                raise VibroplatError(f"--kind {kind} shows {other}, but {first} holds {own}; allowed: {names}")
     chosen = [family for family in found if not kinds or {*family.kinds} & {*kinds}]
     given = {option: value for option, value in options.items() if value is not None}
     if isinstance(data := given.get("data"), (str, Path)):
@@ -141,8 +138,8 @@ def plot_results(
     with styled():
         for family in chosen:
             wanted = [kind for kind in kinds if kind in family.kinds]
-            own = {option: value for option, value in given.items() if option in family.options}
+            used = {option: value for option, value in given.items() if option in family.options}
             compared = "-compared" if len(directories) > 1 and family.command in _COMPARED else ""
-            for directory, name, figure in family.draw(directories, wanted, **own):
+            for directory, name, figure in family.draw(directories, wanted, **used):
                 written.append(save(figure, directory, f"{name}{compared}", saving))
     return written

@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from vibroplat.columns import COORDINATES
 from vibroplat.config.kinds import KINDS
 from vibroplat.continuation.orbit import Orbit
-from vibroplat.errors import TableError
+from vibroplat.errors import ConfigError, TableError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.plots import run as drawing
 from vibroplat.plots.command import draw_study
-from vibroplat.plots.histories import run_of
+from vibroplat.plots.histories import Shown, run_of
 from vibroplat.plots.style import begin_at_zero, head, new_figure, styled, widen_ticks
 from vibroplat.plots.timelines import FROM_REST, in_units
 from vibroplat.results.labels import run_parameters
@@ -32,7 +32,7 @@ def figure_of(shown: Result | Orbit, kind: str | None = None, **options: Any) ->
 
     Raises
     ------
-    ValueError
+    ConfigError
         There is no such figure.
     TableError
         There is nothing to draw.
@@ -48,26 +48,30 @@ def figure_of(shown: Result | Orbit, kind: str | None = None, **options: Any) ->
 def _study_figure(result: Result, kind: str | None, options: Mapping[str, Any]) -> Figure:
     """Draw a figure of a study, the first one if none is named."""
     if result.command not in KINDS:
-        raise ValueError("the figures of the paper are many; allowed: vibroplat plot DIR")
+        raise ConfigError("the figures of the paper are many; allowed: vibroplat plot DIR")
     names, own = KINDS[result.command].figures.split(), KINDS[result.command].pictures
     if kind is not None and kind not in names:
-        raise ValueError(f"kind = {kind!r}; allowed: {', '.join(names)}")
+        raise ConfigError(f"kind = {kind!r}; allowed: {', '.join(names)}")
     if wrong := [name for name in options if name not in own.OPTIONS]:
-        raise ValueError(f"option {wrong[0]} is unknown; allowed: {', '.join(own.OPTIONS) or 'none'}")
+        raise ConfigError(f"option {wrong[0]} is unknown; allowed: {', '.join(own.OPTIONS) or 'none'}")
     figures = draw_study(result.command, [result], [] if kind is None else [kind], **options)
     for _, figure in figures:
         return figure
     raise TableError(f"{result.place} holds nothing to draw")
 
 
-def _run_figure(run: RunResult, kind: str, start: float | None = None, stop: float | None = None) -> Figure:
+def _run_figure(
+    run: RunResult, kind: str, start: float | None = None, stop: float | None = None, **wrong: object
+) -> Figure:
     """Draw a figure of a run."""
+    if wrong:
+        raise ConfigError(f"option {next(iter(wrong))} is unknown; allowed: start, stop")
     if kind not in drawing.FIGURES:
-        raise ValueError(f"kind = {kind!r}; allowed: {', '.join(drawing.FIGURES)}")
-    shown = drawing.Shown([run_of(run, start, stop)])
+        raise ConfigError(f"kind = {kind!r}; allowed: {', '.join(drawing.FIGURES)}")
+    shown = Shown([run_of(run, start, stop)])
     if lacking := drawing.missing(kind, shown):
         allowed = ", ".join(name for name in drawing.FIGURES if not drawing.missing(name, shown))
-        raise ValueError(f"kind = {kind!r} but this run {lacking}; allowed: {allowed}")
+        raise ConfigError(f"kind = {kind!r} but this run {lacking}; allowed: {allowed}")
     return drawing.draw(kind, shown)
 
 

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from vibroplat.columns import COORDINATES, FORCES, split
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.observe.tables import acceleration_columns
+from vibroplat.plots.measured import Measured
 from vibroplat.plots.reading import Cut, ends_of, rest_of
+from vibroplat.plots.style import FORCE, MATERIAL, PLATFORM
+from vibroplat.results.picture import CURVES, ORANGE
 from vibroplat.results.run import RunResult
 
 _LOG = logging.getLogger("vibroplat")
@@ -40,6 +45,10 @@ _PEAKS = {
     "y_m": "stroke_y_m",
     "x_m": "stroke_x_m",
 }
+#: Colours of columns of one run: what is along x is orange everywhere.
+_COLOURS = {"gap_m": MATERIAL, "contact_force_n": FORCE, "x_m": ORANGE, "force_x_n": ORANGE}
+#: A figure, and the axis whose lines are named below it, if there is one.
+Drawn = tuple[Figure, Axes | None]
 
 
 @dataclass(frozen=True)
@@ -111,6 +120,49 @@ class Run:
         found = values.to_numpy(dtype=float)
         found = found[np.isfinite(found)]
         return arm * float(np.ptp(found)) if len(found) else 0.0
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The runs of a figure, measured data laid over them, and what several of them are called."""
+
+    runs: Sequence[Run]
+    data: Measured | None = None
+    names: Sequence[str] = ()
+
+    @property
+    def only(self) -> Run | None:
+        """The run, if there is one."""
+        return self.runs[0] if len(self.runs) == 1 else None
+
+    @property
+    def aligned(self) -> bool:
+        """Whether times are counted from a whole turn of exciter 1, to compare the last turns of several runs."""
+        return self.only is None and self.data is None and not any(run.chosen for run in self.runs)
+
+    @property
+    def detail(self) -> str:
+        """The label of the horizontal axis where turns are shown in detail."""
+        return "time since a whole turn of exciter 1 (s)" if self.aligned else "time (s)"
+
+    def origin(self, run: Run) -> float:
+        """Return the time (s) from which those of a run are counted in detail."""
+        if not self.aligned:
+            return 0.0
+        turns = run.last["phi1_rad"].abs() // (2.0 * np.pi)
+        return float(run.last["t_s"].iloc[int(turns.gt(turns.iloc[0]).argmax())])
+
+    def last(self, run: Run) -> pd.DataFrame:
+        """Return the last turns of a run over the time of detail."""
+        table = run.last.assign(t_s=run.last["t_s"] - self.origin(run))
+        return table[table["t_s"] >= 0.0] if self.aligned else table
+
+    def look(self, number: int, column: str) -> dict[str, Any]:
+        """Return the look of a run's line: a colour for each quantity, or for each run if there are several."""
+        if self.only is not None:
+            return {"color": _COLOURS.get(column, PLATFORM)}
+        colour = CURVES[number % len(CURVES)]
+        return {"color": colour, "label": self.names[number], "lw": 1.5 - 0.7 * number / len(self.runs), "alpha": 0.9}
 
 
 def turns_of(table: pd.DataFrame) -> float:

@@ -117,22 +117,23 @@ class Measured:
         """Note the error of a column beside the nearest of some curves over ``x``."""
         if {x, column} <= {*self.table.columns} and column not in (x, PHASE_COLUMN):
             errors = [relative_error(curve_of(self.table, column, x), curve) for curve in curves]
-            if known := [error for error in errors if error is not None]:
-                self.errors[column] = min(known)
+            self.errors[column] = min((error for error in errors if error is not None), default=np.nan)
 
     def told(self, column: str) -> str:
         """Say how much a column differs from what was computed; "" if it was not compared."""
-        return f"differs by {share(self.errors[column])}" if column in self.errors else ""
+        return f"differs by {share(error)}" if np.isfinite(error := self.errors.get(column, np.nan)) else ""
 
     def differences(self) -> list[str]:
         """Say how much each column differs from what was computed."""
-        return [f"{display_name(column)} {self.told(column)}" for column in self.errors]
+        return [f"{display_name(column)} {self.told(column)}" for column in self.errors if self.told(column)]
 
     def lines(self) -> list[str]:
         """Say the errors of all columns, and how far the data were shifted."""
         shift = f"; shifted by {quantity(self.shift, 's', digits=4)}" if self.shift else ""
         what = "(RMS of the difference / RMS of the measured values)"
-        return [f"{self.path.name}: {display_name(column)} {self.told(column)} {what}{shift}" for column in self.errors]
+        nothing = "is not compared: fewer than two of its values lie beside a curve, or all are 0"
+        told = {column: f"{self.told(column)} {what}" if self.told(column) else nothing for column in self.errors}
+        return [f"{self.path.name}: {display_name(column)} {text}{shift}" for column, text in told.items()]
 
     def draw(self, axis: Axes, x: str, column: str, *, inside: bool = False) -> Axes:
         """Draw a column over another where the data have both, in black diamonds, smaller ones if they are many.
@@ -237,7 +238,7 @@ def read_data(given: str | Path) -> Measured:
         raise TableError(f"--data {path}: rows have more values than the first line; allowed: {allowed}") from None
     except Exception as error:  # pandas raises many kinds on damaged files
         raise TableError(f"--data {path} cannot be read: {' '.join(str(error).split())}") from None
-    table.columns = table.columns.map(str)
+    table.columns = table.columns.map(lambda name: str(name).strip())
     return _mapped(path, mapping, table) if mapping else Measured(path, table)
 
 
@@ -293,14 +294,14 @@ def _text(path: Path) -> str:
 
 
 def _read_csv(text: str) -> pd.DataFrame:
-    """Read CSV: columns between commas, or as the first line has them ; or tabs, and then also decimal commas.
+    """Read CSV: columns between commas, or as the first two lines have them ; or tabs, and then also decimal commas.
 
     A first line ``sep=;`` says so alone. A row with too many values is a ParserWarning: it has decimal commas, or lines
     are not what they seem.
     """
     text = re.sub(r"\Asep=.\r?\n", "", text)
-    head = text.partition("\n")[0]
-    separator = next((sign for sign in (";", "\t") if sign in head), ",")
+    lines = text.splitlines()[:2]
+    separator = next((sign for sign in (";", "\t") if all(sign in line for line in lines)), ",")
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)
         look: dict[str, Any] = {"index_col": False, "skipinitialspace": True}

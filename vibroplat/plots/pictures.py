@@ -176,7 +176,7 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
     figure, strip, cells = cells_of(picture, x)
     if strip is not None:
         draw_strips(strip, picture, x)
-    prepared = [_prepared(series, ended(picture.points[x]), _states(picture)) for series in picture.series]
+    prepared = [_prepared(series, ended(picture.points[x]), picture.states) for series in picture.series]
     for axis, panel, *numbers in cells:
         shown, behind = ([prepared[n] for n in own if _within(picture.series[n], panel)] for own in numbers)
         _panel(axis, picture, panel, x, shown, behind)
@@ -214,10 +214,6 @@ def _in_units(picture: Picture, x: str) -> Picture:
     names = {x, *(name for panel in picture.panels for name in (panel.column, panel.x, panel.by))}
     numbers = [name for name in names if name in picture.points and is_number(picture.points[name])]
     return replace(picture, drawn=picture.points.assign(**{n: in_units(picture.points[n], n) for n in numbers}))
-
-
-def _states(picture: Picture) -> Any:
-    return np.zeros(0, dtype=int) if picture.states is None else picture.states
 
 
 def _within(series: Series, panel: Panel) -> bool:
@@ -335,7 +331,7 @@ def legend_of(picture: Picture) -> list[Any]:
     for panel in picture.panels:
         rows = np.concatenate([one.places for one in series if one.mode == "dots"] or [np.zeros(0, dtype=int)])
         known = picture.points[panel.by].iloc[rows] if panel.classes else pd.Series(dtype=object)
-        if panel.kind == "tiles" and (_states(picture) == STATES.index("failed")).any():
+        if panel.kind == "tiles" and (picture.states == STATES.index("failed")).any():
             entries.append(Patch(facecolor="white", edgecolor="black", hatch=HATCH, lw=0.3, label="failed"))
         entries += [
             Patch(facecolor=colour, alpha=PALE if panel.kind == "tiles" else 1.0, label=label)
@@ -375,7 +371,7 @@ def _looks(picture: Picture) -> Iterator[Line2D]:
         marker = {} if one.mode == "lines" else {"marker": one.symbol, "ms": 4.5 * one.size}
         yield entry(name, alpha=0.5 if one.pale else None, **line, **marker)
     marked = [one.places[one.places != BROKEN] for one in picture.series if one.mode in ("both", "markers")]
-    rows, states = np.concatenate([*marked, np.zeros(0, dtype=int)]), _states(picture)
+    rows, states = np.concatenate([*marked, np.zeros(0, dtype=int)]), picture.states
     found = [name for number, name in enumerate(STATES) if (states[rows[rows < len(states)]] == number).any()]
     for name in found if found != ["full"] else ():
         look = {"marker": "o", "ls": "", "color": BLACK, "ms": 6.0, "mew": 0.7, "markerfacecoloralt": "white"}

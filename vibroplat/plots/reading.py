@@ -54,8 +54,6 @@ class Cut:
         Columns of which the extremes are kept.
     every
         In the thinned interval one of so many rows of the trajectory is kept; 0: none.
-    most
-        Most rows that are kept of the interval shown: the first ones, or with a negative number the last ones.
 
     Attributes
     ----------
@@ -71,46 +69,29 @@ class Cut:
         columns: Collection[str],
         *,
         every: int = 0,
-        most: int | None = None,
     ) -> None:
         self._begin, self._end, self._bins = whole
-        self._samples: dict[str, list[pd.DataFrame]] = {}
+        self._ranges: list[pd.DataFrame] = []
         kept, thinned, count = [], [], 0
         for part in parts:
             kept.append(part[part["t_s"].between(*shown)])
-            if most is not None:
-                rows = pd.concat(kept)
-                kept = [rows.head(most) if most > 0 else rows.tail(-most)]
             inside = part["t_s"].between(self._begin, self._end)
             if every:
                 thinned.append(part[inside & ((count + np.arange(len(part))) % every == 0)])
-            for column in columns:
-                if column in part:
-                    self._samples.setdefault(column, []).append(self._of_bins(part[inside], column))
+            known = finite(part.loc[inside, [column for column in columns if column in part]])
+            ranges = known.groupby(self._bins_of(part.loc[inside, "t_s"])).agg(["min", "max"])
+            self._ranges.append(ranges.set_axis(ranges.columns.map(":".join), axis=1))
             count += len(part)
         self.shown = finite(pd.concat(kept, ignore_index=True))
         self.thinned = finite(pd.concat(thinned, ignore_index=True)) if thinned else self.shown.iloc[:0]
 
-    def _bins_of(self, table: pd.DataFrame) -> Any:
+    def _bins_of(self, times: pd.Series) -> Any:
         width = (self._end - self._begin) / self._bins or 1.0
-        return ((table["t_s"] - self._begin) / width).clip(0, self._bins - 1).astype(int).to_numpy()
-
-    def _of_bins(self, part: pd.DataFrame, column: str) -> pd.DataFrame:
-        """Return the samples with the smallest and the largest value of each bin, in order of time."""
-        known = finite(part[["t_s", column]]).dropna().reset_index(drop=True)
-        values = known[column].groupby(self._bins_of(known))
-        return known.iloc[np.unique(np.concatenate([values.idxmin(), values.idxmax()]))]
-
-    def extremes(self) -> dict[str, pd.DataFrame]:
-        """Return by column the samples with its smallest and largest value in each bin, with their times ``t_s``."""
-        return {column: pd.concat(samples, ignore_index=True) for column, samples in self._samples.items()}
+        return ((times - self._begin) / width).clip(0, self._bins - 1).astype(int).to_numpy()
 
     def envelope(self) -> pd.DataFrame:
         """Return the extremes in each bin (columns ``y_m:min``, ``y_m:max`` …) and the time in its middle (``t_s``)."""
-        found: dict[str, pd.Series] = {}
-        for column, samples in self.extremes().items():
-            values = samples[column].groupby(self._bins_of(samples))
-            found |= {f"{column}:min": values.min(), f"{column}:max": values.max()}
-        table = pd.DataFrame(found)
+        ranges = pd.concat(self._ranges)
+        table = ranges.groupby(level=0).agg({name: str(name)[-3:] for name in ranges}).dropna(how="all")
         middle = self._begin + (table.index.to_numpy() + 0.5) * (self._end - self._begin) / self._bins
         return table.assign(t_s=middle).reset_index(drop=True)

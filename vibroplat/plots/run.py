@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +14,9 @@ from vibroplat.columns import FORCES, PHASE
 from vibroplat.errors import TableError
 from vibroplat.plots import accelerations, timelines
 from vibroplat.plots.headlines import headline
-from vibroplat.plots.histories import RATES, Run, run_of, turns_of
+from vibroplat.plots.histories import RATES, Drawn, Run, Shown, run_of, turns_of
 from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.style import (
-    FORCE,
-    MATERIAL,
-    PLATFORM,
     TOLD,
     begin_at_zero,
     head,
@@ -29,16 +26,13 @@ from vibroplat.plots.style import (
 from vibroplat.results.files import directory_of
 from vibroplat.results.labels import compared, distinct, run_parameters
 from vibroplat.results.labels import named as label_of_runs
-from vibroplat.results.picture import BLACK, CURVES, ORANGE, REFERENCE
+from vibroplat.results.picture import BLACK, CURVES, REFERENCE
 from vibroplat.results.run import RunResult
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    #: A figure, and the axis whose lines are named below it, if there is one.
-    Drawn = tuple[Figure, Axes | None]
 
 _LOG = logging.getLogger("vibroplat")
 
@@ -50,53 +44,8 @@ MATTERS = 0.05
 MOST_TURNS = 60
 
 _MOVING = ("x_m", "y_m", "phi_rad")
-#: Colours of columns of one run: what is along x is orange everywhere.
-_COLOURS = {"gap_m": MATERIAL, "contact_force_n": FORCE, "x_m": ORANGE, "force_x_n": ORANGE}
 
 # -- figures -----------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Shown:
-    """The runs of a figure, measured data laid over them, and what several of them are called."""
-
-    runs: Sequence[Run]
-    data: Measured | None = None
-    names: Sequence[str] = ()
-
-    @property
-    def only(self) -> Run | None:
-        """The run, if there is one."""
-        return self.runs[0] if len(self.runs) == 1 else None
-
-    @property
-    def aligned(self) -> bool:
-        """Whether times are counted from a whole turn of exciter 1, to compare the last turns of several runs."""
-        return self.only is None and self.data is None and not any(run.chosen for run in self.runs)
-
-    @property
-    def detail(self) -> str:
-        """The label of the horizontal axis where turns are shown in detail."""
-        return "time since a whole turn of exciter 1 (s)" if self.aligned else "time (s)"
-
-    def origin(self, run: Run) -> float:
-        """Return the time (s) from which those of a run are counted in detail."""
-        if not self.aligned:
-            return 0.0
-        turns = run.last["phi1_rad"].abs() // (2.0 * np.pi)
-        return float(run.last["t_s"].iloc[int(turns.gt(turns.iloc[0]).argmax())])
-
-    def last(self, run: Run) -> pd.DataFrame:
-        """Return the last turns of a run over the time of detail."""
-        table = run.last.assign(t_s=run.last["t_s"] - self.origin(run))
-        return table[table["t_s"] >= 0.0] if self.aligned else table
-
-    def look(self, number: int, column: str) -> dict[str, Any]:
-        """Return the look of a run's line: a colour for each quantity, or for each run if there are several."""
-        if self.only is not None:
-            return {"color": _COLOURS.get(column, PLATFORM)}
-        colour = CURVES[number % len(CURVES)]
-        return {"color": colour, "label": self.names[number], "lw": 1.5 - 0.7 * number / len(self.runs), "alpha": 0.9}
 
 
 def run_figures(
@@ -130,6 +79,8 @@ def run_figures(
         Tables are missing or have another schema version, or the interval is empty.
     """
     given = [] if data is None else [*map(str, data.given)]
+    if data is not None and data.shift is None and start is stop is None:
+        start, stop = _measured_interval(data, RunResult.read(directories[0], "run").trajectory)
     runs = [run_of(RunResult.read(place, "run"), start, stop, given) for place in directories]
     if data is not None:
         numbers = [column for column in map(str, runs[0].shown.select_dtypes("number")) if column != "t_s"]
@@ -142,6 +93,21 @@ def run_figures(
         raise TableError(f"--kind {kinds[0]}: {directories[0]} {missing(kinds[0], shown)}")
     for kind in drawn:
         yield directory_of(directories[0], "run"), kind, draw(kind, shown)
+
+
+def _measured_interval(data: Measured, whole: pd.DataFrame) -> tuple[float | None, float | None]:
+    """Find the shift of measured data in a whole run, and the interval that they cover; (None, None) without one."""
+    numbers = [column for column in map(str, whole.select_dtypes("number")) if column != "t_s"]
+    if "t_s" not in data.given or not {*numbers} & {*map(str, data.given)}:
+        return None, None
+    found = replace(data, errors={}).select("t_s", numbers, [*map(str, data.given)])
+    found.fit(whole)
+    data.shift = found.shift
+    first, last = (
+        max(found.table["t_s"].min(), whole["t_s"].iloc[0]),
+        min(found.table["t_s"].max(), whole["t_s"].iloc[-1]),
+    )
+    return (float(first), float(last)) if first < last else (None, None)
 
 
 def missing(kind: str, shown: Shown) -> str:
@@ -318,7 +284,7 @@ def _speeds(axis: Axes, run: Run, colours: tuple[str, str]) -> None:
         timelines.draw_speeds(axis, run.whole, colours)
         return
     ranges = [envelope[[f"{rate}:min", f"{rate}:max"]].astype(float) / timelines.TURN for rate in RATES]
-    same = timelines.coincide(*(found.mean(axis=1).abs().to_numpy() for found in ranges))
+    same = timelines.coincide(*(found.mean(axis=1).abs() for found in ranges))
     for found, colour in zip(ranges[: 1 if same else 2], colours, strict=False):
         low, high = (found * np.sign(found.to_numpy().sum())).to_numpy().T
         look: dict[str, Any] = {"alpha": timelines.PALE, "lw": 0.0, "label": "range in each turn"}

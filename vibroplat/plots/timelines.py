@@ -149,8 +149,9 @@ def draw_speeds(
 
 def coincide(first: Any, second: Any) -> bool:
     """Whether two curves are the same up to :data:`SAME` of what they reach."""
-    size = np.nanmax(np.abs([first, second]), initial=0.0)
-    return bool(np.nanmax(np.abs(np.subtract(first, second)), initial=0.0) <= SAME * size)
+    pair = np.array([first, second], dtype=float)
+    apart, size = (np.nanmax(np.abs(values), initial=0.0) for values in (pair[0] - pair[1], pair))
+    return bool(apart <= SAME * size)
 
 
 def draw_synchronous_speed(axis: Axes, scene: Scene, times: pd.Series) -> Axes:

@@ -48,8 +48,7 @@ def content_of(table: pd.DataFrame, columns: Iterable[str], *, stripped: bool = 
     exciters synchronize (``stripped``), that holds for phase differences near 0 and π.
     """
     known = [name for name in dict.fromkeys(columns) if fills(table, name)]
-    sizes = {str(name): float(table[name].abs().max()) for name in table if str(name).startswith("rms_")}
-    moved = max((size for size in sizes.values() if np.isfinite(size)), default=0.0)
+    moved = _largest_rms(table)
     found = {}
     for name in known:
         values, words, unit = table[name].dropna().astype(float), display_name(name), unit_of(name)
@@ -58,13 +57,18 @@ def content_of(table: pd.DataFrame, columns: Iterable[str], *, stripped: bool = 
             near = float((np.abs(np.angle(np.exp(2j * values))) / 2.0 <= IN_STEP).mean())
             words = f"Δφ (within 10° of 0° or ±180° at {digits.share(near)} of the points)"
             found[name] = words if stripped and near >= 1.0 - APART else ""
-        elif size <= (digits.NEGLIGIBLE * moved if name in sizes else 0.0):
+        elif size <= (digits.NEGLIGIBLE * moved if name.startswith("rms_") else 0.0):
             found[name] = f"{words} 0"
         elif len(values) > 1 and float(np.ptp(values)) < STEADY * abs(middle):
             found[name] = f"{words} {digits.quantity(middle, unit)}"
         else:
             found[name] = ""
     return found
+
+
+def _largest_rms(table: pd.DataFrame) -> float:
+    sizes = (float(table[name].abs().max()) for name in table if str(name).startswith("rms_"))
+    return max((size for size in sizes if np.isfinite(size)), default=0.0)
 
 
 def measures(
@@ -82,9 +86,8 @@ def measures(
     columns = [*dict.fromkeys(asked or columns)]
     told = content_of(table, columns, stripped=stripped)
     shown = [*asked] or [name for name, text in told.items() if not text or name in kept] or [*told][:1] or columns[:1]
-    moved = max((float(table[name].abs().max()) for name in table if str(name).startswith("rms_")), default=0.0)
     ends = dict.fromkeys(("gap_max_m", "contact_force_max_n"), 0.0) | {"flight_fraction": 1.0}
-    ends |= {name: LEAST_RANGE * np.nan_to_num(moved) for name in columns if name.startswith("rms")}
+    ends |= {name: LEAST_RANGE * _largest_rms(table) for name in columns if name.startswith("rms")}
     left = ", ".join(text for name, text in told.items() if name not in shown)
     return [Panel(name, least=ends.get(name)) for name in shown], left and f"not drawn: {left}"
 

@@ -203,11 +203,8 @@ class Strip(NamedTuple):
             return []
         edges, found = halfway(at[order]), list[Span]()
         for number, place in enumerate(order):
-            flags = (
-                self.hatches[place] if self.hatches else "",
-                bool(self.lined[place]) if self.lined else False,
-                self.texts[place] if self.texts else "",
-            )
+            told: Any = ((self.hatches, ""), (self.lined, False), (self.texts, ""))
+            flags = [of[place] if of else none for of, none in told]
             span = Span(float(edges[number]), float(edges[number + 1]), self.kinds[place], *flags)
             if found and found[-1][2:] == span[2:]:
                 span = found.pop()._replace(high=span.high)
@@ -309,7 +306,7 @@ class Picture:
     drawn
         Where points are, by their places; only where these are not in both tables.
     states, meanings
-        Number in :data:`STATES` of each place, and what these mean; None: all are full.
+        Number in :data:`STATES` of each place, and what these mean; without any all are full.
     told, meaning
         What is said below the title in print, and below the figure on the page.
     rotation
@@ -344,7 +341,7 @@ class Picture:
     special: pd.DataFrame | None = None
     special_name: str = ""
     drawn: pd.DataFrame | None = None
-    states: Places | None = None
+    states: Places = field(default_factory=lambda: np.zeros(0, dtype=int))
     meanings: Sequence[str] = MOTIONS
     told: str = ""
     meaning: str = ""
@@ -409,4 +406,5 @@ def attractor_colours(attractors: Iterable[str]) -> dict[str, str]:
 
 def finite(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table whose infinite numbers are missing, as no axis has room for them."""
-    return table.replace([np.inf, -np.inf], np.nan)
+    numbers = table.select_dtypes("number")
+    return table.assign(**{str(name): numbers[name].replace([np.inf, -np.inf], np.nan) for name in numbers})

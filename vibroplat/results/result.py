@@ -8,6 +8,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from vibroplat.config.arguments import FileName, validated
 from vibroplat.config.kinds import noun_of
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
@@ -254,18 +255,21 @@ class Result:
 
         Raises
         ------
-        ValueError
+        ConfigError
             The result has no such figure or option.
         TableError
             There is nothing to draw.
         """
         return figure_of(self, kind, **options)
 
+    @validated(directory=FileName, form=Format)
     def save(self, directory: str | Path, form: Format = "parquet") -> Path:
         """Write the result into a directory, as its command does; :func:`vibroplat.load` reads it.
 
         Raises
         ------
+        ConfigError
+            An argument is not allowed.
         TableError
             A file cannot be written.
         """

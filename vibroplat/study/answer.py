@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -77,13 +77,13 @@ def _combinations(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
 
 def _rows(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
     """Yield a table: for each combination of the grid's values its jumps, lift-off and largest amplitude."""
-    groups, unit, step = list(_combinations(points)), unit_of(key), _step(points[key])
+    groups, step = list(_combinations(points)), _step(points[key])
     parts = [bands[bands["branch"].isin(rows["branch"].unique())] for _, rows in groups]
     jumps = [_changes(own, key) for own in parts]
     kinds = list(dict.fromkeys(name for one in jumps for name in one))
     both_ways = len(points["direction"].unique()) > 1
     height = RMS if points[RMS].max() >= points["rms_x_m"].max() else "rms_x_m"
-    columns = {f"at {axis_name(key)}{f' ({unit})' if unit else ''}": [name for name, _ in groups]}
+    columns = {f"at {axis_label(key)}": [name for name, _ in groups]}
     for kind in kinds[:MAX_JUMPS]:
         columns[kind] = [_cell(found.get(kind, {}), step, both_ways=both_ways) for found in jumps]
     if points["flight_fraction"].gt(0.0).any() or _has_material(points):
@@ -92,11 +92,23 @@ def _rows(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
     if not kinds:
         power = [rows["motor_power_w"] for _, rows in groups]
         columns["motor power"] = [interval(one.min(), one.max(), "W") for one in power]
-    yield from in_columns([*zip(*([head, *cells[:MAX_ROWS]] for head, cells in columns.items()), strict=True)])
-    if groups[MAX_ROWS:]:
-        yield f"and {len(groups) - MAX_ROWS} more combinations of the grid: -v, table bands"
+    yield from by_columns(columns, "-v, table bands")
     if kinds[MAX_JUMPS:]:
         yield f"and {', '.join(kinds[MAX_JUMPS : 2 * MAX_JUMPS])}, …: -v, table bands"
+
+
+def axis_label(key: str) -> str:
+    """Return what a swept key is called above its values, with its unit."""
+    unit = unit_of(key)
+    return f"{axis_name(key)} ({unit})" if unit else axis_name(key)
+
+
+def by_columns(columns: Mapping[str, Sequence[str]], more: str) -> Iterator[str]:
+    """Yield a table by its columns: a row for each of the first combinations, and where the others are."""
+    yield from in_columns([*zip(*([head, *cells[:MAX_ROWS]] for head, cells in columns.items()), strict=True)])
+    left = max(map(len, columns.values())) - MAX_ROWS
+    if left > 0:
+        yield f"and {counted(left, 'more combination')} of the grid: {more}"
 
 
 def _changes(bands: pd.DataFrame, key: str) -> dict[str, dict[str, list[tuple[float, float]]]]:

@@ -183,6 +183,11 @@ def place_words(key: str, *values: float) -> str:
     return " ".join(part for part in (name, ends, unit_of(key)) if part)
 
 
+def box_words(conditions: Mapping[str, Sequence[float]]) -> str:
+    """Say between which values keys lie, each given by both and perhaps a number of values."""
+    return ", ".join(place_words(key, *(float(f"{end:.4g}") for end in ends[:2])) for key, ends in conditions.items())
+
+
 def measures_text(row: Mapping[str, Any], most: float) -> str:
     """Write frequency, RMS of both coordinates and power of a motion; ``most`` is the largest RMS beside it."""
     heights = [quantity(row.get(name), "m", largest=most) for name in ("rms_y_m", "rms_x_m")]

@@ -41,14 +41,6 @@ HATCHES = {APERIODIC: "not periodic", SEVERAL: "period of several turns"}
 WAYS = {"up": "↑", "down": "↓"}
 
 
-class Curves(NamedTuple):
-    """Branches as series, jumps between their points, and by columns which of them coincide."""
-
-    series: list[picture.Series]
-    jumps: list[picture.Jump]
-    notes: dict[str, str]
-
-
 class _Branch(NamedTuple):
     """A branch: its rows in the order of the key, how it goes, and where it jumps."""
 
@@ -79,18 +71,22 @@ def marked_series(rows: pd.DataFrame, colour: str, marked: Any, size: float = 1.
         yield picture.Series("", rows.index[marked].to_numpy(), "", colour, "markers", size=0.7 * size)
 
 
-def curves_of(sweeps: Sweeps, columns: Sequence[str], colours: Mapping[str, str], *, told: bool) -> Curves:
-    """Return the branches of sweeps in panels of columns; ``colours`` are those of their labels.
+def curves_of(
+    sweeps: Sweeps, columns: Sequence[str], colours: Mapping[str, str], *, told: bool
+) -> tuple[list[picture.Series], list[picture.Jump], dict[str, str]]:
+    """Return branches as series in panels of columns, their jumps, and by columns which of them coincide.
 
+    ``colours`` are those of their labels.
     With ``told`` points whose motion does not repeat are marked, as no strips say it.
     """
-    table, found = sweeps.table, Curves([], [], {})
+    table, notes = sweeps.table, dict[str, str]()
+    series, jumps = list[picture.Series](), list[picture.Jump]()
     groups: dict[str, list[_Branch]] = {}
     for rows in sweeps.branches:
         label, direction = sweeps.label(rows.iloc[0]), str(rows["direction"].iloc[0])
         width = _size([*colours].index(label), len(colours))
-        jumps = find_jumps(rows)
-        groups.setdefault(label, []).append(_Branch(rows, label, direction, colours[label], width, jumps))
+        one = _Branch(rows, label, direction, colours[label], width, find_jumps(rows))
+        groups.setdefault(label, []).append(one)
     shown: dict[int, dict[str, Any]] = {}
     for column in columns:
         span = _range_of(table, column)
@@ -107,12 +103,12 @@ def curves_of(sweeps: Sweeps, columns: Sequence[str], colours: Mapping[str, str]
                 first = group[0] if number and group[0].direction != one.direction else None
                 shown.setdefault(id(one), {})[column] = _places(one, first, column, span)
         if several := [labels for labels in kept.values() if len(labels) > 1]:
-            found.notes[column] = "; ".join(map(_equal, several))
+            notes[column] = "; ".join(map(_equal, several))
     for one in (one for group in groups.values() for one in group):
         of = shown.get(id(one), {})
-        found.series.extend(_series_of(one, of, told))
-        found.jumps.extend(_jumps_of(one, groups[one.label][0], [*of], table))
-    return found
+        series += _series_of(one, of, told)
+        jumps += _jumps_of(one, groups[one.label][0], [*of], table)
+    return series, jumps, notes
 
 
 def _series_of(one: _Branch, shown: Mapping[str, Any], told: bool) -> Iterator[picture.Series]:

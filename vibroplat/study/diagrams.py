@@ -175,7 +175,7 @@ def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     behind = [len(series) + number for number in range(len(lines))]
     facets = [picture.Facet(str(name), [number, *behind]) for number, name in enumerate(directions)]
     labels = dict.fromkeys((sweeps.label(rows.iloc[0]) for rows in sweeps.branches), picture.BLACK)
-    panels = [_tiles(key, column, quantity_of(column).name) for column in columns]
+    panels = [picture.Panel(key, kind="tiles", by=column, title=quantity_of(column).name) for column in columns]
     return picture.Picture(
         name="map",
         heading="Map",
@@ -200,10 +200,6 @@ def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     )
 
 
-def _tiles(key: str, by: str, title: str = "", **look: Any) -> picture.Panel:
-    return picture.Panel(key, kind="tiles", by=by, title=title, **look)
-
-
 def _regimes_panel(sweeps: Sweeps, key: str) -> picture.Panel:
     """Return the panel in which colours, hatches and lines tell the regime."""
     present, hatches = {*sweeps.table["sync"].dropna()}, {*hatches_of(sweeps.table)}
@@ -212,7 +208,9 @@ def _regimes_panel(sweeps: Sweeps, key: str) -> picture.Panel:
     levels = {level: told for level, told in _FLIGHTS.items() if flight.min() <= level < flight.max()}
     contours = picture.Contours("flight_fraction", levels) if levels else None
     meanings = {hatch: told for hatch, told in HATCHES.items() if hatch in hatches}
-    return _tiles(key, "sync", classes=classes, hatch="hatch", hatches=meanings, contours=contours)
+    return picture.Panel(
+        key, kind="tiles", by="sync", classes=classes, hatch="hatch", hatches=meanings, contours=contours
+    )
 
 
 def boundary_series(curves: pd.DataFrame, begin: int, colours: Sequence[str]) -> list[picture.Series]:

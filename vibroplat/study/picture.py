@@ -74,8 +74,8 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     panels, left = content.measures(
         table, asked=columns, kept=sweeps.kept, stripped=strips is not None or table["sync"].nunique() == 1
     )
-    curves = curves_of(sweeps, [panel.column for panel in panels], colours, told=strips is None)
-    notes, equal = _noted(curves.notes)
+    series, jumps, coincide = curves_of(sweeps, [panel.column for panel in panels], colours, told=strips is None)
+    notes, equal = _noted(coincide)
     known = sweeps.x if drawn[sweeps.x].notna().any() else sweeps.key
     return picture.Picture(
         name="response",
@@ -86,8 +86,8 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         drawn=drawn,
         axes=list(dict.fromkeys([known, *content.axes_of(table, (sweeps.x, EXCITATION, sweeps.key, *sweeps.grid))])),
         panels=[replace(panel, note=notes.get(panel.column, "")) for panel in panels],
-        series=curves.series,
-        jumps=curves.jumps,
+        series=series,
+        jumps=jumps,
         strips=strips,
         states=content.motions_of(table),
         rotation=sweeps.rotation,

@@ -50,11 +50,9 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> str:
     if column == PHASE_COLUMN:
         return sentence(_changes(sweeps)) or "Phase difference of the exciters"
     varied = [name for name in sweeps.varied if name in table]
-    groups = [rows for _, rows in table.groupby(varied, sort=False)] if varied else [table]
-    known = [rows.dropna(subset=[column]).sort_values(column, ascending=False, kind="stable") for rows in groups]
-    best = [rows.iloc[0] for rows in known if len(rows)]
-    largest = several([float(row[column]) for row in best], unit_of(column))
-    at = place(sweeps.x, [float(row[sweeps.x]) for row in best])
+    known = table.dropna(subset=[column])
+    best = known.loc[known.groupby(varied or np.zeros(len(known)), sort=False)[column].idxmax()]
+    largest, at = several(best[column].tolist(), unit_of(column)), place(sweeps.x, best[sweeps.x])
     return sentence(f"{display_name(column)} at most {largest} at {at}", _changes(sweeps), _failed(table))
 
 

@@ -12,6 +12,7 @@ from vibroplat.results import content, picture
 from vibroplat.results.labels import key_name, told_of
 from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of
+from vibroplat.study.titles import sentence
 
 OPTIONS = ("measure",)
 #: Most thresholds that a title has.
@@ -55,7 +56,7 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
     return picture.Picture(
         name="thresholds",
         heading="Thresholds",
-        title=_title(plan, table, found, ranges),
+        title=_title(plan, found, ranges),
         table=table,
         table_name="values",
         special=found,
@@ -79,23 +80,20 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
     )
 
 
-def _title(plan: FindPlan, table: pd.DataFrame, found: pd.DataFrame, mixed: Sequence[picture.Range]) -> str:
+def _title(plan: FindPlan, found: pd.DataFrame, mixed: Sequence[picture.Range]) -> str:
     """Say where thresholds lie, as exactly as they are known, and what is on either side of a single one."""
     words, unit = key_name(plan.key), unit_of(plan.key)
+    told = f"{words} {', '.join(_value(row, unit) for _, row in found.head(MOST).iterrows())}"
+    told += " …" if len(found) > MOST else ""
     if found.empty:
-        key = column_of(plan.key)
-        ends = digits.interval(float(table[key].min()), float(table[key].max()), unit)
-        told = f"No threshold of {words} in {ends}"
-    else:
-        told = ", ".join(_value(row, unit) for _, row in found.head(MOST).iterrows())
-        told = f"{words[:1].upper()}{words[1:]} {told}{' …' if len(found) > MOST else ''}"
+        told = f"no threshold of {words} in {digits.interval(plan.start, plan.stop, unit)}"
     for one in mixed:
         told += f"; mixed {digits.interval(one.low, one.high, unit)}"
     sides = [str(found[name].iloc[0]) for name in ("below_sync", "above_sync") if len(found) == 1 and name in found]
     if len(sides) == 2 and not mixed:
         below, above = map(picture.sync_words, sides)
         told += f": {below} below and above" if below == above else f": {below} below, {above} above"
-    return told
+    return sentence(told)
 
 
 def _value(row: pd.Series, unit: str) -> str:

@@ -21,7 +21,7 @@ from vibroplat.errors import ConfigError
 from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.results.answer import Answer
 from vibroplat.results.result import Result
-from vibroplat.study.branches import SUPPLY, column_of, measures_text, study_table
+from vibroplat.study.branches import SUPPLY, column_of, measures_text, place_words, study_table
 from vibroplat.study.point import failed_record
 from vibroplat.study.pool import Pool, Task
 from vibroplat.study.store import Store
@@ -198,7 +198,7 @@ class ThresholdStudy(Study):
         return f"{column} = {quantity(found, unit_of(column), digits=5)}" if found is not None else f"no {column}"
 
     def _failure(self, value: ScanPoint) -> str:
-        place = interval_text(self.plan.key, value.value, value.value)
+        place = place_words(column_of(self.plan.key), value.value)
         return f"{value.row['outcome']} at {place}: {value.row['detail'].partition(', state [')[0]}"
 
     def _short(self, zones: Sequence[Zone], scan: Sequence[ScanPoint]) -> tuple[str, list[str]]:
@@ -211,7 +211,8 @@ class ThresholdStudy(Study):
             return places[0], places[1:]
         if len(found) == 1:
             return self._threshold(found[0]), self._both_sides(found[0])
-        return f"{len(found)} thresholds of {interval_text(self.plan.key, self.plan.start, self.plan.stop)}", places
+        ends = place_words(column_of(self.plan.key), self.plan.start, self.plan.stop)
+        return f"{len(found)} thresholds over {ends}", places
 
     def _lines_of(self, zone: Zone) -> list[str]:
         """Return a line for each threshold, or those of a mixed interval."""
@@ -327,11 +328,6 @@ class ThresholdStudy(Study):
                 "the motion was measured in a transient or has no clear class: a larger find.max_settle_s may "
                 "change the outcome"
             )
-
-
-def interval_text(key: str, start: float, stop: float) -> str:
-    """Write a range of a key, or a single value, as it was given."""
-    return f"{key} = {' … '.join(dict.fromkeys(map(given, (start, stop))))} {unit_of(key)}".rstrip()
 
 
 def _columns(scene: Scene) -> Columns:
