@@ -148,6 +148,43 @@ def test_a_headline_says_what_is_wrong_first(told, changes, runs):
     assert headline(run.scene, run.summary | changes).startswith(f"quickstart: {told}")
 
 
+def test_a_motor_that_is_switched_off_and_stops_has_no_steady_numbers(runs):
+    """Its exciter passes the resonances: what is measured is largest there, and no motion in operation."""
+    run = runs["two layers"]
+    program = [{"t_s": 0.0, "supply_frequency_hz": 51.5}, {"t_s": 0.01, "exciter_2": "off"}]
+    off = run.scene.replace({"drive.program": program})
+    stops = run.summary | {"frequency_split_hz": 20.0, "speed_ripple_2_hz": 16.0, "phase_coherence": 0.1}
+    told = (
+        "quickstart: motor 2 is switched off and its exciter is stopping: exciters at 35.74 Hz and 15.74 Hz in the mean"
+    )
+    assert headline(off, stops) == told
+    first = short_lines(off, stops)[0]
+    assert first.startswith("no steady motion ")
+    assert first.endswith("largest values of this time, while exciter 2 stops")
+    assert "off, not synchronized" in headline(off, stops | {"speed_ripple_2_hz": 1.0})
+    assert short_lines(run.scene, run.summary)[0].startswith("stroke y")
+    stopped = off.replace({"drive.program": [program[0], {"t_s": 0.01, "off": True}]})
+    assert "while it coasts down" in short_lines(stopped, run.summary | {"measured_turns": 0})[0]
+
+
+def test_an_exciter_1_without_motor_that_stands_still_does_not_stop_the_other_one(runs):
+    run = runs["two layers"]
+    off = run.scene.replace({"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 51.5, "exciter_1": "off"}]})
+    alone = {"measured_turns": 0, "impacts_per_period": None, "frequency_split_hz": -51.48, "flight_fraction": 0.5}
+    known = run.summary | alone | {"speed_ripple_1_hz": 0.1}
+    assert headline(off, known).startswith("quickstart: runs with motor 1 off, not synchronized: exciters at 0 and 51")
+    assert "in flight 50 %" in (lines := "\n".join(short_lines(off, known)))
+    assert "a turn" not in lines
+    assert "no steady" not in lines
+
+
+def test_strokes_that_still_change_are_told_instead_of_turns_that_repeat(runs):
+    run = runs["two layers"]
+    ends = {0.14: "; strokes still change by 14 %", 0.001: "; repeats every turn", None: "; repeats every turn"}
+    for change, end in ends.items():
+        assert headline(run.scene, run.summary | {"period": 1, "stroke_change": change}).endswith(end)
+
+
 def test_what_is_nothing_is_0_and_what_is_missing_is_left_out(runs):
     run = runs["two layers"]
     lines = short_lines(run.scene, run.summary | {"stroke_x_m": 1e-9, "foundation_force_x_max_n": 0.01})

@@ -47,6 +47,7 @@ def test_a_spread_has_one_unit_and_two_digits_of_the_smaller():
     assert spread(14126.0, 853.0, "N") == "14.13 ± 0.85 kN"
     assert spread(147.2, 313.4, "N") == "147 ± 313 N"
     assert spread(0.12, 10450.0, "N") == "0.00 ± 10.45 kN"
+    assert [spread(14126.0, 1.2, "N"), spread(122.7, 0.0, "N")] == ["14.1 kN", "123 N"], "1/1000 of it is nothing"
 
 
 def test_an_interval_has_the_decimals_of_its_larger_end():

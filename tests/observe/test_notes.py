@@ -1,7 +1,7 @@
 """Notes on what was measured: rotation, capture, samples."""
 
 import pytest
-from common.places import QUICKSTART
+from common.places import QUICKSTART, ROOT
 
 from vibroplat import load_config, simulate
 from vibroplat.config.digits import share
@@ -146,3 +146,14 @@ def test_a_run_that_has_not_settled_says_so(quickstart):
     assert note.startswith("the phase difference changes by ")
     settled = quickstart.replace({"run": {"duration_s": 3.0, "perturbation": 0.01}})
     assert not any("phase" in note for note in simulate(settled, keep="summary").summary["notes"])
+
+
+def test_a_transient_left_in_strokes_that_repeat_is_noted():
+    """Rotating bodies opposite each other excite nothing but rotation: what else moves is left from the start."""
+    scene = load_config(ROOT / "configs" / "examples" / "co-rotating-opposite.yaml")
+    short, long = (simulate(scene.replace({"run.duration_s": end}), keep="summary").summary for end in (10.0, 40.0))
+    assert short["period"] == long["period"] == 1
+    assert short["stroke_change"] > 0.5
+    assert short["notes"][0].startswith(f"{share(short['stroke_change'])} of the stroke is a transient")
+    assert long["stroke_change"] < 0.02
+    assert not any("transient" in note for note in long["notes"])

@@ -115,8 +115,10 @@ PLACE = """(box => [box.left + 60, Math.max(box.top + 40, 300)])
 # -- the first screen, a telephone, paper ---------------------------------------------------------------
 
 
-def test_the_first_screen_holds_headline_machine_sheet_and_curves(visit):
-    page = visit("one")
+@pytest.mark.parametrize("of", ["one", "all"])
+def test_the_first_screen_holds_headline_machine_sheet_and_curves(of, visit):
+    """A run, or a run and a sweep, whose answers are beside each other."""
+    page = visit(of)
     bottoms = js(
         page,
         """['header', '#machines svg', '.sheet', '#curves .plot:nth-child(2)']
@@ -125,6 +127,20 @@ def test_the_first_screen_holds_headline_machine_sheet_and_curves(visit):
     assert max(bottoms) <= WIDE[1]
     assert js(page, "document.querySelectorAll('.sheet tr').length") > 20
     assert js(page, "[...document.querySelectorAll('details')].every(one => !one.open)")
+
+
+def test_columns_of_an_answer_are_no_broken_lines_on_a_telephone(visit):
+    page = visit("all", NARROW)
+    added = (
+        "document.querySelector('header').insertAdjacentHTML('beforeend', `<pre class=\"short\">${arguments[0]}</pre>`)"
+    )
+    page.execute_script(added, "\n".join(["word " * 20] * 3))
+    height, line = js(
+        page,
+        """(one => [one.clientHeight, parseFloat(getComputedStyle(one).lineHeight)])
+        ([...document.querySelectorAll('.short')].at(-1))""",
+    )
+    assert 2.5 < height / line < 4.5, "three lines, and perhaps a bar to scroll them"
 
 
 def test_all_figures_are_drawn(visit):

@@ -108,6 +108,15 @@ def test_exciters_that_are_not_synchronous_have_two_speeds(sheet):
     rows = rows_of(sheet(excitation_frequency_hz=25.0, frequency_split_hz=2.0, phase_coherence=0.1))
     assert rows["speeds"].now == "26.00 Hz / 24.00 Hz"
     assert rows["phase difference"].now == "drifts"
+    alone = sheet(excitation_frequency_hz=12.295, frequency_split_hz=24.5894, phase_coherence=0.1)
+    assert rows_of(alone)["speeds"].now == "24.59 Hz / 0"
+
+
+def test_a_run_with_motors_off_is_not_in_operation(moved, sheet):
+    (result,) = find_results([moved["bare"]])
+    assert sheet().now == "in operation"
+    off = result.scene.replace({"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}]})
+    assert '"col">while it coasts down</th>' in sheet_html([Sheet(result.summary, off)], [""])
 
 
 def test_several_runs_have_a_column_each(moved):

@@ -99,6 +99,19 @@ def test_response_has_a_solid_curve_up_and_a_dashed_one_down_where_it_differs(wr
     assert told[-1].startswith("not drawn: Δφ (within 10° of 0° or ±180° at 100 % of the points)")
 
 
+def test_peaks_of_two_masses_are_no_range_and_ways_that_coincide_are_told(write_sweep):
+    table = sweep_table().assign(outcome="ok", motion="periodic", sync="antiphase", gap_max_m=0.0)
+    up = table["supply_frequency_hz"]
+    table["rms_y_m"] = 1e-3 + 1e-5 * np.where(table[MASS] == 0.0, up, -up)
+    figure = drawn(write_sweep(table), x="supply", measure=["rms_y_m"])
+    (figure,) = figure.values()
+    low, high = up.min(), up.max()
+    assert f"$f_e$ = {low:.2f} and {high:.2f} Hz" in figure.get_suptitle() or (
+        f"$f_e$ = {high:.2f} and {low:.2f} Hz" in figure.get_suptitle()
+    )
+    assert "supply frequency up and down" in texts(figure.legends[0])
+
+
 def test_jumps_are_arrows_of_both_ways(write_sweep):
     table = moving(sweep_table()).query("branch < 2")
     axis = panels(drawn(write_sweep(table), x="supply")["response"])["RMS $y$ (mm)"]

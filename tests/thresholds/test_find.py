@@ -64,7 +64,10 @@ def test_a_start_may_be_what_varies():
 @pytest.mark.parametrize("begin", ["initial", "neighbour"])
 def test_a_measure_passes_a_level(begin):
     plan = {"expression": "rms_y_m > 7e-4", "scan": 5, "start": 0.2, "stop": 0.4, "tolerance": 1e-6, "from": begin}
-    (row,) = find(loaded(58.0, **plan)).thresholds.to_dict("records")
+    found = find(loaded(58.0, **plan))
+    (row,) = found.thresholds.to_dict("records")
+    assert found.answer.headline.endswith("0.3302769 ± 0.0000004: level-crossing"), "no digits beyond the error"
+    assert [line[:35] for line in found.answer.short] == ["on both sides  rms_y_m = 0.70000 mm"]
     assert (row["kind"], row["value"]) == ("level-crossing", pytest.approx(0.3302756, abs=2e-6))
     assert row["below_rms_y_m"] > 7e-4 > row["above_rms_y_m"]
 

@@ -103,7 +103,12 @@ def quantity(
 
 
 def spread(value: float, around: float, unit: str) -> str:
-    """Write a number and one to either side in one unit: two digits of the smaller, three or four of the larger."""
+    """Write a number and one to either side in one unit: two digits of the smaller, three or four of the larger.
+
+    What is not above 1/1000 of the number is nothing to either side.
+    """
+    if abs(around) <= NEGLIGIBLE * abs(value):
+        return quantity(value, unit)
     factor, name = prefixed(max(abs(value), abs(around)), unit)
     small, large = sorted((abs(value) / factor, abs(around) / factor))
     first = _first_digit(large, 3) if large else 0

@@ -131,9 +131,21 @@ def _elasticities(table: pd.DataFrame) -> Iterator[str]:
     yield "relative change of a measure over that of a key, largest first"
     rows = []
     for name, own in list(known.groupby("measure", sort=False))[: 2 * MAX_MEASURES]:
-        first = own.reindex(own["elasticity"].abs().sort_values(ascending=False, kind="stable").index).head(MAX_TOLD)
-        least = NEGLIGIBLE * first["elasticity"].abs().max()
-        first = first[first["elasticity"].abs() > least]
-        told = [f"{row['key'].rpartition('.')[2]} {number(row['elasticity'], 2)}" for _, row in first.iterrows()]
+        first = own.reindex(own["elasticity"].abs().sort_values(ascending=False, kind="stable").index)
+        first = first[first["elasticity"].abs() > NEGLIGIBLE * first["elasticity"].abs().max()]
+        told = _of_keys(dict(zip(first["key"], first["elasticity"], strict=True)))[:MAX_TOLD]
         rows.append([label(str(name)), quantity(own["value"].iloc[0], unit_of(str(name))), ", ".join(told)])
     yield from in_columns(rows) if rows else ()
+
+
+def _of_keys(elasticities: Mapping[str, float]) -> list[str]:
+    """Write elasticities by the last parts of their keys: equal ones of both exciters once, others with its number."""
+    places: dict[tuple[str, str], list[str]] = {}
+    for key, elasticity in elasticities.items():
+        place, _, name = key.rpartition(".")
+        places.setdefault((name, number(elasticity, 2)), []).append(place.rpartition(".")[2])
+    told = []
+    for (name, text), found in places.items():
+        which = f" ({int(found[0]) + 1})" if found[0].isdigit() and not found[1:] else ""
+        told.append(f"{name}{which} {text}{' each' if found[1:] else ''}")
+    return told

@@ -10,7 +10,7 @@ import pandas as pd
 from ruamel.yaml import YAML
 
 from vibroplat.columns import Column, Columns, unit_of
-from vibroplat.config.digits import number, quantity, share
+from vibroplat.config.digits import DIGITS, decimal, number, places, quantity, share
 from vibroplat.config.scene import Scene
 from vibroplat.designs import optimum
 from vibroplat.designs import samples as of_samples
@@ -114,7 +114,7 @@ class DesignStudy(Study):
         tables = {"sensitivities": of_keys.table(found["rows"])}
         home = of_samples.name_regime(known["sync"], "periodic", known["period"])
         margin = found["measures"]["stability_margin"]
-        lines = {"motion": f"{home}, multipliers up to {number(1.0 - margin, 6)}"}
+        lines = {"motion": f"{home}, multipliers up to {decimal(1.0 - margin, max(DIGITS, places(margin, 1)))}"}
         text = list(_key_lines(found, self.names))
         if self.plan.minimize is None:
             return self._with_samples(run, self.scene, known, self._result(tables, Answer(lines, text, self.notes)))

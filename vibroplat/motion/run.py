@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from importlib import import_module
 from typing import Any
 
+import numpy as np
 from pydantic import InstanceOf
 
 from vibroplat.columns import COUNT, TEXT, Column, Columns
 from vibroplat.config.arguments import TrueOrKeys, validated
+from vibroplat.config.digits import share
 from vibroplat.config.plausibility import notes_on_input
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.state import CUBIC, Automaton, empty_steps, force_noise, static_rest
 from vibroplat.integrate import make_engine
 from vibroplat.integrate.interface import WORK, Engine
-from vibroplat.kernels.compiled import compile_for
+from vibroplat.kernels.compiled import FloatArray, compile_for
 from vibroplat.kernels.engines import ENGINES, loop_of
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.initial_condition import Start, initial_condition
@@ -27,15 +29,18 @@ from vibroplat.motion.recorder import Files, Keep, Recorder, Sink, SinkArgument
 from vibroplat.motion.variation import key_tuple, parameter_directions
 from vibroplat.observe.data_sheet import SHEET, WHOLE, columns, stays_synchronized, whole_run
 from vibroplat.observe.notes import captures, change, drift, notes_on_measures, stiffness
-from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, whole_periods
+from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, section_rows, whole_periods
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import INACCURATE, MEASURES, MeasuredInterval, inaccuracy, measure, synchronization
 from vibroplat.observe.tables import named_derivative, require_room
 from vibroplat.observe.variation import Variation
 from vibroplat.results.run import RunResult
+from vibroplat.results.run_answer import SETTLED
 
 #: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
 SETTLE_FRACTION = 0.5
+#: Strokes (m) that are round-off.
+NO_STROKE = 1e-9
 
 #: The summary of a run.
 SUMMARY: Columns = {
@@ -52,6 +57,10 @@ SUMMARY: Columns = {
         "period of the motion, in turns of exciter 1",
         f"0: none up to {MAX_PERIOD}, or not settled; means are over whole periods",
         kind=COUNT,
+    ),
+    "stroke_change": Column(
+        "transient in the strokes",
+        "largest distance along x or y of places at whole turns that repeat / larger stroke; empty if none repeat",
     ),
     **MEASURES,
     "contact_force_noise_n": Column("magnitude up to which contact forces are noise"),
@@ -170,10 +179,12 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
     sheet = {name: measures.pop(name) for name in columns(scene)}
     doubt = inaccuracy(measures, scene) if motion.outcome == "ok" else ""
     locked = synchronization(measures) != "none" and stays_synchronized(part.measures, scene)
+    moved = _stroke_change(section_rows(part.measures)["state"][:, :2], repeats, sheet)
     notes = [
+        _settling(moved),
         *notes_on_input(scene),
         *notes_on_measures(scene, measures),
-        drift(measures),
+        drift(measures) if all(scene.driven(measures["measured_from_s"], measures["measured_to_s"])) else "",
         change(scene, measures, start),
         stiffness(scene, engine.name, engine.work["steps"], motion.restarts, seconds),
     ]
@@ -186,6 +197,7 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
         "perturbation": scene.start_perturbation,
         "static_sag_m": 0.0 - float(static_rest(scene)[1]),
         "period": repeats,
+        "stroke_change": moved,
         **measures,
         "contact_force_noise_n": force_noise(scene) if scene.has_contact else None,
         "engine": engine.name,
@@ -197,6 +209,26 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
         **sheet,
         **whole_run(part.measures, scene, start, any(captures(scene, measures)), locked),
     }
+
+
+def _stroke_change(places: FloatArray, period: int, sheet: Mapping[str, Any]) -> float | None:
+    """Return how far places (m) a period of so many turns apart differ, over the largest stroke."""
+    stroke = max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)
+    turns = len(places) // period if period else 0
+    if stroke < NO_STROKE or not turns:
+        return None
+    alike = places[-turns * period :].reshape(turns, period, 2)
+    return float(np.ptp(alike, axis=0).max()) / stroke
+
+
+def _settling(change: float | None) -> str:
+    """Return the note on strokes that still change though the last turns repeat, or an empty text."""
+    if not change or change <= SETTLED:
+        return ""
+    return (
+        f"{share(change)} of the stroke is a transient that decays while it is measured, and is in the forces, too: a "
+        "longer run.duration_s avoids that"
+    )
 
 
 class _Progress:

@@ -11,7 +11,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.results.answer import Answer, first_failures
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
-from vibroplat.results.run_answer import headline, peak_text, static_and_dynamic
+from vibroplat.results.run_answer import headline, peak_text, static_and_dynamic, transient
 
 
 def told_of(result: Result) -> Answer:
@@ -34,7 +34,9 @@ def _numbers(scene: Scene, summary: Mapping[str, Any]) -> str:
     if summary["rms_y_m"] is None or summary["stroke_y_m"] is None:
         return ""
     axis = "x" if summary["rms_x_m"] > summary["rms_y_m"] else "y"
-    told = f"Stroke {quantity(summary[f'stroke_{axis}_m'], 'm')} along {axis}"
+    now = transient(scene, summary)
+    told = f"{now.capitalize()}: stroke" if now else "Stroke"
+    told += f" {quantity(summary[f'stroke_{axis}_m'], 'm')} along {axis}"
     if (summary["rms_phi_rad"] or 0.0) * scene.body.distance > summary[f"rms_{axis}_m"]:
         told = f"Rotation {quantity(summary['rms_phi_rad'], 'rad')} RMS"
     if summary["flight_fraction"]:

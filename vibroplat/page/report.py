@@ -169,11 +169,13 @@ class Report:
         day = f"{str(made.get('created', ''))[:10]}, vibroplat {made.get('vibroplat', '')}"
         found = f'<h1 id="title">{escape(self.title)} <span>{escape(day)}</span></h1>'
         several = len(self.results) > 1
+        found += f'<div class="{"two" if several else "one"}">'
         differing = differences([one.command for one in self.results], [one.scene.to_tree() for one in self.results])
         for one, told, differs in zip(self.results, self.told, differing, strict=True):
             run = isinstance(one, RunResult)
             called = (one.label if run else f"{one.label}, {one.command}") + (f" ({differs})" if differs else "")
             name = f"<small>{escape(called)}</small><br>" if several else ""
+            found += "<div>"
             failed, headline = "; ".join(told.failures), told.headline or self._title_of(one)
             bad = bool(failed) or (run and bool(one.summary.get("captured_by")))
             look = f"answer{' bad' if bad else ''}{' run' if several else ''}"
@@ -183,8 +185,9 @@ class Report:
             if told.short:
                 start, end = ('<p class="more">', "</p>") if run else ('<pre class="short">', "</pre>")
                 found += start + escape("\n".join(told.short)) + end
-            found += "".join(f'<ul class="notes"><li><b>Note:</b> {escape(note)}</li></ul>' for note in told.notes)
-        return found
+            notes = "".join(f'<ul class="notes"><li><b>Note:</b> {escape(note)}</li></ul>' for note in told.notes)
+            found += f"{notes}</div>"
+        return f"{found}</div>"
 
     # -- runs ---------------------------------------------------------------------------------------
 

@@ -11,10 +11,10 @@ from vibroplat.config.scene import Scene
 from vibroplat.page.tables import hint
 from vibroplat.results.answer import are_alike
 from vibroplat.results.picture import NOT_SYNCHRONOUS
-from vibroplat.results.run_answer import peak_time, phase_text, speeds_of_both, static_and_dynamic, sync_text
+from vibroplat.results.run_answer import peak_time, phase_text, speeds_of_both, static_and_dynamic, sync_text, transient
 
 #: Headings of the columns of a single run.
-HEADS = ("", "in operation", "largest, with start", "when")
+HEADS = ("", "{}", "largest, with start", "when")
 
 
 class Row(NamedTuple):
@@ -51,13 +51,17 @@ class Sheet:
     ----------
     groups
         Rows by the names of groups; rows and groups without a number are left out.
+    now
+        What was measured: the motion in operation, or a transient.
     """
 
     def __init__(self, summary: Mapping[str, Any], scene: Scene, steady: float | None = None) -> None:
         self.summary, self.scene, self.steady = summary, scene, steady
         self.groups: dict[str, list[Row]] = {}
+        self.now = "in operation"
         if summary.get("rms_y_m") is None:
             return
+        self.now = transient(scene, summary) or self.now
         groups = {
             "Amplitude and stroke": self._strokes(),
             "Force into the foundation": self._loads(),
@@ -168,7 +172,7 @@ class Sheet:
         name, speeds = caption(s, self.scene).partition(":")[0], speeds_of_both(s)
         pace = Row("speed", quantity(frequency, "Hz"), quantity(60.0 * frequency, "rpm"))
         if speeds and name == NOT_SYNCHRONOUS:
-            pace = Row("speeds", " / ".join(quantity(speed, "Hz") for speed in speeds))
+            pace = Row("speeds", " / ".join(quantity(speed, "Hz", largest=max(speeds)) for speed in speeds))
         work = self._get("start_energy_j", "J")
         step, steady = (
             "" if at is None else f"after {quantity(at, 's', digits=2)}" if at else "from the start"
@@ -224,7 +228,7 @@ def sheet_html(sheets: Sequence[Sheet], names: Sequence[str]) -> str:
     if not any(one.groups for one in sheets):
         return ""
     single = len(sheets) == 1
-    heads = HEADS if single else ("", *names)
+    heads = [head.format(sheets[0].now) for head in HEADS] if single else ["", *names]
     groups = ""
     for name in dict.fromkeys(name for one in sheets for name in one.groups):
         found = [{row.label: row for row in one.groups.get(name, [])} for one in sheets]

@@ -7,13 +7,17 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from vibroplat.columns import describe_sync, split
-from vibroplat.config.digits import number, quantity, share, spread
+from vibroplat.config.digits import interval, number, quantity, share, spread
 from vibroplat.config.scene import Scene
 from vibroplat.observe.summary import COHERENCE, INACCURATE, synchronization
 from vibroplat.results.answer import are_alike, counted, of_both, short_line
 
 #: Rotation at the exciters' distance, over the largest stroke, above which it is told.
 ROCKS = 0.1
+#: Ripple of an exciter's speed, over the larger of both speeds, above which one without a motor is stopping.
+STOPPING = 0.1
+#: Change of places at whole turns, over the largest stroke, above which strokes include a transient.
+SETTLED = 0.02
 #: Most named points, and springs at them, that are told.
 MAX_POINTS = 2
 
@@ -37,9 +41,12 @@ def _motion(scene: Scene, summary: Mapping[str, Any]) -> str:
     if summary.get("captured_by"):
         wanted = [speed / (2.0 * math.pi) for speed in scene.synchronous_speeds_at(scene.drive.at(last).frequency)]
         return f"CAPTURED by the resonance in {summary['captured_by']}: {pace}, {quantity(max(wanted), 'Hz')} wanted"
-    if not summary["measured_turns"]:
+    if not summary["measured_turns"] and driven != (False, True):
         return f"the exciters {'hardly turn' if any(driven) else 'have come to rest, motors off'}"
     off = [str(n) for n, on in enumerate(driven, 1) if not on]
+    if len(off) == 1 and transient(scene, summary):
+        paces = of_both(speeds_of_both(summary) or [frequency] * 2, "Hz")
+        return f"motor {off[0]} is switched off and its exciter is stopping: exciters at {paces} in the mean"
     runs = {0: "runs", 1: f"runs with motor {''.join(off)} off", 2: "coasts with the motors off"}[len(off)]
     speeds = speeds_of_both(summary)
     if named == "none" and speeds and not are_alike(speeds):
@@ -47,6 +54,18 @@ def _motion(scene: Scene, summary: Mapping[str, Any]) -> str:
     phase = f"phase difference {phase_text(summary)}"
     told = {"none": "not synchronized", "intermediate": phase}.get(named) or sync_text(scene, summary)
     return f"{runs} at {pace} ({quantity(60.0 * frequency, 'rpm')}), {told}{'' if off[1:] else _period(summary)}"
+
+
+def transient(scene: Scene, summary: Mapping[str, Any]) -> str:
+    """Return what exciters do in the measured part if that is no steady operation; "" if it is."""
+    driven = scene.driven(summary["measured_from_s"], summary["measured_to_s"])
+    if not any(driven):
+        return "while it coasts down"
+    pace = max(speeds_of_both(summary) or [summary["excitation_frequency_hz"] or 0.0])
+    for n, on in enumerate(driven, 1):
+        if not on and (summary.get(f"speed_ripple_{n}_hz") or 0.0) > STOPPING * pace:
+            return f"while exciter {n} stops"
+    return "" if summary.get("measured_turns") or driven == (False, True) else "without a whole turn"
 
 
 def sync_text(scene: Scene, summary: Mapping[str, Any]) -> str:
@@ -59,6 +78,8 @@ def _period(summary: Mapping[str, Any]) -> str:
     turns = summary.get("period")
     if turns == 0:
         return "; does not repeat yet"
+    if (summary.get("stroke_change") or 0.0) > SETTLED:
+        return f"; strokes still change by {share(summary['stroke_change'])}"
     return "" if turns is None else f"; repeats every {'turn' if turns == 1 else f'{turns} turns'}"
 
 
@@ -81,7 +102,11 @@ def short_lines(scene: Scene, summary: Mapping[str, Any]) -> list[str]:
     if summary.get("foundation_force_y_rms_n") is None or summary["stroke_y_m"] is None:
         return []
     found = [_strokes(summary), *_rotation(scene, summary), _throw(scene, summary), *_forces(scene, summary)]
-    return [*found, *_motors(scene, summary), _bearings(summary), *_start(summary), *_points(scene, summary)]
+    told = [*found, *_motors(scene, summary), _bearings(summary), *_start(summary), *_points(scene, summary)]
+    if now := transient(scene, summary):
+        window = interval(summary["measured_from_s"], summary["measured_to_s"], "s")
+        told.insert(0, short_line("no steady motion", window, f"largest values of this time, {now}"))
+    return told
 
 
 def peak_time(summary: Mapping[str, Any], column: str) -> str:
@@ -126,9 +151,10 @@ def _throw(scene: Scene, summary: Mapping[str, Any]) -> str:
     if not scene.has_contact:
         flies = "material that cannot lift off" if scene.material_mass else "no material"
     elif summary["flight_fraction"]:
-        impacts = number(summary["impacts_per_period"])
-        rate = "1 impact" if impacts == "1.00" else f"{impacts} impacts"
-        flies = f"material in flight {share(summary['flight_fraction'])}, {rate} a turn"
+        impacts = summary["impacts_per_period"]
+        told = "1 impact" if number(impacts) == "1.00" else f"{number(impacts)} impacts"
+        rate = "" if impacts is None else f", {told} a turn"
+        flies = f"material in flight {share(summary['flight_fraction'])}{rate}"
     else:
         flies = "material does not lift off"
     if summary.get("gamma") is not None:

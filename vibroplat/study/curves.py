@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -108,7 +109,16 @@ def curves_of(
         of = shown.get(id(one), {})
         series += _series_of(one, of, told)
         jumps += _jumps_of(one, groups[one.label][0], [*of], table)
+    if len({one.direction for group in groups.values() for one in group}) > 1:
+        series = _with_both_ways(series)
     return series, jumps, notes
+
+
+def _with_both_ways(series: Sequence[picture.Series]) -> list[picture.Series]:
+    """Say that solid lines are both ways where no dashed one is drawn, as the way down coincides with the way up."""
+    if any(one.dash == "--" for one in series):
+        return [*series]
+    return [replace(one, look=f"{one.look} and down") if one.mode == "lines" else one for one in series]
 
 
 def _series_of(one: _Branch, shown: Mapping[str, Any], told: bool) -> Iterator[picture.Series]:

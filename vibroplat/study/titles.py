@@ -32,6 +32,15 @@ def place(column: str, values: Any) -> str:
     return f"{name} = {told}" if name else f"{key_name(column)} {told}"
 
 
+def _places(column: str, values: Sequence[float]) -> str:
+    """Say a few places one by one, more of them from where to where."""
+    if len(values) > MOST:
+        return place(column, values)
+    name = SYMBOLS.get(column, "")
+    told = digits.together(values, unit_of(column), " and ")
+    return f"{name} = {told}" if name else f"{key_name(column)} {told}"
+
+
 def several(values: Sequence[float], unit: str) -> str:
     """Say a few numbers one by one, more of them as an interval, in one unit."""
     known = [value for value in values if np.isfinite(value)]
@@ -52,7 +61,7 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> str:
     varied = [name for name in sweeps.varied if name in table]
     known = table.dropna(subset=[column])
     best = known.loc[known.groupby(varied or np.zeros(len(known)), sort=False)[column].idxmax()]
-    largest, at = several(best[column].tolist(), unit_of(column)), place(sweeps.x, best[sweeps.x])
+    largest, at = several(best[column].tolist(), unit_of(column)), _places(sweeps.x, best[sweeps.x].tolist())
     return sentence(f"{display_name(column)} at most {largest} at {at}", _changes(sweeps), _failed(table))
 
 

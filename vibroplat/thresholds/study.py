@@ -10,7 +10,7 @@ from typing import Unpack
 import pandas as pd
 
 from vibroplat.columns import COUNT, FLAG, TEXT, Column, Columns, unit_of
-from vibroplat.config.digits import given, number, quantity
+from vibroplat.config.digits import MOST_DECIMALS, decimal, given, number, places, quantity
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
@@ -218,13 +218,15 @@ class ThresholdStudy(Study):
         """Return a line for each threshold, or those of a mixed interval."""
         if zone.mixed:
             return list(self._mixed(zone))
-        return [f"{self._threshold(one)}: {self._side(one.low)} → {self._side(one.high)}" for one in zone.thresholds]
+        sides = [dict.fromkeys((self._side(one.low), self._side(one.high))) for one in zone.thresholds]
+        return [f"{self._threshold(one)}: {' → '.join(side)}" for one, side in zip(zone.thresholds, sides, strict=True)]
 
     def _threshold(self, one: Threshold) -> str:
         """Return where a threshold is, how well it is known, and its kind."""
         half = max(one.value - one.low.value, one.high.value - one.value)
         special = f", {one.special} of the orbit" if one.special else ""
-        value = f"{one.value:.{self._digits + 1}f} ± {number(half, 1)} {unit_of(self.plan.key)}".rstrip()
+        known = decimal(one.value, min(self._digits + 1, places(one.value, MOST_DECIMALS, half)))
+        value = f"{known} ± {number(half, 1)} {unit_of(self.plan.key)}".rstrip()
         return f"{self.plan.key} = {value}: {self._kind(one)}{special}"
 
     def _both_sides(self, one: Threshold) -> list[str]:
@@ -232,10 +234,11 @@ class ThresholdStudy(Study):
         sides = {"below": one.low, "above": one.high}
         most = max(value.row.get(name) or 0.0 for value in sides.values() for name in ("rms_x_m", "rms_y_m"))
         compared = self.plan.compared is not None
-        return [
-            f"{side}  {self._side(value) + '; ' if compared else ''}{value.text}: {measures_text(value.row, most)}"
-            for side, value in sides.items()
-        ]
+        below, above = (
+            f"{self._side(value) + '; ' if compared else ''}{value.text}: {measures_text(value.row, most)}"
+            for value in sides.values()
+        )
+        return [f"on both sides  {below}"] if below == above else [f"below  {below}", f"above  {above}"]
 
     def _kind(self, one: Threshold) -> str:
         """Return the kind of a threshold in words; without an expression there is no level to cross."""
@@ -397,6 +400,6 @@ def find(scene: Scene, **options: Unpack[Options]) -> Result:
     >>> plan = {"key": "drive.supply_frequency_hz", "start": 40.0, "stop": 50.0, "scan": 5}
     >>> plan |= {"expression": "excitation_frequency_hz > 22", "tolerance": 0.01}
     >>> find(Scene().replace({"find": plan})).answer.headline
-    'drive.supply_frequency_hz = 44.40 ± 0.005 Hz: level-crossing'
+    'drive.supply_frequency_hz = 44.009 ± 0.005 Hz: level-crossing'
     """
     return run_study(ThresholdStudy, scene, **options)
