@@ -112,6 +112,11 @@ def test_exciters_that_are_not_synchronous_have_two_speeds(sheet):
     assert rows_of(alone)["speeds"].now == "24.59 Hz / 0"
 
 
+def test_strokes_that_still_change_are_told_beside_the_period(sheet):
+    told = {change: rows_of(sheet(period=1, stroke_change=change))["motion repeats"][1:3] for change in (0.14, 0.001)}
+    assert told == {0.14: ("every turn", "strokes change by 14 %"), 0.001: ("every turn", "")}
+
+
 def test_a_run_with_motors_off_is_not_in_operation(moved, sheet):
     (result,) = find_results([moved["bare"]])
     assert sheet().now == "in operation"

@@ -11,7 +11,15 @@ from vibroplat.config.scene import Scene
 from vibroplat.page.tables import hint
 from vibroplat.results.answer import are_alike
 from vibroplat.results.picture import NOT_SYNCHRONOUS
-from vibroplat.results.run_answer import peak_time, phase_text, speeds_of_both, static_and_dynamic, sync_text, transient
+from vibroplat.results.run_answer import (
+    SETTLED,
+    peak_time,
+    phase_text,
+    speeds_of_both,
+    static_and_dynamic,
+    sync_text,
+    transient,
+)
 
 #: Headings of the columns of a single run.
 HEADS = ("", "{}", "largest, with start", "when")
@@ -173,7 +181,7 @@ class Sheet:
         pace = Row("speed", quantity(frequency, "Hz"), quantity(60.0 * frequency, "rpm"))
         if speeds and name == NOT_SYNCHRONOUS:
             pace = Row("speeds", " / ".join(quantity(speed, "Hz", largest=max(speeds)) for speed in speeds))
-        work = self._get("start_energy_j", "J")
+        work, moved = self._get("start_energy_j", "J"), s.get("stroke_change") or 0.0
         step, steady = (
             "" if at is None else f"after {quantity(at, 's', digits=2)}" if at else "from the start"
             for at in (s.get("synchronized_at_s"), self.steady)
@@ -183,7 +191,11 @@ class Sheet:
             pace,
             Row("in step", step, *((work, "work until then") if step and s.get("start_energy_j") else ())),
             Row("stroke steady", steady, "within 1 %" if steady else ""),
-            Row("motion repeats", repeats(s.get("period"))),
+            Row(
+                "motion repeats",
+                repeats(s.get("period")),
+                f"strokes change by {share(moved)}" if moved > SETTLED else "",
+            ),
         ]
 
     def _material(self) -> list[Row]:
