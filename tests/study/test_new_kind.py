@@ -81,7 +81,7 @@ def changes(scene, **options):
 ''',
     "picture.py": '''"""The picture of changes."""
 
-from vibroplat.results import picture
+from vibroplat.results import content, picture
 
 OPTIONS = ()
 
@@ -93,15 +93,17 @@ def pictures(results, kinds=()):
 
 def _picture(result):
     table = result.columns("changes", ("key",), ("rms_y_m", "excitation_frequency_hz"))
+    panels, left = content.measures(table, content.DRAWN)
     return picture.Picture(
         name="changes",
         heading="Changes",
         title=result.name,
         table=table,
         table_name="changes",
-        axes=picture.axes_of(table, ["excitation_frequency_hz"]),
-        panels=picture.measures(table, picture.DRAWN),
-        series=[picture.Series("motions", picture.rows_of(table["key"].notna()), mode="markers")],
+        axes=content.axes_of(table, ["excitation_frequency_hz"]),
+        panels=panels,
+        series=[picture.Series("motions", content.rows_of(table["key"].notna()), mode="markers")],
+        told=left,
     )
 ''',
 }
@@ -195,14 +197,14 @@ def test_a_kind_takes_a_folder_and_few_lines_elsewhere(vibroplat):
     assert "`changes.keys`" in vibroplat("schema", "--markdown")
     printed = vibroplat("changes", "toy.yaml", "--check", "--jobs", "2")
     assert "checked by: engine native, 2 motions" in printed
-    directory = vibroplat.copy / "results/toy/toy"
+    directory = vibroplat.copy / "results/toy/changes"
     assert json.loads((directory / "provenance.json").read_text())["check"]["disagreements"] == []
     assert "2 tasks from before" in vibroplat("changes", "toy.yaml", "--resume")
     assert "no changes section" in vibroplat("changes", "configs/quickstart.yaml", code=2)
     table = pd.read_parquet(directory / "changes.parquet")
     assert table["key"].tolist() == ["machine.platform_mass_kg", "machine.stiffness_y_n_per_m"]
     assert table["sync"].tolist() == ["antiphase"] * 2
-    assert vibroplat("plot", "results/toy", "--kind", "changes").split() == ["results/toy/toy/changes.png"]
+    assert vibroplat("plot", "results/toy", "--kind", "changes").split() == ["results/toy/changes/changes.png"]
     assert "Changes" in (vibroplat.copy / vibroplat("report", "results/toy").split()[-1]).read_text()
     python = "from vibroplat import changes, load, load_config; fresh = changes(load_config('toy.yaml'));"
     python += "assert load('results/toy').changes.equals(fresh.changes); print(fresh); fresh.plot()"
