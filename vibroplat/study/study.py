@@ -150,9 +150,9 @@ def run_study(kind: Callable[[Scene], Study], scene: Scene, **options: Unpack[Op
     ------
     ConfigError
         The scene or an option is none, or the scheduler does not answer.
-    LostError
+    NoWorkersError
         The scheduler has no workers, or has gone.
-    ForeignWorkerError
+    IncompatibleWorkerError
         A worker would give other bits than this process.
     """
     study, progress = kind(scene), options.pop("progress", lambda done, known: None)

@@ -180,9 +180,9 @@ def sweep(scene: Scene, **options: Unpack[Options]) -> Result:
     ------
     ConfigError
         The scene has no section ``sweep``, a value of its grid is not allowed, or the scheduler does not answer.
-    LostError
+    NoWorkersError
         The scheduler has no workers, or the connection to it is lost.
-    ForeignWorkerError
+    IncompatibleWorkerError
         A worker has other versions and would compute other bits than this process.
 
     Examples

@@ -44,7 +44,7 @@ class MemoryShortError(VibroplatError):
 def size_text(size: float) -> str:
     """Format a number of bytes.
 
-    >>> amount(3.2 * 2**30)
+    >>> size_text(3.2 * 2**30)
     '3.2 GiB'
     """
     place = 0
