@@ -206,7 +206,7 @@ def test_run_to_begin_from_is_relative_to_the_directory_of_the_command(command, 
 
 def test_parts_of_branches_that_are_missing_are_made_again(command, followed):
     wanted = tables()
-    with sqlite3.connect("results/c/orbits/orbits.sqlite") as base:
+    with sqlite3.connect("results/c/orbits/points.sqlite") as base:
         kept, last = base.execute("SELECT COUNT(*) - 1, MAX(rowid) FROM records").fetchone()
         base.execute(f"DELETE FROM records WHERE rowid = {last}")
         base.execute("UPDATE about SET value = '0', digest = ? WHERE key = 'finished'", [digest("finished", "0")])

@@ -11,7 +11,6 @@ from vibroplat.continuation.study import OrbitsStudy
 from vibroplat.continuation.tables import make_tables
 from vibroplat.errors import ConfigError
 from vibroplat.study.point import MEASURED
-from vibroplat.study.store import Store
 
 from .helpers import LIFTOFF, MACHINE, MASS, PLAN
 
@@ -166,14 +165,3 @@ def test_a_second_key_in_the_grid_is_refused_at_once(scene):
     with pytest.raises(ConfigError) as caught:
         OrbitsStudy(scene.replace({"orbits": PLAN | second}))
     assert str(caught.value) == f"orbits.grid.{MASS} is the key of boundaries; allowed: another key"
-
-
-def test_records_of_another_version_are_not_resumed(scene, tmp_path):
-    wanted, kept = OrbitsStudy(scene).conditions, {"file": "orbits.sqlite"}
-    former = {name: value for name, value in wanted.items() if name != "version of records"}
-    for version, known in ((former, "None"), (former | {"version of records": 1}, "1")):
-        with Store(tmp_path, version, overwrite=True, **kept):
-            pass
-        message = f"^cannot resume: version of records = 2; allowed: {known}, as in the finished tasks, or "
-        with pytest.raises(ConfigError, match=message):
-            Store(tmp_path, wanted, resume=True, **kept)

@@ -284,17 +284,17 @@ def test_file_that_is_no_store_is_told_and_left_alone(tmp_path):
         with pytest.raises(
             CorruptRecordError, match=r" is damaged \(file is not a database\); remove it to start again$"
         ):
-            Store(tmp_path, {}, file=FILE, **how)
+            Store(tmp_path, {}, **how)
     assert file.read_text() == "hello\n" * 1000
     file.unlink()
     changed(tmp_path, "CREATE TABLE records (first, second INTEGER, record TEXT)")  # the format of former versions
     told = f"{file} cannot be used: its format is 0, this version reads 3; remove it to start again"
     with pytest.raises(TableError, match=f"^{told}$"):
-        Store(tmp_path, {}, file=FILE)
+        Store(tmp_path, {})
     file.unlink()
     file.mkdir()
     with pytest.raises(TableError, match=f"^{file} cannot be used: unable to open database file$"):
-        Store(tmp_path, {}, file=FILE)
+        Store(tmp_path, {})
 
 
 def test_records_are_read_in_the_order_of_their_numbers(tmp_path):

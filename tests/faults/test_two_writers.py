@@ -15,7 +15,7 @@ from common.results import left
 
 from vibroplat.errors import TableError
 from vibroplat.results import locks, tables
-from vibroplat.results.files import SavedFiles, write_result
+from vibroplat.results.files import SCHEMA, SavedFiles, write_result
 from vibroplat.results.locks import Lock, is_gone, mark
 from vibroplat.results.tables import FORMATS, read_table, write_table
 from vibroplat.study.store import Store
@@ -32,7 +32,7 @@ def write(directory, mark_, form="parquet", command_="run"):
     table = pd.DataFrame({"v": [float(mark_)] * 200})
     found = {"trajectory": table, "events": table} if command_ == "run" else {"section": table, "sweep": table}
     documents = {"summary": {"v": mark_}} if command_ == "run" else {}
-    write_result(directory, command_, {"schema": 1, "v": mark_}, found, documents, form=form)
+    write_result(directory, command_, {"schema": SCHEMA, "v": mark_}, found, documents, form=form)
 
 
 def marks(directory):

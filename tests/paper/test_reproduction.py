@@ -18,10 +18,11 @@ from vibroplat.paper.root_finding import JUMP_WIDTH, MATCHED_HZ, MAX_BETA, beta_
 from vibroplat.paper.scenes import BETA, machine_numbers, paper_scene
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.paper import FIGURES
+from vibroplat.results.files import STORE
 from vibroplat.study.branches import branches
 from vibroplat.study.point import measure_point
 from vibroplat.study.pool import Inline, StoredChain, run_stored
-from vibroplat.study.store import FILE, Store
+from vibroplat.study.store import Store
 from vibroplat.study.sweep import branch_records, run_sweeps
 
 COARSE = {
@@ -281,7 +282,7 @@ def test_paper_is_reproduced_and_resumed(tmp_path, coarse, figures):
     same(reproduce(Refusing()), found)
     # a tenth of what is stored, of all stages, is lost and made again, with an interruption
     lost, kept = 0, 0
-    for file in tmp_path.rglob(FILE):
+    for file in tmp_path.rglob(STORE):
         with closing(sqlite3.connect(file)) as base, base:
             lost += base.execute("DELETE FROM records WHERE rowid % 10 = 0").rowcount
             kept += base.execute("SELECT COUNT(*) FROM records").fetchone()[0]

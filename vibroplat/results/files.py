@@ -4,8 +4,8 @@
 files, of whatever format. Readers refuse a file with another digest. A lock keeps two commands from replacing files at
 the same time; the digests also hold where a file system has no locks, and find files that were damaged or changed.
 
-A command of a scene writes into ``NAME/COMMAND``. Readers take that directory or ``NAME``, and also results that lie in
-``NAME`` itself, as former versions wrote them.
+A command of a scene writes into ``NAME/COMMAND``. Readers take that directory or ``NAME``, and also results that were
+saved in ``NAME`` itself.
 
 A directory may hold a result of each command. The first of them has ``provenance.json``; that of another command is
 then ``run-provenance.json``, ``sweep-provenance.json`` or ``orbits-provenance.json``, so that none overwrites that of
@@ -24,10 +24,8 @@ from typing import Any
 from vibroplat.config.kinds import KINDS
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
-from vibroplat.results import renamed
 from vibroplat.results.exports import exports
 from vibroplat.results.locks import replacement_lock
-from vibroplat.results.renamed import rename_keys, rename_summary, rename_table
 from vibroplat.results.tables import (
     FORMATS,
     Format,
@@ -45,6 +43,8 @@ from vibroplat.results.tables import (
     text_writer,
 )
 
+#: Name of the file with finished tasks of a study, next to its result.
+STORE = "points.sqlite"
 #: The commands that write results, in the order in which results of one directory are told.
 COMMANDS = ("run", *KINDS, "paper")
 #: Version of the contents of result directories; increased when an older reader would misread them.
@@ -162,54 +162,29 @@ class SavedFiles:
         if self.provenance.get("command", command) != command:
             raise TableError(f"{directory} holds a result of {self.provenance['command']}; allowed: one of {command}")
         files = self.provenance.get("files")
-        # results of former versions have no digests
         self._digests = {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else None
 
     def names(self, *forms: str) -> list[str]:
         """Return the names of the files that have one of these endings."""
         files = [path.name for path in self.directory.iterdir()] if self._digests is None else self._digests
-        stems = [Path(name).stem for name in files if Path(name).suffix.removeprefix(".") in forms]
-        present = {old: new for new, old in renamed.TABLES.items()} if self._is_former else {}
-        return [present.get(name, name) for name in stems]
+        return [Path(name).stem for name in files if Path(name).suffix.removeprefix(".") in forms]
 
     def table(self, name: str) -> pd.DataFrame:
         """Read a table; raises :class:`TableError` if it is missing, damaged or of another result."""
-        name = renamed.TABLES.get(name, name) if self._is_former else name
-        return self._present(read_table(self.directory, name, self._digests))
+        return read_table(self.directory, name, self._digests)
 
     def parts(self, name: str, columns: Collection[str] | None = None, *, last: bool = False) -> Iterator[pd.DataFrame]:
         """Read a table in parts; see :func:`vibroplat.results.tables.read_parts`."""
-        if columns is not None and self._is_former:
-            columns = [*columns, *(old for old, new in renamed.COLUMNS.items() if new in columns)]
-        return map(self._present, read_parts(self.directory, name, self._digests, columns, last=last))
-
-    def _present(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Return a table with present names."""
-        return rename_table(table, self.command) if self._is_former else table
-
-    @property
-    def _is_former(self) -> bool:
-        """Whether the result has schema 1."""
-        return bool(self.provenance["schema"] == 1)
+        return read_parts(self.directory, name, self._digests, columns, last=last)
 
     def document(self, name: str) -> Any:
         """Read a JSON file; raises :class:`TableError` if it is missing, damaged or of another result."""
-        found = read_json(self.directory, name, self._digests)
-        former = self._is_former and name == "summary" and isinstance(found, dict)
-        return rename_summary(found) if former else found
+        return read_json(self.directory, name, self._digests)
 
     def configuration(self, name: str) -> str:
         """Read a YAML file, as :meth:`document`."""
         with open_file(self.directory / f"{name}.yaml", self._digests) as file:
             return file.read().decode("utf-8")
-
-
-def store_file(command: str) -> str:
-    """Return the name of the file with the records of a command, which ``--resume`` reads.
-
-    Names are those of former versions, whose unfinished work must be found.
-    """
-    return f"{'points' if command == 'sweep' else command}.sqlite"
 
 
 def commands_in(directory: Path) -> list[str]:
@@ -241,10 +216,8 @@ def read_provenance(directory: Path, command: str) -> dict[str, Any]:
         raise TableError(f"{directory} holds no finished result: it has no provenance.json")
     origin = read_json(directory, own.stem if own.exists() else "provenance")
     found = origin.get("schema") if isinstance(origin, dict) else None
-    if type(found) is not int or found not in (1, SCHEMA):
-        raise TableError(f"{directory} holds results of schema {found}; this version reads schemas 1 and {SCHEMA}")
-    if found == 1 and isinstance(origin.get("configuration"), dict):
-        rename_keys(origin["configuration"])
+    if type(found) is not int or found != SCHEMA:
+        raise TableError(f"{directory} holds results of schema {found}; this version reads schema {SCHEMA}")
     return dict(origin)
 
 
