@@ -210,7 +210,7 @@ class DesignStudy(Study):
 
     def _samples(self, run: _Runner, scene: Scene, known: Record, places: FloatArray) -> pd.DataFrame:
         """Measure samples at places, in parts that are the same for any number of workers."""
-        parts: dict[int | str, Task] = {
+        parts = {
             f"samples {first}": Task(of_samples.measure_samples, (scene, self.names, known, first, part.tolist()))
             for first in range(0, len(places), of_samples.SAMPLES_PER_TASK)
             for part in [places[first : first + of_samples.SAMPLES_PER_TASK]]
@@ -232,7 +232,7 @@ class _Runner:
         """Run a task."""
         return self.all({name: Task(function, arguments)})[0]
 
-    def all(self, tasks: Mapping[int | str, Task]) -> list[Record]:
+    def all(self, tasks: Mapping[str, Task]) -> list[Record]:
         """Run tasks by the names under which they are stored."""
         before, self._known = self._done, self._known + len(tasks)
 

@@ -174,7 +174,7 @@ def _alone(task: Task) -> Tasks[Record]:
 
 
 def run_tasks(
-    tasks: Sequence[Task] | Mapping[int | str, Task],
+    tasks: Sequence[Task] | Mapping[Any, Task],
     store: Store,
     workers: Pool,
     progress: Callable[[int], object] = lambda done: None,
