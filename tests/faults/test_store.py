@@ -215,15 +215,14 @@ def test_only_what_follows_from_another_state_is_computed_again(result, caplog, 
 
 def test_point_that_is_lost_before_the_table_is_written_ends_in_a_line(result, monkeypatch):
     directory = result()
-    run = sweep.run_sweeps
+    run = sweep.run_branches
 
-    def losing(sweeps, *arguments):
-        run(sweeps, *arguments)
-        ((_, store),) = sweeps
+    def losing(planned, store, *arguments):
+        run(planned, store, *arguments)
         store._base.execute("DELETE FROM records WHERE first = 1 AND second = 1")
         store._base.commit()
 
-    monkeypatch.setattr(sweep, "run_sweeps", losing)
+    monkeypatch.setattr(sweep, "run_branches", losing)
     done = command("sweep", "c.yaml", "--resume")
     assert not_a_line(done, codes=(1,)) == ""
     assert "point 1 of branch 1 is not stored" in done.err

@@ -23,7 +23,7 @@ from vibroplat.study.branches import branches
 from vibroplat.study.point import measure_point
 from vibroplat.study.pool import Inline, StoredChain, run_stored
 from vibroplat.study.store import Store
-from vibroplat.study.sweep import branch_records, run_sweeps
+from vibroplat.study.sweep import branch_records, run_branches
 
 COARSE = {
     "sweep.supply_frequency_hz.start": 42.0,
@@ -68,7 +68,7 @@ def test_beta_is_found_again():
     scene = paper_scene("fig6-nonimpact", machine_numbers("damped"), changes)
     evidence = Evidence()
     with Store(None, {}) as store:
-        run_sweeps([(branches(scene), store)], Inline())
+        run_branches(branches(scene), store, Inline())
         add(evidence, scene, store)
     course = evidence.branches.pop(Key(0.2, model="non-impact"))
     impact = course.branch.scene.replace({"contact.model": "impact", BETA: 0.0})
@@ -164,7 +164,7 @@ def bare():
     scene = paper_scene("fig2", machine_numbers("damped"), FINE)
     evidence = Evidence()
     with Store(None, {}) as store:
-        run_sweeps([(branches(scene), store)], Inline())
+        run_branches(branches(scene), store, Inline())
         add(evidence, scene, store)
     return evidence
 

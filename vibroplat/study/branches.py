@@ -50,8 +50,10 @@ class SweepBranch:
         Dotted keys of the grid and their values on this branch.
     scene
         The scene at the first value.
-    along
+    key_values
         Values of the swept key in the order of the branch.
+    name
+        Name under which its points are stored; its number where it has none.
     """
 
     number: int
@@ -59,6 +61,12 @@ class SweepBranch:
     grid: dict[str, Any]
     scene: Scene
     key_values: tuple[float, ...]
+    name: str = ""
+
+    @property
+    def chain(self) -> int | str:
+        """The name of the chain of its stored points."""
+        return self.name or self.number
 
     @property
     def plan(self) -> SweepPlan:
