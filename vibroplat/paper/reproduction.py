@@ -155,15 +155,15 @@ class PaperStudy(Study):
         Wall times are left out of the tables, so that a repeated reproduction gives the same files.
         """
         trials = machine, others = self.trials()
-        main = machine[0]
+        main, coarse = machine[0], store.namespace("coarse")
         _sweep([(trial, name) for trial in machine for name in trial.names], store, workers, progress=progress)
         _narrow(machine, store, workers)
         _add_non_impact(machine, store, workers)
         _narrow(machine, store, workers)
         failing = [claim for claim in claims() if not any(judge(claim, trial.evidence).holds for trial in machine)]
-        _sweep([(trial, name) for trial in others for name in trial.names], store, workers, failing)
+        _sweep([(trial, name) for trial in others for name in trial.names], coarse, workers, failing)
         if any(map(is_of_models, failing)):
-            _add_non_impact(others, store, workers)
+            _add_non_impact(others, coarse, workers)
         shown = histories(self.numbers, main.evidence.beta, store.namespace("histories"), workers)
         tables = {**_tables(trials, store), **shown}
         self._swept = main.swept
