@@ -79,18 +79,6 @@ def test_special_points_have_place_and_state(found):
     assert before <= special[KEY] <= after
 
 
-def test_types_do_not_depend_on_what_was_found(found, scene):
-    nothing = make_tables(scene.orbits, [], [])
-    for none, some in ((nothing["branches"], found.branches), (nothing["special"], found.special)):
-        assert none.empty
-        assert [*none] == [column for column in some if column not in (*COORDINATES, *RATES)]  # no scene, no state
-        assert none.dtypes.equals(some[[*none]].dtypes)
-    types = {column: str(kind) for column, kind in found.branches.dtypes.items()}
-    assert types["stable"] == "bool"
-    assert {types[name] for name in ("branch", "parent", "point", "period", "n_unstable")} == {"Int64"}
-    assert {types[name] for name in ("sequence", "sync", "notes")} == {"str"}
-
-
 def test_columns_of_state_are_those_of_the_scenes():
     bare = load_config(MACHINE, {"orbits": {**PLAN, "grid": {}}, MASS: 0.0})
     (family,) = OrbitsStudy(bare).families

@@ -255,7 +255,8 @@ def test_store_that_is_damaged_as_a_whole_is_told_in_a_line(finished, result):
     assert bits(read_table(file.parent, "sweep")) == finished[1]
 
 
-@pytest.mark.parametrize("number", [4, pytest.param(10, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("number", [4, 10])
 def test_flipped_bit_never_changes_the_table(number, finished, result):
     """One random bit after the other, each in a fresh copy: the sweep goes on, or it is told."""
     chance = random.Random(number)

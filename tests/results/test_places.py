@@ -1,4 +1,4 @@
-"""Where results lie: each command in a directory of its own, and what former versions left above."""
+"""Where results lie: each command in a directory of its own, or saved in the one above."""
 
 import json
 
@@ -27,7 +27,7 @@ def test_either_directory_is_taken_and_gives_the_name(home, monkeypatch):
         load(home / "sweep", "sweep")
 
 
-def test_a_result_that_a_former_version_wrote_is_read_where_it_lies(runs, tmp_path):
+def test_a_result_that_was_saved_above_is_read_where_it_lies(runs, tmp_path):
     runs["bare"].save(tmp_path / "rig")
     assert commands_in(tmp_path / "rig") == ["run"]
     assert load(tmp_path / "rig").directory == tmp_path / "rig"
@@ -35,7 +35,6 @@ def test_a_result_that_a_former_version_wrote_is_read_where_it_lies(runs, tmp_pa
 
 @pytest.mark.parametrize("newer", ["run", "."])
 def test_of_two_results_the_later_one_is_read(newer, runs, home):
-    """As where a former version has left one, or a result was saved there."""
     runs["bare"].save(home)
     for place in (home, home / "run"):
         proof = json.loads((place / "provenance.json").read_text())

@@ -193,7 +193,7 @@ def test_tasks_of_a_chain_follow_one_another(processes):
 
 
 def test_workers_work_side_by_side(processes):
-    chains = [Calls(*[(time.sleep, (0.1,)), (os.getpid, ())] * 4) for _ in range(4)]
+    chains = [Calls(*[(time.sleep, (0.03,)), (os.getpid, ())] * 4) for _ in range(4)]
     found = finish(chains, processes)
     pids = {result for results in found for result in results[1::2]}
     assert len(pids) == 2
