@@ -9,7 +9,7 @@ import pandas as pd
 #: Files that commands leave under their final names.
 FINAL = re.compile(
     r"(trajectory|events|sweep|section|impacts|bands|branches|special|boundaries)\.(parquet|csv)"
-    r"|(summary|orbits|(run-|sweep-|orbits-)?provenance)\.json|\w+\.png"
+    r"|(summary|orbits|provenance)\.json|\w+\.png"
 )
 #: What the finished tasks of a study are kept in. A kill while a store
 #: is made leaves the journal of what was under way; the next command undoes that.

@@ -133,19 +133,6 @@ def test_run_and_sweep_of_one_name_keep_their_provenance(here, kernels, figures)
     assert figures.keys() == {"motion", "force", "exciters", "loads", "response"}
 
 
-def test_provenance_returns_to_its_name_when_the_other_result_is_gone(tmp_path):
-    write(tmp_path, 1, command_="sweep")
-    write(tmp_path, 2)
-    assert (tmp_path / "run-provenance.json").exists()
-    (tmp_path / "provenance.json").unlink()
-    write(tmp_path, 3)
-    assert not (tmp_path / "run-provenance.json").exists()
-    assert marks(tmp_path) == {3.0}
-    with pytest.raises(TableError) as caught:
-        SavedFiles(tmp_path, "sweep")
-    assert str(caught.value) == f"{tmp_path} holds a result of run; allowed: one of sweep"
-
-
 # -- damage ---------------------------------------------------------------------------------------------
 
 

@@ -124,9 +124,10 @@ def test_points_of_a_sweep_lie_behind_in_the_colour_of_their_branch(followed):
     marks = handmade.special(table).assign(**{MASS: 0.1})
     for name, rows in (("branches", both), ("special", marks)):
         write_table(rows[[MASS, *rows.columns.drop(MASS)]], followed, name, "parquet")
+    (beside := followed / "sweep").mkdir()
     points = pd.DataFrame({"supply_frequency_hz": [52.0, 52.0], MASS: [0.0, 0.1], "direction": "up", "branch": [0, 1]})
-    write_table(points.assign(excitation_frequency_hz=26.0, rms_y_m=[1e-3, 2e-3]), followed, "sweep", "parquet")
-    (followed / "sweep-provenance.json").write_text(json.dumps({"schema": SCHEMA, "command": "sweep"}))
+    write_table(points.assign(excitation_frequency_hz=26.0, rms_y_m=[1e-3, 2e-3]), beside, "sweep", "parquet")
+    (beside / "provenance.json").write_text(json.dumps({"schema": SCHEMA, "command": "sweep"}))
     figure = drawn(followed, ["branches"])["branches"]
     behind = [line for line in figure.axes[0].lines if line.get_zorder() < 2 and len(line.get_xdata())]
     points = {float(line.get_ydata()[0]): line.get_color() for line in behind if line.get_marker() == "o"}

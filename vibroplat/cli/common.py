@@ -136,7 +136,7 @@ def command_directory(out: Path, name: str, command: str, *, resume: bool = Fals
 
     directory = result_directory(result_directory(out, name), command)
     if resume and (directory / "provenance.json").exists():
-        read_provenance(directory, command)
+        read_provenance(directory)
     return directory
 
 
