@@ -84,7 +84,7 @@ def cross_check(
         Makes the scene that checks a scene; by default the same one with another engine.
     """
     wanted, scene = study.cross_check_cases(result, store, other), study.scene
-    tasks = {case.place: case.task for case in wanted}
+    tasks = [case.task for case in wanted]
     found = run_tasks(tasks, store.namespace("check"), workers, lambda done: progress(done, len(wanted)))
     engines, scales = (engine_name(scene), engine_name(other(scene))), scales_of(scene)
     largest, disagreements = 0.0, list[str]()
