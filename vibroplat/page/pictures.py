@@ -23,10 +23,10 @@ MOST_POINTS = 60_000
 MOST_SPECIAL = 500
 
 
-def picture_html(number: int, picture: Picture, motions: Motions, file: str, title: str) -> str:
+def picture_html(number: int, picture: Picture, motions: Motions, file: str) -> str:
     """Return the section of a picture: figures, what a click shows, further axes and facets, and tables, folded.
 
-    Files have a name; a title that is the headline of the page is not told again.
+    Files that are saved have a name.
     """
     count = len(picture.table)
     kept = rows_on_page(picture.table)
@@ -57,7 +57,7 @@ def picture_html(number: int, picture: Picture, motions: Motions, file: str, tit
     look = "panels bars" if bars else "panels"
     return (
         f'<section class="study" id="picture-{number}"><h2>{escape(picture.heading)} '
-        f"<small>{escape(title)}</small></h2>{_key(picture)}"
+        f"<small>{escape(plain_text(picture.title))}</small></h2>{_key(picture)}"
         f'<div class="beside{"" if moved["list"] else " wide-one"}">'
         f'<div class="{look}">{name}{"".join(first) or empty}</div>'
         f"{_aside(moved)}</div>{hint(plain_text(sentences))}{more}{tables}"
