@@ -130,7 +130,8 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]
     plot.note = hatches_told(panel.hatches, panel.note)
     for row in range(len(levels)):
         own = places[at == row]
-        _spans(plot, row, Strip("", "", own, kinds[own], hatched[own]).spans(across), classes, panel.hatches, 0.49)
+        strip = Strip("", "", own.tolist(), kinds[own].tolist(), hatched[own].tolist())
+        _spans(plot, row, strip.spans(across), classes, panel.hatches, 0.49)
     if panel.contours and min(len(levels), len(over)) > 1:
         grid: Any = np.full((len(levels), len(over)), np.nan)
         grid[at, np.searchsorted(over, across[places])] = view.values(panel.contours.column)[places]

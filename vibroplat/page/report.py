@@ -187,7 +187,8 @@ class Report:
         if isinstance(one, RunResult):
             differ = (one.summary.get("check") or {}).get("agrees") is False
             failures, look = [*failures, *["engines disagree"] * differ], "more"
-            short = "; ".join(f"{label} {value}" for label, value, _ in self.sheets[one].short())
+            short = "; ".join(f"{label.replace(',', '')} {value}" for label, value, _ in self.sheets[one].short())
+            short = short[:1].upper() + short[1:]
             bad = bool(failures or one.summary.get("captured_by"))
         else:
             short = "\n".join(answer.short)

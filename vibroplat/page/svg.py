@@ -10,7 +10,6 @@ from html import escape
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from vibroplat.columns import PHASE_COLUMN, display_unit, unit_of
 from vibroplat.config.digits import decimal, prefixed
@@ -184,10 +183,9 @@ def thinned(x: Floats, y: Floats, columns: int = COLUMNS) -> tuple[Floats, Float
     column = np.where(np.isfinite(x) & np.isfinite(y), np.floor(np.nan_to_num(x) * columns), np.nan)
     first = np.ones(len(x), dtype=bool)
     first[1:] = ~(column[1:] == column[:-1])
-    known = np.flatnonzero(np.isfinite(column))
-    values = pd.Series(y[known], known).groupby(np.cumsum(first)[known])
     starts = np.flatnonzero(first)
-    kept = np.unique(np.concatenate([starts, np.append(starts[1:], len(x)) - 1, values.idxmin(), values.idxmax()]))
+    ends, order = np.append(starts[1:], len(x)) - 1, np.lexsort((y, np.cumsum(first)))
+    kept = np.unique([starts, ends, order[starts], order[ends]])
     return x[kept], y[kept]
 
 
@@ -238,6 +236,7 @@ class Plot:
     def __init__(self, title: str, x: Scale, y: Scale, look: str = "") -> None:
         self.title, self.x, self.y, self.look = title, x, y, look
         self.height = self.note = ""
+        self.columns = COLUMNS
         self.key: list[tuple[str, str]] = []
         self.hits = ""
         self._drawn: list[str] = []
@@ -251,7 +250,7 @@ class Plot:
         if self.y.unit == "°":
             far = np.flatnonzero(np.abs(np.diff(up)) > math.pi) + 1
             across, up = np.insert(across, far, np.nan), np.insert(up, far, np.nan)
-        places = thinned(self.x.share(across), self.y.share(up))
+        places = thinned(self.x.share(across), self.y.share(up), self.columns)
         looks = (f"stroke:{colour}", dash and f"stroke-dasharray:{dash}", f"stroke-width:{width:g}")
         self._add("curve", path(*places), name, *looks, "opacity:.45" * pale)
 

@@ -17,7 +17,7 @@ from vibroplat.results.answer import counted
 from vibroplat.results.picture import finite
 
 #: Most cells and most rows of a table on the page.
-MOST_CELLS, MOST_ROWS = 36_000, 2_000
+MOST_CELLS, MOST_ROWS = 25_000, 2_000
 #: Significant digits of the largest number of a column.
 DIGITS = 5
 
@@ -51,16 +51,17 @@ def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, file: str =
     )
     rows_of = zip(*(cells for _, cells in columns), strict=True)
     lines = "".join("<tr>" + "".join(f"<td>{cell}" for cell in row) for row in rows_of)
-    more = ""
+    more, rows_told = "", counted(len(whole), "row")
     if len(kept) < len(whole):
         which = "the last ones" if len(kept) > 1 and kept[0] else "evenly chosen"
-        more = f" The page holds {len(kept)} of {len(whole)} rows, {which}; the table of the result holds all."
+        rows_told = f"{len(kept)} of {len(whole)} rows, {which}"
+        more = f" The page holds {rows_told}; the table of the result holds all."
     save = f'<button type="button" class="csv" data-file="{escape(file)}">Save as CSV</button>'
     body = (
         f'<p class="hint"><span class="scripted">A click on a heading sorts. {save}</span>{more}</p><div class="wide">'
         f'<table class="rows"><thead><tr>{heads}</thead><tbody>{lines}</tbody></table></div>'
     )
-    return fold(title, told or counted(len(whole), "row"), body, "table")
+    return fold(title, told or rows_told, body, "table")
 
 
 def _column(name: str, column: pd.Series) -> tuple[str, list[str]]:

@@ -189,7 +189,7 @@ class Sheet:
         floats = not self.scene.machine.gravity_m_per_s2
         return [
             *rows.values(),
-            Row("RMS x, y", ", ".join(quantity(one, "m", largest=max(rms)) for one in rms)),
+            Row("RMS x, y", together(rms, "m")),
             rotation.shortly("rotation", "RMS of phi") if rocks else rotation,
             acceleration.shortly("acceleration", self._flight()) if floats else acceleration,
             self._row("throw index", "gamma").shortly("throw index", self._flight()),
@@ -224,7 +224,7 @@ class Sheet:
         return [
             powers._replace(short=self._driven()),
             self._pair_row("torque, mean", "motor_torque_{}_mean_n_m", "motor_torque_{}_max_n_m"),
-            self._pair_row("torque / critical torque", "torque_ratio_{}", "torque_ratio_{}_max"),
+            self._pair_row("of critical torque", "torque_ratio_{}", "torque_ratio_{}_max"),
             Row("slip", self._pair("slip_{}"), f"ripple {self._pair('speed_ripple_{}_hz')}"),
         ]
 
