@@ -176,8 +176,9 @@ def test_pages_fit_on_a_telephone_and_a_finger_scrolls_them(visit, name):
         page.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
 
 
-def test_a_run_prints_on_one_sheet(visit):
-    page = visit("one")
+@pytest.mark.parametrize("of", ["one", "several"])
+def test_a_run_or_three_print_on_one_sheet(visit, of):
+    page = visit(of)
     options = {"preferCSSPageSize": True, "printBackground": True}
     pdf = base64.b64decode(page.execute_cdp_cmd("Page.printToPDF", options)["data"])
     assert re.findall(rb"/Count (\d+)", pdf) == [b"1"]
