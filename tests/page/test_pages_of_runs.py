@@ -303,6 +303,11 @@ def test_a_captured_start_says_so_first(moved, tmp_path):
     assert '<p class="answer bad">CAPTURED by the resonance in y' in text
 
 
+def test_results_with_one_name_have_the_part_of_their_directories_that_differs(moved):
+    found = find_results([moved["two layers"], moved["bare"]])
+    assert [one.label for one in found] == ["quickstart (two-layers)", "quickstart (bare)"]
+
+
 def test_results_name_the_parameters_in_which_they_differ(moved):
     text = read(page_of(moved["two layers"], moved["bare"]))
     assert "mass ratio 0" in text[: text.index("Amplitude and stroke")]

@@ -114,15 +114,15 @@ class Report:
         return [one for one in self.results if isinstance(one, RunResult)]
 
     @cached_property
-    def courses(self) -> dict[str, Course]:
-        """What is shown of each run that has rows, by its label."""
-        found = {one.label: course_of(one, _events(one), self.start, self.stop) for one in self.runs}
-        return {label: course for label, course in found.items() if course is not None}
+    def courses(self) -> list[Course]:
+        """What is shown of each run that has rows."""
+        found = [course_of(one, _events(one), self.start, self.stop) for one in self.runs]
+        return [course for course in found if course is not None]
 
     @cached_property
     def sheets(self) -> dict[RunResult, Sheet]:
         """The data sheets of the runs."""
-        steady = {course.result: course.steady for course in self.courses.values()}
+        steady = {course.result: course.steady for course in self.courses}
         return {one: Sheet(one.scene, one.summary, steady.get(one)) for one in self.runs}
 
     @cached_property
@@ -204,9 +204,8 @@ class Report:
     def _runs(self) -> str:
         """Return the first screen of runs: machines, data sheet, and the curves that matter."""
         several = len(self.runs) > 1
-        curves = self._curves
-        key = "".join(curves.key_figures()) if curves else ""
-        third = f'<div class="third">{curves.third()}</div>' if curves and not several else ""
+        key = self._curves.key_figures() if self._curves else ""
+        third = f'<div class="third">{self._curves.third()}</div>' if self._curves and not several else ""
         sheet = sheet_html([*self.sheets.values()], [one.label for one in self.runs])
         look, many = ("several", "many") if several else ("single", "one")
         stages = f'<section id="machines" class="{many}">{self._stages(several=several)}{third}</section>'
@@ -216,7 +215,7 @@ class Report:
     @cached_property
     def _curves(self) -> Runs | None:
         """What draws the curves of the runs."""
-        return Runs([*self.courses.values()], [*self.courses]) if self.courses else None
+        return Runs(self.courses, [course.result.label for course in self.courses]) if self.courses else None
 
     def _stages(self, *, several: bool) -> str:
         """Return the drawings of the machines with what moves them, and what they are."""
@@ -224,11 +223,11 @@ class Report:
         if not self.courses:
             return inputs
         figures = ""
-        for one in (course.result for course in self.courses.values()):
+        for one in (course.result for course in self.courses):
             told = escape(f"{one.label}: " * several + sync_text(one.scene, self.sheets[one].numbers))
             picture = drawing(machine_of(one.scene), escape(f"Drawing of the machine: {one.label}"))
             figures += f"<figure><figcaption>{told}</figcaption>{picture}</figure>"
-        motions = [course.motion for course in self.courses.values()]
+        motions = [course.motion for course in self.courses]
         count = len(motions[0]["windows"])
         note = f"motion × {motions[0]['k']:g}" + (f"; {count} turns, evenly over the run" if count > 1 else "")
         controls = (

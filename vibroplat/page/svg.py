@@ -30,8 +30,6 @@ _MATHEMATICS = re.compile(r"(?<!\\)\$(.*?)(?<!\\)\$")
 _SYMBOLS = {"varphi": "φ", "Delta": "Δ", "mu": "μ", "zeta": "ζ", "gamma": "γ", "pi": "π", "omega": "ω", "sigma": "σ"}
 #: Step of an axis of angles over more than half a turn (°).
 QUARTER = 90.0
-#: Part of an axis up to which a number has room for a unit behind it.
-FITS = 0.95
 #: Numbers on an axis, about, across and up.
 TICKS = (6, 5)
 
@@ -345,21 +343,16 @@ class Plot:
         across, up = self.x.ticks(TICKS[0]), self.y.ticks(TICKS[1] if not self.y.names else len(self.y.names))
         grid = "" if self.y.names else "".join(f"M0 {(1.0 - place) * HEIGHT:.0f}h{WIDTH}" for place, _ in up)
         numbers = "".join(f'<span class="yt" style="top:{1.0 - place:.2%}">{escape(text)}</span>' for place, text in up)
-        last = max((number for number, (place, _) in enumerate(across) if place < FITS), default=None)
-        if last is not None and not self.x.label:
-            across[last] = (across[last][0], f"{across[last][1]} {self.x.unit}")
         numbers += "".join(f'<span class="xt" style="left:{place:.2%}">{escape(text)}</span>' for place, text in across)
-        unit = f" ({self.x.unit})" if self.x.unit else ""
-        below = f'<span class="xl">{escape(self.x.label)}{escape(unit)}</span>' if self.x.label else ""
+        label = f"{self.x.label} ({self.x.unit})" if self.x.label and self.x.unit else self.x.label or self.x.unit
         key = "".join(f'<em style="color:{colour}">{escape(name)}</em>' for name, colour in self.key)
         size, hits = (f' style="{self.height}"' if self.height else ""), (f" data-p='{self.hits}'" if self.hits else "")
         units = f'data-u="{escape(self.y.unit)}" data-xu="{escape(self.x.unit)}"'
         told = f'data-x="{self.x.told}" data-y="{self.y.told}" {units}{hits}'
         title = f"<figcaption><b>{escape(self.title)}</b> {escape(self.y.unit)} {key} {escape(self.note)}</figcaption>"
-        low = "" if self.x.label else " low"
-        texts = f'<div class="on">{"".join(self._texts)}</div></div>{numbers}{below}'
+        texts = f'<div class="on">{"".join(self._texts)}</div></div>{numbers}<span class="xl">{escape(label)}</span>'
         return (
-            f'<figure class="plot {self.look}{low}"{size} {told}>{title}<div class="area"><div class="clip">'
+            f'<figure class="plot {self.look}"{size} {told}>{title}<div class="area"><div class="clip">'
             f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" preserveAspectRatio="none"><path class="grid" d="{grid}"/>'
             f"{''.join(self._drawn)}</svg>{texts}<output></output></div></figure>"
         )

@@ -268,7 +268,7 @@ class Sheet:
             Row(
                 "in step",
                 since,
-                f"{work} of motor work" * bool(at),
+                f"motor work {work}" * bool(at),
                 short=() if s["captured_by"] or not at else started,
             ),
             Row("stroke steady", steady, "within 1 %" * bool(steady)),

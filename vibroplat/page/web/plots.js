@@ -125,8 +125,6 @@ class View {
       .filter(([value]) => value >= low && value <= high) : nice(Math.min(low, high), Math.max(low, high), most, up ? this.figure.dataset.u : "");
     const share = value => axis.kind === "log" ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
     for (const old of this.area.querySelectorAll(`.${name}t`)) old.remove();
-    const last = found.findLast(([value]) => share(value) < 0.95);
-    if (!up && last && this.figure.classList.contains("low")) last[1] += ` ${this.figure.dataset.xu}`;
     for (const [value, text] of found) {
       const made = Object.assign(document.createElement("span"), {className: `${name}t`, textContent: up && this.figure.dataset.u === "°" ? minus(String(told(value, "°"))) : minus(text)});
       made.style[up ? "top" : "left"] = `${100 * (up ? 1 - share(value) : share(value))}%`;
