@@ -112,7 +112,7 @@ class Runs:
         found = ""
         if force := self._lines(PANELS[0][1]):
             plot = self._drawn("Force into the foundation, y: each turn of the run", force, "force_y_n")
-            self._mark_largest(plot)
+            self._mark_largest(plot, force)
             found += plot.html()
         main = self.courses[0].main
         columns = {main: "platform"} | ({"underside_m": "underside of the material"} if main == "y_m" else {})
@@ -123,33 +123,30 @@ class Runs:
             found += self._drawn(f"{words}, {self.last}", lines, main, detail=True).html()
         return found
 
-    def third(self) -> str:
-        """Return the speeds while the exciters start, or the force of the last turns."""
+    def starts(self) -> str:
+        """Return the speeds of a run whose exciters start or stop, until its stroke is steady; "" of others."""
         (course,) = self.courses
-        starts = any(course.size(f"speed_{n}_hz") > 0.1 * (course.frequency or 0.0) for n in (1, 2))
-        if not starts:
-            lines, title = self._lines(PANELS[0][1], detail=True), f"Force into the foundation, {self.last}"
-        elif course.steady is None:
-            lines, title = self._lines(EXCITERS), "Speed, whole run"
-        else:
-            until = max(course.steady, course.first + START)
-            lines, title = self._lines(EXCITERS, until=until), "Speed until the stroke is steady"
-        if not lines:
+        if not any(course.size(f"speed_{n}_hz") > 0.1 * (course.frequency or 0.0) for n in (1, 2)):
             return ""
-        plot = self._drawn(title, lines, "speed_1_hz" if starts else "force_y_n", detail=not starts)
+        until = math.inf if course.steady is None else max(course.steady, course.first + START)
+        title = "Speed, whole run" if course.steady is None else "Speed until the stroke is steady"
+        plot = self._drawn(title, self._lines(EXCITERS, until=until), "speed_1_hz")
         plot.height = "--h:150px"
         return plot.html()
 
-    def _mark_largest(self, plot: Plot) -> None:
-        """Mark the static force, and the largest one with its time."""
-        for course in self.courses:
-            s, band = course.result.summary, course.band("force_y_n")
-            most, at = (s.get(f"whole_foundation_force_y_max_{end}") for end in ("n", "at_s"))
-            if s.get("foundation_force_y_mean_n") is not None and len(self.courses) == 1:
-                plot.rule("static", y=-s["foundation_force_y_mean_n"])
-            if most is not None and at is not None and band is not None:
-                side = 1.0 if np.nanmax(band[2]) >= -np.nanmin(band[1]) else -1.0
-                plot.mark(at, side * most, f"{quantity(most, 'N')} at {quantity(at, 's')}")
+    def _mark_largest(self, plot: Plot, lines: Sequence[Line]) -> None:
+        """Mark the static force of a single run, and the largest force of all with its time."""
+        size, at = "whole_foundation_force_y_max_n", "whole_foundation_force_y_max_at_s"
+        summaries = [course.result.summary for course in self.courses]
+        static = summaries[0].get("foundation_force_y_mean_n")
+        if static is not None and len(summaries) == 1:
+            plot.rule("static", y=-static)
+        known = [s for s in summaries if s.get(size) and s.get(at) is not None]
+        if known:
+            largest = max(known, key=lambda s: float(s[size]))
+            upwards = max(np.nanmax(one.high) for one in lines) >= -min(np.nanmin(one.low) for one in lines)
+            place = largest[size] if upwards else -largest[size]
+            plot.mark(largest[at], place, f"{quantity(largest[size], 'N')} at {quantity(largest[at], 's')}")
 
     def all_figures(self) -> tuple[str, int, list[str]]:
         """Return all curves in pairs, how many quantities these are, and what has nothing to show."""

@@ -75,7 +75,7 @@ def _home(number: int, picture: Picture, motions: Motions) -> int:
 def _more(view: View, others: Sequence[Facet | None], facets: Sequence[Facet | None], room: int) -> str:
     """Return the other facets of a picture, and it over its other axes, folded."""
     found = "".join(_figures(plain_text(facet.label), view, [facet]) for facet in others if facet is not None)
-    over, axes, left = "", [], []
+    over, axes, left = "", list[str](), list[str]()
     for axis in view.picture.axes[1:]:
         drawn = _figures(f"Over {axis_name(axis)}", replace(view, axis=axis), facets)
         fits = len(over) + len(drawn) <= room

@@ -205,7 +205,7 @@ class Report:
         """Return the first screen of runs: machines, data sheet, and the curves that matter."""
         several = len(self.runs) > 1
         key = self._curves.key_figures() if self._curves else ""
-        third = f'<div class="third">{self._curves.third()}</div>' if self._curves and not several else ""
+        third = f'<div class="third">{self._curves.starts()}</div>' if self._curves and not several else ""
         sheet = sheet_html([*self.sheets.values()], [one.label for one in self.runs])
         look, many = ("several", "many") if several else ("single", "one")
         stages = f'<section id="machines" class="{many}">{self._stages(several=several)}{third}</section>'
@@ -291,16 +291,9 @@ def _web(name: str) -> str:
 
 
 def _machines(machines: Sequence[Mapping[str, Any]]) -> str:
-    """Return drawings that the script takes for orbits, and the patterns of hatches."""
-    stripes = ('<rect width="30" height="3000"/>', '<rect width="90" height="120"/>', '<rect width="30" height="120"/>')
-    patterns = "".join(
-        f'<pattern id="hatch-{n}" patternUnits="userSpaceOnUse" width="90" height="240">'
-        f'<g fill="#fff" fill-opacity=".7">{stripe}</g></pattern>'
-        for n, stripe in enumerate(stripes)
-    )
+    """Return drawings that the script takes for orbits."""
     drawings = [drawing(one, "Drawing of the machine") for one in machines]
-    templates = "".join(f'<template id="machine-{n}">{one}</template>' for n, one in enumerate(drawings))
-    return f'<svg width="0" height="0" class="patterns" aria-hidden="true"><defs>{patterns}</defs></svg>{templates}'
+    return "".join(f'<template id="machine-{n}">{one}</template>' for n, one in enumerate(drawings))
 
 
 def _events(one: Result) -> pd.DataFrame:
