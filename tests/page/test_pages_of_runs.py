@@ -92,6 +92,7 @@ def test_without_gravity_no_force_is_static(moved):
     floating = result.scene.replace({"machine.gravity_m_per_s2": 0.0})
     rows = rows_of(Sheet(floating, result.summary | LOADS))
     assert rows["y"].now == "15.0 kN"
+    assert "throw index" not in rows_of(Sheet(floating, result.summary | {"gamma": None, "whole_gamma": None}))
     assert rows["y"].short == ("foundation, y", "15.0 kN", "largest 15.7 kN at 0.454 s, 23.4 Hz")
 
 

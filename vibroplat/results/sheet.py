@@ -107,7 +107,7 @@ class Sheet:
         }
         left = [name for name in columns(scene) if name not in self.numbers.read]
         groups[FURTHER] = [Row(display_name(name), self._text(name, largest=self._largest(name))) for name in left]
-        known = {name: [row for row in rows if any(row[1:])] for name, rows in groups.items()}
+        known = {name: [row for row in rows if any(row[1:5])] for name, rows in groups.items()}
         self.groups = {name: rows for name, rows in known.items() if rows}
 
     def short(self) -> Iterator[tuple[str, ...]]:
@@ -134,7 +134,7 @@ class Sheet:
         """Return the largest size of the numbers with the unit of a column whose names begin as its own does."""
         begin, unit = column.partition("_")[0], unit_of(column)
         alike = [name for name in columns(self.scene) if name.startswith(begin) and unit_of(name) == unit]
-        return float(max(abs(self.numbers.get(name) or 0.0) for name in alike))
+        return max(abs(float(self.numbers.get(f"{part}{name}") or 0.0)) for name in alike for part in ("", "whole_"))
 
     def _peak(self, column: str, largest: float | None = None) -> tuple[str, str]:
         """Return the largest value of the whole run, and its time with the speed then."""
@@ -304,7 +304,7 @@ def _repeats(period: int | None) -> str:
     """Say after how many turns a motion repeats."""
     if period is None:
         return ""
-    return {0: f"not within {MAX_PERIOD} turns", 1: "every turn"}.get(period, f"every {period} turns")
+    return {0: f"not yet, or not within {MAX_PERIOD} turns", 1: "every turn"}.get(period, f"every {period} turns")
 
 
 def _joined(*parts: str) -> str:
