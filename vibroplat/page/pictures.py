@@ -23,11 +23,8 @@ ROOM = 450_000
 MOST_SPECIAL = 500
 
 
-def picture_html(number: int, picture: Picture, motions: Motions, file: str) -> str:
-    """Return the section of a picture: figures, what a click shows, further axes and facets, and tables, folded.
-
-    Files that are saved have a name.
-    """
+def picture_html(number: int, picture: Picture, motions: Motions) -> str:
+    """Return the section of a picture: figures, what a click shows, further axes and facets, and tables, folded."""
     count = len(picture.table)
     kept = rows_on_page(picture.table)
     special = np.arange(0 if picture.special is None else min(len(picture.special), MOST_SPECIAL))
@@ -46,9 +43,9 @@ def picture_html(number: int, picture: Picture, motions: Motions, file: str) -> 
     more = _more(view, others, facets, ROOM - sum(map(len, first)))
     home, tables = _home(number, picture, motions), ""
     if home == number:
-        tables = table_html(f"Table {picture.table_name}", picture.table, kept, file=f"{file}-{picture.table_name}.csv")
+        tables = table_html(f"Table {picture.table_name}", picture.table, kept)
     if picture.special is not None:
-        tables += table_html(picture.special_name, picture.special, special, file=f"{file}-{picture.special_name}.csv")
+        tables += table_html(picture.special_name, picture.special, special)
     told = [picture.told.replace("\n", "; "), picture.meaning, _orbits_told(moved, len(places))]
     sentences = " ".join(f"{text.removesuffix('.')}." for text in told if text)
     marks = {str(renumbered[row]): mark.kind for mark in picture.marks for row in mark.rows if renumbered[row] >= 0}

@@ -247,7 +247,7 @@ class Report:
         room = MOST_SAMPLES // max(len(studies), 1)
         motions = {one: Motions(one.scene, self.mover, room, machines, self.progress) for one in studies}
         shown = enumerate(self.pictures)
-        return "".join(picture_html(number, picture, motions[one], one.label) for number, (one, picture) in shown)
+        return "".join(picture_html(number, picture, motions[one]) for number, (one, picture) in shown)
 
     # -- what is folded -----------------------------------------------------------------------------
 
@@ -263,7 +263,7 @@ class Report:
             name = f"events of {one.label}" if len(self.runs) > 1 else "events"
             kinds = ", ".join(f"{number} {kind}" for kind, number in events["kind"].value_counts().items())
             rows = np.arange(max(len(events) - EVENTS, 0), len(events))
-            found += table_html(name, events, rows, file=f"{one.label}-events.csv", told=kinds) if kinds else ""
+            found += table_html(name, events, rows, told=kinds) if kinds else ""
         for result, answer in ((one, one.answer) for one in self.results):
             text = f"<pre>{escape(chr(10).join(answer.text))}</pre>" if answer.text else ""
             printed = listing([], [[label, text] for label, text in answer.lines.items()]) + text

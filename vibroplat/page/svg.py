@@ -30,6 +30,8 @@ _MATHEMATICS = re.compile(r"(?<!\\)\$(.*?)(?<!\\)\$")
 _SYMBOLS = {"varphi": "φ", "Delta": "Δ", "mu": "μ", "zeta": "ζ", "gamma": "γ", "pi": "π", "omega": "ω", "sigma": "σ"}
 #: Step of an axis of angles over more than half a turn (°).
 QUARTER = 90.0
+#: What the script shows of a pointer: a line, and what it chooses.
+_UNSEEN = '<div class="cursor" hidden></div><div class="pick" hidden></div>'
 #: Numbers on an axis, about, across and up.
 TICKS = (6, 5)
 
@@ -354,5 +356,5 @@ class Plot:
         return (
             f'<figure class="plot {self.look}"{size} {told}>{title}<div class="area"><div class="clip">'
             f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" preserveAspectRatio="none"><path class="grid" d="{grid}"/>'
-            f"{''.join(self._drawn)}</svg>{texts}<output></output></div></figure>"
+            f"{''.join(self._drawn)}</svg>{texts}<output></output>{_UNSEEN}</div></figure>"
         )

@@ -39,8 +39,8 @@ def hint(text: str) -> str:
     return f'<p class="hint">{escape(text)}</p>'
 
 
-def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, file: str = "", told: str = "") -> str:
-    """Return a table, folded; the script sorts it and saves it as CSV. End tags are left out, as HTML allows."""
+def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, told: str = "") -> str:
+    """Return a table, folded, which the script sorts. End tags are left out, as HTML allows."""
     kept = rows_on_page(whole) if rows is None else rows
     table = finite(whole.iloc[kept]).dropna(axis="columns", how="all")
     columns = [_column(str(name), table[name]) for name in table]
@@ -55,9 +55,8 @@ def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, file: str =
         which = "the last ones" if len(kept) > 1 and kept[0] else "evenly chosen"
         rows_told = f"{len(kept)} of {len(whole)} rows, {which}"
         more = f" The page holds {rows_told}; the table of the result holds all."
-    save = f'<button type="button" class="csv" data-file="{escape(file)}">Save as CSV</button>'
     body = (
-        f'<p class="hint"><span class="scripted">A click on a heading sorts. {save}</span>{more}</p><div class="wide">'
+        f'<p class="hint"><span class="scripted">A click on a heading sorts.</span>{more}</p><div class="wide">'
         f'<table class="rows"><thead><tr>{heads}</thead><tbody>{lines}</tbody></table></div>'
     )
     return fold(title, told or rows_told, body)
