@@ -138,8 +138,8 @@ class Runs:
         """Mark the static force of a single run, and the largest force of all with its time."""
         size, at = "whole_foundation_force_y_max_n", "whole_foundation_force_y_max_at_s"
         summaries = [course.result.summary for course in self.courses]
-        static = summaries[0].get("foundation_force_y_mean_n")
-        if static is not None and len(summaries) == 1:
+        static, machine = summaries[0].get("foundation_force_y_mean_n"), self.courses[0].result.scene.machine
+        if static is not None and machine.gravity_m_per_s2 and len(summaries) == 1:
             plot.rule("static", y=-static)
         known = [s for s in summaries if s.get(size) and s.get(at) is not None]
         if known:
