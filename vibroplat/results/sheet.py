@@ -202,10 +202,11 @@ class Sheet:
             return "material that cannot lift off" if self.scene.material_mass else "no material"
         if not flies:
             return "material does not lift off"
+        told = f"material in flight {share(flies)}"
+        if impacts is None:
+            return told
         rate = number(impacts).removesuffix(".00")
-        return f"material in flight {share(flies)}" + f", {rate} impact{'s' * (rate != '1')} a turn" * (
-            impacts is not None
-        )
+        return f"{told}, {rate} impact{'s' * (rate != '1')} a turn"
 
     def _loads(self) -> list[Row]:
         names = {axis: f"foundation_force_{axis}_max_n" for axis in "yx"}
@@ -221,11 +222,12 @@ class Sheet:
 
     def _motors(self) -> list[Row]:
         powers = self._pair_row("power, mean", "motor_power_{}_mean_w", "motor_power_{}_max_w")
+        ripple = self._pair("speed_ripple_{}_hz")
         return [
             powers._replace(short=self._driven()),
             self._pair_row("torque, mean", "motor_torque_{}_mean_n_m", "motor_torque_{}_max_n_m"),
             self._pair_row("of critical torque", "torque_ratio_{}", "torque_ratio_{}_max"),
-            Row("slip", self._pair("slip_{}"), f"ripple {self._pair('speed_ripple_{}_hz')}"),
+            Row("slip", self._pair("slip_{}"), f"ripple {ripple}" * bool(ripple)),
         ]
 
     def _driven(self) -> tuple[str, ...]:
@@ -261,16 +263,12 @@ class Sheet:
             "" if time is None else f"after {quantity(time, 's', digits=2)}" if time else "from the start"
             for time in (at, self.steady)
         )
+        in_step = Row("in step", since, f"motor work {work}" * bool(at))
         started = ("start", quantity(at, "s"), f"until synchronized, {work} of motor work")
         return [
             Row("phase difference", phase_text(s) or "drifts", "not synchronized" if name == "none" else name),
             pace,
-            Row(
-                "in step",
-                since,
-                f"motor work {work}" * bool(at),
-                short=() if s["captured_by"] or not at else started,
-            ),
+            in_step if s["captured_by"] or not at else in_step._replace(short=started),
             Row("stroke steady", steady, "within 1 %" * bool(steady)),
             Row("motion repeats", _repeats(s["period"]), f"strokes change by {share(moved)}" * (moved > SETTLED)),
         ]
