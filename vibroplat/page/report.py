@@ -207,10 +207,10 @@ class Report:
         key = self._curves.key_figures() if self._curves else ""
         third = f'<div class="third">{self._curves.starts()}</div>' if self._curves and not several else ""
         sheet = sheet_html([*self.sheets.values()], [one.label for one in self.runs])
-        look, many = ("several", "many") if several else ("single", "one")
-        stages = f'<section id="machines" class="{many}">{self._stages(several=several)}{third}</section>'
+        stages = f'<section id="machines">{self._stages(several=several)}{third}</section>'
         beside = f'<section id="sheet" aria-label="Data sheet">{sheet}</section>'
-        return f'<main class="{look}">{stages}{beside}<section id="curves" aria-label="Curves">{key}</section></main>'
+        curves = f'<section id="curves" aria-label="Curves">{key}</section>'
+        return f'<main class="{"several" * several}">{stages}{beside}{curves}</main>'
 
     @cached_property
     def _curves(self) -> Runs | None:
