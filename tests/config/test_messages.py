@@ -51,6 +51,10 @@ MESSAGES = {
         "name: a\nplatform_mass_kg: 12": "unknown key platform_mass_kg in line 2; did you mean "
         f"machine.platform_mass_kg? allowed: {SECTIONS}",
         "# machine:\nname: a\nmachine:": f"machine = None in line 3; allowed: {SECTION}",
+        "name: a\ncalibration: {}": "unknown key calibration in line 2; it was removed: results/README.md describes "
+        "how configs/machines/calibrated.yaml was found",
+        "sweep:\n  confirm: orbits": "unknown key sweep.confirm in line 2; it was removed: with settle_by = newton "
+        "points are orbits; `vibroplat orbits` gives their multipliers",
         "basins:\n  starts: {}": "unknown key basins.starts in line 2; it is now "
         "basins.initial_conditions (and 1 more)",
         "design: {spread: {}}": "unknown key design.spread in line 1; it is now design.parameter_tolerances",

@@ -51,6 +51,15 @@ _NAMES = {
     POINT_NAME: "at most 40 letters of English, digits and _, starting with a letter",
 }
 
+#: Keys of former versions, and what takes their place.
+REMOVED_KEYS = {
+    "calibration": "results/README.md describes how configs/machines/calibrated.yaml was found",
+    "design.indices": "table variance_contributions has the fractions of the variance by linear regression",
+    "sweep.period_tolerance": "points of the Poincaré section repeat within 0.01 scaled units",
+    "sweep.settle_s": "a motion settles until convergence is shown, for at most max_settle_s",
+    "orbits.boundaries.check": "a sweep with kind = map shows the motions on both sides",
+    "sweep.confirm": "with settle_by = newton points are orbits; `vibroplat orbits` gives their multipliers",
+}
 #: Keys of former versions, and their names now.
 RENAMED_KEYS = {
     "sweep.settle": "sweep.settle_by",
@@ -188,7 +197,9 @@ def explain(error: ValidationError, model: type[BaseModel]) -> str:
     first, *more = sorted(error.errors(), key=lambda one: ".".join(map(str, one["loc"])) not in RENAMED_KEYS)
     path = [str(part) for part in first["loc"]]
     key = ".".join(path) or model.__name__.lower()
-    if first["type"] == "extra_forbidden" and key in RENAMED_KEYS:
+    if first["type"] == "extra_forbidden" and in_lists(path) in REMOVED_KEYS:
+        line = f"unknown key {key}; it was removed: {REMOVED_KEYS[in_lists(path)]}"
+    elif first["type"] == "extra_forbidden" and key in RENAMED_KEYS:
         line = f"unknown key {key}; it is now {RENAMED_KEYS[key]}"
     elif first["type"] == "extra_forbidden":
         *section, wrong = path
