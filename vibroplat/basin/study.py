@@ -85,6 +85,10 @@ STARTS_TABLE: Columns = {
     "attractor": ATTRACTORS["attractor"],
     "turns": Column("turns of exciter 1 until the initial condition was assigned to an attractor"),
 }
+FRACTIONS: Columns = {
+    name: ATTRACTORS[name]
+    for name in ("attractor", "count", "fraction", "fraction_low", "fraction_high", "within_turns")
+}
 
 
 _OVER: Columns = {"…": Column("value of the key of basins.over, by dotted name")}
@@ -98,6 +102,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
         "`vibroplat basins`: one row per initial condition.",
         {**_OVER, "… ": Column("keys of basins.initial_conditions, by dotted name"), **STARTS_TABLE},
     ),
+    "fractions": ("`vibroplat basins` with `over`: basin fractions at each value of the key.", {**_OVER, **FRACTIONS}),
 }
 
 
@@ -263,6 +268,8 @@ def _make_result(question: BasinsStudy, found: Sequence[AttractorSet]) -> Result
         "attractors": study_table(attractors, [*column, *ATTRACTORS, *more], {**SWEEP, **ATTRACTORS, **more}),
         "starts": study_table(starts, [*column, *plan.initial_conditions, *STARTS_TABLE], {**SWEEP, **STARTS_TABLE}),
     }
+    if key is not None:
+        tables["fractions"] = tables["attractors"][[*column, *FRACTIONS]]
     return Result("basins", question.scene, tables, answer_of(question.scene, tables, key, found, escaped))
 
 
@@ -300,7 +307,8 @@ def basins(scene: Scene, **options: Unpack[Options]) -> Result:
     -------
     Result
         Table ``attractors`` has one row per attractor and value of a key; each row can be a guess for
-        :func:`vibroplat.orbit`. Table ``starts`` has one row per initial condition.
+        :func:`vibroplat.orbit`. Table ``starts`` has one row per initial condition. With ``over``, table ``fractions``
+        has the basin fractions at each value of the key.
 
     Raises
     ------
