@@ -203,6 +203,11 @@ def test_bounds_hold_the_share():
             {},
             f"basins: initial_conditions.{PHASE} = […, 1.5]; allowed: a whole number from 2 as count",
         ),
+        (
+            {PHASE: [0, 1], "phase_difference_rad": [0, 2]},
+            {},
+            "basins.initial_conditions: initial_conditions has",
+        ),
         ({PHASE: [0, 1, 5]}, {"random": 5}, "basins: random = 5 but every range of initial_conditions has a count"),
         (
             {GAP: [-1e-3, 1e-3]},

@@ -254,6 +254,12 @@ def test_hostile_file_is_refused_in_a_second(text, line, complaint):
         assert complaint(text).startswith(f"c.yaml: {line}")
 
 
-def test_both_ways_have_one_word(scene_of):
+def test_short_names_of_initial_conditions_are_whole_ones_and_both_ways_have_one_word(scene_of):
+    plans = [
+        f"basins: {{initial_conditions: {{{beginning}speed_ratio: [0, 1], {beginning}state.y_m: [0, 1e-3]}}}}"
+        for beginning in ("", "initial.", "run.initial.")
+    ]
+    assert len({scene_of(plan).basins.model_dump_json() for plan in plans}) == 1
+    assert [*scene_of(plans[0]).basins.initial_conditions] == ["run.initial.speed_ratio", "run.initial.state.y_m"]
     ways = scene_of("sweep: {supply_frequency_hz: {start: 50, stop: 51, direction: both}}").sweep.swept.direction
     assert ways == ["up", "down"]

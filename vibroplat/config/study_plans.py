@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.plans import Frequencies, OrbitsPlan, ParameterRange, SweepPlan, may_vary
@@ -27,14 +28,26 @@ DEFAULT_RANDOM, MAX_INITIAL_CONDITIONS = 1000, 10_000_000
 VIOLATION_TOLERANCE = 1e-6
 
 
+def _full_names(given: Any) -> Any:
+    """Return ranges by the whole names of their keys, of which users may leave out the beginning."""
+    if not isinstance(given, Mapping):
+        return given
+    places = ("", "run.", INITIAL_PREFIX)
+    named = [(next((f"{p}{key}" for p in places if f"{p}{key}" in INITIAL_KEYS), key), of) for key, of in given.items()]
+    if len(dict(named)) < len(named):
+        raise ValueError("initial_conditions has a key twice, with and without run.initial; allowed: each once")
+    return dict(named)
+
+
 class BasinsPlan(Section, title="Basins"):
     """Starts from a box of initial states, and how long the motions from there are followed."""
 
     initial_conditions: Annotated[
         dict[str, Annotated[list[Real], Field(min_length=2, max_length=3)]],
+        BeforeValidator(_full_names),
         Field(min_length=1),
     ] = Field(
-        description="keys run.initial.NAME (phases, speed_ratio, state.NAME) and their ranges: [low, high, count] "
+        description="keys of run.initial (phases, speed_ratio, state.NAME) and their ranges: [low, high, count] "
         "for a grid, [low, high] for random values; all other keys are as in run.initial"
     )
     random: Annotated[int, Field(ge=1, le=MAX_INITIAL_CONDITIONS)] | None = Field(
