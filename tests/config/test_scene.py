@@ -123,9 +123,9 @@ def test_exciters_are_swept_by_a_grid_but_not_their_common_radius():
     assert str(caught.value) == line
 
 
-def test_angles_follow_from_the_phase_difference_and_one_of_them():
+def test_phase_sum_is_the_difference_of_counter_rotating_exciters():
     for initial, angles in (
-        ({"phase_difference_rad": 0.3}, (0.0, 0.3)),
+        ({"phase_sum_rad": 0.3}, (0.0, 0.3)),
         ({"phase_difference_rad": 0.3, "phi1_rad": 0.1}, (0.1, 0.2)),
         ({}, (0.0, math.pi)),
         ({"speed_ratio": 0.0, "phi1_rad": 0.0}, (0.0, math.pi)),

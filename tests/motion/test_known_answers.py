@@ -161,7 +161,7 @@ def test_phase_difference_from_skew_starts(simulate, printed, supply, expected, 
         {
             "drive.supply_frequency_hz": supply,
             "run.duration_s": 20.0,
-            "run.initial": {"phase_difference_rad": math.pi - skew, "phi1_rad": 0.3, "speed_ratio": 0.98},
+            "run.initial": {"phase_sum_rad": math.pi - skew, "phi1_rad": 0.3, "speed_ratio": 0.98},
         }
     )
     summary = simulate(scene, keep="summary").summary

@@ -109,6 +109,11 @@ class Scene(Section):
         for name in OF_EXCITERS if self.exciters is not None else ():
             if name in self.machine.model_fields_set:
                 raise ValueError(f"exciters and machine.{name} are both given; allowed: one of the two")
+        if self.co_rotating and self.run.initial.phase_sum_rad is not None:
+            raise ValueError(
+                f"run.initial.phase_sum_rad = {self.run.initial.phase_sum_rad} but the exciters are co-rotating; "
+                "allowed: phase_difference_rad"
+            )
         return self
 
     @model_validator(mode="after")

@@ -60,7 +60,7 @@ REMOVED_KEYS = {
     "orbits.boundaries.check": "a sweep with kind = map shows the motions on both sides",
     "sweep.confirm": "with settle_by = newton points are orbits; `vibroplat orbits` gives their multipliers",
 }
-#: Keys of former versions, and their names now.
+#: Keys of former versions, and their names now; values of the first are now newton for orbits, section for motion.
 RENAMED_KEYS = {
     "sweep.settle": "sweep.settle_by",
     "sweep.coexists": "sweep.find_coexisting",
@@ -69,7 +69,6 @@ RENAMED_KEYS = {
     "basins.longest_turns": "basins.max_turns",
     "design.subject": "design.constraints",
     "design.spread": "design.parameter_tolerances",
-    "run.initial.phase_sum_rad": "run.initial.phase_difference_rad",
 }
 
 

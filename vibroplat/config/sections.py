@@ -339,7 +339,7 @@ class State(Section):
 
 
 #: Keys of a start with rotating exciters.
-PHASES = ("phase_difference_rad", "phi1_rad", "speed_ratio")
+_PHASES = ("phase_difference_rad", "phase_sum_rad", "phi1_rad", "speed_ratio")
 
 
 class Initial(Section, populate_by_name=True):
@@ -351,6 +351,7 @@ class Initial(Section, populate_by_name=True):
         "initial phase difference: phi_1 + phi_2 for counter-rotating exciters, phi_1 - phi_2 for co-rotating "
         "ones; default: pi",
     )
+    phase_sum_rad: Angle | None = described(None, "", "phase_difference_rad of counter-rotating exciters")
     phi1_rad: Angle | None = described(
         None,
         "phi_1",
@@ -367,16 +368,18 @@ class Initial(Section, populate_by_name=True):
 
     alternatives = (
         ("state", "from"),
-        *((way, key) for way in ("state", "from") for key in PHASES),
+        *((way, key) for way in ("state", "from") for key in _PHASES),
+        ("phase_difference_rad", "phase_sum_rad"),
     )
 
     def angles(self, sign: float) -> tuple[float, float]:
         """Angles φ₁ and φ₂ of the exciters (rad); ``sign`` is that of φ₂ in the phase difference."""
-        return exciter_angles(self.phase_difference_rad, self.phi1_rad, self.speed_ratio, sign)
+        given = self.phase_difference_rad if self.phase_sum_rad is None else self.phase_sum_rad
+        return exciter_angles(given, self.phi1_rad, self.speed_ratio, sign)
 
 
 def exciter_angles(given: float | None, phi1: float | None, speed_ratio: float, sign: float) -> tuple[float, float]:
-    """Angles φ₁ and φ₂ of the exciters (rad) at a phase difference; hanging, where nothing else is said."""
+    """Angles φ₁ and φ₂ of the exciters (rad) at a phase difference or sum; hanging, where nothing else is said."""
     if given is None and phi1 is None and speed_ratio == 0.0:
         return -0.5 * math.pi, -0.5 * math.pi
     first = phi1 or 0.0
