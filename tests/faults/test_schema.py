@@ -10,15 +10,15 @@ from common.places import LOADED
 from common.results import bits, left
 
 from vibroplat.errors import TableError
-from vibroplat.results.files import SCHEMA, SavedFiles
+from vibroplat.results.files import SavedFiles
 
 SWEEP = f"extends: {LOADED}\nname: c\nrun: {{duration_s: 0.1}}\n"
 SWEEP += "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.5}}\n"
 
 #: Contents of provenance.json that no other version than this one can make sense of; without "schema" none is kept.
-SCHEMAS = [*({"schema": value} for value in (0, 1, 3, "2", None, True, 2.0, [2])), {}, [2], 2]
-GARBAGE = [b"", bytes(1000), bytes(range(256)), b'{"schema": 2, "vibro', b"[" * 100_000]
-GARBAGE += [b'{"schema": 2' + b"0" * 5000 + b"}", b'{"schema": "\\ud800"}']
+SCHEMAS = [*({"schema": value} for value in (0, 3, "1", None, True, 1.0, [1])), {}, [1], 1]
+GARBAGE = [b"", bytes(1000), bytes(range(256)), b'{"schema": 1, "vibro', b"[" * 100_000]
+GARBAGE += [b'{"schema": 1' + b"0" * 5000 + b"}", b'{"schema": "\\ud800"}']
 
 
 @pytest.mark.parametrize("content", [*(json.dumps(value).encode() for value in SCHEMAS), *GARBAGE, None])
@@ -38,7 +38,7 @@ def test_plot_and_resume_refuse_in_a_line_and_leave_all_as_it_is(here, kernels):
     proof, before = directory / "provenance.json", bits(left(directory)[0]["sweep.parquet"])
     with closing(sqlite3.connect(directory / "points.sqlite")) as base, base:
         base.execute("DELETE FROM records WHERE second = 1")
-    lost = {"schema": SCHEMA, "configuration": {}}
+    lost = {"schema": 1, "configuration": {}}
     for content, commands in (({"schema": 3}, ("plot", "sweep")), (lost, ("plot",))):
         proof.write_text(json.dumps(content))
         for name in commands:

@@ -1,5 +1,6 @@
 """Results of studies: what is computed and what is loaded are the same, at a prompt and on disk."""
 
+import json
 import pickle
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import vibroplat
 from vibroplat import load, load_config
 from vibroplat.config.kinds import KINDS
 from vibroplat.errors import ConfigError, TableError
+from vibroplat.results import renamed
 from vibroplat.results.result import Answer
 
 CALIBRATED = Path(__file__).parents[2] / "configs/machines/calibrated.yaml"
@@ -44,6 +46,46 @@ def test_a_result_is_loaded_as_it_was_computed(kind, kernels, tmp_path):
         fresh.plot("motion")
     with pytest.raises(TableError, match="is not a directory"):
         load(tmp_path / "nothing", kind)
+
+
+def former(directory, names):
+    """Make a result one of schema 1: names of columns and tables as they were, without digests."""
+    proof = json.loads((directory / "provenance.json").read_text())
+    for path in directory.glob("*.parquet"):
+        pd.read_parquet(path).rename(columns=names).to_parquet(path)
+    return proof | {"schema": 1, "files": None}
+
+
+def test_a_run_of_schema_1_has_present_names(runs, tmp_path):
+    run = runs["two layers"]
+    names = {new: old for old, new in renamed.COLUMNS.items()}
+    directory = run.save(tmp_path / "run")
+    proof = former(directory, names)
+    proof["configuration"]["sweep"] = {"supply_frequency_hz": {"start": 45.0, "stop": 46.0}, "settle": "motion"}
+    (directory / "provenance.json").write_text(json.dumps(proof))
+    summary = {names.get(name, name): value for name, value in run.documents["summary"].items()}
+    assert "torque_share_1" in summary
+    (directory / "summary.json").write_text(json.dumps(summary))
+    again = load(directory)
+    assert (repr(again), again.scene.sweep.settle_by) == (repr(run), "section")
+    assert again.data_sheet.equals(run.data_sheet)
+    assert json.loads((again.save(tmp_path / "again") / "provenance.json").read_text())["schema"] == 2
+
+
+def test_a_design_of_schema_1_is_drawn(kernels, tmp_path):
+    plan = PLANS["design"] | {"constraints": {"stability_margin": ">= 0.001"}}
+    fresh = vibroplat.design(load_config(CALIBRATED, BARE | {"design": plan}))
+    directory = fresh.save(tmp_path / "design")
+    proof = former(directory, {new: old for old, new in renamed.COLUMNS.items()})
+    proof["configuration"]["design"]["subject"] = {"margin": ">= 0.001"}
+    del proof["configuration"]["design"]["constraints"]
+    (directory / "provenance.json").write_text(json.dumps(proof))
+    again = load(directory)
+    assert again.scene.design == fresh.scene.design
+    assert again.plot("evaluations").axes
+    assert [*again.evaluations] == [*fresh.evaluations]
+    events = renamed.rename_table(pd.DataFrame({"kind": ["latch", "impact"], "measure": ["margin", "rms_y_m"]}), "run")
+    assert events.to_numpy().tolist() == [["chatter", "stability_margin"], ["impact", "rms_y_m"]]
 
 
 @pytest.mark.parametrize("answer", [{"lines": 3}, {"text": [1], "notes": 3}, [], None])

@@ -1,6 +1,7 @@
 """A run at a prompt and in a notebook: card, figure, files."""
 
 import copy
+import sys
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -113,6 +114,21 @@ def test_unique_rows_ascend_and_begin_after_an_event(run):
     assert after == pytest.approx(impact["gap_rate_after_m_per_s"], abs=1e-9)
     with pytest.raises(ConfigError, match="sample = 'some'; allowed: all, unique"):
         run.rows("some")
+
+
+def test_dataset_has_units_and_meanings(run):
+    pytest.importorskip("xarray", reason="optional, pip install 'vibroplat[xarray]'")
+    found = run.to_xarray()
+    assert found["y_m"].attrs["units"] == "m"
+    assert found["gap_m"].attrs["long_name"] == "gap between platform and lower layer; 0: in contact"
+    assert found["y_m"].interp(t_s=0.1).item() == pytest.approx(run([0.1])["y_m"].item(), abs=1e-5)
+    assert found.attrs == {"name": "quickstart", "outcome": "ok"}
+
+
+def test_without_xarray_it_says_what_to_install(run, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(ImportError, match=r"to_xarray needs xarray; pip install 'vibroplat\[xarray\]'"):
+        run.to_xarray()
 
 
 def test_a_result_can_be_copied_and_names_its_tables(run):

@@ -22,8 +22,10 @@ from typing import Any
 from vibroplat.config.kinds import KINDS
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
+from vibroplat.results import renamed
 from vibroplat.results.exports import exports
 from vibroplat.results.locks import replacement_lock
+from vibroplat.results.renamed import rename_keys, rename_summary, rename_table
 from vibroplat.results.tables import (
     FORMATS,
     Format,
@@ -158,24 +160,41 @@ class SavedFiles:
         if self.provenance.get("command", command) != command:
             raise TableError(f"{directory} holds a result of {self.provenance['command']}; allowed: one of {command}")
         files = self.provenance.get("files")
+        # results of former versions have no digests
         self._digests = {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else None
 
     def names(self, *forms: str) -> list[str]:
         """Return the names of the files that have one of these endings."""
         files = [path.name for path in self.directory.iterdir()] if self._digests is None else self._digests
-        return [Path(name).stem for name in files if Path(name).suffix.removeprefix(".") in forms]
+        stems = [Path(name).stem for name in files if Path(name).suffix.removeprefix(".") in forms]
+        present = {old: new for new, old in renamed.TABLES.items()} if self._is_former else {}
+        return [present.get(name, name) for name in stems]
 
     def table(self, name: str) -> pd.DataFrame:
         """Read a table; raises :class:`TableError` if it is missing, damaged or of another result."""
-        return read_table(self.directory, name, self._digests)
+        name = renamed.TABLES.get(name, name) if self._is_former else name
+        return self._present(read_table(self.directory, name, self._digests))
 
     def parts(self, name: str, columns: Collection[str] | None = None, *, last: bool = False) -> Iterator[pd.DataFrame]:
         """Read a table in parts; see :func:`vibroplat.results.tables.read_parts`."""
-        return read_parts(self.directory, name, self._digests, columns, last=last)
+        if columns is not None and self._is_former:
+            columns = [*columns, *(old for old, new in renamed.COLUMNS.items() if new in columns)]
+        return map(self._present, read_parts(self.directory, name, self._digests, columns, last=last))
+
+    def _present(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Return a table with present names."""
+        return rename_table(table, self.command) if self._is_former else table
+
+    @property
+    def _is_former(self) -> bool:
+        """Whether the result has schema 1."""
+        return bool(self.provenance["schema"] == 1)
 
     def document(self, name: str) -> Any:
         """Read a JSON file; raises :class:`TableError` if it is missing, damaged or of another result."""
-        return read_json(self.directory, name, self._digests)
+        found = read_json(self.directory, name, self._digests)
+        former = self._is_former and name == "summary" and isinstance(found, dict)
+        return rename_summary(found) if former else found
 
     def configuration(self, name: str) -> str:
         """Read a YAML file, as :meth:`document`."""
@@ -206,8 +225,10 @@ def read_provenance(directory: Path) -> dict[str, Any]:
         raise TableError(f"{directory} holds no finished result: it has no provenance.json")
     origin = read_json(directory, "provenance")
     found = origin.get("schema") if isinstance(origin, dict) else None
-    if type(found) is not int or found != SCHEMA:
-        raise TableError(f"{directory} holds results of schema {found}; this version reads schema {SCHEMA}")
+    if type(found) is not int or found not in (1, SCHEMA):
+        raise TableError(f"{directory} holds results of schema {found}; this version reads schemas 1 and {SCHEMA}")
+    if found == 1 and isinstance(origin.get("configuration"), dict):
+        rename_keys(origin["configuration"])
     return dict(origin)
 
 

@@ -16,7 +16,7 @@ from vibroplat.extensions import figure_of
 from vibroplat.frames import pd
 from vibroplat.integrate import engine_name
 from vibroplat.results.answer import Answer
-from vibroplat.results.files import STORE, SavedFiles, commands_in, directory_of, write_result
+from vibroplat.results.files import SCHEMA, STORE, SavedFiles, commands_in, directory_of, write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import FORMATS, Format, result_directory
 
@@ -277,7 +277,8 @@ class Result:
         result_directory(place.parent, place.name)
         tables = {name: self.tables.parts(name) for name in self.tables}
         more = {"documents": self.documents, "configurations": self.configurations}
-        write_result(place, self.command, self.provenance, tables, form=form, **more)
+        origin = self.provenance | {"schema": SCHEMA}  # one that was loaded may have another
+        write_result(place, self.command, origin, tables, form=form, **more)
         return place
 
 

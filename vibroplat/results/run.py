@@ -6,6 +6,7 @@ import base64
 import io
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -37,7 +38,7 @@ from vibroplat.observe.tables import (
     state_places,
 )
 from vibroplat.results.answer import Answer
-from vibroplat.results.exports import write_mat
+from vibroplat.results.exports import plain_array, write_mat
 from vibroplat.results.files import commands_in
 from vibroplat.results.provenance import provenance
 from vibroplat.results.result import Result, Tables
@@ -355,6 +356,20 @@ class RunResult(Result):
         return super().plot(kind, **options)
 
     # -- to hand on ---------------------------------------------------------------------------------
+
+    def to_xarray(self, sample: Sample = "unique") -> Any:
+        """Return the trajectory as a Dataset over ``t_s``, with units and meanings as attributes; needs xarray."""
+        try:
+            xarray = import_module("xarray")
+        except ImportError:
+            raise ImportError("to_xarray needs xarray; pip install 'vibroplat[xarray]'") from None
+        table = self.rows(sample)
+        found = xarray.Dataset(
+            {str(c): ("t_s", plain_array(table[c])) for c in table if c != "t_s"}, {"t_s": table["t_s"]}
+        )
+        for name in found.variables:
+            found[name].attrs = {"units": unit_of(name), "long_name": table.attrs["meanings"].get(name, name)}
+        return found.assign_attrs(name=self.scene.name, outcome=self.outcome)
 
     def save_mat(self, path: str | Path, sample: Sample = "unique", *, overwrite: bool = False) -> Path:
         """Write ``trajectory``, ``events``, ``summary`` and ``units`` as structures into a file for MATLAB or Octave.
