@@ -1,25 +1,22 @@
-"""What figures of runs show, in one sentence each: computed from the summaries of the runs and their tables."""
+"""What figures of runs show, in one sentence each, from the summaries of the runs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from vibroplat.columns import split, unit_of
 from vibroplat.config import digits
+from vibroplat.observe.summary import synchronization
 from vibroplat.plots.histories import Run
-from vibroplat.plots.timelines import phase_of
 from vibroplat.results.labels import plain
+from vibroplat.results.picture import sync_words
+from vibroplat.results.run_answer import transient
 
 #: How much larger the largest value of a whole run is than that in operation where it is told.
 LARGER = 1.02
-#: Distance of a phase difference from 0 and from π up to which exciters are in phase, or in antiphase (rad).
-IN_STEP = np.pi / 3.0
-#: Turns at the end of a run by which synchronization is judged.
-LAST = 10.0
 
 
 def headline(kind: str, runs: Sequence[Run]) -> str:
@@ -40,11 +37,10 @@ def _number(summary: Mapping[str, Any], key: str) -> float | None:
 
 def _whole(run: Run, column: str, value: float) -> str:
     """Return the largest value of the whole run with its time, where it is larger than that in operation."""
-    unit, names = unit_of(column), (column, f"{split(column)[0]}_at_s")
-    largest, time = (_number(run.summary, f"whole_{name}") for name in names)
+    largest, time = (_number(run.summary, f"whole_{name}") for name in (column, f"{split(column)[0]}_at_s"))
     if largest is None or time is None or largest <= LARGER * value:
         return ""
-    return f", {digits.quantity(largest, unit)} at {digits.quantity(time, 's')}"
+    return f", {digits.quantity(largest, unit_of(column))} at {digits.quantity(time, 's')}"
 
 
 def _stroke(run: Run) -> list[str]:
@@ -52,12 +48,9 @@ def _stroke(run: Run) -> list[str]:
     sizes = {axis: _number(run.summary, f"rms_{axis}_m") or 0.0 for axis in "xy"}
     axis = max(sizes, key=lambda name: sizes[name])
     turn = _number(run.summary, "rms_phi_rad") or 0.0
-    arm = run.scene.body.distance if run.scene else 0.0
-    if arm * turn > sizes[axis]:
-        return [f"rocks, RMS φ {digits.quantity(turn, 'rad')}"]
     stroke = _number(run.summary, f"stroke_{axis}_m")
-    if stroke is None:
-        return [f"RMS {axis} {digits.quantity(sizes[axis], 'm')}"]
+    if stroke is None or run.arm * turn > sizes[axis]:
+        return [f"rocks, RMS φ {digits.quantity(turn, 'rad')}"] if turn else []
     return [f"stroke along {axis} {digits.quantity(stroke, 'm')}{_whole(run, f'stroke_{axis}_m', stroke)}"]
 
 
@@ -66,8 +59,9 @@ def _motion(run: Run) -> list[str]:
     return [*_stroke(run), *([f"material flies {digits.share(flight)} of the time"] if flight else [])]
 
 
-def _largest(named: Mapping[str, str], run: Run) -> list[str]:
-    """Say the largest values of quantities in operation, by their names."""
+def _force(run: Run) -> list[str]:
+    """Say the largest contact force and impulse in operation."""
+    named = {"contact force": "contact_force_max_n", "impulses": "impulse_max_n_s"}
     known = {name: (_number(run.summary, column), unit_of(column)) for name, column in named.items()}
     return [f"{name} up to {digits.quantity(value, unit)}" for name, (value, unit) in known.items() if value]
 
@@ -82,42 +76,29 @@ def _loads(run: Run) -> list[str]:
 
 
 def _exciters(run: Run) -> list[str]:
-    """Say how exciters synchronize at the end and since when, how fast they turn, and their slip."""
-    told = synchronization(run)
+    """Say how exciters synchronize and since when, how fast they turn, and their slip."""
     frequency = _number(run.summary, "excitation_frequency_hz")
-    if frequency is not None:
-        told.append(f"{digits.quantity(frequency, 'Hz')} in operation")
-    known = [slip for n in (1, 2) if (slip := _number(run.summary, f"slip_{n}")) is not None]
-    return told + ([f"slip {digits.share(float(np.mean(known)))}"] if len(known) == 2 else [])
-
-
-def synchronization(run: Run) -> list[str]:
-    """Say how exciters synchronize at the end of the interval, and since when; nothing where that is not known."""
-    phase, times = phase_of(run.whole, co_rotating=run.co_rotating), run.whole["t_s"].to_numpy(dtype=float)
-    turns = run.whole["phi1_rad"].to_numpy(dtype=float) / (2.0 * np.pi)
-    last = np.abs(turns - turns[-1]) <= LAST
-    if len(phase) < 3 or not np.isfinite(phase).all() or np.ptp(turns[last]) < 1.0:
+    if frequency is None:
         return []
-    for name, centre in (("in-phase", 0.0), ("antiphase", np.pi)):
-        away = np.abs(np.angle(np.exp(1j * (phase - centre)))) > IN_STEP
-        if not away[last].any():
-            before = np.flatnonzero(away)
-            since = float(times[before[-1] + 1]) if len(before) else None
-            return [f"{name} throughout" if since is None else f"{name} from {digits.quantity(since, 's')} on"]
-    return ["neither in phase nor in antiphase at the end"]
+    sync, since = sync_words(synchronization(run.summary)), _number(run.summary, "synchronized_at_s")
+    when = f" from {digits.quantity(since, 's')} on" if since else ""
+    now = transient(run.scene, run.summary) if run.scene is not None else ""
+    known = [slip for n in (1, 2) if (slip := _number(run.summary, f"slip_{n}")) is not None]
+    slips = [f"slip {digits.share(float(np.mean(known)))}"] if len(known) == 2 else []
+    return [f"{sync}{when}", f"{digits.quantity(frequency, 'Hz')} {now or 'in operation'}", *slips]
 
 
 def _acceleration(run: Run) -> list[str]:
-    index = _number(run.summary, "gamma")
-    largest = _largest({"acceleration": "acceleration_max_m_per_s2"}, run)
-    return largest + ([] if index is None else [f"throw index {digits.number(index)}"])
+    index, largest = (_number(run.summary, name) for name in ("gamma", "acceleration_max_m_per_s2"))
+    told = [f"acceleration up to {digits.quantity(largest, 'm/s²')}"] if largest else []
+    return told + ([] if index is None else [f"throw index {digits.number(index)}"])
 
 
 _KINDS: Mapping[str, Callable[[Run], list[str]]] = {
     "acceleration": _acceleration,
     "spectrum": _acceleration,
     "motion": _motion,
-    "force": partial(_largest, {"contact force": "contact_force_max_n", "impulses": "impulse_max_n_s"}),
+    "force": _force,
     "loads": _loads,
     "exciters": _exciters,
 }
