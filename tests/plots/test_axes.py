@@ -46,7 +46,8 @@ def run(scene=None, **columns):
         speed_1_hz=1.0, speed_2_hz=1.0, mode="bare", **{n: f(table["t_s"]) for n, f in columns.items()}
     )
     ends = {f"speed_{n}_hz:{end}": 1.0 for n in (1, 2) for end in ("min", "max")}
-    return Run("hand", scene, table, table[["t_s"]].assign(**ends), table, table.iloc[:0], False, True, True)
+    told = {"name": "hand", "outcome": "by hand", "simulated_s": 3.0}
+    return Run("hand", scene, table, table[["t_s"]].assign(**ends), table, table.iloc[:0], False, True, True, told)
 
 
 def exciters(shown):

@@ -84,7 +84,7 @@ class _Figure:
         for number, (rows, name, colour) in enumerate(curves):
             sweeps = Sweeps([], [], self.add(rows), key_of(rows), grid_of(rows), EXCITATION)
             series, jumps, _ = curves_of(sweeps, [column], {"": colour}, told=True)
-            wide = {"label": name, "of": (title,), "width": 1.4 - 0.25 * number}
+            wide: dict[str, Any] = {"label": name, "of": (title,), "width": 1.4 - 0.25 * number}
             self.series += [
                 replace(one, **wide) if one.mode == "lines" else replace(one, of=(title,)) for one in series
             ]
@@ -103,9 +103,17 @@ class _Figure:
         """Return the picture."""
         table = pd.concat(self.parts)
         return Picture(
-            self.name, self.name, title, table, self.name, [x], self.panels, self.series, jumps=self.jumps,
+            name=self.name,
+            heading=self.name,
+            title=title,
+            table=table,
+            table_name=self.name,
+            axes=[x],
+            panels=self.panels,
+            series=self.series,
+            jumps=self.jumps,
             states=motions_of(table),
-        )  # fmt: skip
+        )
 
 
 def _largest(column: str, curves: Sequence[tuple[pd.DataFrame, str, str]]) -> str:

@@ -64,12 +64,11 @@ class _Pen:
     room beside the axes; to ask each of them takes a tenth of the time.
     """
 
-    def __init__(self, axis: Axes, series: Series, x: FloatArray, states: Any, colour: str) -> None:
+    def __init__(self, axis: Axes, series: Series, x: FloatArray, states: Any) -> None:
         self.axis, self.series, self.x = axis, series, x[series.places]
         self.states = np.append(states, np.zeros(len(x), dtype=int))[series.places]
-        behind = bool(colour) or (series.pale and series.mode == "markers")
-        layer = 1.5 if behind else 2.4 if series.pale else 2.5
-        self.look: dict[str, Any] = {"color": colour or series.colour, "in_layout": False, "zorder": layer}
+        layer = 2.5 if not series.pale else 1.5 if series.mode == "markers" else 2.4
+        self.look: dict[str, Any] = {"color": series.colour, "in_layout": False, "zorder": layer}
         self.look |= {"alpha": _HALF} if series.pale else {}
 
     def line(self, y: FloatArray, *, wraps: bool) -> None:
@@ -87,8 +86,8 @@ class _Pen:
         for state in np.unique(self.states[self.series.places != BROKEN]):
             chosen = (self.states == state) & (self.series.places != BROKEN)
             if state != LOST:
-                filled = {"fillstyle": _FILLINGS[state], "markerfacecoloralt": "white"}
-                self.axis.add_line(Line2D(self.x[chosen], y[chosen], **symbol, **filled, **self.look))
+                filled = symbol | {"fillstyle": _FILLINGS[state], "markerfacecoloralt": "white"}
+                self.axis.add_line(Line2D(self.x[chosen], y[chosen], **filled, **self.look))
             elif np.isfinite(self.x[chosen]).any():
                 across, zero = self.axis.get_xaxis_transform(), np.zeros(int(chosen.sum()))
                 self.axis.plot(self.x[chosen], zero, clip_on=False, zorder=4.0, transform=across, **_CROSS)
@@ -119,10 +118,10 @@ class _Pen:
                 self.axis.axvspan(known[0], known[-1], color=self.look["color"], lw=0.0, zorder=0.0)
 
 
-def _draw(axis: Axes, series: Series, picture: Picture, column: str, x: FloatArray, colour: str = "") -> None:
+def _draw(axis: Axes, series: Series, picture: Picture, column: str, x: FloatArray) -> None:
     """Draw a series; its axis is scaled once, after the last one."""
     y = ended(picture.points[column])[series.places]
-    pen = _Pen(axis, series, x, picture.states, colour)
+    pen = _Pen(axis, series, x, picture.states)
     if series.mode == "shade":
         pen.shade()
     elif not np.isfinite(y).any() and not (pen.states == LOST).any():
@@ -187,7 +186,7 @@ def _panel(cell: Cell, picture: Picture, x: str, data: tuple[Measured, pd.DataFr
     if kind in DRAWERS:
         DRAWERS[kind](cell, picture, x, shown)
     else:
-        _curves(axis, picture, panel, x, shown, [picture.series[n] for n in facet.behind])
+        _curves(axis, picture, panel, x, shown)
     if data is not None:
         curves = [curve_of(data[1].iloc[s.places[s.places != BROKEN]], panel.column, x) for s in shown]
         data[0].compare(panel.column, x, curves)
@@ -211,16 +210,12 @@ def _panel(cell: Cell, picture: Picture, x: str, data: tuple[Measured, pd.DataFr
         axis.set_title(f"{panel.title}, {own}" if own else panel.title, loc="left")
 
 
-def _curves(
-    axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Series], behind: Sequence[Series]
-) -> None:
+def _curves(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Series]) -> None:
     """Draw series and marks."""
     if panel.scale == "one":
         about_one(axis)
     over = panel.x or x
     across = ended(picture.points[over])
-    for one in behind:
-        _draw(axis, one, picture, panel.column, across, BEHIND)
     for one in shown:
         _draw(axis, one, picture, panel.column, across)
     draw_jumps(axis, picture, panel, over)
@@ -283,8 +278,6 @@ def legend_of(picture: Picture) -> list[Any]:
         entry(line.label, color=line.colour, lw=0.9, ls=line.dash) for line in picture.lines if line.label and line.at
     ]
     entries += [entry(one.label, color=REFERENCE, alpha=_SHADE, lw=5.0) for one in picture.ranges]
-    if any(facet.behind for facet in picture.facets):
-        entries.append(entry("the other direction", color=BEHIND, marker="o", ls="", ms=4.0, mew=0.0))
     return entries
 
 
@@ -300,7 +293,7 @@ def _labelled(one: Series) -> Any:
 def _of_classes(picture: Picture, panel: Panel) -> Iterator[Any]:
     """Yield entries of the colours, hatches and contours of a panel."""
     rows = np.concatenate([one.places for one in picture.series if one.mode == "dots"] or [np.zeros(0, dtype=int)])
-    tiles, hatched = panel.kind == "tiles", {"facecolor": "white", "edgecolor": "black", "lw": 0.3}
+    tiles, hatched = panel.kind == "tiles", dict[str, Any](facecolor="white", edgecolor="black", lw=0.3)
     if tiles and (picture.states == LOST).any():
         yield Patch(hatch=HATCH, label="failed", **hatched)
     known = {*picture.points[panel.by].iloc[rows]} if panel.classes else ()

@@ -246,14 +246,13 @@ class Strips:
 
 
 class Facet(NamedTuple):
-    """Panels of some series alone, by their numbers, with others in grey behind.
+    """Panels of some series alone, by their numbers.
 
     With a ``width``, over that of others, they have a horizontal axis of their own.
     """
 
     label: str
     series: Sequence[int]
-    behind: Sequence[int] = ()
     width: float = 0.0
 
 
