@@ -121,8 +121,8 @@ class Shown:
         last = [n for n in range(len(self.series)) if n not in self.whole]
         table = pd.concat(self.parts, ignore_index=True) if self.parts else pd.DataFrame()
         columns = [*more.get("axes", ["t_s"]), *(panel.column for panel in panels)]
-        turns = round(turns_of(self.runs[0].last))
-        end = f"last {turns} turns" if turns > 1 else "the end"
+        turns = turns_of(self.runs[0].last)
+        end = f"last {turns:.0f} turns" if 1.5 < turns < np.inf else "the end"
         told = "from a whole turn on" if self.aligned else end
         shown = [Facet(told, last, width=1.0)]
         shown = [Facet("whole run: range of each turn", self.whole, width=2.2), *shown] if self.both else shown
