@@ -75,11 +75,11 @@ def _ranges(table: pd.DataFrame, key: str, sync: str) -> str:
 
     Ranges narrower than 1/1000 of the whole are left out beside wider ones: orbits at the limit of stability.
     """
-    found: list[list[float]] = []
-    for _, branch in table.groupby("branch", sort=False):
-        holds = branch["stable"] & (branch["sync"] == sync)
-        pieces = branch.loc[holds, key].astype(float).groupby((~holds).cumsum())
-        found += [[piece.min(), piece.max()] for _, piece in pieces]
+    holds = (table["stable"] & (table["sync"] == sync)).to_numpy(bool)
+    values, branch = table[key].to_numpy(float), table["branch"].to_numpy(int)
+    ends = 1 + np.flatnonzero((holds[1:] != holds[:-1]) | (branch[1:] != branch[:-1]))
+    pieces = zip(np.split(holds, ends), np.split(values, ends), strict=True)
+    found = [[float(piece.min()), float(piece.max())] for held, piece in pieces if held.any()]
     united: list[list[float]] = []
     for low, high in sorted(found):
         if united and low <= united[-1][1]:

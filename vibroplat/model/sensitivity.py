@@ -130,7 +130,7 @@ class Course(NamedTuple):
 
 
 #: Where no key has a range.
-NO_COURSE = Course(math.nan, math.nan, *np.zeros((2, 1, 1)), np.zeros(1))
+NO_COURSE = Course(math.nan, math.nan, np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(1))
 
 
 def course_of(scene: Scene, key: str, low: float, high: float) -> Course:
@@ -148,9 +148,9 @@ def course_of(scene: Scene, key: str, low: float, high: float) -> Course:
         c = np.linalg.solve(np.polynomial.chebyshev.chebvander(nodes, count - 1), at_nodes)
         apart = np.abs(np.polynomial.chebyshev.chebvander(between, count - 1) @ c - values(between))
         if (apart <= INTERPOLATION_TOLERANCE * np.abs(at_nodes).max(axis=0)).all():
-            rates = np.zeros_like(c)
-            rates[:-1] = np.polynomial.chebyshev.chebder(c) * 2.0 / (high - low)
-            return Course(low, high, c, rates, record_words(parameters(scene)))
+            rates = np.zeros(c.shape)
+            rates[:-1] = 2.0 / (high - low) * np.polynomial.chebyshev.chebder(c)
+            return Course(low, high, np.asarray(c, float), rates, record_words(parameters(scene)))
     return NO_COURSE
 
 
