@@ -99,7 +99,8 @@ def test_a_borrowed_shooter_is_as_a_new_one():
         np.testing.assert_array_equal(*(getattr(shot, name) for shot in shots))
     np.testing.assert_array_equal(*(shot.part.measures.work for shot in shots))
     borrowed.give_back()
-    assert Shooter.borrowed(second.replace({"solver.tolerance": 1e-8})) is not borrowed
+    with closing(Shooter.borrowed(second.replace({"solver.tolerance": 1e-8}))) as other:
+        assert other is not borrowed
 
 
 def test_parameters_over_a_key_are_those_of_its_scenes():

@@ -200,8 +200,9 @@ def _kernels(engine: type) -> _Kernels:
     return _Kernels()
 
 
-#: Shooters that have been given back.
+#: Shooters that have been given back, and how many of them are kept: combinations of a grid take turns.
 _IDLE: list[Shooter] = []
+MAX_IDLE = 4
 
 
 def _likeness_of(scene: Scene) -> tuple[Any, ...]:
@@ -263,18 +264,18 @@ class Shooter:
 
     @classmethod
     def borrowed(cls, scene: Scene) -> Shooter:
-        """Return one without keys: the last that was given back, if its scene is like this one, or a new one.
+        """Return one without keys: one that was given back, if its scene was like this one, or a new one.
 
         That saves two thirds of the time, and gives the same shots to the last bit.
         """
-        with suppress(IndexError):
-            idle = _IDLE.pop()
-            if idle._likeness == _likeness_of(scene):
+        likeness = _likeness_of(scene)
+        for idle in [one for one in _IDLE if one._likeness == likeness]:
+            with suppress(ValueError):
+                _IDLE.remove(idle)  # unless another thread has taken it
                 idle.scene, idle.scales = scene, state_scales(scene)
                 idle.motion.take(scene, parameters(scene))
                 idle.records = idle.records._replace(statistics=idle._statistics.callee(idle.motion.automaton))
                 return idle
-            idle.close()
         return cls(scene)
 
     def give_back(self) -> None:
@@ -285,6 +286,10 @@ class Shooter:
             return
         renew()
         _IDLE.append(self)
+        for other in _IDLE[:-MAX_IDLE]:
+            with suppress(ValueError):
+                _IDLE.remove(other)
+                other.close()
 
     def close(self) -> None:
         """Free what the engine holds, and take no more shots."""

@@ -141,12 +141,13 @@ def course_of(scene: Scene, key: str, low: float, high: float) -> Course:
         at = 0.5 * (low + high) + 0.5 * x * (high - low)
         return np.array([flat(parameters(with_value(scene, path, value))) for value in at.tolist()])
 
-    between = np.cos(np.pi * np.arange(1, 6) / 6.0)
+    between: FloatArray = np.cos(np.pi * np.arange(1, 6) / 6.0)
+    expected = values(between)
     for count in NODES:
         nodes = np.cos(np.pi * (np.arange(count) + 0.5) / count)
         at_nodes = values(nodes)
         c = np.linalg.solve(np.polynomial.chebyshev.chebvander(nodes, count - 1), at_nodes)
-        apart = np.abs(np.polynomial.chebyshev.chebvander(between, count - 1) @ c - values(between))
+        apart = np.abs(np.polynomial.chebyshev.chebvander(between, count - 1) @ c - expected)
         if (apart <= INTERPOLATION_TOLERANCE * np.abs(at_nodes).max(axis=0)).all():
             rates = np.zeros(c.shape)
             rates[:-1] = 2.0 / (high - low) * np.polynomial.chebyshev.chebder(c)

@@ -118,7 +118,6 @@ class Simulator:
             record_words(self.automaton.p),
             record_words(self.automaton.inelastic),
         )
-        self._given = p, self.held_parameters[0]  # what they were set to, and its view
         self._first_mode, self._rewind = same_types(first_mode), same_types(rewind)
         self._first_mode(self.automaton)
         if mode is Mode.FLIGHT and self.automaton.run["mode"] == Mode.ATTACHED:
@@ -129,10 +128,8 @@ class Simulator:
 
     def set_parameters(self, p: Parameters) -> None:
         """Change the parameters for all who hold them: of another scene of the same modes, with the same tolerances."""
-        if p is not self._given[0]:
-            self._given = p, record_words(p)
         for held in self.held_parameters:
-            held[:] = self._given[1]
+            held[:] = record_words(p)
         self.automaton.inelastic["restitution"] = 0.0
 
     def take(self, scene: Scene, p: Parameters) -> None:

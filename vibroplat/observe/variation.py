@@ -111,7 +111,6 @@ class Variation:
 
     def __init__(self, directions: Sequence[Parameters] = (), *, rough: bool = False) -> None:
         self._follow, self._arrive, self._perturb = same_types(follow), same_types(arrive), same_types(perturb)
-        self._of = b""  # the parameters that ``perturbed_parameters`` was made of
         perturbed = np.zeros((2, 1 + len(directions)), COMPLEX)
         numbers = flat(perturbed)
         self._columns = FULL_SIZE + len(directions)
@@ -149,7 +148,6 @@ class Variation:
         """Let directions be other ones, if they are given."""
         for row, direction in enumerate(directions, 1):
             self.carried.directions[row] = direction
-            self._of = b""
 
     def read(self, h: Automaton) -> None:
         """Go along the closed pieces, and through the events."""
@@ -175,10 +173,6 @@ class Variation:
 
     def update_parameters(self, h: Automaton) -> None:
         """Follow the parameters, which a drive's program changes."""
-        now = h.p.tobytes()
-        if now == self._of:
-            return
-        self._of = now
         self._perturb(h, self.carried)
 
 
