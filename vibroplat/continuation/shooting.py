@@ -329,10 +329,8 @@ class Shooter:
 
     def vary(self) -> None:
         """Let the next full shot be differentiated by the keys at the present parameters."""
-        if self.keys and self.kernels.set_parameters(self.records, self.records.held[0]):
-            return
-        self._variation.turn([self.direction(key) for key in self.keys])
-        self._variation.update_parameters(self.motion.automaton)
+        if self.keys and not self.kernels.set_parameters(self.records, self.records.held[0]):
+            self._variation.turn([self.direction(key) for key in self.keys])
 
     def returns(self, turns: int) -> Iterator[FloatArray]:
         """Yield full states on the section, φ₁ = 0, where the present motion nearly repeats after turns, nearest first.

@@ -160,8 +160,14 @@ def shot_records(
 
 def copied(measures: Accumulators) -> Accumulators:
     """Copy what a shot has measured, without what belongs to a Poincaré section, which nobody reads."""
-    parts: Any = [part.copy() for part in measures[:PARTS]]
+    parts: Any = [_copied(part) for part in measures[:PARTS]]
     return Accumulators(*parts, *measures[PARTS:])
+
+
+def _copied(part: Any) -> Any:
+    """Copy an array, or a record, as plain numbers: numpy copies records field by field."""
+    copied = np.asarray(part).reshape(-1).view(np.uint8).copy().view(part.dtype)
+    return copied.reshape(part.shape) if isinstance(part, np.ndarray) else copied[0]
 
 
 @compiled
@@ -179,6 +185,7 @@ def shoot(owned_k: ShotRecords, state: FloatArray, duration: float, full: bool, 
     k.least[0] = k.least[1] = np.inf
     if full:
         k.variation.rough[0] = 0 if measured else 1
+        perturb(h, k.variation)
         begin_full(k.variation)
     done = 0
     for i in range(k.parts.shape[0] if measured else 0):
@@ -207,14 +214,13 @@ def shoot(owned_k: ShotRecords, state: FloatArray, duration: float, full: bool, 
 
 @compiled
 def set_parameters(k: ShotRecords, value: float) -> bool:
-    """Set the parameters at a value of the only key, with their direction for full shots; False if none are known."""
+    """Set the parameters at a value of the only key, and their direction; False if none are known there."""
     if not go_along(k.course, value, k.variation.directions[1]):
         return False
     for held in k.parameters:
         copy(k.course.words, held)
     k.h.inelastic.restitution = 0.0
     k.held[0] = value
-    perturb(k.h, k.variation)
     return True
 
 
