@@ -11,6 +11,7 @@ import pandas as pd
 from vibroplat.columns import unit_of
 from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, quantity
 from vibroplat.config.plans import OrbitsPlan
+from vibroplat.continuation.special_points import SMOOTH_LOSSES
 from vibroplat.results.answer import Answer, counted, in_columns
 from vibroplat.results.labels import value_words
 from vibroplat.study.answer import axis_label, by_columns
@@ -61,7 +62,7 @@ def _stable_lines(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Itera
     kinds = counts.index[:MAX_KINDS]
     groups = list(branches.groupby(keys, sort=False)) if keys else [((), branches)]
     columns = {f"stable at {axis_label(key)}": [", ".join(map(value_words, keys, at)) for at, _ in groups]}
-    columns |= {str(kind): [_ranges(own, key, str(kind)) for _, own in groups] for kind in kinds}
+    columns |= {str(kind): [_ranges(own, special, key, str(kind)) for _, own in groups] for kind in kinds}
     if (special["kind"] == "liftoff").any():
         columns["first lift-off"] = [_first_liftoff(special, keys, at, key) for at, _ in groups]
     yield from by_columns(columns, "-v")
@@ -70,16 +71,23 @@ def _stable_lines(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Itera
         yield f"where both hold a value, the start decides{others}"
 
 
-def _ranges(table: pd.DataFrame, key: str, sync: str) -> str:
+def _ranges(table: pd.DataFrame, special: pd.DataFrame, key: str, sync: str) -> str:
     """Write in which ranges of the key orbits of a synchronization are stable, those of several branches united.
 
-    Ranges narrower than 1/1000 of the whole are left out beside wider ones: orbits at the limit of stability.
+    They end at the special points where stability is lost. Ranges narrower than 1/1000 of the whole are left out beside
+    wider ones: orbits at the limit of stability.
     """
-    holds = (table["stable"] & (table["sync"] == sync)).to_numpy(bool)
-    values, branch = table[key].to_numpy(float), table["branch"].to_numpy(int)
-    ends = 1 + np.flatnonzero((holds[1:] != holds[:-1]) | (branch[1:] != branch[:-1]))
-    pieces = zip(np.split(holds, ends), np.split(values, ends), strict=True)
-    found = [[float(piece.min()), float(piece.max())] for held, piece in pieces if held.any()]
+    holds, columns = (table["stable"] & (table["sync"] == sync)).to_numpy(bool), ["branch", "point", key]
+    points = table[columns].to_numpy(float)
+    losses = special.loc[special["kind"].isin(SMOOTH_LOSSES), columns].to_numpy(float)
+    ends = 1 + np.flatnonzero((holds[1:] != holds[:-1]) | (points[1:, 0] != points[:-1, 0]))
+    found: list[list[float]] = []
+    for held, piece in zip(np.split(holds, ends), np.split(points, ends), strict=True):
+        if held.any():
+            branch, first, last = piece[0, 0], piece[0, 1] - 1, piece[-1, 1]
+            around = (losses[:, 0] == branch) & ((losses[:, 1] == first) | (losses[:, 1] == last))
+            values = np.append(piece[:, 2], losses[around, 2])
+            found.append([float(values.min()), float(values.max())])
     united: list[list[float]] = []
     for low, high in sorted(found):
         if united and low <= united[-1][1]:
