@@ -145,12 +145,9 @@ BY_ROOM = [
     ]),
     # figures
     ("plots page", [
-        "**{n: in_units(picture.points[n], n) for n in numbers} → **{n: picture.points[n] for n in numbers}",
+        "**{n: in_units(points[n], name) for n, name in known.items()} → **{n: points[n] for n in known}",
         "len(parts) <= MOST else → len(parts) < MOST else",
         "if names.count(name) == 1 else → if names.count(name) > 1 else",
-    ]),
-    ("plots page study", [
-        "if label == labels[number] and n != number] → if label == labels[number]]",
     ]),
 ]  # fmt: skip
 #: One after the other: folders, old text, new text.

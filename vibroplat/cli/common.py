@@ -46,7 +46,8 @@ Check = Annotated[bool, typer.Option("--check", help="Cross-check: repeat some m
 Out = Annotated[Path, typer.Option(help="Parent directory of the results.")]
 
 
-def _writable(form: str) -> str:
+def writable(form: str) -> str:
+    """Return a format; refuse one without the package that writes it (ConfigError)."""
     from vibroplat.results.exports import require_writer
 
     return form if form in ("parquet", "csv") else require_writer(form)
@@ -56,7 +57,7 @@ Format = Annotated[
     Literal["parquet", "csv", "csv-semicolon", "xlsx", "mat"],
     typer.Option(
         "--format",
-        callback=_writable,
+        callback=writable,
         help="File format of the tables. xlsx (Excel), mat (MATLAB) and csv-semicolon (; and decimal commas) are "
         "written beside parquet.",
     ),
@@ -84,15 +85,6 @@ def scene_of(config: Path, settings: list[str] | None, engine: str | None) -> Sc
     from vibroplat.config.reader import parse_overrides
 
     return load_config(config, parse_overrides(settings or [], engine))
-
-
-@contextmanager
-def config_errors_from(config: Path) -> Iterator[None]:
-    """Add the name of the file to configuration errors that are found after it was read."""
-    try:
-        yield
-    except ConfigError as error:
-        raise ConfigError(f"{config}: {error}") from None
 
 
 def announce_first_run(engine: str | None = None) -> bool:
@@ -139,18 +131,13 @@ def store_options(resume: bool, overwrite: bool) -> dict[str, Any]:
 
 
 def command_directory(out: Path, name: str, command: str, *, resume: bool = False) -> Path:
-    """Create the directory of a command's results, ``OUT/NAME/COMMAND``; refuse to resume a result of another schema.
-
-    Work that a former version left unfinished in ``OUT/NAME`` is resumed there.
-    """
-    from vibroplat.results.files import read_provenance, store_file
+    """Create the directory of a command's results, ``OUT/NAME/COMMAND``; refuse to resume one of another schema."""
+    from vibroplat.results.files import read_provenance
     from vibroplat.results.tables import result_directory
 
-    above, store = result_directory(out, name), store_file(command)
-    is_former = resume and (above / store).exists() and not (above / command / store).exists()
-    directory = above if is_former else result_directory(above, command)
+    directory = result_directory(result_directory(out, name), command)
     if resume and (directory / "provenance.json").exists():
-        read_provenance(directory, command)
+        read_provenance(directory)
     return directory
 
 
