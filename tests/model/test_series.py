@@ -25,7 +25,7 @@ TERMS = (
 
 @compiled
 def expand_lanes(motion, degree, room, rows):
-    expand(as_lanes(motion), degree, as_lanes(room), as_lanes(rows))
+    expand(as_lanes(motion), degree, as_lanes(room), as_lanes(rows), None)
 
 
 def side_by_side(given, degree=DEGREE):

@@ -17,7 +17,7 @@ from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.resets import cut_piece
-from vibroplat.hybrid.state import MARGIN, ROUND_OFF, RUNNING, Automaton, Steps, end_at, rewind
+from vibroplat.hybrid.state import MARGIN, MODES, ROUND_OFF, RUNNING, Automaton, Steps, end_at, rewind
 from vibroplat.integrate.multistep import (
     PreviousStep,
     add_step,
@@ -40,10 +40,10 @@ from vibroplat.kernels.compiled import (
 )
 from vibroplat.kernels.linear import condense, solve_condensed
 from vibroplat.model.equations import finite
-from vibroplat.model.equations import jacobian as fill_jacobian
-from vibroplat.model.equations import residual as fill_residual
 from vibroplat.model.parameters import PARAMETERS
-from vibroplat.model.systems import ALGEBRAIC, FULL_SIZE, SIZES
+from vibroplat.model.sliding import jacobian as fill_jacobian
+from vibroplat.model.sliding import residual as fill_residual
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, SIZES, SLIDES, UNKNOWNS
 
 #: What a callback knows of its mode: addresses, the system with its size and guard, calls counted, and matrices of
 #: the Jacobian's last evaluation with their c_j.
@@ -55,14 +55,15 @@ LINKS = np.dtype(
         ("origin", np.float64),  # of the segment's times (s)
         ("system", np.int64),
         ("size", np.int64),
+        ("half", np.int64),  # coordinates, whose rates follow them
         ("guard", np.int64),
         ("residuals", np.int64),
         ("jacobians", np.int64),
         ("solver", np.int64),  # of ``condensed``
         ("cj", np.float64),
-        ("condensed", np.float64, FULL_SIZE * FULL_SIZE),
-        ("rows", np.float64, FULL_SIZE * FULL_SIZE),
-        ("dynamic", np.float64, FULL_SIZE * FULL_SIZE),
+        ("condensed", np.float64, UNKNOWNS * UNKNOWNS),
+        ("rows", np.float64, UNKNOWNS * UNKNOWNS),
+        ("dynamic", np.float64, UNKNOWNS * UNKNOWNS),
     ],
     align=True,
 )
@@ -97,7 +98,7 @@ def residual(t: float, y: int, yp: int, res: int, data: Any) -> int:
 
 @compiled
 def _condensed(links: Any) -> FloatArray:
-    return carray(pointer(links.solver), (links.size - links.size // 2, links.size))
+    return carray(pointer(links.solver), (links.size - links.half, links.size))
 
 
 @callback("int32(float64, float64, intp, intp, intp, intp, voidptr, intp, intp, intp)")
@@ -108,7 +109,7 @@ def jacobian(
     links = carray(data, (1,), dtype=LINKS)[0]
     links.jacobians += 1
     size = links.size
-    m = size - size // 2
+    m = size - links.half
     rows, dynamic = links.rows[: size * size].reshape((size, size)), links.dynamic[: m * m].reshape((m, m))
     fill_jacobian(links.system, links.origin + t, _values(y, links), _values(yp, links), cj, rows, _parameters(links))
     links.cj = cj
@@ -189,7 +190,7 @@ class Native(NamedTuple):
     functions: Any  # a record of FUNCTIONS
     handles: Records  # of HANDLES by mode
     links: Records  # user data of each mode's callbacks
-    y: FloatArray  # what is behind the vectors, shape (3, 14)
+    y: FloatArray  # what is behind the vectors, shape (MODES, UNKNOWNS)
     yp: FloatArray
     atol: FloatArray
     past: PreviousStep  # the last end of a step
@@ -202,11 +203,11 @@ def empty_records() -> Native:
     """Make what compiled code needs of the engine, empty."""
     return Native(
         functions=np.zeros(1, FUNCTIONS)[0],
-        handles=np.zeros(3, HANDLES),
-        links=np.zeros(3, LINKS),
-        y=np.zeros((3, FULL_SIZE)),
-        yp=np.zeros((3, FULL_SIZE)),
-        atol=np.ones((3, FULL_SIZE)),
+        handles=np.zeros(MODES, HANDLES),
+        links=np.zeros(MODES, LINKS),
+        y=np.zeros((MODES, UNKNOWNS)),
+        yp=np.zeros((MODES, UNKNOWNS)),
+        atol=np.ones((MODES, UNKNOWNS)),
         past=empty_step(),
         status=np.zeros(1, STATUS)[0],
         time=np.zeros(1),

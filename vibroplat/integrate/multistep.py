@@ -17,7 +17,7 @@ from vibroplat.hybrid.resets import derivatives, prepare_consistent_start
 from vibroplat.hybrid.state import CUBIC, CUT, DIFFERENTIATED, ROUND_OFF, Automaton, Steps, end_at, halvings
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.polynomial import crossing, first_downcrossing, slope, values
-from vibroplat.model.systems import FULL_SIZE, GAP, SIZES
+from vibroplat.model.systems import DIFFERENTIAL, GAP, SIZES, UNKNOWNS
 
 #: First step over the time until the gap closes again, by its Taylor polynomial.
 FIRST_STEP_RATIO = 0.05
@@ -30,13 +30,13 @@ class PreviousStep(NamedTuple):
     """The last end of a step."""
 
     t: FloatArray  # time in the segment (s), shape (1,)
-    y: FloatArray  # unknowns and derivatives, shape (14,)
+    y: FloatArray  # unknowns and derivatives, shape (UNKNOWNS,)
     yp: FloatArray
 
 
 def empty_step() -> PreviousStep:
     """Make room for an end."""
-    return PreviousStep(np.zeros(1), np.zeros(FULL_SIZE), np.zeros(FULL_SIZE))
+    return PreviousStep(np.zeros(1), np.zeros(UNKNOWNS), np.zeros(UNKNOWNS))
 
 
 @compiled
@@ -61,21 +61,21 @@ def add_step(
     past_y: FloatArray,
     past_yp: FloatArray,
 ) -> None:
-    """Fill a row with the step that ends at a time of the segment with the unknowns and derivatives there, shape (14,).
+    """Fill a row with the step that ends at a time of the segment with the unknowns and derivatives there, shape (UNKNOWNS,).
 
     Arrays that are taken from their tuples once, and loops of a length that the compiler knows, halve the time.
     """
     start = past_t[0]
     length = t - start
     starts[row], lengths[row] = start, length
-    for j in range(FULL_SIZE):  # the cubic of fill_cubic
+    for j in range(UNKNOWNS):  # the cubic of fill_cubic
         y0, rate_0, rate_1 = past_y[j], length * past_yp[j], length * yp[j]
         rise = y[j] - y0
         c[row, 0, j] = y0
         c[row, 1, j] = rate_0
         c[row, 2, j] = 3.0 * rise - 2.0 * rate_0 - rate_1
         c[row, 3, j] = rate_0 + rate_1 - 2.0 * rise
-    for j in range(FULL_SIZE):
+    for j in range(UNKNOWNS):
         ends[row, j] = y[j]
         past_y[j] = y[j]
         past_yp[j] = yp[j]
@@ -99,7 +99,7 @@ def transcribe(
     itself, at the last end. The angle (rad) is nan for none. Returns AT_GUARD for a fall that the integrator has not
     found, AT_TARGET for the angle, −1 if all ends were added.
     """
-    end, full, slopes = np.empty(y.shape[1]), np.zeros(FULL_SIZE), np.zeros(FULL_SIZE)
+    end, full, slopes = np.empty(y.shape[1]), np.zeros(UNKNOWNS), np.zeros(UNKNOWNS)
     for k in range(t.size):
         copy(y[k], full)
         copy(yp[k], slopes)
@@ -157,7 +157,7 @@ def limit_force_slopes(h: Automaton, cut: bool) -> None:
     """
     steps = h.steps
     system = h.run.systems[h.run.mode]
-    force = SIZES[system] - 1
+    force = DIFFERENTIAL[system]
     first, end = steps.used.first, steps.used.steps
     for row in range(first, end):
         c, length = steps.c[row], steps.length[row]

@@ -164,6 +164,7 @@ class NativeEngine:
         links["tolerances"] = n.atol[mode].ctypes.data
         links["solver"] = links["condensed"].ctypes.data
         links["system"], links["size"], links["guard"] = system.index, system.size, GUARDS[system.index]
+        links["half"] = system.differential // 2
         y, yp = (self._vector(array[mode, : system.size]) for array in (n.y, n.yp))
         memory = self._made(lib.IDACreate(self._context), lib.IDAFree, by_reference=True)
         _check(lib.IDAInit(memory, ida.residual.address, 0.0, y, yp))

@@ -32,10 +32,10 @@ from vibroplat.kernels.compiled import fused, fused_inline, inlined
 from vibroplat.kernels.polynomial import MAX_DEGREE
 from vibroplat.kernels.sines import sincos_pair
 from vibroplat.kernels.vectors import Lanes, Pair, align_stack, at, join, lanes_record, part, select, some, zero
-from vibroplat.model.accelerations import mobility, solve_rows
 from vibroplat.model.motor import MotorTerms, kloss_term, motor_at, resistance_term, square_term
 from vibroplat.model.parameters import PARAMETERS, Parameters
-from vibroplat.model.platform import Unbalance, compliance, couplings
+from vibroplat.model.platform import Unbalance, compliance, couplings, mobility, solve_rows
+from vibroplat.model.sliding import law, response, under_contact
 from vibroplat.model.springs import restoring
 
 #: Column of F_c among the coefficients; before it stand the seven coordinates of the full state.
@@ -61,15 +61,23 @@ ROOM = (
 #: Coefficients of four coordinates side by side.
 QUADS = {"quads": ("q", (_ROWS, 2, 4))}
 
+#: The same with transport: the mode has besides whether the material sticks and μ_k σ where it slips, g_x, h, and one
+#: over m_w; column 8 is that of s, column 9 that of F_t, with two orders less, and two more make whole vectors.
+MOVING = MOTION | {"y": (12, 1), "v": (12, 1)} | dict.fromkeys(("stuck", "sliding", "slope", "height", "share"), (1,))
+MOVING_ROOM, MOVING_QUADS = ROOM | {"q": (_ROWS, 12, 1)}, {"quads": ("q", (_ROWS, 3, 4))}
+
+#: Columns of s and F_t.
+ALONG, FRICTION = 8, 9
+
 #: The parameters of a series, the first of :data:`vibroplat.model.parameters.PARAMETERS`, and all of them as rows.
 _NAMES = (PARAMETERS.names or ())[: (PARAMETERS.names or ()).index("restitution")]
 PARAMETER_ROWS = {name: (*PARAMETERS[name].shape, 1) for name in _NAMES}
 WORDS = sum(PARAMETERS[name].itemsize for name in _NAMES) // 8
 
 
-def room(width: int = 1) -> Any:
-    """Make room for the series of so many motions."""
-    return lanes_record(width, ROOM, QUADS)
+def room(width: int = 1, *, moving: bool = False) -> Any:
+    """Make room for the series of so many motions, with transport or without."""
+    return lanes_record(width, MOVING_ROOM if moving else ROOM, MOVING_QUADS if moving else QUADS)
 
 
 def parameter_rows(width: int = 1) -> Any:
@@ -152,11 +160,14 @@ class Rotation(NamedTuple):
 
 
 @fused
-def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
+def expand(motion: Any, degree: int, room: Any, p: Parameters, moving: Any) -> None:
     """Fill ``room.q`` with the coefficients of motions at their states, coordinates to this degree, F_c to degree − 2.
 
     All records are those of lanes: a :data:`MOTION`, a :data:`ROOM` and :data:`PARAMETER_ROWS`. The degree is from 2 to
     MAX_DEGREE. Where an exciter is at rest, its resistance is that of the sense in which it is about to turn.
+
+    With transport (``moving`` is not None, which the compiler knows) each order is first solved without contact; forces
+    and accelerations in contact follow by the law of the mode, which is the same in all orders.
     """
     y, v, quads = motion.y, motion.v, room.quads
     attached, flying, two, phi, turning_0 = motion.attached, motion.flying, motion.two, y[2], v[2]
@@ -173,6 +184,10 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
     phi_1, unbalances, turning, square = none, none, none, none
     # rows are stored as they are loaded: a part of a row must else leave the processor before the whole comes back
     quads[0, 0], quads[1, 0] = four(x0, x1, x2, y[3]), four(v0, v1, v2, v[3])
+    if moving is not None:
+        reply = response(inverse, motion.height, motion.lower_share, motion.share)
+        contact_law = law(1.0 - flying, motion.stuck, motion.sliding, reply)
+        x8, v8, slope = y[ALONG], v[ALONG], motion.slope
     for k in range(degree - 1):
         sums = middle_terms(k, room, f.speed, phi)
         twice = 1.0 if k == 0 else 2.0
@@ -180,11 +195,17 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
         both = sums.turning + twice * turning_0 * v2
         rotation = Rotation(sums.centre + phi_1 * turning + both, sums.lifted + phi_1 * square + phi * both, weight)
         known = from_lower_orders(k, twice, rotation, e, sense, f, sums)
+        if moving is not None:
+            slope = motion.slope if k == 0 else none
+            known = tilted(known, slope, f)
         held = restoring((x0, x1, x2, x5, x6), (v0, v1, v2, v5, v6), p)
         moment_1, moment_2 = part(known.moment)
         turned = f.unbalance * (f.x * known.sine - f.y * known.cosine) + known.reaction  # k (X s″ − Y c″)
+        b_x = -held[0] - total(f.unbalance * known.cosine)
+        if moving is not None:
+            b_x += p.mass * slope
         b = (
-            -held[0] - total(f.unbalance * known.cosine),
+            b_x,
             -(held[1] - held[3]) - total(f.unbalance * known.sine) - p.mass * weight,
             -held[2] - total(turned) + sums.moment + phi_1 * unbalances,
             moment_1,
@@ -192,9 +213,19 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
         )
         lower = p.upper_mass * held[4] - p.lower_mass * weight - held[3]
         a, contact, opening, above = solve_rows(attached, motion.lower_share, b, lower, -weight - held[4], inverse, p)
+        if moving is not None:
+            a, opening, along, contact, friction = under_contact(
+                a, opening, slope - (a[0] - motion.height * a[2]), reply, contact_law
+            )
+            above = -weight - held[4] - a[1] - flying * opening
         share = _SHARE[at(k + 1)]
         twofold = share * _SHARE[at(k + 2)]
-        quads[at(k), 1] = four(x4, x5, x6, attached * contact)
+        if moving is not None:
+            quads[at(k), 1] = four(x4, x5, x6, contact)
+            quads[at(k), 2] = four(x8, friction, none, none)
+            x8, v8 = v8 * share, (1.0 - motion.stuck) * along * share
+        else:
+            quads[at(k), 1] = four(x4, x5, x6, attached * contact)
         quads[at(k + 2), 0] = four(a[0], a[1], a[2], a[3]) * twofold
         x0, x1, x2, x5, x6 = v0 * share, v1 * share, v2 * share, v5 * share, v6 * share
         v0, v1, v2, v5, v6 = a[0] * share, a[1] * share, a[2] * share, flying * opening * share, two * above * share
@@ -212,6 +243,15 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
         four(x4, x5, x6, none),
         four(following, v5 * share, v6 * share, none),
     )
+    if moving is not None:
+        quads[at(degree - 1), 2], quads[at(degree), 2] = four(x8, none, none, none), four(v8 * share, none, none, none)
+
+
+@fused_inline
+def tilted(known: Terms, slope: Lanes, f: Constants) -> Terms:
+    """Let the axes feel gravity along an inclined deck (m/s²), as they feel that normal to it."""
+    ax, moment = known.ax - slope, known.moment + f.couplings.x * slope
+    return Terms(known.sine, known.cosine, ax, known.ay, moment, known.reaction, known.square, known.torque)
 
 
 @inlined

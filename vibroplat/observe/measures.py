@@ -31,11 +31,11 @@ TORQUE, SPEED, PULL = 12, 14, 16
 BINS, FASTEST = 96, 1.5
 
 #: A point of the Poincaré section: time (s), full state, F_c (N); events of each kind in the measured part so far, and
-#: sums over whole turns.
+#: sums over whole turns; with transport s and its rate.
 SECTION = np.dtype(
     [
         *(("t", float), ("state", float, FULL_SIZE), ("force", float)),
-        *(("counts", float, len(KINDS)), ("sums", float, len(SUMS))),
+        *(("counts", float, len(KINDS)), ("sums", float, len(SUMS)), ("along", float, 2)),
     ],
     align=True,
 )

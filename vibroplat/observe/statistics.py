@@ -21,7 +21,7 @@ from vibroplat.model.energy import DISSIPATIONS, deck_power, exciter_powers, pow
 from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import slopes
-from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, LAYERS, PLACES, SIZES
+from vibroplat.model.systems import ALONG, ALONG_RATE, DIFFERENTIAL, FULL_SIZE, MOVING_SIZE, PLACES, SIZES, UNKNOWNS
 from vibroplat.observe.extremes import IMPULSE, MAX_NODES, NODES, WEIGHTS, Span, set_pace
 from vibroplat.observe.loads import COLUMNS, Equations, add_forces, update_step_extremes
 from vibroplat.observe.measures import (
@@ -71,7 +71,7 @@ ROOM = np.dtype(
     [
         ("samples", float, (MAX_NODES, WIDTH)),
         ("means", float, (4, WIDTH)),
-        ("full", float, FULL_SIZE),
+        ("full", float, MOVING_SIZE),
         ("power", float, N_WORK),
         ("phases", float, MAX_NODES),
         ("springs", float, (2, 4)),
@@ -79,8 +79,8 @@ ROOM = np.dtype(
         ("form_samples", float, MAX_NODES + 2),
         ("driven", float, (2, 2)),
         ("squares", float, MAX_NODES + 1),
-        ("y", float, FULL_SIZE),
-        ("yp", float, FULL_SIZE),
+        ("y", float, UNKNOWNS),
+        ("yp", float, UNKNOWNS),
         ("start", float, (2, WIDTH)),
         ("at", float, (2, WIDTH)),
         ("limits", float, (2, COLUMNS)),
@@ -175,7 +175,7 @@ def add_pieces(
         while counted < piece.events:
             count_event(ms, events[counted])
             counted += 1
-        for j in range(FULL_SIZE):
+        for j in range(full.size):
             full[j] = 0.0
         for row in range(piece.first, piece.end):
             if steps.length[row] > 0.0:
@@ -374,7 +374,7 @@ def integrate(
         if on_deck:
             held += weight * deck_power(l_1, l_2, room.samples[i], n, p)
     means_16(room.samples, WEIGHTS[nodes], nodes, n, means)
-    powers((motor - held, truncated, resisted), means, n, LAYERS[system], power, p)
+    powers((motor - held, truncated, resisted), means, n, system, power, p)
     for j in range(N_WORK):
         ms.work[j] += duration * power[j]
     for j in range(DISSIPATIONS, N_POWERS):
@@ -430,7 +430,9 @@ def close_turn(ms: Accumulators, now: float, turns: FloatArray, at: FloatArray, 
         full[PLACES[system, j]] = at[j]
     point = ms.section[marks.turns % ms.section.size]
     point.t, point.force, marks.last[0] = now, at[force] if SIZES[system] > force else 0.0, now
-    copy(full, point.state)
+    for j in range(FULL_SIZE):
+        point.state[j] = full[j]
+    point.along[0], point.along[1] = full[ALONG], full[ALONG_RATE]
     for i in range(2):
         point.state[3 + i] += turns[i]
         marks.last[1 + i] = point.state[3 + i]
