@@ -15,7 +15,7 @@ from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
-from vibroplat.hybrid.modes import GUARDS
+from vibroplat.hybrid.modes import COUNTS, GUARDS, guard_value
 from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import MARGIN, MODES, ROUND_OFF, RUNNING, Automaton, Steps, end_at, rewind
 from vibroplat.integrate.multistep import (
@@ -25,6 +25,7 @@ from vibroplat.integrate.multistep import (
     empty_step,
     limit_force_slopes,
     prepare_first_step,
+    sliding_stop,
     stop_within,
 )
 from vibroplat.kernels.compiled import (
@@ -43,7 +44,7 @@ from vibroplat.model.equations import finite
 from vibroplat.model.parameters import PARAMETERS
 from vibroplat.model.sliding import jacobian as fill_jacobian
 from vibroplat.model.sliding import residual as fill_residual
-from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, SIZES, SLIDES, UNKNOWNS
+from vibroplat.model.systems import ALGEBRAIC, SIZES, SLIDES, UNKNOWNS
 
 #: What a callback knows of its mode: addresses, the system with its size and guard, calls counted, and matrices of
 #: the Jacobian's last evaluation with their c_j.
@@ -144,9 +145,13 @@ def weights(y: int, ewt: int, data: Any) -> int:
 
 @callback("int32(float64, intp, intp, CPointer(float64), voidptr)")
 def guard(t: float, y: int, yp: int, value: Any, data: Any) -> int:
-    """IDARootFn: the unknown whose fall through zero ends the mode."""
+    """IDARootFn: the unknown whose fall through zero ends the mode, or with friction the forms."""
     links = carray(data, (1,), dtype=LINKS)[0]
-    value[0] = _values(y, links)[links.guard]
+    if not SLIDES[links.system]:
+        value[0] = _values(y, links)[links.guard]
+        return _OK
+    for which in range(COUNTS[links.system]):
+        value[which] = guard_value(links.system, which, _values(y, links), _parameters(links))
     return _OK
 
 
@@ -272,7 +277,7 @@ def advance(h: Automaton, n: Native) -> int:
     run, status, steps, time = h.run, n.status, h.steps, n.time
     mode, used = run.mode, h.steps.used
     system = run.systems[mode]
-    guard, size = GUARDS[system], SIZES[system]
+    guard, size, slides = GUARDS[system], SIZES[system], SLIDES[system]
     until, target, rows = run.until, run.target - run.turns[0], steps.start.size
     starts, lengths, c, ends = steps.start, steps.length, steps.c, steps.ends
     past_t, past_y, past_yp = n.past.t, n.past.y, n.past.yp
@@ -300,8 +305,11 @@ def advance(h: Automaton, n: Native) -> int:
         used.steps = row + 1
         root_found = flag == _ROOT_RETURN and not ended
         dips = guard >= 0 and (y[guard] < 0.0 or c[row, 1, guard] < 0.0 < yp[guard])
-        if root_found or y[3] >= target or dips:
-            stop, share = stop_within(steps, guard, root_found, target, y, yp)
+        if root_found or y[3] >= target or dips or slides:
+            if slides:
+                stop, share = sliding_stop(h, root_found, target, y, yp)
+            else:
+                stop, share = stop_within(steps, guard, root_found, target, y, yp)
             if stop == AT_TARGET:
                 end_at_angle(target, share, derivative, handles, steps, y, yp)
             elif stop == AT_GUARD and not root_found:

@@ -7,12 +7,12 @@ both ends of a step is as accurate as those ends (``python -m pytest tests/integ
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET
-from vibroplat.hybrid.modes import FLIGHT
+from vibroplat.hybrid.modes import COUNTS, FLIGHT, guard_form
 from vibroplat.hybrid.resets import derivatives, prepare_consistent_start
 from vibroplat.hybrid.state import CUBIC, CUT, DIFFERENTIATED, ROUND_OFF, Automaton, Steps, end_at, halvings
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
@@ -92,11 +92,12 @@ def transcribe(
     guard: int,
     at_guard: bool,
     target: float,
+    h: Any,
 ) -> int:
     """Add steps by their ends, up to where a guard first falls through zero or exciter 1 has an angle.
 
     The guard is its index among the unknowns, −1 for none; ``at_guard`` says whether the integrator has found a fall
-    itself, at the last end. The angle (rad) is nan for none. Returns AT_GUARD for a fall that the integrator has not
+    itself, at the last end. The angle (rad) is nan for none. With transport ``h`` is the automaton, otherwise None. Returns AT_GUARD for a fall that the integrator has not
     found, AT_TARGET for the angle, −1 if all ends were added.
     """
     end, full, slopes = np.empty(y.shape[1]), np.zeros(UNKNOWNS), np.zeros(UNKNOWNS)
@@ -107,7 +108,10 @@ def transcribe(
         add_step(t[k], full, slopes, row, steps.start, steps.length, steps.c, steps.ends, past.t, past.y, past.yp)
         steps.used.steps = row + 1
         root_found = at_guard and k == t.size - 1
-        stop, share = stop_within(steps, guard, root_found, target, y[k], yp[k])
+        if h is not None:
+            stop, share = sliding_stop(h, root_found, target, y[k], yp[k])
+        else:
+            stop, share = stop_within(steps, guard, root_found, target, y[k], yp[k])
         if stop == AT_TARGET or (stop == AT_GUARD and not root_found):
             row = steps.used.steps - 1
             values(steps.c[row], CUBIC, share, end)
@@ -139,6 +143,34 @@ def stop_within(
     ):
         share = first_downcrossing(c, CUBIC, guard, 0)
         fall = share if share >= 0.0 else np.inf
+    if passed < fall:
+        return AT_TARGET, passed
+    return (AT_GUARD, fall) if fall <= 1.0 else (-1, 1.0)
+
+
+@compiled
+def sliding_stop(h: Automaton, root_found: bool, target: float, y: FloatArray, yp: FloatArray) -> tuple[int, float]:
+    """Do as :func:`stop_within` for the guards of contact with friction; ``run.fallen`` says which has fallen.
+
+    A rate of slip begins with 0, and may be below it by an error: a guard can fall only after it has risen.
+    """
+    run, steps = h.run, h.steps
+    c, system = steps.c[steps.used.steps - 1], run.systems[run.mode]
+    form, fall, least = np.empty((CUBIC + 1, 1)), np.inf, np.inf
+    passed = crossing(c, CUBIC, 3, target) if y[3] >= target else np.inf
+    for which in range(COUNTS[system]):
+        first, weight, second, other = guard_form(system, which, h.p)
+        for k in range(CUBIC + 1):
+            form[k, 0] = weight * c[k, first] + other * c[k, second]
+        end = weight * y[first] + other * y[second]
+        if root_found:
+            size = abs(end) / (abs(form[0, 0]) + abs(form[1, 0]) + abs(form[2, 0]))
+            if size < least:
+                least, fall, run.fallen = size, 1.0, which
+        elif form[0, 0] > 0.0 and (end < 0.0 or form[1, 0] < 0.0 < slope(form, CUBIC, 0, 1.0)):
+            share = first_downcrossing(form, CUBIC, 0, 0)
+            if 0.0 <= share < fall:
+                fall, run.fallen = share, which
     if passed < fall:
         return AT_TARGET, passed
     return (AT_GUARD, fall) if fall <= 1.0 else (-1, 1.0)
