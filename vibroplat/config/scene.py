@@ -138,8 +138,8 @@ class Scene(Section):
         steepest = math.degrees(math.atan(self.transport.largest_friction))
         if abs(self.transport.deck_angle_deg) > steepest:
             raise ValueError(
-                f"transport.deck_angle_deg = {self.transport.deck_angle_deg:g}: the material slides off a deck at rest; "
-                f"allowed with this friction: up to {steepest:.4g}"
+                f"transport.deck_angle_deg = {self.transport.deck_angle_deg:g}: the material slides off a deck at "
+                f"rest; allowed with this friction: up to {steepest:.4g}"
             )
         return self
 
@@ -412,6 +412,20 @@ class Scene(Section):
         if self.contact.model == "non-impact":
             return self.machine.damping_y_n_s_per_m + self.contact.viscous_per_mass_per_s * self.material_mass
         return self.machine.damping_y_n_s_per_m
+
+    def require_orbits(self, what: str) -> None:
+        """Refuse what needs periodic orbits or derivatives of a motion where there are none.
+
+        Raises
+        ------
+        vibroplat.errors.ConfigError
+            The scene has transport.
+        """
+        if self.transport is not None:
+            raise ConfigError(
+                f"{what} cannot be computed with transport: slip and stick have no derivatives yet; allowed: run, "
+                "sweep and find, or no section transport"
+            )
 
     def replace(self, changes: Mapping[str, Any] | None = None, /, **sections: Any) -> Scene:
         """Return a new scene with some keys changed; it is validated like a configuration.

@@ -190,13 +190,8 @@ def end_segment(h: Automaton, stop: int) -> None:
     run, last = h.run, h.steps.used.steps - 1
     if last >= h.steps.used.first:
         run.now = last_end(h)
-    slides = SLIDES[run.systems[run.mode]]
-    if stop == AT_GUARD and slides:
-        prepare_sliding_end(h)
-    elif stop == AT_GUARD and run.mode == ATTACHED:
-        refine_liftoff_time(h)
-    elif stop == AT_GUARD:
-        h.steps.ends[last, GAP] = 0.0  # the root is found to round-off
+    if stop == AT_GUARD:
+        meet_guard(h, last)
     final = stop == AT_TIME and run.final == 1
     if h.steps.used.steps > h.steps.used.first:
         close_piece(h, run.end if final else last_end(h))
@@ -211,9 +206,27 @@ def end_segment(h: Automaton, stop: int) -> None:
         run.outcome = BEYOND_MODEL if is_beyond_model(h) else SOLVER_FAILURE
     elif stop == NOT_FINITE:
         run.outcome = BEYOND_MODEL if is_beyond_model(h) else NON_FINITE
-    elif slides:
+    else:
+        apply_reset(h)
+
+
+@inlined
+def meet_guard(h: Automaton, last: int) -> None:
+    """Let the last step end exactly where the guard falls."""
+    if SLIDES[h.run.systems[h.run.mode]]:
+        prepare_sliding_end(h)
+    elif h.run.mode == ATTACHED:
+        refine_liftoff_time(h)
+    else:
+        h.steps.ends[last, GAP] = 0.0  # the root is found to round-off
+
+
+@inlined
+def apply_reset(h: Automaton) -> None:
+    """Apply the reset of the mode whose guard has fallen."""
+    if SLIDES[h.run.systems[h.run.mode]]:
         apply_sliding_event(h)
-    elif run.mode == ATTACHED:
+    elif h.run.mode == ATTACHED:
         apply_liftoff(h)
     else:
         apply_impact(h)

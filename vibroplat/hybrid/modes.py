@@ -10,7 +10,7 @@ flight     the same, y_w1, y_w2 and rates       gap y_w1   impact: with a reboun
                                                            chatter is summed up: to attached or flight
 =========  ===================================  =========  ==========================================================
 
-With transport contact is stick, slip+ or slip−, each with two guards, linear forms of its unknowns (:func:`guard_form`):
+With transport contact is stick, slip+ or slip−, each with two guards, linear forms of unknowns (:func:`guard_form`):
 
 =========  ===================================  =============================  ======================================
 mode       unknowns                             guards                         reset

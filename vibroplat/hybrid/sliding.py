@@ -104,7 +104,7 @@ def friction_after(h: Automaton) -> float:
 @compiled
 def add_sliding_event(h: Automaton, kind: int, before: float, slip: float, blow: Blow, impacts: int) -> None:
     """Write an event of contact with friction, with rates of gap and slip before it; the mode is the one after it."""
-    run, p = h.run, h.p
+    run = h.run
     force = contact_force(h, run.mode)[0] if ALGEBRAIC[run.systems[run.mode]] else 0.0
     event = h.events[run.events]
     event.slip_before, event.slip_after = slip, run.along[1]
@@ -250,7 +250,7 @@ def apply_sliding_impact(h: Automaton) -> None:
     if following < 0:
         return
     rebound = run.state[GAP_RATE]
-    if following == FLY or following == ACCUMULATE:
+    if following in (FLY, ACCUMULATE):
         run.mode, run.zeros = FLIGHT, 1 if rebound > 0.0 else 2
     else:
         take_mode(h, mode)

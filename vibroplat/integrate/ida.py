@@ -21,12 +21,11 @@ from vibroplat.hybrid.state import MARGIN, MODES, ROUND_OFF, RUNNING, Automaton,
 from vibroplat.integrate.multistep import (
     PreviousStep,
     add_step,
+    any_stop,
     begin_steps,
     empty_step,
     limit_force_slopes,
     prepare_first_step,
-    sliding_stop,
-    stop_within,
 )
 from vibroplat.kernels.compiled import (
     FloatArray,
@@ -306,10 +305,7 @@ def advance(h: Automaton, n: Native) -> int:
         root_found = flag == _ROOT_RETURN and not ended
         dips = guard >= 0 and (y[guard] < 0.0 or c[row, 1, guard] < 0.0 < yp[guard])
         if root_found or y[3] >= target or dips or slides:
-            if slides:
-                stop, share = sliding_stop(h, root_found, target, y, yp)
-            else:
-                stop, share = stop_within(steps, guard, root_found, target, y, yp)
+            stop, share = any_stop(h, guard, root_found, target, y, yp)
             if stop == AT_TARGET:
                 end_at_angle(target, share, derivative, handles, steps, y, yp)
             elif stop == AT_GUARD and not root_found:

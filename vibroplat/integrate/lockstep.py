@@ -131,7 +131,7 @@ def start_moving(h: Automaton, g: Group, lane: int, moving: Any) -> None:
         s.attached[lane] = 0.0
         s.stuck[lane] = 1.0 if ALGEBRAIC[system] and SENSE[system] == 0.0 else 0.0
         s.sliding[lane] = h.p.kinetic_friction * SENSE[system]
-        s.slope[lane], s.height[lane], s.share[lane] = h.p.slope, h.p.deck_height, 1.0 / h.p.material_mass
+        s.slope[lane], s.height[lane], s.share[lane] = h.p.slope, h.p.deck_height, h.p.material_share
 
 
 @compiled

@@ -17,7 +17,7 @@ from vibroplat.hybrid.resets import derivatives, prepare_consistent_start
 from vibroplat.hybrid.state import CUBIC, CUT, DIFFERENTIATED, ROUND_OFF, Automaton, Steps, end_at, halvings
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.polynomial import crossing, first_downcrossing, slope, values
-from vibroplat.model.systems import DIFFERENTIAL, GAP, SIZES, UNKNOWNS
+from vibroplat.model.systems import DIFFERENTIAL, GAP, SIZES, SLIDES, UNKNOWNS
 
 #: First step over the time until the gap closes again, by its Taylor polynomial.
 FIRST_STEP_RATIO = 0.05
@@ -61,9 +61,10 @@ def add_step(
     past_y: FloatArray,
     past_yp: FloatArray,
 ) -> None:
-    """Fill a row with the step that ends at a time of the segment with the unknowns and derivatives there, shape (UNKNOWNS,).
+    """Fill a row with the step that ends at a time of the segment with the unknowns and derivatives there.
 
-    Arrays that are taken from their tuples once, and loops of a length that the compiler knows, halve the time.
+    All have UNKNOWNS columns: arrays that are taken from their tuples once, and loops of a length that the compiler
+    knows, halve the time.
     """
     start = past_t[0]
     length = t - start
@@ -97,8 +98,8 @@ def transcribe(
     """Add steps by their ends, up to where a guard first falls through zero or exciter 1 has an angle.
 
     The guard is its index among the unknowns, −1 for none; ``at_guard`` says whether the integrator has found a fall
-    itself, at the last end. The angle (rad) is nan for none. With transport ``h`` is the automaton, otherwise None. Returns AT_GUARD for a fall that the integrator has not
-    found, AT_TARGET for the angle, −1 if all ends were added.
+    itself, at the last end. The angle (rad) is nan for none. With transport ``h`` is the automaton, otherwise None.
+    Returns AT_GUARD for a fall that the integrator has not found, AT_TARGET for the angle, −1 if all ends were added.
     """
     end, full, slopes = np.empty(y.shape[1]), np.zeros(UNKNOWNS), np.zeros(UNKNOWNS)
     for k in range(t.size):
@@ -109,7 +110,7 @@ def transcribe(
         steps.used.steps = row + 1
         root_found = at_guard and k == t.size - 1
         if h is not None:
-            stop, share = sliding_stop(h, root_found, target, y[k], yp[k])
+            stop, share = any_stop(h, guard, root_found, target, y[k], yp[k])
         else:
             stop, share = stop_within(steps, guard, root_found, target, y[k], yp[k])
         if stop == AT_TARGET or (stop == AT_GUARD and not root_found):
@@ -148,8 +149,18 @@ def stop_within(
     return (AT_GUARD, fall) if fall <= 1.0 else (-1, 1.0)
 
 
+@inlined
+def any_stop(
+    h: Automaton, guard: int, root_found: bool, target: float, y: FloatArray, yp: FloatArray
+) -> tuple[int, float]:
+    """Do as :func:`stop_within` for the guards of the present system, whatever their number."""
+    if SLIDES[h.run.systems[h.run.mode]]:
+        return sliding_stop(h, root_found, target, y)
+    return stop_within(h.steps, guard, root_found, target, y, yp)
+
+
 @compiled
-def sliding_stop(h: Automaton, root_found: bool, target: float, y: FloatArray, yp: FloatArray) -> tuple[int, float]:
+def sliding_stop(h: Automaton, root_found: bool, target: float, y: FloatArray) -> tuple[int, float]:
     """Do as :func:`stop_within` for the guards of contact with friction; ``run.fallen`` says which has fallen.
 
     A rate of slip begins with 0, and may be below it by an error: a guard can fall only after it has risen.

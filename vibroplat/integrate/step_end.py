@@ -113,17 +113,12 @@ def end_of_step(
     """
     run, length = h.run, longest
     system = run.systems[run.mode]
-    n, guard = DIFFERENTIAL[system] // 2, GUARDS[system]
+    n = DIFFERENTIAL[system] // 2
     stop, share = AT_TIME if length >= run.until - done else ON, 1.0
     while True:
         put_polynomials(q, lane, degree, length, system, c)
         sizes_16(c, 1, degree, status.sizes)
-        if SLIDES[system]:
-            fall, sure = sliding_fall(h, c, degree, system, status)
-        elif guard >= 0:
-            fall, sure = guard_fall(c, degree, guard, run.zeros, ALGEBRAIC[system], status, status.sizes[guard])
-        else:
-            fall, sure = -1.0, True
+        fall, sure = fall_in_step(h, c, degree, system, status)
         if sure:
             break
         stop, length = ON, 0.5 * length
@@ -151,6 +146,17 @@ def end_of_step(
             put_polynomials(q, lane, degree, length, system, c)
     status.stop = stop
     return length
+
+
+@inlined
+def fall_in_step(h: Automaton, c: FloatArray, degree: int, system: int, status: Any) -> tuple[float, bool]:
+    """Do as :func:`guard_fall` for the guards of a system, whatever their number."""
+    guard = GUARDS[system]
+    if SLIDES[system]:
+        return sliding_fall(h, c, degree, system, status)
+    if guard < 0:
+        return -1.0, True
+    return guard_fall(c, degree, guard, h.run.zeros, ALGEBRAIC[system], status, status.sizes[guard])
 
 
 @inlined

@@ -129,7 +129,9 @@ class SundaeEngine:
         target = float(h.run["target"] - h.run["turns"][0])
         root_found = ends.stop == AT_GUARD and len(ends.t) <= room
         taken = (ends.t[:room], ends.y[:room], ends.yp[:room])
-        stop = transcribe(h.steps, self._past, *taken, int(GUARDS[system.index]), root_found, target, h if system.slides else None)
+        stop = transcribe(
+            h.steps, self._past, *taken, int(GUARDS[system.index]), root_found, target, h if system.slides else None
+        )
         cut = stop < 0 and len(ends.t) > room
         if system.algebraic:
             limit_force_slopes(h, cut)

@@ -1,8 +1,8 @@
 """Accelerations and contact force by a direct solve, their derivatives along the motion and by the state.
 
 The dynamic rows of F are linear in z, the n accelerations and, attached, F_c. What multiplies z is constant in a state,
-so that most of this is a solve with :func:`vibroplat.model.platform.solve_rows`, whose right-hand sides come from the rows of
-:mod:`vibroplat.model.equations` and their Jacobian.
+so that most of this is a solve with :func:`vibroplat.model.platform.solve_rows`, whose right-hand sides come from the
+rows of :mod:`vibroplat.model.equations` and their Jacobian.
 """
 
 from __future__ import annotations

@@ -27,6 +27,10 @@ _DAMPED, DISSIPATIONS = tuple(place for place, _ in DAMPERS.values()), 2
 #: Places after the powers in :func:`powers`: vertical force from outside, and the sum of its terms' sizes.
 FORCE, FORCE_SIZE = len(POWERS), len(POWERS) + 1
 
+#: Places behind them of what transport has: power of friction (W), force from outside along the deck, and the sum of
+#: its terms' sizes (N).
+FRICTION, ALONG_FORCE, ALONG_SIZE = (FORCE_SIZE + i for i in (1, 2, 3))
+
 
 @inlined
 def exciter_powers(motor_1: float, motor_2: float, y: FloatArray, n: int, p: Parameters) -> Three:

@@ -60,7 +60,8 @@ PARAMETERS = np.dtype(
         ("deck_height", float),  # h (m)
         ("kinetic_friction", float),  # μ_k and μ_s between material and deck
         ("static_friction", float),
-        ("material_mass", float),  # m_w, where it moves along the deck (kg)
+        ("material_mass", float),  # m_w, where it moves along the deck (kg), and one over it (1/kg)
+        ("material_share", float),
     ],
     align=True,
 )
@@ -119,7 +120,7 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     if scene.transport is not None:
         p["deck_height"] = scene.transport.deck_height_m
         p["kinetic_friction"], p["static_friction"] = scene.transport.friction, scene.transport.largest_friction
-        p["material_mass"] = scene.material_mass
+        p["material_mass"], p["material_share"] = scene.material_mass, 1.0 / scene.material_mass
     return p
 
 

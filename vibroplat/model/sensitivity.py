@@ -22,7 +22,7 @@ from vibroplat.model.parameters import PARAMETERS, Parameters, blank_record, par
 #: hold, or are of transport, which has no derivatives yet.
 CHOICES = (
     *("safe_rotation", "impact_law"),
-    *("slope", "deck_height", "kinetic_friction", "static_friction", "material_mass"),
+    *("slope", "deck_height", "kinetic_friction", "static_friction", "material_mass", "material_share"),
 )
 NUMBERS = tuple(name for name in PARAMETERS.names or () if name not in CHOICES)
 #: How many numbers they are; they are the first of the record.

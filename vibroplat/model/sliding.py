@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused_inline, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
 from vibroplat.model import equations
 from vibroplat.model.equations import Coupled, exciter_jacobian, finite, layer_jacobian
 from vibroplat.model.motor import torque_rate
@@ -116,7 +116,7 @@ def solve_sliding(
     """
     n, held = DIFFERENTIAL[system] // 2, 1.0 if ALGEBRAIC[system] else 0.0
     stuck = held if SENSE[system] == 0.0 else 0.0
-    lower_share, material_share = 1.0 / p.lower_mass, 1.0 / p.material_mass
+    lower_share, material_share = 1.0 / p.lower_mass, p.material_share
     inverse = compliance(coupled[0], coupled[1], mobility(0.0, p), p)
     r = response(inverse, p.deck_height, lower_share, material_share)
     contact = law(held, stuck, p.kinetic_friction * SENSE[system], r)
@@ -271,7 +271,7 @@ def impact_response(state: FloatArray, p: Parameters) -> Response:
     """Find the response to impulses at a full state."""
     first, second = unbalances(state, p)
     inverse = compliance(first, second, mobility(0.0, p), p)
-    return response(inverse, p.deck_height, 1.0 / p.lower_mass, 1.0 / p.material_mass)
+    return response(inverse, p.deck_height, 1.0 / p.lower_mass, p.material_share)
 
 
 @compiled

@@ -17,11 +17,22 @@ from vibroplat.kernels.compiled import Callee, FloatArray, address_of, borrow, c
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16
 from vibroplat.kernels.polynomial import MAX_DEGREE, crossing, slope, value
 from vibroplat.kernels.sines import sincos_pair
-from vibroplat.model.energy import DISSIPATIONS, deck_power, exciter_powers, powers
+from vibroplat.model.energy import DISSIPATIONS, FRICTION, deck_power, exciter_powers, powers
 from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import slopes
-from vibroplat.model.systems import ALONG, ALONG_RATE, DIFFERENTIAL, FULL_SIZE, MOVING_SIZE, PLACES, SIZES, UNKNOWNS
+from vibroplat.model.systems import (
+    ALONG,
+    ALONG_RATE,
+    DIFFERENTIAL,
+    FULL_SIZE,
+    MOVING_SIZE,
+    PLACES,
+    SIZES,
+    SLIDES,
+    UNKNOWNS,
+)
+from vibroplat.observe.conveying import find_sliding
 from vibroplat.observe.extremes import IMPULSE, MAX_NODES, NODES, WEIGHTS, Span, set_pace
 from vibroplat.observe.loads import COLUMNS, Equations, add_forces, update_step_extremes
 from vibroplat.observe.measures import (
@@ -37,7 +48,9 @@ from vibroplat.observe.measures import (
     SECTION_ROWS,
     SINE,
     SPEED,
+    STICK_TIME,
     SUMMED,
+    SUMS,
     TIME,
     TORQUE,
     WHOLE_RUN,
@@ -63,16 +76,17 @@ _COMPLETE = 1e-12
 _MAX_TURNS = 1000.0
 
 #: What is overwritten at each step: unknowns and phase differences at the nodes; means of the unknowns, of their
-#: squares and their sizes, of products with the rates, and of the powers; a full state; stiffnesses and dampings; a sum
-#: of two unknowns, and its samples; extremes of speeds before a step; squares of mean accelerations; unknowns and
-#: rates; unknowns and derivatives at both ends of a part of a step. What stays is what the known extremes are, for
-#: which system and row, and how many named points there are.
+#: squares and their sizes, of products with the rates, and of the powers; those of slip and friction; a full state;
+#: stiffnesses and dampings; a sum of two unknowns, and its samples; extremes of speeds before a step; squares of mean
+#: accelerations; unknowns and rates; unknowns and derivatives at both ends of a part of a step. What stays is what the
+#: known extremes are, for which system and row, and how many named points there are.
 ROOM = np.dtype(
     [
         ("samples", float, (MAX_NODES, WIDTH)),
         ("means", float, (4, WIDTH)),
         ("full", float, MOVING_SIZE),
         ("power", float, N_WORK),
+        ("sliding", float, len(SUMS) - STICK_TIME),
         ("phases", float, MAX_NODES),
         ("springs", float, (2, 4)),
         ("form", float, (MAX_DEGREE + 1, 1)),
@@ -375,6 +389,9 @@ def integrate(
             held += weight * deck_power(l_1, l_2, room.samples[i], n, p)
     means_16(room.samples, WEIGHTS[nodes], nodes, n, means)
     powers((motor - held, truncated, resisted), means, n, system, power, p)
+    if SLIDES[system]:
+        find_sliding(room.samples, WEIGHTS[nodes], nodes, means, system, room.sliding, power, p)
+        exchanged += power[FRICTION]
     for j in range(N_WORK):
         ms.work[j] += duration * power[j]
     for j in range(DISSIPATIONS, N_POWERS):
@@ -393,6 +410,8 @@ def integrate(
         add_forces(sums[PULL:], means, room.springs, n, duration)
         sums[TIME] += duration
         sums[FLYING] += duration if MODES[system] == FLIGHT else 0.0
+        for j in range(room.sliding.size if SLIDES[system] else 0):
+            sums[STICK_TIME + j] += duration * room.sliding[j]
         add_phase(sums, room, n, duration, nodes, -p.direction[0] * p.direction[1])
 
 

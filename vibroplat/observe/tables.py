@@ -102,14 +102,16 @@ _SLIDING = _FIELDS[-4:]
 
 
 def mode_names(scene: Scene) -> tuple[str, ...]:
-    """Return the names of a scene's modes by their numbers, with those before them."""
-    return tuple(mode.label for mode in Mode)[: max(scene.modes[0], Mode.BARE, *scene.modes) + 1]
+    """Return the names of the modes by their numbers, without those of transport unless a scene has it."""
+    return tuple(mode.label for mode in Mode if scene.transport is not None or mode <= Mode.BARE)
 
 
 #: A row of the trajectory table: time (s), numbers of the mode and of the drive's interval, full state, F_c (N).
 ROW = np.dtype(
-    [("t", float), ("mode", np.int64), ("interval", np.int64), ("state", float, MOVING_SIZE)]
-    + [("force", float), ("friction", float)]
+    [
+        *(("t", float), ("mode", np.int64), ("interval", np.int64)),
+        *(("state", float, MOVING_SIZE), ("force", float), ("friction", float)),
+    ]
 )
 
 

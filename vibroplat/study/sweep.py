@@ -14,7 +14,7 @@ from vibroplat.config.digits import interval, quantity
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
 from vibroplat.integrate.interface import WORK
-from vibroplat.observe.data_sheet import SHEET, point_columns
+from vibroplat.observe.data_sheet import SHEET, more_columns, point_columns
 from vibroplat.observe.summary import MEASURES
 from vibroplat.results.answer import Answer
 from vibroplat.results.result import Result
@@ -341,7 +341,7 @@ def sweep_table(planned: Sequence[SweepBranch], store: Records) -> pd.DataFrame:
     CorruptRecordError
         A record is missing or damaged.
     """
-    columns = (*COLUMNS, *SHEET, *point_columns(planned[0].scene.output))
+    columns = (*COLUMNS, *SHEET, *more_columns(planned[0].scene))
     return pd.concat(_parts(planned, store, columns, lambda record: [record["row"]]), ignore_index=True)
 
 
@@ -359,7 +359,7 @@ def _parts(
 ) -> Iterator[pd.DataFrame]:
     """Yield the rows of all records in parts, at least one, as tables with the swept keys and these columns."""
     key, grid = column_of(planned[0].swept), planned[0].plan.grid
-    meant = {**SWEEP, **DIAGRAM, **point_columns(planned[0].scene.output)}
+    meant = {**SWEEP, **DIAGRAM, **more_columns(planned[0].scene)}
     rows = (
         {key: value, **branch.grid, "direction": branch.direction, "branch": branch.number, **row}
         for branch in planned
