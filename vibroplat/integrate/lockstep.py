@@ -209,7 +209,7 @@ def confirm(g: Group, s: Any, r: Any) -> None:
 def add_step(h: Automaton, g: Group, lane: int) -> None:
     """Add a confirmed step to those that observers read, or note its duration."""
     s, status = g.lanes, g.status[lane]
-    h.run.zeros = 0  # they were of the segment's start
+    h.run.zeros = h.run.other_zeros = 0  # they were of the segment's start
     status.before = s.length[lane]
     if g.keep:
         write_step(h, g, lane, h.steps.used.steps)
@@ -407,7 +407,7 @@ def look_behind(h: Automaton, g: Group, lane: int) -> None:
     if status.stop == AT_TARGET:
         h.steps.ends[row, 3] = h.run.target - h.run.turns[0]
     h.steps.used.steps += 1
-    h.run.zeros = 0  # they were of the segment's start
+    h.run.zeros = h.run.other_zeros = 0  # they were of the segment's start
     s.pending[lane] = 0.0
     status.open = 0
     loop.end_segment(h, status.stop)

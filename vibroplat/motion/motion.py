@@ -120,7 +120,7 @@ class Simulator:
             begin_in_flight(self.automaton)
         if mode is not None:
             at_corner = self._interval.start == time and self._interval.corner
-            record_restart_events(self.automaton, mode is Mode.ATTACHED, at_corner)
+            record_restart_events(self.automaton, mode not in (Mode.FLIGHT, Mode.BARE), at_corner)
 
     def set_parameters(self, p: Parameters) -> None:
         """Change the parameters for all who hold them: of another scene of the same modes, with the same tolerances."""

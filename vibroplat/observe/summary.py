@@ -299,7 +299,8 @@ def measure(part: MeasuredInterval, scene: Scene, *, brief: bool = False) -> dic
         **data_sheet(part.measures, extremes, scene),
     }
     if scene.transport is not None:
-        numbers["conveying_speed_error_m_per_s"] = batch_means_error(turn_speeds(part.measures, scene))
+        speeds = turn_speeds(part.measures, scene)
+        numbers["conveying_speed_error_m_per_s"] = batch_means_error(speeds) if len(speeds) > 1 else None
         numbers |= sliding_audit(part.measures, part.before, part.after)
     return _finite(numbers)
 

@@ -101,7 +101,8 @@ def short_lines(scene: Scene, summary: Mapping[str, Any]) -> list[str]:
     """Return the few lines below the headline; none of a run that measured nothing."""
     if summary.get("foundation_force_y_rms_n") is None or summary["stroke_y_m"] is None:
         return []
-    found = [_strokes(summary), *_rotation(scene, summary), _throw(scene, summary), *_forces(scene, summary)]
+    found = [_strokes(summary), *_rotation(scene, summary), _throw(scene, summary)]
+    found += [*_conveying(summary), *_forces(scene, summary)]
     told = [*found, *_motors(scene, summary), _bearings(summary), *_start(summary), *_points(scene, summary)]
     if now := transient(scene, summary):
         window = interval(summary["measured_from_s"], summary["measured_to_s"], "s")
@@ -160,6 +161,18 @@ def _throw(scene: Scene, summary: Mapping[str, Any]) -> str:
     if summary.get("gamma") is not None:
         return short_line("throw index", number(summary["gamma"]), flies)
     return short_line("acceleration", quantity(summary["acceleration_max_m_per_s2"], "m/s²"), flies)
+
+
+def _conveying(summary: Mapping[str, Any]) -> Iterator[str]:
+    """Yield how fast material moves along the deck, and in which modes, in a scene with transport."""
+    speed = summary.get("conveying_speed_m_per_s")
+    if speed is None:
+        return
+    slips = summary["slip_plus_fraction"] + summary["slip_minus_fraction"]
+    told = f"sticks {share(summary['stick_fraction'])}, slips {share(slips)} of the time"
+    if summary.get("throughput_kg_per_s") is not None:
+        told = f"{quantity(summary['throughput_kg_per_s'], 'kg/s')}; {told}"
+    yield short_line("conveying speed", quantity(speed, "m/s"), told)
 
 
 def _forces(scene: Scene, summary: Mapping[str, Any]) -> Iterator[str]:

@@ -43,9 +43,30 @@ def main_results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, 
             "gap, largest": _text(summary, "gap_max_m") if summary["gap_max_m"] else None,
             "impulse, largest": _text(summary, "impulse_max_n_s") if summary["impulse_max_n_s"] else None,
             "flight fraction": flight,
+            **_conveying(summary),
             "liftoffs, impacts, chatters": f"{counts}; in the whole run {in_whole}",
         }
     )
+
+
+def _conveying(summary: Mapping[str, Any]) -> dict[str, str | None]:
+    """Return what a scene with transport tells of the material's motion along the deck."""
+    if summary.get("conveying_speed_m_per_s") is None:
+        return {}
+    error, speed = summary["conveying_speed_error_m_per_s"], _text(summary, "conveying_speed_m_per_s")
+    scatter = "" if error is None else f" ± {quantity(error, 'm/s', largest=abs(summary['conveying_speed_m_per_s']))}"
+    slips = [share(summary[f"slip_{sense}_fraction"]) for sense in ("plus", "minus")]
+    return {
+        "conveying speed": f"{speed}{scatter}",
+        "stick, slip towards +x, -x": f"{share(summary['stick_fraction'])}, {', '.join(slips)} of the time",
+        "throughput": _text(summary, "throughput_kg_per_s"),
+        "residence time": _text(summary, "residence_time_s"),
+        "friction power": _text(summary, "friction_power_w"),
+        "wear": _text(summary, "wear_power_w_per_m2"),
+        "shear between the layers": None
+        if summary["shear_ratio"] is None
+        else f"{quantity(summary['shear_ratio'])} of their pressure",
+    }
 
 
 def data_sheet_lines(scene: Scene, summary: Mapping[str, Any]) -> dict[str, str]:

@@ -14,6 +14,7 @@ from vibroplat.config.digits import interval, quantity
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
 from vibroplat.integrate.interface import WORK
+from vibroplat.observe.conveying import CONVEYING
 from vibroplat.observe.data_sheet import SHEET, more_columns, point_columns
 from vibroplat.observe.summary import MEASURES
 from vibroplat.results.answer import Answer
@@ -83,7 +84,7 @@ PART_ROWS = 2000
 TABLES: dict[str, tuple[str, Columns]] = {
     "sweep": (
         "`vibroplat sweep`: one row per point.",
-        {**_KEYS, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **point_columns()},
+        {**_KEYS, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **point_columns(), **CONVEYING},
     ),
     "bands": (
         "`vibroplat sweep`: bands of synchronization, jumps, liftoffs, the largest amplitude along y, and failed "

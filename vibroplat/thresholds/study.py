@@ -18,6 +18,7 @@ from vibroplat.config.schema import did_you_mean
 from vibroplat.config.study_plans import FindPlan
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import ConfigError
+from vibroplat.observe.conveying import CONVEYING
 from vibroplat.observe.data_sheet import SHEET, more_columns, point_columns
 from vibroplat.results.answer import Answer
 from vibroplat.results.result import Result
@@ -93,7 +94,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "thresholds": ("`vibroplat find`: one row per threshold.", THRESHOLDS),
     "scan": (
         "`vibroplat find`: one row per evaluated value.",
-        {"…": Column("value of the key, under its dotted name"), **VALUES, **point_columns()},
+        {"…": Column("value of the key, under its dotted name"), **VALUES, **point_columns(), **CONVEYING},
     ),
 }
 
