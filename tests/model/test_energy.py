@@ -41,7 +41,7 @@ def powers_of(state, p):
     motors = [motor_torque(i, TIME, state[10 + i], p) * state[10 + i] for i in (0, 1)]
     motor, truncated, resisted = exciter_powers(*motors, state, 7, p)
     motor -= deck_power(*(motor_torque(i, TIME, state[10 + i], p) for i in (0, 1)), state, 7, p)
-    powers((motor, truncated, resisted), np.array([state, state**2, abs(state)]), 7, 2, out, p)
+    powers((motor, truncated, resisted), np.array([state, state**2, abs(state)]), 7, 4, out, p)
     return dict(zip(POWERS, out, strict=False)), out[FORCE], out[FORCE_SIZE]
 
 

@@ -233,6 +233,7 @@ class Shooter:
     """
 
     def __init__(self, scene: Scene, keys: Sequence[str] = (), course: tuple[float, float] | None = None) -> None:
+        scene.require_orbits("a periodic orbit")
         self.scene = scene
         self.keys = tuple(keys)
         self._likeness = _likeness_of(scene)

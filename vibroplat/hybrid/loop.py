@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.modes import ATTACHED, BARE, FLIGHT
+from vibroplat.hybrid.modes import ATTACHED, BARE, FLIGHT, STICK
 from vibroplat.hybrid.resets import (
     apply_chatter,
     apply_impact,
@@ -23,9 +23,16 @@ from vibroplat.hybrid.resets import (
     forget_starts,
     is_beyond_model,
     last_end,
+    may_shift,
     move_to,
     prepare_consistent_start,
     start_callback,
+)
+from vibroplat.hybrid.sliding import (
+    apply_sliding_chatter,
+    apply_sliding_event,
+    begin_sliding,
+    prepare_sliding_end,
 )
 from vibroplat.hybrid.state import (
     BEYOND_MODEL,
@@ -45,12 +52,13 @@ from vibroplat.hybrid.state import (
     Steps,
     absolute_tolerances,
     end_at,
+    gather_unknowns,
     initial_state,
     state_scales,
 )
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.model.parameters import PARAMETERS
-from vibroplat.model.systems import DIFFERENTIAL, GAP, GAP_RATE, PLACES, SIZES, gather, systems
+from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, GAP_RATE, PLACES, SIZES, SLIDES, systems
 
 #: Events between two readings of their list: an engine returns when its steps are full, well before that.
 EVENT_ROWS = 4096
@@ -99,7 +107,8 @@ def beginning(
     for mode, system in systems(scene).items():
         runs["systems"][0, mode] = system.index
         runs["tolerances"][0, mode, : system.size] = absolute_tolerances(scene, system)
-    runs["state"] = initial_state(scene) if state is None else state
+    begun = initial_state(scene) if state is None else state
+    runs["state"], runs["along"][:, : len(begun) - FULL_SIZE] = begun[:FULL_SIZE], begun[FULL_SIZE:]
     runs["now"], runs["end"] = time, time + scene.run.duration_s
     runs["speed"] = speed = scene.speed_scale
     runs["period"] = period = 2.0 * math.pi / speed
@@ -116,9 +125,6 @@ def beginning(
 # integrator has failed, something is not finite.
 AT_GUARD, AT_TIME, AT_TARGET, FAILED, NOT_FINITE = range(5)
 
-#: Farthest that the end of contact is moved, over the last two steps.
-MAX_LIFTOFF_SHIFT = 0.1
-
 _TURN = 2.0 * math.pi
 
 
@@ -131,8 +137,10 @@ def first_mode(h: Automaton) -> None:
     elif run.state[GAP] > 0.0 or run.state[GAP_RATE] > 0.0:
         run.mode = FLIGHT
         run.zeros = 1 if run.state[GAP] == 0.0 else 0
+    elif run.systems[STICK] >= 0:
+        begin_sliding(h)
     elif prepare_consistent_start(h, ATTACHED, DIFFERENTIATED):
-        run.mode = ATTACHED if contact_holds_at_start(h) else FLIGHT
+        run.mode = ATTACHED if contact_holds_at_start(h, ATTACHED) else FLIGHT
         run.zeros = 2 if run.mode == FLIGHT else 0
 
 
@@ -152,7 +160,10 @@ def begin_segment(h: Automaton) -> bool:
     run = h.run
     if run.accumulating == 1:  # the run was to stop at the impact before
         run.accumulating = 0
-        apply_chatter(h)
+        if run.systems[STICK] >= 0:
+            apply_sliding_chatter(h)
+        else:
+            apply_chatter(h)
         if run.outcome != RUNNING:
             return False
     if run.now >= run.end:  # the last event was at the very end
@@ -172,7 +183,7 @@ def begin_segment(h: Automaton) -> bool:
         whole = _TURN * math.floor(run.state[3 + exciter] / _TURN)
         run.state[3 + exciter] -= whole
         run.turns[exciter] += whole
-    gather(run.systems[mode], run.state, run.y[mode])
+    gather_unknowns(run, run.systems[mode], run.y[mode])
     left = run.end - run.now
     run.origin = run.now
     run.until = min(left, run.longest)
@@ -188,10 +199,8 @@ def end_segment(h: Automaton, stop: int) -> None:
     run, last = h.run, h.steps.used.steps - 1
     if last >= h.steps.used.first:
         run.now = last_end(h)
-    if stop == AT_GUARD and run.mode == ATTACHED:
-        refine_liftoff_time(h)
-    elif stop == AT_GUARD:
-        h.steps.ends[last, GAP] = 0.0  # the root is found to round-off
+    if stop == AT_GUARD:
+        meet_guard(h, last)
     final = stop == AT_TIME and run.final == 1
     if h.steps.used.steps > h.steps.used.first:
         close_piece(h, run.end if final else last_end(h))
@@ -206,7 +215,27 @@ def end_segment(h: Automaton, stop: int) -> None:
         run.outcome = BEYOND_MODEL if is_beyond_model(h) else SOLVER_FAILURE
     elif stop == NOT_FINITE:
         run.outcome = BEYOND_MODEL if is_beyond_model(h) else NON_FINITE
-    elif run.mode == ATTACHED:
+    else:
+        apply_reset(h)
+
+
+@inlined
+def meet_guard(h: Automaton, last: int) -> None:
+    """Let the last step end exactly where the guard falls."""
+    if SLIDES[h.run.systems[h.run.mode]]:
+        prepare_sliding_end(h)
+    elif h.run.mode == ATTACHED:
+        refine_liftoff_time(h)
+    else:
+        h.steps.ends[last, GAP] = 0.0  # the root is found to round-off
+
+
+@inlined
+def apply_reset(h: Automaton) -> None:
+    """Apply the reset of the mode whose guard has fallen."""
+    if SLIDES[h.run.systems[h.run.mode]]:
+        apply_sliding_event(h)
+    elif h.run.mode == ATTACHED:
         apply_liftoff(h)
     else:
         apply_impact(h)
@@ -224,20 +253,17 @@ def refine_liftoff_time(h: Automaton) -> None:
     move_to(h, system, steps.ends[last])
     if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED):
         return
-    force, rate = contact_force(h)
+    force, rate = contact_force(h, ATTACHED)
     shift = -force / rate if rate < 0.0 else 0.0
     length = steps.length[last] + shift
-    # a longer way is none of the integrator's error: F_c and its rate by the algebra do not belong together, as
-    # where a stiff layer turns an error of its rate, which the tolerance allows, into a force
-    max_shift = MAX_LIFTOFF_SHIFT * (steps.length[last] + (steps.length[last - 1] if last > steps.used.first else 0.0))
-    if abs(shift) > max_shift or min(length, steps.length[last]) <= 0.0 or steps.start[last] + length > run.until:
+    if not may_shift(h, shift):
         return
     run.now += shift
     for i in range(DIFFERENTIAL[system]):
         run.state[PLACES[system, i]] += shift * (run.yp[ATTACHED, i] + 0.5 * shift * run.ypp[ATTACHED, i])
     forget_starts(h)
     # no better there
-    if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED) or abs(contact_force(h)[0]) > abs(force):
+    if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED) or abs(contact_force(h, ATTACHED)[0]) > abs(force):
         run.outcome = RUNNING
         run.now -= shift
         move_to(h, system, steps.ends[last])

@@ -18,8 +18,12 @@ from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.model.parameters import PARAMETERS, Parameters, blank_record, parameters, record_words
 
-#: Names of the fields that enter the equations as numbers; the others are choices, or say where the equations hold.
-CHOICES = ("safe_rotation", "impact_law")
+#: Names of the fields that enter the equations as numbers; the others are choices, say where the equations
+#: hold, or are of transport, which has no derivatives yet.
+CHOICES = (
+    *("safe_rotation", "impact_law"),
+    *("slope", "deck_height", "kinetic_friction", "static_friction", "material_mass", "material_share"),
+)
 NUMBERS = tuple(name for name in PARAMETERS.names or () if name not in CHOICES)
 #: How many numbers they are; they are the first of the record.
 _WIDTH = int(np.zeros(1, PARAMETERS).itemsize // 8 - len(CHOICES))

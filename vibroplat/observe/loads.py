@@ -207,11 +207,14 @@ _COLUMNS = np.array([0, 1, 2, GAP])
 
 @inlined
 def column_of(q: int, n: int) -> int:
-    """Column of a screened quantity of a system of n coordinates; forces into the foundation are from _PULLS on."""
+    """Column of a screened quantity of a system of n coordinates; forces into the foundation are from _PULLS on.
+
+    It is −1 for F_c of a system whose unknowns fill all columns: it has none.
+    """
     if q < 4:
         return _COLUMNS[q]
     if q == 4:
-        return 2 * n
+        return 2 * n if 2 * n < _PULLS else -1
     return n + q - 2 if q < 7 else _PULLS + q - 7
 
 
@@ -232,7 +235,7 @@ def put_limits(extremes: Any, room: Any, system: int, p: Parameters) -> None:
         limits[0, j], limits[1, j] = -np.inf, np.inf
     for q in range(len(SCREENED)):
         k, j, beyond = SCREENED[q], column_of(q, n), margin(extremes, GROUPS[q])
-        if j >= _PULLS or ((j != GAP or MODES[system] == FLIGHT) and j < SIZES[system]):
+        if j >= _PULLS or ((j != GAP or MODES[system] == FLIGHT) and 0 <= j < SIZES[system]):
             limits[0, j], limits[1, j] = extremes.least[k] - beyond, extremes.largest[k] + beyond
     limits[1, _VIBRATION] = (1.0 + 2.0 * TIE) * extremes.square[ACCELERATION]
     limits[1, _VIBRATION + 1] = (1.0 + 2.0 * TIE) * extremes.square[LIFT]
@@ -289,7 +292,7 @@ def update_columns(
     for q in range(len(SCREENED)):
         column = column_of(q, n)
         for sense in (1.0, -1.0):
-            if flags >> (column if sense > 0.0 else column + LOWER) & 1:
+            if column >= 0 and flags >> (column if sense > 0.0 else column + LOWER) & 1:
                 form, beyond = (column, 1.0, column, 0.0), margin(extremes, GROUPS[q])
                 if column >= _PULLS:
                     i = column - _PULLS

@@ -17,11 +17,22 @@ from vibroplat.kernels.compiled import Callee, FloatArray, address_of, borrow, c
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16
 from vibroplat.kernels.polynomial import MAX_DEGREE, crossing, slope, value
 from vibroplat.kernels.sines import sincos_pair
-from vibroplat.model.energy import DISSIPATIONS, deck_power, exciter_powers, powers
+from vibroplat.model.energy import DISSIPATIONS, FRICTION, deck_power, exciter_powers, powers
 from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import slopes
-from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, LAYERS, PLACES, SIZES
+from vibroplat.model.systems import (
+    ALONG,
+    ALONG_RATE,
+    DIFFERENTIAL,
+    FULL_SIZE,
+    MOVING_SIZE,
+    PLACES,
+    SIZES,
+    SLIDES,
+    UNKNOWNS,
+)
+from vibroplat.observe.conveying import find_sliding
 from vibroplat.observe.extremes import IMPULSE, MAX_NODES, NODES, WEIGHTS, Span, set_pace
 from vibroplat.observe.loads import COLUMNS, Equations, add_forces, update_step_extremes
 from vibroplat.observe.measures import (
@@ -37,7 +48,9 @@ from vibroplat.observe.measures import (
     SECTION_ROWS,
     SINE,
     SPEED,
+    STICK_TIME,
     SUMMED,
+    SUMS,
     TIME,
     TORQUE,
     WHOLE_RUN,
@@ -63,24 +76,25 @@ _COMPLETE = 1e-12
 _MAX_TURNS = 1000.0
 
 #: What is overwritten at each step: unknowns and phase differences at the nodes; means of the unknowns, of their
-#: squares and their sizes, of products with the rates, and of the powers; a full state; stiffnesses and dampings; a sum
-#: of two unknowns, and its samples; extremes of speeds before a step; squares of mean accelerations; unknowns and
-#: rates; unknowns and derivatives at both ends of a part of a step. What stays is what the known extremes are, for
-#: which system and row, and how many named points there are.
+#: squares and their sizes, of products with the rates, and of the powers; those of slip and friction; a full state;
+#: stiffnesses and dampings; a sum of two unknowns, and its samples; extremes of speeds before a step; squares of mean
+#: accelerations; unknowns and rates; unknowns and derivatives at both ends of a part of a step. What stays is what the
+#: known extremes are, for which system and row, and how many named points there are.
 ROOM = np.dtype(
     [
         ("samples", float, (MAX_NODES, WIDTH)),
         ("means", float, (4, WIDTH)),
-        ("full", float, FULL_SIZE),
+        ("full", float, MOVING_SIZE),
         ("power", float, N_WORK),
+        ("sliding", float, len(SUMS) - STICK_TIME),
         ("phases", float, MAX_NODES),
         ("springs", float, (2, 4)),
         ("form", float, (MAX_DEGREE + 1, 1)),
         ("form_samples", float, MAX_NODES + 2),
         ("driven", float, (2, 2)),
         ("squares", float, MAX_NODES + 1),
-        ("y", float, FULL_SIZE),
-        ("yp", float, FULL_SIZE),
+        ("y", float, UNKNOWNS),
+        ("yp", float, UNKNOWNS),
         ("start", float, (2, WIDTH)),
         ("at", float, (2, WIDTH)),
         ("limits", float, (2, COLUMNS)),
@@ -175,7 +189,7 @@ def add_pieces(
         while counted < piece.events:
             count_event(ms, events[counted])
             counted += 1
-        for j in range(FULL_SIZE):
+        for j in range(full.size):
             full[j] = 0.0
         for row in range(piece.first, piece.end):
             if steps.length[row] > 0.0:
@@ -374,7 +388,10 @@ def integrate(
         if on_deck:
             held += weight * deck_power(l_1, l_2, room.samples[i], n, p)
     means_16(room.samples, WEIGHTS[nodes], nodes, n, means)
-    powers((motor - held, truncated, resisted), means, n, LAYERS[system], power, p)
+    powers((motor - held, truncated, resisted), means, n, system, power, p)
+    if SLIDES[system]:
+        find_sliding(room.samples, WEIGHTS[nodes], nodes, means, system, room.sliding, power, p)
+        exchanged += power[FRICTION]
     for j in range(N_WORK):
         ms.work[j] += duration * power[j]
     for j in range(DISSIPATIONS, N_POWERS):
@@ -393,6 +410,8 @@ def integrate(
         add_forces(sums[PULL:], means, room.springs, n, duration)
         sums[TIME] += duration
         sums[FLYING] += duration if MODES[system] == FLIGHT else 0.0
+        for j in range(room.sliding.size if SLIDES[system] else 0):
+            sums[STICK_TIME + j] += duration * room.sliding[j]
         add_phase(sums, room, n, duration, nodes, -p.direction[0] * p.direction[1])
 
 
@@ -430,7 +449,9 @@ def close_turn(ms: Accumulators, now: float, turns: FloatArray, at: FloatArray, 
         full[PLACES[system, j]] = at[j]
     point = ms.section[marks.turns % ms.section.size]
     point.t, point.force, marks.last[0] = now, at[force] if SIZES[system] > force else 0.0, now
-    copy(full, point.state)
+    for j in range(FULL_SIZE):
+        point.state[j] = full[j]
+    point.along[0], point.along[1] = full[ALONG], full[ALONG_RATE]
     for i in range(2):
         point.state[3 + i] += turns[i]
         marks.last[1 + i] = point.state[3 + i]

@@ -253,7 +253,7 @@ def _coordinate(shown: Shown, column: str) -> None:
 def _contact(shown: Shown, run: Run, column: str) -> None:
     """Shade the times of contact, and mark impacts on the line of zero gap."""
     last = run.last
-    attached = (last["mode"] == "attached").to_numpy()
+    attached = (~last["mode"].isin(["flight", "bare"])).to_numpy()
     shown.draw(
         last.loc[attached, ["t_s"]], "attached", np.flatnonzero(np.diff(np.flatnonzero(attached)) > 1) + 1,
         mode="shade", colour=CONTACT, of=(column,),
