@@ -39,10 +39,11 @@ from vibroplat.kernels.compiled import (
     void_pointer,
 )
 from vibroplat.kernels.linear import condense, solve_condensed
+from vibroplat.model import sliding
 from vibroplat.model.equations import finite
+from vibroplat.model.equations import jacobian as fill_jacobian
+from vibroplat.model.equations import residual as fill_residual
 from vibroplat.model.parameters import PARAMETERS
-from vibroplat.model.sliding import jacobian as fill_jacobian
-from vibroplat.model.sliding import residual as fill_residual
 from vibroplat.model.systems import ALGEBRAIC, SIZES, SLIDES, UNKNOWNS
 
 #: What a callback knows of its mode: addresses, the system with its size and guard, calls counted, and matrices of
@@ -96,6 +97,16 @@ def residual(t: float, y: int, yp: int, res: int, data: Any) -> int:
     return _OK if whole else _NOT_FINITE
 
 
+@callback("int32(float64, intp, intp, intp, voidptr)")
+def sliding_residual(t: float, y: int, yp: int, res: int, data: Any) -> int:
+    """Do as :func:`residual` with transport."""
+    links = carray(data, (1,), dtype=LINKS)[0]
+    links.residuals += 1
+    values, slopes, p = _values(y, links), _values(yp, links), _parameters(links)
+    whole = sliding.residual(links.system, links.origin + t, values, slopes, _values(res, links), p)
+    return _OK if whole else _NOT_FINITE
+
+
 @compiled
 def _condensed(links: Any) -> FloatArray:
     return carray(pointer(links.solver), (links.size - links.half, links.size))
@@ -112,6 +123,21 @@ def jacobian(
     m = size - links.half
     rows, dynamic = links.rows[: size * size].reshape((size, size)), links.dynamic[: m * m].reshape((m, m))
     fill_jacobian(links.system, links.origin + t, _values(y, links), _values(yp, links), cj, rows, _parameters(links))
+    links.cj = cj
+    return _OK if condense(rows, cj, dynamic, _condensed(links)) else _SINGULAR
+
+
+@callback("int32(float64, float64, intp, intp, intp, intp, voidptr, intp, intp, intp)")
+def sliding_jacobian(
+    t: float, cj: float, y: int, yp: int, res: int, matrix: int, data: Any, work_1: int, work_2: int, work_3: int
+) -> int:
+    """Do as :func:`jacobian` with transport."""
+    links = carray(data, (1,), dtype=LINKS)[0]
+    links.jacobians += 1
+    size, p = links.size, _parameters(links)
+    m = size - links.half
+    rows, dynamic = links.rows[: size * size].reshape((size, size)), links.dynamic[: m * m].reshape((m, m))
+    sliding.jacobian(links.system, links.origin + t, _values(y, links), _values(yp, links), cj, rows, p)
     links.cj = cj
     return _OK if condense(rows, cj, dynamic, _condensed(links)) else _SINGULAR
 
@@ -144,15 +170,24 @@ def weights(y: int, ewt: int, data: Any) -> int:
 
 @callback("int32(float64, intp, intp, CPointer(float64), voidptr)")
 def guard(t: float, y: int, yp: int, value: Any, data: Any) -> int:
-    """IDARootFn: the unknown whose fall through zero ends the mode, or with friction the forms."""
+    """IDARootFn: the unknown whose fall through zero ends the mode."""
     links = carray(data, (1,), dtype=LINKS)[0]
-    if not SLIDES[links.system]:
-        value[0] = _values(y, links)[links.guard]
-        return _OK
+    value[0] = _values(y, links)[links.guard]
+    return _OK
+
+
+@callback("int32(float64, intp, intp, CPointer(float64), voidptr)")
+def sliding_guards(t: float, y: int, yp: int, value: Any, data: Any) -> int:
+    """Do as :func:`guard` with transport, for each guard."""
+    links = carray(data, (1,), dtype=LINKS)[0]
     for which in range(COUNTS[links.system]):
         value[which] = guard_value(links.system, which, _values(y, links), _parameters(links))
     return _OK
 
+
+#: Residual, Jacobian and guards of a mode.
+CALLBACKS = residual, jacobian, guard
+SLIDING_CALLBACKS = sliding_residual, sliding_jacobian, sliding_guards
 
 IntArray = npt.NDArray[np.int64]
 Records = npt.NDArray[np.void]

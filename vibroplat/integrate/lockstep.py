@@ -160,6 +160,12 @@ def start(h: Automaton, g: Group, lane: int) -> None:
 
 
 @fused_inline
+def quads_of(moving: Any) -> int:
+    """How many sets of four columns motions have, with transport or without."""
+    return 2 if moving is None else 3
+
+
+@fused_inline
 def largest(quad: Any) -> Lanes:
     """Largest of four columns."""
     first, second = part(quad)
@@ -180,7 +186,7 @@ def confirm(g: Group, s: Any, r: Any) -> None:
     """Confirm the last steps by the accelerations and F_c that the next series begin with, or take them back."""
     quads = r.quads
     share, worst, sums = s.length * (1.0 / g.degree), size(s.y[FORCE] - r.q[0, FORCE]) * s.force_weight, zero(s.length)
-    for i in range(s.a4.shape[0]):
+    for i in range(quads_of(g.moving)):
         worst = greater(worst, largest(size(s.a4[i] - 2.0 * quads[2, i]) * s.weights4[i]) * share)
         sums += total(quads[2, i])
     good = (worst <= greater(s.noise, MAX_DEFECT)) & is_finite(sums)
@@ -194,7 +200,7 @@ def confirm(g: Group, s: Any, r: Any) -> None:
         s.rejected += s.pending - kept
         s.done = select(back, s.done0, s.done)
         s.t = s.origin + s.done
-        for i in range(s.y4.shape[0]):
+        for i in range(quads_of(g.moving)):
             s.y4[i], s.v4[i] = select(back, s.y04[i], s.y4[i]), select(back, s.v04[i], s.v4[i])
     s.counted += s.pending  # those taken back too: where all are, a motion takes as long
     s.pending = kept
@@ -306,7 +312,7 @@ def propose(g: Group, s: Any, r: Any) -> None:
     for lane in range(g.status.size):
         attend(g, lane, _BEFORE)
     s.steps += s.pending
-    move(s, q, quads, degree)
+    move(s, q, quads, degree, g.moving)
     good = (size(s.y[2]) <= s.safe_rotation) & is_finite(total(s.a4[0]) + total(s.a4[1]))
     s.doubtful = select(good, 0.0, s.pending)
     if some(greater(s.singly, s.doubtful) > 0.5):
@@ -322,10 +328,10 @@ def is_finite(x: Lanes) -> Any:
 
 
 @fused_inline
-def move(s: Any, q: Any, quads: Any, degree: int) -> None:
+def move(s: Any, q: Any, quads: Any, degree: int, moving: Any) -> None:
     """Move to the ends of the steps, and note where they began."""
     length, goes = s.length, s.pending > 0.5
-    for i in range(s.y4.shape[0]):
+    for i in range(quads_of(moving)):
         y, v, a = quads[degree, i], zero(s.y4[i]), zero(s.y4[i])
         for k in range(degree - 1, -1, -1):
             a, v, y = a * length + v, v * length + y, y * length + quads[at(k), i]
@@ -335,16 +341,16 @@ def move(s: Any, q: Any, quads: Any, degree: int) -> None:
     s.done = select(goes, s.done + length, s.done)
     s.t = s.origin + s.done
     if some(s.noisy > 0.5):
-        s.noise = _NOISE * round_off(s, q, quads, degree)
+        s.noise = _NOISE * round_off(s, q, quads, degree, moving)
 
 
 @fused_inline
-def round_off(s: Any, q: Any, quads: Any, degree: int) -> Lanes:
+def round_off(s: Any, q: Any, quads: Any, degree: int, moving: Any) -> Lanes:
     """Sum up the sizes of the terms that make the accelerations and F_c at the ends of the steps, in tolerances."""
     length, force, worst = s.length, zero(s.length), zero(s.length)
     for k in range(degree, -1, -1):
         force = force * length + size(q[at(k), FORCE])
-    for i in range(s.y4.shape[0]):
+    for i in range(quads_of(moving)):
         terms = zero(s.y4[i])
         for k in range(degree, 1, -1):
             terms = terms * length + k * (k - 1.0) * size(quads[at(k), i])

@@ -9,6 +9,7 @@ and its rate.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -52,10 +53,10 @@ class System:
         """Whether F_c is an unknown (behind the differential ones), and with transport F_t (then the last)."""
         return self.mode not in (Mode.BARE, Mode.FLIGHT)
 
-    @property
+    @cached_property
     def slides(self) -> bool:
         """Whether the material moves along the deck."""
-        return ALONG in self.places
+        return ALONG in self.places.tolist()
 
     @property
     def size(self) -> int:
