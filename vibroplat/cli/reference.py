@@ -18,8 +18,8 @@ def new(
         Literal["rig", "screen", "feeder", "inclined-screen", "heavy-screen"],
         typer.Option(
             "--template",
-            help="Machine: a small test rig, a 1.2 t screen, a 0.6 t feeder or an inclined screen, which both convey, or "
-            "a 4.5 t screen.",
+            help="Machine: a small test rig, a 1.2 t screen, a feeder or an inclined screen that conveys, "
+            "or a 4.5 t screen.",
         ),
     ] = "rig",
     full: Annotated[bool, typer.Option("--full", help="Write all keys with their meanings.")] = False,
