@@ -61,7 +61,7 @@ INSPECTION: Columns = {
     "conveying_speed_low_m_per_s": Column("conveying speed, lower end of the formula of practice", _CONVEYING),
     "conveying_speed_high_m_per_s": Column("conveying speed, upper end of the formula of practice", _CONVEYING),
     "unique_friction": Column("friction up to which there is no paradox of Painlevé", "first order in k² / J_e M"),
-    "moving_fraction": Column("fraction of the material that moves along", "of its dynamic mass; below 0: it pushes"),
+    "moving_fraction": Column("dynamic mass of the material divided by its mass", "below 0: it pushes"),
     "passage_axis": Column("axis of the resonance that takes the largest torque to pass", kind=TEXT),
     "passage_frequency_hz": Column("its natural frequency"),
     "passage_torque_n_m": Column("torque of both motors there that just passes it from rest", "averaged start"),
