@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -47,7 +48,8 @@ from vibroplat.model.sliding import NO_REBOUND, Blow, sliding_chatter, sliding_i
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP, GAP_RATE, SENSE, SIZES
 
 # Impacts that an event stands for; integers of numpy, see :mod:`vibroplat.hybrid.modes`.
-_NONE, _ONE = np.arange(2)
+_COUNTS: Any = np.arange(2)
+_NONE, _ONE = _COUNTS
 
 
 @compiled

@@ -345,14 +345,10 @@ def initial_state(scene: Scene, initial: Initial | None = None) -> FloatArray:
         for i, exciter in enumerate(scene.exciter_pair):
             state[10 + i] = initial.speed_ratio * exciter.direction * speeds[i]
         return state
-    groups = [(range(7), COORDINATES), (range(7, FULL_SIZE), RATES)]
-    if scene.transport is not None:
-        groups.append((range(FULL_SIZE, MOVING_SIZE), ALONG))
-    for places, names in groups:
-        for place, name in zip(places, names, strict=True):
-            value = getattr(initial.state, name)
-            if value is not None:
-                state[place] = value
+    for place, name in enumerate((*COORDINATES, *RATES, *ALONG)[: state.size]):
+        value = getattr(initial.state, name)
+        if value is not None:
+            state[place] = value
     return state
 
 

@@ -162,7 +162,7 @@ def columns(scene: Scene) -> Columns:
 
 def more_columns(scene: Scene) -> Columns:
     """Return those that not every scene has."""
-    return point_columns(scene.output) | ({} if scene.transport is None else CONVEYING)
+    return {**point_columns(scene.output), **({} if scene.transport is None else CONVEYING)}
 
 
 def _names_of_largest(names: Iterable[str]) -> list[str]:

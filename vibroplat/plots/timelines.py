@@ -96,8 +96,8 @@ def mark_peak(axis: Axes, envelope: pd.DataFrame, column: str, value: float, tim
 
 
 def draw_contact(axis: Axes, table: pd.DataFrame) -> Axes:
-    """Shade the times in mode ``attached``."""
-    attached = (table["mode"] == "attached").to_numpy()
+    """Shade the times in contact."""
+    attached = (~table["mode"].isin(["flight", "bare"])).to_numpy()
     t = table["t_s"].to_numpy()
     edges = np.flatnonzero(np.diff(np.concatenate(([0], attached.astype(int), [0]))))
     for number, (first, after) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
