@@ -19,8 +19,6 @@ UNITS = {
     "rad_per_s": "rad/s",
     "w_per_m2": "W/m²",
     "m_per_s2": "m/s²",
-    "w_per_m2": "W/m²",
-    "kg_per_s": "kg/s",
     "n_s_per_m": "N·s/m",
     "n_per_m": "N/m",
     "m_per_s": "m/s",

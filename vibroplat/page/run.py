@@ -223,6 +223,8 @@ def _motion(
     times = np.concatenate([np.linspace(a, b, count, endpoint=False) for a, b, count in windows])
     frames = frames_at(found, times)
     firsts = np.cumsum([0, *(count for *_, count in windows)]).tolist()
+    if "along_m" in frames:
+        frames["along_m"] -= np.repeat(frames["along_m"].to_numpy()[firsts[:-1]], np.diff(firsts))
     places = [[round(a, 6), round(b - a, 7), first, n] for (a, b, n), first in zip(windows, firsts, strict=False)]
     hits = [
         hit
