@@ -34,13 +34,14 @@ def test_the_machine_moves_its_material_from_the_beginning_of_each_turn(feeder):
 def test_the_sheet_tells_how_fast_material_goes_and_what_follows(feeder):
     sheet, s = Sheet(feeder.scene, feeder.summary), feeder.summary
     rows = {row.label: row for row in sheet.groups["Conveying"]}
-    assert rows["conveying speed"].short[2].startswith(f"{rows['throughput'].now}; sticks {rows['sticks'].now}, slips ")
+    told = rows["speed along the deck"].short[2]
+    assert told.startswith(f"{rows['throughput'].now}; sticks {rows['sticks'].now}, slips ")
     assert rows["throughput"].now.endswith(" kg/s")
-    assert rows["friction power"].also.endswith(" W/m²")
-    assert "shear between layers" not in rows, "one layer"
+    assert rows["wear power"].now.endswith(" W/m²")
+    assert "shear over pressure of the layers" not in rows, "one layer"
     still = Sheet(feeder.scene, s | {"conveying_speed_m_per_s": 1e-12, "residence_time_s": math.inf})
     rows = {row.label: row.now for row in still.groups["Conveying"]}
-    assert rows["conveying speed"] == "0"
-    assert not {"throughput", "time on the deck"} & {*rows}
+    assert rows["speed along the deck"] == "0"
+    assert not {"throughput", "residence time"} & {*rows}
     smooth = Sheet(feeder.scene.replace({"transport": None}), s)
     assert "Conveying" not in smooth.groups

@@ -17,7 +17,7 @@ from vibroplat.hybrid.resets import derivatives, prepare_consistent_start
 from vibroplat.hybrid.state import CUBIC, CUT, DIFFERENTIATED, ROUND_OFF, Automaton, Steps, end_at, halvings
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.polynomial import crossing, first_downcrossing, slope, values
-from vibroplat.model.systems import DIFFERENTIAL, GAP, SIZES, SLIDES, UNKNOWNS
+from vibroplat.model.systems import DIFFERENTIAL, GAP, SENSE, SIZES, SLIDES, UNKNOWNS
 
 #: First step over the time until the gap closes again, by its Taylor polynomial.
 FIRST_STEP_RATIO = 0.05
@@ -251,6 +251,8 @@ def prepare_first_step(h: Automaton) -> float:
         tighter = 2.0 ** -halvings(run.tolerance, height, run.gap_scale, sure)
         run.atol[GAP] *= tighter * tighter
         run.atol[size // 2 + GAP] *= tighter
+    elif SENSE[run.systems[mode]] != 0.0 and run.along[1] == 0.0:
+        step = min(step, FIRST_STEP_RATIO * expected_slip(h, 1e-3 * step))
     step = min(step, curvature_step(run.ypp[mode, :size], run.atol[:size]))
     return max(step, ROUND_OFF * run.period)
 
@@ -270,22 +272,32 @@ def expected_flight(h: Automaton, small: float) -> tuple[float, float, bool]:
         if acceleration >= 0.0:
             return np.inf, np.inf, False
         return math.sqrt(2.0 * gap / -acceleration), gap + 0.5 * rate * rate / -acceleration, False
-    fourth = snap(h, small) if rate == 0.0 else 0.0  # a rebound does not need it
+    fourth = snap(h, FLIGHT, rates + GAP, small) if rate == 0.0 else 0.0  # a rebound does not need it
     duration, height = estimate_flight(rate, acceleration, jerk, fourth)
     return duration, height, rate > 0.0 and abs(jerk) * duration <= MAX_ACCELERATION_CHANGE * -acceleration
 
 
 @inlined
-def snap(h: Automaton, small: float) -> float:
-    """Fourth derivative of the gap, as the difference of jerks a small step along the motion."""
+def expected_slip(h: Automaton, small: float) -> float:
+    """Duration (s) of the slip that begins from rest, about, by the first terms of s; inf where they do not end it."""
     run = h.run
-    system = run.systems[FLIGHT]
+    system = run.systems[run.mode]
+    place, sense = DIFFERENTIAL[system] - 1, SENSE[system]
+    acceleration, jerk = sense * run.yp[run.mode, place], sense * run.ypp[run.mode, place]
+    return estimate_flight(0.0, acceleration, jerk, sense * snap(h, run.mode, place, small))[0]
+
+
+@inlined
+def snap(h: Automaton, mode: int, place: int, small: float) -> float:
+    """Fourth derivative of a coordinate whose rate has a place, as the difference of jerks a small step along."""
+    run = h.run
+    system = run.systems[mode]
     size = SIZES[system]
     ahead, yp, ypp = np.empty(size), np.empty(size), np.empty(size)
     for i in range(size):
-        ahead[i] = run.y[FLIGHT, i] + small * run.yp[FLIGHT, i] + 0.5 * small * small * run.ypp[FLIGHT, i]
+        ahead[i] = run.y[mode, i] + small * run.yp[mode, i] + 0.5 * small * small * run.ypp[mode, i]
     derivatives(h, system, ahead, yp, ypp, DIFFERENTIATED)
-    return (ypp[size // 2 + GAP] - run.ypp[FLIGHT, size // 2 + GAP]) / small
+    return (ypp[place] - run.ypp[mode, place]) / small
 
 
 @compiled

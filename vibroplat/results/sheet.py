@@ -21,6 +21,11 @@ ROCKS = 0.1
 MAX_POINTS = 4
 #: What the names of columns have whose numbers are told in per cent.
 SHARES = {"ratio", "slip", "residual", "fraction"}
+#: Measures of conveyed material by their names, with the ends of their columns.
+_CONVEYED = (
+    *(("throughput", "kg_per_s"), ("residence time", "s"), ("friction power", "w")),
+    *(("wear power", "w_per_m2"), ("friction work", "j")),
+)
 #: Groups of rows: what was measured at named points, and numbers that no other row has.
 POINTS, FURTHER = "Points and springs", "Further numbers"
 
@@ -94,7 +99,7 @@ class Sheet:
         if self.numbers["rms_y_m"] is None:
             return
         self.transient = transient(scene, summary)
-        balances = ("energy_residual", "momentum_residual", "momentum_along_residual")
+        balances = ("energy_residual", "momentum_residual")
         groups = {
             "Amplitude and stroke": self._strokes(),
             "Conveying": self._conveying() if scene.transport is not None else [],
@@ -210,23 +215,24 @@ class Sheet:
         return f"{told}, {rate} impact{'s' * (rate != '1')} a turn"
 
     def _conveying(self) -> list[Row]:
-        s = self.numbers
+        """Return the rows of material that moves along the deck."""
+        s, error = self.numbers, self._text("conveying_speed_error_m_per_s", error=1e-9)
+        sticks, forth, back = (self._text(f"{name}_fraction") for name in ("stick", "slip_plus", "slip_minus"))
+        slips = share((s["slip_plus_fraction"] or 0.0) + (s["slip_minus_fraction"] or 0.0))
         swing = 2.0 * math.pi * (s["excitation_frequency_hz"] or 0.0) * max(s["rms_x_m"], s["rms_y_m"])
-        error = s["conveying_speed_error_m_per_s"]
         largest = max(swing, abs(s["conveying_speed_m_per_s"] or 0.0))
-        speed = self._text("conveying_speed_m_per_s", error=error, largest=largest)
-        slips = [s[f"slip_{sense}_fraction"] or 0.0 for sense in ("plus", "minus")]
-        sticks, shear = self._text("stick_fraction"), self._text("shear_ratio")
-        carried = self._text("throughput_kg_per_s") if speed != "0" else ""
-        modes = f"sticks {sticks}, slips {share(sum(slips))} of the time"
+        speed = self._text("conveying_speed_m_per_s", largest=largest)
+        rows = [Row(name, self._text(f"{name.replace(' ', '_')}_{unit}")) for name, unit in _CONVEYED]
+        rows = rows[2:] if speed == "0" else rows
+        carried = rows[0].now if rows[0].label == "throughput" else ""
+        modes = f"sticks {sticks}, slips {slips} of the time"
+        with_error = Row("speed along the deck", speed, f"± {error}" * (error not in ("", "0") and speed != "0"))
         return [
-            Row("conveying speed", speed, "over ground" * bool(speed)).shortly("conveying speed", carried, modes),
-            Row("sticks", sticks),
-            Row("slips towards +x, -x", ", ".join(map(share, slips)) if sticks else ""),
-            Row("throughput", carried),
-            Row("time on the deck", self._text("residence_time_s") if speed != "0" else ""),
-            Row("friction power", self._text("friction_power_w"), self._text("wear_power_w_per_m2")),
-            Row("shear between layers", shear, "of their pressure" * bool(shear)),
+            with_error.shortly("conveying speed", carried, modes),
+            *rows,
+            Row("sticks", sticks, f"slips {forth} towards +x, {back} towards -x"),
+            Row("shear over pressure of the layers", self._text("shear_ratio")),
+            Row("residual of momentum along the deck", self._text("momentum_along_residual")),
         ]
 
     def _loads(self) -> list[Row]:
