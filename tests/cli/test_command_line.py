@@ -263,7 +263,7 @@ def test_bad_option_exits_2_with_one_line(command):
         "run nope.yaml --format xml": ("'--format'", "'xml'", "'parquet', 'csv'"),
         "run nope.yaml --bogus": ("--bogus",),
         "run": ("Missing argument",),
-        "plot . --kind nope": ("'--kind'", "'nope'", "'motion', 'force', 'exciters'"),
+        "plot . --kind nope": ("'--kind'", "'nope'", "'motion', 'conveying', 'force'"),
         "plot . --start soon": ("'--start'", "valid"),
         "sweep nope.yaml --jobs 0": ("'--jobs'",),
         "sweep nope.yaml --wait soon": ("'--wait'",),

@@ -16,7 +16,7 @@ _AXES = ((2.0, 1.1), (-2.0, 1.1))
 
 def sketch():
     """Draw platform, springs, both exciters, layers of material and all symbols of the model."""
-    figure, axes = new_figure(1, 1, (7.6, 4.4))
+    figure, axes, _ = new_figure(1, 1, (7.6, 4.4))
     axis = axes[0, 0]
     axis.set_aspect("equal")
     axis.set_axis_off()
