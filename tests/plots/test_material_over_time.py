@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from common.places import ROOT
 
-from vibroplat import load_config, simulate
+from vibroplat import load_config, simulate, sweep
+from vibroplat.config.digits import interval
 from vibroplat.errors import TableError
 from vibroplat.plots.histories import run_of
 from vibroplat.plots.run import FIGURES, Shown, run_figures
+from vibroplat.study.picture import pictures
 
 
 @pytest.fixture(scope="module")
@@ -39,3 +41,12 @@ def test_many_turns_have_no_strip_and_other_scenes_no_figure(feeder, tmp_path):
     plain = simulate(load_config(ROOT / "configs/quickstart.yaml", {"run.duration_s": 0.1})).save(tmp_path / "plain")
     with pytest.raises(TableError, match=r"--kind conveying: .* has no motion along the deck"):
         list(run_figures([plain], ["conveying"]))
+
+
+def test_a_sweep_tells_and_draws_the_conveying_speed():
+    over = {"sweep.over": {"key": "transport.friction", "start": 0.2, "stop": 0.4, "count": 2}}
+    short = {"sweep.max_settle_s": 1.0, "sweep.measure_s": 0.4, "sweep.lyapunov": False, "sweep.find_coexisting": False}
+    found = sweep(load_config(ROOT / "configs/examples/conveying.yaml", over | short), jobs=1)
+    slowest, fastest = found.table("sweep")["conveying_speed_m_per_s"].agg(["min", "max"])
+    assert interval(slowest, fastest, "m/s") in str(found)
+    assert "conveying_speed_m_per_s" in [panel.column for panel in pictures([found])[0].panels]
