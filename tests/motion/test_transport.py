@@ -181,3 +181,32 @@ def test_orbits_are_refused_in_one_line():
     for function in (orbit, lyapunov):
         with pytest.raises(ConfigError, match="cannot be computed with transport"):
             function(scene)
+
+
+#: Throw index, from the stroke along y, and conveying speed over the amplitude of the velocity along x, of a feeder
+#: with a line of action of 30°, mass ratio 0.2 and friction 0.4, by an independent computation; and the radius.
+FEEDER = [
+    (0.006, 0.25, 0.07),
+    (0.0215, 0.94, 0.49),
+    (0.0397, 1.77, 0.56),
+    (0.0481, 2.26, 0.79),
+    (0.057, 2.77, 0.95),
+    (0.0664, 3.3, 0.99),
+]
+
+
+def test_speed_of_a_feeder_over_its_throw_index():
+    scene = load_config(REFERENCES / f"{NAMES[0]}.yaml")
+    start = {"phase_difference_rad": 1.0, "speed_ratio": 0.98}
+    level = {"friction": 0.4, "static_friction": 0.4, "deck_height_m": 0.0}
+    common = {"transport": level, "run": {"duration_s": 30.0, "initial": start}, "solver.engine": "taylor"}
+    for radius, throw, ratio in FEEDER:
+        tree = scene.to_tree()
+        for exciter in tree["exciters"]:
+            exciter["unbalance_radius_m"] = radius
+        del tree["run"]
+        summary = simulate(type(scene).from_tree(tree).replace(common), keep="summary").summary
+        omega = 2.0 * math.pi * summary["excitation_frequency_hz"]
+        assert 0.5 * summary["stroke_y_m"] * omega**2 / GRAVITY == pytest.approx(throw, rel=0.01)
+        speed = summary["conveying_speed_m_per_s"] / (0.5 * summary["stroke_x_m"] * omega)
+        assert speed == pytest.approx(ratio, rel=0.02, abs=0.005)

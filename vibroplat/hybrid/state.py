@@ -24,7 +24,17 @@ from vibroplat.config.sections import Initial
 from vibroplat.kernels.compiled import FloatArray, compiled, copy
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import stretch
-from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, MOVING_SIZE, PLACES, UNKNOWNS, System
+from vibroplat.model.systems import (
+    ALGEBRAIC,
+    DIFFERENTIAL,
+    FULL_SIZE,
+    MOVING_SIZE,
+    PLACES,
+    SENSE,
+    SLIDES,
+    UNKNOWNS,
+    System,
+)
 
 #: Steps that one segment may need after its last one: that of chatter, and one to spare.
 MARGIN = 2
@@ -211,6 +221,8 @@ def scatter_unknowns(run: Any, system: int, y: FloatArray) -> None:
             run.state[place] = y[i]
         else:
             run.along[place - FULL_SIZE] = y[i]
+    if SLIDES[system] and ALGEBRAIC[system] and SENSE[system] == 0.0:
+        run.along[1] = 0.0  # stick, but for round-off
 
 
 class Automaton(NamedTuple):
