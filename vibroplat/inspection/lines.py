@@ -8,7 +8,7 @@ from typing import Any
 
 from vibroplat.columns import unit_of
 from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, quantity, share, spread
-from vibroplat.inspection.conveying import BANDS, STRAIGHT
+from vibroplat.inspection.conveying import BANDS, ERROR, STRAIGHT
 from vibroplat.results.answer import of_both
 
 Numbers = Mapping[str, Any]
@@ -158,7 +158,7 @@ def _conveying(v: Numbers) -> Iterator[str]:
     told = "formulas are for straight paths" if v["path_ratio"] > STRAIGHT else f"formulas: throw {ranges}"
     known = math.isfinite(low)
     yield interval(low, high, "m/s") if known else MISSING
-    yield "by a formula of practice" if known else told
+    yield f"formula of practice, ± {share(ERROR)}" if known else told
     yield f"Painlevé above friction {number(v['unique_friction'])}"
 
 
