@@ -204,9 +204,10 @@ def drawn_run(kind, count=1):
         changed = RunResult(whole.scene, whole.summary | {"name": "run"}, table=table)
         changed.events = events
         runs = [histories.run_of(changed) for _ in range(count)]
-        if kind == "force" and "contact_force_n" not in runs[0].shown:
-            raise TableError("not drawn")
-        return run.draw(kind, run.Shown(runs, names=["one", "another"] if count > 1 else ()))
+        shown = run.Shown(runs, names=["one", "another"] if count > 1 else ())
+        if lacking := run.missing(kind, shown):
+            raise TableError(lacking)
+        return run.draw(kind, shown)
 
     return draw
 

@@ -1,4 +1,4 @@
-"""The commands ``plot``, ``report`` and ``film``: figures, an HTML page and a film of result tables."""
+"""The commands ``plot``, ``report``, ``film`` and ``export``: figures, a page, a film and files of result tables."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from vibroplat.cli.common import announce_first_run
+from vibroplat.cli.common import announce_first_run, writable
 from vibroplat.config.kinds import KINDS, RUN_FIGURES
 
 if TYPE_CHECKING:
@@ -107,6 +107,22 @@ def film(
     from vibroplat.plots.film import write_film
 
     print(write_film(directory, out, start, stop, turns=turns, frames=frames))
+
+
+def export(
+    directories: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Result directories of any command.")],
+    format_: Annotated[
+        Literal["xlsx", "mat", "csv-semicolon"],
+        typer.Option("--format", callback=writable, help="Excel, MATLAB, or CSV with ; and decimal commas."),
+    ] = "xlsx",
+) -> None:
+    """Write finished results for other programs."""
+    from vibroplat.results.files import commands_in, export_result
+
+    for directory in directories:
+        for command in commands_in(directory) or ["run"]:
+            for path in export_result(directory, command, format_):
+                print(path)
 
 
 def _move(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:

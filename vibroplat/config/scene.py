@@ -47,7 +47,7 @@ MAX_TURNS_SUNDAE = 5e7
 #: Sections from which the numbers of exciters and rigid body come, the names of both, and of what else is kept.
 EXCITERS_FROM = frozenset(("machine", "motor", "motors", "exciters"))
 _FOUND = frozenset(("exciter_pair", "body"))
-_SCALES = frozenset(("unbalances", "synchronous_speeds", "speed_scale", "length_scale", "force_scale"))
+_SCALES = ("unbalances", "synchronous_speeds", "speed_scale", "length_scale", "force_scale", "state_scales")
 
 
 def _plain(value: Any) -> Any:
@@ -348,6 +348,17 @@ class Scene(Section):
         """Weight of the material plus its inertia force at the scales of length and speed (N)."""
         inertia = self.length_scale * self.speed_scale**2
         return sum(self.layer_masses) * (self.machine.gravity_m_per_s2 + inertia)
+
+    @cached_property
+    def state_scales(self) -> tuple[float, ...]:
+        """Scales of the full state; see :func:`vibroplat.hybrid.state.state_scales`."""
+        speed, length = self.speed_scale, self.length_scale
+        flight = max(length, self.machine.gravity_m_per_s2 / speed**2)
+        arm = max(self.body.distance, *(exciter.unbalance_radius_m for exciter in self.exciter_pair))
+        rotation = sum(self.unbalances) * arm / self.body.inertia
+        coordinates = (length, length, rotation, 1.0, 1.0, flight, flight)
+        moving = () if self.transport is None else (length, speed * length)
+        return (*coordinates, *(speed * scale for scale in coordinates), *moving)
 
     @property
     def oscillators(self) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import ATTACHED, BARE, FLIGHT, STICK
@@ -83,8 +84,25 @@ def automaton(
     event_rows
         Events for which there is room until they are read.
     """
-    kept, runs = np.array([p, p], PARAMETERS), np.zeros(1, RUN)
+    kept, runs = np.array([p, p], PARAMETERS), beginning(scene, turns_per_segment, state, time)
     kept["restitution"][1] = 0.0
+    return Automaton(
+        p=kept[0],
+        inelastic=kept[1],
+        run=runs[0],
+        recent=np.empty(scene.solver.max_events_per_period),
+        events=np.zeros(event_rows, EVENT),
+        steps=steps,
+        start=start_callback.address,
+        parameters=kept.ctypes.data,
+    )
+
+
+def beginning(
+    scene: Scene, turns_per_segment: float, state: FloatArray | None = None, time: float = 0.0
+) -> npt.NDArray[np.void]:
+    """Return the record of a run that begins, one of :data:`vibroplat.hybrid.state.RUN`; see :func:`automaton`."""
+    runs = np.zeros(1, RUN)
     runs["systems"], runs["tolerances"] = -1, 1.0
     for mode, system in systems(scene).items():
         runs["systems"][0, mode] = system.index
@@ -100,16 +118,7 @@ def automaton(
     runs["gap_scale"] = scale = state_scales(scene)[GAP]
     runs["slowest"] = math.sqrt(ROUND_OFF) * scale * speed
     runs["target"] = math.nan
-    return Automaton(
-        p=kept[0],
-        inelastic=kept[1],
-        run=runs[0],
-        recent=np.empty(scene.solver.max_events_per_period),
-        events=np.zeros(event_rows, EVENT),
-        steps=steps,
-        start=start_callback.address,
-        parameters=kept.ctypes.data,
-    )
+    return runs
 
 
 # Why a segment ended: its guard fell through zero, its time is up, the angle that the run waits for is reached, the

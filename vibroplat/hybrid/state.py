@@ -267,13 +267,7 @@ def state_scales(scene: Scene) -> FloatArray:
     the platform by far above resonance), and g/ω₀² where larger for gap and upper layer; rotation (k₁+k₂)ρ/J, with ρ
     the largest distance of an exciter's axis from the platform's centre of mass; exciters 1 rad; rates ω₀ times these.
     """
-    speed, length = scene.speed_scale, scene.length_scale
-    flight = max(length, scene.machine.gravity_m_per_s2 / speed**2)
-    arm = max(scene.body.distance, *(exciter.unbalance_radius_m for exciter in scene.exciter_pair))
-    rotation = sum(scene.unbalances) * arm / scene.body.inertia
-    coordinates = np.array([length, length, rotation, 1.0, 1.0, flight, flight])
-    moving = [] if scene.transport is None else [length, speed * length]
-    return np.concatenate([coordinates, speed * coordinates, moving])
+    return np.array(scene.state_scales)
 
 
 def absolute_tolerances(scene: Scene, system: System) -> FloatArray:

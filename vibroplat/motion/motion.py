@@ -13,7 +13,7 @@ from vibroplat.config.coordinates import Mode
 from vibroplat.config.drive import interval_at
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid import state as hy
-from vibroplat.hybrid.loop import automaton, begin_in_flight, first_mode
+from vibroplat.hybrid.loop import automaton, begin_in_flight, beginning, first_mode
 from vibroplat.hybrid.resets import apply_supply_corner, record_restart_events
 from vibroplat.hybrid.sliding import apply_sliding_corner
 from vibroplat.hybrid.state import empty_steps, rewind
@@ -85,6 +85,8 @@ class Simulator:
         Where a motion begins anew: a record of :data:`vibroplat.hybrid.state.RUN`.
     events
         Events so far.
+    held_parameters
+        The records of parameters of all who hold them, as numbers: that which was given, and two of the automaton.
     """
 
     def __init__(
@@ -111,8 +113,11 @@ class Simulator:
         self._run = np.asarray(self.automaton.run).reshape(1)
         # several times as quick to reach as the fields of a record
         self._field = {name: self._run[name] for name in ("now", "outcome", "mode", "events", "systems")}
-        self._held = record_words(p), record_words(self.automaton.p), record_words(self.automaton.inelastic)
-        self._given = p, self._held[0]  # what they were set to, and its view
+        self.held_parameters = (
+            record_words(p),
+            record_words(self.automaton.p),
+            record_words(self.automaton.inelastic),
+        )
         self._first_mode, self._rewind = same_types(first_mode), same_types(rewind)
         self._first_mode(self.automaton)
         if mode is Mode.FLIGHT and self.automaton.run["mode"] != Mode.FLIGHT:
@@ -123,11 +128,17 @@ class Simulator:
 
     def set_parameters(self, p: Parameters) -> None:
         """Change the parameters for all who hold them: of another scene of the same modes, with the same tolerances."""
-        if p is not self._given[0]:
-            self._given = p, record_words(p)
-        for held in self._held:
-            held[:] = self._given[1]
+        for held in self.held_parameters:
+            held[:] = record_words(p)
         self.automaton.inelastic["restitution"] = 0.0
+
+    def take(self, scene: Scene, p: Parameters) -> None:
+        """Begin anew with another scene of the same systems, tolerance and engine, whose drive has no program."""
+        self.scene, self._intervals, self._interval = scene, scene.drive.intervals, scene.drive.at(0.0)
+        self._run[:] = beginning(scene, self.engine.turns_per_segment)
+        record_words(self.beginning)[:] = record_words(self.automaton.run)
+        self.set_parameters(p)
+        self._first_mode(self.automaton)
 
     def reset(self, state: FloatArray) -> None:
         """Begin anew at another full state, shape (14,), at the time and in the interval of the drive as before.

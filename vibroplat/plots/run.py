@@ -119,7 +119,11 @@ class Shown:
     def picture(self, kind: str, panels: Sequence[Panel], *lines: str, facets: int = 2, **more: Any) -> picture.Picture:
         """Return the picture of all that was drawn, in so many parts: the whole run, and its last turns."""
         last = [n for n in range(len(self.series)) if n not in self.whole]
-        told = "from a whole turn on" if self.aligned else f"last {turns_of(self.runs[0].last):.0f} turns"
+        table = pd.concat(self.parts, ignore_index=True) if self.parts else pd.DataFrame()
+        columns = [*more.get("axes", ["t_s"]), *(panel.column for panel in panels)]
+        turns = turns_of(self.runs[0].last)
+        end = f"last {turns:.0f} turns" if 1.5 < turns < np.inf else "the end"
+        told = "from a whole turn on" if self.aligned else end
         shown = [Facet(told, last, width=1.0)]
         shown = [Facet("whole run: range of each turn", self.whole, width=2.2), *shown] if self.both else shown
         shown = shown if facets > 1 and self.both else [one._replace(width=0.0) for one in shown[:facets]]
@@ -130,7 +134,7 @@ class Shown:
             name=kind,
             heading=kind,
             title=headline(kind, self.runs),
-            table=pd.concat(self.parts, ignore_index=True),
+            table=table.reindex(columns=list(dict.fromkeys([*columns, *table]))).astype(float),
             table_name="trajectory",
             panels=panels,
             series=self.series,
