@@ -9,7 +9,7 @@ from common.places import ROOT
 
 from vibroplat import load_config, simulate
 from vibroplat.page.machine import drawing, machine_of
-from vibroplat.page.run import course_of
+from vibroplat.page.run import course_of, resampled
 from vibroplat.results.sheet import Sheet
 
 
@@ -31,17 +31,25 @@ def test_the_machine_moves_its_material_from_the_beginning_of_each_turn(feeder):
     assert "grains" not in drawing(machine_of(feeder.scene.replace({"transport": None})), "")
 
 
+def test_a_machine_on_a_slope_is_drawn_from_its_rest(feeder):
+    scene = feeder.scene.replace({"transport.deck_angle_deg": 10.0})
+    force = 1.2 * scene.platform_mass * 9.81 * math.sin(math.radians(10.0))
+    shown, times = feeder.trajectory, np.zeros(1)
+    level, tilted = (resampled(shown, one, times)["x_m"][0] for one in (feeder.scene, scene))
+    assert level - tilted == pytest.approx(force / scene.machine.stiffness_x_n_per_m)
+
+
 def test_the_sheet_tells_how_fast_material_goes_and_what_follows(feeder):
     sheet, s = Sheet(feeder.scene, feeder.summary), feeder.summary
     rows = {row.label: row for row in sheet.groups["Conveying"]}
-    told = rows["speed along the deck"].short[2]
+    told = rows["conveying speed"].short[2]
     assert told.startswith(f"{rows['throughput'].now}; sticks {rows['sticks'].now}, slips ")
     assert rows["throughput"].now.endswith(" kg/s")
     assert rows["wear power"].now.endswith(" W/m²")
-    assert "shear over pressure of the layers" not in rows, "one layer"
+    assert "shear of layers" not in rows, "one layer"
     still = Sheet(feeder.scene, s | {"conveying_speed_m_per_s": 1e-12, "residence_time_s": math.inf})
     rows = {row.label: row.now for row in still.groups["Conveying"]}
-    assert rows["speed along the deck"] == "0"
+    assert rows["conveying speed"] == "0"
     assert not {"throughput", "residence time"} & {*rows}
     smooth = Sheet(feeder.scene.replace({"transport": None}), s)
     assert "Conveying" not in smooth.groups

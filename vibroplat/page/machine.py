@@ -57,7 +57,7 @@ def moving(frames: pd.DataFrame, scene: Scene, hits: Sequence[Sequence[float]], 
     Parameters
     ----------
     frames
-        Values of :data:`MOVING` at equal parts of turns; y is counted from the static rest.
+        Values of :data:`MOVING` at equal parts of turns; those of the platform are counted from the static rest.
     scene
         Whose machine it is.
     hits

@@ -273,7 +273,7 @@ def resampled(trajectory: pd.DataFrame, scene: Scene, times: Floats, *more: str)
     t = trajectory["t_s"].to_numpy(dtype=float)
     names = [name for name in (*MOVING, *more) if name in trajectory]
     found = pd.DataFrame({name: np.interp(times, t, trajectory[name].to_numpy(dtype=float)) for name in names})
-    return found.assign(y_m=found["y_m"] - rest_of(scene))
+    return found.assign(**{name: found[name] - rest_of(scene, place) for place, name in enumerate(MOVING[:3])})
 
 
 def impulses_of(struck: pd.DataFrame, begin: float, seconds: float, frames: int, first: int = 0) -> list[list[float]]:
