@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Any
 
 from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.sections import OF_EXCITERS
-
-if TYPE_CHECKING:
-    from vibroplat.config.scene import Scene
 
 #: Most turns at the synchronous speed that a run may take: half a day of computing.
 MAX_TURNS = 1e9
@@ -18,7 +15,7 @@ MAX_TURNS = 1e9
 MAX_TURNS_SUNDAE = 5e7
 
 
-def require_consistent(scene: Scene) -> None:
+def require_consistent(scene: Any) -> None:
     """Refuse a scene whose sections do not go together (ValueError)."""
     _require_exciters_once(scene)
     _require_transportable(scene)
@@ -26,7 +23,7 @@ def require_consistent(scene: Scene) -> None:
     _require_possible_state(scene)
 
 
-def _require_exciters_once(scene: Scene) -> None:
+def _require_exciters_once(scene: Any) -> None:
     """Refuse numbers of exciters, or phases, that are given in two ways or do not go with the rotation."""
     for name in OF_EXCITERS if scene.exciters is not None else ():
         if name in scene.machine.model_fields_set:
@@ -38,7 +35,7 @@ def _require_exciters_once(scene: Scene) -> None:
         )
 
 
-def _require_transportable(scene: Scene) -> None:
+def _require_transportable(scene: Any) -> None:
     """Refuse what does not go with transport."""
     if scene.transport is None:
         return
@@ -61,7 +58,7 @@ def _require_transportable(scene: Scene) -> None:
         )
 
 
-def _require_bounded(scene: Scene) -> None:
+def _require_bounded(scene: Any) -> None:
     """Refuse durations that no computer would ever finish."""
     durations = [("run.duration_s", scene.run.duration_s, scene.drive.largest_frequency)]
     if scene.sweep is not None:
@@ -82,7 +79,7 @@ def _require_bounded(scene: Scene) -> None:
             )
 
 
-def _require_possible_state(scene: Scene) -> None:
+def _require_possible_state(scene: Any) -> None:
     """Refuse a state that the scene does not have."""
     state = scene.run.initial.state
     if state is None:
