@@ -16,6 +16,7 @@ from stability.checks import row, sound, with_engine
 from stability.endurance import endurance
 from stability.grazing import grazing
 from stability.layers import layers
+from stability.transport import transport
 from stability.units import units
 from vibroplat import simulate
 from vibroplat.bench.scenes import base
@@ -30,6 +31,7 @@ SITUATIONS = {
     "layers": (layers, 8, 8, 1500),
     "endurance": (endurance, 600, 3_000, 3_000_000),
     "units": (units, 6, 6, 198),
+    "transport": (transport, 6, 24, 2_000),
     "campaign": (campaign, 8, 24, 10_000),
 }
 

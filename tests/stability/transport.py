@@ -1,0 +1,50 @@
+"""Random scenes in which the material slides along the deck."""
+
+import math
+
+import numpy as np
+from common.random_scenes import random_scene
+
+from stability.checks import NAMED, row, sound, with_engine
+from vibroplat.hybrid.state import FORCE_ERROR
+from vibroplat.motion.run import simulate
+
+#: Part of the steepest slope on which friction holds the material that decks have at most.
+STEEPEST = 0.95
+#: Largest rate against the sense of slip, over the scale of speeds and the root of the tolerance.
+AGAINST = 0.1
+
+
+def transport(count, engine):
+    """Run random scenes with friction: each ends by name, forces stay in Coulomb's cone, balances close."""
+    return [_judged(with_engine(moving(number), engine)) for number in range(count)]
+
+
+def moving(number):
+    """Draw a scene with transport; the number determines it."""
+    scene, rng = random_scene(number), np.random.default_rng((77, number))
+    friction = 0.0 if rng.random() < 0.08 else float(10.0 ** rng.uniform(-1.3, 0.3))
+    static = friction * (1.0 if rng.random() < 0.5 else float(rng.uniform(1.0, 1.6)))
+    steepest = math.degrees(math.atan(static))
+    angle = 0.0 if rng.random() < 0.3 else STEEPEST * steepest * float(rng.uniform(-1.0, 1.0))
+    height = 0.0 if rng.random() < 0.3 else 0.5 * scene.body.distance * float(rng.uniform(-1.0, 1.0))
+    section = {"friction": friction, "static_friction": static, "deck_angle_deg": angle, "deck_height_m": height}
+    changes = {"transport": section, "contact.model": "impact", "contact.impact_law": "conservative"}
+    if not scene.material.mass_ratio:
+        changes |= {"material.mass_ratio": float(10.0 ** rng.uniform(-2.0, 0.0)), "material.layers": 1}
+    return scene.replace(changes | {"solver.tolerance": 1e-8})
+
+
+def _judged(scene):
+    run = simulate(scene)
+    limits = sound(scene, run.summary)
+    if run.outcome in ("ok", "inaccurate"):
+        table, friction = run.trajectory, scene.transport.largest_friction
+        beyond = table["friction_force_n"].abs() - friction * table["contact_force_n"].clip(lower=0.0)
+        most = max(limits["pull_n"][1], FORCE_ERROR * scene.force_scale) * max(1.0, friction)
+        limits["cone_n"] = (max(float(beyond.max()), 0.0), most)
+        speed = AGAINST * math.sqrt(scene.solver.tolerance) * scene.length_scale * scene.speed_scale
+        for sign, mode in ((1.0, "slip+"), (-1.0, "slip-")) if friction else ():
+            rates = sign * table.loc[table["mode"] == mode, "along_rate_m_per_s"]
+            limits[f"against {mode}"] = (max(-float(rates.min()), 0.0) if len(rates) else 0.0, speed)
+    return row(scene.name, run.outcome, limits, allowed=NAMED)
