@@ -44,5 +44,5 @@ def test_data_are_fitted_and_compared_with_any_column(moved, data_file):
     data = data_file(table.assign(t_s=table["t_s"] + 100.0), "acceleration_x_tip_m_per_s2", "phi1_rate_rad_per_s")
     ((_, _, figure),) = run_figures([moved], ["measured"], start=0.1, data=data)
     assert [axis.get_title(loc="left").splitlines()[-1] for axis in figure.axes] == ["differs by < 0.1 %"] * 2
-    assert "measured data shifted by −100.0 s" in figure.axes[0].get_title(loc="left").splitlines()
+    assert "measured data shifted by −100 s" in figure.axes[0].get_title(loc="left").splitlines()
     assert [axis.lines[1].get_marker() for axis in figure.axes] == ["D"] * 2

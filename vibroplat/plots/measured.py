@@ -137,7 +137,8 @@ class Measured:
         told = f"shifted by {given(self.shift).replace('-', '−')} s"
         if len(self.alike) < 2:
             return told
-        return f"{told}, of {len(self.alike)} shifts, {interval(*self.alike[[0, -1]], 's')}, that differ as little"
+        ends = interval(float(self.alike[0]), float(self.alike[-1]), "s")
+        return f"{told}, of {len(self.alike)} shifts, {ends}, that differ as little"
 
     def lines(self) -> list[str]:
         """Say the errors of all columns, and how far the data were shifted."""

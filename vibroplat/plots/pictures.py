@@ -146,6 +146,9 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
         draw_strips(strip, picture, x)
     for cell in cells:
         _panel(cell, picture, x, (data, computed) if data is not None else None)
+    for cell in cells:  # that may share their axis, which so has all points
+        if cell.panel.kind in ("points", "tiles") and not picture.log(x):
+            widen_ticks(cell.axis, "x")
     first = cells[0].axis if cells else strip
     assert first is not None
     if picture.log(x) and not {panel.kind for panel in picture.panels} & {"tiles", "bars", "ranks"}:
@@ -196,8 +199,6 @@ def _panel(cell: Cell, picture: Picture, x: str, data: tuple[Measured, pd.DataFr
         name_axis(axis, panel.column, label, picture.rotation)
     _references(axis, picture, panel, x)
     _limit(axis, panel)
-    if kind in ("points", "dots", "tiles") and not picture.log(x):
-        widen_ticks(axis, "x")
     draw_words(axis, picture, panel.column, x)
     if panel.note:
         axis.set_title(panel.note, loc="right", fontsize=8.0, color=TOLD)
