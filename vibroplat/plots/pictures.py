@@ -164,6 +164,7 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
         bar.set_label(key_label(picture.scale))
     measured = [line for axis in figure.axes for line in axis.get_legend_handles_labels()[0]][:1]
     entries = [*legend_of(picture), *(measured if data is not None else [])]
+    entries = [*{str(one.get_label()): one for one in entries}.values()]
     empty = next((axis for axis in figure.axes if not axis.axison), None)
     if empty is not None and len(cells) > 1 and len(entries) <= MOST_WITHIN:
         empty.legend(handles=entries, loc="center", fontsize=8.0)

@@ -417,9 +417,7 @@ def _spectra(shown: Shown) -> picture.Picture:
             shown.draw(pd.DataFrame(table), label, colour=CURVES[number % len(CURVES)], of=(column,))
         if not panels:
             last = min(NAMED, int(end / speed)) if turns and speed > 0.0 else 0
-            shown.words += [
-                picture.Word(f"{n}×", column, n * speed, top, REFERENCE, beside=True) for n in range(1, last + 1)
-            ]
+            shown.words += [picture.Word(f"{n}×", column, n * speed, top, REFERENCE) for n in range(1, last + 1)]
         label = f"amplitude along {column.split('_')[1]} (m/s²)"
         panels.append(Panel(column, title=peaks_of(*found[0]), label=label, scale="log"))
     orders = picture.Line("frequency_hz", [n * speed for n in range(1, 2 * len(shown.words) + 1)], dash=":")
