@@ -47,9 +47,9 @@ MOST_LARGE = 100
 #: Short names of columns; ``ax`` and ``ay`` are accelerations, ``ay_inlet`` that of point ``inlet``.
 SHORT = {"t": "t_s", "x": "x_m", "y": "y_m", "phi": "phi_rad", "gap": "gap_m"}
 _ACCELERATION = re.compile(r"a([xy])(_\w+)?")
-#: Correlation less than the best one by so much is nearly as good, as of a motion that repeats; most such places that
-#: are compared; and what shifts that are found are whole numbers of (s).
-ALIKE, MOST_TOPS, TICK = 2e-3, 2000, 1e-5
+#: Correlation less than the best one by so much is nearly as good, as of a motion that repeats; most values that are
+#: compared at all such places, and least of these; and what shifts that are found are whole numbers of (s).
+ALIKE, MOST_COMPARED, LEAST_TOPS, TICK = 2e-3, 10**7, 10, 1e-5
 
 
 @dataclass
@@ -220,7 +220,8 @@ def _tops_of(measured: Curve, computed: Curve) -> tuple[FloatArray, FloatArray, 
     shifts, total = _correlation(measured, computed)
     beside = np.pad(total, 1, constant_values=-np.inf)
     tops = np.flatnonzero((total >= beside[:-2]) & (total >= beside[2:]) & (total >= total.max() - ALIKE))
-    highest = np.sort(tops[(-total[tops]).argsort(kind="stable")[:MOST_TOPS]])
+    most = max(MOST_COMPARED // len(measured[0]), LEAST_TOPS)
+    highest = np.sort(tops[(-total[tops]).argsort(kind="stable")[:most]])
     found = np.unique([_top(shifts, total, place) for place in highest.tolist()])
     errors = [relative_error((measured[0] + shift, measured[1]), computed) for shift in found.tolist()]
     step = float(np.abs(np.diff(shifts[:2])).sum())
