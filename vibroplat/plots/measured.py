@@ -2,7 +2,7 @@
 
 A file is given as ``FILE`` or ``FILE:OURS=THEIRS,…``: columns of results and the names that they have in the file, with
 a factor behind a star where units differ, as ``t=Zeit*0.001``. ``shift=S`` adds S seconds to the times in the file, and
-``shift=fit`` finds the shift at which the data correlate best with a run. Names that hold commas stand in quotation
+``shift=fit`` finds the shift at which the data differ least from a run. Names that hold commas stand in quotation
 marks.
 """
 
