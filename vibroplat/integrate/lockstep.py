@@ -32,6 +32,7 @@ from vibroplat.kernels.vectors import (
     as_lanes,
     at,
     exp2,
+    four,
     greater,
     lesser,
     log2,
@@ -41,7 +42,7 @@ from vibroplat.kernels.vectors import (
     some,
     zero,
 )
-from vibroplat.model.series import FORCE, WORDS, expand, four
+from vibroplat.model.series import FORCE, WORDS, expand
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS, PLACES
 
 #: Largest difference of accelerations at the end of a step, times its length over its degree, in tolerances of rates.

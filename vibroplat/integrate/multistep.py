@@ -131,7 +131,7 @@ def stop_within(
     c = steps.c[steps.used.steps - 1]
     passed, fall = np.inf, 1.0 if root_found else np.inf
     if y[3] >= target:
-        passed = crossing(c, CUBIC, 3, target)
+        passed = crossing(c, CUBIC, 3, target, y[3])
     if (
         guard >= 0
         and not root_found

@@ -10,8 +10,9 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.state import WIDTH, Automaton
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
-from vibroplat.kernels.lanes import in_lines, put_step, sizes_16
+from vibroplat.kernels.lanes import in_lines, put_step
 from vibroplat.kernels.polynomial import MAX_DEGREE, crossing, first_downcrossing
+from vibroplat.kernels.rows import sizes_16
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, FULL_SIZE, LAYERS
 
 #: Coefficients at the end of a series that choose its step. Kloss' torque has complex poles, which let pairs of them
@@ -95,7 +96,7 @@ def end_of_step(
             angle += c[k, 3]
         if angle >= target:
             stop, status.resting = AT_TARGET, -1
-            length *= crossing(c, degree, 3, target)
+            length *= crossing(c, degree, 3, target, angle)
             put_step(q, lane, degree, length, n, shifted, c)
     status.stop = stop
     return length

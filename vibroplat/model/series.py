@@ -31,7 +31,7 @@ import numpy as np
 from vibroplat.kernels.compiled import fused, fused_inline, inlined
 from vibroplat.kernels.polynomial import MAX_DEGREE
 from vibroplat.kernels.sines import sincos_pair
-from vibroplat.kernels.vectors import Lanes, Pair, align_stack, at, join, lanes_record, part, select, some, zero
+from vibroplat.kernels.vectors import Lanes, Pair, align_stack, at, four, join, lanes_record, part, select, some, zero
 from vibroplat.model.accelerations import mobility, solve_rows
 from vibroplat.model.motor import MotorTerms, kloss_term, motor_at, resistance_term, square_term
 from vibroplat.model.parameters import PARAMETERS, Parameters
@@ -212,12 +212,6 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
         four(x4, x5, x6, none),
         four(following, v5 * share, v6 * share, none),
     )
-
-
-@inlined
-def four(first: Lanes, second: Lanes, third: Lanes, fourth: Lanes) -> Any:
-    """Put four columns side by side."""
-    return join(join(first, second), join(third, fourth))
 
 
 @fused_inline

@@ -1,7 +1,6 @@
 """Largest loads over a run: forces into the foundation, accelerations, named points.
 
-They are linear in the unknowns and their rates. Samples of these say which steps may hold a new extreme, and only such
-steps are searched.
+Samples of what moves say which steps may hold a new extreme, and only such steps are searched.
 """
 
 from __future__ import annotations
@@ -10,22 +9,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.hybrid.modes import FLIGHT, MODES
-from vibroplat.hybrid.state import WIDTH
 from vibroplat.kernels.compiled import FloatArray, call_int, compiled, fused_inline, inlined
 from vibroplat.kernels.polynomial import QUADRATIC_RANGE, values
-from vibroplat.kernels.screening import LOWER, exceeds_limits
+from vibroplat.kernels.vectors import load_2, some
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.systems import DIFFERENTIAL, GAP, SIZES
+from vibroplat.model.systems import DIFFERENTIAL
 from vibroplat.observe.extremes import (
     ACCELERATION,
     DRIVEN_1,
-    FORCE,
     GAPS,
     HEIGHT,
     LIFT,
     MOMENT,
-    OPENING,
+    POINT_ACCELERATIONS,
     POINTS,
     PULL_X,
     PULL_Y,
@@ -37,19 +33,20 @@ from vibroplat.observe.extremes import (
     margin,
     place_of,
     remember,
-    update_extremes,
     vertex,
 )
 from vibroplat.observe.motor_loads import update_motor_extremes
-
-#: Place of φ among the unknowns. An integer of numpy, so that functions are compiled once for all.
-_PHI = np.array([2])[0]
+from vibroplat.observe.peaks import (
+    COLUMNS,
+    EIGHT,
+    beyond_limits,
+    cover,
+    largest_squares,
+    put_quantities,
+)
 
 #: Part of the changes of the velocity along y up to which those along x do not matter for the acceleration's size.
 ALIKE = 1e-6
-#: Columns of forces and squares of accelerations behind those of the unknowns, where steps are screened.
-COLUMNS = WIDTH + 8
-_PULLS, _VIBRATION = WIDTH, WIDTH + 4
 
 
 class Equations(NamedTuple):
@@ -97,7 +94,7 @@ def update_acceleration_extremes(
     """
     squares, n, known = room.squares, DIFFERENTIAL[system] // 2, (1.0 + 2.0 * TIE) * extremes.square[k]
     inverse = 1.0 / (span.length * (span.last - span.first))
-    mean_squares(span, room.samples, nodes, n, sideways, spot, inverse, squares)
+    mean_squares(room.samples, nodes, n, sideways, spot, inverse, squares)
     for i in range(nodes + 1):
         before = squares[i - 1] if i > 0 else -1.0
         here, after = squares[i], squares[min(i + 1, nodes)]
@@ -122,7 +119,6 @@ def middle(i: int, nodes: int, span: Span) -> float:
 
 @inlined
 def mean_squares(
-    span: Span,
     samples: FloatArray,
     nodes: int,
     n: int,
@@ -138,11 +134,10 @@ def mean_squares(
     the part's duration (1/s), n the column of the first rate, ``spot`` the point; ``sideways`` as of
     :func:`update_acceleration_extremes`.
     """
-    start, end = span.start, span.end
-    x, y = start[n] - spot[1] * start[n + 2], start[n + 1] + spot[0] * start[n + 2]
+    x, y = samples[0, n] - spot[1] * samples[0, n + 2], samples[0, n + 1] + spot[0] * samples[0, n + 2]
     for i in range(nodes + 1):
-        after = samples[i] if i < nodes else end
-        to_x, to_y = after[n] - spot[1] * after[n + 2], after[n + 1] + spot[0] * after[n + 2]
+        turning = samples[i + 1, n + 2]
+        to_x, to_y = samples[i + 1, n] - spot[1] * turning, samples[i + 1, n + 1] + spot[0] * turning
         ax, ay, share = to_x - x, to_y - y, inverse * GAPS[nodes, i]
         squares[i] = share * share * (sideways * ax * ax + ay * ay)
         x, y = to_x, to_y
@@ -198,51 +193,40 @@ def exact_size(
 # -- a step ------------------------------------------------------------------------------------------------
 
 
-#: Quantities that are screened, and the largest of their kind; the last three are forces into the foundation.
-SCREENED = np.array([SIDEWAYS, HEIGHT, ROTATION, OPENING, FORCE, DRIVEN_1, DRIVEN_1 + 1, PULL_X, PULL_Y, MOMENT])
-GROUPS = np.array([HEIGHT, HEIGHT, HEIGHT, OPENING, FORCE, DRIVEN_1, DRIVEN_1 + 1, PULL_Y, PULL_Y, PULL_Y])
-#: Columns of the first four.
-_COLUMNS = np.array([0, 1, 2, GAP])
-
-
-@inlined
-def column_of(q: int, n: int) -> int:
-    """Column of a screened quantity of a system of n coordinates; forces into the foundation are from _PULLS on."""
-    if q < 4:
-        return _COLUMNS[q]
-    if q == 4:
-        return 2 * n
-    return n + q - 2 if q < 7 else _PULLS + q - 7
+#: The largest quantity of the kind of each that has a column.
+GROUPS = np.arange(COLUMNS)
+GROUPS[[SIDEWAYS, ROTATION, *range(POINTS, COLUMNS)]] = HEIGHT
+GROUPS[[PULL_X, MOMENT]] = PULL_Y
 
 
 @compiled
-def put_limits(extremes: Any, room: Any, system: int, p: Parameters) -> None:
+def put_limits(extremes: Any, room: Any, p: Parameters) -> None:
     """Fill the limits beyond which a step has new extremes, and forget those of the supply before.
 
     Quantities of one kind share a margin, that of the largest of them: x and φ that are round-off beside y have no
-    extremes worth a search. Columns that the system does not have get no limits. While the supply changes, torque and
-    power do not follow from the speed alone, and each step is evaluated.
+    extremes worth a search. While the supply changes, torque and power do not follow from the speed alone, and each
+    step is evaluated.
     """
-    limits, n = room.limits, DIFFERENTIAL[system] // 2
+    limits = room.limits
     for i in range(2):
         if extremes.since != p.since or p.speed_ramp[i] != 0.0 or p.slip_ramp[i] != 0.0:
             extremes.least[DRIVEN_1 + i], extremes.largest[DRIVEN_1 + i] = np.inf, -np.inf
     extremes.since, extremes.changed = p.since, 0
-    for j in range(COLUMNS):
-        limits[0, j], limits[1, j] = -np.inf, np.inf
-    for q in range(len(SCREENED)):
-        k, j, beyond = SCREENED[q], column_of(q, n), margin(extremes, GROUPS[q])
-        if j >= _PULLS or ((j != GAP or MODES[system] == FLIGHT) and j < SIZES[system]):
-            limits[0, j], limits[1, j] = extremes.least[k] - beyond, extremes.largest[k] + beyond
-    limits[1, _VIBRATION] = (1.0 + 2.0 * TIE) * extremes.square[ACCELERATION]
-    limits[1, _VIBRATION + 1] = (1.0 + 2.0 * TIE) * extremes.square[LIFT]
+    for k in range(COLUMNS):
+        beyond = margin(extremes, GROUPS[k])
+        limits[0, k], limits[1, k] = extremes.least[k] - beyond, extremes.largest[k] + beyond
+    for which, k in enumerate((ACCELERATION, LIFT)):
+        room.square_limits[which] = (1.0 + 2.0 * TIE) * extremes.square[k]
+    for i in range(room.named):
+        room.levers[2 * i], room.levers[2 * i + 1] = -p.point_y[i], p.point_x[i]
 
 
 @inlined
 def update_step_extremes(
     extremes: Any,
-    start: FloatArray,
+    at_start: FloatArray,
     room: Any,
+    tops: Any,
     nodes: int,
     system: int,
     span: Span,
@@ -252,72 +236,66 @@ def update_step_extremes(
     """Let the extremes cover a step or a part of it.
 
     Steps are screened, and most of them pass without a search. The limits are filled anew where there are none, after
-    a step of another record or another system, and while the supply changes.
+    a step of another record, and while the supply changes.
 
     Parameters
     ----------
     extremes
-        The record; ``room.limited`` is −1 if the step before was one of another.
-    room, nodes, system, span, equations
-        As in :func:`update_acceleration_extremes`.
+        The record; ``room.limited`` is 0 if the step before was one of another.
+    at_start
+        Derivatives of the unknowns at the beginning of the part, by the fraction of the step, shape (16,).
+    room, tops, nodes, system, span, equations
+        As in :func:`vibroplat.observe.peaks.cover` and :func:`update_acceleration_extremes`.
     """
     ramps = p.speed_ramp[0] != 0.0 or p.speed_ramp[1] != 0.0 or p.slip_ramp[0] != 0.0 or p.slip_ramp[1] != 0.0
-    if room.limited != system or ramps:
-        put_limits(extremes, room, system, p)
-        room.limited = system
-    n, inverse = DIFFERENTIAL[system] // 2, 1.0 / (span.length * (span.last - span.first))
-    which = (start, room.samples, nodes, span.end, n)
-    flags = exceeds_limits(*which, room.springs, GAPS[nodes], inverse, REACH[nodes], room.limits)
-    if flags != 0 or room.named > 0:
-        update_columns(extremes, room, nodes, system, span, flags, equations, p)
+    if room.limited == 0 or ramps:
+        put_limits(extremes, room, p)
+        room.limited = 1
+    n, above, below = DIFFERENTIAL[system] // 2, 0, 0
+    for i in range(nodes + 2):
+        put_quantities(room.samples, i, n, system, room)
+    for first in range(0, COLUMNS if room.named > 0 else POINTS, EIGHT):
+        over, under = beyond_limits(room.quantities, nodes, REACH[nodes], room.limits, first)
+        above, below = above | over << first, below | under << first
+    start = load_2(at_start, 0, n) * (1.0 / span.length)
+    inverse = 1.0 / (span.length * (span.last - span.first))
+    squares = largest_squares(room.samples, nodes, n, GAPS[nodes], inverse, start)
+    shaken = some(squares > load_2(room.square_limits, 0, 0))
+    if above | below != 0 or shaken or room.named > 0:
+        update_columns(extremes, room, tops, nodes, system, span, (above, below, shaken), equations, p)
 
 
 @compiled
 def update_columns(
-    extremes: Any, room: Any, nodes: int, system: int, span: Span, flags: int, equations: Equations, p: Parameters
+    extremes: Any,
+    room: Any,
+    tops: Any,
+    nodes: int,
+    system: int,
+    span: Span,
+    found: tuple[int, int, bool],
+    equations: Equations,
+    p: Parameters,
 ) -> None:
-    """Let the extremes of columns whose bits are set cover a step.
+    """Let the extremes cover a step where some may be new: the bits of those above and below limits, and accelerations.
 
-    Bits are those of :func:`vibroplat.kernels.screening.exceeds_limits`: of the unknowns, of three forces into the
-    foundation and of the acceleration, with and without its part along x. Named points are evaluated in any case.
-    One loop goes through all forms and senses: copies of the search for each of them would not stay in the processor's
-    cache.
+    Accelerations of named points are evaluated in any case.
     """
-    n, known = DIFFERENTIAL[system] // 2, room.driven
+    n, known, (above, below, shaken) = DIFFERENTIAL[system] // 2, room.driven, found
     for i in range(2):
         known[0, i], known[1, i] = extremes.least[DRIVEN_1 + i], extremes.largest[DRIVEN_1 + i]
-    for q in range(len(SCREENED)):
-        column = column_of(q, n)
-        for sense in (1.0, -1.0):
-            if flags >> (column if sense > 0.0 else column + LOWER) & 1:
-                form, beyond = (column, 1.0, column, 0.0), margin(extremes, GROUPS[q])
-                if column >= _PULLS:
-                    i = column - _PULLS
-                    form = (i, room.springs[0, i], n + i, room.springs[1, i])
-                update_extremes(extremes, SCREENED[q], room, nodes, form, span, beyond, sense)
+    if above | below != 0:
+        cover(extremes, above, below, n, room, tops, nodes, span)
     for i in range(2):
-        if (flags | flags >> LOWER) >> (n + 3 + i) & 1:
+        if (above | below) >> (DRIVEN_1 + i) & 1:
             update_motor_extremes(extremes, i, (known[0, i], known[1, i]), room.samples, nodes, n, span, p)
-    if flags >> _VIBRATION & 3:
+    if shaken:
         update_vibration(extremes, room, nodes, system, span, equations)
-    if room.named > 0:
-        update_points(extremes, room, nodes, system, span, equations, p)
-    if extremes.changed != 0:
-        put_limits(extremes, room, system, p)
-
-
-@compiled
-def update_points(
-    extremes: Any, room: Any, nodes: int, system: int, span: Span, equations: Equations, p: Parameters
-) -> None:
-    """Let the extremes of named points cover a step."""
     for i in range(room.named):
-        k, spot, beyond = POINTS + 3 * i, (p.point_x[i], p.point_y[i]), margin(extremes, HEIGHT)
-        for axis in range(2):
-            form = (axis, 1.0, _PHI, spot[0] if axis else -spot[1])
-            for sense in (1.0, -1.0):
-                update_extremes(extremes, k + axis, room, nodes, form, span, beyond, sense)
-        update_acceleration_extremes(extremes, k + 2, room, nodes, 1.0, system, spot, span, equations)
+        k, spot = POINT_ACCELERATIONS + i, (p.point_x[i], p.point_y[i])
+        update_acceleration_extremes(extremes, k, room, nodes, 1.0, system, spot, span, equations)
+    if extremes.changed != 0:
+        put_limits(extremes, room, p)
 
 
 @compiled
@@ -328,11 +306,11 @@ def update_vibration(extremes: Any, room: Any, nodes: int, system: int, span: Sp
     two searches would differ in the last digits.
     """
     spot, across, along, n = (0.0, 0.0), 0.0, 0.0, DIFFERENTIAL[system] // 2
-    for i in range(nodes):
-        across = max(across, abs(room.samples[i, n] - span.start[n]))
-        along = max(along, abs(room.samples[i, n + 1] - span.start[n + 1]))
+    for i in range(1, nodes + 1):
+        across = max(across, abs(room.samples[i, n] - room.samples[0, n]))
+        along = max(along, abs(room.samples[i, n + 1] - room.samples[0, n + 1]))
     for which in range(2 if across > ALIKE * along else 1):  # along y, then both
-        k = LIFT + which
+        k = ACCELERATION if which else LIFT
         update_acceleration_extremes(extremes, k, room, nodes, float(which), system, spot, span, equations)
     if across <= ALIKE * along and extremes.square[LIFT] > extremes.square[ACCELERATION]:
         extremes.square[ACCELERATION] = extremes.square[LIFT]
@@ -345,7 +323,7 @@ def add_forces(sums: FloatArray, means: FloatArray, springs: FloatArray, n: int,
     """Add forces into the foundation, and then their squares, over a part of a step (s), from the unknowns' means.
 
     With stiffness k and damping d a force is kq + dq̇, and its square k²q² + 2kd qq̇ + d²q̇²; the means of all these are
-    in the four rows of :func:`vibroplat.kernels.lanes.means_16`.
+    in the four rows of :func:`vibroplat.kernels.rows.means_16`.
     """
     for i in range(3):
         k, d = springs[0, i], springs[1, i]

@@ -11,19 +11,22 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from vibroplat.config.coordinates import MAX_NAMED_POINTS
 from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.hybrid.state import WIDTH, Automaton, Steps
 from vibroplat.kernels.compiled import Callee, FloatArray, address_of, borrow, compiled, copy, inlined, same_types
-from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16
-from vibroplat.kernels.polynomial import MAX_DEGREE, crossing, slope, value
+from vibroplat.kernels.lanes import in_lines
+from vibroplat.kernels.polynomial import crossing, value
+from vibroplat.kernels.rows import horner_16, horner_pair_16, means_16
 from vibroplat.kernels.sines import sincos_pair
-from vibroplat.model.energy import DISSIPATIONS, deck_power, exciter_powers, powers
-from vibroplat.model.motor import motor_torque
+from vibroplat.kernels.vectors import join, load_2, load_4, load_16, part, store, zero
+from vibroplat.model.energy import DISSIPATIONS, exciter_powers, powers
+from vibroplat.model.motor import both, motor_torques
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import slopes
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, LAYERS, PLACES, SIZES
 from vibroplat.observe.extremes import IMPULSE, MAX_NODES, NODES, WEIGHTS, Span, set_pace
-from vibroplat.observe.loads import COLUMNS, Equations, add_forces, update_step_extremes
+from vibroplat.observe.loads import Equations, add_forces, update_step_extremes
 from vibroplat.observe.measures import (
     BINS,
     COSINE,
@@ -48,6 +51,7 @@ from vibroplat.observe.measures import (
     empty_accumulators,
     last_closed,
 )
+from vibroplat.observe.peaks import COLUMNS, TOPS
 
 #: Place of φ₁ among the unknowns. An integer of numpy, so that functions are compiled once for all.
 _ANGLE = np.array([3])[0]
@@ -62,28 +66,26 @@ _COMPLETE = 1e-12
 #: Turns of exciter 1 within a step beyond which none of them is counted: the motion makes no sense any more.
 _MAX_TURNS = 1000.0
 
-#: What is overwritten at each step: unknowns and phase differences at the nodes; means of the unknowns, of their
-#: squares and their sizes, of products with the rates, and of the powers; a full state; stiffnesses and dampings; a sum
-#: of two unknowns, and its samples; extremes of speeds before a step; squares of mean accelerations; unknowns and
-#: rates; unknowns and derivatives at both ends of a part of a step. What stays is what the known extremes are, for
-#: which system and row, and how many named points there are.
+#: What is overwritten at each step. What stays is what the known extremes are and of which row, stiffnesses and
+#: dampings, the points' levers, and how many named points there are.
 ROOM = np.dtype(
     [
-        ("samples", float, (MAX_NODES, WIDTH)),
-        ("means", float, (4, WIDTH)),
-        ("full", float, FULL_SIZE),
+        ("samples", float, (MAX_NODES + 2, WIDTH)),  # unknowns at beginning, nodes and end
+        ("quantities", float, (MAX_NODES + 2, COLUMNS)),  # what has extremes, there
+        ("limits", float, (2, COLUMNS)),  # least and largest values so far
+        ("square_limits", float, 2),  # those of squares of accelerations, of x and y and of y alone
+        ("squares", float, MAX_NODES + 1),  # of mean accelerations
+        ("springs", float, (2, 4)),  # stiffnesses and dampings of x, y, φ, then nan
+        ("levers", float, 2 * MAX_NAMED_POINTS),  # of points: what φ adds to x and y
+        ("means", float, (4, WIDTH)),  # of unknowns, their squares, their sizes, products with the rates
         ("power", float, N_WORK),
         ("phases", float, MAX_NODES),
-        ("springs", float, (2, 4)),
-        ("form", float, (MAX_DEGREE + 1, 1)),
-        ("form_samples", float, MAX_NODES + 2),
-        ("driven", float, (2, 2)),
-        ("squares", float, MAX_NODES + 1),
+        ("driven", float, (2, 2)),  # extremes of speeds before a step
+        ("full", float, FULL_SIZE),
         ("y", float, FULL_SIZE),
         ("yp", float, FULL_SIZE),
-        ("start", float, (2, WIDTH)),
+        ("begins", float, (2, WIDTH)),  # unknowns and their derivatives where a part of a step begins, and ends
         ("at", float, (2, WIDTH)),
-        ("limits", float, (2, COLUMNS)),
         ("limited", np.int64),
         ("widened", np.int64),
         ("named", np.int64),
@@ -112,7 +114,7 @@ class Statistics:
     def __init__(
         self, window: float, points: int = SECTION_ROWS, named: int = 0, blocks: int = 1, scope: int = WHOLE_RUN
     ) -> None:
-        self._room = in_lines((ROOM.itemsize // 8,)).view(ROOM)[0]
+        self._room, self._tops = (in_lines((kind.itemsize // 8,)).view(kind)[0] for kind in (ROOM, TOPS))
         self._room["named"] = named
         self.begin(window, points, blocks, scope)
 
@@ -141,15 +143,15 @@ class Statistics:
         address = address_of(add_pieces, self.measures, h.steps, h.events[:0], *constants, h.p)
         return Callee(address, (self.measures, *constants))
 
-    def _constants(self, h: Automaton) -> tuple[Any, int, float, Equations]:
-        """Room, number of nodes, fastest speed and equations.
+    def _constants(self, h: Automaton) -> tuple[Any, Any, int, float, Equations]:
+        """Room, tops, number of nodes, fastest speed and equations.
 
         A step has Gauss nodes in pairs: as many as keep the order of its polynomials, fewer where their degree is high.
         """
         degree = h.steps.degree
         nodes = (degree + 1) // 2 if degree <= 8 else (degree + 1) // 3
         nodes = min(nodes + nodes % 2, MAX_NODES)
-        return self._room, nodes, FASTEST * float(h.run["speed"]), Equations(h.start, h.parameters)
+        return self._room, self._tops, nodes, FASTEST * float(h.run["speed"]), Equations(h.start, h.parameters)
 
 
 @compiled
@@ -158,6 +160,7 @@ def add_pieces(
     owned_steps: Steps,
     owned_events: npt.NDArray[np.void],
     room: Any,
+    tops: Any,
     nodes: int,
     fastest: float,
     equations: Equations,
@@ -165,11 +168,12 @@ def add_pieces(
 ) -> None:
     """Add all closed pieces and events in the order of time; ``room`` is overwritten."""
     ms, steps, events = borrow(owned_ms), borrow(owned_steps), borrow(owned_events)
-    counted, degree, full, room.limited = 0, steps.c.shape[1] - 1, room.full, -1
+    counted, degree, full, room.limited = 0, steps.c.shape[1] - 1, room.full, 0
     stiffness, damping = slopes(p)
     for j in range(3):
         room.springs[0, j], room.springs[1, j] = stiffness[j], damping[j]
     room.springs[1, 1] = p.suspension_damping_y
+    room.springs[0, 3] = np.nan
     for i in range(steps.used.pieces):
         piece = steps.pieces[i]
         while counted < piece.events:
@@ -179,7 +183,7 @@ def add_pieces(
             full[j] = 0.0
         for row in range(piece.first, piece.end):
             if steps.length[row] > 0.0:
-                add_step(ms, steps, row, piece, degree, nodes, room, equations, p)
+                add_step(ms, steps, row, piece, degree, nodes, room, tops, equations, p)
                 if ms.marks.scope >= WHOLE_RUN:
                     now = piece.origin + steps.start[row] + steps.length[row]
                     mark_bins(ms, steps.ends[row], now, piece.system, fastest, p)
@@ -216,6 +220,7 @@ def add_step(
     degree: int,
     nodes: int,
     room: Any,
+    tops: Any,
     equations: Equations,
     p: Parameters,
 ) -> None:
@@ -228,29 +233,30 @@ def add_step(
     if ms.section.size == 0 or not abs(last - turn) <= _MAX_TURNS:
         turn = last
     marks.passed = last
-    first, now = 0.0, begin
+    first, now, begins, rate = 0.0, begin, c, DIFFERENTIAL[piece.system] // 2 + 3
     while turn != last or first < 1.0:
         since, cut, way, now = now, 1.0, 0.0, begin + length
         if turn != last:
             way = 1.0 if last > turn else -1.0
-            cut = max(crossing(c, degree, _ANGLE, _TURN * max(turn, turn + way) - turns[0]), first)
+            cut = max(crossing(c, degree, _ANGLE, _TURN * max(turn, turn + way) - turns[0], end[3]), first)
             now = begin + cut * length
         if since < marks.window < now:
             cut, way, now = max((marks.window - begin) / length, first), 0.0, marks.window
-        start, at = c, end
-        if first > 0.0 or cut < 1.0:
-            start, at = room.start[0:], room.at[0]
-            horner_16(c, degree, first, start)
+        at = end
+        if cut < 1.0:
             horner_16(c, degree, cut, room.at)
-            for j in range(WIDTH):
-                start[1, j] *= cut - first
+            at = room.at[0]
         if first < cut and marks.scope >= SUMMED:
-            span = Span(begin, length, c, degree, first, cut, start[0], at)
-            add_part(ms, span, start, since >= marks.window, piece.system, nodes, room, equations, p)
+            span = Span(begin, length, c, degree, first, cut)
+            add_part(ms, span, begins, at, since >= marks.window, piece.system, nodes, room, tops, equations, p)
         first, turn = cut, turn + way
+        if cut < 1.0:
+            begins = room.begins[0:]
+            store(load_16(room.at, 0, 0), begins, 0, 0)
+            store(load_16(room.at, 1, 0), begins, 1, 0)
         if way == 0.0:
             continue
-        passes = math.copysign(1.0, slope(c, degree, 3, cut))
+        passes = math.copysign(1.0, at[rate])
         same = marks.way != -passes  # as the last time: one that swings completes no turn
         marks.way = passes
         if same and now >= marks.window:
@@ -309,26 +315,31 @@ def place_of_angle(level: float, angle: float, angle_after: float, first: float,
 def add_part(
     ms: Accumulators,
     span: Span,
-    start: FloatArray,
+    begins: FloatArray,
+    end: FloatArray,
     measured: bool,
     system: int,
     nodes: int,
     room: Any,
+    tops: Any,
     equations: Equations,
     p: Parameters,
 ) -> None:
     """Add a step, or a part of it that is measured as a whole or not at all.
 
-    ``start`` is that of :func:`vibroplat.observe.loads.update_step_extremes`.
+    ``begins`` holds the unknowns at its beginning and their derivatives by the step's fraction, ``end`` those at its
+    end.
     """
-    width, row = span.last - span.first, ms.marks.row if measured else EARLY
+    width, row, samples = span.last - span.first, ms.marks.row if measured else EARLY, room.samples
     if room.widened != row:
-        room.widened, room.limited = row, -1
+        room.widened, room.limited = row, 0
+    store(load_16(begins, 0, 0), samples, 0, 0)
+    store(load_16(end, 0, 0), samples, nodes + 1, 0)
     for i in range(0, nodes, 2):  # they are even in number
         places = span.first + width * NODES[nodes, i], span.first + width * NODES[nodes, i + 1]
-        horner_pair_16(span.c, span.degree, places[0], places[1], room.samples[i : i + 2])
+        horner_pair_16(span.c, span.degree, places[0], places[1], i + 1, samples)
     if ms.marks.scope >= WITH_EXTREMES:
-        update_step_extremes(ms.extremes[row], start, room, nodes, system, span, equations, p)
+        update_step_extremes(ms.extremes[row], begins[1], room, tops, nodes, system, span, equations, p)
     begin, duration = span.begin + span.first * span.length, width * span.length
     integrate(ms, begin, duration, system, measured, nodes, room, p)
 
@@ -356,25 +367,23 @@ def integrate(
 ) -> None:
     """Add a part of a step that begins at a time (s) with samples in ``room``: work and, if measured, statistics."""
     marks, sums, means, power, n = ms.marks, ms.open_turn, room.means, room.power, DIFFERENTIAL[system] // 2
-    motor, truncated, resisted, exchanged, held = 0.0, 0.0, 0.0, 0.0, 0.0
-    on_deck = p.deck[0] + p.deck[1] > 0.0
-    first = torque_1 = torque_2 = 0.0
-    for i in range(nodes):
-        now, weight = begin + duration * NODES[nodes, i], WEIGHTS[nodes, i]
-        w_1, w_2 = room.samples[i, n + 3], room.samples[i, n + 4]
-        l_1, l_2 = motor_torque(0, now, w_1, p), motor_torque(1, now, w_2, p)
-        fed, turned, lost = exciter_powers(l_1 * w_1, l_2 * w_2, room.samples[i], n, p)
-        torque_1 += weight * l_1
-        torque_2 += weight * l_2
-        first += weight * l_1 * w_1
-        motor += weight * fed
-        truncated += weight * turned
-        resisted += weight * lost
-        exchanged += weight * abs(fed)
-        if on_deck:
-            held += weight * deck_power(l_1, l_2, room.samples[i], n, p)
-    means_16(room.samples, WEIGHTS[nodes], nodes, n, means)
-    powers((motor - held, truncated, resisted), means, n, LAYERS[system], power, p)
+    samples, exchanged = room.samples, 0.0
+    torque = motor = held = truncated = resisted = zero(load_4(samples, 0, 0))
+    for i in range(0, nodes, 2):  # both exciters at two nodes side by side
+        now = begin + duration * alternate(NODES[nodes, i], NODES[nodes, i + 1])
+        weight = alternate(WEIGHTS[nodes, i], WEIGHTS[nodes, i + 1])
+        speed = join(load_2(samples, i + 1, n + 3), load_2(samples, i + 2, n + 3))
+        angle = join(load_2(samples, i + 1, 3), load_2(samples, i + 2, 3))
+        phi = alternate(samples[i + 1, 2], samples[i + 2, 2])
+        turning = alternate(samples[i + 1, n + 2], samples[i + 2, n + 2])
+        driving = motor_torques(now, speed, p)
+        found = exciter_powers(driving, speed, angle, phi, turning, p)
+        torque, motor, held = torque + weight * driving, motor + weight * found.motor, held + weight * found.held
+        truncated, resisted = truncated + weight * found.truncation, resisted + weight * found.resistance
+        first, second = part(weight * found.motor)
+        exchanged += abs(total(first)) + abs(total(second))
+    means_16(samples, WEIGHTS[nodes], 1, nodes, n, means)
+    powers((in_all(motor) - in_all(held), in_all(truncated), in_all(resisted)), means, n, LAYERS[system], power, p)
     for j in range(N_WORK):
         ms.work[j] += duration * power[j]
     for j in range(DISSIPATIONS, N_POWERS):
@@ -384,16 +393,36 @@ def integrate(
         for k in range(3):  # of x, y and φ
             sums[X + 2 * k] += duration * means[0, k]
             sums[XX + 2 * k] += duration * means[1, k]
-        sums[POWER] += duration * first
-        sums[POWER + 1] += duration * (motor - first)
-        sums[TORQUE] += duration * p.direction[0] * torque_1
-        sums[TORQUE + 1] += duration * p.direction[1] * torque_2
+        first, second = part(motor)
+        store(load_2(sums, 0, POWER) + duration * (first + second), sums, 0, POWER)
+        first, second = part(both(p.direction) * torque)
+        store(load_2(sums, 0, TORQUE) + duration * (first + second), sums, 0, TORQUE)
         for i in range(2):
             sums[SPEED + i] += duration * means[0, n + 3 + i]
         add_forces(sums[PULL:], means, room.springs, n, duration)
         sums[TIME] += duration
         sums[FLYING] += duration if MODES[system] == FLIGHT else 0.0
         add_phase(sums, room, n, duration, nodes, -p.direction[0] * p.direction[1])
+
+
+@inlined
+def alternate(first: float, second: float) -> Any:
+    """Put two numbers side by side, each once for both exciters."""
+    return join(join(first, first), join(second, second))
+
+
+@inlined
+def in_all(lanes: Any) -> Any:
+    """Add up four numbers."""
+    first, second = part(lanes)
+    return total(first + second)
+
+
+@inlined
+def total(lanes: Any) -> Any:
+    """Add up two numbers."""
+    first, second = part(lanes)
+    return first + second
 
 
 @inlined
@@ -404,15 +433,15 @@ def add_phase(sums: FloatArray, room: Any, n: int, duration: float, nodes: int, 
     """
     samples, phases, mean, drift = room.samples, room.phases, 0.0, 0.0
     for i in range(nodes):
-        phases[i] = samples[i, 3] + sense * samples[i, 4]
+        phases[i] = samples[i + 1, 3] + sense * samples[i + 1, 4]
         mean += WEIGHTS[nodes, i] * phases[i]
-        drift = max(drift, duration * abs(samples[i, n + 3] + sense * samples[i, n + 4]))
+        drift = max(drift, duration * abs(samples[i + 1, n + 3] + sense * samples[i + 1, n + 4]))
     cosine, sine, variance = 0.0, 0.0, 0.0
     if drift > STILL:
-        for i in range(nodes):
-            sine_i, cosine_i, _, _ = sincos_pair(phases[i], 0.0)
-            cosine += WEIGHTS[nodes, i] * cosine_i
-            sine += WEIGHTS[nodes, i] * sine_i
+        for i in range(0, nodes, 2):
+            sine_1, cosine_1, sine_2, cosine_2 = sincos_pair(phases[i], phases[i + 1])
+            cosine += WEIGHTS[nodes, i] * cosine_1 + WEIGHTS[nodes, i + 1] * cosine_2
+            sine += WEIGHTS[nodes, i] * sine_1 + WEIGHTS[nodes, i + 1] * sine_2
     else:
         for i in range(nodes):
             variance += WEIGHTS[nodes, i] * (phases[i] - mean) ** 2
