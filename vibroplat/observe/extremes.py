@@ -93,10 +93,18 @@ def merge(extremes: Any, merged: Any) -> None:
 _merge = same_types(merge)
 
 
+class Equations(NamedTuple):
+    """Where the equations are: addresses of :func:`vibroplat.hybrid.resets.start_callback` and of the parameters."""
+
+    start: int
+    parameters: int
+
+
 class Span(NamedTuple):
     """A step or a part of it.
 
-    When the step begins, how long it takes (s), and its polynomials; between which fractions of it the part is.
+    When the step begins, how long it takes (s), and its polynomials; between which fractions of it the part is; the
+    system of equations, how many nodes the part has, and where the equations are.
     """
 
     begin: float
@@ -105,6 +113,9 @@ class Span(NamedTuple):
     degree: int
     first: float
     last: float
+    system: int
+    nodes: int
+    equations: Equations
 
 
 @inlined
@@ -147,10 +158,10 @@ def margin(extremes: Any, k: int) -> float:
 
 
 @inlined
-def place_of(i: int, nodes: int, span: Span) -> float:
+def place_of(i: int, span: Span) -> float:
     """Fraction of a step at sample i of a part of it: its beginning, its nodes, its end."""
-    if 0 < i <= nodes:
-        return span.first + (span.last - span.first) * NODES[nodes, i - 1]
+    if 0 < i <= span.nodes:
+        return span.first + (span.last - span.first) * NODES[span.nodes, i - 1]
     return span.first if i <= 0 else span.last
 
 

@@ -5,7 +5,7 @@ Samples of what moves say which steps may hold a new extreme, and only such step
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -36,24 +36,10 @@ from vibroplat.observe.extremes import (
     vertex,
 )
 from vibroplat.observe.motor_loads import update_motor_extremes
-from vibroplat.observe.peaks import (
-    COLUMNS,
-    EIGHT,
-    beyond_limits,
-    cover,
-    largest_squares,
-    put_quantities,
-)
+from vibroplat.observe.peaks import COLUMNS, EIGHT, beyond_limits, cover, largest_squares, put_quantities
 
 #: Part of the changes of the velocity along y up to which those along x do not matter for the acceleration's size.
 ALIKE = 1e-6
-
-
-class Equations(NamedTuple):
-    """Where the equations are: addresses of :func:`vibroplat.hybrid.resets.start_callback` and of the parameters."""
-
-    start: int
-    parameters: int
 
 
 # -- accelerations -------------------------------------------------------------------------------------------
@@ -61,15 +47,7 @@ class Equations(NamedTuple):
 
 @compiled
 def update_acceleration_extremes(
-    extremes: Any,
-    k: int,
-    room: Any,
-    nodes: int,
-    sideways: float,
-    system: int,
-    spot: tuple[float, float],
-    span: Span,
-    equations: Equations,
+    extremes: Any, k: int, room: Any, sideways: float, spot: tuple[float, float], span: Span
 ) -> None:
     """Let extremes k cover the size of the acceleration of a point of the platform.
 
@@ -80,65 +58,56 @@ def update_acceleration_extremes(
     ----------
     extremes, k
         Record of :data:`vibroplat.observe.extremes.EXTREMES`, and the place of the quantity in it.
-    room, nodes
-        Record of :data:`vibroplat.observe.statistics.ROOM` with the values at so many nodes; its squares are
-        overwritten.
+    room
+        Record of :data:`vibroplat.observe.statistics.ROOM` with the values at the samples; its squares are overwritten.
     sideways
         1, or 0 if the acceleration along y alone counts.
-    system
-        Number of the system of equations.
     spot
         The point, from the centre of mass (m).
-    span, equations
-        The part of the step as the records of extremes know it, and where the equations are.
+    span
+        The part of the step as the records of extremes know it.
     """
-    squares, n, known = room.squares, DIFFERENTIAL[system] // 2, (1.0 + 2.0 * TIE) * extremes.square[k]
-    inverse = 1.0 / (span.length * (span.last - span.first))
-    mean_squares(room.samples, nodes, n, sideways, spot, inverse, squares)
+    squares, n, nodes = room.squares, DIFFERENTIAL[span.system] // 2, span.nodes
+    known = (1.0 + 2.0 * TIE) * extremes.square[k]
+    mean_squares(room.samples, n, sideways, spot, span, squares)
     for i in range(nodes + 1):
         before = squares[i - 1] if i > 0 else -1.0
         here, after = squares[i], squares[min(i + 1, nodes)]
         largest = here >= before and here >= after
         if largest and here + max(here - before if before >= 0.0 else 0.0, here - after) > known:
-            low, s, high = middle(i - 1, nodes, span), middle(i, nodes, span), middle(i + 1, nodes, span)
+            low, s, high = middle(i - 1, span), middle(i, span), middle(i + 1, span)
             s = span.first if before < 0.0 else vertex((low, s, high), (before, here, after))
             s, square = steepest(span.c, span.degree, n, spot, sideways, s, low, high)
             square /= span.length * span.length
             if square > known:
                 extremes.square[k] = known = square
-                remember(extremes, k, exact_size(s, system, sideways, spot, room, span, equations), s, span)
+                remember(extremes, k, exact_size(s, sideways, spot, room, span), s, span)
 
 
 @inlined
-def middle(i: int, nodes: int, span: Span) -> float:
+def middle(i: int, span: Span) -> float:
     """Fraction of a step in the middle between samples i and i + 1, but the part's ends for the first and the last."""
-    if 0 < i < nodes:
-        return 0.5 * (place_of(i, nodes, span) + place_of(i + 1, nodes, span))
+    if 0 < i < span.nodes:
+        return 0.5 * (place_of(i, span) + place_of(i + 1, span))
     return span.first if i <= 0 else span.last
 
 
 @inlined
 def mean_squares(
-    samples: FloatArray,
-    nodes: int,
-    n: int,
-    sideways: float,
-    spot: tuple[float, float],
-    inverse: float,
-    squares: FloatArray,
+    samples: FloatArray, n: int, sideways: float, spot: tuple[float, float], span: Span, squares: FloatArray
 ) -> None:
     """Fill the squares of the mean accelerations of a point between samples (m²/s⁴).
 
     A mean is the difference of the point's velocities at both samples over the time between them: it differs from the
-    acceleration in the middle by a term of second order in that time. ``inverse`` is one over
-    the part's duration (1/s), n the column of the first rate, ``spot`` the point; ``sideways`` as of
-    :func:`update_acceleration_extremes`.
+    acceleration in the middle by a term of second order in that time. n is the column of the first rate, ``spot`` the
+    point; ``sideways`` as of :func:`update_acceleration_extremes`.
     """
+    inverse = 1.0 / (span.length * (span.last - span.first))
     x, y = samples[0, n] - spot[1] * samples[0, n + 2], samples[0, n + 1] + spot[0] * samples[0, n + 2]
-    for i in range(nodes + 1):
+    for i in range(span.nodes + 1):
         turning = samples[i + 1, n + 2]
         to_x, to_y = samples[i + 1, n] - spot[1] * turning, samples[i + 1, n + 1] + spot[0] * turning
-        ax, ay, share = to_x - x, to_y - y, inverse * GAPS[nodes, i]
+        ax, ay, share = to_x - x, to_y - y, inverse * GAPS[span.nodes, i]
         squares[i] = share * share * (sideways * ax * ax + ay * ay)
         x, y = to_x, to_y
 
@@ -178,14 +147,12 @@ def steepest(
 
 
 @compiled
-def exact_size(
-    s: float, system: int, sideways: float, spot: tuple[float, float], room: Any, span: Span, equations: Equations
-) -> float:
+def exact_size(s: float, sideways: float, spot: tuple[float, float], room: Any, span: Span) -> float:
     """Size of the acceleration of a point of the platform at a fraction of a step, by the equations (m/s²)."""
-    y, yp, n = room.y, room.yp, DIFFERENTIAL[system] // 2
+    y, yp, n, equations = room.y, room.yp, DIFFERENTIAL[span.system] // 2, span.equations
     values(span.c, span.degree, s, y[: 2 * n])
     addresses = (y.ctypes.data, yp.ctypes.data, room.full.ctypes.data)
-    call_int(equations.start, (system, span.begin + s * span.length, *addresses, equations.parameters, 1))
+    call_int(equations.start, (span.system, span.begin + s * span.length, *addresses, equations.parameters, 1))
     ax, ay = yp[n] - spot[1] * yp[n + 2], yp[n + 1] + spot[0] * yp[n + 2]
     return float(np.sqrt(sideways * ax * ax + ay * ay))
 
@@ -222,17 +189,7 @@ def put_limits(extremes: Any, room: Any, p: Parameters) -> None:
 
 
 @inlined
-def update_step_extremes(
-    extremes: Any,
-    at_start: FloatArray,
-    room: Any,
-    tops: Any,
-    nodes: int,
-    system: int,
-    span: Span,
-    equations: Equations,
-    p: Parameters,
-) -> None:
+def update_step_extremes(extremes: Any, at_start: FloatArray, room: Any, span: Span, p: Parameters) -> None:
     """Let the extremes cover a step or a part of it.
 
     Steps are screened, and most of them pass without a search. The limits are filled anew where there are none, after
@@ -244,74 +201,62 @@ def update_step_extremes(
         The record; ``room.limited`` is 0 if the step before was one of another.
     at_start
         Derivatives of the unknowns at the beginning of the part, by the fraction of the step, shape (16,).
-    room, tops, nodes, system, span, equations
-        As in :func:`vibroplat.observe.peaks.cover` and :func:`update_acceleration_extremes`.
+    room, span
+        As in :func:`vibroplat.observe.peaks.cover`.
     """
     ramps = p.speed_ramp[0] != 0.0 or p.speed_ramp[1] != 0.0 or p.slip_ramp[0] != 0.0 or p.slip_ramp[1] != 0.0
     if room.limited == 0 or ramps:
         put_limits(extremes, room, p)
         room.limited = 1
-    n, above, below = DIFFERENTIAL[system] // 2, 0, 0
-    for i in range(nodes + 2):
-        put_quantities(room.samples, i, n, system, room)
+    above = below = 0
+    for i in range(span.nodes + 2):
+        put_quantities(room.samples, i, span.system, room)
     for first in range(0, COLUMNS if room.named > 0 else POINTS, EIGHT):
-        over, under = beyond_limits(room.quantities, nodes, REACH[nodes], room.limits, first)
+        over, under = beyond_limits(room.quantities, span.nodes, REACH[span.nodes], room.limits, first)
         above, below = above | over << first, below | under << first
-    start = load_2(at_start, 0, n) * (1.0 / span.length)
-    inverse = 1.0 / (span.length * (span.last - span.first))
-    squares = largest_squares(room.samples, nodes, n, GAPS[nodes], inverse, start)
-    shaken = some(squares > load_2(room.square_limits, 0, 0))
+    start = load_2(at_start, 0, DIFFERENTIAL[span.system] // 2) * (1.0 / span.length)
+    shaken = some(largest_squares(room.samples, start, span) > load_2(room.square_limits, 0, 0))
     if above | below != 0 or shaken or room.named > 0:
-        update_columns(extremes, room, tops, nodes, system, span, (above, below, shaken), equations, p)
+        update_columns(extremes, room, span, (above, below, shaken), p)
 
 
 @compiled
-def update_columns(
-    extremes: Any,
-    room: Any,
-    tops: Any,
-    nodes: int,
-    system: int,
-    span: Span,
-    found: tuple[int, int, bool],
-    equations: Equations,
-    p: Parameters,
-) -> None:
+def update_columns(extremes: Any, room: Any, span: Span, found: tuple[int, int, bool], p: Parameters) -> None:
     """Let the extremes cover a step where some may be new: the bits of those above and below limits, and accelerations.
 
     Accelerations of named points are evaluated in any case.
     """
-    n, known, (above, below, shaken) = DIFFERENTIAL[system] // 2, room.driven, found
+    known, (above, below, shaken) = room.driven, found
     for i in range(2):
         known[0, i], known[1, i] = extremes.least[DRIVEN_1 + i], extremes.largest[DRIVEN_1 + i]
     if above | below != 0:
-        cover(extremes, above, below, n, room, tops, nodes, span)
+        cover(extremes, above, below, room, span)
     for i in range(2):
         if (above | below) >> (DRIVEN_1 + i) & 1:
-            update_motor_extremes(extremes, i, (known[0, i], known[1, i]), room.samples, nodes, n, span, p)
+            update_motor_extremes(extremes, i, (known[0, i], known[1, i]), room.samples, span, p)
     if shaken:
-        update_vibration(extremes, room, nodes, system, span, equations)
+        update_vibration(extremes, room, span)
     for i in range(room.named):
-        k, spot = POINT_ACCELERATIONS + i, (p.point_x[i], p.point_y[i])
-        update_acceleration_extremes(extremes, k, room, nodes, 1.0, system, spot, span, equations)
+        spot = p.point_x[i], p.point_y[i]
+        update_acceleration_extremes(extremes, POINT_ACCELERATIONS + i, room, 1.0, spot, span)
     if extremes.changed != 0:
         put_limits(extremes, room, p)
 
 
 @compiled
-def update_vibration(extremes: Any, room: Any, nodes: int, system: int, span: Span, equations: Equations) -> None:
+def update_vibration(extremes: Any, room: Any, span: Span) -> None:
     """Let the extremes of the acceleration of the centre of mass cover a step.
 
     In antiphase the platform moves along y alone but for round-off. Its acceleration is then that along y, found once:
     two searches would differ in the last digits.
     """
-    spot, across, along, n = (0.0, 0.0), 0.0, 0.0, DIFFERENTIAL[system] // 2
-    for i in range(1, nodes + 1):
+    across, along, n = 0.0, 0.0, DIFFERENTIAL[span.system] // 2
+    for i in range(1, span.nodes + 1):
         across = max(across, abs(room.samples[i, n] - room.samples[0, n]))
         along = max(along, abs(room.samples[i, n + 1] - room.samples[0, n + 1]))
     for which in range(2 if across > ALIKE * along else 1):  # along y, then both
         k = ACCELERATION if which else LIFT
-        update_acceleration_extremes(extremes, k, room, nodes, float(which), system, spot, span, equations)
+        update_acceleration_extremes(extremes, k, room, float(which), (0.0, 0.0), span)
     if across <= ALIKE * along and extremes.square[LIFT] > extremes.square[ACCELERATION]:
         extremes.square[ACCELERATION] = extremes.square[LIFT]
         s = (extremes.at_largest[LIFT] - span.begin) / span.length

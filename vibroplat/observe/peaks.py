@@ -30,11 +30,12 @@ from vibroplat.kernels.vectors import (
     store,
     zero,
 )
-from vibroplat.model.systems import ALGEBRAIC, GAP
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP
 from vibroplat.observe.extremes import (
     DRIVEN_1,
     FEW_SAMPLES,
     FORCE,
+    GAPS,
     OPENING,
     POINTS,
     PULL_X,
@@ -51,24 +52,23 @@ COLUMNS, EIGHT = 32, 8
 AT_ENDS = 0.0625
 #: Peaks that are looked for side by side.
 SIDE_BY_SIDE = 4
-#: Samples that may have a new extreme beside them: the polynomials, turned so that these are largest; the samples'
-#: values; where a peak is looked for, and between which places; its value; the sense; which quantity it is.
-TOPS = np.dtype(
-    [
-        ("series", float, (MAX_DEGREE + 1, 1, SIDE_BY_SIDE)),
-        *((name, float, SIDE_BY_SIDE) for name in ("top", "place", "low", "high", "peak", "sense")),
-        ("quantity", np.int64, SIDE_BY_SIDE),
-    ],
-    align=True,
-)
+#: Fields of a room for samples that may have a new extreme beside them: the polynomials, turned so that these are
+#: largest; the samples' values; where a peak is looked for, and between which places; its value; the sense; which
+#: quantity it is.
+TOPS = [
+    ("series", float, (MAX_DEGREE + 1, 1, SIDE_BY_SIDE)),
+    *((name, float, SIDE_BY_SIDE) for name in ("top", "place", "low", "high", "peak", "sense")),
+    ("quantity", np.int64, SIDE_BY_SIDE),
+]
 
 
 @fused_inline
-def put_quantities(samples: FloatArray, row: int, n: int, system: int, room: Any) -> None:
+def put_quantities(samples: FloatArray, row: int, system: int, room: Any) -> None:
     """Put the quantities of a row of unknowns into the same row of those.
 
-    What the system does not have is nan, which is beyond no limit. Of a system of n coordinates, rates begin at n.
+    What the system does not have is nan, which is beyond no limit.
     """
+    n = DIFFERENTIAL[system] // 2
     gap = samples[row, GAP] if MODES[system] == FLIGHT else np.nan
     force = samples[row, 2 * n] if ALGEBRAIC[system] else np.nan
     first = four(samples[row, 0], samples[row, 1], samples[row, 2], gap)
@@ -110,20 +110,18 @@ def beyond_limits(quantities: FloatArray, nodes: int, reach: float, limits: Floa
 
 
 @fused_inline
-def largest_squares(
-    samples: FloatArray, nodes: int, n: int, gaps: FloatArray, inverse: float, at_start: Lanes
-) -> Lanes:
+def largest_squares(samples: FloatArray, at_start: Lanes, span: Span) -> Lanes:
     """Bound the square of the acceleration of x and y, and of y alone, from rates at samples: the lanes of a pair.
 
-    The square of an acceleration goes beyond its means between samples by less than its neighbours are below it.
-    ``gaps`` are one over the distances between samples, ``inverse`` is one over the part's duration (1/s), ``at_start``
-    the acceleration at the beginning.
+    The square of an acceleration goes beyond its means between samples by less than its neighbours are below it; that
+    at the beginning is ``at_start``.
     """
+    n, inverse = DIFFERENTIAL[span.system] // 2, 1.0 / (span.length * (span.last - span.first))
     rates, top = load_2(samples, 0, n), zero(at_start)
     here, way = _squares(at_start), zero(at_start)
-    for i in range(nodes + 1):
+    for i in range(span.nodes + 1):
         after = load_2(samples, i + 1, n)
-        following = _squares((after - rates) * (inverse * gaps[i]))
+        following = _squares((after - rates) * (inverse * GAPS[span.nodes, i]))
         top = greater(_peak(here, way, following - here), top)
         way, here, rates = following - here, following, after
     return greater(_peak(here, way, zero(way)), top)
@@ -142,73 +140,68 @@ def _peak(here: Lanes, way: Lanes, following: Lanes) -> Lanes:
 
 
 @compiled
-def cover(extremes: Any, above: int, below: int, n: int, room: Any, tops: Any, nodes: int, span: Span) -> None:
+def cover(extremes: Any, above: int, below: int, room: Any, span: Span) -> None:
     """Let the extremes of columns whose bits are set, above or below limits, cover a part of a step.
 
     Parameters
     ----------
     extremes, above, below
         Record of :data:`vibroplat.observe.extremes.EXTREMES`, and the bits of :func:`beyond_limits`.
-    n
-        Number of coordinates of the system.
-    room, tops, nodes
-        Record of :data:`vibroplat.observe.statistics.ROOM` with quantities at so many nodes, and the limits beyond
-        which an extreme is new; a record of TOPS, which is overwritten.
-    span
-        The part.
+    room, span
+        Record of :data:`vibroplat.observe.statistics.ROOM` with quantities at the samples, and the limits beyond which
+        an extreme is new; the part.
     """
     count = 0
     for sense in (1.0, -1.0):
         k, left = 0, above if sense > 0.0 else below
         while left != 0:
             if left & 1:
-                count = find_tops(extremes, k, sense, n, room, tops, nodes, span, count)
+                count = find_tops(extremes, k, sense, room, span, count)
             k, left = k + 1, left >> 1
     if count > 0:
-        polish(extremes, tops, span, count)
+        polish(extremes, room, span, count)
 
 
 @inlined
-def find_tops(
-    extremes: Any, k: int, sense: float, n: int, room: Any, tops: Any, nodes: int, span: Span, count: int
-) -> int:
+def find_tops(extremes: Any, k: int, sense: float, room: Any, span: Span, count: int) -> int:
     """Gather the samples of quantity k beside which an extreme may be new, behind ``count`` others; how many wait.
 
     These are larger than their neighbours, and beyond them the quantity goes by less than they are on this side.
     Polynomials of low degree have few samples and are looked through.
     """
-    samples, known = room.quantities, sense * room.limits[1 if sense > 0.0 else 0, k]
+    samples, known, last = room.quantities, sense * room.limits[1 if sense > 0.0 else 0, k], span.nodes + 1
     if span.degree <= FEW_SAMPLES:
-        put_series(k, sense, n, room, tops, 0, span)
-        look_through(extremes, k, sense, tops.series[:, 0], (samples[0, k], samples[nodes + 1, k]), span)
+        put_series(k, sense, room, 0, span)
+        look_through(extremes, k, sense, room.series[:, 0], (samples[0, k], samples[last, k]), span)
         return 0
     before, bit, near = sense * samples[0, k], 1, 0
     here = before
-    for i in range(nodes + 2):
-        after = sense * samples[min(i + 1, nodes + 1), k]
+    for i in range(last + 1):
+        after = sense * samples[min(i + 1, last), k]
         near |= bit * ((here >= before) & (here >= after) & (here + max(here - before, here - after) > known))
         before, here, bit = here, after, 2 * bit
-    for i in range(nodes + 2):
+    for i in range(last + 1):
         if near >> i & 1:
             if count == SIDE_BY_SIDE:
-                polish(extremes, tops, span, count)
+                polish(extremes, room, span, count)
                 count = 0
-            put_series(k, sense, n, room, tops, count, span)
-            low, place, high = place_of(i - 1, nodes, span), place_of(i, nodes, span), place_of(i + 1, nodes, span)
+            put_series(k, sense, room, count, span)
+            low, place, high = place_of(i - 1, span), place_of(i, span), place_of(i + 1, span)
             remember(extremes, k, samples[i, k], place, span)
-            leaving = slope(tops.series[:, 0], span.degree, count, place) if i == 0 or i > nodes else 0.0
-            if (i == 0 and leaving <= 0.0) or (i > nodes and leaving >= 0.0):
+            leaving = slope(room.series[:, 0], span.degree, count, place) if not 0 < i < last else 0.0
+            if (i == 0 and leaving <= 0.0) or (i == last and leaving >= 0.0):
                 continue  # an end that the polynomial comes to straight has no peak beside it
-            around = samples[max(i - 1, 0), k], samples[i, k], samples[min(i + 1, nodes + 1), k]
-            tops.quantity[count], tops.sense[count], tops.top[count] = k, sense, sense * samples[i, k]
-            tops.low[count], tops.place[count], tops.high[count] = low, vertex((low, place, high), around), high
+            around = samples[max(i - 1, 0), k], samples[i, k], samples[min(i + 1, last), k]
+            room.quantity[count], room.sense[count], room.top[count] = k, sense, sense * samples[i, k]
+            room.low[count], room.place[count], room.high[count] = low, vertex((low, place, high), around), high
             count += 1
     return count
 
 
 @inlined
-def put_series(k: int, sense: float, n: int, room: Any, tops: Any, lane: int, span: Span) -> None:
+def put_series(k: int, sense: float, room: Any, lane: int, span: Span) -> None:
     """Put ``sense`` times the polynomial of quantity k into a lane: a sum of two unknowns, or one alone."""
+    n = DIFFERENTIAL[span.system] // 2
     c, first, share, second, other = span.c, k, 1.0, 0, 0.0
     if k >= POINTS:
         first, second, other = (k - POINTS) % 2, 2, room.levers[k - POINTS]
@@ -223,18 +216,17 @@ def put_series(k: int, sense: float, n: int, room: Any, tops: Any, lane: int, sp
         first = GAP
     share, other = sense * share, sense * other
     for i in range(span.degree + 1):
-        tops.series[i, 0, lane] = share * c[i, first] + other * c[i, second]
+        room.series[i, 0, lane] = share * c[i, first] + other * c[i, second]
 
 
 @compiled
-def polish(extremes: Any, tops: Any, span: Span, count: int) -> None:
+def polish(extremes: Any, room: Any, span: Span, count: int) -> None:
     """Let extremes cover the peaks beside so many samples, all found at once."""
-    lanes = as_lanes(tops)
-    at_once = lanes.series, span.degree, 0, lanes.place, lanes.low, lanes.high, lanes.top
-    lanes.peak, lanes.place = turning_point(*at_once)
+    r = as_lanes(room)
+    r.peak, r.place = turning_point(r.series, span.degree, 0, r.place, r.low, r.high, r.top)
     for i in range(count):
-        if tops.peak[i] > tops.top[i]:
-            remember(extremes, tops.quantity[i], tops.sense[i] * tops.peak[i], tops.place[i], span)
+        if room.peak[i] > room.top[i]:
+            remember(extremes, room.quantity[i], room.sense[i] * room.peak[i], room.place[i], span)
 
 
 @compiled

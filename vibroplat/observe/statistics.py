@@ -25,8 +25,8 @@ from vibroplat.model.motor import both, motor_torques
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import slopes
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, LAYERS, PLACES, SIZES
-from vibroplat.observe.extremes import IMPULSE, MAX_NODES, NODES, WEIGHTS, Span, set_pace
-from vibroplat.observe.loads import Equations, add_forces, update_step_extremes
+from vibroplat.observe.extremes import IMPULSE, MAX_NODES, NODES, WEIGHTS, Equations, Span, set_pace
+from vibroplat.observe.loads import add_forces, update_step_extremes
 from vibroplat.observe.measures import (
     BINS,
     COSINE,
@@ -89,6 +89,7 @@ ROOM = np.dtype(
         ("limited", np.int64),
         ("widened", np.int64),
         ("named", np.int64),
+        *TOPS,
     ],
     align=True,
 )
@@ -114,7 +115,7 @@ class Statistics:
     def __init__(
         self, window: float, points: int = SECTION_ROWS, named: int = 0, blocks: int = 1, scope: int = WHOLE_RUN
     ) -> None:
-        self._room, self._tops = (in_lines((kind.itemsize // 8,)).view(kind)[0] for kind in (ROOM, TOPS))
+        self._room = in_lines((ROOM.itemsize // 8,)).view(ROOM)[0]
         self._room["named"] = named
         self.begin(window, points, blocks, scope)
 
@@ -143,15 +144,15 @@ class Statistics:
         address = address_of(add_pieces, self.measures, h.steps, h.events[:0], *constants, h.p)
         return Callee(address, (self.measures, *constants))
 
-    def _constants(self, h: Automaton) -> tuple[Any, Any, int, float, Equations]:
-        """Room, tops, number of nodes, fastest speed and equations.
+    def _constants(self, h: Automaton) -> tuple[Any, int, float, Equations]:
+        """Room, number of nodes, fastest speed and equations.
 
         A step has Gauss nodes in pairs: as many as keep the order of its polynomials, fewer where their degree is high.
         """
         degree = h.steps.degree
         nodes = (degree + 1) // 2 if degree <= 8 else (degree + 1) // 3
         nodes = min(nodes + nodes % 2, MAX_NODES)
-        return self._room, self._tops, nodes, FASTEST * float(h.run["speed"]), Equations(h.start, h.parameters)
+        return self._room, nodes, FASTEST * float(h.run["speed"]), Equations(h.start, h.parameters)
 
 
 @compiled
@@ -160,7 +161,6 @@ def add_pieces(
     owned_steps: Steps,
     owned_events: npt.NDArray[np.void],
     room: Any,
-    tops: Any,
     nodes: int,
     fastest: float,
     equations: Equations,
@@ -183,7 +183,7 @@ def add_pieces(
             full[j] = 0.0
         for row in range(piece.first, piece.end):
             if steps.length[row] > 0.0:
-                add_step(ms, steps, row, piece, degree, nodes, room, tops, equations, p)
+                add_step(ms, steps, row, piece, degree, nodes, room, equations, p)
                 if ms.marks.scope >= WHOLE_RUN:
                     now = piece.origin + steps.start[row] + steps.length[row]
                     mark_bins(ms, steps.ends[row], now, piece.system, fastest, p)
@@ -220,7 +220,6 @@ def add_step(
     degree: int,
     nodes: int,
     room: Any,
-    tops: Any,
     equations: Equations,
     p: Parameters,
 ) -> None:
@@ -247,8 +246,8 @@ def add_step(
             horner_16(c, degree, cut, room.at)
             at = room.at[0]
         if first < cut and marks.scope >= SUMMED:
-            span = Span(begin, length, c, degree, first, cut)
-            add_part(ms, span, begins, at, since >= marks.window, piece.system, nodes, room, tops, equations, p)
+            span = Span(begin, length, c, degree, first, cut, piece.system, nodes, equations)
+            add_part(ms, span, begins, at, since >= marks.window, room, p)
         first, turn = cut, turn + way
         if cut < 1.0:
             begins = room.begins[0:]
@@ -313,24 +312,14 @@ def place_of_angle(level: float, angle: float, angle_after: float, first: float,
 
 @inlined
 def add_part(
-    ms: Accumulators,
-    span: Span,
-    begins: FloatArray,
-    end: FloatArray,
-    measured: bool,
-    system: int,
-    nodes: int,
-    room: Any,
-    tops: Any,
-    equations: Equations,
-    p: Parameters,
+    ms: Accumulators, span: Span, begins: FloatArray, end: FloatArray, measured: bool, room: Any, p: Parameters
 ) -> None:
     """Add a step, or a part of it that is measured as a whole or not at all.
 
     ``begins`` holds the unknowns at its beginning and their derivatives by the step's fraction, ``end`` those at its
     end.
     """
-    width, row, samples = span.last - span.first, ms.marks.row if measured else EARLY, room.samples
+    width, row, samples, nodes = span.last - span.first, ms.marks.row if measured else EARLY, room.samples, span.nodes
     if room.widened != row:
         room.widened, room.limited = row, 0
     store(load_16(begins, 0, 0), samples, 0, 0)
@@ -339,9 +328,8 @@ def add_part(
         places = span.first + width * NODES[nodes, i], span.first + width * NODES[nodes, i + 1]
         horner_pair_16(span.c, span.degree, places[0], places[1], i + 1, samples)
     if ms.marks.scope >= WITH_EXTREMES:
-        update_step_extremes(ms.extremes[row], begins[1], room, tops, nodes, system, span, equations, p)
-    begin, duration = span.begin + span.first * span.length, width * span.length
-    integrate(ms, begin, duration, system, measured, nodes, room, p)
+        update_step_extremes(ms.extremes[row], begins[1], room, span, p)
+    integrate(ms, span, measured, room, p)
 
 
 @inlined
@@ -362,11 +350,11 @@ def mark_bins(ms: Accumulators, end: FloatArray, now: float, system: int, fastes
 
 
 @inlined
-def integrate(
-    ms: Accumulators, begin: float, duration: float, system: int, measured: bool, nodes: int, room: Any, p: Parameters
-) -> None:
-    """Add a part of a step that begins at a time (s) with samples in ``room``: work and, if measured, statistics."""
-    marks, sums, means, power, n = ms.marks, ms.open_turn, room.means, room.power, DIFFERENTIAL[system] // 2
+def integrate(ms: Accumulators, span: Span, measured: bool, room: Any, p: Parameters) -> None:
+    """Add a part of a step with samples in ``room``: work and, if measured, statistics."""
+    begin, duration = span.begin + span.first * span.length, (span.last - span.first) * span.length
+    system, nodes, n = span.system, span.nodes, DIFFERENTIAL[span.system] // 2
+    marks, sums, means, power = ms.marks, ms.open_turn, room.means, room.power
     samples, exchanged = room.samples, 0.0
     torque = motor = held = truncated = resisted = zero(load_4(samples, 0, 0))
     for i in range(0, nodes, 2):  # both exciters at two nodes side by side
