@@ -8,7 +8,8 @@ from vibroplat.cli.common import print_answer
 from vibroplat.config.kinds import KINDS
 from vibroplat.plots.command import families
 from vibroplat.results.answer import MAX_LINES, Answer, first_failures, of_both
-from vibroplat.results.run_answer import headline, short_lines
+from vibroplat.results.run_answer import headline
+from vibroplat.results.sheet import FURTHER, POINTS, Sheet, all_lines, short_lines
 
 #: Most characters of a line that is printed in the directory of the results.
 WIDEST = 110
@@ -158,13 +159,13 @@ def test_a_motor_that_is_switched_off_and_stops_has_no_steady_numbers(runs):
         "quickstart: motor 2 is switched off and its exciter is stopping: exciters at 35.74 Hz and 15.74 Hz in the mean"
     )
     assert headline(off, stops) == told
-    first = short_lines(off, stops)[0]
+    first = short_lines(Sheet(off, stops))[0]
     assert first.startswith("no steady motion ")
-    assert first.endswith("largest values of this time, while exciter 2 stops")
+    assert first.endswith("  values of this time, while exciter 2 stops"), "means and largest ones"
     assert "off, not synchronized" in headline(off, stops | {"speed_ripple_2_hz": 1.0})
-    assert short_lines(run.scene, run.summary)[0].startswith("stroke y")
+    assert short_lines(Sheet(run.scene, run.summary))[0].startswith("stroke y")
     stopped = off.replace({"drive.program": [program[0], {"t_s": 0.01, "off": True}]})
-    assert "while it coasts down" in short_lines(stopped, run.summary | {"measured_turns": 0})[0]
+    assert "while it coasts down" in short_lines(Sheet(stopped, run.summary | {"measured_turns": 0}))[0]
 
 
 def test_an_exciter_1_without_motor_that_stands_still_does_not_stop_the_other_one(runs):
@@ -173,7 +174,7 @@ def test_an_exciter_1_without_motor_that_stands_still_does_not_stop_the_other_on
     alone = {"measured_turns": 0, "impacts_per_period": None, "frequency_split_hz": -51.48, "flight_fraction": 0.5}
     known = run.summary | alone | {"speed_ripple_1_hz": 0.1}
     assert headline(off, known).startswith("quickstart: runs with motor 1 off, not synchronized: exciters at 0 and 51")
-    assert "in flight 50 %" in (lines := "\n".join(short_lines(off, known)))
+    assert "in flight 50 %" in (lines := "\n".join(short_lines(Sheet(off, known))))
     assert "a turn" not in lines
     assert "no steady" not in lines
 
@@ -187,12 +188,33 @@ def test_strokes_that_still_change_are_told_instead_of_turns_that_repeat(runs):
 
 def test_what_is_nothing_is_0_and_what_is_missing_is_left_out(runs):
     run = runs["two layers"]
-    lines = short_lines(run.scene, run.summary | {"stroke_x_m": 1e-9, "foundation_force_x_max_n": 0.01})
+    lines = short_lines(Sheet(run.scene, run.summary | {"stroke_x_m": 1e-9, "foundation_force_x_max_n": 0.01}))
     assert " x 0; largest " in lines[0]
     assert not [line for line in lines if line.startswith("foundation, x")]
     off = run.scene.replace({"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}]})
     assert headline(off, run.summary).startswith("quickstart: coasts with the motors off at 25.74 Hz")
-    assert not [line for line in short_lines(off, run.summary) if line.startswith("motor power")]
-    assert short_lines(run.scene, run.summary | {"stroke_y_m": None}) == []
+    assert not [line for line in short_lines(Sheet(off, run.summary)) if line.startswith("motor power")]
+    assert short_lines(Sheet(run.scene, run.summary | {"stroke_y_m": None})) == []
     former = {name: value for name, value in run.summary.items() if not name.startswith("foundation")}
-    assert short_lines(run.scene, former) == []
+    assert short_lines(Sheet(run.scene, former)) == []
+
+
+def test_all_numbers_of_the_data_sheet_are_printed_once_and_those_at_four_points_shortly(runs):
+    """Numbers that no row of an engineer's groups has stand below them; more points are counted."""
+    run = runs["two layers"]
+    points = {f"p{n}": [0.01 * n, 0.0] for n in range(6)}
+    scene = run.scene.replace({"output.points": points})
+    known = {f"stroke_{axis}_{name}_m": 1e-3 for name in points for axis in "xy"}
+    sheet = Sheet(scene, run.summary | known | {f"acceleration_max_{name}_m_per_s2": 9.0 for name in points})
+    lines = all_lines(sheet, None)
+    assert lines["stroke y at p5"] == "1.00 mm, x 1.00 mm; 9.00 m/s²"
+    assert lines["foundation force y RMS"].endswith(" N")
+    assert {"largest motor torque 1", "foundation moment amplitude"} <= {*lines}
+    assert "stroke y" not in {row.label for row in sheet.groups[FURTHER]}
+    shown = short_lines(sheet)
+    assert shown[-2:] == [
+        f"{'at p3':<20}{'stroke y 1.00 mm':<22}x 1.00 mm; acceleration 9.00 m/s²",
+        "and 2 more points: -v",
+    ]
+    assert len([line for line in shown if line.startswith("at p")]) == 4
+    assert len(sheet.groups[POINTS]) == 6

@@ -15,14 +15,15 @@ SECTIONS = {"machine": load_config(QUICKSTART).machine, "motor": load_config(QUI
 
 
 MOTOR = SECTIONS["motor"].model_dump()
+MASSES = "machine.platform_mass_kg = 12.42, machine.unbalance_mass_kg = 0.045"
 ACCELERATION = "of the platform far above resonance; usual: up to 30 g"
 
 #: What is noted of one changed number of the quickstart: a situation for each quantity.
 NUMBERS = {
     "machine.stiffness_x_n_per_m = 58000000000": ": natural frequency 10800 Hz in x; usual: 1 to 150 Hz",
     "machine.stiffness_phi_n_m_per_rad = 1.8": ": natural frequency 0.640 Hz in phi; usual: 1 to 150 Hz",
-    "machine.damping_x_n_s_per_m = 30000": ": damping ratio 5.57 in x; usual: up to 1",
-    "machine.damping_phi_n_m_s_per_rad = 77": ": damping ratio 2.72 in phi; usual: up to 1",
+    "machine.damping_x_n_s_per_m = 30000": ": damping ratio 5.57 in x; usual: 0.0001 to 1",
+    "machine.damping_phi_n_m_s_per_rad = 77": ": damping ratio 2.72 in phi; usual: 0.0001 to 1",
     "machine.rotor_inertia_kg_m2 = 500": "; usual: up to 100 kg·m²",
     "material.mass_ratio = 20": "; usual: up to 5",
     "material.damping_ratio = 2": ": damping ratio 2.00 of the layers; usual: up to 1",
@@ -45,14 +46,14 @@ UNUSUAL = [
         {"contact": {"model": "non-impact", "viscous_per_mass_per_s": 3e3}},
         [
             "machine.damping_y_n_s_per_m = 40, contact.viscous_per_mass_per_s = 3000: damping ratio 1.56 in y; "
-            "usual: up to 1"
+            "usual: 0.0001 to 1"
         ],
     ),
     (
         {"drive.supply_frequency_hz": 3000.0},
         [
             "drive.supply_frequency_hz = 3000; usual: up to 400 Hz",
-            "machine.unbalance_mass_kg = 0.045, machine.unbalance_radius_m = 0.03, drive.supply_frequency_hz = "
+            f"{MASSES}, machine.unbalance_radius_m = 0.03, drive.supply_frequency_hz = "
             f"3000: acceleration 1950 g {ACCELERATION}",
         ],
     ),
@@ -60,7 +61,7 @@ UNUSUAL = [
         {"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 20.0}, {"t_s": 2.0, "supply_frequency_hz": 500.0}]},
         [
             "drive.program: supply frequency 500 Hz; usual: up to 400 Hz",
-            f"machine.unbalance_mass_kg = 0.045, machine.unbalance_radius_m = 0.03: acceleration 54.3 g {ACCELERATION}",
+            f"{MASSES}, machine.unbalance_radius_m = 0.03: acceleration 54.3 g {ACCELERATION}",
         ],
     ),
     (
@@ -70,10 +71,32 @@ UNUSUAL = [
     (
         {"exciters": [MOTOR | {"rotor_inertia_kg_m2": 8e-4, "unbalance_radius_m": r} for r in (10.0, 0.03)]},
         [
-            "machine.unbalance_mass_kg = 0.045, drive.supply_frequency_hz = 51.5, exciters.0.unbalance_radius_m = "
-            f"10, exciters.1.unbalance_radius_m = 0.03: acceleration 96.3 g {ACCELERATION}",
+            f"{MASSES}, drive.supply_frequency_hz = 51.5, exciters.0.unbalance_radius_m = 10, "
+            f"exciters.1.unbalance_radius_m = 0.03: acceleration 96.3 g {ACCELERATION}",
         ],
     ),
+    (
+        {"exciters": [MOTOR | {"rotor_inertia_kg_m2": 8e-4, "static_moment_kg_m": k} for k in (0.5, 1.35e-3)]},
+        [
+            f"{MASSES}, drive.supply_frequency_hz = 51.5, "
+            "exciters.0.static_moment_kg_m = 0.5, exciters.1.static_moment_kg_m = 0.00135: acceleration 107 g "
+            f"{ACCELERATION}",
+        ],
+    ),
+    (
+        {"exciters": [MOTOR | {"rotor_inertia_kg_m2": 8e-4, "position_m": at} for at in ([300.0, 550.0], [-0.1, 0.0])]},
+        [
+            "machine.stiffness_phi_n_m_per_rad = 1800: natural frequency 0.0509 Hz in phi; usual: 1 to 150 Hz",
+            "machine.damping_phi_n_m_s_per_rad = 0.77: damping ratio 0.0000684 in phi; usual: 0.0001 to 1",
+            "exciters.0.position_m: 626 m from the centre of mass; usual: up to 10 m",
+        ],
+    ),
+    ({"machine.damping_y_n_s_per_m": 0.0}, []),
+    (
+        {"machine.damping_y_n_s_per_m": 0.05},
+        ["machine.damping_y_n_s_per_m = 0.05: damping ratio 0.0000103 in y; usual: 0.0001 to 1"],
+    ),
+    ({"run.initial.phase_difference_rad": 180.0}, ["run.initial.phase_difference_rad = 180; usual: -6.3 to 6.3 rad"]),
     (
         {"run.initial": {"state": {"x_m": 2.0, "y_m": 1e9}}},
         ["run.initial.state.x_m = 2; usual: -1 to 1 m", "run.initial.state.y_m = 1000000000; usual: -1 to 1 m"],

@@ -1,10 +1,13 @@
 """Tables of branches of orbits: rows, columns, types."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from vibroplat import load_config, orbit, orbits
 from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.plans import OrbitsPlan
+from vibroplat.continuation.answer import answer_of
 from vibroplat.continuation.branch_tasks import ComputedBranch, multiplier_columns
 from vibroplat.continuation.rows import orbit_motion
 from vibroplat.continuation.study import OrbitsStudy
@@ -177,3 +180,25 @@ def test_records_of_another_version_are_not_resumed(scene, tmp_path):
         message = f"^cannot resume: version of records = 2; allowed: {known}, as in the finished tasks, or "
         with pytest.raises(ConfigError, match=message):
             Store(tmp_path, wanted, resume=True, **kept)
+
+
+def test_stable_ranges_end_at_the_points_where_stability_is_lost():
+    """The last computed points before them are no limits; other special points are none either."""
+    rows = {KEY: [1.0, 2.0, 3.0, 4.0, 5.0], "stable": [False, True, True, True, False], "point": range(5)}
+    branches = pd.DataFrame(rows).assign(branch=0, sync="antiphase", excitation_frequency_hz=1.0, rms_y_m=1.0)
+    places = {KEY: [1.637, 3.5, 4.2, 4.8], "point": [0, 2, 3, 3], "branch": 0}
+    special = pd.DataFrame(places).assign(
+        excitation_frequency_hz=1.0, period=1, kind=["branch-point", "grazing", "liftoff", "fold"]
+    )
+    plan = OrbitsPlan.model_validate({**PLAN, "grid": {}})
+    summary = {
+        "branches": [
+            dict.fromkeys(("branch", "origin", "parent", "least", "largest", "points", "stable", "ended", "failed"))
+            | {"grid": {}}
+        ],
+        "boundaries": [],
+        "failed": 0,
+        "turns": 1.0,
+    }
+    answer = answer_of(plan, {"branches": branches.assign(turns=1, residual=0.0), "special": special}, summary, "")
+    assert "1.637 … 4.800" in answer.short[1]

@@ -222,3 +222,13 @@ def test_command(tmp_path):
     wrong = command("inspect", str(file), "--set", "motor.critical_torque_n_m=-1")
     assert wrong.code == 2
     assert "critical_torque_n_m" in wrong.err
+
+
+def test_a_motor_that_fails_is_held_by_the_platform_as_a_run_shows():
+    """Runs of 60 s stay at 16.322 Hz; with averaged steps 2.5 times as long the exciter would seem to stop."""
+    failing = [{"t_s": 0.0, "supply_frequency_hz": 50.0}, {"t_s": 10.0, "exciter_2": "off"}]
+    friction = {f"exciters.{i}.friction_radius_m": 1.26e-4 for i in (0, 1)}
+    changes = {"drive.program": failing, "material.mass_ratio": 0.0, **friction}
+    found = load_config(CONFIGS / "templates/heavy-screen.yaml", changes).inspect()
+    assert found["expected"] == "antiphase"
+    assert found["excitation_frequency_2_hz"] == pytest.approx(16.322, rel=1e-3)

@@ -11,9 +11,13 @@ from vibroplat.columns import split
 from vibroplat.errors import ConfigError
 from vibroplat.observe.data_sheet import SHEET, columns, converges, fluctuates, whole_columns
 from vibroplat.observe.extremes import FORCE, empty_extremes, merge_extremes
-from vibroplat.results.summary_text import data_sheet_lines
+from vibroplat.results.sheet import FURTHER, Sheet, all_lines
 
 POINTS = {"output.points": {"inlet": [-0.2, 0.1], "outlet": [0.25, 0.05], "top": [0.0, 0.3]}}
+
+
+def lines_of(scene, summary):
+    return all_lines(Sheet(scene, summary), None)
 
 
 def test_closed_forms_of_a_bare_platform_in_antiphase():
@@ -214,7 +218,7 @@ def test_only_exciters_that_are_synchronized_have_come_into_step(name):
         scene = scene.replace({"motors": [dict(zip(keys, motor, strict=True)) for motor in motors]})
     summary = simulate(scene, keep="summary").summary
     found = (summary["synchronized_at_s"] is not None, summary["start_energy_j"] is not None)
-    assert (*found, "synchronized" in data_sheet_lines(scene, summary)) == (expected,) * 3
+    assert (*found, "in step" in lines_of(scene, summary)) == (expected,) * 3
 
 
 def test_a_phase_difference_converges_if_its_changes_do_not_slow_down_less_and_less():
@@ -259,7 +263,7 @@ def test_exciters_that_swing_have_no_speed_at_a_peak():
     summary = run.summary
     assert summary["whole_foundation_force_y_max_at_s"] > 8.0
     assert summary["whole_foundation_force_y_max_at_hz"] is None
-    assert not data_sheet_lines(run.scene, summary)["force y into foundation"].endswith("Hz")
+    assert not lines_of(run.scene, summary)["y, static ± dynamic"].endswith("Hz")
     at, expected = run(np.linspace(0.0, 2.0, 100_001)), summary["whole_motor_power_1_max_at_s"]
     assert summary["whole_motor_power_1_max_at_hz"] == pytest.approx(pace(at, expected), rel=2e-3)
 
@@ -278,10 +282,8 @@ def test_loads_strokes_torques_and_powers_have_a_time_and_a_speed(quickstart):
     loads = {f"whole_foundation_{load}_max" for load in ("force_x", "force_y", "moment")}
     assert timed == strokes | loads | {f"whole_motor_{what}_{i}_max" for what in ("power", "torque") for i in (1, 2)}
     assert set(whole) == {name for name in summary if name.startswith("whole_")}
-    lines = data_sheet_lines(run.scene, summary | {"whole_gamma": 99.0, "whole_acceleration_max_m_per_s2": 999.0})
-    assert lines["acceleration"].endswith("; whole run: 999 m/s²")
-    same = {"whole_acceleration_max_m_per_s2": summary["acceleration_max_m_per_s2"]}
-    assert ";" not in data_sheet_lines(run.scene, summary | same)["acceleration"]
+    lines = lines_of(run.scene, summary | {"whole_acceleration_max_m_per_s2": 999.0})
+    assert lines["acceleration"].endswith("; largest 999 m/s²")
 
 
 def test_the_viscous_force_of_the_material_does_not_reach_the_foundation(quickstart):
@@ -334,17 +336,14 @@ def test_rows_and_old_summaries(quickstart):
     run = simulate(scene.replace({"run.duration_s": 0.2}))
     assert list(run.data_sheet.index) == names
     assert run.data_sheet.loc["gamma", "whole_run"] == run.summary["whole_gamma"]
-    lines = data_sheet_lines(scene, run.summary)
-    assert "gamma" in lines["acceleration"]
-    assert "stroke y of inlet" in lines
-    again = dict(run.summary, whole_gamma=run.summary["gamma"], whole_stroke_y_m=run.summary["stroke_y_m"])
-    assert "; that at 0.150 s" in data_sheet_lines(scene, again | {"whole_stroke_y_at_s": 0.15})["stroke y"]
-    assert "; whole run: " in data_sheet_lines(scene, again | {"whole_stroke_y_at_s": 0.01})["stroke y"]
-    assert ";" not in data_sheet_lines(scene, again | {"whole_stroke_y_m": 0.0})["stroke y"]
+    lines = lines_of(scene, run.summary)
+    assert "stroke y at inlet" in lines
+    assert "; largest " in lines["stroke y"]
+    assert ";" not in lines_of(scene, run.summary | {"whole_stroke_y_m": 0.0})["stroke y"]
     for name in [name for name in run.summary if name in SHEET or name.startswith("whole_")]:
         del run.summary[name]
     assert not set(run.data_sheet.index) & set(SHEET)
-    assert data_sheet_lines(scene, run.summary) == {}
+    assert not {"stroke y", "y, static ± dynamic", FURTHER} & {*lines_of(scene, run.summary)}
 
 
 def test_springs_carry_the_static_force_together_and_move_with_their_points(quickstart):

@@ -1,5 +1,7 @@
 """Notes on what was measured: rotation, capture, samples."""
 
+import math
+
 import pytest
 from common.places import QUICKSTART, ROOT
 
@@ -157,3 +159,18 @@ def test_a_transient_left_in_strokes_that_repeat_is_noted():
     assert short["notes"][0].startswith(f"{share(short['stroke_change'])} of the stroke is a transient")
     assert long["stroke_change"] < 0.02
     assert not any("transient" in note for note in long["notes"])
+
+
+def test_a_stop_that_nothing_disturbs_says_that_its_symmetry_hides_a_direction():
+    stop = {"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0}, {"t_s": 0.05, "off": True}]}
+    upward = {f"phi{i}_rad": 0.5 * math.pi for i in (1, 2)}
+    turning = {
+        "run.duration_s": 0.2,
+        "run.initial.state": upward | {"phi1_rate_rad_per_s": 160.0, "phi2_rate_rad_per_s": -160.0},
+    }
+    stopping, told = turning | stop, "nothing moves along x, as this start is symmetric"
+    found = [
+        any(told in note for note in of_motion(load_config(QUICKSTART), **changes))
+        for changes in (stopping, turning, stopping | {"run.perturbation": 0.01}, stopping | {"run.perturbation": 0.0})
+    ]
+    assert found == [True, False, False, False]

@@ -16,7 +16,8 @@ from vibroplat.page.curves import Line, one_line
 from vibroplat.page.machine import drawing, machine_of, packed
 from vibroplat.page.results import find_results
 from vibroplat.page.run import windows_of
-from vibroplat.page.sheet import Sheet, sheet_html
+from vibroplat.page.sheet import sheet_html
+from vibroplat.results.sheet import Sheet
 from vibroplat.results.tables import read_json, read_table, write_table
 
 
@@ -35,7 +36,7 @@ def rows_of(sheet):
 # -- the data sheet -------------------------------------------------------------------------------------
 
 LOADS = {
-    "foundation_force_y_amplitude_n": None,
+    "foundation_force_y_amplitude_n": 853.0,
     "foundation_force_y_mean_n": -14126.4,
     "foundation_force_y_max_n": 14979.4,
 }
@@ -53,13 +54,13 @@ POWERS = {"motor_power_1_mean_w": 959.9, "motor_power_2_mean_w": 960.1, "whole_m
 def sheet(moved):
     """Write the data sheet of the bare run with other entries in its summary."""
     (result,) = find_results([moved["bare"]])
-    return lambda **changes: Sheet(result.summary | changes, result.scene)
+    return lambda **changes: Sheet(result.scene, result.summary | changes)
 
 
 def test_static_and_dynamic_force_and_the_largest_one_stand_in_one_row(sheet):
     rows = rows_of(sheet(**LOADS))
-    assert rows["y, static ± dynamic"][1:] == ("14.13 ± 0.85 kN", "", "15.7 kN", "0.454 s, 23.4 Hz")
-    assert rows["x"][1:] == ("0", "", "54.3 N", "0.320 s, 11.9 Hz"), "1/1000 of the force along y is nothing"
+    assert rows["y, static ± dynamic"][1:5] == ("14.13 ± 0.85 kN", "", "15.7 kN", "0.454 s, 23.4 Hz")
+    assert rows["x"][1:5] == ("0", "", "54.3 N", "0.320 s, 11.9 Hz"), "1/1000 of the force along y is nothing"
 
 
 def test_the_dynamic_force_is_its_column_where_there_is_one(sheet):
@@ -71,16 +72,28 @@ def test_each_spring_at_a_point_has_its_static_and_dynamic_force(sheet):
     forces = {"spring_force_mean_inlet_n": -3500.0, "spring_force_amplitude_inlet_n": 210.0}
     forces |= {"spring_force_max_inlet_n": 3710.0, "whole_spring_force_max_inlet_n": 3900.0}
     row = sheet(**forces)._spring("inlet")
-    assert (row.label, row.now, row.most) == ("each spring at inlet", "3.50 ± 0.21 kN", "3.90 kN")
+    assert (row.label, row.now, row.most) == ("each spring at inlet, static ± dynamic", "3.50 ± 0.21 kN", "3.90 kN")
+    assert row.short == ("spring at inlet", "3.50 ± 0.21 kN", "each, static ± dynamic")
+    alone = sheet(**forces | {"spring_force_amplitude_inlet_n": 0.1})._spring("inlet")
+    assert alone.short == ("spring at inlet", "3.50 kN", "each, static"), "nothing moves"
 
 
 def test_a_named_point_has_one_row(moved):
     (result,) = find_results([moved["bare"]])
     scene = result.scene.replace({"output.points": {"inlet": [-0.1, 0.0]}})
     strokes = {"stroke_y_inlet_m": 3.45e-3, "whole_stroke_y_inlet_m": 6.6e-3, "stroke_x_inlet_m": 0.2e-3}
-    found = Sheet(result.summary | strokes | {"acceleration_max_inlet_m_per_s2": 37.4}, scene)
+    found = Sheet(scene, result.summary | strokes | {"acceleration_max_inlet_m_per_s2": 37.4})
     row = rows_of(found)["stroke y at inlet"]
-    assert (row.now, row.also, row.most) == ("3.45 mm", "x 0.200 mm, 3.81 g", "6.60 mm")
+    assert (row.now, row.also, row.most) == ("3.45 mm", "x 0.200 mm; 37.4 m/s²", "6.60 mm")
+
+
+def test_without_gravity_no_force_is_static(moved):
+    (result,) = find_results([moved["bare"]])
+    floating = result.scene.replace({"machine.gravity_m_per_s2": 0.0})
+    rows = rows_of(Sheet(floating, result.summary | LOADS))
+    assert rows["y"].now == "15.0 kN"
+    assert "throw index" not in rows_of(Sheet(floating, result.summary | {"gamma": None, "whole_gamma": None}))
+    assert rows["y"].short == ("foundation, y", "15.0 kN", "largest 15.7 kN at 0.454 s, 23.4 Hz")
 
 
 def test_motors_that_are_alike_have_one_number(sheet):
@@ -98,10 +111,10 @@ def test_a_summary_of_an_old_version_has_what_it_has(moved, sheet):
         for key, value in result.summary.items()
         if not key.startswith(("foundation", "whole", "stroke", "motor_p", "motor_t", "slip", "torque"))
     }
-    rows = rows_of(Sheet(old, result.scene))
-    assert rows["amplitude y"].also.startswith("RMS")
+    rows = rows_of(Sheet(result.scene, old))
+    assert rows["RMS x, y"].now.endswith("mm")
     assert "y, static ± dynamic" not in rows
-    assert Sheet({"outcome": "solver-failure"}, result.scene).groups == {}
+    assert Sheet(result.scene, {"outcome": "solver-failure"}).groups == {}
 
 
 def test_exciters_that_are_not_synchronous_have_two_speeds(sheet):
@@ -119,14 +132,14 @@ def test_strokes_that_still_change_are_told_beside_the_period(sheet):
 
 def test_a_run_with_motors_off_is_not_in_operation(moved, sheet):
     (result,) = find_results([moved["bare"]])
-    assert sheet().now == "in operation"
+    assert '"col">in operation</th>' in sheet_html([sheet()], [""])
     off = result.scene.replace({"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}]})
-    assert '"col">while it coasts down</th>' in sheet_html([Sheet(result.summary, off)], [""])
+    assert '"col">while it coasts down</th>' in sheet_html([Sheet(off, result.summary)], [""])
 
 
 def test_several_runs_have_a_column_each(moved):
     runs = find_results([moved["two layers"], moved["bare"]])
-    text = sheet_html([Sheet(one.summary, one.scene) for one in runs], ["<one>", "two"])
+    text = sheet_html([Sheet(one.scene, one.summary) for one in runs], ["<one>", "two"])
     assert "&lt;one&gt;" in text
     assert text.count("<td>") == 2 * (text.count("<tr><th") - 1), "one row has the headings"
     assert ">Material</th>" in text
@@ -289,6 +302,11 @@ def test_infinite_numbers_are_missing(moved, tmp_path):
 def test_a_captured_start_says_so_first(moved, tmp_path):
     text = page_of(rewritten(moved["bare"], tmp_path / "copy", captured_by="y"))
     assert '<p class="answer bad">CAPTURED by the resonance in y' in text
+
+
+def test_results_with_one_name_have_the_part_of_their_directories_that_differs(moved):
+    found = find_results([moved["two layers"], moved["bare"]])
+    assert [one.label for one in found] == ["quickstart (two-layers)", "quickstart (bare)"]
 
 
 def test_results_name_the_parameters_in_which_they_differ(moved):

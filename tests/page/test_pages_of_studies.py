@@ -133,25 +133,31 @@ def test_a_long_table_loses_rows_evenly_and_says_so(monkeypatch):
     assert "The page holds 500 of 10000 rows, evenly chosen" in table_html("points", table)
 
 
-def test_a_hundred_thousand_points_are_a_small_page_in_which_all_extremes_are_seen(swept, tmp_path):
+def test_twenty_thousand_points_are_a_small_page_in_which_all_extremes_are_seen(swept, tmp_path):
     copy = unproven(shutil.copytree(swept, tmp_path / "copy"))
     table = read_table(copy, "sweep")
-    count = 100_000
-    supply = np.linspace(42.0, 49.0, count)
-    size = 1e-3 * (1.0 + 0.1 * np.sin(5000.0 * supply))
-    size[77_777] = 5e-3
+    count = 20_000
+    branch = np.repeat(np.arange(20), count // 20)
+    supply = np.tile(np.linspace(42.0, 49.0, count // 20), 20)
+    size = 1e-3 * (1.0 + 0.1 * np.random.default_rng(1).random(count))
+    size[15_777] = 5e-3
     long = pd.DataFrame({name: np.repeat(table[name].iloc[:1].to_numpy(), count) for name in table})
+    varied = ("rms_x_m", "rms_phi_rad", "motor_power_w", "phase_difference_rad", "lyapunov_per_s")
     columns = {
         "supply_frequency_hz": supply,
         "excitation_frequency_hz": 0.49 * supply,
         "rms_y_m": size,
         "motion": "periodic",
+        "branch": branch,
+        "material.mass_ratio": 0.01 * branch,
+        **dict.fromkeys(varied, size),
     }
     write_table(long.assign(**columns), copy, "sweep", "parquet")
     text = page_of(copy)
-    assert len(text.encode()) < 1_200_000
+    assert len(text.encode()) < 700_000, "half a megabyte is left for orbits"
     rms = figures_of(text)["RMS y"]
-    assert rms.points(rms.names[0])[:, 1].max() == pytest.approx(5.0, rel=0.01)
+    assert max(rms.points(name)[:, 1].max() for name in rms.names) == pytest.approx(5.0, rel=0.01)
+    assert re.search(r"[0-9]+ of 20000 rows, evenly chosen</small></summary>", text)
 
 
 # -- orbits of points -----------------------------------------------------------------------------------
@@ -223,6 +229,19 @@ def test_pictures_of_one_table_share_it_and_its_orbits(swept, tmp_path):
     figure = figures_of(section(text, 1)).popitem()[1]
     assert len({*figure.hits} & {*range(32)}) == 16
     assert figure.ends(0)[0] > 40.0, "the axis is that of its strips"
+
+
+def test_neighbours_of_one_class_are_one_tile_of_a_map(swept, tmp_path):
+    copy = unproven(shutil.copytree(swept, tmp_path / "copy"))
+    proof = read_json(copy, "provenance")
+    proof["configuration"]["sweep"]["kind"] = "map"
+    (copy / "provenance.json").write_text(json.dumps(proof))
+    table = read_table(copy, "sweep").query("direction == 'up'")
+    rows = [table.assign(**{"material.mass_ratio": table["material.mass_ratio"] + 0.2 * n}) for n in range(4)]
+    write_table(pd.concat(rows, ignore_index=True).assign(motion="chaotic"), copy, "sweep", "parquet")
+    (figure,) = figures_of(section(page_of(copy), 1)).values()
+    assert len(figure.hits) == 64
+    assert 5 < figure.text.count("url(#hatch-0)") < 64
 
 
 # -- basins, thresholds and designs ---------------------------------------------------------------------

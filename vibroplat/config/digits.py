@@ -141,6 +141,8 @@ def share(value: float | None) -> str:
         return f"{percent:.0f} %"
     if 0.0 < percent < 0.05:
         return "< 0.1 %"
+    if -0.05 < percent < 0.0:
+        return "> −0.1 %"
     if 99.95 <= percent < 100.0:
         return "> 99.9 %"
     return f"{decimal(percent, 0 if 10.0 <= abs(percent) <= 90.0 or abs(percent) > 100.0 else 1)} %"

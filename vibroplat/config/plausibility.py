@@ -15,7 +15,7 @@ from pydantic import BaseModel
 
 from vibroplat.config.digits import given, number, quantity
 from vibroplat.config.scene import Scene
-from vibroplat.config.sections import OF_EXCITERS, Motor
+from vibroplat.config.sections import OF_EXCITERS, Exciter, Motor
 
 #: Torque over the weight's largest moment m r g that carries an unbalance which hangs past its upper position in one
 #: swing: the largest (1 - cos a)/a. With less it swings, more each time if the torque grows with the speed, or stays.
@@ -24,6 +24,10 @@ SWING_TORQUE_RATIO = 0.7246
 UNIVERSAL_KEYS = frozenset({"gravity_m_per_s2", "mounted_on"})
 #: Least number of a slip of units that is written by a power of ten.
 MAX_PLAIN = 1e6
+#: Least usual damping ratio of springs; 0 is a machine without damping, which is meant.
+SMALL_DAMPING = 1e-4
+#: Largest usual phase difference (rad), a turn, and distance of an exciter from the centre of mass (m).
+LARGE_PHASE, LARGE_DISTANCE = 6.3, 10.0
 #: The key of a rotor's moment of inertia.
 INERTIA = "rotor_inertia_kg_m2"
 #: Most keys that were left out and are all named.
@@ -101,7 +105,7 @@ def quantities(scene: Scene) -> Iterator[UsualRange]:
     for (axis, _, damper), (mass, damping, stiffness) in zip(springs, oscillators, strict=True):
         keys = (f"machine.{damper}", *(["contact.viscous_per_mass_per_s"] if axis == "y" else []))
         ratio = _damping_ratio(damping, stiffness, mass)
-        yield UsualRange(ratio, 0.0, 1.0, "", keys, f"damping ratio {{}} in {axis}")
+        yield UsualRange(ratio or None, SMALL_DAMPING, 1.0, "", keys, f"damping ratio {{}} in {axis}")
     weight = (scene.platform_mass + sum(scene.layer_masses)) * machine.gravity_m_per_s2
     sag = weight / machine.stiffness_y_n_per_m
     yield UsualRange(sag, 0.0, 0.05, "m", ("machine.stiffness_y_n_per_m",), "static sag {}")
@@ -114,12 +118,18 @@ def quantities(scene: Scene) -> Iterator[UsualRange]:
         yield UsualRange(drive.largest_frequency, 0.0, 400.0, "Hz", (), "drive.program: supply frequency {}")
     if machine.gravity_m_per_s2:
         acceleration = scene.length_scale * scene.speed_scale**2 / machine.gravity_m_per_s2
-        keys = ("machine.unbalance_mass_kg", "machine.unbalance_radius_m", "drive.supply_frequency_hz")
+        unbalance = ("machine.unbalance_mass_kg", "machine.unbalance_radius_m")
+        keys = ("machine.platform_mass_kg", *unbalance, "drive.supply_frequency_hz")
         text = "acceleration {} of the platform far above resonance"
         yield UsualRange(acceleration, 0.0, 30.0, "g", keys, text)
     inertia = max(exciter.rotor_inertia_kg_m2 for exciter in scene.exciter_pair)
     yield UsualRange(inertia, 0.0, 100.0, "kg·m²", ("machine.rotor_inertia_kg_m2",))
     yield UsualRange(initial.speed_ratio, -1.5, 1.5, "", ("run.initial.speed_ratio",))
+    for key in ("phase_difference_rad", "phase_sum_rad", "phi1_rad"):
+        yield UsualRange(getattr(initial, key), -LARGE_PHASE, LARGE_PHASE, "rad", (f"run.initial.{key}",))
+    for i, (x, y) in enumerate(exciter.position_m or (0.0, 0.0) for exciter in scene.exciters or ()):
+        text = f"exciters.{i}.position_m: {{}} from the centre of mass"
+        yield UsualRange(math.hypot(x, y), 0.0, LARGE_DISTANCE, "m", (), text)
     for key in ("x_m", "y_m") if initial.state is not None else ():
         yield UsualRange(getattr(initial.state, key), -1.0, 1.0, "m", (f"run.initial.state.{key}",))
     for name, motor in _motors(scene):
@@ -202,7 +212,7 @@ def _note_if_unusual(quantity: UsualRange, scene: Scene) -> str:
     own = [key for key in keys if key.removeprefix("machine.") in given_by_exciters(scene)]
     keys = (
         *(key for key in keys if key not in own),
-        *(f"exciters.{i}.{key.removeprefix('machine.')}" for key in own for i in range(2)),
+        *(f"exciters.{i}.{_given_key(exciter, key)}" for key in own for i, exciter in enumerate(scene.exciters or ())),
     )
     tree: Any = scene.model_dump()
     values = {
@@ -212,6 +222,13 @@ def _note_if_unusual(quantity: UsualRange, scene: Scene) -> str:
     what = text.format(_in_unit(value, unit))
     ends = f"{given(low)} to {given(high)}" if low else f"up to {given(high)}"
     return f"{': '.join(part for part in (named, what) if part)}; usual: {ends} {unit}".rstrip()
+
+
+def _given_key(exciter: Exciter, key: str) -> str:
+    """Return the key of an exciter that takes the place of one of the machine's."""
+    name = key.removeprefix("machine.")
+    by_moment = name == "unbalance_radius_m" and exciter.static_moment_kg_m is not None
+    return "static_moment_kg_m" if by_moment else name
 
 
 def _in_unit(value: float, unit: str) -> str:

@@ -11,6 +11,7 @@ import pandas as pd
 from vibroplat.columns import unit_of
 from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, quantity
 from vibroplat.config.plans import OrbitsPlan
+from vibroplat.continuation.special_points import SMOOTH_LOSSES
 from vibroplat.results.answer import Answer, counted, in_columns
 from vibroplat.results.labels import value_words
 from vibroplat.study.answer import axis_label, by_columns
@@ -61,7 +62,7 @@ def _stable_lines(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Itera
     kinds = counts.index[:MAX_KINDS]
     groups = list(branches.groupby(keys, sort=False)) if keys else [((), branches)]
     columns = {f"stable at {axis_label(key)}": [", ".join(map(value_words, keys, at)) for at, _ in groups]}
-    columns |= {str(kind): [_ranges(own, key, str(kind)) for _, own in groups] for kind in kinds}
+    columns |= {str(kind): [_ranges(own, special, key, str(kind)) for _, own in groups] for kind in kinds}
     if (special["kind"] == "liftoff").any():
         columns["first lift-off"] = [_first_liftoff(special, keys, at, key) for at, _ in groups]
     yield from by_columns(columns, "-v")
@@ -70,16 +71,20 @@ def _stable_lines(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Itera
         yield f"where both hold a value, the start decides{others}"
 
 
-def _ranges(table: pd.DataFrame, key: str, sync: str) -> str:
+def _ranges(table: pd.DataFrame, special: pd.DataFrame, key: str, sync: str) -> str:
     """Write in which ranges of the key orbits of a synchronization are stable, those of several branches united.
 
-    Ranges narrower than 1/1000 of the whole are left out beside wider ones: orbits at the limit of stability.
+    They end at the special points where stability is lost. Ranges narrower than 1/1000 of the whole are left out beside
+    wider ones: orbits at the limit of stability.
     """
+    losses = special[special["kind"].isin(SMOOTH_LOSSES)].set_index(["branch", "point"])[key]
     found: list[list[float]] = []
-    for _, branch in table.groupby("branch", sort=False):
+    for name, branch in table.groupby("branch", sort=False):
         holds = branch["stable"] & (branch["sync"] == sync)
-        pieces = branch.loc[holds, key].astype(float).groupby((~holds).cumsum())
-        found += [[piece.min(), piece.max()] for _, piece in pieces]
+        for _, piece in branch[holds].groupby((~holds).cumsum()):
+            around = [(name, piece["point"].min() - 1), (name, piece["point"].max())]
+            values = [*piece[key].astype(float), *losses[losses.index.isin(around)]]
+            found.append([min(values), max(values)])
     united: list[list[float]] = []
     for low, high in sorted(found):
         if united and low <= united[-1][1]:

@@ -30,6 +30,8 @@ from vibroplat.results.labels import SPECIAL_POINTS
 #: What happens at each kind, for people.
 KINDS = SPECIAL_POINTS
 FOLD, DOUBLING, NEIMARK_SACKER, BRANCH_POINT, LIFTOFF, END_OF_STICKING, GRAZING = KINDS
+#: Those at which an orbit loses its stability.
+SMOOTH_LOSSES = (FOLD, DOUBLING, NEIMARK_SACKER, BRANCH_POINT)
 
 #: Imaginary part up to which a multiplier is real, but for round-off.
 MAX_IMAGINARY = 1e-9

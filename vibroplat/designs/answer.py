@@ -93,7 +93,8 @@ def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFram
     together = [*satisfied(plan, samples).values()][:1]
     told += [f"{with_confidence(count, len(samples))} within bounds" for count in together]
     yield f"{counted(len(samples), 'machine')} within the tolerances: {', '.join(told)}"
-    names = [name for name in (plan.minimize, *plan.constraints, *contributions["measure"].unique()) if name]
+    asked = (plan.minimize, *plan.constraints, *plan.measures)
+    names = [name for name in (*asked, *contributions["measure"].unique()) if name]
     shown = [name for name in dict.fromkeys(names) if name in samples and samples[name].notna().any()][:MAX_MEASURES]
     rows = [["", *(f"{100.0 * of:.0f} %" for of in QUANTILES)]]
     for name in shown:

@@ -32,6 +32,8 @@ ORBIT_TOLERANCE = 1e-9
 ROUND_OFF_RATIO = 1e-7
 #: Change of a key, over its value, that tells whether the equations have it.
 _KEY_CHANGE = 1e-6
+#: The number of a section in which machines do not differ.
+GRAVITY = "machine.gravity_m_per_s2"
 
 SENSITIVITIES: Columns = {
     "measure": Column(
@@ -73,8 +75,8 @@ def varied_keys(scene: Scene) -> list[str]:
 def tolerances_of_keys(scene: Scene, given: Mapping[str, float]) -> tuple[dict[str, float], list[str]]:
     """Replace sections in tolerances by their numbers, and say in notes which of these have none.
 
-    Left out are 0, other values than numbers, and numbers that may not be as much larger or smaller. A key that is
-    given has its own tolerance. A section without numbers is a ConfigError.
+    Left out are 0, gravity, other values than numbers, and numbers that may not be as much larger or smaller. A key
+    that is given has its own tolerance. A section without numbers is a ConfigError.
     """
     found, notes = dict[str, float](), list[str]()
     for name, share in given.items():
@@ -82,7 +84,7 @@ def tolerances_of_keys(scene: Scene, given: Mapping[str, float]) -> tuple[dict[s
             continue
         varied = [key for key in varied_keys(scene) if key.startswith(f"{name}.")]
         for key in varied:
-            if in_lists(key.split(".")) in given:  # both exciters alike
+            if key == GRAVITY or in_lists(key.split(".")) in given:  # of no machine; both exciters alike
                 continue
             try:
                 for end in (-share, share):
@@ -96,7 +98,8 @@ def tolerances_of_keys(scene: Scene, given: Mapping[str, float]) -> tuple[dict[s
                 f"design.parameter_tolerances.{name} = {share}: the motion depends on no number of this section that "
                 f"may vary so; allowed: {', '.join(sections)}, or a key"
             )
-        left = [k for k in _given_keys(scene, name) if not {k, in_lists(k.split("."))} & (found.keys() | given.keys())]
+        known = found.keys() | given.keys() | {GRAVITY}
+        left = [k for k in _given_keys(scene, name) if not {k, in_lists(k.split("."))} & known]
         if left:
             notes.append(f"no tolerance: {', '.join(left)} (0, no number, unused, or no such values allowed)")
     return found | {key: share for key, share in given.items() if key not in SECTIONS}, notes

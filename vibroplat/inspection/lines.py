@@ -142,7 +142,7 @@ def _of_material(v: Numbers, load: str) -> Iterator[str]:
     """Yield what the material does."""
     if load:
         yield f"not settled: ranges change by {share(v['loaded_change'])}" if v["loaded_change"] > UNSETTLED else ""
-        yield f"lifts off from 1 on; {share(max(v['moving_fraction'], 0.0))} of it moves along"
+        yield f"lifts off from 1 on; acts as {share(max(v['moving_fraction'], 0.0))} of its mass"
     elif not math.isfinite(v["throw_index"]):
         yield "no gravity: all numbers are of the empty machine" if v["material_mass_kg"] else ""
     elif v["loaded_expected"] and max(v[f"excitation_frequency_{i}_hz"] for i in (1, 2)):

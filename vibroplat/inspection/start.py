@@ -28,7 +28,7 @@ from vibroplat.inspection.linear import FloatArray, couplings, natural_speeds
 FACTORS, FINER = np.geomspace(0.02, 20.0, 40), 24
 #: Steps over the time scale of the fastest passage; decay times of the slowest axis after the supply's last change;
 #: most steps; a change of speed that gives a slope, over the synchronous speed.
-STEP, DECAYS, MAX_STEPS, SLIGHT = 0.1, 10.0, 10_000, 1e-4
+STEP, DECAYS, MAX_STEPS, SLIGHT = 0.04, 10.0, 20_000, 1e-4
 
 
 def averaged_start(scene: Scene, factors: FloatArray) -> FloatArray:

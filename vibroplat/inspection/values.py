@@ -53,7 +53,7 @@ INSPECTION: Columns = {
     "isolation": Column("transmissibility along y", "√(1 + (2Dr)²) / √((1 − r²)² + (2Dr)²), r = ω / ω_y"),
     "loaded_change": Column("change of the ranges in 32 turns with material that jumps", "0 if it does not"),
     "material_mass_kg": Column("mass of the material", "m_w"),
-    "moving_fraction": Column("fraction of the material that moves along", "of its dynamic mass; below 0: it pushes"),
+    "moving_fraction": Column("dynamic mass of the material divided by its mass", "below 0: it pushes"),
     "passage_axis": Column("axis of the resonance that takes the largest torque to pass", kind=TEXT),
     "passage_frequency_hz": Column("its natural frequency"),
     "passage_torque_n_m": Column("torque of both motors there that just passes it from rest", "averaged start"),

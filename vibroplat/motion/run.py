@@ -28,7 +28,7 @@ from vibroplat.motion.motion import Observer, Simulator
 from vibroplat.motion.recorder import Files, Keep, Recorder, Sink, SinkArgument
 from vibroplat.motion.variation import key_tuple, parameter_directions
 from vibroplat.observe.data_sheet import SHEET, WHOLE, columns, stays_synchronized, whole_run
-from vibroplat.observe.notes import captures, change, drift, notes_on_measures, stiffness
+from vibroplat.observe.notes import captures, change, drift, notes_on_measures, stiffness, symmetry
 from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, section_rows, whole_periods
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import INACCURATE, MEASURES, MeasuredInterval, inaccuracy, measure, synchronization
@@ -180,12 +180,14 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
     doubt = inaccuracy(measures, scene) if motion.outcome == "ok" else ""
     locked = synchronization(measures) != "none" and stays_synchronized(part.measures, scene)
     moved = _stroke_change(section_rows(part.measures)["state"][:, :2], repeats, sheet)
+    whole = whole_run(part.measures, scene, start, any(captures(scene, measures)), locked)
     notes = [
         _settling(moved),
         *notes_on_input(scene),
         *notes_on_measures(scene, measures),
         drift(measures) if all(scene.driven(measures["measured_from_s"], measures["measured_to_s"])) else "",
         change(scene, measures, start),
+        symmetry(scene, {axis: whole[f"whole_stroke_{axis}_m"] for axis in "xy"}, start, motion.now),
         stiffness(scene, engine.name, engine.work["steps"], motion.restarts, seconds),
     ]
     return {
@@ -207,7 +209,7 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
         "wall_s": 0.0,
         "notes": [note for note in notes if note],
         **sheet,
-        **whole_run(part.measures, scene, start, any(captures(scene, measures)), locked),
+        **whole,
     }
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from vibroplat.config.digits import given, number, quantity, share
 from vibroplat.config.scene import Scene
+from vibroplat.config.schema import PERTURBATION
 from vibroplat.frames import pd
 from vibroplat.kernels.engines import uses_sundials
 from vibroplat.observe.data_sheet import steady_supply
@@ -31,6 +32,8 @@ STEPS_A_TURN, STEPS_A_RESTART = 5.0, 2.0
 #: Multiple of them above which a scene counts as stiff for it. Engine ``native`` is as fast at 10 to 11, with a damped
 #: layer of 1 kHz in calm contact as with a critical slip of 0.001.
 STIFF = 10.0
+#: Stroke along one axis over that along the other up to which a motion is symmetric.
+SYMMETRIC = 1e-6
 #: How many exciters there are.
 EXCITERS = 2
 #: Share of the largest value that samples may miss.
@@ -101,6 +104,22 @@ def change(scene: Scene, measures: Mapping[str, Any], start: float) -> str:
     return (
         f"the supply changes until {given(last)} s, but the measured part begins at {quantity(begin, 's')}: means "
         f"include the change; run.duration_s = {given(2.0 * (last - start))} or more avoids that"
+    )
+
+
+def symmetry(scene: Scene, strokes: Mapping[str, float | None], begin: float, end: float) -> str:
+    """Return the note on a supply that changes while the motion is symmetric for want of a disturbance, or "".
+
+    ``strokes`` are the largest ones along x and y of a run between two times (s).
+    """
+    if scene.run.perturbation is not None or scene.start_perturbation or scene.drive.last_change(end) <= begin:
+        return ""
+    least, most = sorted((size or 0.0, axis) for axis, size in strokes.items())
+    if least[0] > SYMMETRIC * most[0] or not most[0]:
+        return ""
+    return (
+        f"nothing moves along {least[1]}, as this start is symmetric and nothing disturbs it, but a machine does where "
+        f"it passes a resonance: run.perturbation = {given(PERTURBATION)} shows how much"
     )
 
 

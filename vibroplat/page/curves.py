@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -61,90 +61,106 @@ class Runs:
         #: What the detail is called.
         self.last = "interval" if self.chosen else f"last {LAST_TURNS} turns" if known else "whole run"
 
-    # -- lines --------------------------------------------------------------------------------------
+    # -- drawings -----------------------------------------------------------------------------------
 
-    def whole(self, columns: Mapping[str, str], until: float = math.inf) -> list[Line]:
-        """Return the ranges of curves over the runs, up to a time (s)."""
-        return self._lines(columns, lambda course, column: course.band(column, until))
+    def _origin(self, course: Course, *, detail: bool) -> float:
+        """Return the time (s) from which those of a drawing are counted."""
+        return float(course.detail["t_s"].iloc[0]) if detail and not self.chosen else 0.0
 
-    def detail(self, columns: Mapping[str, str]) -> list[Line]:
-        """Return curves of the last turns, or of the interval that was asked for."""
-        return self._lines(columns, lambda course, column: course.turns(column, self._origin(course)))
+    def _time(self, first: float, last: float, *, detail: bool) -> Scale:
+        """Return an axis of times."""
+        return Scale(first, last, *(("ms", 1e3) if detail and not self.chosen else ("s", 1.0)), label="time")
 
-    def _origin(self, course: Course) -> float:
-        """Return the time (s) from which those of the detail are counted."""
-        return 0.0 if self.chosen else float(course.detail["t_s"].iloc[0])
+    def _lines(self, columns: Mapping[str, str], *, detail: bool = False, until: float = math.inf) -> list[Line]:
+        """Return curves of the detail, or their ranges over the runs up to a time (s).
 
-    def _lines(self, columns: Mapping[str, str], parts_of: Callable[[Course, str], Any]) -> list[Line]:
-        """Return curves: of several runs each has a colour, of one run each of its curves."""
+        Of several runs each has a colour, of one run each of its curves.
+        """
         found = []
         for run, (course, name) in enumerate(zip(self.courses, self.names, strict=True)):
             for number, (column, label) in enumerate(columns.items()):
-                if (parts := parts_of(course, column)) is not None:
+                parts = course.turns(column) if detail else course.band(column, until)
+                if parts is not None:
                     own = _COLOURS.get(column, CURVES[number % len(CURVES)])
                     dash = "2 3" if column == "synchronous_hz" else "6 3" if name and number else ""
                     called = ", ".join(filter(None, (name, label if len(columns) > 1 else ""))) or label
-                    found.append(Line(called, CURVES[run % len(CURVES)] if name else own, dash, *parts))
+                    t = parts[0] - self._origin(course, detail=detail)
+                    found.append(Line(called, CURVES[run % len(CURVES)] if name else own, dash, t, *parts[1:]))
         return one_line(found)
+
+    def _drawn(self, title: str, lines: Sequence[Line], column: str, *, detail: bool = False) -> Plot:
+        """Return a drawing of curves over time; a wide range is a band."""
+        t = np.concatenate([line.t for line in lines])
+        values = np.concatenate([part for line in lines for part in (line.low, line.high)])
+        is_speed = column.startswith("speed")
+        narrow = SPEEDING if is_speed else NARROW
+        y = Scale.of(values, column, least=0.0 if is_speed and not detail else None)
+        plot = Plot(title, self._time(float(t.min()), float(t.max()), detail=detail), y)
+        span = float(np.nanmax(values) - np.nanmin(values)) or 1.0
+        for line in lines:
+            if line.low is not line.high and np.nanmax(line.high - line.low) > narrow * span:
+                plot.band(line.t, line.low, line.high, line.name, line.colour)
+            else:
+                plot.curve(line.t, 0.5 * (line.low + line.high), line.name, line.colour, dash=line.dash)
+        plot.key = [(line.name, line.colour) for line in lines] if len(lines) > 1 or " = " in lines[0].name else []
+        return plot
 
     # -- figures ------------------------------------------------------------------------------------
 
-    def key_figures(self) -> list[str]:
+    def key_figures(self) -> str:
         """Return the curves that matter: the force into the foundation over the run, and the platform's last turns."""
-        found = []
-        if force := self.whole(PANELS[0][1]):
-            plot = drawn("Force into the foundation, y: each turn of the run", force, "force_y_n")
-            self._mark_largest(plot)
-            found.append(plot.html())
+        found = ""
+        if force := self._lines(PANELS[0][1]):
+            plot = self._drawn("Force into the foundation, y: each turn of the run", force, "force_y_n")
+            self._mark_largest(plot, force)
+            found += plot.html()
         main = self.courses[0].main
         columns = {main: "platform"} | ({"underside_m": "underside of the material"} if main == "y_m" else {})
-        if lines := self.detail(columns):
+        if lines := self._lines(columns, detail=True):
             words = {"y_m": "Platform y", "x_m": "Platform x", "phi_rad": "Rotation"}[main]
             if main == "y_m" and any("underside_m" in one.detail for one in self.courses):
                 words = "Platform and material"
-            found.append(drawn(f"{words}, {self.last}", lines, main, detail=not self.chosen).html())
+            found += self._drawn(f"{words}, {self.last}", lines, main, detail=True).html()
         return found
 
-    def third(self) -> str:
-        """Return the speeds while the exciters start, or the force of the last turns."""
-        courses, column = self.courses, "speed_1_hz"
-        if not any(one.size(f"speed_{n}_hz") > 0.1 * (one.frequency or 0.0) for one in courses for n in (1, 2)):
-            lines, title, column = self.detail(PANELS[0][1]), f"Force into the foundation, {self.last}", "force_y_n"
-        elif any(one.steady is None for one in courses):
-            lines, title = self.whole(EXCITERS), "Speed, whole run"
-        else:
-            until = max(max(one.steady or 0.0, one.first + START) for one in courses)
-            lines, title = self.whole(EXCITERS, until), "Speed until the stroke is steady"
-        if not lines:
+    def starts(self) -> str:
+        """Return the speeds of a run whose exciters start or stop, until its stroke is steady; "" of others."""
+        (course,) = self.courses
+        if not any(course.size(f"speed_{n}_hz") > 0.1 * (course.frequency or 0.0) for n in (1, 2)):
             return ""
-        plot = drawn(title, lines, column, detail=column == "force_y_n" and not self.chosen)
+        until = math.inf if course.steady is None else max(course.steady, course.first + START)
+        title = "Speed, whole run" if course.steady is None else "Speed until the stroke is steady"
+        plot = self._drawn(title, self._lines(EXCITERS, until=until), "speed_1_hz")
         plot.height = "--h:150px"
         return plot.html()
 
-    def _mark_largest(self, plot: Plot) -> None:
-        """Mark the static force, and the largest one with its time."""
-        for course in self.courses:
-            s, band = course.result.summary, course.band("force_y_n")
-            most, at = (s.get(f"whole_foundation_force_y_max_{end}") for end in ("n", "at_s"))
-            if s.get("foundation_force_y_mean_n") is not None and len(self.courses) == 1:
-                plot.rule("static", y=-s["foundation_force_y_mean_n"])
-            if most is not None and at is not None and band is not None:
-                side = 1.0 if np.nanmax(band[2]) >= -np.nanmin(band[1]) else -1.0
-                plot.mark(at, side * most, f"{quantity(most, 'N')} at {quantity(at, 's')}")
+    def _mark_largest(self, plot: Plot, lines: Sequence[Line]) -> None:
+        """Mark the static force of a single run, and the largest force of all with its time."""
+        size, at = "whole_foundation_force_y_max_n", "whole_foundation_force_y_max_at_s"
+        summaries = [course.result.summary for course in self.courses]
+        static, machine = summaries[0].get("foundation_force_y_mean_n"), self.courses[0].result.scene.machine
+        if static is not None and machine.gravity_m_per_s2 and len(summaries) == 1:
+            plot.rule("static", y=-static)
+        known = [s for s in summaries if s.get(size) and s.get(at) is not None]
+        if known:
+            largest = max(known, key=lambda s: float(s[size]))
+            upwards = max(np.nanmax(one.high) for one in lines) >= -min(np.nanmin(one.low) for one in lines)
+            place = largest[size] if upwards else -largest[size]
+            plot.mark(largest[at], place, f"{quantity(largest[size], 'N')} at {quantity(largest[at], 's')}")
 
     def all_figures(self) -> tuple[str, int, list[str]]:
         """Return all curves in pairs, how many quantities these are, and what has nothing to show."""
         pairs, none = [], []
         measured = {column: label for one in self.courses for column, label in accelerations(one.result.scene).items()}
-        for title, columns in (*PANELS, *[("Acceleration", measured)] * bool(self.whole(measured))):
-            whole, detail, column = self.whole(columns), self.detail(columns), next(iter(columns))
+        for title, columns in (*PANELS, *[("Acceleration", measured)] * bool(self._lines(measured))):
+            whole, detail, column = self._lines(columns), self._lines(columns, detail=True), next(iter(columns))
             if not whole or not any(self._matters(one, column) for one in self.courses for column in columns):
                 none.append(title[0].lower() + title[1:])
                 continue
             right = hint(f"{self.last.capitalize()}: 0")
             if not self._rests(whole, detail):
-                right = drawn(self.last.capitalize(), detail, column, detail=not self.chosen).html() if detail else ""
-            pairs.append(drawn(f"{title}, whole run", whole, column).html() + right)
+                right = self._drawn(self.last.capitalize(), detail, column, detail=True).html() if detail else ""
+            pairs.append(self._drawn(f"{title}, whole run", whole, column).html() + right)
         if any(len(one.impulses) for one in self.courses):
             pairs.append(self._impulses(detail=False) + self._impulses(detail=True))
         return "".join(pairs), len(pairs), none
@@ -164,15 +180,14 @@ class Runs:
 
     def _impulses(self, *, detail: bool) -> str:
         """Return the impulses of all impacts of the runs, or of their last turns."""
-        struck, times = [], []
+        struck, ends = [], []
         for one in self.courses:
-            origin = self._origin(one) if detail else 0.0
+            origin = self._origin(one, detail=detail)
             first, last = one.detail["t_s"].iloc[[0, -1]] if detail else (one.first, one.last)
-            times += [first - origin, last - origin]
+            ends += [float(first) - origin, float(last) - origin]
             inside = one.impulses[one.impulses["t_s"].between(first, last)].to_numpy(dtype=float)
             struck.append((inside[:, 0] - origin, inside[:, 1]))
-        unit = ("ms", 1e3) if detail and not self.chosen else ("s", 1.0)
-        x = Scale(float(min(times)), float(max(times)), *unit)
+        x = self._time(min(ends), max(ends), detail=detail)
         title = self.last.capitalize() if detail else "Impulse of each impact, whole run"
         plot = Plot(title, x, Scale.of(np.concatenate([[0.0], *(size for _, size in struck)]), "impulse_n_s"))
         for run, (t, size) in enumerate(struck):
@@ -204,22 +219,3 @@ def _coincide(one: Line, other: Line) -> bool:
     span = float(np.nanmax(one.high) - np.nanmin(one.low))
     away = np.nanmax(np.abs([one.low - other.low, one.high - other.high]))
     return bool(span > 0.0 and away < COINCIDE * span)
-
-
-def drawn(title: str, lines: Iterable[Line], column: str, *, detail: bool = False) -> Plot:
-    """Return a drawing of curves over time; a wide range is a band."""
-    lines = list(lines)
-    t = np.concatenate([line.t for line in lines])
-    values = np.concatenate([part for line in lines for part in (line.low, line.high)])
-    x = Scale(float(t.min()), float(t.max()), *(("ms", 1e3) if detail else ("s", 1.0)))
-    y = Scale.of(values, column, least=0.0 if column.startswith("speed") and not detail else None)
-    plot = Plot(title, x, y)
-    span = float(np.nanmax(values) - np.nanmin(values)) or 1.0
-    for line in lines:
-        narrow = NARROW if not column.startswith("speed") else SPEEDING
-        if line.low is not line.high and np.nanmax(line.high - line.low) > narrow * span:
-            plot.band(line.t, line.low, line.high, line.name, line.colour)
-        else:
-            plot.curve(line.t, 0.5 * (line.low + line.high), line.name, line.colour, dash=line.dash)
-    plot.key = [(line.name, line.colour) for line in lines] if len(lines) > 1 or " = " in lines[0].name else []
-    return plot

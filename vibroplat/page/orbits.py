@@ -55,7 +55,7 @@ class Motions:
     room: int
     machines: list[dict[str, Any]]
     progress: Progress | None = None
-    found: list[tuple[pd.DataFrame, dict[str, Any]]] = field(default_factory=list)
+    found: dict[int, dict[str, Any]] = field(default_factory=dict)
     homes: dict[tuple[int, int], int] = field(default_factory=dict)
 
     def of(self, picture: Picture, places: Any) -> dict[str, Any]:
@@ -73,10 +73,10 @@ class Motions:
             return {"list": [], "owner": [], "why": [], "owned": False, "words": "", "asked": False}
         own = range(len(orbits.table)) if orbits.owner is None else orbits.owner
         owner = [own[place] if place < len(own) else None for place in places]
-        known = next((one for table, one in self.found if table is orbits.table), None)
-        if known is None:
-            known = self._computed(orbits.table, orbits.first, [row for row in owner if row is not None])
-            self.found.append((orbits.table, known))
+        if id(orbits.table) not in self.found:
+            wanted = [row for row in owner if row is not None]
+            self.found[id(orbits.table)] = self._computed(orbits.table, orbits.first, wanted)
+        known = self.found[id(orbits.table)]
         found = [known["rows"].get(row, NOT_HELD) for row in owner]
         why = list(dict.fromkeys(one for one in found if isinstance(one, str)))
         numbers = [-1 - why.index(one) if isinstance(one, str) else one for one in found]

@@ -60,7 +60,8 @@ def points(view: View, panel: Panel, shown: Sequence[Series], behind: Sequence[S
         plot.dots(x_values[places_of([one])], y_values[places_of([one])], "", BEHIND, size=2.5)
     for one in own:
         if panel.by and one.mode == "dots":
-            _classed(view, plot, panel, one)
+            own_places = places_of([one])
+            _classed(view, plot, panel, own_places, x_values[own_places], y_values[own_places])
         else:
             _series(view, plot, one, x_values, y_values)
     for jump in view.picture.jumps:
@@ -98,13 +99,11 @@ def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> Non
         plot.mark(x[place], y[place] if np.isfinite(y[place]) else plot.y.low, "failed", "✕", "#a00000")
 
 
-def _classed(view: View, plot: Plot, panel: Panel, series: Series) -> None:
-    """Draw dots in the colours of a column."""
-    places = places_of([series])
-    x, y = view.values(panel.x or view.axis)[places], view.values(panel.column)[places]
-    size = 5.0 if len(places) <= FEW else 3.2
-    for name, colour, chosen in coloured(panel, view.picture.points.iloc[places]):
-        plot.dots(x[chosen], y[chosen], name, colour, size=size)
+def _classed(view: View, plot: Plot, panel: Panel, places: Any, x: Floats, y: Floats, colour: str = "") -> None:
+    """Draw dots at some places in the colours of a column, or in one where the panel has none."""
+    looks = coloured(panel, view.picture.points.iloc[places]) if panel.by else [("", colour, slice(None))]
+    for name, own, chosen in looks:
+        plot.dots(x[chosen], y[chosen], name, own, size=5.0 if len(places) <= FEW else 3.2)
 
 
 def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]) -> Plot:
@@ -130,7 +129,8 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]
     plot.note = hatches_told(panel.hatches, panel.note)
     for row in range(len(levels)):
         own = places[at == row]
-        _spans(plot, row, Strip("", "", own, kinds[own], hatched[own]).spans(across), classes, panel.hatches, 0.49)
+        strip = Strip("", "", own.tolist(), kinds[own].tolist(), hatched[own].tolist())
+        _spans(plot, row, strip.spans(across), classes, panel.hatches, 0.49)
     if panel.contours and min(len(levels), len(over)) > 1:
         grid: Any = np.full((len(levels), len(over)), np.nan)
         grid[at, np.searchsorted(over, across[places])] = view.values(panel.contours.column)[places]
@@ -218,11 +218,7 @@ def ranks(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]
     label = plain_text(quantity_of(panel.column).name)
     x = Scale.of(view.reached(panel.column, order), panel.column, label=label)
     plot = view.plot(replace(panel, column="", x=panel.column), x, Scale(0.0, 1.0, "%", 100.0), heading(panel))
-    at = pd.Series(shares, order)
-    whole: list[tuple[str, str, Any]] = [("", shown[0].colour, slice(None))]
-    for name, colour, chosen in coloured(panel, view.picture.points.iloc[order]) if panel.by else whole:
-        own = order[chosen]
-        plot.dots(values[own], at[own].to_numpy(), name, colour, size=5.0 if len(order) <= FEW else 3.2)
+    _classed(view, plot, panel, order, values[order], shares, shown[0].colour)
     for share in (0.05, 0.5, 0.95) if len(order) else ():
         value = float(np.quantile(values[order], share))
         plot.mark(value, share, f"{100 * share:g} %: {quantity(value, unit_of(panel.column))}")

@@ -17,17 +17,14 @@ from vibroplat.page.tables import fold, hint, rows_on_page, table_html
 from vibroplat.page.view import View, axis_name, coloured, dashes, ends_of_scale, heading
 from vibroplat.results.picture import Facet, Picture
 
-#: Most points of figures over further axes together: each of them has all panels once more.
-MOST_POINTS = 60_000
+#: Room of the figures of a picture, over further axes too, which have all panels once more (bytes).
+ROOM = 450_000
 #: Most rows of special points on the page.
 MOST_SPECIAL = 500
 
 
-def picture_html(number: int, picture: Picture, motions: Motions, file: str, title: str) -> str:
-    """Return the section of a picture: figures, what a click shows, further axes and facets, and tables, folded.
-
-    Files have a name; a title that is the headline of the page is not told again.
-    """
+def picture_html(number: int, picture: Picture, motions: Motions) -> str:
+    """Return the section of a picture: figures, what a click shows, further axes and facets, and tables, folded."""
     count = len(picture.table)
     kept = rows_on_page(picture.table)
     special = np.arange(0 if picture.special is None else min(len(picture.special), MOST_SPECIAL))
@@ -43,12 +40,12 @@ def picture_html(number: int, picture: Picture, motions: Motions, file: str, tit
     nothing = plain_text(picture.panels[0].title) if picture.panels else ""
     empty = hint(nothing or "Nothing here has a value that could be drawn.")
     moved = motions.of(picture, places)
-    more = _more(view, others, facets, MOST_POINTS // max(len(places) * max(len(first), 1), 1))
+    more = _more(view, others, facets, ROOM - sum(map(len, first)))
     home, tables = _home(number, picture, motions), ""
     if home == number:
-        tables = table_html(f"Table {picture.table_name}", picture.table, kept, file=f"{file}-{picture.table_name}.csv")
+        tables = table_html(f"Table {picture.table_name}", picture.table, kept)
     if picture.special is not None:
-        tables += table_html(picture.special_name, picture.special, special, file=f"{file}-{picture.special_name}.csv")
+        tables += table_html(picture.special_name, picture.special, special)
     told = [picture.told.replace("\n", "; "), picture.meaning, _orbits_told(moved, len(places))]
     sentences = " ".join(f"{text.removesuffix('.')}." for text in told if text)
     marks = {str(renumbered[row]): mark.kind for mark in picture.marks for row in mark.rows if renumbered[row] >= 0}
@@ -57,7 +54,7 @@ def picture_html(number: int, picture: Picture, motions: Motions, file: str, tit
     look = "panels bars" if bars else "panels"
     return (
         f'<section class="study" id="picture-{number}"><h2>{escape(picture.heading)} '
-        f"<small>{escape(title)}</small></h2>{_key(picture)}"
+        f"<small>{escape(plain_text(picture.title))}</small></h2>{_key(picture)}"
         f'<div class="beside{"" if moved["list"] else " wide-one"}">'
         f'<div class="{look}">{name}{"".join(first) or empty}</div>'
         f"{_aside(moved)}</div>{hint(plain_text(sentences))}{more}{tables}"
@@ -75,11 +72,14 @@ def _home(number: int, picture: Picture, motions: Motions) -> int:
 def _more(view: View, others: Sequence[Facet | None], facets: Sequence[Facet | None], room: int) -> str:
     """Return the other facets of a picture, and it over its other axes, folded."""
     found = "".join(_figures(plain_text(facet.label), view, [facet]) for facet in others if facet is not None)
-    axes = view.picture.axes[1:][:room]
-    over = "".join(_figures(f"Over {axis_name(axis)}", replace(view, axis=axis), facets) for axis in axes)
-    if len(axes) > 1 and over:
-        over = fold("Over another column", ", ".join(map(axis_name, axes)), over)
-    return found + over
+    over, axes, left = "", list[str](), list[str]()
+    for axis in view.picture.axes[1:]:
+        drawn = _figures(f"Over {axis_name(axis)}", replace(view, axis=axis), facets)
+        fits = len(over) + len(drawn) <= room
+        over += drawn if fits else ""
+        (axes if fits else left).extend([axis_name(axis)] * bool(drawn))
+    none = hint(f"The page has no room for curves over {', '.join(left)}.") if left else ""
+    return found + (fold("Over another column", ", ".join(axes), over) if axes[1:] else over) + none
 
 
 def _figures(label: str, view: View, facets: Sequence[Facet | None]) -> str:

@@ -19,20 +19,20 @@ import pandas as pd
 from vibroplat.config.digits import given, quantity, share
 from vibroplat.config.kinds import KINDS
 from vibroplat.config.scene import Scene
-from vibroplat.page.answer import told_of
 from vibroplat.page.curves import Runs
 from vibroplat.page.machine import PLAY, as_json, drawing, machine_of
 from vibroplat.page.orbits import MOST_SAMPLES, Motions, Mover, Progress
 from vibroplat.page.pictures import picture_html
 from vibroplat.page.results import differences, find_results, parameters
 from vibroplat.page.run import Course, course_of
-from vibroplat.page.sheet import Sheet, caption, sheet_html
-from vibroplat.page.svg import plain_text
+from vibroplat.page.sheet import sheet_html
 from vibroplat.page.tables import fold, hint, listing, parameters_html, table_html
-from vibroplat.results.answer import Answer
+from vibroplat.results.answer import first_failures
 from vibroplat.results.picture import Picture, finite
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
+from vibroplat.results.run_answer import sync_text
+from vibroplat.results.sheet import Sheet
 from vibroplat.results.tables import replace_file, require_replaceable
 
 #: How a page begins, whatever wrote it.
@@ -114,15 +114,16 @@ class Report:
         return [one for one in self.results if isinstance(one, RunResult)]
 
     @cached_property
-    def courses(self) -> dict[str, Course]:
-        """What is shown of each run that has rows, by its label."""
-        found = {one.label: course_of(one, _events(one), self.start, self.stop) for one in self.runs}
-        return {label: course for label, course in found.items() if course is not None}
+    def courses(self) -> list[Course]:
+        """What is shown of each run that has rows."""
+        found = [course_of(one, _events(one), self.start, self.stop) for one in self.runs]
+        return [course for course in found if course is not None]
 
     @cached_property
-    def told(self) -> list[Answer]:
-        """The answer of each result."""
-        return [told_of(one) for one in self.results]
+    def sheets(self) -> dict[RunResult, Sheet]:
+        """The data sheets of the runs."""
+        steady = {course.result: course.steady for course in self.courses}
+        return {one: Sheet(one.scene, one.summary, steady.get(one)) for one in self.runs}
 
     @cached_property
     def pictures(self) -> list[tuple[Result, Picture]]:
@@ -167,48 +168,54 @@ class Report:
         """Return title and answers, and what is to be noted."""
         made = self.results[0].provenance
         day = f"{str(made.get('created', ''))[:10]}, vibroplat {made.get('vibroplat', '')}"
-        found = f'<h1 id="title">{escape(self.title)} <span>{escape(day)}</span></h1>'
         several = len(self.results) > 1
-        found += f'<div class="{"two" if several else "one"}">'
         differing = differences([one.command for one in self.results], [one.scene.to_tree() for one in self.results])
-        for one, told, differs in zip(self.results, self.told, differing, strict=True):
-            run = isinstance(one, RunResult)
-            called = (one.label if run else f"{one.label}, {one.command}") + (f" ({differs})" if differs else "")
-            name = f"<small>{escape(called)}</small><br>" if several else ""
-            found += "<div>"
-            failed, headline = "; ".join(told.failures), told.headline or self._title_of(one)
-            bad = bool(failed) or (run and bool(one.summary.get("captured_by")))
-            look = f"answer{' bad' if bad else ''}{' run' if several else ''}"
-            found += f'<p class="{look}">{name}{escape(failed or headline)}</p>'
-            if failed and told.headline:
-                found += f'<p class="more">{escape(told.headline)}</p>'
-            if told.short:
-                start, end = ('<p class="more">', "</p>") if run else ('<pre class="short">', "</pre>")
-                found += start + escape("\n".join(told.short)) + end
-            notes = "".join(f'<ul class="notes"><li><b>Note:</b> {escape(note)}</li></ul>' for note in told.notes)
-            found += f"{notes}</div>"
-        return f"{found}</div>"
+        answers = ""
+        for one, differs in zip(self.results, differing, strict=True):
+            called = ", ".join([one.label, *[one.command] * (one not in self.runs)]) + f" ({differs})" * bool(differs)
+            answers += f"<div>{self._answer(one, f'<small>{escape(called)}</small><br>' * several)}</div>"
+        look = "two" if several else "one"
+        return f'<h1 id="title">{escape(self.title)} <span>{escape(day)}</span></h1><div class="{look}">{answers}</div>'
+
+    def _answer(self, one: Result, name: str) -> str:
+        """Return the answer of a result, what failed before it."""
+        answer, check, more = one.answer, one.provenance.get("check") or {}, ""
+        headline = answer.headline.removeprefix(f"{one.scene.name}: ")
+        headline = headline[:1].upper() + headline[1:]
+        failures = [*check.get("disagreements", ()), *answer.failures]
+        bad, look = bool(failures), "short"
+        if isinstance(one, RunResult):
+            differ = (one.summary.get("check") or {}).get("agrees") is False
+            failures, look = [*failures, *["engines disagree"] * differ], "more"
+            short = "; ".join(f"{label.replace(',', '')} {value}" for label, value, _ in self.sheets[one].short())
+            short = short[:1].upper() + short[1:]
+            bad = bool(failures or one.summary.get("captured_by"))
+        else:
+            short = "\n".join(answer.short)
+        if failures:
+            more = f'<p class="more">{escape(headline)}</p>'
+            headline = "; ".join(first_failures(failures))
+        more += f'<p class="{look}">{escape(short)}</p>' if short else ""
+        notes = "".join(f'<ul class="notes"><li><b>Note:</b> {escape(note)}</li></ul>' for note in answer.notes)
+        return f'<p class="answer{" bad" * bad}{" run" * (name != "")}">{name}{escape(headline)}</p>{more}{notes}'
 
     # -- runs ---------------------------------------------------------------------------------------
 
     def _runs(self) -> str:
         """Return the first screen of runs: machines, data sheet, and the curves that matter."""
         several = len(self.runs) > 1
-        steady = {label: course.steady for label, course in self.courses.items()}
-        sheets = [Sheet(one.summary, one.scene, steady.get(one.label)) for one in self.runs]
-        curves = self._curves
-        key = "".join(curves.key_figures()) if curves else ""
-        third = f'<div class="third">{curves.third()}</div>' if curves and not several else ""
-        sheet = sheet_html(sheets, [one.label for one in self.runs])
-        look, many = ("several", "many") if several else ("single", "one")
-        stages = f'<section id="machines" class="{many}">{self._stages(several=several)}{third}</section>'
+        key = self._curves.key_figures() if self._curves else ""
+        third = f'<div class="third">{self._curves.starts()}</div>' if self._curves and not several else ""
+        sheet = sheet_html([*self.sheets.values()], [one.label for one in self.runs])
+        stages = f'<section id="machines">{self._stages(several=several)}{third}</section>'
         beside = f'<section id="sheet" aria-label="Data sheet">{sheet}</section>'
-        return f'<main class="{look}">{stages}{beside}<section id="curves" aria-label="Curves">{key}</section></main>'
+        curves = f'<section id="curves" aria-label="Curves">{key}</section>'
+        return f'<main class="{"several" * several}">{stages}{beside}{curves}</main>'
 
     @cached_property
     def _curves(self) -> Runs | None:
         """What draws the curves of the runs."""
-        return Runs([*self.courses.values()], [*self.courses]) if self.courses else None
+        return Runs(self.courses, [course.result.label for course in self.courses]) if self.courses else None
 
     def _stages(self, *, several: bool) -> str:
         """Return the drawings of the machines with what moves them, and what they are."""
@@ -216,11 +223,11 @@ class Report:
         if not self.courses:
             return inputs
         figures = ""
-        for one in (course.result for course in self.courses.values()):
-            told = escape(f"{one.label}: " * several + caption(one.summary, one.scene))
+        for one in (course.result for course in self.courses):
+            told = escape(f"{one.label}: " * several + sync_text(one.scene, self.sheets[one].numbers))
             picture = drawing(machine_of(one.scene), escape(f"Drawing of the machine: {one.label}"))
             figures += f"<figure><figcaption>{told}</figcaption>{picture}</figure>"
-        motions = [course.motion for course in self.courses.values()]
+        motions = [course.motion for course in self.courses]
         count = len(motions[0]["windows"])
         note = f"motion × {motions[0]['k']:g}" + (f"; {count} turns, evenly over the run" if count > 1 else "")
         controls = (
@@ -239,16 +246,8 @@ class Report:
         studies = list(dict.fromkeys(one for one, _ in self.pictures))
         room = MOST_SAMPLES // max(len(studies), 1)
         motions = {one: Motions(one.scene, self.mover, room, machines, self.progress) for one in studies}
-        headlines = {told.headline or self._title_of(one) for one, told in zip(self.results, self.told, strict=True)}
-        found = ""
-        for number, (one, picture) in enumerate(self.pictures):
-            title = plain_text(picture.title)
-            found += picture_html(number, picture, motions[one], one.label, "" if title in headlines else title)
-        return found
-
-    def _title_of(self, result: Result) -> str:
-        """Return the title of the first picture of a result, which says what came out; "" if it has none."""
-        return next((plain_text(picture.title) for one, picture in self.pictures if one is result), "")
+        shown = enumerate(self.pictures)
+        return "".join(picture_html(number, picture, motions[one]) for number, (one, picture) in shown)
 
     # -- what is folded -----------------------------------------------------------------------------
 
@@ -264,12 +263,11 @@ class Report:
             name = f"events of {one.label}" if len(self.runs) > 1 else "events"
             kinds = ", ".join(f"{number} {kind}" for kind, number in events["kind"].value_counts().items())
             rows = np.arange(max(len(events) - EVENTS, 0), len(events))
-            found += table_html(name, events, rows, file=f"{one.label}-events.csv", told=kinds) if kinds else ""
-        for result, answer in zip(self.results, self.told, strict=True):
-            if answer.lines or answer.text:
-                text = f"<pre>{escape(chr(10).join(answer.text))}</pre>" if answer.text else ""
-                printed = listing([], [[label, text] for label, text in answer.lines.items()]) + text
-                found += fold("All that was printed", f"{result.label}, {result.command}", printed)
+            found += table_html(name, events, rows, told=kinds) if kinds else ""
+        for result, answer in ((one, one.answer) for one in self.results):
+            text = f"<pre>{escape(chr(10).join(answer.text))}</pre>" if answer.text else ""
+            printed = listing([], [[label, text] for label, text in answer.lines.items()]) + text
+            found += fold("All that was printed", f"{result.label}, {result.command}", printed)
         trees = [one.given() for one in self.results]
         names = [f"{one.label} ({one.command})" for one in self.results]
         return found + parameters_html(parameters([one.command for one in self.results], trees), names) + self._made()
@@ -278,8 +276,11 @@ class Report:
         """Return how results were made."""
         rows = []
         for one in self.results:
-            name = one.label if len(self.results) > 1 else ""
-            rows += [[", ".join(filter(None, (name, label))), text] for label, text in _facts(one).items() if text]
+            made = one.provenance | {"directory": str(one.directory)}
+            made["libraries"] = ", ".join(map(" ".join, (made.get("libraries") or {}).items()))
+            name = f"{one.label}, " * (len(self.results) > 1)
+            facts = {key: value for key, value in made.items() if not isinstance(value, dict | list)}
+            rows += [[f"{name}{key.replace('_', ' ')}", str(value)] for key, value in facts.items()]
         first = self.results[0].provenance
         told = ", ".join(str(first[key])[:10] for key in ("vibroplat", "engine", "created") if first.get(key))
         return fold("How it was made", f"vibroplat {told}", listing([], rows))
@@ -290,16 +291,9 @@ def _web(name: str) -> str:
 
 
 def _machines(machines: Sequence[Mapping[str, Any]]) -> str:
-    """Return drawings that the script takes for orbits, and the patterns of hatches."""
-    stripes = ('<rect width="30" height="3000"/>', '<rect width="90" height="120"/>', '<rect width="30" height="120"/>')
-    patterns = "".join(
-        f'<pattern id="hatch-{n}" patternUnits="userSpaceOnUse" width="90" height="240">'
-        f'<g fill="#fff" fill-opacity=".7">{stripe}</g></pattern>'
-        for n, stripe in enumerate(stripes)
-    )
+    """Return drawings that the script takes for orbits."""
     drawings = [drawing(one, "Drawing of the machine") for one in machines]
-    templates = "".join(f'<template id="machine-{n}">{one}</template>' for n, one in enumerate(drawings))
-    return f'<svg width="0" height="0" class="patterns" aria-hidden="true"><defs>{patterns}</defs></svg>{templates}'
+    return "".join(f'<template id="machine-{n}">{one}</template>' for n, one in enumerate(drawings))
 
 
 def _events(one: Result) -> pd.DataFrame:
@@ -320,23 +314,3 @@ def _inputs(scene: Scene) -> str:
     }
     lines = "".join(f"<li><span>{label}</span> {escape(text)}</li>" for label, text in rows.items())
     return f'<ul class="inputs">{lines}</ul>'
-
-
-def _facts(one: Result) -> dict[str, str]:
-    """Return how a result was made, line by line."""
-    made, s = one.provenance, one.summary if isinstance(one, RunResult) else {}
-    begin, end, turns = (s.get(f"measured_{name}") for name in ("from_s", "to_s", "turns"))
-    tolerance = f", tolerance {made['tolerance']:g}" if isinstance(made.get("tolerance"), int | float) else ""
-    steps = f", {s['steps']} steps in {quantity(s.get('wall_s'), 's')}" if s.get("steps") else ""
-    commit = f", commit {str(made['git_commit'])[:10]}" if made.get("git_commit") else ""
-    return {
-        "command": one.command,
-        "version": f"vibroplat {made.get('vibroplat', '')}{commit}",
-        "made": str(made.get("created") or "").replace("T", " ")[:19],
-        "engine": f"{made.get('engine') or ''}{tolerance}{steps}",
-        "simulated": quantity(s["simulated_s"], "s") if s.get("simulated_s") else "",
-        "measured": f"{begin:.4g} … {end:.4g} s, {turns} whole turns" if None not in (begin, end, turns) else "",
-        "configuration": f"SHA-256 {sha[:16]}…" if (sha := str(made.get("configuration_sha256") or "")) else "",
-        "libraries": ", ".join(f"{name} {version}" for name, version in (made.get("libraries") or {}).items()),
-        "directory": str(one.directory),
-    }

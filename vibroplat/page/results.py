@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from vibroplat.results.run import RunResult, load
 
 
 def find_results(directories: Sequence[Path]) -> list[Result]:
-    """Return all results in some directories, each with a label of its own: its directory where two share a name.
+    """Return all results in some directories, each with a label of its own: where two share a name, their directories.
 
     Raises
     ------
@@ -26,9 +27,10 @@ def find_results(directories: Sequence[Path]) -> list[Result]:
     """
     found = [result for directory in dict.fromkeys(directories) for result in _in(directory)]
     names = [(one.label, one.command) for one in found]
-    for one, name in zip(found, names, strict=True):
-        if names.count(name) > 1:
-            one.label += f" ({one.directory})"
+    alike = [one for one, name in zip(found, names, strict=True) if names.count(name) > 1]
+    places = [Path(os.path.abspath(one.place)) for one in alike]
+    for one, place in zip(alike, places, strict=True):
+        one.label += f" ({place.relative_to(os.path.commonpath(places))})"
     return found
 
 

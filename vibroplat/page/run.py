@@ -88,12 +88,12 @@ class Course:
         found = found[found[:, 0] <= max(until, found[0, 0])]
         return found[:, 0], found[:, 1], found[:, 2]
 
-    def turns(self, column: str, origin: float) -> tuple[Floats, Floats, Floats] | None:
-        """Return times in the detail from an origin (s), and values of a curve twice; None if the run has none."""
+    def turns(self, column: str) -> tuple[Floats, Floats, Floats] | None:
+        """Return times in the detail (s), and values of a curve twice; None if the run has none."""
         if column not in self.detail or self.detail[column].isna().all():
             return None
         values = self.detail[column].to_numpy(dtype=float)
-        return self.detail["t_s"].to_numpy(dtype=float) - origin, values, values
+        return self.detail["t_s"].to_numpy(dtype=float), values, values
 
     def size(self, column: str) -> float:
         """Return the range of a curve over the whole run; 0 if it has none."""

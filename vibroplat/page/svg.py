@@ -10,7 +10,6 @@ from html import escape
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from vibroplat.columns import PHASE_COLUMN, display_unit, unit_of
 from vibroplat.config.digits import decimal, prefixed
@@ -31,8 +30,8 @@ _MATHEMATICS = re.compile(r"(?<!\\)\$(.*?)(?<!\\)\$")
 _SYMBOLS = {"varphi": "φ", "Delta": "Δ", "mu": "μ", "zeta": "ζ", "gamma": "γ", "pi": "π", "omega": "ω", "sigma": "σ"}
 #: Step of an axis of angles over more than half a turn (°).
 QUARTER = 90.0
-#: Part of an axis up to which a number has room for a unit behind it.
-FITS = 0.95
+#: What the script shows of a pointer: a line, and what it chooses.
+_UNSEEN = '<div class="cursor" hidden></div><div class="pick" hidden></div>'
 #: Numbers on an axis, about, across and up.
 TICKS = (6, 5)
 
@@ -184,10 +183,9 @@ def thinned(x: Floats, y: Floats, columns: int = COLUMNS) -> tuple[Floats, Float
     column = np.where(np.isfinite(x) & np.isfinite(y), np.floor(np.nan_to_num(x) * columns), np.nan)
     first = np.ones(len(x), dtype=bool)
     first[1:] = ~(column[1:] == column[:-1])
-    known = np.flatnonzero(np.isfinite(column))
-    values = pd.Series(y[known], known).groupby(np.cumsum(first)[known])
     starts = np.flatnonzero(first)
-    kept = np.unique(np.concatenate([starts, np.append(starts[1:], len(x)) - 1, values.idxmin(), values.idxmax()]))
+    ends, order = np.append(starts[1:], len(x)) - 1, np.lexsort((y, np.cumsum(first)))
+    kept = np.unique([starts, ends, order[starts], order[ends]])
     return x[kept], y[kept]
 
 
@@ -238,6 +236,7 @@ class Plot:
     def __init__(self, title: str, x: Scale, y: Scale, look: str = "") -> None:
         self.title, self.x, self.y, self.look = title, x, y, look
         self.height = self.note = ""
+        self.columns = COLUMNS
         self.key: list[tuple[str, str]] = []
         self.hits = ""
         self._drawn: list[str] = []
@@ -251,7 +250,7 @@ class Plot:
         if self.y.unit == "°":
             far = np.flatnonzero(np.abs(np.diff(up)) > math.pi) + 1
             across, up = np.insert(across, far, np.nan), np.insert(up, far, np.nan)
-        places = thinned(self.x.share(across), self.y.share(up))
+        places = thinned(self.x.share(across), self.y.share(up), self.columns)
         looks = (f"stroke:{colour}", dash and f"stroke-dasharray:{dash}", f"stroke-width:{width:g}")
         self._add("curve", path(*places), name, *looks, "opacity:.45" * pale)
 
@@ -346,21 +345,16 @@ class Plot:
         across, up = self.x.ticks(TICKS[0]), self.y.ticks(TICKS[1] if not self.y.names else len(self.y.names))
         grid = "" if self.y.names else "".join(f"M0 {(1.0 - place) * HEIGHT:.0f}h{WIDTH}" for place, _ in up)
         numbers = "".join(f'<span class="yt" style="top:{1.0 - place:.2%}">{escape(text)}</span>' for place, text in up)
-        last = max((number for number, (place, _) in enumerate(across) if place < FITS), default=None)
-        if last is not None and not self.x.label:
-            across[last] = (across[last][0], f"{across[last][1]} {self.x.unit}")
         numbers += "".join(f'<span class="xt" style="left:{place:.2%}">{escape(text)}</span>' for place, text in across)
-        unit = f" ({self.x.unit})" if self.x.unit else ""
-        below = f'<span class="xl">{escape(self.x.label)}{escape(unit)}</span>' if self.x.label else ""
+        label = f"{self.x.label} ({self.x.unit})" if self.x.label and self.x.unit else self.x.label or self.x.unit
         key = "".join(f'<em style="color:{colour}">{escape(name)}</em>' for name, colour in self.key)
         size, hits = (f' style="{self.height}"' if self.height else ""), (f" data-p='{self.hits}'" if self.hits else "")
         units = f'data-u="{escape(self.y.unit)}" data-xu="{escape(self.x.unit)}"'
         told = f'data-x="{self.x.told}" data-y="{self.y.told}" {units}{hits}'
         title = f"<figcaption><b>{escape(self.title)}</b> {escape(self.y.unit)} {key} {escape(self.note)}</figcaption>"
-        low = "" if self.x.label else " low"
-        texts = f'<div class="on">{"".join(self._texts)}</div></div>{numbers}{below}'
+        texts = f'<div class="on">{"".join(self._texts)}</div></div>{numbers}<span class="xl">{escape(label)}</span>'
         return (
-            f'<figure class="plot {self.look}{low}"{size} {told}>{title}<div class="area"><div class="clip">'
+            f'<figure class="plot {self.look}"{size} {told}>{title}<div class="area"><div class="clip">'
             f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" preserveAspectRatio="none"><path class="grid" d="{grid}"/>'
-            f"{''.join(self._drawn)}</svg>{texts}<output></output></div></figure>"
+            f"{''.join(self._drawn)}</svg>{texts}<output></output>{_UNSEEN}</div></figure>"
         )

@@ -17,7 +17,7 @@ from vibroplat.results.answer import counted
 from vibroplat.results.picture import finite
 
 #: Most cells and most rows of a table on the page.
-MOST_CELLS, MOST_ROWS = 36_000, 2_000
+MOST_CELLS, MOST_ROWS = 25_000, 2_000
 #: Significant digits of the largest number of a column.
 DIGITS = 5
 
@@ -28,11 +28,10 @@ def rows_on_page(table: pd.DataFrame) -> Any:
     return np.arange(count) if count <= most else np.unique(np.linspace(0, count - 1, most).round().astype(int))
 
 
-def fold(title: str, more: str, body: str, look: str = "") -> str:
+def fold(title: str, more: str, body: str) -> str:
     """Return HTML that is folded below its title, with more told beside it."""
     small = f" <small>{escape(more)}</small>" if more else ""
-    opens = f'<details class="{look}">' if look else "<details>"
-    return f"{opens}<summary>{escape(title[:1].upper() + title[1:])}{small}</summary>{body}</details>"
+    return f"<details><summary>{escape(title[:1].upper() + title[1:])}{small}</summary>{body}</details>"
 
 
 def hint(text: str) -> str:
@@ -40,8 +39,8 @@ def hint(text: str) -> str:
     return f'<p class="hint">{escape(text)}</p>'
 
 
-def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, file: str = "", told: str = "") -> str:
-    """Return a table, folded; the script sorts it and saves it as CSV. End tags are left out, as HTML allows."""
+def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, told: str = "") -> str:
+    """Return a table, folded, which the script sorts. End tags are left out, as HTML allows."""
     kept = rows_on_page(whole) if rows is None else rows
     table = finite(whole.iloc[kept]).dropna(axis="columns", how="all")
     columns = [_column(str(name), table[name]) for name in table]
@@ -51,16 +50,16 @@ def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, file: str =
     )
     rows_of = zip(*(cells for _, cells in columns), strict=True)
     lines = "".join("<tr>" + "".join(f"<td>{cell}" for cell in row) for row in rows_of)
-    more = ""
+    more, rows_told = "", counted(len(whole), "row")
     if len(kept) < len(whole):
         which = "the last ones" if len(kept) > 1 and kept[0] else "evenly chosen"
-        more = f" The page holds {len(kept)} of {len(whole)} rows, {which}; the table of the result holds all."
-    save = f'<button type="button" class="csv" data-file="{escape(file)}">Save as CSV</button>'
+        rows_told = f"{len(kept)} of {len(whole)} rows, {which}"
+        more = f" The page holds {rows_told}; the table of the result holds all."
     body = (
-        f'<p class="hint"><span class="scripted">A click on a heading sorts. {save}</span>{more}</p><div class="wide">'
+        f'<p class="hint"><span class="scripted">A click on a heading sorts.</span>{more}</p><div class="wide">'
         f'<table class="rows"><thead><tr>{heads}</thead><tbody>{lines}</tbody></table></div>'
     )
-    return fold(title, told or counted(len(whole), "row"), body, "table")
+    return fold(title, told or rows_told, body)
 
 
 def _column(name: str, column: pd.Series) -> tuple[str, list[str]]:
@@ -86,7 +85,7 @@ def _column(name: str, column: pd.Series) -> tuple[str, list[str]]:
     return (f"{words} ({told})" if told else words), cells
 
 
-def listing(heads: Sequence[str], rows: Sequence[Sequence[str]], look: str = "listing") -> str:
+def listing(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a table of headings and rows of texts."""
     head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
     begin = f"<thead><tr>{head}</tr></thead>" if heads else ""
@@ -94,7 +93,7 @@ def listing(heads: Sequence[str], rows: Sequence[Sequence[str]], look: str = "li
         f'<tr><th scope="row">{escape(row[0])}</th>{"".join(f"<td>{escape(cell)}</td>" for cell in row[1:])}</tr>'
         for row in rows
     )
-    return f'<div class="wide"><table class="{look}">{begin}<tbody>{lines}</tbody></table></div>'
+    return f'<div class="wide"><table class="listing">{begin}<tbody>{lines}</tbody></table></div>'
 
 
 def value_text(value: Any) -> str:
@@ -114,10 +113,10 @@ def parameters_html(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> 
     heads = ["key", "meaning", "unit", "default", *(names if len(names) > 1 else ["here"])]
     more = fold("Parameters as by default", str(len(rest)), _parameters(heads, rest)) if rest else ""
     body = hint(note) + _parameters(heads, told) + more
-    return fold("Parameters that differ from the default", f"{len(told)} of {len(rows)}", body, "parameters")
+    return fold("Parameters that differ from the default", f"{len(told)} of {len(rows)}", body)
 
 
 def _parameters(heads: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> str:
     words = [["≠ " * row["differs"] + row["key"], row["meaning"], row["unit"]] for row in rows]
     values = [[value_text(value) for value in (row["default"], *row["values"])] for row in rows]
-    return listing(heads, [[*a, *b] for a, b in zip(words, values, strict=True)], "listing parameters")
+    return listing(heads, [[*a, *b] for a, b in zip(words, values, strict=True)])

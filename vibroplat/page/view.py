@@ -12,11 +12,13 @@ import pandas as pd
 from vibroplat.columns import PHASE_COLUMN, display_name, indexed_name, quantity_of
 from vibroplat.page.machine import base64_of
 from vibroplat.page.run import wrapped
-from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
+from vibroplat.page.svg import COLUMNS, Floats, Plot, Scale, plain_text, unit_for
 from vibroplat.results.picture import REFERENCE, Panel, Picture, Series, shade
 
 #: Patterns of lines by matplotlib's names, in points of the screen.
 _DASHES = {"-": "", "--": "6 3", ":": "1.5 3", "-.": "7 3 1.5 3"}
+#: Most points of all curves of a picture: half a megabyte; and parts of the width that a curve has at least.
+MOST_POINTS, FEW_COLUMNS = 50_000, 100
 #: Colours of a scale, from small values, pale, to large ones.
 SHADES = 12
 
@@ -69,6 +71,8 @@ class View:
     def plot(self, panel: Panel, x: Scale, y: Scale, title: str = "") -> Plot:
         """Return the drawing of a panel, with lines of reference, shaded intervals and words."""
         plot = Plot(title or heading(panel), x, y, "picture")
+        curves = max(len(self.picture.series) * len(self.picture.panels), 1)
+        plot.columns = min(max(MOST_POINTS // (4 * curves), FEW_COLUMNS), COLUMNS)
         plot.height, plot.note = "--h:300px" if self.picture.high else "", plain_text(panel.note)
         column = panel.x or self.axis
         for one in self.picture.ranges:

@@ -84,7 +84,8 @@ class Answer(NamedTuple):
 
 def labelled(lines: Mapping[str, str]) -> list[str]:
     """Return labels and texts in two columns."""
-    return [f"{label:<{LABELS}}{text}" for label, text in lines.items()]
+    width = max([LABELS, *(len(label) + 2 for label in lines)])
+    return [f"{label:<{width}}{text}".rstrip() for label, text in lines.items()]
 
 
 def first_failures(lines: Sequence[str], total: str = "") -> list[str]:

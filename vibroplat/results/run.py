@@ -42,8 +42,8 @@ from vibroplat.results.exports import plain_array, write_mat
 from vibroplat.results.files import commands_in
 from vibroplat.results.provenance import provenance
 from vibroplat.results.result import Result, Tables
-from vibroplat.results.run_answer import headline, short_lines
-from vibroplat.results.summary_text import data_sheet_lines, main_results, whole_run_lines
+from vibroplat.results.run_answer import headline
+from vibroplat.results.sheet import Sheet, all_lines, short_lines
 from vibroplat.results.tables import replace_file, require_replaceable
 
 if TYPE_CHECKING:
@@ -303,15 +303,14 @@ class RunResult(Result):
     @property
     def answer(self) -> Answer:
         """What ``vibroplat run`` prints."""
-        scene, summary = self.scene, self.summary
-        lines = main_results(scene, summary, self.origin) | data_sheet_lines(scene, summary) | whole_run_lines(summary)
-        detail = str(summary["detail"]).partition(", state [")[0]
+        sheet = Sheet(self.scene, self.summary)
+        detail = str(self.summary["detail"]).partition(", state [")[0]
         return Answer(
-            lines,
+            all_lines(sheet, self.origin),
             notes=self.notes,
             failures=[] if self.outcome == "ok" else [f"{self.outcome}: {detail}"],
-            headline=headline(scene, summary),
-            short=short_lines(scene, summary),
+            headline=headline(self.scene, sheet.numbers),
+            short=short_lines(sheet),
         )
 
     @cached_property

@@ -1,25 +1,21 @@
-"""The answer of a run in a few lines: what it does, or what is wrong; strokes, forces, motors and start."""
+"""What a run does, or what is wrong with it, in a sentence."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from vibroplat.columns import describe_sync, split
-from vibroplat.config.digits import interval, number, quantity, share, spread
+from vibroplat.columns import describe_sync
+from vibroplat.config.digits import quantity, share
 from vibroplat.config.scene import Scene
 from vibroplat.observe.summary import COHERENCE, INACCURATE, synchronization
-from vibroplat.results.answer import are_alike, counted, of_both, short_line
+from vibroplat.results.answer import are_alike, of_both
 
-#: Rotation at the exciters' distance, over the largest stroke, above which it is told.
-ROCKS = 0.1
 #: Ripple of an exciter's speed, over the larger of both speeds, above which one without a motor is stopping.
 STOPPING = 0.1
 #: Change of places at whole turns, over the largest stroke, above which strokes include a transient.
 SETTLED = 0.02
-#: Most named points, and springs at them, that are told.
-MAX_POINTS = 2
 
 
 def headline(scene: Scene, summary: Mapping[str, Any]) -> str:
@@ -52,7 +48,7 @@ def _motion(scene: Scene, summary: Mapping[str, Any]) -> str:
     if named == "none" and speeds and not are_alike(speeds):
         return f"{runs}, not synchronized: exciters at {of_both(speeds, 'Hz')}"
     phase = f"phase difference {phase_text(summary)}"
-    told = {"none": "not synchronized", "intermediate": phase}.get(named) or sync_text(scene, summary)
+    told = phase if named == "intermediate" else sync_text(scene, summary)
     return f"{runs} at {pace} ({quantity(60.0 * frequency, 'rpm')}), {told}{'' if off[1:] else _period(summary)}"
 
 
@@ -70,7 +66,10 @@ def transient(scene: Scene, summary: Mapping[str, Any]) -> str:
 
 def sync_text(scene: Scene, summary: Mapping[str, Any]) -> str:
     """Return the name of the synchronization and what it does; where exciters differ, what it mainly does."""
-    told = describe_sync(synchronization(summary), scene.rotation)
+    if not summary["excitation_frequency_hz"]:
+        return "the exciters do not turn"
+    name = synchronization(summary)
+    told = describe_sync(name, scene.rotation) if name != "none" else "not synchronized"
     return told if scene.has_mirrored_exciters else told.replace(": ", ": mainly ")
 
 
@@ -95,127 +94,3 @@ def phase_text(summary: Mapping[str, Any]) -> str | None:
         return "drifts"
     phase = summary["phase_difference_rad"]
     return None if phase is None else quantity(math.degrees(phase), "°")
-
-
-def short_lines(scene: Scene, summary: Mapping[str, Any]) -> list[str]:
-    """Return the few lines below the headline; none of a run that measured nothing."""
-    if summary.get("foundation_force_y_rms_n") is None or summary["stroke_y_m"] is None:
-        return []
-    found = [_strokes(summary), *_rotation(scene, summary), _throw(scene, summary), *_forces(scene, summary)]
-    told = [*found, *_motors(scene, summary), _bearings(summary), *_start(summary), *_points(scene, summary)]
-    if now := transient(scene, summary):
-        window = interval(summary["measured_from_s"], summary["measured_to_s"], "s")
-        told.insert(0, short_line("no steady motion", window, f"largest values of this time, {now}"))
-    return told
-
-
-def peak_time(summary: Mapping[str, Any], column: str) -> str:
-    """Return when the largest value of the whole run was, and the speed then, as far as they are known."""
-    at, pace = (summary.get(f"whole_{split(column)[0]}_at_{end}") for end in ("s", "hz"))
-    if at is None:
-        return ""
-    return ", ".join([quantity(at, "s") if at else "0 s", *([] if pace is None else [quantity(pace, "Hz", digits=3)])])
-
-
-def peak_text(summary: Mapping[str, Any], column: str, unit: str) -> str:
-    """Return the largest value of the whole run, its time and speed, as far as they are known."""
-    value, when = summary[f"whole_{column}"], peak_time(summary, column)
-    return f"largest {quantity(value, unit)}{f' at {when}' if when else ''}" if value else ""
-
-
-def static_and_dynamic(summary: Mapping[str, Any]) -> str:
-    """Return the force into the foundation along y: the static one and what it varies by; "" if it is not known."""
-    mean, most = summary.get("foundation_force_y_mean_n"), summary.get("foundation_force_y_max_n")
-    if mean is None or most is None:
-        return ""
-    varies = summary.get("foundation_force_y_amplitude_n")
-    return spread(-mean, max(most - abs(mean), 0.0) if varies is None else varies, "N")
-
-
-def _strokes(summary: Mapping[str, Any]) -> str:
-    strokes = {axis: summary[f"stroke_{axis}_m"] for axis in "xy"}
-    axis = max(strokes, key=lambda one: strokes[one])
-    other = "xy".replace(axis, "")
-    aside = f"{other} {quantity(strokes[other], 'm', largest=strokes[axis])}"
-    more = _joined(aside, peak_text(summary, f"stroke_{axis}_m", "m"))
-    return short_line(f"stroke {axis}", quantity(strokes[axis], "m"), more)
-
-
-def _rotation(scene: Scene, summary: Mapping[str, Any]) -> Iterator[str]:
-    strokes = max(summary["stroke_x_m"], summary["stroke_y_m"])
-    if summary["rms_phi_rad"] * scene.body.distance * 2.0 * math.sqrt(2.0) > ROCKS * strokes:
-        yield short_line("rotation", quantity(summary["rms_phi_rad"], "rad"), "RMS of phi")
-
-
-def _throw(scene: Scene, summary: Mapping[str, Any]) -> str:
-    if not scene.has_contact:
-        flies = "material that cannot lift off" if scene.material_mass else "no material"
-    elif summary["flight_fraction"]:
-        impacts = summary["impacts_per_period"]
-        told = "1 impact" if number(impacts) == "1.00" else f"{number(impacts)} impacts"
-        rate = "" if impacts is None else f", {told} a turn"
-        flies = f"material in flight {share(summary['flight_fraction'])}{rate}"
-    else:
-        flies = "material does not lift off"
-    if summary.get("gamma") is not None:
-        return short_line("throw index", number(summary["gamma"]), flies)
-    return short_line("acceleration", quantity(summary["acceleration_max_m_per_s2"], "m/s²"), flies)
-
-
-def _forces(scene: Scene, summary: Mapping[str, Any]) -> Iterator[str]:
-    """Yield forces into the foundation: along y the static one and what it varies by; along x if there is any."""
-    x, most = summary["foundation_force_x_max_n"], summary["foundation_force_y_max_n"]
-    largest = max(most, x)
-    gravity = scene.machine.gravity_m_per_s2
-    value = static_and_dynamic(summary) if gravity else quantity(most, "N", largest=largest)
-    about = "static ± dynamic" if gravity else ""
-    yield short_line("foundation, y", value, _joined(about, peak_text(summary, "foundation_force_y_max_n", "N")))
-    if quantity(x, "N", largest=largest) != "0":
-        yield short_line("foundation, x", quantity(x, "N"), peak_text(summary, "foundation_force_x_max_n", "N"))
-
-
-def _motors(scene: Scene, summary: Mapping[str, Any]) -> Iterator[str]:
-    on = scene.driven(summary["measured_from_s"], summary["measured_to_s"])
-    driven = [n for n, is_on in enumerate(on, 1) if is_on]
-    powers = [summary[f"motor_power_{n}_mean_w"] for n in driven]
-    if not driven or None in powers:
-        return
-    ratios, slips = ([summary.get(f"{name}_{n}") for n in driven] for name in ("torque_ratio", "slip"))
-    more = [of_both(powers, "W") if powers[1:] else f"motor {driven[0]}"]
-    told = {"slip {}": slips, "{} of critical torque": ratios}
-    known = [(text, [value for value in values if value is not None]) for text, values in told.items()]
-    more += [text.format(share(max(values, key=abs))) for text, values in known if values]
-    yield short_line("motor power", quantity(sum(powers), "W"), _joined(*more))
-
-
-def _bearings(summary: Mapping[str, Any]) -> str:
-    forces = [summary[f"bearing_force_{n}_max_n"] for n in (1, 2)]
-    alike = are_alike(forces)
-    value = quantity(max(forces), "N") if alike else of_both(forces, "N")
-    return short_line("bearing force", value, f"{'each exciter, ' if alike else 'of exciters 1 and 2, '}centrifugal")
-
-
-def _start(summary: Mapping[str, Any]) -> Iterator[str]:
-    at = summary["synchronized_at_s"]
-    if at and not summary["captured_by"]:
-        work = quantity(summary["start_energy_j"], "J")
-        yield short_line("start", quantity(at, "s"), f"until synchronized, {work} of motor work")
-
-
-def _points(scene: Scene, summary: Mapping[str, Any]) -> Iterator[str]:
-    names = [*scene.output.points]
-    for name in names[:MAX_POINTS]:
-        strokes = [summary[f"stroke_{axis}_{name}_m"] for axis in "yx" if f"stroke_{axis}_{name}_m" in summary]
-        if strokes:
-            y, x = (quantity(stroke, "m", largest=max(strokes)) for stroke in strokes)
-            acceleration = quantity(summary.get(f"acceleration_max_{name}_m_per_s2"), "m/s²")
-            yield short_line(f"at {name}", f"stroke y {y}", f"x {x}; acceleration {acceleration}")
-    for name in [*scene.output.springs][:MAX_POINTS]:
-        mean, varies = (summary[f"spring_force_{what}_{name}_n"] for what in ("mean", "amplitude"))
-        yield short_line(f"spring at {name}", spread(-mean, varies, "N"), "each, static ± dynamic")
-    if names[MAX_POINTS:]:
-        yield f"and {counted(len(names) - MAX_POINTS, 'more point')}: -v"
-
-
-def _joined(*parts: str) -> str:
-    return "; ".join(filter(None, parts))

@@ -20,7 +20,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import FindPlan
 from vibroplat.continuation.branch_tasks import KnownPoints, compute_part
 from vibroplat.continuation.orbit import with_initial_state, with_orbit_tolerance
-from vibroplat.continuation.special_points import BRANCH_POINT, DOUBLING, FOLD, NEIMARK_SACKER
+from vibroplat.continuation.special_points import SMOOTH_LOSSES
 from vibroplat.errors import ConfigError
 from vibroplat.model.sensitivity import parameter_direction, value_of
 from vibroplat.study.bands import find_jumps
@@ -44,8 +44,8 @@ from vibroplat.thresholds.values import (
 CHECK_OFFSET = 0.02
 #: Most halvings that tell a jump from a level that is crossed.
 MAX_HALVINGS = 20
-#: Special points at which an orbit loses its stability; beyond one, change of the measures that is no jump.
-SMOOTH_LOSSES, MAX_GRADUAL = (FOLD, DOUBLING, NEIMARK_SACKER, BRANCH_POINT), 0.1
+#: Change of the measures beyond a special point where stability is lost that is no jump.
+MAX_GRADUAL = 0.1
 #: Record of an orbit that cannot be followed.
 EMPTY_RECORD: Record = {"rows": [], "special": []}
 

@@ -223,7 +223,7 @@ class ThresholdStudy(Study):
 
     def _threshold(self, one: Threshold) -> str:
         """Return where a threshold is, how well it is known, and its kind."""
-        half = max(one.value - one.low.value, one.high.value - one.value)
+        half = self.plan.narrow if one.special else max(one.value - one.low.value, one.high.value - one.value)
         special = f", {one.special} of the orbit" if one.special else ""
         known = decimal(one.value, min(self._digits + 1, places(one.value, MOST_DECIMALS, half)))
         value = f"{known} ± {number(half, 1)} {unit_of(self.plan.key)}".rstrip()
@@ -356,7 +356,8 @@ def _required_plan(scene: Scene) -> FindPlan:
         )
     last = scene.drive.intervals[-1]
     if last.frequency <= 0.0 or last.driven != (True, True):
-        raise ConfigError("drive.program ends without supply; allowed: with both exciters on, for a steady motion")
+        how = "with one motor off" if last.frequency > 0.0 and any(last.driven) else "without supply"
+        raise ConfigError(f"drive.program ends {how}; allowed: with both exciters on, for a steady motion")
     if plan.compared is not None:
         numbers = [name for name, column in _columns(scene).items() if column.kind != TEXT]
         numbers = [name for name in numbers if name not in ("seed", "wall_s")]

@@ -7,7 +7,17 @@ function nice(low, high, most, unit) {
   const part = (high - low) / most, power = 10 ** Math.floor(Math.log10(part)), isTurn = unit === "°" && high - low > 180;
   const step = isTurn ? 90 : [1, 2, 5, 10].find(one => one * power >= part * 0.999) * power, places = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   const first = Math.ceil(low / step - 1e-6), last = Math.floor(high / step + 1e-6);
-  return Array.from({length: last - first + 1}, (_, n) => [(first + n) * step, ((first + n) * step).toFixed(places)]);
+  return Array.from({length: last - first + 1}, (_, n) => (first + n) * step).map(value => [value, told(value, unit).toFixed(places)]);
+}
+
+// 1, 2 and 5 times powers of ten.
+const powers = Array.from({length: 31}, (_, n) => n - 15).flatMap(power => [1, 2, 5].map(step => Number(`${step}e${power}`)));
+
+// An axis: values at shares of the drawing, and shares of values.
+function axisOf(text) {
+  const [low, high, kind] = text.split(" "), [bend, back] = kind === "log" ? [Math.log, Math.exp] : [x => x, x => x];
+  const from = bend(Number(low)), range = bend(Number(high)) - from;
+  return {kind, value: share => back(from + share * range), share: value => (bend(value) - from) / range};
 }
 
 const minus = text => text.replace(/^-(?=[0.]*$)/, "").replace("-", "−");
@@ -17,10 +27,7 @@ const digits = (value, range) => minus(value.toFixed(Math.min(9, Math.max(0, 2 -
 class View {
   constructor(figure) {
     this.figure = figure;
-    [this.area, this.svg, this.on, this.read] = [".area", ".area svg", ".on", "output"].map(one => figure.querySelector(one));
-    this.cursor = Object.assign(document.createElement("div"), {className: "cursor", hidden: true});
-    this.pick = Object.assign(document.createElement("div"), {className: "pick", hidden: true});
-    this.area.append(this.cursor, this.pick);
+    [this.area, this.svg, this.on, this.read, this.cursor, this.pick] = [".area", ".area svg", ".on", "output", ".cursor", ".pick"].map(one => figure.querySelector(one));
     this.shown = [0, 1, 0, 1]; // shares of the axes
     this.area.onpointermove = event => event.pointerType === "mouse" && this.move(event);
     this.area.onpointerdown = event => event.pointerType === "mouse" && !event.button && this.begin(event);
@@ -30,12 +37,7 @@ class View {
     this.area.ondblclick = () => this.zoom([0, 1, 0, 1]);
   }
 
-  axis(name) {
-    const [low, high, kind] = this.figure.dataset[name].split(" ");
-    return {low: Number(low), high: Number(high), kind};
-  }
-
-  value({low, high, kind}, share) { return kind === "log" ? low * (high / low) ** share : low + share * (high - low); }
+  axis(name) { return axisOf(this.figure.dataset[name]); }
 
   // Curves by their names, as points in shares of the axes.
   curves() {
@@ -65,9 +67,9 @@ class View {
   show(event) {
     const [left, up] = this.place(event), [x0, x1, y0, y1] = this.shown, x = x0 + left * (x1 - x0), y = y0 + up * (y1 - y0);
     const across = this.axis("x"), vertical = this.axis("y"), {u: unit, xu} = this.figure.dataset;
-    const number = share => digits(told(this.value(vertical, share), unit), Math.abs(this.value(vertical, y1) - this.value(vertical, y0)));
+    const number = share => digits(told(vertical.value(share), unit), Math.abs(vertical.value(y1) - vertical.value(y0)));
     Object.assign(this.cursor, {hidden: false}).style.left = `${100 * left}%`;
-    this.read.textContent = `${digits(this.value(across, x), Math.abs(this.value(across, x1) - this.value(across, x0)) / 10)} ${xu}`;
+    this.read.textContent = `${digits(across.value(x), Math.abs(across.value(x1) - across.value(x0)) / 10)} ${xu}`;
     for (const {path, parts} of this.curves()) {
       const kind = path.classList[0];
       const near = kind === "dots" ? parts.flat().filter(([a, b]) => Math.abs(a - x) < 0.02 * (x1 - x0) && Math.abs(b - y) < 0.05 * (y1 - y0)).slice(0, 1).map(one => one[1]) : this.at(parts, x, y);
@@ -118,21 +120,18 @@ class View {
 
   // Numbers of an axis between two shares, anew.
   ticks(name, from, to, most) {
-    const axis = this.axis(name), up = name === "y";
+    const axis = this.axis(name), up = name === "y", [low, high] = [axis.value(from), axis.value(to)];
     if (axis.kind === "names") return;
-    const [low, high] = [this.value(axis, from), this.value(axis, to)];
-    const found = axis.kind === "log" && high > 3 * low ? [-12, -9, -6, -5, -4, -3, -2, -1, 0, 1, 2, 3, 4, 5, 6, 9].flatMap(power => [1, 2, 5].map(step => [step * 10 ** power, String(Number((step * 10 ** power).toPrecision(1)))]))
-      .filter(([value]) => value >= low && value <= high) : nice(Math.min(low, high), Math.max(low, high), most, up ? this.figure.dataset.u : "");
-    const share = value => axis.kind === "log" ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
+    const found = axis.kind === "log" && high > 3 * low ? powers.filter(value => value >= low && value <= high).map(value => [value, String(value)])
+      : nice(Math.min(low, high), Math.max(low, high), most, up ? this.figure.dataset.u : "");
+    const place = value => (axis.share(value) - from) / (to - from);
     for (const old of this.area.querySelectorAll(`.${name}t`)) old.remove();
-    const last = found.findLast(([value]) => share(value) < 0.95);
-    if (!up && last && this.figure.classList.contains("low")) last[1] += ` ${this.figure.dataset.xu}`;
     for (const [value, text] of found) {
-      const made = Object.assign(document.createElement("span"), {className: `${name}t`, textContent: up && this.figure.dataset.u === "°" ? minus(String(told(value, "°"))) : minus(text)});
-      made.style[up ? "top" : "left"] = `${100 * (up ? 1 - share(value) : share(value))}%`;
+      const made = Object.assign(document.createElement("span"), {className: `${name}t`, textContent: minus(text)});
+      made.style[up ? "top" : "left"] = `${100 * (up ? 1 - place(value) : place(value))}%`;
       this.area.append(made);
     }
-    if (up) this.svg.querySelector(".grid").setAttribute("d", found.map(([value]) => `M0 ${(1 - from - share(value) * (to - from)) * HEIGHT}h${WIDTH}`).join(""));
+    if (up) this.svg.querySelector(".grid").setAttribute("d", found.map(([value]) => `M0 ${(1 - axis.share(value)) * HEIGHT}h${WIDTH}`).join(""));
   }
 
   // Other curves: lists of points in the units of the axes, with colours and names.

@@ -1,4 +1,4 @@
-// Tables: sorted by a click on a heading, and saved as CSV.
+// Tables: sorted by a click on a heading.
 
 const number = text => text === "–" ? NaN : Number(text.replace("−", "-"));
 
@@ -14,13 +14,3 @@ for (const table of document.querySelectorAll("table.rows")) {
     for (const one of table.tHead.rows[0].cells) one.setAttribute("aria-sort", one !== head ? "none" : sign > 0 ? "ascending" : "descending");
   });
 }
-
-for (const button of document.querySelectorAll("button.csv")) button.addEventListener("click", () => {
-  const quoted = text => /[",\n\r]/.test(text) ? `"${text.replace(/"/g, '""')}"` : text;
-  const value = text => text === "–" ? "" : text.replace(/^−/, "-");
-  const lines = [...button.closest("details").querySelector("table").rows].map(row => [...row.cells].map(cell => quoted(value(cell.textContent))).join(","));
-  const address = URL.createObjectURL(new Blob([lines.join("\n") + "\n"], {type: "text/csv"}));
-  Object.assign(document.createElement("a"), {href: address, download: button.dataset.file}).click();
-  setTimeout(() => URL.revokeObjectURL(address), 1000);
-});
-

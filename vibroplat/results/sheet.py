@@ -1,0 +1,351 @@
+"""The data sheet of a run in words: a row for each measure in an engineer's groups, for prints and for the page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from vibroplat.columns import display_name, split, unit_of
+from vibroplat.config.digits import NEGLIGIBLE, given, interval, number, quantity, share, spread, together
+from vibroplat.config.scene import Scene
+from vibroplat.observe.data_sheet import columns
+from vibroplat.observe.section import MAX_PERIOD
+from vibroplat.observe.summary import synchronization
+from vibroplat.results.answer import are_alike, counted, of_both, short_line
+from vibroplat.results.run_answer import SETTLED, phase_text, speeds_of_both, transient
+
+#: Rotation at the exciters' distance, over the largest stroke, above which the short print has it.
+ROCKS = 0.1
+#: Most named points and springs in the short print.
+MAX_POINTS = 4
+#: What the names of columns have whose numbers are told in per cent.
+SHARES = {"ratio", "slip", "residual", "fraction"}
+#: Groups of rows: what was measured at named points, and numbers that no other row has.
+POINTS, FURTHER = "Points and springs", "Further numbers"
+
+
+class Row(NamedTuple):
+    """A measure of a data sheet.
+
+    Attributes
+    ----------
+    label
+        What it is.
+    now, also
+        Value in the measured part, and what is said beside it.
+    most, when
+        Largest value of the whole run, and when that was.
+    short
+        Label, value and further words in the short print; empty if it is not there.
+    """
+
+    label: str
+    now: str = ""
+    also: str = ""
+    most: str = ""
+    when: str = ""
+    short: tuple[str, ...] = ()
+
+    @property
+    def peak(self) -> str:
+        """The largest value of the whole run, its time and speed, as far as they are known and not 0."""
+        return f"largest {self.most}{f' at {self.when}' * bool(self.when)}" if self.most not in ("", "0") else ""
+
+    def shortly(self, label: str, *words: str) -> Row:
+        """Return the row with a line in the short print."""
+        return self._replace(short=(label, self.now, _joined(*words)))
+
+
+class Numbers(dict[str, Any]):
+    """A summary that knows which of its numbers were read; those that it does not have are None."""
+
+    def __init__(self, summary: Mapping[str, Any]) -> None:
+        super().__init__(summary)
+        self.read: set[str] = set()
+
+    def __getitem__(self, name: str) -> Any:
+        self.read.add(name)
+        return self.get(name)
+
+
+class Sheet:
+    """Tells the data sheet of a run.
+
+    Parameters
+    ----------
+    scene, summary
+        What was simulated, and its summary.
+    steady
+        When its stroke was steady (s), if that is known.
+
+    Attributes
+    ----------
+    transient
+        What is measured if that is no steady operation.
+    groups
+        Rows by the names of groups; rows and groups without a value are left out.
+    """
+
+    def __init__(self, scene: Scene, summary: Mapping[str, Any], steady: float | None = None) -> None:
+        self.scene, self.steady, self.numbers = scene, steady, Numbers(summary)
+        self.groups: dict[str, list[Row]] = {}
+        self.transient = ""
+        if self.numbers["rms_y_m"] is None:
+            return
+        self.transient = transient(scene, summary)
+        balances = ("energy_residual", "momentum_residual")
+        groups = {
+            "Amplitude and stroke": self._strokes(),
+            "Force into the foundation": self._loads(),
+            "Motors, each or 1 / 2": self._motors(),
+            "Bearings, each or 1 / 2": self._bearings(),
+            "Synchronization": self._synchronization(),
+            POINTS: [*map(self._point, scene.output.points), *map(self._spring, scene.output.springs)],
+            "Material": self._material() if scene.has_contact else [],
+            "Balances": [Row(display_name(name), self._text(name)) for name in balances],
+        }
+        left = [name for name in columns(scene) if name not in self.numbers.read]
+        groups[FURTHER] = [Row(display_name(name), self._text(name, largest=self._largest(name))) for name in left]
+        known = {name: [row for row in rows if any(row[1:5])] for name, rows in groups.items()}
+        self.groups = {name: rows for name, rows in known.items() if rows}
+
+    def short(self) -> Iterator[tuple[str, ...]]:
+        """Yield labels, values and further words of the short print; none if forces or strokes are not known."""
+        s = self.numbers
+        if s["foundation_force_y_rms_n"] is None or s["stroke_y_m"] is None:
+            return
+        if self.transient:
+            window = interval(s["measured_from_s"], s["measured_to_s"], "s")
+            yield "no steady motion", window, f"values of this time, {self.transient}"
+        for name, rows in self.groups.items():
+            yield from (row.short for row in rows[: MAX_POINTS if name == POINTS else None] if row.short and row.now)
+
+    # -- parts of rows ------------------------------------------------------------------------------
+
+    def _text(self, column: str, **how: Any) -> str:
+        """Write a number as :func:`quantity` does, a share in per cent; "" if there is none."""
+        value = self.numbers[column]
+        if value is None:
+            return ""
+        return share(value) if SHARES & {*column.split("_")} else quantity(value, unit_of(column), **how)
+
+    def _largest(self, column: str) -> float:
+        """Return the largest size of the numbers with the unit of a column whose names begin as its own does."""
+        begin, unit = column.partition("_")[0], unit_of(column)
+        alike = [name for name in columns(self.scene) if name.startswith(begin) and unit_of(name) == unit]
+        return max(abs(float(self.numbers.get(f"{part}{name}") or 0.0)) for name in alike for part in ("", "whole_"))
+
+    def _peak(self, column: str, largest: float | None = None) -> tuple[str, str]:
+        """Return the largest value of the whole run, and its time with the speed then."""
+        most, base = self._text(f"whole_{column}", largest=largest), f"whole_{split(column)[0]}_at"
+        at, pace = (self.numbers[f"{base}_{end}"] for end in ("s", "hz"))
+        if at is None or most in ("", "0"):
+            return most, ""
+        return most, (quantity(at, "s") if at else "0 s") + (f", {quantity(pace, 'Hz', digits=3)}" if pace else "")
+
+    def _row(self, label: str, column: str, largest: float | None = None) -> Row:
+        """Return the row of a column; beside ``largest`` what is small is 0, and was so at no time."""
+        return Row(label, self._text(column, largest=largest), "", *self._peak(column, largest))
+
+    def _pair(self, column: str) -> str:
+        """Return the numbers of both motors, shares without a unit; one if they are alike."""
+        values = [self.numbers[column.format(n)] for n in (1, 2)]
+        if values == [None, None] or (None not in values and are_alike(values)):
+            return self._text(column.format(1))
+        if unit_of(column):
+            return together(values, unit_of(column), " / ")
+        return " / ".join(dict.fromkeys(map(share, values)))
+
+    def _pair_row(self, label: str, column: str, most: str) -> Row:
+        """Return the row of both motors, with the larger of their largest values."""
+        larger = max((1, 2), key=lambda n: self.numbers[f"whole_{most.format(n)}"] or 0.0)
+        return Row(label, self._pair(column), "", *self._peak(most.format(larger)))
+
+    def _force(self, label: str, name: str) -> Row:
+        """Return the row of a force, what is static and what it varies by where both are known."""
+        row = self._row(label, name.format("max"))
+        mean, varies = (self.numbers[name.format(what)] for what in ("mean", "amplitude"))
+        if mean is None or varies is None or not self.scene.machine.gravity_m_per_s2:
+            return row
+        what = "static ± dynamic" if varies > NEGLIGIBLE * abs(mean) else "static"
+        return row._replace(label=f"{label}, {what}", now=spread(-mean, varies, "N"))
+
+    # -- groups -------------------------------------------------------------------------------------
+
+    def _strokes(self) -> list[Row]:
+        s, arm = self.numbers, self.scene.body.distance
+        strokes = {axis: s[f"stroke_{axis}_m"] or 0.0 for axis in "xy"}
+        main = max(strokes, key=lambda axis: strokes[axis])
+        other, largest = "xy".replace(main, ""), strokes[main]
+        rows = {axis: self._row(f"stroke {axis}", f"stroke_{axis}_m", largest) for axis in "yx"}
+        rows[main] = rows[main].shortly(f"stroke {main}", f"{other} {rows[other].now}", rows[main].peak)
+        rms = [s["rms_x_m"], s["rms_y_m"]]
+        still = NEGLIGIBLE * max(rms) / arm if arm else None
+        turned, most = (self._text(key, error=still) for key in ("rms_phi_rad", "phi_max_rad"))
+        rotation = Row("rotation", turned, "RMS of phi" * (turned != "0"), most)
+        rocks = s["rms_phi_rad"] * arm * 2.0 * math.sqrt(2.0) > ROCKS * largest
+        acceleration = self._row("acceleration", "acceleration_max_m_per_s2")
+        floats = not self.scene.machine.gravity_m_per_s2
+        return [
+            *rows.values(),
+            Row("RMS x, y", together(rms, "m")),
+            rotation.shortly("rotation", "RMS of phi") if rocks else rotation,
+            acceleration.shortly("acceleration", self._flight()) if floats else acceleration,
+            self._row("throw index", "gamma").shortly("throw index", self._flight()),
+        ]
+
+    def _flight(self) -> str:
+        """Say what the material does."""
+        flies, impacts = self.numbers["flight_fraction"], self.numbers["impacts_per_period"]
+        if not self.scene.has_contact:
+            return "material that cannot lift off" if self.scene.material_mass else "no material"
+        if not flies:
+            return "material does not lift off"
+        told = f"material in flight {share(flies)}"
+        if impacts is None:
+            return told
+        rate = number(impacts).removesuffix(".00")
+        return f"{told}, {rate} impact{'s' * (rate != '1')} a turn"
+
+    def _loads(self) -> list[Row]:
+        names = {axis: f"foundation_force_{axis}_max_n" for axis in "yx"}
+        largest = max(self.numbers[f"{part}{name}"] or 0.0 for name in names.values() for part in ("", "whole_"))
+        y, x = self._force("y", "foundation_force_y_{}_n"), self._row("x", names["x"], largest)
+        turning = self.numbers["whole_foundation_moment_max_n_m"]
+        return [
+            y.shortly("foundation, y", y.label.partition(", ")[2], y.peak),
+            x.shortly("foundation, x", x.peak) if x.now != "0" else x,
+            self._row("moment", "foundation_moment_max_n_m", turning),
+            Row("static sag", self._text("static_sag_m")),
+        ]
+
+    def _motors(self) -> list[Row]:
+        powers = self._pair_row("power, mean", "motor_power_{}_mean_w", "motor_power_{}_max_w")
+        ripple = self._pair("speed_ripple_{}_hz")
+        return [
+            powers._replace(short=self._driven()),
+            self._pair_row("torque, mean", "motor_torque_{}_mean_n_m", "motor_torque_{}_max_n_m"),
+            self._pair_row("of critical torque", "torque_ratio_{}", "torque_ratio_{}_max"),
+            Row("slip", self._pair("slip_{}"), f"ripple {ripple}" * bool(ripple)),
+        ]
+
+    def _driven(self) -> tuple[str, ...]:
+        """Return the short line of the motors that are on."""
+        s = self.numbers
+        driven = [n for n, is_on in enumerate(self.scene.driven(s["measured_from_s"], s["measured_to_s"]), 1) if is_on]
+        powers, slips, ratios = (
+            [value for n in driven if (value := s[name.format(n)]) is not None]
+            for name in ("motor_power_{}_mean_w", "slip_{}", "torque_ratio_{}")
+        )
+        if not powers:
+            return ()
+        words = [of_both(powers, "W") if powers[1:] else f"motor {driven[0]}"]
+        words += [f"slip {share(max(slips, key=abs))}"] if slips else []
+        words += [f"{share(max(ratios, key=abs))} of critical torque"] if ratios else []
+        return "motor power", quantity(sum(powers), "W"), _joined(*words)
+
+    def _bearings(self) -> list[Row]:
+        row = self._pair_row("centrifugal force", "bearing_force_{}_max_n", "bearing_force_{}_max_n")
+        whose = "of exciters 1 and 2" if " / " in row.now else "each exciter"
+        return [row._replace(short=("bearing force", row.now.replace(" / ", " and "), f"{whose}, centrifugal"))]
+
+    def _synchronization(self) -> list[Row]:
+        s, frequency = self.numbers, self.numbers["excitation_frequency_hz"]
+        if not frequency:
+            return [Row("speed", "the exciters do not turn")]
+        speeds, name = speeds_of_both(s), synchronization(s)
+        pace = Row("speed", quantity(frequency, "Hz"), quantity(60.0 * frequency, "rpm"))
+        if speeds and name == "none":
+            pace = Row("speeds", " / ".join(quantity(speed, "Hz", largest=max(speeds)) for speed in speeds))
+        at, work, moved = s["synchronized_at_s"], self._text("start_energy_j"), s["stroke_change"] or 0.0
+        since, steady = (
+            "" if time is None else f"after {quantity(time, 's', digits=2)}" if time else "from the start"
+            for time in (at, self.steady)
+        )
+        in_step = Row("in step", since, f"motor work {work}" * bool(at))
+        started = ("start", quantity(at, "s"), f"until synchronized, {work} of motor work")
+        return [
+            Row("phase difference", phase_text(s) or "drifts", "not synchronized" if name == "none" else name),
+            pace,
+            in_step if s["captured_by"] or not at else in_step._replace(short=started),
+            Row("stroke steady", steady, "within 1 %" * bool(steady)),
+            Row("motion repeats", _repeats(s["period"]), f"strokes change by {share(moved)}" * (moved > SETTLED)),
+        ]
+
+    def _point(self, name: str) -> Row:
+        """Return the motion of a named point."""
+        strokes = [self.numbers[f"stroke_{axis}_{name}_m"] or 0.0 for axis in "xy"]
+        y, x = (self._row(f"stroke y at {name}", f"stroke_{axis}_{name}_m", max(strokes)) for axis in "yx")
+        acceleration = self._text(f"acceleration_max_{name}_m_per_s2")
+        y = y._replace(also=f"x {x.now}; {acceleration}")
+        return y._replace(short=(f"at {name}", f"stroke y {y.now}", f"x {x.now}; acceleration {acceleration}"))
+
+    def _spring(self, name: str) -> Row:
+        """Return the force in each spring at a point."""
+        row = self._force(f"each spring at {name}", f"spring_force_{{}}_{name}_n")
+        return row.shortly(f"spring at {name}", row.label.replace(f" spring at {name}", ""))
+
+    def _material(self) -> list[Row]:
+        s = self.numbers
+        impacts, flies = s["impacts_per_period"], s["flight_fraction"]
+        rate = "" if impacts is None else number(impacts).removesuffix(".00")
+        gap, impulse = self._text("gap_max_m"), self._text("impulse_max_n_s")
+        return [
+            Row("in flight", share(flies), f"gap {gap}" if flies else ""),
+            Row("impacts a turn", rate, f"impulse {impulse}" if impacts else ""),
+            Row("contact force, largest", self._text("contact_force_max_n")),
+        ]
+
+
+def _repeats(period: int | None) -> str:
+    """Say after how many turns a motion repeats."""
+    if period is None:
+        return ""
+    return {0: f"not yet, or not within {MAX_PERIOD} turns", 1: "every turn"}.get(period, f"every {period} turns")
+
+
+def _joined(*parts: str) -> str:
+    return "; ".join(filter(None, parts))
+
+
+# -- prints ------------------------------------------------------------------------------------------------------------
+
+
+def short_lines(sheet: Sheet) -> list[str]:
+    """Return the few lines below the headline; none of a run that measured nothing."""
+    left = len(sheet.groups.get(POINTS, [])) - MAX_POINTS
+    more = [f"and {counted(left, 'more point')}: -v"] if left > 0 else []
+    return [*(short_line(*one) for one in sheet.short()), *more]
+
+
+def all_lines(sheet: Sheet, origin: Mapping[str, Any] | None) -> dict[str, str]:
+    """Return all numbers of a run in lines of a label and a text.
+
+    ``origin`` is what provenance says of the run that it continues from, if any.
+    """
+    s, scene = sheet.numbers, sheet.scene
+    counts, whole = (
+        ", ".join(str(s[f"{part}{kind}"]) for kind in ("liftoffs", "impacts", "chatters")) for part in ("measured_", "")
+    )
+    first, last = (quantity(s[f"measured_{end}_s"], "s") for end in ("from", "to"))
+    measured = f"{first} … {last}, {counted(s['measured_turns'], 'whole turn')}"
+    lines = {
+        "outcome": s["outcome"],
+        "start": _start(scene, s, origin),
+        "simulated": quantity(s["simulated_s"], "s"),
+        "measured": measured if s["measured_s"] else f"nothing: the run ended before {first}",
+        "liftoffs, impacts, chatters": f"{counts}; in the whole run {whole}",
+        **{display_name(name): str(s[name]) for name in ("steps", "residual_calls") if s[name] is not None},
+        "wall time": quantity(s["wall_s"], "s"),
+    }
+    for name, rows in sheet.groups.items():
+        lines |= {name: ""} | {row.label: _joined(", ".join(filter(None, row[1:3])), row.peak) for row in rows}
+    return lines
+
+
+def _start(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] | None) -> str:
+    """Describe how a run began."""
+    size, seed = summary["perturbation"], scene.run.seed
+    changed = f"rates perturbed by {given(size)} of their scales, seed {seed}" if size else "not perturbed"
+    return changed if origin is None else f"where {origin['directory']} ended, {given(origin['t_s'])} s; {changed}"
