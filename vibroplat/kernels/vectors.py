@@ -186,7 +186,7 @@ def _bits(typing_context: Any, mask: Any) -> Any:
 
 @inlined
 def _some(mask: Any) -> bool:
-    return _bits(mask) != 0
+    return _bits(mask) != 0  # type: ignore[call-arg]
 
 
 def _joined(builder: Any, context: Any, kind: Any, first: Any, second: Any) -> Any:
