@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 #: Longest message; keys and names from users may be longer.
 MAX_TEXT = 400
@@ -31,6 +33,15 @@ class VibroplatError(Exception):
 
 class ConfigError(VibroplatError):
     """A configuration that cannot be used; the message names the key, the value and what is allowed."""
+
+
+@contextmanager
+def errors_about(place: object) -> Iterator[None]:
+    """Begin errors of a configuration with the file, section or key that they are about."""
+    try:
+        yield
+    except ConfigError as error:
+        raise ConfigError(f"{place}: {error}") from None
 
 
 class MotionError(VibroplatError):

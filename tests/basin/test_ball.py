@@ -77,7 +77,7 @@ def sticking(phase, gap, rate):
     raise AssertionError("a ball comes to neither motion")
 
 
-@pytest.mark.parametrize("number", [200, pytest.param(10_000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("number", [80, pytest.param(10_000, marks=pytest.mark.long)])
 def test_all_balls_come_to_the_motion_that_the_map_says(number):
     scene = shaken(GAMMA, RESTITUTION)
     box = {GAP: [0.01 * LENGTH, 8.0 * LENGTH], RATE: [-4.0 * SPEED, 4.0 * SPEED]}
@@ -94,7 +94,7 @@ def test_all_balls_come_to_the_motion_that_the_map_says(number):
     assert 0.1 < theirs.mean() < 0.9
     sides = [sticking(begun, gap + a, rate + b) for a, b in BORDER * np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])]
     clear = (np.array(sides) == theirs).all(axis=0)
-    assert clear.mean() > 0.99
+    assert clear.mean() > 0.98
     np.testing.assert_array_equal(ours[clear], theirs[clear])
     # that which sticks takes off where the table falls as quickly as the ball, and a tenth of a radian later it flies
     lifts = math.asin(1.0 / GAMMA)

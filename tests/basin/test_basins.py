@@ -133,23 +133,21 @@ def test_an_attractor_is_carried_from_a_platform_without_material(over):
     assert tables.attractors["upper_m"].tolist()[1:] == pytest.approx(sags, rel=0.5)
 
 
-@pytest.mark.parametrize(("kind", "at"), [("found", 100), ("over", 6)])
-def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(kind, at, request, tmp_path):
-    scene, whole = request.getfixturevalue(kind)
+def test_interrupted_and_resumed_the_answer_over_a_key_is_the_same(over, tmp_path):
+    scene, whole = over
     study = BasinsStudy(scene)
 
-    def killed(done, known):
-        if done == at:
+    def interrupted(done, known):
+        if done == 6:
             raise KeyboardInterrupt
 
-    def answered(jobs, progress, *, resume=False):
-        with Store(tmp_path, {}, resume=resume) as store, pool(jobs, chains=study.chains(store)) as workers:
-            tables = dict(study.run(store, workers, progress).tables)
-            return tables, store.reused
+    def answered(progress, *, resume=False):
+        with Store(tmp_path, {}, resume=resume) as store, pool() as workers:
+            return dict(study.run(store, workers, progress).tables), store.reused
 
     with pytest.raises(KeyboardInterrupt):
-        answered(1, killed)
-    tables, reused = answered(2, lambda done, known: None, resume=True)
+        answered(interrupted)
+    tables, reused = answered(lambda done, known: None, resume=True)
     assert reused > 0
     for name, table in tables.items():
         pd.testing.assert_frame_equal(table, getattr(whole, name), check_exact=True)

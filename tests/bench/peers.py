@@ -1,26 +1,19 @@
 """Other solvers behind the interface: each integrates a mode up to its event, the package's automaton does the rest.
 
 Modes, impacts and chatters are the automaton's own, so that solvers differ in how they integrate and in nothing else.
-``python tests/bench/peers.py`` compares them with the engines at equal error, and an ensemble of heyoka with basins.
+``python tests/bench/peers.py`` compares them with the engines at equal error.
 """
 
-import math
 import time
 from functools import partial
-from importlib.util import find_spec
 from itertools import starmap
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import typer
 
-from vibroplat.basin.initial_conditions import initial_states, validated_base_scene
-from vibroplat.basin.study import basins
-from vibroplat.bench.measure import Solver, by_turns, of_engine, precision, show, show_precision, timed, truth
+from vibroplat.bench.measure import Solver, of_engine, precision, show_precision, truth
 from vibroplat.bench.scenes import cases
-from vibroplat.bench.studies import basins_scene
-from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, begin_segment, end_segment
 from vibroplat.hybrid.state import RUNNING, rewind, state_scales
@@ -32,10 +25,6 @@ from vibroplat.results.tables import result_directory
 
 #: Least tolerance of the automaton; that of a peer may be lower.
 FINEST = 1e-12
-#: Turns for which an ensemble follows each start: a fixed transient does not know when a motion has settled.
-TRANSIENTS = (100, 300, 1000)
-#: How many motions an ensemble has in a vector, and its name.
-ENSEMBLES = {1: "heyoka, one by one", 4: "heyoka, 4 in a vector", 8: "heyoka, 8 in a vector"}
 #: Gap with which a flight begins (m): a root at its very beginning would hide the landing.
 BARELY = 1e-25
 #: First and longest step of scipy where an event may come, in turns. Longer ones could pass over a short flight; with
@@ -228,86 +217,13 @@ PEERS = {
 }
 
 
-def ensemble(system, p, tolerance, batch):
-    """Return what follows unknowns of a system without events, shape (motions, size), for a time by heyoka, on a core.
-
-    ``batch`` motions at a time are in one vector; their number is a multiple of it. One integrator follows all of them:
-    ``ensemble_propagate_until`` would copy it for each, which takes 1.3 ms.
-    """
-    import heyoka as hk
-
-    equations, _ = _equations(hk, system, p)
-    size = len(equations)
-    if batch == 1:
-        made = hk.taylor_adaptive(equations, [0.0] * size, tol=tolerance)
-    else:
-        made = hk.taylor_adaptive_batch(equations, np.zeros((size, batch)), tol=tolerance)
-
-    def follow(unknowns, seconds):
-        ends = np.empty_like(unknowns)
-        for first in range(0, len(unknowns), batch):
-            motions = slice(first, first + batch)
-            if batch == 1:
-                made.time = 0.0
-            else:
-                made.set_time(0.0)
-            made.state[:] = unknowns[motions].T.reshape(made.state.shape)
-            made.propagate_until(seconds)
-            ends[motions] = made.state.reshape(size, batch).T
-        return ends
-
-    return follow
-
-
-def equal_tolerance(scene):
-    """Return the coarsest tolerance of heyoka with which the first seconds of a scene are as exact as with ours."""
-    known = truth("first seconds", scene.replace({"run.duration_s": 2.0}))
-    own = precision([known], ["taylor"], [scene.solver.tolerance], 1)["coordinates"].item()
-    table = precision([known], ["heyoka"], [10.0 ** (-0.5 * n) for n in range(6, 25)], 1, solver_of)
-    return table["tolerance"][table["coordinates"] <= own].max()
-
-
-def basins_and_ensembles(repeats, starts=400):
-    """Measure the processor time of basins, and of ensembles of single starts and of four and eight in one vector.
-
-    Both integrate with the same error; see :func:`equal_tolerance`.
-    ``unlike`` counts starts whose phase difference after the transient is nearer to that of another attractor than the
-    one basins assign.
-    """
-    scene = basins_scene(starts, "taylor")
-    [system] = systems(scene).values()
-    states = initial_states(validated_base_scene(scene, scene.basins), scene.basins, range(starts))[:, system.places]
-    tasks = {("basins", 0): partial(timed, basins, scene)}
-    tolerance = equal_tolerance(scene)
-    for batch, what in ENSEMBLES.items():
-        follow = ensemble(system, parameters(scene), tolerance, batch)
-        for turns in TRANSIENTS:
-            tasks[what, turns] = partial(timed, follow, states, 2.0 * math.pi * turns / scene.speed_scale)
-    basins(scene.replace({"basins.random": 2}))  # loads the kernels
-    times = by_turns(tasks, repeats)
-    own, found = times.pop(("basins", 0))
-    known = found.attractors[PHASE_COLUMN].to_numpy(float)
-    rows = [("basins", found.starts["turns"].mean(), np.median(own), 0)]
-    for (what, turns), (seconds, ends) in times.items():
-        phases = ends[:, 3:5] @ scene.phase_weights
-        nearest = found.attractors["attractor"].to_numpy()[np.cos(phases[:, np.newaxis] - known).argmax(axis=1)]
-        rows.append((what, turns, np.median(seconds), int((nearest != found.starts["attractor"]).sum())))
-    table = pd.DataFrame(rows, columns=["what", "turns", "processor_s", "unlike"])
-    table["ms_a_start"] = 1e3 * table["processor_s"] / starts
-    return table.assign(times_basins=table["processor_s"] / np.median(own))
-
-
 def main(out: Path = Path("results"), repeats: int = 5):
-    """Write and print tables and a figure of engines and peers, and of basins and ensembles, to OUT/benchmarks."""
+    """Write and print tables and a figure of engines and peers to OUT/benchmarks."""
     directory = result_directory(out, "benchmarks")
     tolerances = [10.0**-n for n in range(3, 13)]
     known = starmap(truth, cases().items())
     table = precision(known, ["taylor", "native", *PEERS], tolerances, repeats, solver_of)
     show_precision(table, directory, "taylor")
-    if find_spec("heyoka") is None:
-        print("left out: ensembles; pip install heyoka")
-        return
-    show(basins_and_ensembles(min(repeats, 3)), directory, "ensembles-cost")
 
 
 if __name__ == "__main__":

@@ -67,13 +67,3 @@ def test_storm_of_a_peer_is_an_error(monkeypatch):
     scene = scenes.cases()["attached"].replace({"contact.restitution": 0.5})
     with pytest.raises(RuntimeError, match="event-storm: 5000 restarts within "):
         peers.solver_of("bouncing", scene, 1e-6).run([])
-
-
-@pytest.mark.peers
-@pytest.mark.usefixtures("kernels")
-def test_long_transients_end_where_basins_say(monkeypatch):
-    pytest.importorskip("heyoka")
-    monkeypatch.setattr(peers, "TRANSIENTS", (1000,))
-    table = peers.basins_and_ensembles(1, 8)
-    assert list(table["what"]) == ["basins", *peers.ENSEMBLES.values()]
-    assert list(table["unlike"]) == [0, 0, 0, 0]

@@ -2,7 +2,6 @@
 
 import contextlib
 import shutil
-import sqlite3
 from pathlib import Path
 
 import pytest
@@ -14,7 +13,6 @@ from common.results import bits, left
 from vibroplat import load, load_config, orbit
 from vibroplat.motion.run import load_kernels
 from vibroplat.study.pool import Inline
-from vibroplat.study.store import digest
 
 MACHINE = Path(__file__).parents[1] / "continuation/machine.yaml"
 HEAD = f"extends: {MACHINE}\nname: c\nsolver: {{engine: taylor}}\n"
@@ -202,19 +200,3 @@ def test_run_to_begin_from_is_relative_to_the_directory_of_the_command(command, 
     assert (len(branch.rows), branch.ended) == (3, "max_points = 3 reached")
     settled = orbit(scene.replace({"drive.supply_frequency_hz": 51.5}))
     assert branch.rows[0]["rms_y_m"] == pytest.approx(settled.measures["rms_y_m"], rel=1e-6)
-
-
-def test_parts_of_branches_that_are_missing_are_made_again(command, followed):
-    wanted = tables()
-    with sqlite3.connect("results/c/orbits/orbits.sqlite") as base:
-        kept, last = base.execute("SELECT COUNT(*) - 1, MAX(rowid) FROM records").fetchone()
-        base.execute(f"DELETE FROM records WHERE rowid = {last}")
-        base.execute("UPDATE about SET value = '0', digest = ? WHERE key = 'finished'", [digest("finished", "0")])
-    base.close()
-    done = command("orbits", "c.yaml")
-    assert not_a_line(done) == ""
-    assert f" holds {kept} tasks of unfinished work; allowed: --resume to continue it, " in done.err
-    done = command("orbits", "c.yaml", "--resume")
-    assert (done.code, done.err) == (0, "")
-    assert f"{kept} tasks from before" in done.out
-    assert tables() == wanted

@@ -188,9 +188,12 @@ def test_strokes_that_still_change_are_told_instead_of_turns_that_repeat(runs):
 
 def test_what_is_nothing_is_0_and_what_is_missing_is_left_out(runs):
     run = runs["two layers"]
-    lines = short_lines(Sheet(run.scene, run.summary | {"stroke_x_m": 1e-9, "foundation_force_x_max_n": 0.01}))
+    small = {"stroke_x_m": 1e-9, "foundation_force_x_max_n": 0.01}
+    lines = short_lines(Sheet(run.scene, run.summary | small | {"whole_foundation_force_x_max_n": 0.02}))
     assert " x 0; largest " in lines[0]
     assert not [line for line in lines if line.startswith("foundation, x")]
+    (line,) = (line for line in short_lines(Sheet(run.scene, run.summary | small)) if line.startswith("foundation, x"))
+    assert line.split()[2:4] == ["0", "largest"], "a start has forces that operation has not"
     off = run.scene.replace({"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}]})
     assert headline(off, run.summary).startswith("quickstart: coasts with the motors off at 25.74 Hz")
     assert not [line for line in short_lines(Sheet(off, run.summary)) if line.startswith("motor power")]

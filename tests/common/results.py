@@ -9,13 +9,11 @@ import pandas as pd
 #: Files that commands leave under their final names.
 FINAL = re.compile(
     r"(trajectory|events|sweep|section|impacts|bands|branches|special|boundaries)\.(parquet|csv)"
-    r"|(summary|orbits|(run-|sweep-|orbits-)?provenance)\.json|\w+\.png"
+    r"|(summary|orbits|provenance)\.json|\w+\.png"
 )
-#: What the finished points of a sweep, and the finished parts of branches of orbits, are kept in. A kill while a store
+#: What the finished tasks of a study are kept in. A kill while a store
 #: is made leaves the journal of what was under way; the next command undoes that.
-_ENDS = ("sqlite", "sqlite-wal", "sqlite-shm", "sqlite-journal", "lock")
-KEPT = {f"{name}.{end}" for name in ("points", "orbits") for end in _ENDS}
-KEPT.add("files.lock")
+KEPT = {f"points.{end}" for end in ("sqlite", "sqlite-wal", "sqlite-shm", "sqlite-journal", "lock")} | {"files.lock"}
 #: Tables that are not finished.
 TEMPORARY = re.compile(r"\.[\w-]+-\d+-\w+\.(parquet|csv|json|png)")
 

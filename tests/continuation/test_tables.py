@@ -14,7 +14,6 @@ from vibroplat.continuation.study import OrbitsStudy
 from vibroplat.continuation.tables import make_tables
 from vibroplat.errors import ConfigError
 from vibroplat.study.point import MEASURED
-from vibroplat.study.store import Store
 
 from .helpers import LIFTOFF, MACHINE, MASS, PLAN
 
@@ -81,18 +80,6 @@ def test_special_points_have_place_and_state(found):
     rows = found.branches[found.branches[MASS] == 0.1].reset_index(drop=True)
     before, after = rows[KEY][special["point"]], rows[KEY][special["point"] + 1]
     assert before <= special[KEY] <= after
-
-
-def test_types_do_not_depend_on_what_was_found(found, scene):
-    nothing = make_tables(scene.orbits, [], [])
-    for none, some in ((nothing["branches"], found.branches), (nothing["special"], found.special)):
-        assert none.empty
-        assert [*none] == [column for column in some if column not in (*COORDINATES, *RATES)]  # no scene, no state
-        assert none.dtypes.equals(some[[*none]].dtypes)
-    types = {column: str(kind) for column, kind in found.branches.dtypes.items()}
-    assert types["stable"] == "bool"
-    assert {types[name] for name in ("branch", "parent", "point", "period", "n_unstable")} == {"Int64"}
-    assert {types[name] for name in ("sequence", "sync", "notes")} == {"str"}
 
 
 def test_columns_of_state_are_those_of_the_scenes():
@@ -169,17 +156,6 @@ def test_a_second_key_in_the_grid_is_refused_at_once(scene):
     with pytest.raises(ConfigError) as caught:
         OrbitsStudy(scene.replace({"orbits": PLAN | second}))
     assert str(caught.value) == f"orbits.grid.{MASS} is the key of boundaries; allowed: another key"
-
-
-def test_records_of_another_version_are_not_resumed(scene, tmp_path):
-    wanted, kept = OrbitsStudy(scene).conditions, {"file": "orbits.sqlite"}
-    former = {name: value for name, value in wanted.items() if name != "version of records"}
-    for version, known in ((former, "None"), (former | {"version of records": 1}, "1")):
-        with Store(tmp_path, version, overwrite=True, **kept):
-            pass
-        message = f"^cannot resume: version of records = 2; allowed: {known}, as in the finished tasks, or "
-        with pytest.raises(ConfigError, match=message):
-            Store(tmp_path, wanted, resume=True, **kept)
 
 
 def test_stable_ranges_end_at_the_points_where_stability_is_lost():

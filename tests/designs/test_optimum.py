@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from common.commands import process
 from common.results import bits
 from threadpoolctl import threadpool_limits
 
@@ -125,21 +124,6 @@ def test_a_box_to_which_the_orbit_cannot_be_followed_is_no_answer_on_its_designs
     assert found.answer.headline == "unknown: the orbit was lost on the way to every starting point of the search"
     assert found.tables["evaluations"].empty
     assert found.plot("evaluations").axes
-
-
-@pytest.mark.long
-def test_one_job_and_two_give_the_same_bits(tmp_path):
-    """Linear algebra with several threads would round otherwise than in workers."""
-    example, found = CALIBRATED.parents[1] / "examples/design-power.yaml", []
-    for jobs in (1, 2):
-        asked = ("design", example, "--set", "design.samples=20", "--out", tmp_path / str(jobs), "--jobs", jobs)
-        assert process(*asked).code == 0
-        tables = ("evaluations", "samples", "sensitivities")
-        found.append(
-            [pd.read_parquet(tmp_path / str(jobs) / "design-power/design" / f"{name}.parquet") for name in tables]
-        )
-    for one, other in zip(*found, strict=True):
-        pd.testing.assert_frame_equal(one, other, check_exact=True)
 
 
 @pytest.mark.long

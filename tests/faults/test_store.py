@@ -215,15 +215,14 @@ def test_only_what_follows_from_another_state_is_computed_again(result, caplog, 
 
 def test_point_that_is_lost_before_the_table_is_written_ends_in_a_line(result, monkeypatch):
     directory = result()
-    run = sweep.run_sweeps
+    run = sweep.run_branches
 
-    def losing(sweeps, *arguments):
-        run(sweeps, *arguments)
-        ((_, store),) = sweeps
+    def losing(planned, store, *arguments):
+        run(planned, store, *arguments)
         store._base.execute("DELETE FROM records WHERE first = 1 AND second = 1")
         store._base.commit()
 
-    monkeypatch.setattr(sweep, "run_sweeps", losing)
+    monkeypatch.setattr(sweep, "run_branches", losing)
     done = command("sweep", "c.yaml", "--resume")
     assert not_a_line(done, codes=(1,)) == ""
     assert "point 1 of branch 1 is not stored" in done.err
@@ -256,7 +255,8 @@ def test_store_that_is_damaged_as_a_whole_is_told_in_a_line(finished, result):
     assert bits(read_table(file.parent, "sweep")) == finished[1]
 
 
-@pytest.mark.parametrize("number", [4, pytest.param(10, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("number", [4, 10])
 def test_flipped_bit_never_changes_the_table(number, finished, result):
     """One random bit after the other, each in a fresh copy: the sweep goes on, or it is told."""
     chance = random.Random(number)
@@ -284,17 +284,17 @@ def test_file_that_is_no_store_is_told_and_left_alone(tmp_path):
         with pytest.raises(
             CorruptRecordError, match=r" is damaged \(file is not a database\); remove it to start again$"
         ):
-            Store(tmp_path, {}, file=FILE, **how)
+            Store(tmp_path, {}, **how)
     assert file.read_text() == "hello\n" * 1000
     file.unlink()
     changed(tmp_path, "CREATE TABLE records (first, second INTEGER, record TEXT)")  # the format of former versions
     told = f"{file} cannot be used: its format is 0, this version reads 3; remove it to start again"
     with pytest.raises(TableError, match=f"^{told}$"):
-        Store(tmp_path, {}, file=FILE)
+        Store(tmp_path, {})
     file.unlink()
     file.mkdir()
     with pytest.raises(TableError, match=f"^{file} cannot be used: unable to open database file$"):
-        Store(tmp_path, {}, file=FILE)
+        Store(tmp_path, {})
 
 
 def test_records_are_read_in_the_order_of_their_numbers(tmp_path):

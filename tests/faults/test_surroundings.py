@@ -125,7 +125,9 @@ def test_processes_that_the_system_refuses_are_not_blamed_on_the_output(command,
     (here / "few.yaml").write_text(SWEEP.replace("measure_s", "grid: {contact.restitution: [0.0, 0.3]}, measure_s"))
     told = "worker processes cannot be started: Resource temporarily unavailable; one job needs none"
     assert command("sweep", "few.yaml", "--jobs", "2") == (1, "", f"vibroplat: {told}; {RESUMABLE}\n")
-    monkeypatch.setattr("vibroplat.study.sweep.run_sweeps", raising(OSError(errno.EMFILE, "Too many open files", "it")))
+    monkeypatch.setattr(
+        "vibroplat.study.sweep.run_branches", raising(OSError(errno.EMFILE, "Too many open files", "it"))
+    )
     assert command("sweep", "few.yaml") == (1, "", f"vibroplat: it: Too many open files; {RESUMABLE}\n")
 
 

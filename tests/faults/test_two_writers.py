@@ -15,7 +15,7 @@ from common.results import left
 
 from vibroplat.errors import TableError
 from vibroplat.results import locks, tables
-from vibroplat.results.files import SavedFiles, write_result
+from vibroplat.results.files import SCHEMA, SavedFiles, write_result
 from vibroplat.results.locks import Lock, is_gone, mark
 from vibroplat.results.tables import FORMATS, read_table, write_table
 from vibroplat.study.store import Store
@@ -32,7 +32,7 @@ def write(directory, mark_, form="parquet", command_="run"):
     table = pd.DataFrame({"v": [float(mark_)] * 200})
     found = {"trajectory": table, "events": table} if command_ == "run" else {"section": table, "sweep": table}
     documents = {"summary": {"v": mark_}} if command_ == "run" else {}
-    write_result(directory, command_, {"schema": 1, "v": mark_}, found, documents, form=form)
+    write_result(directory, command_, {"schema": SCHEMA, "v": mark_}, found, documents, form=form)
 
 
 def marks(directory):
@@ -131,19 +131,6 @@ def test_run_and_sweep_of_one_name_keep_their_provenance(here, kernels, figures)
     assert left(here / "results/c/run")[1] == left(here / "results/c/sweep")[1] == []
     assert command("plot", "results/c").code == 0
     assert figures.keys() == {"motion", "force", "exciters", "loads", "response"}
-
-
-def test_provenance_returns_to_its_name_when_the_other_result_is_gone(tmp_path):
-    write(tmp_path, 1, command_="sweep")
-    write(tmp_path, 2)
-    assert (tmp_path / "run-provenance.json").exists()
-    (tmp_path / "provenance.json").unlink()
-    write(tmp_path, 3)
-    assert not (tmp_path / "run-provenance.json").exists()
-    assert marks(tmp_path) == {3.0}
-    with pytest.raises(TableError) as caught:
-        SavedFiles(tmp_path, "sweep")
-    assert str(caught.value) == f"{tmp_path} holds a result of run; allowed: one of sweep"
 
 
 # -- damage ---------------------------------------------------------------------------------------------

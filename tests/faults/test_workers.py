@@ -112,10 +112,10 @@ BEGIN = {
     "in Python": f"{IDLE}; workers.submit(exec, 'while True: pass')",
     "pipes": f"{IDLE}\n{FORK}",
 }
-FIRST, *OTHERS = BEGIN
 
 
-@pytest.mark.parametrize("what", [FIRST, *(pytest.param(what, marks=pytest.mark.faults) for what in OTHERS)])
+@pytest.mark.faults
+@pytest.mark.parametrize("what", BEGIN)
 def test_worker_ends_with_a_parent_that_is_killed(what):
     """Silently, and whoever reads what the parent has printed is not kept waiting."""
     parent = subprocess.Popen(

@@ -8,13 +8,11 @@ from integrate.dop853 import Dop853
 
 from vibroplat import simulate
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
-from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate.stepwise import Stepwise
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import systems
-from vibroplat.motion.recorder import Recorder
 
 #: A ramp, a jump, and switching; the first entry is the run's beginning.
 PROGRAM = [
@@ -208,18 +206,6 @@ def test_corner_at_another_event(quickstart, kind, shift):
 
 
 # -- a motion that stops on the way -----------------------------------------------------------------------
-
-
-def test_motion_waits_for_a_corner(scene):
-    whole, seen = simulate(scene), Recorder(scene, "events")
-    with motion_of(scene) as motion:
-        for time in CORNERS:
-            assert motion.to_event("drive", 1.0, [seen])
-            assert motion.now == time
-            assert motion.outcome == "ok"
-        assert not motion.to_event("drive", 0.1, [seen])
-    assert seen.events["t"][seen.events["kind"] == KINDS.index("drive")].tolist() == CORNERS
-    assert len(seen.events) == len(whole.events[whole.events["t_s"] <= 1.1])
 
 
 def test_motion_reaches_its_section_across_corners(scene):

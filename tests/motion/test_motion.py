@@ -1,17 +1,14 @@
 """A motion carried on to a time, to points of its section, to events, and read while it goes."""
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from common.known import dropped_ball, motion_of
+from common.known import motion_of
 
 from vibroplat import simulate
-from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.model.energy import FORCE_SIZE
-from vibroplat.model.systems import GAP, GAP_RATE
 from vibroplat.motion.recorder import Recorder
 from vibroplat.observe.section import section_rows
 from vibroplat.observe.statistics import Statistics
@@ -88,40 +85,6 @@ def test_the_first_of_an_event_and_an_angle_ends_a_step(scene):
             assert len(seen.events) == (run.events["t_s"] < t).sum() + (ahead > 0.0)
 
 
-# -- to events --------------------------------------------------------------------------------------------
-
-
-def test_the_first_event_of_a_kind_ends_the_way_to_it(scene):
-    whole = simulate(scene)
-    for kind in ("liftoff", "impact", "chatter"):
-        seen, rows = Recorder(scene, "events"), whole.events[whole.events["kind"] == kind]
-        with motion_of(scene) as motion:
-            assert motion.to_event(kind, 0.5, [seen]) == (len(rows) > 0)
-            if rows.empty:
-                assert motion.now == 0.5
-                continue
-            row, state = rows.iloc[0], motion.state
-            assert motion.now == row["t_s"]
-            assert len(seen.events) == rows.index[0] + 1
-            assert (state[GAP], state[GAP_RATE]) == (0.0, row["gap_rate_after_m_per_s"])
-            assert Mode(int(motion.automaton.run["mode"])).label == row["mode_after"]
-
-
-def test_a_motion_stopped_at_events_goes_on_as_before(scene):
-    """An event ends a segment with or without a stop, so nothing at all changes."""
-    expected = events_of(scene)
-    for kind in ("liftoff", "impact", "chatter"):
-        seen, stops = Recorder(scene, "segments"), 0
-        with motion_of(scene) as motion:
-            while motion.to_event(kind, 0.5 - motion.now, [seen]):
-                assert motion.now == seen.events["t"][-1]
-                stops += 1
-        assert (seen.events == expected).all()
-        assert stops == (expected["kind"] == KINDS.index(kind)).sum()
-        assert all(after.start == before.end for before, after in pairwise(seen.segments))
-        assert sum(not segment.joined for segment in seen.segments) == 1 + len(expected)
-
-
 def test_a_motion_stopped_at_times_and_at_its_section_goes_on_as_before(scene):
     seen = Recorder(scene, "events")
     with motion_of(scene) as motion:
@@ -134,20 +97,6 @@ def test_a_motion_stopped_at_times_and_at_its_section_goes_on_as_before(scene):
             assert motion.to_section(1, 0.1, [seen])
         motion.to_time(0.5, [seen])
     assert_alike(seen.events, events_of(scene))
-
-
-def test_impacts_that_accumulate_are_latched_after_a_stop_too():
-    """The last impact that is followed is a stop of its own; the chatter comes when the motion goes on."""
-    ball = dropped_ball(0.5).replace({"solver.engine": "taylor"})
-    expected, seen = events_of(ball), Recorder(ball, "events")
-    assert KINDS[expected["kind"][-1]] == "chatter"
-    with motion_of(ball) as motion:
-        for row in expected[:-1]:
-            assert motion.to_event("impact", 10.0, [seen])
-            assert (motion.now, motion.state[GAP_RATE]) == (row["t"], row["rate_after"])
-        assert motion.to_event("chatter", 10.0, [seen])
-        assert (motion.now, motion.state[GAP_RATE]) == (expected["t"][-1], 0.0)
-    assert (seen.events == expected).all()
 
 
 def test_parts_of_a_motion_add_up(scene):

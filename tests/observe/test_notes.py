@@ -168,7 +168,7 @@ def test_a_stop_that_nothing_disturbs_says_that_its_symmetry_hides_a_direction()
         "run.duration_s": 0.2,
         "run.initial.state": upward | {"phi1_rate_rad_per_s": 160.0, "phi2_rate_rad_per_s": -160.0},
     }
-    stopping, told = turning | stop, "nothing moves along x, as this start is symmetric"
+    stopping, told = turning | stop, "next to nothing moves along x, as this start is symmetric"
     found = [
         any(told in note for note in of_motion(load_config(QUICKSTART), **changes))
         for changes in (stopping, turning, stopping | {"run.perturbation": 0.01}, stopping | {"run.perturbation": 0.0})

@@ -18,11 +18,12 @@ from vibroplat.paper.root_finding import JUMP_WIDTH, MATCHED_HZ, MAX_BETA, beta_
 from vibroplat.paper.scenes import BETA, machine_numbers, paper_scene
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.paper import FIGURES
+from vibroplat.results.files import STORE
 from vibroplat.study.branches import branches
 from vibroplat.study.point import measure_point
 from vibroplat.study.pool import Inline, StoredChain, run_stored
-from vibroplat.study.store import FILE, Store
-from vibroplat.study.sweep import branch_records, run_sweeps
+from vibroplat.study.store import Store
+from vibroplat.study.sweep import branch_records, run_branches
 
 COARSE = {
     "sweep.supply_frequency_hz.start": 42.0,
@@ -67,7 +68,7 @@ def test_beta_is_found_again():
     scene = paper_scene("fig6-nonimpact", machine_numbers("damped"), changes)
     evidence = Evidence()
     with Store(None, {}) as store:
-        run_sweeps([(branches(scene), store)], Inline())
+        run_branches(branches(scene), store, Inline())
         add(evidence, scene, store)
     course = evidence.branches.pop(Key(0.2, model="non-impact"))
     impact = course.branch.scene.replace({"contact.model": "impact", BETA: 0.0})
@@ -163,7 +164,7 @@ def bare():
     scene = paper_scene("fig2", machine_numbers("damped"), FINE)
     evidence = Evidence()
     with Store(None, {}) as store:
-        run_sweeps([(branches(scene), store)], Inline())
+        run_branches(branches(scene), store, Inline())
         add(evidence, scene, store)
     return evidence
 
@@ -281,7 +282,7 @@ def test_paper_is_reproduced_and_resumed(tmp_path, coarse, figures):
     same(reproduce(Refusing()), found)
     # a tenth of what is stored, of all stages, is lost and made again, with an interruption
     lost, kept = 0, 0
-    for file in tmp_path.rglob(FILE):
+    for file in tmp_path.rglob(STORE):
         with closing(sqlite3.connect(file)) as base, base:
             lost += base.execute("DELETE FROM records WHERE rowid % 10 = 0").rowcount
             kept += base.execute("SELECT COUNT(*) FROM records").fetchone()[0]

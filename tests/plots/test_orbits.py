@@ -15,6 +15,7 @@ from vibroplat.continuation.picture import MARKERS
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import TableError
 from vibroplat.plots.command import draw_study
+from vibroplat.results.files import SCHEMA
 from vibroplat.results.result import Answer, Result
 from vibroplat.results.tables import read_table, write_table
 
@@ -123,9 +124,10 @@ def test_points_of_a_sweep_lie_behind_in_the_colour_of_their_branch(followed):
     marks = handmade.special(table).assign(**{MASS: 0.1})
     for name, rows in (("branches", both), ("special", marks)):
         write_table(rows[[MASS, *rows.columns.drop(MASS)]], followed, name, "parquet")
+    (beside := followed / "sweep").mkdir()
     points = pd.DataFrame({"supply_frequency_hz": [52.0, 52.0], MASS: [0.0, 0.1], "direction": "up", "branch": [0, 1]})
-    write_table(points.assign(excitation_frequency_hz=26.0, rms_y_m=[1e-3, 2e-3]), followed, "sweep", "parquet")
-    (followed / "sweep-provenance.json").write_text(json.dumps({"schema": 1, "command": "sweep"}))
+    write_table(points.assign(excitation_frequency_hz=26.0, rms_y_m=[1e-3, 2e-3]), beside, "sweep", "parquet")
+    (beside / "provenance.json").write_text(json.dumps({"schema": SCHEMA, "command": "sweep"}))
     figure = drawn(followed, ["branches"])["branches"]
     behind = [line for line in figure.axes[0].lines if line.get_zorder() < 2 and len(line.get_xdata())]
     points = {float(line.get_ydata()[0]): line.get_color() for line in behind if line.get_marker() == "o"}
@@ -165,7 +167,7 @@ def test_boundaries_are_drawn_over_two_keys(followed):
 
 
 def test_what_is_missing_is_refused(followed, tmp_path):
-    (tmp_path / "orbits.sqlite").touch()
+    (tmp_path / "points.sqlite").touch()
     with pytest.raises(TableError, match="holds unfinished work; continue it with `vibroplat orbits --resume`"):
         drawn(tmp_path)
     (followed / "boundaries.parquet").unlink()

@@ -98,7 +98,8 @@ def test_any_two_keys_make_a_map_with_boundaries_of_orbits_over_both(write):
     figure = drawn(place, "map")["map"]
     assert figure.axes[0].get_xlabel() == key_label(DAMPING)  # two rows are bars
     assert figure.axes[0].get_xscale() == "log"
-    write_result(place, "orbits", handmade.origin("swept"), {"boundaries": boundaries}, form="parquet")
+    (beside := place / "orbits").mkdir()
+    write_result(beside, "orbits", handmade.origin("swept"), {"boundaries": boundaries}, form="parquet")
     figure = drawn(place, "map")["map"]
     assert figure.axes[0].get_ylabel() == key_label(LAW)
     edges = np.ma.filled(figure.axes[0].collections[0].get_coordinates()[0, :, 0])
@@ -111,7 +112,7 @@ def test_any_two_keys_make_a_map_with_boundaries_of_orbits_over_both(write):
     assert np.asarray(fold.get_ydata())[:5] == pytest.approx(5.0 * np.linspace(0.0, 0.2, 5))
     assert np.isnan(fold.get_ydata()[5:]).all()
     write_result(
-        place,
+        beside,
         "orbits",
         handmade.origin("swept"),
         {"boundaries": boundaries.assign(n_unstable=(boundaries["curve"] == 1).astype("Int64"))},
@@ -121,7 +122,7 @@ def test_any_two_keys_make_a_map_with_boundaries_of_orbits_over_both(write):
     assert len({line.get_linewidth() for line in figure.axes[0].lines}) == 2
     assert texts(figure.legends[0])[-1] == "thin: of unstable orbits"
     other = boundaries.rename(columns={DAMPING: MASS})
-    write_result(place, "orbits", handmade.origin("swept"), {"boundaries": other}, form="parquet")
+    write_result(beside, "orbits", handmade.origin("swept"), {"boundaries": other}, form="parquet")
     assert not any("liftoff: " in text for text in texts(drawn(place, "map")["map"].legends[0]))
 
 

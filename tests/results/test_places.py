@@ -1,12 +1,11 @@
-"""Where results lie: each command in a directory of its own, and what former versions left above."""
-
-import json
+"""Where results lie: each command in a directory of its own, or saved in the one above."""
 
 import pytest
 
 from vibroplat import load
 from vibroplat.errors import TableError
 from vibroplat.results.files import commands_in, directory_of
+from vibroplat.results.result import Answer, Result
 
 
 @pytest.fixture
@@ -27,19 +26,20 @@ def test_either_directory_is_taken_and_gives_the_name(home, monkeypatch):
         load(home / "sweep", "sweep")
 
 
-def test_a_result_that_a_former_version_wrote_is_read_where_it_lies(runs, tmp_path):
+def test_a_result_that_was_saved_above_is_read_where_it_lies(runs, tmp_path):
     runs["bare"].save(tmp_path / "rig")
     assert commands_in(tmp_path / "rig") == ["run"]
     assert load(tmp_path / "rig").directory == tmp_path / "rig"
 
 
-@pytest.mark.parametrize("newer", ["run", "."])
-def test_of_two_results_the_later_one_is_read(newer, runs, home):
-    """As where a former version has left one, or a result was saved there."""
+def test_of_two_results_that_in_the_directory_of_the_command_is_read(runs, home):
     runs["bare"].save(home)
-    for place in (home, home / "run"):
-        proof = json.loads((place / "provenance.json").read_text())
-        created = f"2026-01-0{1 + (place == home / newer)}T00:00:00"
-        (place / "provenance.json").write_text(json.dumps(proof | {"created": created}))
-    assert directory_of(home, "run") == home / newer
-    assert load(home).directory == home / newer
+    assert directory_of(home, "run") == load(home).directory == home / "run"
+
+
+def test_a_result_is_not_written_over_that_of_another_command(runs, home):
+    other = Result("sweep", runs["bare"].scene, {"sweep": runs["bare"].events}, Answer())
+    with pytest.raises(TableError, match=f"^{home}/run holds a result of run; allowed: another directory$"):
+        other.save(home / "run")
+    other.save(home)
+    assert commands_in(home) == ["run", "sweep"]

@@ -21,7 +21,7 @@ BARE = {SUPPLY: 62.3, "material.mass_ratio": 0.0, "solver.engine": "taylor"}
 PLANS = {
     "sweep": {"supply_frequency_hz": {"start": 62.0, "stop": 63.0, "step": 1.0}, "kind": "bifurcation", "grid": {}},
     "orbits": {"key": SUPPLY, "start": 62.0, "stop": 63.0},
-    "find": {"key": SUPPLY, "start": 62.0, "stop": 63.0, "scan": 2},
+    "find": {"key": SUPPLY, "start": 62.0, "stop": 63.0, "scan": 2, "tolerance": 0.3},
     "basins": {"initial_conditions": {"run.initial.phase_difference_rad": [-3.0, 3.0]}, "random": 3},
     "design": {"keys": {RADIUS: [0.03, 0.04]}, "minimize": "motor_power_w", "starts": 1},
 }

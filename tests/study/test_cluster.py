@@ -42,7 +42,9 @@ KEPT = "finished points are kept: continue with --resume"
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
 
-@pytest.mark.parametrize(("kind", "listens"), [("tcp", False), ("tcp", True), ("ws", True)])
+@pytest.mark.parametrize(
+    ("kind", "listens"), [("tcp", False), pytest.param("tcp", True, marks=pytest.mark.long), ("ws", True)]
+)
 def test_no_scheduler_at_an_address(kind, listens, monkeypatch):
     """Nobody is there, or somebody who says nothing."""
     monkeypatch.setattr(cluster, "FIRST_ANSWER_S", 0.1)

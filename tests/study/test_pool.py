@@ -31,7 +31,7 @@ from vibroplat.study.pool import (
     run_stored,
 )
 from vibroplat.study.store import Store
-from vibroplat.study.sweep import point_along, run_sweeps, sweep_table
+from vibroplat.study.sweep import point_along, run_branches, sweep_table
 from vibroplat.system.workers import PINNED, loading_workers
 
 from .helpers import MACHINE, Calls, planned
@@ -193,7 +193,7 @@ def test_tasks_of_a_chain_follow_one_another(processes):
 
 
 def test_workers_work_side_by_side(processes):
-    chains = [Calls(*[(time.sleep, (0.1,)), (os.getpid, ())] * 4) for _ in range(4)]
+    chains = [Calls(*[(time.sleep, (0.03,)), (os.getpid, ())] * 4) for _ in range(4)]
     found = finish(chains, processes)
     pids = {result for results in found for result in results[1::2]}
     assert len(pids) == 2
@@ -323,7 +323,7 @@ def test_killed_workers_change_nothing(scene, processes):
                 os.kill(pid, signal.SIGKILL)
 
     with Store(None, {}) as store:
-        run_sweeps([(branches(scene), store)], processes, progress)
+        run_branches(branches(scene), store, processes, progress)
         assert killed
         found = sweep_table(branches(scene), store)
     assert bits(found) == bits(table)
@@ -358,7 +358,7 @@ def test_point_that_kills_its_workers_is_a_row_and_the_branch_goes_on(scene, mon
 
     monkeypatch.setattr("vibroplat.study.sweep.measure_point", measure)
     with Store(None, {}) as store:
-        run_sweeps([(branches(scene), store)], Mortal())
+        run_branches(branches(scene), store, Mortal())
         found = sweep_table(branches(scene), store)
     lost = found[found["outcome"] != "ok"]
     assert lost[["branch", "supply_frequency_hz", "outcome"]].to_numpy().tolist() == [[2, 54.0, "worker-lost"]]

@@ -24,7 +24,7 @@ from vibroplat.study.branches import branches
 from vibroplat.study.point import MEASURED, SweepPoint, synchronization
 from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
-from vibroplat.study.sweep import SweepStudy, notes_on_points, run_sweeps
+from vibroplat.study.sweep import SweepStudy, notes_on_points, run_branches
 
 from .helpers import CHAOTIC, MACHINE, planned, swept
 
@@ -470,7 +470,7 @@ def test_no_scene_is_made_for_points_that_are_stored(tmp_path, monkeypatch):
     planned_ = branches(planned(LOADED, 1.0, 1.3, step=0.1, direction=["up", "down"], grid=MASSES))
     monkeypatch.setattr(Scene, "replace", None)
     with Store(tmp_path / "points", {}, resume=True) as store:
-        run_sweeps([(planned_, store)], Inline())
+        run_branches(planned_, store, Inline())
         assert store.reused == 16
 
 

@@ -20,12 +20,10 @@ def blas_threads(*modules):
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_linear_algebra_has_one_thread_while_a_pool_is_open_and_as_many_as_before_after_it(jobs):
-    with threadpool_limits(2), pool(jobs) as workers:
-        assert workers.submit(blas_threads, "scipy.linalg").result()[0] == {1}
-        here = threadpool_info()
     with threadpool_limits(2):
-        with pool(jobs):
-            pass
+        with pool(jobs) as workers:
+            assert workers.submit(blas_threads, "scipy.linalg").result()[0] == {1}
+            here = threadpool_info()
         after = threadpool_info()
     threads = [
         {library["num_threads"] for library in found if library["user_api"] == "blas"} for found in (here, after)

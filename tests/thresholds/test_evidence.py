@@ -10,8 +10,6 @@ from common.commands import command as run_command
 from vibroplat import Scene, find, load_config
 from vibroplat.config.study_plans import FindPlan
 from vibroplat.study.point import SweepPoint, failed_record
-from vibroplat.study.pool import pool
-from vibroplat.study.store import Store
 from vibroplat.thresholds import search
 from vibroplat.thresholds.evidence import (
     DISTANCES,
@@ -209,24 +207,6 @@ def test_the_answer_is_the_value_beyond_which_all_hold_then_the_mixed_interval(k
     assert mixed.startswith("mixed from 3")
     assert below.startswith("below 3")
     assert "rms_y_m > 0.5 is false at all" in below
-
-
-def test_it_depends_neither_on_jobs_nor_on_an_interruption(known, tmp_path):
-    study = ThresholdStudy(Scene().replace({"find": ASKED}))
-
-    def answered(place, progress=lambda done, known: None, *, resume=False):
-        with Store(place, {}, resume=resume) as store, pool(1) as workers:
-            return study.run(store, workers, progress)
-
-    def killed(done, known):
-        if done == 60:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        answered(tmp_path / "one", killed)
-    resumed, whole = answered(tmp_path / "one", resume=True), answered(tmp_path / "two")
-    assert resumed.answer == whole.answer
-    assert all(resumed.tables[name].equals(whole.tables[name]) for name in whole.tables)
 
 
 def test_far_from_a_mixed_interval_another_engine_must_agree(known):

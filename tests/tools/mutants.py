@@ -136,7 +136,7 @@ BY_ROOM = [
     ("faults", [
         "if form != FORMAT: → if form > FORMAT:",
         "if _is_of_code(key) and not len(self): → if _is_of_code(key):",
-        "if type(found) is not int or found not in (1, SCHEMA): → if found not in (1, SCHEMA):",
+        "if type(found) is not int or found != SCHEMA: → if found != SCHEMA:",
         "del node.body[0] → pass",
     ]),
     ("study", [

@@ -12,7 +12,7 @@ from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import exciter_angles
 from vibroplat.config.study_plans import INITIAL_PREFIX, PHASES, BasinsPlan
-from vibroplat.errors import ConfigError
+from vibroplat.errors import ConfigError, errors_about
 from vibroplat.hybrid.state import initial_state, perturb_states
 from vibroplat.kernels.compiled import FloatArray
 
@@ -91,9 +91,7 @@ def validated_base_scene(scene: Scene, plan: BasinsPlan) -> Scene:
     for end in (0, 1):
         values = {key: ends[end] for key, ends in plan.initial_conditions.items()}
         phases = {key: value for key, value in values.items() if key not in _STATE}
-        try:
+        with errors_about("basins.initial_conditions"):
             begins = begins.replace(phases)
             scene.replace({key: value for key, value in values.items() if key in _STATE})
-        except ConfigError as error:
-            raise ConfigError(f"basins.initial_conditions: {error}") from None
     return begins

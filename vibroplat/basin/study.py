@@ -24,12 +24,12 @@ from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import BasinsPlan
 from vibroplat.continuation.orbit import with_orbit_tolerance
-from vibroplat.errors import ConfigError
+from vibroplat.errors import ConfigError, errors_about
 from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of, study_table
 from vibroplat.study.point import ERRORS, MEASURED
-from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
+from vibroplat.study.pool import Pool, Task, run_tasks
 from vibroplat.study.store import Record, Store
 from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, choose_evenly, run_study
 from vibroplat.study.sweep import SWEEP
@@ -134,10 +134,8 @@ class BasinsStudy(Study):
 
     def _at(self, value: float) -> Scene:
         plain = self.scene.model_copy(update={"basins": None, "sweep": None, "orbits": None})
-        try:
+        with errors_about("basins.over"):
             return plain if self.key is None else plain.replace({self.key: value})
-        except ConfigError as error:
-            raise ConfigError(f"basins.over: {error}") from None
 
     def chains(self, store: Store) -> int:
         """Return how many blocks of starts there are."""
@@ -173,13 +171,13 @@ class BasinsStudy(Study):
         for attempt in range(MAX_FOLLOWED):
             open_ = [group for group in groups if group.starts]
             tasks = [Task(classify_unconverged, (now.scene, group.starts[0]["state"])) for group in open_]
-            records = _run(f"{place} motion {attempt}", tasks, store, workers)
+            records = run_tasks(tasks, store.namespace(f"{place} motion {attempt}"), workers)
             like = [now.find_alike(group, record) for group, record in zip(open_, records, strict=True)]
             tasks = [
                 Task(repeats, (now.scene, [start["state"] for start in starts], record["row"].get("period") or 1))
                 for starts, record in zip(like, records, strict=True)
             ]
-            told = _run(f"{place} repeating {attempt}", tasks, store, workers)
+            told = run_tasks(tasks, store.namespace(f"{place} repeating {attempt}"), workers)
             for group, record, starts, one in zip(open_, records, like, told, strict=True):
                 now.take_continued(group, record, list(compress(starts, one["repeats"])))
         for group in groups:
@@ -231,7 +229,7 @@ class BasinsStudy(Study):
         def tell(done: int) -> None:
             progress(before + min((numbers.start + done) * BLOCK, self.plan.number), all_)
 
-        return _run(f"{place} from {numbers.start}", tasks, store, workers, tell)
+        return run_tasks(tasks, store.namespace(f"{place} from {numbers.start}"), workers, tell)
 
     def _continue(self, place: int, found: Sequence[AttractorSet], store: Store, workers: Pool) -> list[Record]:
         """Return the attractors at a value of the key that are continued from the one before."""
@@ -240,20 +238,8 @@ class BasinsStudy(Study):
         ends = self.values[place - 1 : place + 1]
         attractors = [{name: a[name] for name in ("row", "state")} for a in found[-1].attractors]
         arguments = (self._scenes[place - 1], self._scenes[place], self.key, self.plan.max_turns, ends, attractors)
-        [record] = _run(f"{place} carried", [Task(continue_attractors, arguments)], store, workers)
+        [record] = run_tasks([Task(continue_attractors, arguments)], store.namespace(f"{place} carried"), workers)
         return list(record["found"])
-
-
-def _run(
-    name: str, tasks: Sequence[Task], store: Store, workers: Pool, tell: Callable[[int], object] = lambda done: None
-) -> list[Record]:
-    """Run tasks side by side under a name, and return their records."""
-
-    def chain(task: Task) -> Tasks[Record]:
-        return (yield task)
-
-    chains = [StoredChain(chain(task), store, f"{name} {number}") for number, task in enumerate(tasks)]
-    return run_stored(chains, workers, tell)
 
 
 # -- tables -----------------------------------------------------------------------------------------------

@@ -20,9 +20,9 @@ from vibroplat.integrate import engine_name
 from vibroplat.model.systems import GAP, GAP_RATE
 from vibroplat.results.result import Result
 from vibroplat.study.classification import same_phase
-from vibroplat.study.pool import Pool, StoredChain, Tasks, run_stored
-from vibroplat.study.store import Record, Store
-from vibroplat.study.study import CrossCheckCase, Progress, Study
+from vibroplat.study.pool import Pool, run_tasks
+from vibroplat.study.store import Store
+from vibroplat.study.study import Progress, Study
 
 
 class CrossCheck(NamedTuple):
@@ -84,12 +84,8 @@ def cross_check(
         Makes the scene that checks a scene; by default the same one with another engine.
     """
     wanted, scene = study.cross_check_cases(result, store, other), study.scene
-
-    def chain(case: CrossCheckCase) -> Tasks[Record]:
-        return (yield case.task)
-
-    chains = [StoredChain(chain(case), store.namespace("check"), case.place) for case in wanted]
-    found = run_stored(chains, workers, lambda done: progress(done, len(wanted)))
+    tasks = [case.task for case in wanted]
+    found = run_tasks(tasks, store.namespace("check"), workers, lambda done: progress(done, len(wanted)))
     engines, scales = (engine_name(scene), engine_name(other(scene))), scales_of(scene)
     largest, disagreements = 0.0, list[str]()
     for case, record in zip(wanted, found, strict=True):

@@ -86,15 +86,6 @@ def scene_of(config: Path, settings: list[str] | None, engine: str | None) -> Sc
     return load_config(config, parse_overrides(settings or [], engine))
 
 
-@contextmanager
-def config_errors_from(config: Path) -> Iterator[None]:
-    """Add the name of the file to configuration errors that are found after it was read."""
-    try:
-        yield
-    except ConfigError as error:
-        raise ConfigError(f"{config}: {error}") from None
-
-
 def announce_first_run(engine: str | None = None) -> bool:
     """Announce a compilation on standard error; return whether kernels have to be compiled."""
     import vibroplat.kernels.compiled  # noqa: F401  (refuses where compilation is switched off)
@@ -139,18 +130,13 @@ def store_options(resume: bool, overwrite: bool) -> dict[str, Any]:
 
 
 def command_directory(out: Path, name: str, command: str, *, resume: bool = False) -> Path:
-    """Create the directory of a command's results, ``OUT/NAME/COMMAND``; refuse to resume a result of another schema.
-
-    Work that a former version left unfinished in ``OUT/NAME`` is resumed there.
-    """
-    from vibroplat.results.files import read_provenance, store_file
+    """Create the directory of a command's results, ``OUT/NAME/COMMAND``; refuse to resume one of another schema."""
+    from vibroplat.results.files import read_provenance
     from vibroplat.results.tables import result_directory
 
-    above, store = result_directory(out, name), store_file(command)
-    is_former = resume and (above / store).exists() and not (above / command / store).exists()
-    directory = above if is_former else result_directory(above, command)
+    directory = result_directory(result_directory(out, name), command)
     if resume and (directory / "provenance.json").exists():
-        read_provenance(directory, command)
+        read_provenance(directory)
     return directory
 
 

@@ -8,8 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from vibroplat.cli.common import config_errors_from
-from vibroplat.errors import ConfigError
+from vibroplat.errors import ConfigError, errors_about
 
 
 def new(
@@ -26,7 +25,7 @@ def new(
     from vibroplat.config.keys import template
     from vibroplat.config.scene import Scene
 
-    with config_errors_from(file):
+    with errors_about(file):
         Scene.from_tree({"name": file.stem})  # the file's name will be that of the results
     quoted = shlex.quote(str(file))  # in commands that are to be copied
     text = template(machine, quoted, file.stem, full=full)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vibroplat.cli import common
-from vibroplat.errors import ConfigError
+from vibroplat.errors import ConfigError, errors_about
 from vibroplat.system.terminal import run_progress
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def run(
     from vibroplat.results.tables import TableFile
 
     scene = common.scene_of(config, set_, engine)
-    with common.config_errors_from(config):
+    with errors_about(config):
         start = initial_condition(scene)  # errors appear before anything is written or compiled
         source = scene.run.initial.from_
         own = (out / scene.name / "run").resolve()

@@ -11,6 +11,7 @@ import typer
 
 from vibroplat.cli import common
 from vibroplat.config.kinds import KINDS, Kind
+from vibroplat.errors import errors_about
 from vibroplat.study import WAIT
 from vibroplat.system.terminal import points_progress
 
@@ -42,7 +43,7 @@ def study_command(kind: Kind) -> Callable[..., None]:
         with common.workers_of(kind.study, engine, jobs, scheduler):
             scene = common.scene_of(config, set_, engine)
             common.announce_first_run(scene.solver.engine)
-            with common.config_errors_from(config):
+            with errors_about(config):
                 study = kind.load()(scene)
             kept = common.store_options(resume, overwrite)
             common.require_scheduler(scheduler)
@@ -81,7 +82,6 @@ def run_and_print(
     from vibroplat.config.plausibility import notes_on_inputs, notes_on_plan
     from vibroplat.integrate import other_engine
     from vibroplat.results.answer import first_failures
-    from vibroplat.results.files import store_file
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
     from vibroplat.study.study import MAX_CROSS_CHECKS
@@ -89,7 +89,7 @@ def run_and_print(
     scene = study.scene
     notes = [*notes_on_inputs(study.scenes()), *notes_on_plan(scene, study.kind)]
     common.print_notes_early(notes)
-    with Store(directory, study.conditions, file=store_file(study.kind), **kept) as store:
+    with Store(directory, study.conditions, **kept) as store:
         common.prepare_store(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if check else []))
         began = time.perf_counter()
         chains = max(study.chains(store), MAX_CROSS_CHECKS if check else 1)

@@ -35,8 +35,6 @@ from vibroplat.observe.orbits import ANGLE_INDEX
 from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
 
-#: Version of the records of parts of branches and of boundaries: those of another one cannot be gone on with.
-RECORD_VERSION = 2
 #: Points of a branch that a task makes.
 POINTS_PER_TASK = 100
 #: Largest multipliers that tables have.

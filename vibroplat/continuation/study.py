@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Unpack
 
 import pandas as pd
 
@@ -13,7 +13,6 @@ from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.answer import answer_of
 from vibroplat.continuation.branch_tasks import (
-    RECORD_VERSION,
     ComputedBranch,
     GridCell,
     find_orbit_again,
@@ -23,7 +22,7 @@ from vibroplat.continuation.branch_tasks import (
 from vibroplat.continuation.codim2 import ComputedBoundary, follow_boundary
 from vibroplat.continuation.orbit import OrbitError, with_initial_state, with_orbit_tolerance
 from vibroplat.continuation.tables import TABLES, make_tables, summarize
-from vibroplat.errors import ConfigError
+from vibroplat.errors import ConfigError, errors_about
 from vibroplat.model.sensitivity import parameter_direction, value_of
 from vibroplat.motion.initial_condition import end_of
 from vibroplat.results.result import Result
@@ -58,22 +57,15 @@ class OrbitsStudy(Study):
         self.families: list[GridCell] = []
         for combination in itertools.product(*self.plan.grid.values()):
             values = dict(zip(self.plan.grid, combination, strict=True))
-            try:
+            with errors_about("orbits.grid"):
                 placed = scene.replace(values | {self.plan.key: float(self.plan.start)})
                 parameter_direction(placed, self.plan.key)
-            except ConfigError as error:
-                raise ConfigError(f"orbits.grid: {error}") from None
             if self.plan.from_ not in ("settled", "state"):
                 placed = _scene_at_end(placed, self.plan.from_)
             _require_inside(placed, self.plan)
             self.families.append(
                 GridCell(len(self.families), values, with_orbit_tolerance(placed, self.plan.tolerance))
             )
-
-    @property
-    def conditions(self) -> dict[str, Any]:
-        """What stored parts of branches depend on, with the version of their records."""
-        return {"version of records": RECORD_VERSION} | super().conditions
 
     def scenes(self) -> list[Scene]:
         """Return the scenes of the first branches."""
@@ -207,10 +199,8 @@ def _require_continuous(scene: Scene, place: str, key: str, value: float) -> Non
     held = value_of(scene, key)
     if held is not None and not isinstance(held, float):
         raise ConfigError(f"{place} = {key} does not vary continuously; allowed: a key that does")
-    try:
+    with errors_about(place):
         parameter_direction(scene.replace({key: float(value)}), key)
-    except ConfigError as error:
-        raise ConfigError(f"{place}: {error}") from None
 
 
 def _scene_at_end(scene: Scene, directory: str) -> Scene:

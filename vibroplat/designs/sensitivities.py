@@ -16,7 +16,7 @@ from vibroplat.config.schema import did_you_mean, in_lists, nodes
 from vibroplat.continuation.newton import NoConvergenceError
 from vibroplat.continuation.orbit import Orbit, OrbitError
 from vibroplat.continuation.orbit_neighbourhood import OrbitNeighbourhood
-from vibroplat.errors import ConfigError
+from vibroplat.errors import ConfigError, errors_about
 from vibroplat.model.parameters import parameters
 from vibroplat.model.sensitivity import SECTIONS, flat, value_of, with_value
 from vibroplat.observe.data_sheet import columns
@@ -132,10 +132,8 @@ def require_keys(scene: Scene, keys: Sequence[str], where: str) -> None:
 
 def require_allowed(scene: Scene, what: str, key: str, value: float) -> None:
     """Refuse a value that a key of a scene cannot have (ConfigError)."""
-    try:
+    with errors_about(what):
         scene.replace({key: value})
-    except ConfigError as error:
-        raise ConfigError(f"{what}: {error}") from None
 
 
 def measured_names(scene: Scene) -> list[str]:

@@ -23,7 +23,7 @@ from vibroplat.results.answer import Answer
 from vibroplat.results.result import Result
 from vibroplat.study.branches import study_table
 from vibroplat.study.fingerprint import lapack
-from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
+from vibroplat.study.pool import Pool, Task, run_tasks
 from vibroplat.study.store import Record, Store
 from vibroplat.study.study import CrossCheckCase, Options, Progress, Study, run_study
 from vibroplat.study.sweep import SWEEP
@@ -159,8 +159,8 @@ class DesignStudy(Study):
     ) -> tuple[Record | None, dict[str, str]]:
         """Search for the optimum and the Pareto front; add their tables, and return the optimum and printed lines."""
         bounds = {name: self.plan.bound(name) for name in self.plan.constraints}
-        asked = (optimum.run_search, self.scene, self.names, known)
-        found = run.all({f"start {n}": (*asked, bounds, n, None) for n in range(self.plan.starts)})
+        search, asked = optimum.run_search, (self.scene, self.names, known)
+        found = run.all({f"start {n}": Task(search, (*asked, bounds, n, None)) for n in range(self.plan.starts)})
         rows = [row | {"best": False, "period": known["period"]} for part in found for row in part["rows"]]
         bests = [part["best"] for part in found if part["best"] is not None]
         best = min(bests, key=lambda best: best["objective"], default=None)
@@ -172,7 +172,7 @@ class DesignStudy(Study):
             front, begin = list[Record](), None if best is None else best["values"]
             for value in values:
                 ends = bounds | {name: (bounds[name][0], value)}
-                part = run.one(f"{name} {value!r}", *asked, ends, 0, begin)["best"]
+                part = run.one(f"{name} {value!r}", search, *asked, ends, 0, begin)["best"]
                 begin = begin if part is None else part["values"]
                 row = {} if part is None else part["values"] | part["measures"] | {"objective": part["objective"]}
                 front.append({"bound": value, "feasible": part is not None, "period": known["period"], **row})
@@ -211,7 +211,7 @@ class DesignStudy(Study):
     def _samples(self, run: _Runner, scene: Scene, known: Record, places: FloatArray) -> pd.DataFrame:
         """Measure samples at places, in parts that are the same for any number of workers."""
         parts = {
-            f"samples {first}": (of_samples.measure_samples, scene, self.names, known, first, part.tolist())
+            f"samples {first}": Task(of_samples.measure_samples, (scene, self.names, known, first, part.tolist()))
             for first in range(0, len(places), of_samples.SAMPLES_PER_TASK)
             for part in [places[first : first + of_samples.SAMPLES_PER_TASK]]
         }
@@ -230,9 +230,9 @@ class _Runner:
 
     def one(self, name: str, function: Callable[..., Any], *arguments: Any) -> Record:
         """Run a task."""
-        return self.all({name: (function, *arguments)})[0]
+        return self.all({name: Task(function, arguments)})[0]
 
-    def all(self, tasks: Mapping[str, tuple[Any, ...]]) -> list[Record]:
+    def all(self, tasks: Mapping[str, Task]) -> list[Record]:
         """Run tasks by the names under which they are stored."""
         before, self._known = self._done, self._known + len(tasks)
 
@@ -240,8 +240,7 @@ class _Runner:
             self._done = before + done
             self._progress(self._done, self._known)
 
-        chains = [StoredChain(_single(Task(task[0], task[1:])), self._store, name) for name, task in tasks.items()]
-        return run_stored(chains, self._workers, tell)
+        return run_tasks(tasks, self._store, self._workers, tell)
 
 
 def _configuration_text(scene: Scene) -> str:
@@ -253,10 +252,6 @@ def _configuration_text(scene: Scene) -> str:
     yaml.default_flow_style = False
     yaml.dump(tree, text)
     return text.getvalue()
-
-
-def _single(task: Task) -> Tasks[Record]:
-    return (yield task)
 
 
 def _key_lines(found: Record, names: Sequence[str]) -> Iterable[str]:

@@ -90,7 +90,7 @@ def automaton(
     runs["force_noise"] = FORCE_NOISE * scene.force_scale
     runs["gap_scale"] = scale = state_scales(scene)[GAP]
     runs["slowest"] = math.sqrt(ROUND_OFF) * scale * speed
-    runs["target"], runs["awaited"] = math.nan, -1
+    runs["target"] = math.nan
     return Automaton(
         p=kept[0],
         inelastic=kept[1],

@@ -19,7 +19,6 @@ from vibroplat.hybrid.state import (
     CUT,
     DIFFERENTIATED,
     INCONSISTENT,
-    OK,
     RESTARTED,
     RUNNING,
     STALE,
@@ -288,12 +287,10 @@ def record_restart_events(h: Automaton, attached: bool, corner: bool) -> None:
 def add_event(
     h: Automaton, kind: int, before: float, after: float, impulse: float, loss: float, force: float, impacts: int
 ) -> None:
-    """Write an event; the mode is already the one after it. The run ends with the kind that it waits for."""
+    """Write an event; the mode is already the one after it."""
     run = h.run
     event = h.events[run.events]
     event.t, event.kind, event.rate_before, event.rate_after = run.now, kind, before, after
     event.impulse, event.loss, event.force_after = impulse, loss, force
     event.mode_after, event.impacts = run.mode, impacts
     run.events += 1
-    if run.awaited == kind:
-        run.outcome, run.awaited = OK, -1

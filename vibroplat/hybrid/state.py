@@ -147,7 +147,6 @@ RUN = np.dtype(
         ("mode", np.int64),
         ("outcome", np.int64),
         ("final", np.int64),  # whether reaching ``until`` ends the run
-        ("awaited", np.int64),  # kind of event that ends the run, or −1
         ("joined", np.int64),  # how the piece continues the previous one
         ("zeros", np.int64),  # of the guard at the segment's start that are known
         ("accumulating", np.int64),  # whether chatter is to be summed up before the next segment

@@ -14,7 +14,6 @@ from vibroplat.config.drive import interval_at
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid import state as hy
 from vibroplat.hybrid.loop import automaton, begin_in_flight, first_mode
-from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.resets import apply_supply_corner, record_restart_events
 from vibroplat.hybrid.state import empty_steps, rewind
 from vibroplat.integrate.interface import Engine
@@ -110,7 +109,7 @@ class Simulator:
         self.beginning = self.automaton.run.copy()
         self._run = np.asarray(self.automaton.run).reshape(1)
         # several times as quick to reach as the fields of a record
-        self._field = {name: self._run[name] for name in ("now", "outcome", "mode", "awaited", "events", "systems")}
+        self._field = {name: self._run[name] for name in ("now", "outcome", "mode", "events", "systems")}
         self._held = record_words(p), record_words(self.automaton.p), record_words(self.automaton.inelastic)
         self._given = p, self._held[0]  # what they were set to, and its view
         self._first_mode, self._rewind = same_types(first_mode), same_types(rewind)
@@ -235,15 +234,14 @@ class Simulator:
 
     def to_time(self, time: float, observers: Sequence[Observer] = ()) -> None:
         """Carry the motion on to a time (s), unless it ends early, through the corners of the drive's program."""
-        h, outcome, waiting, end = self.automaton, self._field["outcome"], self._field["awaited"], -math.inf
-        awaited = waiting.item()
-        while end < time and self.outcome == "ok" and waiting.item() == awaited and self.now >= end:
+        h, outcome, end = self.automaton, self._field["outcome"], -math.inf
+        while end < time and self.outcome == "ok" and self.now >= end:
             if time > self.now >= self._interval.end:
                 self._change_supply()
                 apply_supply_corner(h, self._interval.corner)
                 self._rewind(h.steps)  # they have been read
                 self._tell(observers)
-                continue  # the corner may be what the motion waits for
+                continue  # an observer may have run out of memory
             h.run["end"] = end = min(time, self._interval.end)
             outcome[0] = hy.RUNNING
             while outcome.item() == hy.RUNNING:
@@ -295,35 +293,6 @@ class Simulator:
         self.to_time(self.now + longest, observers)
         run["target"] = math.nan
         return self.outcome == "ok" and self.state[3] > target - _TURN * ON_SECTION
-
-    def to_event(self, kind: str, longest: float, observers: Sequence[Observer] = ()) -> bool:
-        """Carry the motion on to the next event of a kind; the state is that after it.
-
-        Parameters
-        ----------
-        kind
-            ``liftoff``, ``impact``, ``chatter`` or ``drive``.
-        longest
-            Time after which it stops in any case (s).
-
-        Returns
-        -------
-        bool
-            Whether it got there.
-
-        Raises
-        ------
-        ValueError
-            There is no such kind.
-        """
-        if kind not in KINDS:
-            raise ValueError(f"kind of event {kind!r}; allowed: {', '.join(KINDS)}")
-        run = self.automaton.run
-        run["awaited"] = KINDS.index(kind)
-        self.to_time(self.now + longest, observers)
-        reached = bool(run["awaited"] < 0)
-        run["awaited"] = -1
-        return reached
 
     @property
     def now(self) -> float:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.config.digits import given, number, quantity, share
+from vibroplat.config.digits import NEGLIGIBLE, given, number, quantity, share
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import PERTURBATION
 from vibroplat.frames import pd
@@ -33,7 +33,7 @@ STEPS_A_TURN, STEPS_A_RESTART = 5.0, 2.0
 #: layer of 1 kHz in calm contact as with a critical slip of 0.001.
 STIFF = 10.0
 #: Stroke along one axis over that along the other up to which a motion is symmetric.
-SYMMETRIC = 1e-6
+SYMMETRIC = NEGLIGIBLE
 #: How many exciters there are.
 EXCITERS = 2
 #: Share of the largest value that samples may miss.
@@ -108,18 +108,19 @@ def change(scene: Scene, measures: Mapping[str, Any], start: float) -> str:
 
 
 def symmetry(scene: Scene, strokes: Mapping[str, float | None], begin: float, end: float) -> str:
-    """Return the note on a supply that changes while the motion is symmetric for want of a disturbance, or "".
+    """Return the note on motors that stop or change while the motion is symmetric for want of a disturbance, or "".
 
     ``strokes`` are the largest ones along x and y of a run between two times (s).
     """
-    if scene.run.perturbation is not None or scene.start_perturbation or scene.drive.last_change(end) <= begin:
+    steady = scene.drive.last_change(end) <= begin and all(scene.driven(begin, end))
+    if steady or scene.run.perturbation is not None or scene.start_perturbation:
         return ""
     least, most = sorted((size or 0.0, axis) for axis, size in strokes.items())
     if least[0] > SYMMETRIC * most[0] or not most[0]:
         return ""
     return (
-        f"nothing moves along {least[1]}, as this start is symmetric and nothing disturbs it, but a machine does where "
-        f"it passes a resonance: run.perturbation = {given(PERTURBATION)} shows how much"
+        f"next to nothing moves along {least[1]}, as this start is symmetric and nothing disturbs it, but a machine "
+        f"does where it passes a resonance: run.perturbation = {given(PERTURBATION)} shows how much"
     )
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import pandas as pd
@@ -29,9 +29,9 @@ from vibroplat.results.answer import Answer
 from vibroplat.results.result import Result
 from vibroplat.study.branches import SweepBranch, branches
 from vibroplat.study.pool import Pool, StoredChain, run_stored
-from vibroplat.study.store import Record, Store
+from vibroplat.study.store import Store, digest
 from vibroplat.study.study import CrossCheckCase, Progress, Study, conditions
-from vibroplat.study.sweep import branch_records, point_cases, run_sweeps, sweep_table
+from vibroplat.study.sweep import branch_records, point_cases, run_branches, sweep_table
 
 #: Sweeps of the impact model from which figures are drawn or claims judged.
 SWEEPS = ("fig2", *IMPACT)
@@ -42,25 +42,8 @@ COUNTED = ["outcome", "simulated_s", "events"]
 REPEATED: dict[str, Any] = {"sweep.supply_frequency_hz.direction": ["up"], "sweep.find_coexisting": False}
 
 
-class SharedRecords:
-    """The points of a sweep's branches, of which some are those of another sweep's branch: the same curve."""
-
-    def __init__(self, homes: Mapping[int, tuple[SweepBranch, Store]]) -> None:
-        self._homes = homes
-
-    def read(self, number: int, /) -> Iterator[tuple[int, Record]]:
-        """Yield places and records of a branch; see :meth:`vibroplat.study.store.Store.read`."""
-        branch, store = self._homes[number]
-        return store.read(branch.number)
-
-    def read_aside(self, number: int, place: int, /) -> Record | None:
-        """Return the record of a point's search; see :meth:`vibroplat.study.store.Store.read_aside`."""
-        branch, store = self._homes[number]
-        return store.read_aside(branch.number, place)
-
-
 def curve_of(branch: SweepBranch) -> str:
-    """Return what determines the points of a branch, as text: branches of several figures may be the same curve.
+    """Return a digest of what determines the points of a branch: branches of several figures may be the same curve.
 
     Material, contact and the limit of events make no difference to a bare platform.
     """
@@ -70,7 +53,7 @@ def curve_of(branch: SweepBranch) -> str:
         tree["solver"] = {k: v for k, v in tree["solver"].items() if k != "max_events_per_period"}
         tree |= {"material": None, "contact": None}
     tree["name"] = None
-    return json.dumps([tree, branch.direction, branch.key_values], sort_keys=True)
+    return digest(json.dumps([tree, branch.direction, branch.key_values], sort_keys=True))
 
 
 @dataclass(eq=False)
@@ -88,11 +71,9 @@ class Trial:
     evidence
         What has been found so far.
     swept
-        Its finished sweeps, by name: branches, and where their points are.
+        The branches of its finished sweeps, by name.
     points
         What is counted of the points that were computed for it, :data:`COUNTED`.
-    store
-        Where its points are.
     """
 
     name: str
@@ -101,9 +82,8 @@ class Trial:
     names: tuple[str, ...] = IMPACT
     changes: Mapping[str, Any] = field(default_factory=dict)
     evidence: Evidence = field(default_factory=Evidence)
-    swept: dict[str, tuple[list[SweepBranch], SharedRecords]] = field(default_factory=dict)
+    swept: dict[str, list[SweepBranch]] = field(default_factory=dict)
     points: list[dict[str, Any]] = field(default_factory=list)
-    store: Store = field(init=False)
 
     def scene(self, name: str) -> Scene:
         """Return the scene of one of its sweeps; that of the non-impact model has the β that was found."""
@@ -175,19 +155,17 @@ class PaperStudy(Study):
         Wall times are left out of the tables, so that a repeated reproduction gives the same files.
         """
         trials = machine, others = self.trials()
-        main = machine[0]
-        for trial in (*machine, *others):
-            trial.store = store.namespace(trial.name)
-        _sweep([(trial, name) for trial in machine for name in trial.names], workers, progress=progress)
-        _narrow(machine, workers)
-        _add_non_impact(machine, workers)
-        _narrow(machine, workers)
+        main, coarse = machine[0], store.namespace("coarse")
+        _sweep([(trial, name) for trial in machine for name in trial.names], store, workers, progress=progress)
+        _narrow(machine, store, workers)
+        _add_non_impact(machine, store, workers)
+        _narrow(machine, store, workers)
         failing = [claim for claim in claims() if not any(judge(claim, trial.evidence).holds for trial in machine)]
-        _sweep([(trial, name) for trial in others for name in trial.names], workers, failing)
+        _sweep([(trial, name) for trial in others for name in trial.names], coarse, workers, failing)
         if any(map(is_of_models, failing)):
-            _add_non_impact(others, workers)
-        shown = histories(self.numbers, main.evidence.beta, main.store.namespace("histories"), workers)
-        tables = {**_tables(trials), **shown}
+            _add_non_impact(others, coarse, workers)
+        shown = histories(self.numbers, main.evidence.beta, store.namespace("histories"), workers)
+        tables = {**_tables(trials, store), **shown}
         self._swept = main.swept
         beta, matched = main.evidence.beta, matched_frequency(main.evidence)
         written = {name: table.drop(columns="wall_s", errors="ignore") for name, table in tables.items()}
@@ -199,7 +177,7 @@ class PaperStudy(Study):
 
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
         """Choose points of Fig. 3; see :func:`vibroplat.study.sweep.point_cases`."""
-        return point_cases(*self._swept["fig3"], other)
+        return point_cases(self._swept["fig3"], store, other)
 
     def _lines(self, trials: Trials, beta: float | None, matched_hz: float | None) -> dict[str, str]:
         """Summarize the machine and the work."""
@@ -232,51 +210,50 @@ def _verdicts(table: pd.DataFrame) -> Iterator[str]:
 
 def _sweep(
     wanted: Sequence[tuple[Trial, str]],
+    store: Store,
     workers: Pool,
     asked: Sequence[Claim] | None = None,
     progress: Progress = lambda done, known: None,
 ) -> None:
     """Run sweeps of trials side by side, as far as claims ask for them, and add their branches to the evidence."""
-    homes, sweeps = dict[str, tuple[SweepBranch, Store]](), []
+    curves: dict[str, SweepBranch] = {}
     for trial, name in wanted:
         found = branches(trial.scene(name))
         found = found if asked is None else [branch for branch in (cut(b, asked) for b in found) if branch.key_values]
-        store = trial.store.namespace(name)
-        places = {branch.number: homes.setdefault(curve_of(branch), (branch, store)) for branch in found}
-        trial.swept[name] = found, SharedRecords(places)
-        sweeps.append(([branch for branch in found if places[branch.number][0] is branch], store))
-    run_sweeps(sweeps, workers, progress)
-    for (trial, name), (own, _) in zip(wanted, sweeps, strict=True):
-        found, shared = trial.swept[name]
-        for branch in found:
-            records = list(branch_records(branch, shared))
+        trial.swept[name] = [replace(branch, name=curve_of(branch)) for branch in found]
+        for branch in trial.swept[name]:
+            curves.setdefault(branch.name, branch)
+    run_branches(list(curves.values()), store, workers, progress)
+    for trial, name in wanted:
+        for branch in trial.swept[name]:
+            records = list(branch_records(branch, store))
             trial.evidence.add(branch, records)
-            if branch in own:
+            if curves.pop(branch.name, None) is not None:
                 trial.points += [{column: record["row"].get(column) for column in COUNTED} for record in records]
 
 
-def _add_non_impact(trials: Sequence[Trial], workers: Pool) -> None:
+def _add_non_impact(trials: Sequence[Trial], store: Store, workers: Pool) -> None:
     """Find β of the non-impact model for some trials, and run its sweeps where there is one."""
-    chains = [StoredChain(match_beta(trial.evidence), trial.store.namespace("beta"), 0) for trial in trials]
+    chains = [StoredChain(match_beta(trial.evidence), store, f"{trial.name} beta") for trial in trials]
     for trial, beta in zip(trials, run_stored(chains, workers), strict=True):
         trial.evidence.beta = beta
-    _sweep([(trial, NON_IMPACT) for trial in trials if trial.evidence.beta is not None], workers)
+    _sweep([(trial, NON_IMPACT) for trial in trials if trial.evidence.beta is not None], store, workers)
 
 
-def _narrow(machine: Sequence[Trial], workers: Pool) -> None:
+def _narrow(machine: Sequence[Trial], store: Store, workers: Pool) -> None:
     """Narrow the boundaries that matter to the claims and to β."""
     for trial in machine:
         matched_frequency(trial.evidence)
         for claim in claims():
             judge(claim, trial.evidence)
-    narrow([(trial.evidence, trial.store.namespace("boundaries")) for trial in machine], workers)
+    narrow([(trial.evidence, store.namespace(f"{trial.name} boundaries")) for trial in machine], workers)
 
 
-def _tables(trials: Trials) -> dict[str, pd.DataFrame]:
+def _tables(trials: Trials, store: Store) -> dict[str, pd.DataFrame]:
     """Judge the claims, and return all tables but the time histories."""
     machine, others = trials
     main = machine[0]
-    tables = {name: sweep_table(*found) for name, found in main.swept.items()}
+    tables = {name: sweep_table(found, store) for name, found in main.swept.items()}
     tables["sync-bands"] = sync_bands(main.evidence)
     seeds = {int(trial.settings[SEED]): trial.evidence for trial in machine}
     tables["claims"] = scoreboard(seeds, [(trial.changes, trial.evidence) for trial in others])

@@ -18,7 +18,7 @@ from vibroplat.paper.evidence import Evidence, F
 from vibroplat.paper.scenes import BETA, paper_scene
 from vibroplat.results.provenance import configuration_hash
 from vibroplat.study.branches import SUPPLY
-from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
+from vibroplat.study.pool import Pool, Task, run_tasks
 from vibroplat.study.store import Record, Store
 
 #: Frequencies (Hz) of the panels of Figs. 4, 5 and 7, and the scenes of their curves in the paper's numbering.
@@ -88,16 +88,15 @@ def histories(numbers: Mapping[str, Any], beta: float | None, records: Store, wo
         name: paper_scene(name, numbers, {BETA: beta} if name.endswith("nonimpact") else None)
         for name in dict.fromkeys(curves.values())
     }
-    chains = [StoredChain(_history(scene), records, configuration_hash(scene)) for scene in scenes.values()]
-    shown = dict(zip(scenes, run_stored(chains, workers), strict=True))
+    tasks = {configuration_hash(scene): Task(history, (scene,)) for scene in scenes.values()}
+    shown = dict(zip(scenes, map(_history, run_tasks(tasks, records, workers)), strict=True))
     parts: dict[str, list[pd.DataFrame]] = {figure: [] for figure in PANELS}
     for (figure, panel, number), name in curves.items():
         parts[figure].append(shown[name].assign(panel=float(panel), curve=number)[list(HISTORY)])
     return {figure: pd.concat(tables, ignore_index=True) for figure, tables in parts.items()}
 
 
-def _history(scene: Scene) -> Tasks[pd.DataFrame]:
-    record = yield Task(history, (scene,))
+def _history(record: Record) -> pd.DataFrame:
     columns = list(HISTORY)[2:]
     return pd.DataFrame(record, columns=columns).astype(dict.fromkeys(columns[1:], "float64"))
 

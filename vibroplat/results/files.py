@@ -4,12 +4,10 @@
 files, of whatever format. Readers refuse a file with another digest. A lock keeps two commands from replacing files at
 the same time; the digests also hold where a file system has no locks, and find files that were damaged or changed.
 
-A command of a scene writes into ``NAME/COMMAND``. Readers take that directory or ``NAME``, and also results that lie in
-``NAME`` itself, as former versions wrote them.
+A command of a scene writes into ``NAME/COMMAND``. Readers take that directory or ``NAME``, and also results that were
+saved in ``NAME`` itself.
 
-A directory may hold a result of each command. The first of them has ``provenance.json``; that of another command is
-then ``run-provenance.json``, ``sweep-provenance.json`` or ``orbits-provenance.json``, so that none overwrites that of
-another.
+A directory holds the result of one command; that of another one is not written there.
 """
 
 from __future__ import annotations
@@ -45,6 +43,8 @@ from vibroplat.results.tables import (
     text_writer,
 )
 
+#: Name of the file with finished tasks of a study, next to its result.
+STORE = "points.sqlite"
 #: The commands that write results, in the order in which results of one directory are told.
 COMMANDS = ("run", *KINDS, "paper")
 #: Version of the contents of result directories; increased when an older reader would misread them.
@@ -84,20 +84,18 @@ def write_result(
     Raises
     ------
     TableError
-        A file cannot be written, or another process holds the lock.
+        A file cannot be written, another process holds the lock, or the directory holds the result of another command.
     """
     with ExitStack() as stack:
         files = _write_temporaries(stack, directory, command, tables, documents or {}, configurations or {}, form)
         digests = {path.name: _sha256(temporary) for path, temporary in files.items()}
         proof = dict(origin) | {"command": command, "result": uuid.uuid4().hex, "files": digests}
         with replacement_lock(directory):
-            own, path = _own(directory, command), _place_to_write(directory, command)
             last, temporary = files.popitem()
             replaced = {f"{name}.{other}" for name in tables for other in FORMATS}
-            old = (_former_files(path, command) | replaced) - digests.keys()
+            old = (_files_to_replace(directory, command) | replaced) - digests.keys()
+            path = directory / "provenance.json"
             with new_file(path, json_writer(proof)) as files[path]:
-                if path != own:
-                    remove_file(own)
                 put_in_place(files | {last: temporary})
             for name in old:
                 remove_file(directory / name)
@@ -158,7 +156,7 @@ class SavedFiles:
 
     def __init__(self, directory: Path, command: str) -> None:
         self.directory, self.command = directory_of(directory, command), command
-        self.provenance = read_provenance(self.directory, command)
+        self.provenance = read_provenance(self.directory)
         if self.provenance.get("command", command) != command:
             raise TableError(f"{directory} holds a result of {self.provenance['command']}; allowed: one of {command}")
         files = self.provenance.get("files")
@@ -204,42 +202,28 @@ class SavedFiles:
             return file.read().decode("utf-8")
 
 
-def store_file(command: str) -> str:
-    """Return the name of the file with the records of a command, which ``--resume`` reads.
-
-    Names are those of former versions, whose unfinished work must be found.
-    """
-    return f"{'points' if command == 'sweep' else command}.sqlite"
-
-
 def commands_in(directory: Path) -> list[str]:
     """Return the commands whose finished results a directory holds, itself or in directories of their names."""
-    found = _commands_right_in(directory)
-    return [name for name in COMMANDS if name in found or name in _commands_right_in(directory / name)]
+    return [name for name in COMMANDS if name in (_command_of(directory), _command_of(directory / name))]
 
 
 def directory_of(directory: Path, command: str) -> Path:
-    """Return where a command's result is: in a directory itself, or in that of its name there; the later of both."""
+    """Return where a command's result is: in a directory of its name if there is one, or in the directory."""
     own = directory / command
-    places = [place for place in (directory, own) if command in _commands_right_in(place)]
-    if not places:
-        return own if own.is_dir() else directory
-    return max(places, key=lambda place: str(read_provenance(place, command).get("created")) if places[1:] else "")
+    return own if _command_of(own) == command or (own.is_dir() and _command_of(directory) != command) else directory
 
 
-def _commands_right_in(directory: Path) -> list[str]:
-    """Return the commands whose results lie in a directory itself."""
-    first = read_json(directory, "provenance") if (directory / "provenance.json").exists() else None
-    known = first.get("command") if isinstance(first, dict) else None
-    return [command for command in COMMANDS if command == known or _own(directory, command).exists()]
+def _command_of(directory: Path) -> str | None:
+    """Return the command whose result lies in a directory itself, if any."""
+    found = read_json(directory, "provenance") if (directory / "provenance.json").exists() else None
+    return found.get("command") if isinstance(found, dict) else None
 
 
-def read_provenance(directory: Path, command: str) -> dict[str, Any]:
-    """Return the provenance of a command's result, or that of another one if it has none; refuse other schemas."""
-    own = _own(directory, command)
-    if not own.exists() and not (directory / "provenance.json").exists():
+def read_provenance(directory: Path) -> dict[str, Any]:
+    """Return the provenance of the result in a directory; refuse other schemas."""
+    if not (directory / "provenance.json").exists():
         raise TableError(f"{directory} holds no finished result: it has no provenance.json")
-    origin = read_json(directory, own.stem if own.exists() else "provenance")
+    origin = read_json(directory, "provenance")
     found = origin.get("schema") if isinstance(origin, dict) else None
     if type(found) is not int or found not in (1, SCHEMA):
         raise TableError(f"{directory} holds results of schema {found}; this version reads schemas 1 and {SCHEMA}")
@@ -248,31 +232,20 @@ def read_provenance(directory: Path, command: str) -> dict[str, Any]:
     return dict(origin)
 
 
-def _held(directory: Path, name: str) -> dict[str, Any]:
-    """Return a provenance that is about to be replaced, as far as it can be read."""
+def _files_to_replace(directory: Path, command: str) -> set[str]:
+    """Return the names of the files in the result of a command that is about to be replaced, as far as it can be read.
+
+    That of another command is not replaced (TableError).
+    """
     try:
-        found = read_json(directory, name)
+        found = read_json(directory, "provenance")
     except TableError:
-        return {}
-    return found if isinstance(found, dict) else {}
-
-
-def _former_files(path: Path, command: str) -> set[str]:
-    """Return the names of the files in the result of a command that is about to be replaced."""
-    found = _held(path.parent, path.stem)
-    files = found.get("files") if found.get("command") == command else None
+        found = None
+    known = found if isinstance(found, dict) else {}
+    if known.get("command", command) != command:
+        raise TableError(f"{directory} holds a result of {known['command']}; allowed: another directory")
+    files = known.get("files")
     return {name for name in files if name == Path(name).name} if isinstance(files, dict) else set()
-
-
-def _own(directory: Path, command: str) -> Path:
-    """Return where the provenance of a command is if ``provenance.json`` belongs to another one."""
-    return directory / f"{command}-provenance.json"
-
-
-def _place_to_write(directory: Path, command: str) -> Path:
-    """Return where the provenance of a command is to be written."""
-    others = _held(directory, "provenance").get("command", command) != command
-    return _own(directory, command) if others else directory / "provenance.json"
 
 
 def _sha256(path: Path) -> str:

@@ -16,7 +16,7 @@ from vibroplat.extensions import figure_of
 from vibroplat.frames import pd
 from vibroplat.integrate import engine_name
 from vibroplat.results.answer import Answer
-from vibroplat.results.files import SCHEMA, SavedFiles, commands_in, directory_of, store_file, write_result
+from vibroplat.results.files import SCHEMA, STORE, SavedFiles, commands_in, directory_of, write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import FORMATS, Format, result_directory
 
@@ -87,7 +87,7 @@ class Result:
         place = Path(directory)
         if not place.is_dir():
             raise TableError(f"{place} is not a directory; allowed: a result directory of vibroplat")
-        if (directory_of(place, command) / store_file(command)).exists() and command not in commands_in(place):
+        if (directory_of(place, command) / STORE).exists() and command not in commands_in(place):
             raise TableError(f"{place} holds unfinished work; continue it with `vibroplat {command} --resume`")
         found = cls.__new__(cls)
         found.command, found.saved = command, SavedFiles(place, command)

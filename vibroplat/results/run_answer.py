@@ -57,9 +57,9 @@ def transient(scene: Scene, summary: Mapping[str, Any]) -> str:
     driven = scene.driven(summary["measured_from_s"], summary["measured_to_s"])
     if not any(driven):
         return "while it coasts down"
-    pace = max(speeds_of_both(summary) or [summary["excitation_frequency_hz"] or 0.0])
+    speeds = speeds_of_both(summary) or [0.0]
     for n, on in enumerate(driven, 1):
-        if not on and (summary.get(f"speed_ripple_{n}_hz") or 0.0) > STOPPING * pace:
+        if not (on or are_alike(speeds)) and (summary.get(f"speed_ripple_{n}_hz") or 0.0) > STOPPING * max(speeds):
             return f"while exciter {n} stops"
     return "" if summary.get("measured_turns") or driven == (False, True) else "without a whole turn"
 

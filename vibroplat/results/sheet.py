@@ -215,7 +215,7 @@ class Sheet:
         turning = self.numbers["whole_foundation_moment_max_n_m"]
         return [
             y.shortly("foundation, y", y.label.partition(", ")[2], y.peak),
-            x.shortly("foundation, x", x.peak) if x.now != "0" else x,
+            x.shortly("foundation, x", x.peak) if x.now != "0" or x.peak else x,
             self._row("moment", "foundation_moment_max_n_m", turning),
             Row("static sag", self._text("static_sag_m")),
         ]

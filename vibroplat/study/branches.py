@@ -16,7 +16,7 @@ from vibroplat.config.digits import given, quantity
 from vibroplat.config.keys import key_of, keys, number_of
 from vibroplat.config.plans import FREQUENCY, ParameterRange, SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.errors import ConfigError
+from vibroplat.errors import ConfigError, errors_about
 from vibroplat.frames import add_descriptions
 from vibroplat.hybrid.state import static_rest
 from vibroplat.model.systems import FULL_SIZE
@@ -50,8 +50,10 @@ class SweepBranch:
         Dotted keys of the grid and their values on this branch.
     scene
         The scene at the first value.
-    along
+    key_values
         Values of the swept key in the order of the branch.
+    name
+        Name under which its points are stored; its number where it has none.
     """
 
     number: int
@@ -59,6 +61,12 @@ class SweepBranch:
     grid: dict[str, Any]
     scene: Scene
     key_values: tuple[float, ...]
+    name: str = ""
+
+    @property
+    def chain(self) -> int | str:
+        """The name of the chain of its stored points."""
+        return self.name or self.number
 
     @property
     def plan(self) -> SweepPlan:
@@ -160,10 +168,8 @@ def _values(scene: Scene, over: ParameterRange) -> tuple[float, ...]:
 
 def _replace_keys(scene: Scene, section: str, changes: Mapping[str, Any]) -> Scene:
     """Change keys of a scene; an error names the section of the sweep that asks for it."""
-    try:
+    with errors_about(f"sweep.{section}"):
         return scene.replace(changes)
-    except ConfigError as error:
-        raise ConfigError(f"sweep.{section}: {error}") from None
 
 
 def column_of(key: str) -> str:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter, deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from contextlib import contextmanager, nullcontext
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
@@ -168,9 +168,20 @@ class StoredChain(Generic[T]):
                 return
 
 
-def _alone(task: Task) -> Tasks[None]:
-    """Do a single task."""
-    yield task
+def _alone(task: Task) -> Tasks[Record]:
+    """Do a single task, and return its record."""
+    return (yield task)
+
+
+def run_tasks(
+    tasks: Sequence[Task] | Mapping[Any, Task],
+    store: Store,
+    workers: Pool,
+    progress: Callable[[int], object] = lambda done: None,
+) -> list[Record]:
+    """Run tasks side by side and return their records; each is stored under its name, or its number."""
+    named = tasks.items() if isinstance(tasks, Mapping) else enumerate(tasks)
+    return run_stored([StoredChain(_alone(task), store, name) for name, task in named], workers, progress)
 
 
 def run_stored(

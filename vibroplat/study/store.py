@@ -22,11 +22,10 @@ from pydantic_core import from_json
 
 from vibroplat.config.reader import flat
 from vibroplat.errors import ConfigError, TableError
+from vibroplat.results.files import STORE
 from vibroplat.results.locks import Lock
 from vibroplat.study.fingerprint import NAMES
 
-#: Name of the file, next to the tables made from it.
-FILE = "points.sqlite"
 #: Version of its contents; files of other versions are refused.
 FORMAT = 3
 
@@ -57,13 +56,6 @@ class Store:
         Whether to keep the records that are found.
     overwrite
         Whether records of unfinished work may be deleted.
-    file
-        Name of the file.
-
-    Attributes
-    ----------
-    reused
-        How many records have been found for tasks, which were therefore not done again.
 
     Raises
     ------
@@ -82,16 +74,15 @@ class Store:
         *,
         resume: bool = False,
         overwrite: bool = False,
-        file: str = FILE,
     ) -> None:
-        self._path = ":memory:" if directory is None else str(directory / file)
+        self._path = ":memory:" if directory is None else str(directory / STORE)
         self._prefix = ""
         self._departed = False
         self._stack = ExitStack()
-        self.reused = 0
+        self._reused = [0]  # shared by the parts of a store
         with self._stack:
             if directory is not None:
-                lock = Lock((directory / file).with_suffix(".lock"))
+                lock = Lock((directory / STORE).with_suffix(".lock"))
                 try:
                     lock.acquire()
                 except OSError as error:
@@ -176,6 +167,11 @@ class Store:
             lost, total = missing + len(spoiled), stored + missing
             _log.warning("%s: %d of %d records damaged or missing; computing them again", self._path, lost, total)
 
+    @property
+    def reused(self) -> int:
+        """How many records have been found for tasks, which were therefore not done again."""
+        return self._reused[0]
+
     def __len__(self) -> int:
         with self._complaints():
             return self._number("SELECT COUNT(*) FROM records")
@@ -209,7 +205,7 @@ class Store:
                 _log.warning("%s: some records do not follow from those before them; computing them again", self._path)
             self._departed = True
             return None
-        self.reused += 1
+        self._reused[0] += 1
         return _record(row[1])
 
     def read(self, chain: int | str) -> Iterator[tuple[int, Record]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import islice
-from typing import Any, Protocol, Unpack
+from typing import Any, Unpack
 
 import pandas as pd
 
@@ -126,12 +126,12 @@ class SweepStudy(Study):
     def chains(self, store: Store) -> int:
         """Return the number of branches whose points are not all stored; twice it if searches go on beside them."""
         stored = store.lengths()
-        count = sum(stored.get(branch.number, 0) < len(branch.key_values) for branch in self.branches)
+        count = sum(stored.get(branch.chain, 0) < len(branch.key_values) for branch in self.branches)
         return count if self.scene.sweep is None or not self.scene.sweep.find_coexisting else 2 * count
 
     def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
         """Measure the points of all branches."""
-        run_sweeps([(self.branches, store)], workers, progress)
+        run_branches(self.branches, store, workers, progress)
         points = sweep_table(self.branches, store)
         diagram = {
             name: partial(diagram_parts, self.branches, store, values, column)
@@ -195,33 +195,14 @@ def sweep(scene: Scene, **options: Unpack[Options]) -> Result:
     return run_study(SweepStudy, scene, **options)
 
 
-class Records(Protocol):
-    """Where the records of points are, as in a :class:`vibroplat.study.store.Store`."""
-
-    def read(self, chain: int, /) -> Iterator[tuple[int, Record]]:
-        """Yield places and records of a branch by its number, in their order."""
-
-    def read_aside(self, chain: int, place: int, /) -> Record | None:
-        """Return the record of the search for attractors that coexist with a point."""
-
-
-def run_sweeps(
-    sweeps: Sequence[tuple[Sequence[SweepBranch], Store]],
-    workers: Pool,
-    progress: Progress = lambda done, known: None,
+def run_branches(
+    planned: Sequence[SweepBranch], store: Store, workers: Pool, progress: Progress = lambda done, known: None
 ) -> None:
-    """Run sweeps side by side and store their points; points that are stored already are not repeated.
+    """Run branches side by side and store their points; points that are stored already are not repeated.
 
-    Parameters
-    ----------
-    sweeps
-        Branches, and where to store the points of each sweep.
-    workers
-        Where points are measured.
-    progress
-        Called with the numbers of finished and of all points.
+    ``progress`` is called with the numbers of finished and of all points.
     """
-    points, planned_points = 0, sum(len(branch.key_values) for planned, _ in sweeps for branch in planned)
+    points, planned_points = 0, sum(len(branch.key_values) for branch in planned)
 
     def count(_: Record) -> None:
         nonlocal points
@@ -230,11 +211,7 @@ def run_sweeps(
     def tell(_: int) -> None:
         progress(points, planned_points)
 
-    chains = [
-        StoredChain(branch_points(branch, count), store, branch.number)
-        for planned, store in sweeps
-        for branch in planned
-    ]
+    chains = [StoredChain(branch_points(branch, count), store, branch.chain) for branch in planned]
     run_stored(chains, workers, tell)
 
 
@@ -270,7 +247,7 @@ def search_along(first: Scene, value: float, beginning: Sequence[Any]) -> Record
     return search_coexisting(first.replace({plan.swept.key: value}), plan, SearchBeginning(*beginning))
 
 
-def branch_records(branch: SweepBranch, store: Records) -> Iterator[Record]:
+def branch_records(branch: SweepBranch, store: Store) -> Iterator[Record]:
     """Yield the records of all points of a branch, with the results of searches in their rows.
 
     Raises
@@ -279,11 +256,11 @@ def branch_records(branch: SweepBranch, store: Records) -> Iterator[Record]:
         One is missing or damaged.
     """
     found = 0
-    for place, record in store.read(branch.number):
+    for place, record in store.read(branch.chain):
         if place != found or found == len(branch.key_values):
             break
         if record["search"] is not None:
-            searched = store.read_aside(branch.number, place)
+            searched = store.read_aside(branch.chain, place)
             if searched is None:
                 break
             record["row"] |= searched
@@ -293,9 +270,7 @@ def branch_records(branch: SweepBranch, store: Records) -> Iterator[Record]:
         raise CorruptRecordError(f"point {found} of branch {branch.number} is not stored; --resume computes it")
 
 
-def point_cases(
-    planned: Sequence[SweepBranch], store: Records, other: Callable[[Scene], Scene]
-) -> list[CrossCheckCase]:
+def point_cases(planned: Sequence[SweepBranch], store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
     """Choose points, as far from each other as they can be, that start as they did and must give the same motion.
 
     Left out are points that are undecided, and chaotic ones beside which other motions are known.
@@ -319,7 +294,7 @@ def point_cases(
 
 
 def _starts(
-    planned: Sequence[SweepBranch], store: Records
+    planned: Sequence[SweepBranch], store: Store
 ) -> Iterator[tuple[SweepBranch, int, list[float] | None, Record]]:
     """Yield each point of a finished sweep: its branch and place, the state with which it began, and its row."""
     for branch in planned:
@@ -333,7 +308,7 @@ def _starts(
 # -- tables -----------------------------------------------------------------------------------------------
 
 
-def sweep_table(planned: Sequence[SweepBranch], store: Records) -> pd.DataFrame:
+def sweep_table(planned: Sequence[SweepBranch], store: Store) -> pd.DataFrame:
     """Make the table of a sweep, in the order of branches and points.
 
     Raises
@@ -345,7 +320,7 @@ def sweep_table(planned: Sequence[SweepBranch], store: Records) -> pd.DataFrame:
     return pd.concat(_parts(planned, store, columns, lambda record: [record["row"]]), ignore_index=True)
 
 
-def diagram_parts(planned: Sequence[SweepBranch], store: Records, values: str, column: str) -> Iterator[pd.DataFrame]:
+def diagram_parts(planned: Sequence[SweepBranch], store: Store, values: str, column: str) -> Iterator[pd.DataFrame]:
     """Yield the parts of a table of a bifurcation diagram; ``values`` names the numbers in records of points."""
 
     def rows(record: Record) -> list[Record]:
@@ -355,7 +330,7 @@ def diagram_parts(planned: Sequence[SweepBranch], store: Records, values: str, c
 
 
 def _parts(
-    planned: Sequence[SweepBranch], store: Records, columns: Sequence[str], rows_of: Callable[[Record], list[Record]]
+    planned: Sequence[SweepBranch], store: Store, columns: Sequence[str], rows_of: Callable[[Record], list[Record]]
 ) -> Iterator[pd.DataFrame]:
     """Yield the rows of all records in parts, at least one, as tables with the swept keys and these columns."""
     key, grid = column_of(planned[0].swept), planned[0].plan.grid

@@ -17,7 +17,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.config.schema import did_you_mean
 from vibroplat.config.study_plans import FindPlan
 from vibroplat.continuation.special_points import KINDS
-from vibroplat.errors import ConfigError
+from vibroplat.errors import ConfigError, errors_about
 from vibroplat.observe.data_sheet import SHEET, point_columns
 from vibroplat.results.answer import Answer
 from vibroplat.results.result import Result
@@ -339,11 +339,9 @@ def _required_plan(scene: Scene) -> FindPlan:
     plan = scene.find
     if plan is None:
         raise ConfigError("this configuration has no find section; add find: {key: …, start: …, stop: …}")
-    for value in plan.over.upward:
-        try:
+    with errors_about("find"):
+        for value in plan.over.upward:
             scene.replace({plan.key: value})
-        except ConfigError as error:
-            raise ConfigError(f"find: {error}") from None
     if number_of(plan.key) is not float:
         raise ConfigError(f"find.key = {plan.key} does not vary continuously; allowed: a key that does")
     if plan.key == FREQUENCY and scene.drive.program is not None:
