@@ -72,7 +72,7 @@ def test_a_run_loads_nothing_that_it_does_not_use(command, tmp_path):
 def test_help_names_the_commands_and_h_is_short_for_it(command):
     done = command("--help")
     assert (done.code, done.err) == (0, "")
-    study = {"new", "run", "sweep", "orbits", "find", "plot", "report", "film"}
+    study = {"new", "run", "sweep", "orbits", "find", "plot", "report", "film", "export"}
     for name in study | {"paper", "bench", "schema", "columns"}:
         assert re.search(rf"^\W*{name}\s", done.out, re.MULTILINE)
     for before in ([], ["run"], ["new"]):
@@ -82,7 +82,7 @@ def test_help_names_the_commands_and_h_is_short_for_it(command):
         found = command(name, "--help").out
         assert ("--engine" in found, "--check" in found) == (True, True)
     summaries = [line.split("  ")[-1] for line in done.out.partition("\nBegin:")[2].splitlines() if line[:2] == "  "]
-    assert len(summaries) == 15
+    assert len(summaries) == 16
     assert all(len(summary) <= 60 and summary.endswith(".") for summary in summaries)
     assert "..." not in "".join(summaries)
 

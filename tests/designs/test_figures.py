@@ -59,7 +59,7 @@ def test_a_result_has_the_figures_of_its_tables(kind, command, figures, tmp_path
     else:
         assert labels >= {"best: the least that keeps all bounds", "RMS y ≥ 0.5 mm", "Pareto front", LOST}
         assert any(label.startswith("keeps all bounds (") for label in labels)
-        assert figures[kind].get_suptitle().startswith("Least motor power ")
+        assert figures[kind].get_suptitle().startswith("Best: motor power ")
     done = command("plot", "c", "--kind", "samples")
     if kind == "samples":
         assert done.code == 0

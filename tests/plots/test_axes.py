@@ -1,23 +1,27 @@
-"""Functions that draw tables into axes: what a reader of a figure could be misled by."""
+"""Curves and axes: what a reader of a figure could be misled by."""
 
 import numpy as np
 import pandas as pd
 import pytest
 from common.handmade import after, branch
-from matplotlib.figure import Figure
 
 from vibroplat.config.scene import Scene
-from vibroplat.plots import (
-    draw_phase_difference,
-    draw_response,
-    draw_synchronous_speed,
-)
-from vibroplat.study.curves import failed_places
+from vibroplat.plots.histories import Run
+from vibroplat.plots.pictures import draw_picture
+from vibroplat.plots.run import Shown, draw
+from vibroplat.results import content
+from vibroplat.results.picture import Panel, Picture
+from vibroplat.study.curves import curves_of, placed
+from vibroplat.study.sweeps import Sweeps
 
 
-@pytest.fixture
-def axis():
-    return Figure().add_subplot()
+def drawn(rows, column="rms_y_m", x="excitation_frequency_hz"):
+    """The axis of a column of a branch."""
+    sweeps = Sweeps([], [], rows, "supply_frequency_hz", [], x)
+    series, _, _ = curves_of(sweeps, [column], {"": "k"}, told=True)
+    table = rows.assign(**{x: placed(rows, x)})
+    look = {"panels": [Panel(column)], "states": content.motions_of(rows)}
+    return draw_picture(Picture("", "", "", table, "", [x], series=series, **look)).axes[0]
 
 
 def lines(axis):
@@ -35,72 +39,77 @@ def points(axis, fillstyle=None, marker=None):
     ]
 
 
-def test_a_jump_is_not_joined(axis):
+def run(scene=None, **columns):
+    """A run of one trajectory by hand."""
+    table = pd.DataFrame({"t_s": np.linspace(0.0, 3.0, 301), "phi1_rate_rad_per_s": 1.0, "phi2_rate_rad_per_s": 1.0})
+    table = table.assign(
+        speed_1_hz=1.0, speed_2_hz=1.0, mode="bare", **{n: f(table["t_s"]) for n, f in columns.items()}
+    )
+    ends = {f"speed_{n}_hz:{end}": 1.0 for n in (1, 2) for end in ("min", "max")}
+    told = {"name": "hand", "outcome": "by hand", "simulated_s": 3.0}
+    return Run("hand", scene, table, table[["t_s"]].assign(**ends), table, table.iloc[:0], False, True, True, told)
+
+
+def exciters(shown):
+    return draw("exciters", Shown([shown])).axes
+
+
+def test_a_jump_is_not_joined():
     rows = branch(phase_difference_rad=after(8, np.pi, 0.0), sync=after(8, "antiphase", "in-phase"))
-    draw_response(axis, rows, "rms_y_m")
-    (line,) = lines(axis)
+    (line,) = lines(drawn(rows))
     height = line.get_ydata()
     assert np.flatnonzero(np.isnan(height)).tolist() == [8]
     assert height[np.isfinite(height)] == pytest.approx(1e3 * rows["rms_y_m"].to_numpy())
-    smooth = draw_response(Figure().add_subplot(), branch(), "rms_y_m")
-    assert np.isfinite(lines(smooth)[0].get_ydata()).all()
+    assert np.isfinite(lines(drawn(branch()))[0].get_ydata()).all()
 
 
-def test_motions_are_told_apart_by_the_filling_of_markers(axis):
+def test_motions_are_told_apart_by_the_filling_of_markers():
     motions = np.array(["periodic", "chaotic", "quasi-periodic", "undecided", "non-periodic"] * 4 + ["periodic"])
-    draw_response(axis, branch(motion=motions), "rms_y_m")
+    axis = drawn(branch(motion=motions))
     found = {filling: len(points(axis, filling)[0].get_xdata()) for filling in ("none", "bottom")}
     assert found == {"none": 12, "bottom": 4}  # what is periodic has a line alone
 
 
-def test_failed_points_have_a_marker_of_their_own_on_the_axis(axis):
+def test_failed_points_have_a_marker_of_their_own_on_the_axis():
     failed = np.arange(21) >= 18
     rows = branch(outcome=np.where(failed, "event-storm", "ok"))
     columns = ["excitation_frequency_hz", "rms_x_m", "rms_y_m", "phase_difference_rad", "sync"]
     rows.loc[failed, columns] = np.nan
-    draw_response(axis, rows, "rms_y_m")
+    axis = drawn(rows)
     crosses, *_ = points(axis, marker="x")
     assert crosses.get_xdata() == pytest.approx(0.5 * rows["supply_frequency_hz"][failed].to_numpy())
     assert crosses.get_transform() == axis.get_xaxis_transform()
     assert np.isfinite(lines(axis)[0].get_ydata()).sum() == 18
-    assert failed_places(rows, "supply_frequency_hz").tolist() == [51.0, 51.5, 52.0]
+    assert placed(rows, "supply_frequency_hz")[failed].tolist() == [51.0, 51.5, 52.0]
     lost = rows.assign(outcome="event-storm", sync=None, **dict.fromkeys(columns[:4], np.nan))
-    assert np.isnan(failed_places(lost, "excitation_frequency_hz")).all()
-    draw_response(axis, lost, "rms_y_m", x="supply_frequency_hz")
-    assert len(points(axis, marker="x")[-1].get_xdata()) == 21
+    assert np.isnan(placed(lost, "excitation_frequency_hz")).all()
+    assert len(points(drawn(lost, x="supply_frequency_hz"), marker="x")[-1].get_xdata()) == 21
 
 
-def test_wraps_of_the_phase_difference_are_not_drawn(axis):
-    t = np.linspace(0.0, 3.0, 301)
-    run = pd.DataFrame({"t_s": t, "phi1_rad": 100.0 * t, "phi2_rad": -95.0 * t})
-    draw_phase_difference(axis, run)
-    values = axis.lines[0].get_ydata()
+def test_wraps_of_the_phase_difference_are_not_drawn():
+    phase = exciters(run(phi1_rad=lambda t: 100.0 * t, phi2_rad=lambda t: -95.0 * t))[1]
+    values = phase.lines[0].get_ydata()
     steps = np.diff(values)
     assert np.isnan(values).sum() == 2
     assert np.abs(steps[np.isfinite(steps)]).max() < 0.1
-    assert axis.get_ylabel() == r"$\Delta\varphi$ = $\varphi_1 + \varphi_2$"
-    draw_phase_difference(axis, run, co_rotating=True)
-    assert axis.get_ylabel() == r"$\Delta\varphi$ = $\varphi_1 - \varphi_2$"
+    assert phase.get_ylabel() == r"$\Delta\varphi$ = $\varphi_1 + \varphi_2$"
 
 
-def test_phase_differences_near_both_synchronizations_stay_whole(axis):
-    t = np.linspace(0.0, 1.0, 50)
+def test_phase_differences_near_both_synchronizations_stay_whole():
     for mean in (0.0, np.pi):
-        run = pd.DataFrame({"t_s": t, "phi1_rad": mean + 0.5 * np.sin(20.0 * t), "phi2_rad": 0.0})
-        draw_phase_difference(axis, run)
-    assert all(np.isfinite(line.get_ydata()).all() for line in axis.lines)
+        shown = run(phi1_rad=lambda t, mean=mean: mean + 0.5 * np.sin(20.0 * t), phi2_rad=lambda t: 0.0 * t)
+        assert np.isfinite(exciters(shown)[1].lines[0].get_ydata()).all()
 
 
-def test_synchronous_speed_follows_the_program_and_ends_where_a_motor_is_off(axis):
+def test_synchronous_speed_follows_the_program_and_ends_where_a_motor_is_off():
     program = [
         {"t_s": 0.0, "supply_frequency_hz": 0.0},
-        {"t_s": 2.0, "supply_frequency_hz": 50.0},
-        {"t_s": 3.0, "exciter_2": "off"},
+        {"t_s": 1.5, "supply_frequency_hz": 50.0},
+        {"t_s": 2.25, "exciter_2": "off"},
     ]
-    scene = Scene().replace({"drive": {"program": program}})
-    draw_synchronous_speed(axis, scene, pd.Series([0.0, 4.0]))
-    assert [line.get_label() for line in axis.lines] == ["synchronous speed"]
-    assert axis.lines[0].get_ydata()[[0, 250, 1000]] == pytest.approx([0.0, 12.5, 25.0])
-    off = [*program, {"t_s": 3.5, "off": True}]
-    draw_synchronous_speed(axis, Scene().replace({"drive": {"program": off}}), pd.Series([0.0, 4.0]))
-    assert np.isnan(axis.lines[1].get_ydata()[-1])
+    angles = {"phi1_rad": lambda t: t, "phi2_rad": lambda t: t}
+    _, speed = exciters(run(Scene().replace({"drive": {"program": program}}), **angles))[0].lines
+    assert speed.get_ydata()[[0, 100, 400]] == pytest.approx([0.0, 12.5, 25.0])
+    off = [*program, {"t_s": 2.6, "off": True}]
+    _, speed = exciters(run(Scene().replace({"drive": {"program": off}}), **angles))[0].lines
+    assert np.isnan(speed.get_ydata()[-1])

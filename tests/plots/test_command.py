@@ -12,6 +12,7 @@ from vibroplat.errors import TableError, VibroplatError
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.measured import read_data
 from vibroplat.plots.paper import FIGURES, MASSES, history
+from vibroplat.plots.pictures import draw_picture
 from vibroplat.results.result import Result
 
 from .conftest import drawn
@@ -121,16 +122,14 @@ def paper():
     return Result.read(ROOT / "results" / "paper" / "calibrated", "paper")
 
 
-def test_jumps_of_the_paper_are_vertical_arrows(paper):
+def test_jumps_of_the_paper_are_arrows(paper):
     figure = FIGURES["fig2"](paper)
-    arrows = [text for text in figure.axes[0].texts if text.arrow_patch is not None]
-    assert len(arrows) == 4  # two up, two down
-    assert all(arrow.xy[0] == arrow.get_position()[0] for arrow in arrows)
-    assert {line.get_color() for line in figure.axes[0].lines} == {MASSES[0.0]}
+    assert sum("Fig. 2(a). $\\mu_w$ = 0" in jump.of for jump in figure.jumps) == 4  # two up, two down
+    assert {line.get_color() for line in draw_picture(figure).axes[0].lines} == {MASSES[0.0]}
 
 
 def test_a_mass_has_one_colour_in_all_figures_of_the_paper(paper):
-    three, four, five = (FIGURES[f"fig{n}"](paper) for n in (3, 4, 5))
+    three, four, five = (draw_picture(FIGURES[f"fig{n}"](paper)) for n in (3, 4, 5))
     assert [line.get_color() for line in four.axes[0].lines] == list(MASSES.values())
     assert [line.get_color() for line in five.axes[0].lines] == list(MASSES.values())[:2]
     for axis, colour in zip(three.axes[1:], MASSES.values(), strict=True):
@@ -149,11 +148,11 @@ def test_differences_are_shown_of_curves_that_nearly_coincide():
             return table
 
     curves = [("1", "k"), ("2", "r"), ("3", "b")]
-    main, below = history("fig4", "y_m", curves, "", near=0.2)(Found()).axes
+    main, below = draw_picture(history("fig4", "y_m", curves, "", near=0.2)(Found())).axes
     assert len(main.lines) == 3
-    assert below.get_ylabel().startswith("2 minus 1")
+    assert below.get_title(loc="left") == "Fig. 4(a), 2 minus 1"
     assert below.lines[-1].get_ydata() == pytest.approx(0.01 * np.sin(160.0 * t))
-    assert len(history("fig4", "y_m", curves, "")(Found()).axes) == 1
+    assert len(history("fig4", "y_m", curves, "")(Found()).panels) == 1
 
 
 def test_plot_draws_the_paper_anew(paper, tmp_path, figures):

@@ -17,6 +17,7 @@ from vibroplat.errors import TableError
 from vibroplat.plots import bench, histories, paper, run
 from vibroplat.plots.command import draw_study
 from vibroplat.plots.display import orbit_figure
+from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.style import styled
 from vibroplat.results.result import Answer, Result
 from vibroplat.results.run import RunResult
@@ -202,10 +203,11 @@ def drawn_run(kind, count=1):
         table, events = change(whole.trajectory), change(whole.events)
         changed = RunResult(whole.scene, whole.summary | {"name": "run"}, table=table)
         changed.events = events
-        one = histories.run_of(changed)
-        if kind == "force" and "contact_force_n" not in one.shown:
-            raise TableError("not drawn")
-        return run.draw(kind, histories.Shown([one] * count, names=["one", "another"]))
+        runs = [histories.run_of(changed) for _ in range(count)]
+        shown = run.Shown(runs, names=["one", "another"] if count > 1 else ())
+        if lacking := run.missing(kind, shown):
+            raise TableError(lacking)
+        return run.draw(kind, shown)
 
     return draw
 
@@ -270,7 +272,7 @@ def drawn_paper(name):
 
         if Result().table(name).empty:
             raise TableError("a reproduction has rows")
-        return paper.FIGURES[name](Result())
+        return draw_picture(paper.FIGURES[name](Result()))
 
     return draw
 
@@ -441,6 +443,8 @@ PAIRS = [
     ("thresholds", "no numbers"),
     ("basins", "one row"),
     ("shares", "all failed"),
+    ("loads", "one huge"),
+    ("basins", "one huge"),
     ("samples", "one row"),
     ("evaluations", "no rows"),
     ("sensitivities", "zero"),

@@ -18,12 +18,6 @@ def test_a_film_shows_the_last_turns(saved, tmp_path, kind):
     assert (np.abs(shots[1] - shots[0]).max(axis=2) > 60).mean() > 0.005  # what moves is more than a cursor
 
 
-def test_what_cannot_be_filmed_is_refused_in_a_line(saved, command, here, monkeypatch):
-    monkeypatch.setattr("shutil.which", lambda _: None)
-    bare, name = saved["bare"], "allowed: a name that ends with"
-    refused = {
-        "film.png": f"--out film.png: not a film; {name} .gif or .mp4",
-        "film.mp4": f"--out film.mp4: ffmpeg is not installed; {name} .gif",
-    }
-    for out, line in refused.items():
-        assert command("film", bare, "--out", out) == (2, "", f"vibroplat: {line}\n")
+def test_what_cannot_be_filmed_is_refused_in_a_line(saved, command, here):
+    line = "--out film.png: not a film; allowed: a name that ends with .gif"
+    assert command("film", saved["bare"], "--out", "film.png") == (2, "", f"vibroplat: {line}\n")

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from vibroplat import load_config
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.page.results import differences
+from vibroplat.plots.axes import name_axis
 from vibroplat.plots.measured import Measured
-from vibroplat.plots.timelines import phase_axis
 from vibroplat.results.labels import MOST, differing, distinct, key_label, legend_names, value_label
 
 PROGRAM = [{"t_s": 0.0, "supply_frequency_hz": 0.0}, {"t_s": 3.0, "supply_frequency_hz": 66.0}]
@@ -80,7 +80,7 @@ def test_an_exciter_is_named_by_its_number_and_results_of_one_name_by_their_dire
 def test_a_phase_axis_tells_values_as_tables_do():
     """Its ticks, read in (−π, π], are where a value of a table is drawn."""
     axis = Figure().add_subplot()
-    phase_axis(axis)
+    name_axis(axis, PHASE_COLUMN)
     told = {text.get_text(): place for place, text in zip(axis.get_yticks(), axis.get_yticklabels(), strict=True)}
     assert told["±180°"] == pytest.approx(np.pi)
     assert told["−90°"] in (pytest.approx(-0.5 * np.pi), pytest.approx(1.5 * np.pi))

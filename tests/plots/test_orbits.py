@@ -194,7 +194,7 @@ def test_an_orbit_closes_and_draws_itself(scene):
     np.testing.assert_allclose(speed[0], speed[-1], atol=1e-5)
     assert gap[[0, -1], 0] == pytest.approx([0.0, 1.0], abs=1e-6)
     assert gap[:, 1].max() == pytest.approx(1e3 * found.measures["gap_max_m"], rel=1e-3)
-    assert [axis.get_xlabel() for axis in (first, second)] == ["$y$ from rest (mm)", "phase of exciter 1 (turns)"]
+    assert [axis.get_xlabel() for axis in (first, second)] == ["y from rest (mm)", "turns of exciter 1"]
     assert len(orbit(scene.replace({MASS: 0.0})).plot().axes) == 1
 
 

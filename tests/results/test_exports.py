@@ -6,8 +6,9 @@ import pytest
 from scipy.io import loadmat
 
 from vibroplat import load
+from vibroplat.errors import TableError
 from vibroplat.results import exports
-from vibroplat.results.files import write_result
+from vibroplat.results.files import export_result, write_result
 from vibroplat.results.tables import read_table
 
 COUNT = pd.array([3, None], "Int64")
@@ -78,3 +79,14 @@ def test_excel_without_its_package_is_refused_before_anything_is_simulated(comma
     assert done.err == (
         "vibroplat: --format xlsx needs openpyxl: pip install 'vibroplat[xlsx]'; allowed without: mat, csv\n"
     )
+
+
+def test_a_finished_result_is_exported_and_a_new_one_takes_the_exports_away(written):
+    directory = written("parquet")
+    for form, names in (("mat", ["sweep.mat"]), ("csv-semicolon", ["sweep.csv"])):
+        assert [path.name for path in export_result(directory, "sweep", form)] == names
+    assert (directory / "sweep.csv").read_bytes() == (written("csv-semicolon") / "sweep.csv").read_bytes()
+    export_result(directory, "sweep", "mat")
+    assert not {"sweep.mat", "sweep.csv"} & {path.name for path in written("parquet").iterdir()}
+    with pytest.raises(TableError, match="no Parquet tables; allowed: a result of --format parquet"):
+        export_result(written("csv", TABLE.drop(columns="count")), "sweep", "mat")

@@ -18,10 +18,8 @@ from vibroplat.study.branches import box_words, column_of
 from vibroplat.study.titles import sentence
 
 OPTIONS = ()
-#: Share of starts from which on an area is named, and starts among which its middle is looked for, at most.
-LARGE, STARTS = 0.05, 800
-#: Share that is none, and the range of starts that is seen, over their size.
-ROUNDING, SEEN = 1e-9, 1e-3
+#: Share that is none.
+ROUNDING = 1e-9
 
 
 def pictures(results: Sequence[Result], _: Sequence[str] = ()) -> list[picture.Picture]:
@@ -67,27 +65,6 @@ def _short(attractor: object) -> str:
     return str(attractor).removesuffix(", period 1")
 
 
-def _words(starts: pd.DataFrame, attractors: pd.DataFrame, x: str, y: str) -> list[picture.Word]:
-    """Name each large area of starts where it is widest: farthest from starts of other attractors and from the edge."""
-    known = starts.dropna(subset=[x, y])
-    spans = known[[x, y]].max() - known[[x, y]].min()
-    if known.empty or not (spans > SEEN * known[[x, y]].abs().max()).all():
-        return []
-    few = known.iloc[:: -(-len(known) // STARTS)]
-    places = ((few[[x, y]] - known[[x, y]].min()) / spans).to_numpy()
-    edges = np.minimum(places, 1.0 - places).min(axis=1)
-    found = []
-    for _, row in attractors[attractors["fraction"].between(LARGE, 1.0)].iterrows():
-        own = (few["attractor"] == row["attractor"]).to_numpy(dtype=bool)
-        if not own.any():
-            continue
-        far = np.min([np.abs(places[own] - place).max(axis=1) for place in places[~own]] or [edges[own]], axis=0)
-        best = few[own].iloc[int(np.argmax(np.minimum(far, 1.5 * edges[own])))]
-        told = "\n".join(filter(None, (_short(row["attractor"]), digits.share(row["fraction"]), _motion(row))))
-        found.append(picture.Word(told, y, float(best[x]), float(best[y])))
-    return found
-
-
 def _starts(
     result: Result,
     plan: Any,
@@ -101,7 +78,8 @@ def _starts(
     Turns of motions that come to no orbit say nothing beside those of others.
     """
     colours, ranges = picture.attractor_colours(attractors["attractor"]), plan["initial_conditions"]
-    classes = {name: (colour, name) for name, colour in colours.items()}
+    motions = {} if keys else {row["attractor"]: _motion(row) for _, row in attractors.iterrows()}
+    classes = {name: (colour, ": ".join(filter(None, (name, motions.get(name))))) for name, colour in colours.items()}
     axes = content.axes_of(starts, ranges)
     others = [name for name in ranges if name not in axes[:1]]
     kind: Any = "tiles" if len(ranges) == 2 and all(len(ends) == 3 for ends in ranges.values()) else "points"
@@ -126,7 +104,6 @@ def _starts(
         special=None if keys else attractors,
         special_name="attractors",
         axes=axes,
-        words=[] if keys or len(others) != 1 else _words(starts, attractors, axes[0], others[0]),
         panels=panels,
         series=[picture.Series("", rows.index.to_numpy(), mode="dots") for rows in groups],
         facets=facets,

@@ -46,7 +46,8 @@ Check = Annotated[bool, typer.Option("--check", help="Cross-check: repeat some m
 Out = Annotated[Path, typer.Option(help="Parent directory of the results.")]
 
 
-def _writable(form: str) -> str:
+def writable(form: str) -> str:
+    """Return a format; refuse one without the package that writes it (ConfigError)."""
     from vibroplat.results.exports import require_writer
 
     return form if form in ("parquet", "csv") else require_writer(form)
@@ -56,7 +57,7 @@ Format = Annotated[
     Literal["parquet", "csv", "csv-semicolon", "xlsx", "mat"],
     typer.Option(
         "--format",
-        callback=_writable,
+        callback=writable,
         help="File format of the tables. xlsx (Excel), mat (MATLAB) and csv-semicolon (; and decimal commas) are "
         "written beside parquet.",
     ),

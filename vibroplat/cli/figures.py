@@ -1,4 +1,4 @@
-"""The commands ``plot``, ``report`` and ``film``: figures, an HTML page and a film of result tables."""
+"""The commands ``plot``, ``report``, ``film`` and ``export``: figures, a page, a film and files of result tables."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from vibroplat.cli.common import announce_first_run
+from vibroplat.cli.common import announce_first_run, writable
 from vibroplat.config.kinds import KINDS, RUN_FIGURES
 
 if TYPE_CHECKING:
@@ -96,20 +96,33 @@ def report(
 def film(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="Result directory of a run.")],
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Film to write, .gif or .mp4. Default: machine.gif in DIR.")
+        Path | None, typer.Option(metavar="FILE", help="Film to write, .gif. Default: machine.gif in DIR.")
     ] = None,
     start: Annotated[float | None, typer.Option(help="Start of the interval (s). Default: the last turns.")] = None,
     stop: Annotated[float | None, typer.Option(help="End of the interval (s).")] = None,
     turns: Annotated[float, typer.Option(min=0.1, max=100.0, help="Number of turns, if no interval is given.")] = 2.0,
     frames: Annotated[int, typer.Option(min=2, max=1000, help="Pictures per turn.")] = 40,
 ) -> None:
-    """Film the moving machine of a run in slow motion.
-
-    The film is a GIF, or an MP4 if ffmpeg is installed.
-    """
+    """Film the moving machine of a run in slow motion, as a GIF."""
     from vibroplat.plots.film import write_film
 
     print(write_film(directory, out, start, stop, turns=turns, frames=frames))
+
+
+def export(
+    directories: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Result directories of any command.")],
+    format_: Annotated[
+        Literal["xlsx", "mat", "csv-semicolon"],
+        typer.Option("--format", callback=writable, help="Excel, MATLAB, or CSV with ; and decimal commas."),
+    ] = "xlsx",
+) -> None:
+    """Write finished results for other programs."""
+    from vibroplat.results.files import commands_in, export_result
+
+    for directory in directories:
+        for command in commands_in(directory) or ["run"]:
+            for path in export_result(directory, command, format_):
+                print(path)
 
 
 def _move(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:

@@ -28,7 +28,7 @@ OUTPUT = {errno.EPIPE, errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, getatt
 GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "Begin": (reference.new, inspect.inspect),
     "Simulate": (run.run, *studies.COMMANDS),
-    "Show results": (figures.plot, figures.report, figures.film),
+    "Show results": (figures.plot, figures.report, figures.film, figures.export),
     "Verify": (paper.paper, bench.bench),
     "Look up": (reference.schema, reference.columns),
 }

@@ -97,75 +97,7 @@ def read(result: Result, x: str | None = None) -> Branches:
     return Branches([result], [result.name], points, key, grid, x or abscissa(key), special=special, second=second)
 
 
-# -- titles ------------------------------------------------------------------------------------------------------------
-
-
-def _title(found: Branches) -> str:
-    """Say up to which amplitude orbits are stable, where, and how many special points of each kind there are."""
-    table = found.table
-    stable = table[table["stable"].astype(bool) & table["rms_y_m"].notna()]
-    count = f"{len(found.branches)} branch{'es' if len(found.branches) > 1 else ''}"
-    first = f"No stable orbit on {count}"
-    if len(stable):
-        best = stable.sort_values("rms_y_m").iloc[-1]
-        largest = digits.quantity(float(best["rms_y_m"]), "m")
-        first = f"Stable up to RMS y {largest} at {titles.place(found.x, [best[found.x]])}, on {count}"
-    counted = found.special["kind"].value_counts()
-    told = ", ".join(f"{number}\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}{kind}" for kind, number in counted.items())
-    return f"{first}; {told}" if told else first
-
-
-def _limits(table: pd.DataFrame, found: Branches) -> str:
-    """Say over which values of the first key boundaries of each kind lie."""
-    over = found.x if found.x in table else found.key
-    told = [f"{kind} at {titles.place(over, rows[over])}" for kind, rows in table.groupby("kind", sort=False)]
-    return titles.sentence(", ".join(shortened(told)) or "No boundaries")
-
-
 # -- branches ----------------------------------------------------------------------------------------------------------
-
-
-def places_of(points: pd.DataFrame, special: pd.DataFrame) -> Any:
-    """Return where special points lie along a branch: the number of the point before and the share of the step."""
-    before = np.clip(special["point"].to_numpy(dtype=int), 0, max(len(points) - 2, 0))
-    if len(points) < 2:
-        return before.astype(float)
-    values = points[EXCITATION].to_numpy(dtype=float)
-    here, there = values[before], values[before + 1]
-    step = np.where(there == here, 1.0, there - here)
-    return before + np.clip((special[EXCITATION].to_numpy(dtype=float) - here) / step, 0.0, 1.0)
-
-
-def between(points: pd.DataFrame, special: pd.DataFrame, shares: Any, column: str) -> Any:
-    """Return a column at special points: their own values, or those between the points of their branch.
-
-    Phase differences are followed beyond their range; a liftoff begins the flight.
-    """
-    if column in special:
-        return special[column].to_numpy(dtype=float)
-    values = points[column].to_numpy(dtype=float)
-    values = np.unwrap(values) if column == PHASE_COLUMN else values
-    found = np.interp(shares, np.arange(len(points)), values)
-    return np.where(special["kind"] == LIFTOFF, 0.0, found) if column in _OF_FLIGHT else found
-
-
-def stretches(stable: Any, shares: Any, rows: Any, special: Any) -> Iterator[tuple[bool, list[int]]]:
-    """Yield the parts of a branch of one stability, each by the places of its points and of special ones at its ends.
-
-    A piece between two places is as stable as the point at its end, if a special point is at the other one; between two
-    special points nothing is known, and it counts as unstable.
-    """
-    along = np.concatenate([np.arange(len(rows)), shares])
-    order = np.argsort(along, kind="stable")
-    places = np.concatenate([rows, special]).astype(int)[order]
-    whole = order < len(rows)
-    known = np.where(whole, stable[np.minimum(order, len(rows) - 1)], True)
-    pieces = (whole[:-1] | whole[1:]) & known[:-1] & known[1:]
-    if not len(pieces):
-        yield bool(stable[0]), places.tolist()
-    for is_stable, run in itertools.groupby(range(len(pieces)), pieces.__getitem__):
-        part = list(run)
-        yield bool(is_stable), places[part[0] : part[-1] + 2].tolist()
 
 
 def branches(found: Branches) -> picture.Picture:
@@ -175,25 +107,25 @@ def branches(found: Branches) -> picture.Picture:
     if "period" in everything:
         seconds = everything["period"] / everything[EXCITATION]
         everything["period_s"] = everything.get("period_s", seconds).fillna(seconds)
-    at, series, first = _lines(found)
+    drawn, series, first = _lines(found)
     panels, left = content.measures(table)
     marks = []
     for kind, rows in special.groupby("kind", sort=False):
         name, places = str(kind), (len(table) + rows.index).tolist()
         marks.append(picture.Mark(name, SPECIAL_POINTS.get(name, ""), MARKERS.get(name, "*"), places))
-    points, behind = [table, at], content.beside(found.results[0], "sweep", "sweep")
+    behind = content.beside(found.results[0], "sweep", "sweep")
     if behind is not None:
-        points.append(behind[[name for name in behind if name in table]])
+        drawn = pd.concat([drawn, behind[[name for name in behind if name in table]]], ignore_index=True)
         series = [*_behind(found, behind.reset_index(drop=True)), *series]
     return picture.Picture(
         name="branches",
         heading="Orbits",
-        title=_title(found),
+        title=found.results[0].answer.headline,
         table=table,
         table_name="branches",
         special=special,
         special_name="special points",
-        drawn=pd.concat([part for part in points if len(part)], ignore_index=True),
+        drawn=drawn,
         axes=list(dict.fromkeys([found.x, *content.axes_of(table, [found.x, found.key, EXCITATION])])),
         panels=panels,
         series=series,
@@ -209,39 +141,68 @@ def branches(found: Branches) -> picture.Picture:
 
 
 def _lines(found: Branches) -> tuple[pd.DataFrame, list[picture.Series], list[int]]:
-    """Return where special points are, the stable and the unstable parts of branches, and rows at their ends."""
-    table, special = found.table, found.special
-    drawn = [name for name in dict.fromkeys((*content.DRAWN, found.x)) if name in table]
-    at = special.assign(**{name: np.nan for name in drawn if name not in special})
-    parts: dict[tuple[str, bool], list[int]] = {}
-    ends: list[int] = []
+    """Return all points with special ones behind them, stable and unstable parts of branches, and rows at their ends.
+
+    Measures of special points are those between the points of their branch. Phase differences are followed beyond their
+    range; a liftoff begins the flight.
+    """
+    table, special, parts = found.table, found.special, dict[tuple[str, bool], list[int]]()
+    drawn, ends = pd.concat([table, special], ignore_index=True), list[int]()
+    numbers = [name for name in content.DRAWN if name in table]
+    drawn[numbers] = drawn[numbers].astype(float)
     for rows in found.branches:
-        own, name = found.special_of(rows.iloc[0]), found.curve(rows)
-        shares, stable = places_of(rows, own), rows["stable"].to_numpy(dtype=bool)
-        for column in drawn:
-            at.loc[own.index, column] = between(rows, own, shares, column)
+        own = found.special_of(rows.iloc[0])
+        shares = _shares(rows, own)
+        drawn.loc[rows.index, PHASE_COLUMN] = np.unwrap(drawn.loc[rows.index, PHASE_COLUMN])
+        along = np.concatenate([np.arange(len(rows)), shares])
+        order = np.argsort(along, kind="stable")
+        own_places = np.concatenate([rows.index, len(table) + own.index])[order]
+        between = drawn.loc[own_places, numbers].set_axis(along[order]).interpolate("index").set_axis(own_places)
+        drawn.loc[len(table) + own.index, numbers] = between.loc[len(table) + own.index]
         ends += [int(rows.index[0]), int(rows.index[-1]), *(rows.index[np.round(shares).astype(int)])]
-        for is_stable, part in stretches(stable, shares, rows.index.to_numpy(), len(table) + own.index.to_numpy()):
-            parts.setdefault((name, is_stable), []).extend([*part, picture.BROKEN])
+        for is_stable, part in _stretches(own_places, len(table), table["stable"].to_numpy(dtype=bool)):
+            parts.setdefault((found.curve(rows), is_stable), []).extend([*part, picture.BROKEN])
+    drawn.loc[len(table) + special.index[special["kind"] == LIFTOFF], [n for n in _OF_FLIGHT if n in drawn]] = 0.0
     colours, series = found.colours, list[picture.Series]()
     for (name, is_stable), places in parts.items():
         look: dict[str, Any] = {"look": "stable"} if is_stable else {"look": "unstable", "dash": "--"}
         label = name if len(colours) > 1 else ""
         series.append(picture.Series(label, places[:-1], colour=colours[name], mode="lines", size=0.7, **look))
-    return at, series, ends
+    return drawn, series, ends
+
+
+def _shares(rows: pd.DataFrame, special: pd.DataFrame) -> Any:
+    """Return where special points lie along a branch: the number of the point before and the share of the step."""
+    before = np.clip(special["point"].to_numpy(dtype=int), 0, max(len(rows) - 2, 0))
+    values = rows[EXCITATION].to_numpy(dtype=float)
+    here, there = values[before], values[np.minimum(before + 1, len(rows) - 1)]
+    step = np.where(there == here, 1.0, there - here)
+    return before + np.clip((special[EXCITATION].to_numpy(dtype=float) - here) / step, 0.0, 1.0)
+
+
+def _stretches(places: Any, count: int, stable: Any) -> Iterator[tuple[bool, list[int]]]:
+    """Yield the parts of a branch of one stability, by places in their order; special points are those from a count on.
+
+    A piece between two places is as stable as the point at its end, if a special point is at the other one; between two
+    special points nothing is known, and it counts as unstable.
+    """
+    whole = places < count
+    known = np.where(whole, stable[np.minimum(places, count - 1)], True)
+    pieces = (whole[:-1] | whole[1:]) & known[:-1] & known[1:]
+    if not len(pieces):
+        yield bool(known[0]), places.tolist()
+        return
+    for first, last in itertools.pairwise([0, *(np.flatnonzero(np.diff(pieces)) + 1), len(pieces)]):
+        yield bool(pieces[first]), places[first : last + 1].tolist()
 
 
 def _behind(found: Branches, table: pd.DataFrame) -> Iterator[picture.Series]:
     """Yield the points of a sweep, which stand behind all others, in the colours of their combinations."""
     varied, begin = found.varied if {*found.varied} <= {*table} else [], len(found.table) + len(found.special)
     for own in content.in_groups(table, [*varied, "direction"]):
-        colour, direction = (
-            found.colours.get(found.label(own.iloc[0])) if varied else None,
-            str(own["direction"].iloc[0]),
-        )
-        look: dict[str, Any] = {"pale": True, "size": 0.8}
-        places = begin + own.index.to_numpy()
-        yield picture.Series("", places, f"sweep, {direction}", colour or picture.BEHIND, "markers", **look)
+        colour = found.colours.get(found.label(own.iloc[0]), picture.BEHIND) if varied else picture.BEHIND
+        look, places = f"sweep, {own['direction'].iloc[0]}", begin + own.index.to_numpy()
+        yield picture.Series("", places, look, colour, "markers", pale=True, size=0.8)
 
 
 # -- multipliers -------------------------------------------------------------------------------------------------------
@@ -250,28 +211,23 @@ def _behind(found: Branches, table: pd.DataFrame) -> Iterator[picture.Series]:
 def multipliers(found: Branches) -> picture.Picture:
     """Return the leading multipliers on the plane, and the largest one over a column, a facet for each combination."""
     table = found.table
-    parts, facets, series = [], dict[str, list[int]](), list[picture.Series]()
-    begin = 0
+    names = [str(name)[:-3] for name in table if str(name).startswith("multiplier_") and str(name).endswith("_re")]
+    columns = [found.x, "stable", "real", "imaginary", "size"]
+    parts, facets, series = list[pd.DataFrame](), dict[str, list[int]](), list[picture.Series]()
     for rows in found.branches:
-        label = found.label(rows.iloc[0])
+        label, begin = found.label(rows.iloc[0]), sum(map(len, parts))
         colour = picture.CURVES[[*facets, label].index(label) % len(picture.CURVES)]
-        own = [rows.assign(size=np.hypot(rows["multiplier_1_re"].astype(float), rows["multiplier_1_im"].astype(float)))]
-        for i in itertools.takewhile(lambda i: f"multiplier_{i}_re" in table, itertools.count(1)):
-            real, imaginary = (rows[f"multiplier_{i}_{part}"].astype(float) for part in ("re", "im"))
-            own += [
-                rows.assign(real=real, imaginary=sign * imaginary) for sign in (1.0, -1.0)
-            ]  # the table may have one
-        count = len(rows)
-        places = begin + np.arange(count * len(own))
+        largest = rows["multiplier_1_re"].astype(float), rows["multiplier_1_im"].astype(float)
+        parts.append(rows.assign(size=np.hypot(*largest)).reindex(columns=columns))
+        for name, sign in itertools.product(names, (1.0, -1.0)):  # the table may have one of a pair
+            real, imaginary = (rows[f"{name}_{part}"].astype(float) for part in ("re", "im"))
+            parts.append(rows.assign(real=real, imaginary=sign * imaginary).reindex(columns=columns))
+        places = np.arange(begin, sum(map(len, parts)))
         facets.setdefault(label, []).extend((len(series), len(series) + 1))
-        series += [
-            picture.Series("", places[count:], mode="dots"),
-            picture.Series("", places[:count], "", colour, "lines"),
-        ]
-        parts += own
-        begin += len(places)
+        dots, line = picture.Series("", places[len(rows) :], mode="dots"), places[: len(rows)]
+        series += [dots, picture.Series("", line, "", colour, "lines")]
+    melted = pd.concat(parts, ignore_index=True)
     unstable = int((~table["stable"].astype(bool)).sum())
-    melted = pd.concat(parts, ignore_index=True).reindex(columns=[found.x, "stable", "real", "imaginary", "size"])
     return picture.Picture(
         name="multipliers",
         heading="Multipliers",
@@ -286,8 +242,6 @@ def multipliers(found: Branches) -> picture.Picture:
         series=series,
         lines=[picture.Line("size", [1.0], dash="-")],
         facets=[picture.Facet(label, numbers) for label, numbers in facets.items()],
-        states=content.states_of(~melted["stable"].astype(bool)),
-        meanings=_STABLE,
         told=found.told(),
         places=("print",),  # the page has them beside each point
     )
@@ -302,6 +256,8 @@ def boundaries(found: Branches) -> picture.Picture:
     if not all(key in table and is_number(table[key]) for key in (found.key, found.second)):
         raise TableError(f"the boundaries table in {found.results[0].place} has no numbers of two keys")
     groups = [*content.in_groups(table, found.varied)] if found.varied else [table]
+    over = found.x if found.x in table else found.key
+    limits = [f"{kind} at {titles.place(over, rows[over])}" for kind, rows in table.groupby("kind", sort=False)]
     series, facets = list[picture.Series](), list[picture.Facet]()
     for rows in groups:
         own = boundary_series(rows, 0, picture.CURVES)
@@ -312,7 +268,7 @@ def boundaries(found: Branches) -> picture.Picture:
     return picture.Picture(
         name="boundaries",
         heading="Boundaries",
-        title=_limits(table, found),
+        title=titles.sentence(", ".join(shortened(limits)) or "No boundaries"),
         table=table,
         table_name="boundaries",
         axes=content.axes_of(table, (found.x, found.key)),

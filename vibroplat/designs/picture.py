@@ -16,6 +16,7 @@ from vibroplat.frames import pd
 from vibroplat.results import content, picture
 from vibroplat.results.labels import key_name, named, sweep_parameters
 from vibroplat.results.result import Result
+from vibroplat.study import titles
 
 #: Pictures by their names, which are those of the tables that they show.
 OPTIONS = ()
@@ -100,8 +101,7 @@ def _strongest(known: pd.DataFrame) -> str:
     for _, row in largest.head(2).iterrows():
         change = digits.number(float(row["elasticity"]))
         told.append(f"{indexed_name(str(row['measure']))} {change} % for 1 % of {key_name(str(row['key']))}")
-    sentence = "; ".join(told) or "No measure depends on a key"
-    return sentence[:1].upper() + sentence[1:]
+    return titles.sentence(*told) or "No measure depends on a key"
 
 
 def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
@@ -150,19 +150,15 @@ def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
 
 
 def _within(plan: DesignPlan, table: pd.DataFrame, shown: Sequence[str]) -> str:
-    """Say how many samples keep all bounds, and how far the measures of most samples spread."""
-    parts = []
+    """Say how many samples keep all bounds, or how far most samples spread."""
     if bounds := [name for name in plan.constraints if name in table]:
         kept = np.logical_and.reduce([plan.keeps(name, table[name]) for name in bounds])
         words = " and ".join(bound_of(plan, name) for name in bounds)
-        parts.append(f"{int(kept.sum())} of {len(table)} samples keep {words}")
-    for name in [name for name in shown if name not in plan.constraints or not parts][:2]:
-        values = table[name].dropna().astype(float)
-        low, high = np.percentile(values, (5.0, 95.0))
-        ends = digits.interval(float(low), float(high), unit_of(name))
-        parts.append(f"{display_name(name)} {ends} in 90 %")
-    told = "; ".join(parts) or f"No measure varies among {len(table)} samples"
-    return told[:1].upper() + told[1:]
+        return f"{int(kept.sum())} of {len(table)} samples keep {words}"
+    if not shown:
+        return f"No measure varies among {len(table)} samples"
+    low, high = np.percentile(table[shown[0]].dropna().astype(float), (5.0, 95.0))
+    return titles.sentence(f"{display_name(shown[0])} {digits.interval(low, high, unit_of(shown[0]))} in 90 %")
 
 
 def _nominal(result: Result, plan: DesignPlan) -> Mapping[str, float]:
@@ -206,7 +202,7 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
     return picture.Picture(
         name="evaluations",
         heading="Searches",
-        title=_least(plan, table, best),
+        title=titles.sentence(result.answer.headline),
         table=table,
         table_name="evaluations",
         special=special,
@@ -237,20 +233,6 @@ def _reasons(plan: DesignPlan, table: pd.DataFrame) -> pd.Series:
     for name in reversed(plan.constraints):
         found = found.where(plan.keeps(name, table[name]), f"violates {bound_of(plan, name)}")
     return found.mask(table["feasible"].astype(bool), KEEPS)
-
-
-def _least(plan: DesignPlan, table: pd.DataFrame, best: pd.DataFrame) -> str:
-    """Say the least that keeps all bounds, with its tolerance, and how many evaluations keep them."""
-    bounds = " and ".join(bound_of(plan, name) for name in plan.constraints)
-    if plan.minimize is None or best.empty:
-        return f"No design keeps {bounds}" if bounds else "Every start lost the orbit"
-    unit, value = unit_of(plan.minimize), float(best[plan.minimize].iloc[0])
-    told = f"Least {display_name(plan.minimize)} {digits.quantity(value, unit)}"
-    worst = float(best["objective"].iloc[0]) if "objective" in best and plan.parameter_tolerances else value
-    if abs(worst - value) > content.STEADY * abs(value):
-        told += f", {digits.quantity(worst, unit)} at the worst end of tolerances"
-    kept = int(table["feasible"].astype(bool).sum())
-    return f"{told}{f' with {bounds}' if bounds else ''}; {kept} of {len(table)} evaluations keep the bounds"
 
 
 def _measures(table: pd.DataFrame, aims: Sequence[str]) -> tuple[list[picture.Panel], str]:

@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.config.digits import NEGLIGIBLE, given, number, quantity, share
+from vibroplat.config.digits import given, number, quantity, share
 from vibroplat.config.scene import Scene
-from vibroplat.config.schema import PERTURBATION
 from vibroplat.frames import pd
 from vibroplat.kernels.engines import uses_sundials
 from vibroplat.observe.data_sheet import steady_supply
@@ -32,8 +31,8 @@ STEPS_A_TURN, STEPS_A_RESTART = 5.0, 2.0
 #: Multiple of them above which a scene counts as stiff for it. Engine ``native`` is as fast at 10 to 11, with a damped
 #: layer of 1 kHz in calm contact as with a critical slip of 0.001.
 STIFF = 10.0
-#: Stroke along one axis over that along the other up to which a motion is symmetric.
-SYMMETRIC = NEGLIGIBLE
+#: Stroke along one axis over that along the other up to which a motion is symmetric; a perturbation that breaks this.
+SYMMETRIC, DISTURBANCE = 1e-3, 0.01
 #: How many exciters there are.
 EXCITERS = 2
 #: Share of the largest value that samples may miss.
@@ -120,7 +119,7 @@ def symmetry(scene: Scene, strokes: Mapping[str, float | None], begin: float, en
         return ""
     return (
         f"next to nothing moves along {least[1]}, as this start is symmetric and nothing disturbs it, but a machine "
-        f"does where it passes a resonance: run.perturbation = {given(PERTURBATION)} shows how much"
+        f"does where it passes a resonance: run.perturbation = {given(DISTURBANCE)} shows how much"
     )
 
 

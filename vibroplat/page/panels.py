@@ -15,7 +15,7 @@ from vibroplat.config.digits import quantity
 from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
 from vibroplat.page.view import View, alone, axis_name, coloured, dashes, heading, places_of
 from vibroplat.results.labels import halfway, in_ratios
-from vibroplat.results.picture import BEHIND, BLACK, FULL, LOST, VERMILION, Facet, Panel, Series, Span, Strip
+from vibroplat.results.picture import BLACK, FULL, LOST, VERMILION, Facet, Panel, Series, Span, Strip
 
 #: Signs of matplotlib's markers.
 SIGNS = dict(zip("osD^vXP*", "○□◇△▽✕✚★", strict=True))
@@ -37,27 +37,25 @@ def figures(view: View, facet: Facet | None) -> list[str]:
     """Return the figures of all panels, of a facet or of all series."""
     all_of = list(view.picture.series)
     numbers = range(len(all_of)) if facet is None else facet.series
-    shown, behind = [all_of[n] for n in numbers], [all_of[n] for n in facet.behind] if facet else []
+    shown = [all_of[n] for n in numbers]
     found = strips(view) if facet is None or facet is view.picture.facets[0] else []
     for panel in view.picture.panels:
         if panel.column == (panel.x or view.axis) and panel.kind == "points":
             continue
         titled = replace(panel, title=facet.label) if facet is not None and panel.kind == "bars" else panel
         if len(places_of(shown)):
-            found.append(_KINDS[panel.kind](view, titled, shown, behind).html())
+            found.append(_KINDS[panel.kind](view, titled, shown).html())
     return found
 
 
-def points(view: View, panel: Panel, shown: Sequence[Series], behind: Sequence[Series]) -> Plot:
+def points(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     """Draw curves and dots."""
     column, x_column = panel.column, panel.x or view.axis
     own = [one for one in shown if not one.of or column in one.of]
-    places = places_of([*own, *behind])
+    places = places_of(own)
     x_values, y_values = view.values(x_column), view.values(column)
     y = Scale.of(view.reached(column, places), column, least=panel.least, log=panel.scale == "log")
     plot = view.plot(panel, view.across(panel, shown), y)
-    for one in behind:
-        plot.dots(x_values[places_of([one])], y_values[places_of([one])], "", BEHIND, size=2.5)
     for one in own:
         if panel.by and one.mode == "dots":
             own_places = places_of([one])
@@ -106,7 +104,7 @@ def _classed(view: View, plot: Plot, panel: Panel, places: Any, x: Floats, y: Fl
         plot.dots(x[chosen], y[chosen], name, own, size=5.0 if len(places) <= FEW else 3.2)
 
 
-def tiles(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]) -> Plot:
+def tiles(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     """Draw a tile for each point, in rows that are evenly spaced; neighbours of one colour are one."""
     across, up = view.values(panel.x or view.axis), view.values(panel.column)
     places = places_of([one for one in shown if one.mode == "dots"])
@@ -175,7 +173,7 @@ def _spans(
             plot.word(0.5 * (span.low + span.high), row, span.text, "#fff" if colour else "#222")
 
 
-def bars(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]) -> Plot:
+def bars(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     """Draw horizontal bars over words, the first one on top."""
     places = places_of(shown)
     values = view.values(view.axis)[places]
@@ -191,7 +189,7 @@ def bars(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series])
     return plot
 
 
-def stack(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]) -> Plot:
+def stack(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     """Draw fractions on each other."""
     plot = view.plot(panel, view.across(panel, shown), Scale(0.0, 1.0, "%", 100.0))
     x, y = view.values(view.axis), view.values(panel.column)
@@ -208,7 +206,7 @@ def stack(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]
     return plot
 
 
-def ranks(view: View, panel: Panel, shown: Sequence[Series], _: Sequence[Series]) -> Plot:
+def ranks(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     """Draw each point a dot in the order of its values, over which stands the share of those not larger."""
     places = places_of(shown)
     values = view.values(panel.column)
@@ -249,7 +247,7 @@ def strips(view: View) -> list[str]:
     return [plot.html()]
 
 
-_KINDS: Mapping[str, Callable[[View, Panel, Sequence[Series], Sequence[Series]], Plot]] = {
+_KINDS: Mapping[str, Callable[[View, Panel, Sequence[Series]], Plot]] = {
     "points": points,
     "plane": points,
     "tiles": tiles,

@@ -28,7 +28,7 @@ def plot_precision(table: pd.DataFrame, directory: Path, name: str, processor: s
     table = finite(table)
     engines, cases = (list(dict.fromkeys(table[column])) for column in ("engine", "case"))
     with styled():
-        figure, axes = new_figure(len(cases), len(ERRORS), (11.0, 2.6 * len(cases) + 1.0))
+        figure, axes, _ = new_figure(len(cases), len(ERRORS), (11.0, 2.6 * len(cases) + 1.0))
         for row, case in zip(axes, cases, strict=True):
             row[0].set(title=case, ylabel="ms per simulated second")
             for axis, (column, label) in zip(row, ERRORS.items(), strict=True):

@@ -32,8 +32,6 @@ class Family(NamedTuple):
         The command.
     kinds
         Its figures that can be asked for by name.
-    options
-        Options that it understands, besides kinds and saving.
     draw
         Draws the figures of directories that are asked for by name, all by default, with these options; yields the
         directory and the name of each.
@@ -41,8 +39,13 @@ class Family(NamedTuple):
 
     command: str
     kinds: Collection[str]
-    options: Collection[str]
     draw: Callable[..., Iterator[tuple[Path, str, Figure]]]
+
+    @property
+    def options(self) -> Collection[str]:
+        """Options that it understands, besides kinds and saving."""
+        own = {"paper": (), "run": ("start", "stop", "data")}
+        return own[self.command] if self.command in own else KINDS[self.command].pictures.OPTIONS
 
 
 #: Commands whose results can be laid over each other.
@@ -52,12 +55,9 @@ _COMPARED = ("sweep", "run")
 def families() -> list[Family]:
     """Return all families in the order of drawing; the last one is tried if there is no result of any."""
     return [
-        Family("paper", (), (), paper_figures),
-        *(
-            Family(name, kind.figures.split(), kind.pictures.OPTIONS, partial(_draw, name))
-            for name, kind in KINDS.items()
-        ),
-        Family("run", run.FIGURES, ("start", "stop", "data"), run.run_figures),
+        Family("paper", (), paper_figures),
+        *(Family(name, kind.figures.split(), partial(_draw, name)) for name, kind in KINDS.items()),
+        Family("run", run.FIGURES, run.run_figures),
     ]
 
 

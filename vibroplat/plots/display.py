@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from vibroplat.columns import COORDINATES
 from vibroplat.config.kinds import KINDS
 from vibroplat.continuation.orbit import Orbit
 from vibroplat.errors import ConfigError, TableError
-from vibroplat.hybrid.state import static_rest
 from vibroplat.plots import run as drawing
 from vibroplat.plots.command import draw_study
-from vibroplat.plots.histories import Shown, run_of
-from vibroplat.plots.style import begin_at_zero, head, new_figure, styled, widen_ticks
-from vibroplat.plots.timelines import FROM_REST, in_units
+from vibroplat.plots.histories import run_of
+from vibroplat.plots.pictures import draw_picture
+from vibroplat.plots.reading import rest_of
+from vibroplat.plots.run import Shown
+from vibroplat.plots.style import styled
 from vibroplat.results.labels import run_parameters
-from vibroplat.results.picture import CURVES
+from vibroplat.results.picture import CURVES, Panel, Picture, Series, finite
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
 
@@ -76,20 +76,21 @@ def _run_figure(
 
 
 def orbit_figure(orbit: Orbit) -> Figure:
-    """Draw an orbit: its speed over its height, and the gap over the phase of exciter 1 where there is material."""
-    count = 2 if orbit.scene.has_contact else 1
-    figure, axes = new_figure(1, count, (1.0 + 4.2 * count, 4.0))
+    """Draw an orbit: its speed over its height, and the gap over turns of exciter 1 where there is material."""
     table = orbit.run(np.linspace(0.0, orbit.run.segments[-1].end, DRAWN))
-    first, heights = axes[0, 0], table["y_m"] - static_rest(orbit.scene)[1]
-    first.plot(in_units(heights, "y_m"), table["y_rate_m_per_s"], color=CURVES[0])
-    first.set(xlabel=FROM_REST, ylabel=r"$\dot y$ (m/s)")
-    widen_ticks(first, "x")
-    first.set_title(f"period {orbit.period}, {'stable' if orbit.stable else 'unstable'}, {orbit.sequence}", loc="left")
-    if count == 2:
-        second, gap = axes[0, 1], COORDINATES["gap_m"]
-        turns = (table["phi1_rad"] - table["phi1_rad"].iloc[0]).abs() / (2.0 * np.pi)
-        second.plot(turns, gap.factor * table["gap_m"], color=CURVES[1])
-        second.set(xlabel="phase of exciter 1 (turns)", ylabel=gap.label)
-        begin_at_zero(second)
-    head(figure, orbit.scene.name, run_parameters(orbit.scene))
-    return figure
+    turns = (table["phi1_rad"] - table["phi1_rad"].iloc[0]).abs() / (2.0 * np.pi)
+    title = f"period {orbit.period}, {'stable' if orbit.stable else 'unstable'}, {orbit.sequence}"
+    panels = [Panel("y_rate_m_per_s", "y_from_rest_m", label=r"$\dot y$ (m/s)", title=title)]
+    panels += [Panel("gap_m", "turns_of_exciter_1", least=0.0)] if orbit.scene.has_contact else []
+    places = range(len(table))
+    look: dict[str, Any] = {"name": "orbit", "heading": "Orbit", "table_name": "orbit", "high": True}
+    found = Picture(
+        title=orbit.scene.name,
+        table=finite(table.assign(y_from_rest_m=table["y_m"] - rest_of(orbit.scene), turns_of_exciter_1=turns)),
+        axes=["y_from_rest_m"],
+        panels=panels,
+        series=[Series("", places, "", CURVES[n], "lines", of=(one.column,)) for n, one in enumerate(panels)],
+        told=run_parameters(orbit.scene),
+        **look,
+    )
+    return draw_picture(found)

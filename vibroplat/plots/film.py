@@ -1,9 +1,8 @@
-"""The machine of a run moving in slow motion, beside its curves: a GIF, or an MP4 where ffmpeg is installed."""
+"""The machine of a run moving in slow motion, beside its curves: a GIF."""
 
 from __future__ import annotations
 
 import math
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -23,8 +22,8 @@ from vibroplat.errors import VibroplatError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.plots.histories import run_of
+from vibroplat.plots.run import FROM_REST
 from vibroplat.plots.style import MATERIAL, PLATFORM, head, new_figure, styled
-from vibroplat.plots.timelines import FROM_REST
 from vibroplat.results.files import directory_of
 from vibroplat.results.picture import CURVES
 from vibroplat.results.run import RunResult
@@ -61,7 +60,7 @@ def write_film(
     directory
         Result directory of ``vibroplat run``.
     out
-        The film, ``.gif`` or ``.mp4``. Default: ``machine.gif`` beside its tables.
+        The film, ``.gif``. Default: ``machine.gif`` beside its tables.
     start, stop
         Interval that is filmed (s). Default: the last turns.
     turns, frames
@@ -70,14 +69,12 @@ def write_film(
     Raises
     ------
     VibroplatError
-        There is no such result or nothing to film, the format is unknown, or ffmpeg is not installed.
+        There is no such result or nothing to film, or the format is unknown.
     """
     out = out or directory_of(directory, "run") / "machine.gif"
-    if out.suffix not in (".gif", ".mp4"):
-        raise VibroplatError(f"--out {out}: not a film; allowed: a name that ends with .gif or .mp4")
-    if out.suffix == ".mp4" and shutil.which("ffmpeg") is None:
-        raise VibroplatError(f"--out {out}: ffmpeg is not installed; allowed: a name that ends with .gif")
-    require_replaceable(out, b"GIF" if out.suffix == ".gif" else b"")
+    if out.suffix != ".gif":
+        raise VibroplatError(f"--out {out}: not a film; allowed: a name that ends with .gif")
+    require_replaceable(out, b"GIF")
     run = run_of(RunResult.read(directory, "run"), start, stop)
     if run.scene is None:
         raise VibroplatError(f"{directory}: its configuration cannot be read; there is nothing to film")
@@ -90,27 +87,10 @@ def write_film(
     )
     with styled():
         figure, paint = _scenery(run.name, run.scene, table)
-        if out.suffix == ".gif":
-            pictures = _reduced(_pictures(figure, paint, times))
-            replace_file(out, lambda file: _save_gif(file, pictures))
-        else:
-            replace_file(out, lambda file: _save_mp4(file, figure, paint, times))
+        first, *others = _reduced(_pictures(figure, paint, times))
+    look: dict[str, Any] = {"save_all": True, "append_images": others, "duration": FRAME, "loop": 0, "optimize": True}
+    replace_file(out, lambda file: first.save(file, format="gif", **look))
     return out
-
-
-def _save_gif(file: Any, pictures: list[Image.Image]) -> None:
-    first, *others = pictures
-    first.save(file, format="gif", save_all=True, append_images=others, duration=FRAME, loop=0, optimize=True)
-
-
-def _save_mp4(file: Path, figure: Figure, paint: Painter, times: FloatArray) -> None:
-    from matplotlib.animation import FFMpegWriter  # noqa: PLC0415  (few films are MP4)
-
-    writer = FFMpegWriter(fps=1000 // FRAME)
-    with writer.saving(figure, str(file), DPI):
-        for time in times:
-            paint(time)
-            writer.grab_frame()
 
 
 def _pictures(figure: Figure, paint: Painter, times: FloatArray) -> list[Image.Image]:
@@ -145,7 +125,7 @@ def _scenery(name: str, scene: Scene, table: pd.DataFrame) -> tuple[Figure, Pain
     moving = {column: table[column].to_numpy(dtype=float) for column in columns}
     if "upper_m" in moving:
         moving["upper_m"] = moving["upper_m"] - static_rest(scene)[6]
-    figure, axes = new_figure(2 if "gap_m" in table else 1, 2, SIZE, width_ratios=(1.1, 1.0))
+    figure, axes, _ = new_figure(2 if "gap_m" in table else 1, 2, SIZE, widths=(1.1, 1.0))
     stage = axes[0, 0]
     if len(axes) == 2:
         stage.remove()

@@ -11,17 +11,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from vibroplat.columns import COORDINATES, FORCES, split
+from vibroplat.columns import COORDINATES, FORCES
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.observe.tables import acceleration_columns
-from vibroplat.plots.measured import Measured
 from vibroplat.plots.reading import Cut, ends_of, rest_of
-from vibroplat.plots.style import FORCE, MATERIAL, PLATFORM
-from vibroplat.results.picture import CURVES, ORANGE
 from vibroplat.results.run import RunResult
 
 _LOG = logging.getLogger("vibroplat")
@@ -34,21 +29,10 @@ BINS = 400
 #: shown of motion that does not repeat so soon; and the fewest samples, for which there are more turns.
 LAST_TURNS, SHOWN_TURNS, FEWEST = 3, 10, 10
 
-#: Speeds of both exciters.
-RATES = ("phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
+#: Speeds of both exciters, as in tables and as in figures.
+RATES, SPEEDS = ("phi1_rate_rad_per_s", "phi2_rate_rad_per_s"), ("speed_1_hz", "speed_2_hz")
 _ANGLES = ("phi1_rad", "phi2_rad")
 _MOVING_RATES = ("x_rate_m_per_s", "y_rate_m_per_s")
-#: Columns of which the largest value of the whole run is known, and what the summary calls it.
-_PEAKS = {
-    "force_y_n": "foundation_force_y_max_n",
-    "force_x_n": "foundation_force_x_max_n",
-    "y_m": "stroke_y_m",
-    "x_m": "stroke_x_m",
-}
-#: Colours of columns of one run: what is along x is orange everywhere.
-_COLOURS = {"gap_m": MATERIAL, "contact_force_n": FORCE, "x_m": ORANGE, "force_x_n": ORANGE}
-#: A figure, and the axis whose lines are named below it, if there is one.
-Drawn = tuple[Figure, Axes | None]
 
 
 @dataclass(frozen=True)
@@ -73,9 +57,6 @@ class Run:
         Whether an interval was given.
     from_rest
         Whether y is counted from the static rest; if that is not known, it is as in the table.
-    peaks
-        Largest force into the foundation and stroke of the whole run, as far as they are known and in the interval: by
-        column its value, time (s) and the mean speed of the exciters then (Hz).
     summary
         The summary of the whole run.
     """
@@ -89,7 +70,6 @@ class Run:
     co_rotating: bool
     chosen: bool
     from_rest: bool
-    peaks: Mapping[str, tuple[float, float, float | None]]
     summary: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -109,60 +89,16 @@ class Run:
         found = self.shown[turns <= shown_turns(self.summary)]
         return self.shown if self.chosen or len(found) < FEWEST else found
 
+    @property
+    def arm(self) -> float:
+        """Distance from the centre of mass at which rotations of the platform are compared with its motion (m)."""
+        return self.scene.body.distance if self.scene else 0.1
+
     def range_of(self, column: str) -> float:
-        """Return the range of a coordinate over the whole interval (m)."""
-        ends = [f"{column}:min", f"{column}:max"]
-        return self.size(self.envelope[ends], column) if ends[0] in self.envelope else 0.0
-
-    def size(self, values: pd.DataFrame | pd.Series, column: str) -> float:
-        """Return the range of a coordinate's values (m); of a rotation, that of the exciters' axes."""
-        arm = (self.scene.body.distance if self.scene else 0.1) if column == "phi_rad" else 1.0
-        found = values.to_numpy(dtype=float)
-        found = found[np.isfinite(found)]
-        return arm * float(np.ptp(found)) if len(found) else 0.0
-
-
-@dataclass(frozen=True)
-class Shown:
-    """The runs of a figure, measured data laid over them, and what several of them are called."""
-
-    runs: Sequence[Run]
-    data: Measured | None = None
-    names: Sequence[str] = ()
-
-    @property
-    def only(self) -> Run | None:
-        """The run, if there is one."""
-        return self.runs[0] if len(self.runs) == 1 else None
-
-    @property
-    def aligned(self) -> bool:
-        """Whether times are counted from a whole turn of exciter 1, to compare the last turns of several runs."""
-        return self.only is None and self.data is None and not any(run.chosen for run in self.runs)
-
-    @property
-    def detail(self) -> str:
-        """The label of the horizontal axis where turns are shown in detail."""
-        return "time since a whole turn of exciter 1 (s)" if self.aligned else "time (s)"
-
-    def origin(self, run: Run) -> float:
-        """Return the time (s) from which those of a run are counted in detail."""
-        if not self.aligned:
-            return 0.0
-        turns = run.last["phi1_rad"].abs() // (2.0 * np.pi)
-        return float(run.last["t_s"].iloc[int(turns.gt(turns.iloc[0]).argmax())])
-
-    def last(self, run: Run) -> pd.DataFrame:
-        """Return the last turns of a run over the time of detail."""
-        table = run.last.assign(t_s=run.last["t_s"] - self.origin(run))
-        return table[table["t_s"] >= 0.0] if self.aligned else table
-
-    def look(self, number: int, column: str) -> dict[str, Any]:
-        """Return the look of a run's line: a colour for each quantity, or for each run if there are several."""
-        if self.only is not None:
-            return {"color": _COLOURS.get(column, PLATFORM)}
-        colour = CURVES[number % len(CURVES)]
-        return {"color": colour, "label": self.names[number], "lw": 1.5 - 0.7 * number / len(self.runs), "alpha": 0.9}
+        """Return the range of a coordinate over the whole interval (m); of a rotation, that of the exciters' axes."""
+        low, high = (self.envelope.get(f"{column}:{end}") for end in ("min", "max"))
+        found = 0.0 if low is None or high is None else float(high.max() - low.min())
+        return (self.arm if column == "phi_rad" else 1.0) * found if np.isfinite(found) else 0.0
 
 
 def turns_of(table: pd.DataFrame) -> float:
@@ -207,11 +143,12 @@ def run_of(result: RunResult, start: float | None = None, stop: float | None = N
     sag = summary.get("static_sag_m") if scene is None else -rest_of(scene)
     moved = () if scene is None else acceleration_columns(scene.output.points)
     optional = {*COORDINATES, *_MOVING_RATES, *moved, *more} - {"t_s", "mode", "y_m", *_ANGLES, *RATES}
+    senses = [-1.0 if ends.last[angle] < ends.first[angle] else 1.0 for angle in _ANGLES]
     parts = (
-        _with_forces(part, scene).assign(y_m=part["y_m"] + (sag or 0.0))
+        _with_more(part, scene, senses).assign(y_m=part["y_m"] + (sag or 0.0))
         for part in result.column_parts("trajectory", ("mode",), ("t_s", "y_m", *_ANGLES, *RATES), optional)
     )
-    columns = (*COORDINATES, *FORCES, *RATES)
+    columns = (*COORDINATES, *FORCES, *SPEEDS)
     found = Cut(parts, (detail, end), (begin, end, bins), columns, every=math.ceil(ends.rows / POINTS))
     if found.shown["t_s"].nunique() < 2:
         raise TableError(f"no data between {begin:g} and {end:g} s; {length}")
@@ -219,29 +156,24 @@ def run_of(result: RunResult, start: float | None = None, stop: float | None = N
     shown_events = pd.concat([part[part["t_s"].between(detail, end)] for part in events], ignore_index=True)
     co_rotating = summary.get("rotation") == "co-rotating"
     cut = (found.thinned, found.envelope(), found.shown, shown_events)
-    peaks = {column: one for column, one in _peaks(summary).items() if begin <= one[1] <= end}
-    return Run(summary["name"], scene, *cut, co_rotating, chosen, sag is not None, peaks, summary)
+    return Run(summary["name"], scene, *cut, co_rotating, chosen, sag is not None, summary)
 
 
-def _with_forces(part: pd.DataFrame, scene: Scene | None) -> pd.DataFrame:
-    """Add the forces of springs and dampers into the foundation to a part of a trajectory, if they are known."""
+def _with_more(part: pd.DataFrame, scene: Scene | None, senses: Sequence[float]) -> pd.DataFrame:
+    """Add to a part of a trajectory the exciters' speeds, and the forces into the foundation if they are known.
+
+    Speeds (Hz) are positive in the direction in which an exciter turns on the whole.
+    """
+    speeds = {
+        name: sense * part[rate] / (2.0 * math.pi) for name, rate, sense in zip(SPEEDS, RATES, senses, strict=True)
+    }
+    part = part.assign(**speeds)
     if scene is None or not {"x_m", "y_m", *_MOVING_RATES} <= {*part.columns}:
         return part
     machine = scene.machine
     along_x = machine.stiffness_x_n_per_m * part["x_m"] + machine.damping_x_n_s_per_m * part["x_rate_m_per_s"]
     along_y = machine.stiffness_y_n_per_m * part["y_m"] + machine.damping_y_n_s_per_m * part["y_rate_m_per_s"]
     return part.assign(force_x_n=along_x, force_y_n=along_y)
-
-
-def _peaks(summary: Mapping[str, Any]) -> dict[str, tuple[float, float, float | None]]:
-    """Return the peaks of a whole run from its summary; one from before there were data sheets has none."""
-    found = {}
-    for column, name in _PEAKS.items():
-        base = split(name)[0]
-        value, at, pace = (summary.get(f"whole_{key}") for key in (name, f"{base}_at_s", f"{base}_at_hz"))
-        if value is not None and at is not None:
-            found[column] = (value, at, pace)
-    return found
 
 
 def _interval(first: float, last: float, given: Mapping[str, float], length: str) -> tuple[float, float]:

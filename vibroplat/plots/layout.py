@@ -2,37 +2,69 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from vibroplat.columns import QUANTITIES, quantity_of
+from vibroplat.plots.axes import label_of
 from vibroplat.plots.strips import height_of
-from vibroplat.plots.style import below_strips, new_figure
-from vibroplat.results.labels import EXCITATION, SUPPLY, key_label
+from vibroplat.plots.style import TOLD, new_figure
 from vibroplat.results.picture import Facet, Panel, Picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Panels beside each other at most, and dots in their order.
-ACROSS, RANKS = 3, 4
-#: Panels that are wide enough for two columns.
-TWO = 5
+#: Panels beside each other at most, and dots in their order; panels that are wide enough for two columns.
+ACROSS, RANKS, TWO = 3, 4, 5
 
 
 class Cell(NamedTuple):
-    """A panel in its axis, with the numbers of its series and of those behind them."""
+    """A panel of a facet in its axis; whether it is the first and the last one of its row."""
 
     axis: Axes
     panel: Panel
-    series: Sequence[int]
-    behind: Sequence[int]
+    facet: Facet
+    is_first: bool
+    is_last: bool
 
 
-def label_of(column: str) -> str:
-    """Return what a column is called on an axis, with its unit."""
-    return quantity_of(column).label if column in QUANTITIES or column.endswith("_m") else key_label(column)
+class _Grid(NamedTuple):
+    """Rows and columns, a size (inch), whether panels share the horizontal and the vertical axis, and widths.
+
+    Panels are column by column (``down``), or row by row.
+    """
+
+    rows: int
+    columns: int
+    size: tuple[float, float]
+    sharex: Any
+    sharey: Any = False
+    widths: Sequence[float] | None = None
+    down: bool = False
+
+
+def _grid(picture: Picture, panels: Sequence[Panel], facets: Sequence[Facet]) -> _Grid:
+    """Return how panels are arranged."""
+    kinds, count = {panel.kind for panel in panels}, len(panels)
+    square, own = bool(kinds & {"tiles", "plane"}), any(panel.x for panel in panels)
+    if any(facet.width for facet in facets):
+        return _Grid(count, len(facets), (10.0, 1.5 + 1.45 * count), "col", "row", [facet.width for facet in facets])
+    if count > 1 and (len(facets) > 1 or "plane" in kinds):
+        size = (
+            max(5.8 if own else 8.0, 1.5 + 4.3 * len(facets)),
+            1.4 + (3.4 if picture.high or square else 2.9) * count,
+        )
+        return _Grid(count, len(facets), size, not own, "row")
+    if len(facets) > 1 or square or kinds & {"bars", "ranks"} or (picture.high and (count == 1 or own)):
+        shown = max(count * len(facets), 1)
+        across = min(shown, RANKS if "ranks" in kinds else ACROSS)
+        down, width = -(-shown // across), 2.9 if "ranks" in kinds else 4.4
+        size = (max(width * across, 7.5), 0.9 + (4.2 if picture.high or square else 2.8) * down)
+        return _Grid(down, across, size, sharex=False)
+    columns = 1 + (count > TWO and not own)
+    rows, each = -(-count // columns), 4.0 if count == 1 else 2.6 if picture.high else 1.75
+    height = 1.5 + each * sum(panel.height for panel in panels) / columns
+    return _Grid(rows, columns, (8.0 if columns == 1 else 11.0, height), not own, down=True)
 
 
 def cells_of(picture: Picture, x: str) -> tuple[Figure, Axes | None, list[Cell]]:
@@ -40,67 +72,32 @@ def cells_of(picture: Picture, x: str) -> tuple[Figure, Axes | None, list[Cell]]
     panels = [panel for panel in picture.panels if panel.column != x or panel.kind == "ranks"]
     panels = panels or ([*picture.panels[:1]] if picture.strips is None else [])
     facets = picture.facets or (Facet("", range(len(picture.series))),)
-    label = key_label(x) if x in (EXCITATION, SUPPLY) or "." in x or picture.facets else label_of(x)
-    kinds = {panel.kind for panel in panels}
-    if len(panels) > 1 and (len(facets) > 1 or "plane" in kinds):
-        return _in_rows(picture, panels, facets, label)
-    if len(facets) > 1 or kinds & {"tiles", "bars", "ranks", "plane"} or (picture.high and len(panels) == 1):
-        return _beside(picture, panels, facets, label)
-    two = len(panels) > TWO
-    rows, each = -(-len(panels) // (1 + two)), 4.0 if len(panels) == 1 else 2.6 if picture.high else 1.75
-    figure, axes, strip = below_strips(rows, 1 + two, (11.0 if two else 8.0, 1.5 + each * rows), height_of(picture))
-    grid = list(axes.T.ravel())
-    if len(panels) % 2 and two:  # on top, so that all columns end alike
-        empty = grid.pop(rows)
-        empty.set_axis_off()
-    if strip is not None and two:
+    grid = _grid(picture, panels, facets)
+    shown = [(panel, facet) for panel in panels for facet in facets]
+    heights = [panel.height for panel in panels] if len(panels) == grid.rows else None
+    look: dict[str, Any] = {"widths": grid.widths, "heights": heights}
+    figure, axes, strip = new_figure(
+        grid.rows, grid.columns, grid.size, height_of(picture), sharex=grid.sharex, sharey=grid.sharey, **look
+    )
+    order = [*(axes.T if grid.down else axes).ravel()]
+    while len(order) > len(shown):  # where columns share an axis the one on top, so that they end alike
+        order.pop(grid.rows if grid.down else -1).set_axis_off()
+    cells = [*_cells(grid, x, zip(order, shown, strict=False))]
+    if strip is not None and (grid.columns > 1 or not panels):
         strip.tick_params(labelbottom=True)
-    for axis in [*{grid[rows - 1], grid[-1]}] if panels else [strip]:
-        axis.set_xlabel(label)
-        axis.tick_params(labelbottom=True)
-    return figure, strip, [Cell(axis, panel, *facets[0][1:]) for axis, panel in zip(grid, panels, strict=False)]
-
-
-def _in_rows(
-    picture: Picture, panels: Sequence[Panel], facets: Sequence[Facet], label: str
-) -> tuple[Figure, Axes | None, list[Cell]]:
-    """Return a row for each panel and a column for each facet."""
-    high = picture.high or any(panel.kind in ("tiles", "plane") for panel in panels)
-    share = not any(panel.kind == "plane" for panel in panels)
-    size = (max(8.0 if share else 5.8, 1.5 + 4.3 * len(facets)), 1.4 + (3.4 if high else 2.9) * len(panels))
-    above = height_of(picture)
-    figure, axes, strip = below_strips(len(panels), len(facets), size, above, sharex=share, sharey=True)
-    cells = [
-        Cell(axis, panel, facet.series, facet.behind)
-        for row, panel in zip(axes, panels, strict=True)
-        for axis, facet in zip(row, facets, strict=True)
-    ]
-    for axis, panel, *_ in cells:
-        if panel.title or axis in axes[0]:
-            axis.set_title(facets[axis.get_subplotspec().colspan.start].label, loc="left")  # type: ignore[union-attr]
-    for axis in axes[-1]:
-        axis.set_xlabel(label)
+    if strip is not None and not panels:
+        strip.set_xlabel(label_of(x))
     return figure, strip, cells
 
 
-def _beside(
-    picture: Picture, panels: Sequence[Panel], facets: Sequence[Facet], label: str
-) -> tuple[Figure, Axes | None, list[Cell]]:
-    """Return panels beside each other, each with an axis of its own."""
-    shown = [(panel, facet) for panel in panels for facet in facets]
-    ranks = any(panel.kind == "ranks" for panel in panels)
-    across = min(max(len(shown), 1), RANKS if ranks else ACROSS)
-    down = -(-max(len(shown), 1) // across)
-    high = picture.high or any(panel.kind in ("tiles", "plane") for panel in panels)
-    width = 2.9 if ranks else 4.4
-    figure, axes = new_figure(down, across, (max(width * across, 7.5), 0.9 + (4.2 if high else 2.8) * down))
-    grid = list(axes.ravel())
-    for axis in grid[len(shown) :]:
-        axis.set_axis_off()
-    cells = [Cell(axis, panel, f.series, f.behind) for axis, (panel, f) in zip(grid, shown, strict=False)]
-    for (axis, panel, *_), (_, facet) in zip(cells, shown, strict=True):
-        own = label_of(panel.column) if panel.kind == "ranks" else panel.label if panel.kind == "bars" else label
-        axis.set_xlabel(own)
-        if len(facets) > 1:
-            axis.set_title(facet.label, loc="left")
-    return figure, None, cells
+def _cells(grid: _Grid, x: str, placed: Any) -> Iterator[Cell]:
+    """Yield panels in their axes, with titles, and labels of horizontal axes where none is below."""
+    for axis, (panel, facet) in placed:
+        place = axis.get_subplotspec()
+        if facet.label and (place.is_first_row() or not (grid.sharey or grid.down) or panel.title):
+            axis.set_title(facet.label, loc="left", color=TOLD, fontsize=8.5)
+        if place.is_last_row() or not (grid.sharex or grid.down):
+            named = {"ranks": label_of(panel.column), "bars": panel.label}
+            axis.set_xlabel(named.get(panel.kind) or label_of(panel.x or x))
+            axis.tick_params(labelbottom=True)
+        yield Cell(axis, panel, facet, place.is_first_col(), place.is_last_col())

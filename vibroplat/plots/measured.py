@@ -27,7 +27,7 @@ from vibroplat.columns import PHASE_COLUMN, display_name
 from vibroplat.config.digits import quantity, share
 from vibroplat.config.schema import MAX_SIZE, did_you_mean
 from vibroplat.errors import TableError
-from vibroplat.plots.timelines import in_units
+from vibroplat.plots.axes import in_units
 from vibroplat.results.labels import is_number, plain
 from vibroplat.results.picture import BLACK
 from vibroplat.system.memory import size_text
@@ -114,8 +114,8 @@ class Measured:
             self.table = self.table.assign(t_s=self.table["t_s"] + self.shift)
 
     def compare(self, column: str, x: str, curves: Collection[Curve]) -> None:
-        """Note the error of a column beside the nearest of some curves over ``x``."""
-        if {x, column} <= {*self.table.columns} and column not in (x, PHASE_COLUMN):
+        """Note the error of a column beside the nearest of some curves over ``x``, if it is not known."""
+        if {x, column} <= {*self.table.columns} and column not in (x, PHASE_COLUMN, *self.errors):
             errors = [relative_error(curve_of(self.table, column, x), curve) for curve in curves]
             self.errors[column] = min((error for error in errors if error is not None), default=np.nan)
 
@@ -135,19 +135,18 @@ class Measured:
         told = {column: f"{self.told(column)} {what}" if self.told(column) else nothing for column in self.errors}
         return [f"{self.path.name}: {display_name(column)} {text}{shift}" for column, text in told.items()]
 
-    def draw(self, axis: Axes, x: str, column: str, *, inside: bool = False) -> Axes:
+    def draw(self, axis: Axes, x: str, column: str) -> None:
         """Draw a column over another where the data have both, in black diamonds, smaller ones if they are many.
 
-        With ``inside``, what lies beside all that has been drawn is left out.
+        Over time, what lies beside all that has been drawn is left out.
         """
         if {x, column} <= {*self.table.columns}:
-            low, high = axis.dataLim.intervalx if inside else (-np.inf, np.inf)
+            low, high = axis.dataLim.intervalx if x == "t_s" else (-np.inf, np.inf)
             table = self.table[self.table[x].between(low, high)]
             size, edge = (4.0, 1.0) if len(table) <= MOST_LARGE else (2.0, 0.5)
             look: dict[str, Any] = {"color": BLACK, "mfc": "white", "ms": size, "mew": edge, "zorder": 5.0, "ls": ""}
             label = ", ".join(filter(None, (f"measured: {plain(self.path.name)}", self.told(column))))
             axis.plot(table[x], in_units(table[column], column), marker="D", label=label, **look)
-        return axis
 
 
 def curve_of(table: pd.DataFrame, column: str, x: str = "t_s") -> Curve:

@@ -12,16 +12,17 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.patheffects import Normal, Stroke
-from matplotlib.ticker import FixedLocator, MaxNLocator
+from matplotlib.ticker import MaxNLocator
 
 from vibroplat.config import digits
+from vibroplat.plots.axes import in_decades
 from vibroplat.plots.strips import PALE
-from vibroplat.plots.style import in_decades
-from vibroplat.results.labels import SUPPLY, halfway, in_ratios, key_label, key_name
+from vibroplat.results.labels import halfway, in_ratios, key_label, key_name
 from vibroplat.results.picture import BLUE, REFERENCE, VERMILION, Panel, Picture, Series
 
 if TYPE_CHECKING:
     from vibroplat.kernels.compiled import FloatArray
+    from vibroplat.plots.layout import Cell
 
 #: Bars of a panel, dots from which on they are smaller, and shares of points that are marked (%).
 BARS, MANY, QUANTILES, SHARES = 10, 200, (5, 50, 95), (5, 25, 50, 75, 95)
@@ -29,9 +30,6 @@ BARS, MANY, QUANTILES, SHARES = 10, 200, (5, 50, 95), (5, 25, 50, 75, 95)
 HATCH, _TICKS = "xxxx", 12
 #: Largest real and imaginary part on the plane, and the least frame, just around the unit circle.
 FARTHEST, NEAREST = 2.0, 1.1
-#: The axis of sizes of multipliers is linear up to this distance from 1, and logarithmic farther away.
-NEAR_ONE = 1e-3
-_SIZE_TICKS = (1.0, 0.9, 1.1, 0.99, 1.01, 0.0, 2.0, 0.999, 1.001, *(10.0**power for power in range(1, 32)))
 
 
 def ended(values: Any) -> FloatArray:
@@ -42,37 +40,16 @@ def ended(values: Any) -> FloatArray:
 # -- tiles, bars, stacks, planes ---------------------------------------------------------------------------------------
 
 
-def draw_map(
-    axis: Axes, table: pd.DataFrame, key: str, values: pd.Series, colours: Any, norm: Any, *, x: str = SUPPLY,
-    alpha: float | None = None,
-) -> Axes:  # fmt: skip
-    """Draw a tile of equal height for each point of one direction of a sweep; failed points are hatched.
+def _tile(
+    axis: Axes, table: pd.DataFrame, key: str, values: pd.Series, colours: Any, norm: Any, x: str, alpha: float | None
+) -> None:
+    """Draw a tile of equal height for each point; failed points are hatched.
 
     Rows are in the order of the key's values, evenly spaced whatever these are: their ticks say which.
-
-    Parameters
-    ----------
-    axis
-        Where to draw.
-    table
-        The points, each with a value of the horizontal axis and of the key.
-    key
-        The key of the vertical axis.
-    values
-        What is drawn; NaN where a point failed.
-    colours, norm
-        Matplotlib's colour map and norm of these values.
-    x, alpha
-        Column of the horizontal axis, and opacity of the tiles.
-
-    Returns
-    -------
-    Axes
-        The same axis.
     """
     grid = _grid(table, key, x, values)
     if grid.empty:
-        return axis
+        return
     found, rows = grid.to_numpy(), np.arange(len(grid.index))
     corners = halfway(grid.columns.to_numpy(dtype=float)), np.arange(len(rows) + 1) - 0.5
     axis.pcolormesh(*corners, found, cmap=colours, norm=norm, alpha=alpha, rasterized=True)
@@ -84,7 +61,6 @@ def draw_map(
     every = max(1, -(-len(rows) // _TICKS))
     axis.set_yticks(rows[::every], [f"{value:.4g}" for value in grid.index[::every]])
     axis.grid(visible=False)
-    return axis
 
 
 def _grid(table: pd.DataFrame, key: str, x: str, values: Any) -> pd.DataFrame:
@@ -103,20 +79,18 @@ def coloured(panel: Panel, points: pd.DataFrame) -> tuple[FloatArray, Any, Norma
     values = np.asarray(points[panel.by].to_numpy(dtype=float, na_value=np.nan))
     known = values[np.isfinite(values)]
     dark = colormaps["viridis_r"](np.linspace(0.05, 1.0, 256))  # from small values, pale, to large ones, dark
-    if panel.least is not None:  # what is none is white
-        dark[0] = 1.0
-        return values, ListedColormap(dark), Normalize(0.0, panel.least)
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
     return values, ListedColormap(dark), Normalize(low, high)
 
 
-def _tiles(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Series]) -> None:
+def _tiles(cell: Cell, picture: Picture, x: str, shown: Sequence[Series]) -> None:
     """Draw tiles, and lines over them; beyond the first and the last row there are none."""
+    axis, panel = cell[:2]
     points, (values, colours, norm) = picture.points, coloured(panel, picture.points)
     rows = np.concatenate([series.places for series in shown if series.mode == "dots"])
     table = points.iloc[rows]
     shades, alpha = pd.Series(values[rows], table.index), PALE if panel.classes else None
-    draw_map(axis, table, panel.column, shades, colours, norm, x=x, alpha=alpha)
+    _tile(axis, table, panel.column, shades, colours, norm, x, alpha)
     _over_tiles(axis, panel, table, x)
     levels = np.unique(table[panel.column])
     across, up = ended(points[x]), ended(points[panel.column])
@@ -145,8 +119,9 @@ def _over_tiles(axis: Axes, panel: Panel, table: pd.DataFrame, x: str) -> None:
         axis.contour(across, rows, heights, [*levels], colors="k", linewidths=0.9, linestyles=dashes)
 
 
-def _bars(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Series]) -> None:
+def _bars(cell: Cell, picture: Picture, x: str, shown: Sequence[Series]) -> None:
     """Draw horizontal bars of the first rows, which are the largest."""
+    axis, panel = cell[:2]
     own = picture.points.iloc[shown[0].places[:BARS]] if shown else picture.points.iloc[:0]
     places, values = np.arange(len(own)), own[x].to_numpy(float)
     axis.barh(places, values, color=[BLUE if value > 0.0 else VERMILION for value in values], height=0.7)
@@ -156,8 +131,9 @@ def _bars(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Se
     axis.grid(visible=False, axis="y")
 
 
-def _stack(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Series]) -> None:
+def _stack(cell: Cell, picture: Picture, x: str, shown: Sequence[Series]) -> None:
     """Stack fractions over a key; bars say how well each is known from so many starts."""
+    axis, panel = cell[:2]
     points, below = picture.points, pd.Series(0.0, np.unique(picture.points[x]))
     values = below.index.to_numpy(float)
     for series in shown:
@@ -176,8 +152,9 @@ def _stack(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[S
     axis.margins(x=0.0 if len(values) > 1 else None)
 
 
-def _plane(axis: Axes, picture: Picture, panel: Panel, _: str, shown: Sequence[Series]) -> None:
+def _plane(cell: Cell, picture: Picture, _: str, shown: Sequence[Series]) -> None:
     """Draw complex numbers and the unit circle; say how many lie farther away than the frame."""
+    axis, panel = cell[:2]
     points, angle = picture.points, np.linspace(0.0, 2.0 * np.pi, 361)
     axis.plot(np.cos(angle), np.sin(angle), color=REFERENCE, lw=1.0)
     farthest = points[[panel.x, panel.column]].abs().max().max()
@@ -192,34 +169,14 @@ def _plane(axis: Axes, picture: Picture, panel: Panel, _: str, shown: Sequence[S
         told = f"{int(far.sum()) // 2} farther away"  # each is there with its conjugate
         axis.text(0.02, 0.02, told, transform=axis.transAxes, fontsize=8, color=REFERENCE)
     axis.set(xlabel=f"{panel.x} part", aspect="equal", xlim=(-frame, frame), ylim=(-frame, frame))
-    if axis.get_subplotspec().is_last_col() or len(picture.facets) < 2:  # type: ignore[union-attr]
+    if cell.is_last:
         row = [one for one in axis.figure.axes if one.get_ylim() == axis.get_ylim() and one.get_aspect() == 1.0]
         axis.figure.colorbar(ScalarMappable(norm, "viridis"), ax=row, pad=0.01).set_label(key_label(panel.by))
 
 
-def placed_by_size(size: Any) -> Any:
-    """Return where a multiplier's size is on its axis, on which those near 1, which decide on stability, have room."""
-    return np.arcsinh((size - 1.0) / NEAR_ONE)
-
-
-def size_at(place: Any) -> Any:
-    """Return the size of a multiplier at a place of its axis, the inverse of :func:`placed_by_size`."""
-    return 1.0 + NEAR_ONE * np.sinh(place)
-
-
-def tick_sizes(axis: Axes) -> None:
-    """Give an axis ticks of sizes, those near 1 first, as many as there is room for."""
-    (low, high), kept = axis.get_ylim(), list[float]()
-    for tick in _SIZE_TICKS:
-        distances = [abs(placed_by_size(tick) - placed_by_size(other)) for other in kept]
-        if low <= tick <= high and min(distances, default=np.inf) > 0.05 * (placed_by_size(high) - placed_by_size(low)):
-            kept.append(tick)
-    axis.yaxis.set_major_locator(FixedLocator(kept))
-    axis.yaxis.set_major_formatter("{x:g}")
-
-
-def _ranks(axis: Axes, picture: Picture, panel: Panel, _: str, series: Sequence[Series]) -> None:
+def _ranks(cell: Cell, picture: Picture, _: str, series: Sequence[Series]) -> None:
     """Draw each point in the order of its values, in the colour of its class, and rings at 5, 50 and 95 %."""
+    axis, panel = cell[:2]
     own = picture.points.iloc[np.concatenate([one.places for one in series])].dropna(subset=[panel.column])
     own = own.sort_values(panel.column, kind="stable")
     values, share = own[panel.column].to_numpy(dtype=float), 100.0 * (np.arange(len(own)) + 0.5) / max(len(own), 1)
@@ -229,7 +186,7 @@ def _ranks(axis: Axes, picture: Picture, panel: Panel, _: str, series: Sequence[
         axis.plot(values[chosen], share[chosen], "o", ms=size, mew=0.0, color=colour)
     axis.set(yticks=SHARES, ylim=(-4.0, 104.0))
     axis.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-    if axis.get_subplotspec().is_first_col():  # type: ignore[union-attr]
+    if cell.is_first:
         axis.set_ylabel("samples that are smaller (%)")
     if len(own) and np.ptp(values) > 0.0:
         for quantile, place in zip(QUANTILES, np.percentile(values, QUANTILES), strict=True):
@@ -241,8 +198,9 @@ def _ranks(axis: Axes, picture: Picture, panel: Panel, _: str, series: Sequence[
             )  # fmt: skip
 
 
-def _dots(axis: Axes, picture: Picture, panel: Panel, x: str, series: Sequence[Series]) -> None:
+def _dots(cell: Cell, picture: Picture, x: str, series: Sequence[Series]) -> None:
     """Draw dots in the colours of their classes, or along a scale."""
+    axis, panel = cell[:2]
     rows = np.concatenate([one.places for one in series])
     values, colours, norm = coloured(panel, picture.points)
     own, size = picture.points.iloc[rows], float(np.clip(4e4 / max(len(rows), 1), 3.0, 40.0))

@@ -1,49 +1,153 @@
-"""Figures of a run, or of several laid over each other, drawn from their tables."""
+"""Pictures of a run, or of several laid over each other, and their figures.
+
+Their points are rows of trajectories, of ranges in each turn and of events, one table behind the other; each series
+has its own.
+"""
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
-from vibroplat.columns import FORCES, PHASE
+from vibroplat.columns import FORCES, PHASE, PHASE_COLUMN, split, unit_of
+from vibroplat.config import digits
 from vibroplat.errors import TableError
-from vibroplat.plots import accelerations, timelines
 from vibroplat.plots.headlines import headline
-from vibroplat.plots.histories import RATES, Drawn, Run, Shown, run_of, turns_of
+from vibroplat.plots.histories import RATES, SPEEDS, Run, run_of, turns_of
 from vibroplat.plots.measured import Measured, curve_of
-from vibroplat.plots.style import (
-    TOLD,
-    begin_at_zero,
-    head,
-    legend_below,
-    new_figure,
-)
+from vibroplat.plots.pictures import draw_picture
+from vibroplat.plots.spectra import lines_of, peaks_of, spectrum_of
+from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM
+from vibroplat.results import picture
 from vibroplat.results.files import directory_of
-from vibroplat.results.labels import compared, distinct, run_parameters
-from vibroplat.results.labels import named as label_of_runs
-from vibroplat.results.picture import BLACK, CURVES, REFERENCE
+from vibroplat.results.labels import compared, distinct, named, phase_label, run_parameters
+from vibroplat.results.picture import BLACK, BROKEN, CURVES, LOW, ORANGE, REFERENCE, Facet, Panel
 from vibroplat.results.run import RunResult
 
 if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_LOG = logging.getLogger("vibroplat")
-
-#: Least range of the axes of x and y, over the largest range of what moves, that of the exciters' axes included.
-LEAST_RANGE = 0.05
 #: Range of a coordinate over the largest one, above which it has a panel.
 MATTERS = 0.05
-#: Most turns that are drawn as a line; more of them as an envelope.
+#: Most turns that are drawn as a line; more of them as a range.
 MOST_TURNS = 60
+#: Times at which the synchronous speed is known, and distance of speeds that coincide, over their size.
+TIMES, SAME = 401, 0.015
+#: Largest lines of a spectrum over the least ones that are drawn, orders of an exciter shown, and those with a name.
+DEPTH, ORDERS, NAMED = 1e4, 20, 10
+#: Colours of columns of one run: what is along x is orange everywhere.
+_COLOURS = {"gap_m": MATERIAL, "contact_force_n": FORCE, "x_m": ORANGE, "force_x_n": ORANGE}
+#: The platform's coordinates; and the name of the axis of y where it is counted from the static rest.
+_MOVING, FROM_REST = ("y_m", "x_m", "phi_rad"), "$y$ from rest (mm)"
+#: Columns whose largest value of the whole run is marked, and what the summary calls it.
+_PEAKS = {
+    "force_y_n": "foundation_force_y_max_n",
+    "force_x_n": "foundation_force_x_max_n",
+    "y_m": "stroke_y_m",
+    "x_m": "stroke_x_m",
+}
+#: The panel of the exciters' speeds.
+_SPEEDS = Panel("speed_hz", label="speed (Hz)")
 
-_MOVING = ("x_m", "y_m", "phi_rad")
+
+@dataclass
+class Shown:
+    """The runs of a figure with measured data and what several runs are called; and what is drawn of them.
+
+    Series come with :meth:`draw`, which are those ``whole`` or ``last`` turns that stand beside each other.
+    """
+
+    runs: Sequence[Run]
+    data: Measured | None = None
+    names: Sequence[str] = ()
+    parts: list[pd.DataFrame] = field(default_factory=list)
+    series: list[picture.Series] = field(default_factory=list)
+    words: list[picture.Word] = field(default_factory=list)
+    whole: list[int] = field(default_factory=list)
+
+    @property
+    def only(self) -> Run | None:
+        """The run, if there is one."""
+        return self.runs[0] if len(self.runs) == 1 else None
+
+    @property
+    def both(self) -> bool:
+        """Whether whole runs stand beside their last turns."""
+        return not any(run.chosen for run in self.runs) and any(run.is_long for run in self.runs)
+
+    @property
+    def aligned(self) -> bool:
+        """Whether last turns are counted from a whole turn of exciter 1, to compare those of several runs."""
+        return self.only is None and self.data is None and not any(run.chosen for run in self.runs)
+
+    def last(self, run: Run) -> pd.DataFrame:
+        """Return the last turns of a run."""
+        if not self.aligned:
+            return run.last
+        turns = run.last["phi1_rad"].abs() // (2.0 * np.pi)
+        begin = float(run.last["t_s"].iloc[int(turns.gt(turns.iloc[0]).argmax())])
+        return run.last[run.last["t_s"] >= begin].assign(t_s=run.last["t_s"] - begin)
+
+    def during(self, run: Run) -> pd.DataFrame:
+        """Return the events of the last turns, at the times of these."""
+        last = self.last(run)
+        begin = float(run.last.loc[last.index[0], "t_s"]) - float(last["t_s"].iloc[0])
+        return run.events[run.events["t_s"] >= float(run.last["t_s"].iloc[0])].assign(t_s=lambda t: t["t_s"] - begin)
+
+    def colour(self, run: Run, column: str) -> str:
+        """Return the colour of a quantity, or of each run if there are several."""
+        number = next(number for number, one in enumerate(self.runs) if one is run)
+        return _COLOURS.get(column, PLATFORM) if self.only else CURVES[number % len(CURVES)]
+
+    def called(self, run: Run, alone: str = "") -> str:
+        """Return the name of one of several runs."""
+        return self.names[next(n for n, one in enumerate(self.runs) if one is run)] if self.names else alone
+
+    def draw(self, table: pd.DataFrame, label: str = "", breaks: Any = (), whole: bool = False, **look: Any) -> None:
+        """Add a table as a series of its own, broken before some of its rows."""
+        places = sum(map(len, self.parts)) + np.arange(len(table))
+        if whole:
+            self.whole.append(len(self.series))
+        self.series.append(picture.Series(label, np.insert(places, breaks, BROKEN), **{"mode": "lines"} | look))
+        self.parts.append(table.reset_index(drop=True))
+
+    def picture(self, kind: str, panels: Sequence[Panel], *lines: str, facets: int = 2, **more: Any) -> picture.Picture:
+        """Return the picture of all that was drawn, in so many parts: the whole run, and its last turns."""
+        last = [n for n in range(len(self.series)) if n not in self.whole]
+        table = pd.concat(self.parts, ignore_index=True) if self.parts else pd.DataFrame()
+        columns = [*more.get("axes", ["t_s"]), *(panel.column for panel in panels)]
+        told = "from a whole turn on" if self.aligned else f"last {turns_of(self.runs[0].last):.0f} turns"
+        shown = [Facet(told, last, width=1.0)]
+        shown = [Facet("whole run: range of each turn", self.whole, width=2.2), *shown] if self.both else shown
+        shown = shown if facets > 1 and self.both else [one._replace(width=0.0) for one in shown[:facets]]
+        begin = float(self.runs[0].whole["t_s"].iloc[0])
+        names = named([run.name for run in self.runs], run_parameters(self.only.scene, begin) if self.only else "")
+        rotations = {run.co_rotating for run in self.runs}
+        return picture.Picture(
+            name=kind,
+            heading=kind,
+            title=headline(kind, self.runs),
+            table=table.reindex(columns=list(dict.fromkeys([*columns, *table]))).astype(float),
+            table_name="trajectory",
+            panels=panels,
+            series=self.series,
+            words=self.words,
+            facets=shown if self.both or self.aligned else (),
+            told="\n".join(filter(None, (names, *lines))),
+            rotation={True: "co-rotating", False: "counter-rotating"}[rotations.pop()] if len(rotations) == 1 else "",
+            **{"axes": ["t_s"]} | more,
+        )
+
+    def panel(self, column: str, **look: Any) -> Panel:
+        """Return the panel of a coordinate."""
+        is_from_rest = column == "y_m" and all(run.from_rest for run in self.runs)
+        return Panel(column, label=FROM_REST if is_from_rest else "", **look)
+
 
 # -- figures -----------------------------------------------------------------------------------------------------------
 
@@ -87,7 +191,8 @@ def run_figures(
         data.select("t_s", numbers).fit(runs[0].shown)
         for column in numbers:
             data.compare(column, "t_s", [curve_of(run.shown, column) for run in runs if column in run.shown])
-    shown = _shown(runs, directories, data)
+    names = distinct([run.name for run in runs], directories)
+    shown = Shown(runs, data, compared("run", names, [run.scene for run in runs]) if len(runs) > 1 else ())
     drawn = [kind for kind in kinds or FIGURES if not missing(kind, shown)]
     if not drawn:
         raise TableError(f"--kind {kinds[0]}: {directories[0]} {missing(kinds[0], shown)}")
@@ -103,11 +208,8 @@ def _measured_interval(data: Measured, whole: pd.DataFrame) -> tuple[float | Non
     found = replace(data, errors={}).select("t_s", numbers, [*map(str, data.given)])
     found.fit(whole)
     data.shift = found.shift
-    first, last = (
-        max(found.table["t_s"].min(), whole["t_s"].iloc[0]),
-        min(found.table["t_s"].max(), whole["t_s"].iloc[-1]),
-    )
-    return (float(first), float(last)) if first < last else (None, None)
+    inside = found.table["t_s"][found.table["t_s"].between(whole["t_s"].iloc[0], whole["t_s"].iloc[-1])]
+    return (float(inside.min()), float(inside.max())) if inside.min() < inside.max() else (None, None)
 
 
 def missing(kind: str, shown: Shown) -> str:
@@ -120,205 +222,208 @@ def missing(kind: str, shown: Shown) -> str:
     return "needs --data FILE" if kind == "measured" and shown.data is None else ""
 
 
-def _shown(runs: Sequence[Run], directories: Sequence[Path], data: Measured | None) -> Shown:
-    """Name several runs by how they differ."""
-    if len(runs) == 1:
-        return Shown(runs, data)
-    names = distinct([run.name for run in runs], directories)
-    return Shown(runs, data, compared("run", names, [run.scene for run in runs]))
-
-
 def draw(kind: str, shown: Shown) -> Figure:
-    """Draw a figure, with what it shows above it, and below it the lines of an axis that names them.
-
-    Several runs are always named, by the lines of the last axis if there is no other.
-    """
-    figure, named = FIGURES[kind](shown)
-    run = shown.only
-    parameters = "" if run is None else run_parameters(run.scene, float(run.whole["t_s"].iloc[0]))
-    told = [] if shown.data is None or kind != "measured" else shown.data.differences()
-    names = label_of_runs([run.name for run in shown.runs], parameters)
-    head(figure, "; ".join(told) or headline(kind, shown.runs), names)
-    if run is None or named is not None:
-        legend_below(figure, (named or figure.axes[-1]).get_legend_handles_labels()[0])
-    return figure
+    """Draw a figure of runs."""
+    found = FIGURES[kind](Shown(shown.runs, shown.data, shown.names))
+    return draw_picture(found, data=None if kind == "spectrum" else shown.data)
 
 
-def _legend_above(axis: Axes, columns: int = 1) -> None:
-    """Name what has a name in a panel; an envelope has none."""
-    if axis.get_legend_handles_labels()[0]:
-        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderpad=0.0, ncols=columns)
+def _curve(shown: Shown, run: Run, column: str, panel: str = "", label: str = "", **look: Any) -> None:
+    """Draw a column of a run: its range in each turn of the whole run, and its last turns."""
+    look = {"colour": shown.colour(run, column), "of": (panel or column,)} | look
+    low, high = (run.envelope[f"{column}:{end}"] for end in ("min", "max"))
+    if shown.both or run.turns > MOST_TURNS:
+        ranges = run.envelope[["t_s"]].assign(**{panel or column: high, f"{panel or column}{LOW}": low})
+        shown.draw(ranges, label, whole=shown.both, mode="band", pale=shown.only is None, **look)
+    if shown.both or run.turns <= MOST_TURNS:
+        last = shown.last(run)
+        shown.draw(last[["t_s"]].assign(**{panel or column: last[column]}), label, **look)
 
 
-def _over_time(shown: Shown, rows: Sequence[str], more: int = 0) -> tuple[Figure, Any, bool]:
-    """Draw columns over time, the range of each turn of a long run on the left and its last turns on the right.
+def _coordinate(shown: Shown, column: str) -> None:
+    """Draw a coordinate; if there is one run, contact is shaded and impacts are marked."""
+    for run in (run for run in shown.runs if column in run.shown):
+        _curve(shown, run, column, label=shown.called(run))
+        if shown.only and "gap_m" in run.shown and run.turns <= MOST_TURNS and column not in FORCES:
+            _contact(shown, run, column)
 
-    Both have the scale of the whole run. ``more`` panels below are left to others.
-    """
-    overview = not any(run.chosen for run in shown.runs) and any(run.is_long for run in shown.runs)
-    count = len(rows) + more
-    figure, axes = new_figure(
-        count, 1 + overview, (10.0 if overview else 8.0, 1.5 + 1.45 * count),
-        sharex="col", sharey="row", width_ratios=[2.2, 1.0] if overview else None,
+
+def _contact(shown: Shown, run: Run, column: str) -> None:
+    """Shade the times of contact, and mark impacts on the line of zero gap."""
+    last = run.last
+    attached = (last["mode"] == "attached").to_numpy()
+    shown.draw(
+        last.loc[attached, ["t_s"]], "attached", np.flatnonzero(np.diff(np.flatnonzero(attached)) > 1) + 1,
+        mode="shade", colour=CONTACT, of=(column,),
     )  # fmt: skip
-    for column, row in zip(rows, axes, strict=False):
-        for axis in row:
-            _draw(axis, shown, column, detail=axis is row[-1])
-        if overview:
-            row[-1].set_ylabel("")
-    if overview:
-        turns = round(turns_of(shown.runs[0].last))
-        axes[0, 0].set_title("whole run: range of each turn", loc="left", color=TOLD, fontsize=8.5)
-        axes[0, 1].set_title(f"last {turns} turns", loc="left", color=TOLD, fontsize=8.5)
-        axes[-1, 0].set_xlabel("time (s)")
-    axes[-1, -1].set_xlabel(shown.detail)
-    return figure, axes, overview
+    impacts = shown.during(run).query("kind == 'impact'")
+    if column == "gap_m" and len(impacts):
+        look: dict[str, Any] = {"mode": "markers", "symbol": "v", "colour": BLACK, "of": (column,)}
+        shown.draw(impacts[["t_s"]].assign(gap_m=0.0), "impact", **look)
 
 
-def _motion(shown: Shown) -> Drawn:
-    """Draw the platform and the gap."""
-    runs = shown.runs
-    largest = [max(run.range_of(c) for c in _MOVING) for run in runs]
-    rows = ["y_m"]
-    for column in ("x_m", "phi_rad"):
-        if any(run.range_of(column) > MATTERS * most for run, most in zip(runs, largest, strict=True)):
-            rows.append(column)
-    rows += ["gap_m"] if any("gap_m" in run.shown for run in runs) else []
-    figure, axes, _ = _over_time(shown, rows)
-    if shown.only is not None:
-        if "gap_m" in rows:
-            _legend_above(axes[-1, -1], 2)
-        if shown.data is not None:
-            _legend_above(axes[0, -1])
-    return figure, None
+def _motion(shown: Shown) -> picture.Picture:
+    """Show the coordinates of the platform that matter, and the gap."""
+    largest = [max(run.range_of(c) for c in _MOVING) for run in shown.runs]
+    pairs = [*zip(shown.runs, largest, strict=True)]
+    columns = [c for c in _MOVING if c == "y_m" or any(run.range_of(c) > MATTERS * most for run, most in pairs)]
+    columns += ["gap_m"] if any("gap_m" in run.shown for run in shown.runs) else []
+    for column in columns:
+        _coordinate(shown, column)
+    return shown.picture("motion", [shown.panel(column) for column in columns])
 
 
-def _draw(axis: Axes, shown: Shown, column: str, *, detail: bool = True) -> None:
-    """Draw a coordinate in detail, or its range over the whole run.
-
-    If there is one run, contact is shaded and impacts are marked in detail.
-    """
-    alone = shown.only is not None
-    for number, run in enumerate(shown.runs):
-        if column not in run.shown:
-            continue
-        look = shown.look(number, column)
-        if not detail or run.turns > MOST_TURNS:
-            colour, label = look["color"], look.get("label")
-            timelines.draw_envelope(axis, run.envelope, column, color=colour, label=label, filled=alone)
-            continue
-        timelines.draw_coordinate(axis, shown.last(run), column, **look)
-        if alone and column in ("y_m", "x_m", "phi_rad", "gap_m", "contact_force_n") and "gap_m" in run.shown:
-            timelines.draw_contact(axis, run.last)
-            if column == "gap_m":
-                timelines.draw_impacts(axis, _during(run))
-    if column == "y_m" and all(run.from_rest for run in shown.runs):
-        axis.set_ylabel(timelines.FROM_REST)
-    if shown.data is not None:
-        shown.data.draw(axis, "t_s", column, inside=True)
-    if detail and column in ("x_m", "y_m"):
-        _no_noise(axis, shown)
+def _force(shown: Shown) -> picture.Picture:
+    """Show the contact force, and below it the impulses of impacts as stems: they are no forces."""
+    for run in shown.runs:
+        strikes = shown.during(run).query("impulse_n_s > 0.0")
+        look: dict[str, Any] = {"of": ("contact_force_n",), "colour": shown.colour(run, "contact_force_n")}
+        shown.draw(shown.last(run).reindex(columns=["t_s", "contact_force_n"]), shown.called(run), **look)
+        stems = BLACK if shown.only else look["colour"]
+        shown.draw(strikes[["t_s", "impulse_n_s"]], shown.called(run), mode="stems", colour=stems, of=("impulse_n_s",))
+        if shown.only:
+            _contact(shown, run, "contact_force_n")
+    struck = any("impulse_n_s" in part and len(part) for part in shown.parts)
+    panels = [Panel("contact_force_n", least=0.0, height=1.3)]
+    panels += [Panel("impulse_n_s", least=0.0, label="impulse $P$ (N·s)", height=0.7)] if struck else []
+    return shown.picture("force", panels, facets=int(shown.aligned and not shown.both))
 
 
-def _during(run: Run) -> pd.DataFrame:
-    """Return the events of the last turns."""
-    return run.events[run.events["t_s"] >= float(run.last["t_s"].iloc[0])]
+def _exciters(shown: Shown) -> picture.Picture:
+    """Show the speeds of both exciters and their phase difference."""
+    _speeds(shown)
+    for run in shown.runs:
+        if shown.only is not None and run.scene is not None:
+            _synchronous_speed(shown, run)
+        look: dict[str, Any] = {"colour": BLACK if shown.only else shown.colour(run, ""), "of": (PHASE_COLUMN,)}
+        phase = run.whole["phi1_rad"] + (-1.0 if run.co_rotating else 1.0) * run.whole["phi2_rad"]
+        rows = run.whole[["t_s"]].assign(**{PHASE_COLUMN: phase})
+        shown.draw(rows, shown.called(run), whole=shown.both, **look)
+    labels = {phase_label(run.co_rotating) for run in shown.runs}
+    phases = Panel(PHASE_COLUMN, label=labels.pop() if len(labels) == 1 else PHASE)
+    return shown.picture("exciters", [_SPEEDS, phases], facets=1)
 
 
-def _no_noise(axis: Axes, shown: Shown) -> None:
-    """Widen an axis of x or y on which numerical noise would fill the panel."""
-    ranges = [run.size(run.shown[c], c) for run in shown.runs for c in _MOVING if c in run.shown]
-    least, (low, high) = LEAST_RANGE * 1e3 * max(ranges), axis.get_ylim()
-    if high - low < least:
-        axis.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
+def _speeds(shown: Shown) -> None:
+    """Draw the speeds of both exciters, of which the second is dashed; those that coincide are one line."""
+    for run in shown.runs:
+        first, second = (run.envelope[[f"{name}:min", f"{name}:max"]].mean(axis=1) for name in SPEEDS)
+        apart = bool((first - second).abs().max() > SAME * max(first.abs().max(), second.abs().max()))
+        for number, name in enumerate(SPEEDS if apart else SPEEDS[:1]):
+            told = f"exciter {number + 1}" if apart else "exciter 1 = 2"
+            look = {"colour": CURVES[number] if shown.only else shown.colour(run, ""), "dash": "--" if number else "-"}
+            look |= {"look": told} if shown.names else {}
+            _curve(shown, run, name, "speed_hz", shown.called(run, told), **look)
 
 
-def _force(shown: Shown) -> Drawn:
-    """Draw the contact force, and below it the impulses of impacts as stems: they are no forces."""
-    strikes = any((_during(run)["impulse_n_s"] > 0.0).any() for run in shown.runs)
-    ratios = {"height_ratios": [2.0, 1.0]} if strikes else {}
-    figure, axes = new_figure(1 + strikes, 1, (8.0, 4.4 if strikes else 3.2), sharex=True, gridspec_kw=ratios)
-    force: Axes = axes[0, 0]
-    _draw(force, shown, "contact_force_n")
-    begin_at_zero(force)
-    for number, run in enumerate(shown.runs if strikes else []):
-        events = _during(run)
-        events = events.assign(t_s=events["t_s"] - shown.origin(run))
-        look = shown.look(number, "")
-        timelines.draw_impulses(axes[1, 0], events, BLACK if shown.only else look["color"], look.get("label"))
-    if strikes and shown.only is not None and shown.only.turns <= MOST_TURNS:
-        timelines.draw_contact(axes[1, 0], shown.only.last)
-    axes[-1, 0].set_xlabel(shown.detail)
-    if any(patch.get_label() == "attached" for patch in force.patches) or shown.data is not None:
-        _legend_above(force, 2)
-    return figure, None
+def _synchronous_speed(shown: Shown, run: Run) -> None:
+    """Draw the synchronous speeds of both motors (Hz) over time, where they are on; where they agree, one line."""
+    assert run.scene is not None
+    times = np.linspace(float(run.whole["t_s"].iloc[0]), float(run.whole["t_s"].iloc[-1]), TIMES)
+    now = [(time, run.scene.drive.at(time)) for time in times]
+    speeds = [
+        pd.Series([one.frequency_at(time) if one.driven[n] else np.nan for time, one in now]) / exciter.pole_pairs
+        for n, exciter in enumerate(run.scene.exciter_pair)
+    ]
+    first, second = speeds[0].fillna(speeds[1]), speeds[1].fillna(speeds[0])
+    same = first.equals(second)
+    for number, speed in enumerate([first] if same else [speeds[0], speeds[1]], 1):
+        label = "synchronous speed" if same else f"synchronous speed, motor {number}"
+        look: dict[str, Any] = {"colour": REFERENCE, "dash": (":", "-.")[number - 1], "of": ("speed_hz",)}
+        if speed.notna().any():
+            shown.draw(pd.DataFrame({"t_s": times, "speed_hz": speed}), label, whole=shown.both, **look)
 
 
-def _exciters(shown: Shown) -> Drawn:
-    """Draw the speeds of both exciters and their phase difference."""
-    only = shown.only
-    figure, axes = new_figure(2, 1, (8.0, 4.4), sharex=True)
-    speeds, phases = axes[:, 0]
-    for number, run in enumerate(shown.runs):
-        colour = CURVES[number % len(CURVES)]
-        _speeds(speeds, run, (colour, CURVES[1] if only else colour))
-        if only is not None and only.scene is not None:
-            timelines.draw_synchronous_speed(speeds, only.scene, run.whole["t_s"])
-        label = None if only else shown.names[number]
-        timelines.draw_phase_difference(
-            phases, run.whole, co_rotating=run.co_rotating, color=BLACK if only else colour, label=label
-        )
-    if only is None:
-        for number, style in enumerate(("-", "--"), 1):
-            phases.plot([], [], label=f"exciter {number}", ls=style, color=REFERENCE)
-    if len({run.co_rotating for run in shown.runs}) > 1:
-        phases.set_ylabel(PHASE)
-    phases.set_xlabel("time (s)")
-    return figure, speeds if only else phases
+def _loads(shown: Shown) -> picture.Picture:
+    """Show forces into the foundation and displacements with their peaks, and the speeds."""
+    columns: list[str] = []
+    for group in (FORCES, _MOVING[:2]):
+        ranges = {c: max(run.range_of(c) for run in shown.runs) for c in group}
+        columns += [c for c in group if ranges[c] > MATTERS * max(ranges.values())]
+    for column in columns:
+        _coordinate(shown, column)
+        if shown.only:
+            _peak(shown, shown.only, column)
+    _speeds(shown)
+    return shown.picture("loads", [*(shown.panel(column) for column in columns), _SPEEDS])
 
 
-def _speeds(axis: Axes, run: Run, colours: tuple[str, str]) -> None:
-    """Draw the speeds of both exciters over the whole run; of many turns their range in each, and its middle."""
-    envelope = run.envelope
-    if turns_of(run.whole) <= MOST_TURNS or f"{RATES[0]}:max" not in envelope:
-        timelines.draw_speeds(axis, run.whole, colours)
+def _peak(shown: Shown, run: Run, column: str) -> None:
+    """Mark the largest size of a force, or where a stroke was complete, with its time and the speed then."""
+    name, unit = _PEAKS[column], unit_of(_PEAKS[column])
+    keys = (name, *(f"{split(name)[0]}_at_{end}" for end in ("s", "hz")))
+    value, at, pace = (run.summary.get(f"whole_{key}") for key in keys)
+    low, high = run.envelope[f"{column}:min"].min(), run.envelope[f"{column}:max"].max()
+    if value is None or at is None or not run.whole["t_s"].iloc[0] <= at <= run.whole["t_s"].iloc[-1]:
         return
-    ranges = [envelope[[f"{rate}:min", f"{rate}:max"]].astype(float) / timelines.TURN for rate in RATES]
-    same = timelines.coincide(*(found.mean(axis=1).abs() for found in ranges))
-    for found, colour in zip(ranges[: 1 if same else 2], colours, strict=False):
-        low, high = (found * np.sign(found.to_numpy().sum())).to_numpy().T
-        look: dict[str, Any] = {"alpha": timelines.PALE, "lw": 0.0, "label": "range in each turn"}
-        axis.fill_between(envelope["t_s"], low, high, color=colour, **look)
-    middle = {rate: timelines.TURN * found.mean(axis=1) for rate, found in zip(RATES, ranges, strict=True)}
-    timelines.draw_speeds(axis, envelope[["t_s"]].assign(**middle), colours)
+    size = value if column in FORCES else max(-low, high)
+    place = -size if -low > high else size
+    told = f"{'' if column in FORCES else 'stroke '}{digits.quantity(value, unit)} at {digits.quantity(at, 's')}"
+    told += "" if pace is None else f", {digits.quantity(pace, 'Hz', digits=3)}"
+    look: dict[str, Any] = {"mode": "markers", "size": 1.2, "colour": BLACK, "of": (column,)}
+    shown.draw(pd.DataFrame({"t_s": [at], column: [place]}), whole=shown.both, **look)
+    shown.words.append(picture.Word(told, column, at, place, beside=True))
 
 
-def _loads(shown: Shown) -> Drawn:
-    """Draw forces into the foundation and displacements with their peaks, and the speeds."""
-    rows: list[str] = []
-    for columns in (FORCES, ("y_m", "x_m")):
-        ranges = {c: max(run.range_of(c) for run in shown.runs) for c in columns}
-        rows += [c for c in columns if ranges[c] > MATTERS * max(ranges.values())]
-    figure, axes, overview = _over_time(shown, rows, 1)
-    for number, run in enumerate(shown.runs):
-        colour = CURVES[number % len(CURVES)]
-        pair = (colour, CURVES[1] if shown.only else colour)
-        _speeds(axes[-1, 0], run, pair)
-        if overview:
-            timelines.draw_speeds(axes[-1, 1], shown.last(run), pair)
-            axes[-1, 1].set_ylabel("")
-        for axis, column in zip(axes[:, 0], rows, strict=False):
-            if shown.only and column in run.peaks:
-                timelines.mark_peak(axis, run.envelope, column, *run.peaks[column])
-    return figure, axes[-1, 0] if shown.only or not rows else axes[0, 0]
+def _accelerations(shown: Shown) -> picture.Picture:
+    """Show accelerations in the rows shown: a panel for each axis, a line for each point."""
+    panels = []
+    for column, lines in lines_of(shown.runs, shown.names).items():
+        for number, (run, name, label) in enumerate(lines):
+            table = run.shown[["t_s"]].assign(**{column: run.shown[name]})
+            shown.draw(table, label, colour=CURVES[number % len(CURVES)], of=(column,))
+        largest = max(float(run.shown[name].abs().max()) for run, name, _ in lines)
+        title, label = f"up to {digits.quantity(largest, 'm/s²')}", f"acceleration along {column.split('_')[1]} (m/s²)"
+        panels.append(Panel(column, title=title, label=label))
+    return shown.picture("acceleration", panels, facets=0, high=True)
 
 
-FIGURES: dict[str, Callable[[Shown], Drawn]] = {
+def _spectra(shown: Shown) -> picture.Picture:
+    """Show amplitude spectra of accelerations, with the orders of the exciters; of measured data there are none."""
+    first, panels, turns = shown.runs[0], list[Panel](), int(shown.runs[0].turns * (1.0 + 1e-9))
+    speed = float(first.shown[RATES[0]].abs().median()) / (2.0 * np.pi)  # also where a start is shown
+    end = np.inf
+    for column, lines in lines_of(shown.runs, shown.names).items():
+        found = [spectrum_of(run, name) for run, name, _ in lines]
+        end = min(found[0][0][-1], ORDERS * speed if turns and speed > 0.0 else np.inf)
+        top = max(float(sizes.max()) for _, sizes in found) or 1.0
+        for number, ((frequencies, sizes), (_, _, label)) in enumerate(zip(found, lines, strict=True)):
+            kept = frequencies <= end
+            table = {"frequency_hz": frequencies[kept], column: np.maximum(sizes[kept], top / DEPTH)}
+            shown.draw(pd.DataFrame(table), label, colour=CURVES[number % len(CURVES)], of=(column,))
+        if not panels:
+            last = min(NAMED, int(end / speed)) if turns and speed > 0.0 else 0
+            shown.words += [
+                picture.Word(f"{n}×", column, n * speed, top, REFERENCE, beside=True) for n in range(1, last + 1)
+            ]
+        label = f"amplitude along {column.split('_')[1]} (m/s²)"
+        panels.append(Panel(column, title=peaks_of(*found[0]), label=label, scale="log"))
+    orders = picture.Line("frequency_hz", [n * speed for n in range(1, 2 * len(shown.words) + 1)], dash=":")
+    over = f"Hann's window{f' over {turns} turns' if turns else ''}; n×: orders of exciter 1"
+    return shown.picture("spectrum", panels, over, facets=0, high=True, axes=["frequency_hz"], lines=[orders])
+
+
+def _measured(shown: Shown) -> picture.Picture:
+    """Show each measured column beside what was computed, with their difference."""
+    data = shown.data
+    assert data is not None
+    columns = [c for c in map(str, shown.runs[0].shown.select_dtypes("number")) if c != "t_s" and c in data.table]
+    for column in columns:
+        for number, run in enumerate(run for run in shown.runs if column in run.shown):
+            look: dict[str, Any] = {"colour": CURVES[number % len(CURVES)], "of": (column,)}
+            shown.draw(run.shown[["t_s", column]], shown.called(run, "computed"), **look)
+    shifted = f"measured data shifted by {digits.quantity(data.shift, 's', digits=4)}" if data.shift else ""
+    panels = [shown.panel(column, title=data.told(column)) for column in columns]
+    found = shown.picture("measured", panels, shifted, facets=0)
+    return replace(found, title="; ".join(data.differences()) or found.title)
+
+
+FIGURES: Mapping[str, Callable[[Shown], picture.Picture]] = {
     "motion": _motion,
     "force": _force,
     "exciters": _exciters,
     "loads": _loads,
-    "acceleration": accelerations.draw_accelerations,
-    "spectrum": accelerations.draw_spectra,
-    "measured": accelerations.draw_measured,
+    "acceleration": _accelerations,
+    "spectrum": _spectra,
+    "measured": _measured,
 }

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.patches import Patch
 
+from vibroplat.plots.axes import in_units
 from vibroplat.plots.style import entry
-from vibroplat.plots.timelines import in_units
-from vibroplat.results.picture import BLACK, Picture, Strips
+from vibroplat.results.picture import BLACK, Panel, Picture, Strips
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,10 +81,10 @@ def entries_of(strips: Strips) -> Iterator[Any]:
         yield entry(strips.line, color=BLACK, lw=1.4)
 
 
-def draw_jumps(axis: Axes, picture: Picture, column: str, x: str) -> None:
-    """Draw the jumps that are seen in a column as thin arrows: dotted lines with a small head."""
-    across, up = (picture.points[name].to_numpy(dtype=float, na_value=np.nan) for name in (x, column))
-    jumps = [jump for jump in picture.jumps if column in jump.of]
+def draw_jumps(axis: Axes, picture: Picture, panel: Panel, x: str) -> None:
+    """Draw the jumps that are seen in a panel as thin arrows: dotted lines with a small head."""
+    across, up = (picture.points[name].to_numpy(dtype=float, na_value=np.nan) for name in (x, panel.column))
+    jumps = [jump for jump in picture.jumps if panel.has(jump.of)]
     lines = [[(across[n], up[n]) for n in (jump.before, jump.after)] for jump in jumps]
     kept = [number for number, line in enumerate(lines) if np.isfinite(line).all()]
     if not kept:
@@ -97,13 +97,17 @@ def draw_jumps(axis: Axes, picture: Picture, column: str, x: str) -> None:
 
 
 def draw_words(axis: Axes, picture: Picture, column: str, x: str) -> None:
-    """Write the texts of a panel at their points; of tiles at their rows."""
+    """Write the texts of a panel at their points or beside them; of tiles at their rows."""
     levels = np.unique(picture.points[column]) if any(panel.kind == "tiles" for panel in picture.panels) else None
-    for word in picture.words:
-        if word.column != column or x != picture.axes[0]:
-            continue
+    low, high = axis.get_xlim()
+    for word in (word for word in picture.words if word.column == column and x == picture.axes[0]):
         at, height = (float(in_units(value, name)) for value, name in ((word.x, x), (word.y, column)))
         if levels is not None:
             height = float(np.interp(height, levels, np.arange(len(levels))))
-        look: dict[str, Any] = {"fc": "white", "ec": "none", "pad": 1.5, "alpha": 0.75}
-        axis.text(at, height, word.text, ha="center", va="center", fontsize=8.5, color=word.colour, bbox=look)
+        is_left = at < 0.5 * (low + high)
+        side = ("left" if is_left else "right") if word.beside else "center"
+        axis.annotate(
+            word.text, (at, height), ((7.0 if is_left else -7.0) * word.beside, 0.0), textcoords="offset points",
+            ha=side, va="center", fontsize=8.0, color=word.colour, in_layout=False, annotation_clip=True,
+            bbox={"fc": "white", "ec": "none", "pad": 1.0, "alpha": 0.75},
+        )  # fmt: skip

@@ -14,10 +14,9 @@ from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import AutoLocator, FuncFormatter, LogLocator, MaxNLocator
+from matplotlib.ticker import AutoLocator, FuncFormatter, MaxNLocator
 
 from vibroplat.config import digits
 from vibroplat.results.picture import BLUE, GREEN, VERMILION
@@ -30,14 +29,10 @@ PLATFORM, MATERIAL, FORCE = BLUE, VERMILION, GREEN
 CONTACT = "#e3eaf0"
 #: Most curves that a legend names; hundreds would cover the figure, and setting them takes longer than drawing it.
 MOST_ENTRIES = 24
-#: Share of an axis beyond what is on it, so that markers are whole.
-MARGIN = 0.05
-#: Least range of an axis over its largest number.
-LEAST_SHARE = 1e-3
-#: Ratio of the ends of a logarithmic axis up to which there are ticks between its powers of ten.
-NEAR_DECADES = 300.0
-#: Room for a tick (inch), and letters of a label of a vertical axis that an inch has room for.
-TICK, LABEL = 0.65, 13.5
+#: Room for a tick of a horizontal and of a vertical axis (inch), and letters of a label of the latter that an inch has.
+TICK, TICK_ABOVE, LABEL = 0.65, 0.28, 13.5
+#: Lines of a legend that a figure has room for, and the height of another one (inch).
+LINES, LINE = 3, 0.2
 #: Letters of a legend, of a title and of what is told below it that an inch has room for; colour of the last.
 LETTERS, TITLE_LETTERS, TOLD_LETTERS, TOLD = 14.0, 11.5, 15.0, "#777777"
 
@@ -60,10 +55,7 @@ _STYLE: Any = {
     "legend.fontsize": 8.5,
     "pdf.fonttype": 42,  # text stays text, as publishers ask for
     "svg.hashsalt": "vibroplat",  # the same figure gives the same file
-    # settings of matplotlib that start programs; a file in the current directory may have others
-    "text.usetex": False,
-    "animation.ffmpeg_path": "ffmpeg",
-    "animation.ffmpeg_args": [],
+    "text.usetex": False,  # it starts programs; a file in the current directory may have it
 }
 #: What matplotlib reads as mathematics: between dollar signs without a backslash.
 _FORMULA = r"(?<!\\)\$[^$]*(?<!\\)\$"
@@ -104,62 +96,40 @@ class _Figure(Figure):
         """Return the figure as PNG: so a notebook shows it, without a backend."""
         written = io.BytesIO()
         with styled():
-            self.savefig(written, format="png", dpi="figure")
+            write_png(self, written)
         return written.getvalue()
 
 
-def new_figure(rows: int, columns: int, size: tuple[float, float], **options: Any) -> tuple[Figure, Any]:
-    """Return a figure of a size (inch) and its axes, an array of rows and columns."""
-    figure = _Figure(figsize=size)
-    return figure, figure.subplots(rows, columns, squeeze=False, **options)
-
-
-def below_strips(
-    rows: int, columns: int, size: tuple[float, float], above: float, *, sharex: bool = True, sharey: bool = False
+def new_figure(
+    rows: int,
+    columns: int,
+    size: tuple[float, float],
+    above: float = 0.0,
+    *,
+    sharex: bool | str = False,
+    sharey: bool | str = False,
+    widths: Sequence[float] | None = None,
+    heights: Sequence[float] | None = None,
 ) -> tuple[Figure, Any, Any]:
-    """Return a figure of a size (inch), its axes in rows and columns, and above them one of this height; or None.
+    """Return a figure of a size (inch), its axes in rows and columns, and a strip of a height above them, or None.
 
-    Axes share the horizontal axis, or those of a row the vertical one.
+    Axes share the horizontal axis with all others or their column (``col``), and the vertical one with their row.
     """
     figure = _Figure(figsize=(size[0], size[1] + above))
-    heights = [above, *[size[1] / max(rows, 1)] * rows] if above else None
-    grid = figure.add_gridspec(rows + bool(above), columns, height_ratios=heights)
+    each = size[1] / max(rows, 1)
+    parts = [*([above] if above else []), *(each * height for height in heights or [1.0] * rows)]
+    grid = figure.add_gridspec(rows + bool(above), columns, height_ratios=parts, width_ratios=widths)
     strip = figure.add_subplot(grid[0, :]) if above else None
-    axes = np.empty((rows, columns), dtype=object)
-    for row in range(rows):
-        for column in range(columns):
-            along = (axes[0, 0] if row or column else strip) if sharex else None
-            beside = axes[row, 0] if sharey and column else None
-            axes[row, column] = figure.add_subplot(grid[row + bool(above), column], sharex=along, sharey=beside)
-            axes[row, column].tick_params(labelbottom=not sharex or row == rows - 1, labelleft=beside is None)
+    axes: Any = np.empty((rows, columns), dtype=object)
+    for row, column in np.ndindex(rows, columns):
+        first = axes[0, column if sharex == "col" else 0]
+        along = (first or strip) if sharex else None
+        beside = axes[row, 0] if sharey and column else None
+        axes[row, column] = figure.add_subplot(grid[row + bool(above), column], sharex=along, sharey=beside)
+        axes[row, column].tick_params(labelbottom=not sharex or row == rows - 1, labelleft=beside is None)
     if strip is not None and rows:
         strip.tick_params(labelbottom=False)
     return figure, axes, strip
-
-
-def begin_at_zero(axis: Axes, end: float | None = None) -> None:
-    """Begin a vertical axis at 0, with room for lines and markers at both ends; one below 0 stays as it is."""
-    top = axis.get_ylim()[1] if end is None else end
-    if top > 0.0:
-        axis.set_ylim(-MARGIN * top, (1.0 + MARGIN) * top)
-
-
-def widen_ticks(axis: Axes, which: Literal["x", "y"]) -> None:
-    """Widen an axis whose numbers would differ in so many digits that there is no room for them."""
-    low, high = axis.get_xlim() if which == "x" else axis.get_ylim()
-    missing = LEAST_SHARE * max(abs(low), abs(high)) - (high - low)
-    if missing > 0.0:
-        axis.set(**{f"{which}lim": (low - 0.5 * missing, high + 0.5 * missing)})
-
-
-def in_decades(axis: Axes, which: Literal["x", "y"]) -> None:
-    """Make an axis logarithmic once all is drawn, with plain numbers as its ticks."""
-    axis.set(**{f"{which}scale": "log"})
-    along = axis.xaxis if which == "x" else axis.yaxis
-    low, high = along.get_view_interval()
-    along.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < NEAR_DECADES * low else (1.0,)))
-    along.set_major_formatter("{x:g}")
-    along.set_minor_formatter("")
 
 
 def head(figure: Figure, title: str, told: str = "") -> None:
@@ -172,7 +142,7 @@ def head(figure: Figure, title: str, told: str = "") -> None:
     width = figure.get_figwidth()
     figure.suptitle(_wrapped(title, TITLE_LETTERS * width), x=0.01, ha="left")
     if told:
-        first: Axes = figure.axes[0]
+        first = figure.axes[0]
         beside = max((len(text.get_text()) for text in first.get_yticklabels()), default=0) / TOLD_LETTERS
         lines = "\n".join(_wrapped(line, TOLD_LETTERS * (width - 0.8 - beside)) for line in told.splitlines())
         own = first.get_title(loc="left") or first.get_title(loc="right")
@@ -181,28 +151,25 @@ def head(figure: Figure, title: str, told: str = "") -> None:
 
 
 def _set_ticks(figure: Figure) -> None:
-    """Give linear axes ticks at 1, 2 or 5 times powers of ten, and units in which 1 … 999 stand before the point."""
-    for along in (one for axis in figure.axes for one in (axis.xaxis, axis.yaxis)):
-        if isinstance(along.get_major_locator(), AutoLocator):
-            along.set_major_locator(_Locator("auto", steps=[1, 2, 5, 10]))
-        unit = re.search(r"\(([^()]*)\)$", along.get_label_text())
-        if along.get_scale() != "linear" or unit is None or unit[1] not in digits.PREFIXES or unit[1] in ("m", "rad"):
-            continue
-        factor, name = digits.prefixed(float(np.abs(along.get_view_interval()).max()), unit[1])
-        if factor != 1.0:
-            along.set_major_formatter(FuncFormatter(partial(_over, factor)))
-            along.set_label_text(along.get_label_text().replace(unit[0], f"({name})"))
-
-
-class _Locator(MaxNLocator):
-    """Places ticks so that a horizontal axis has room for their numbers."""
-
-    def __call__(self) -> Any:
-        """Return the places of ticks."""
-        if self.axis is not None and getattr(self.axis, "axis_name", "") == "x":
-            box = self.axis.axes.bbox  # type: ignore[union-attr]
-            self.set_params(nbins=int(np.clip(box.width / (self.axis.figure.dpi * TICK), 2, 9)))  # type: ignore[union-attr]
-        return super().__call__()
+    """Give linear axes as many ticks as there is room for, and units in which 1 … 999 stand before the point."""
+    for axis in figure.axes:
+        box = axis.get_position()
+        across, up = box.width * figure.get_figwidth() / TICK, box.height * figure.get_figheight() / TICK_ABOVE
+        for along, room in ((axis.xaxis, across), (axis.yaxis, up)):
+            if isinstance(along.get_major_locator(), AutoLocator):
+                along.set_major_locator(MaxNLocator(int(np.clip(room, 2, 9)), steps=[1, 2, 5, 10]))
+            unit = re.search(r"\(([^()]*)\)$", along.get_label_text())
+            if (
+                along.get_scale() != "linear"
+                or unit is None
+                or unit[1] not in digits.PREFIXES
+                or unit[1] in ("m", "rad")
+            ):
+                continue
+            factor, name = digits.prefixed(float(np.abs(along.get_view_interval()).max()), unit[1])
+            if factor != 1.0:
+                along.set_major_formatter(FuncFormatter(partial(_over, factor)))
+                along.set_label_text(along.get_label_text().replace(unit[0], f"({name})"))
 
 
 def _over(factor: float, value: float, _: int | None = None) -> str:
@@ -239,7 +206,17 @@ def legend_below(figure: Figure, handles: Iterable[Any]) -> None:
     longest = max((len(re.sub(r"\$[^$]*\$", "MM", label)) for label in entries), default=0)
     room = figure.get_figwidth() * LETTERS
     columns = max(1, min(5, len(entries), int(room / (longest + 6))))
+    lines = -(-len(entries) // columns)
+    figure.set_figheight(figure.get_figheight() + LINE * max(lines - LINES, 0))
     figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns)
+
+
+def write_png(figure: Figure, file: Any) -> None:
+    """Write a figure as PNG, once all axes have their places: matplotlib would draw it twice to find them itself."""
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+    figure.savefig(file, format="png", dpi="figure")
 
 
 def save(figure: Figure, directory: Path, name: str, saving: Saving | None = None) -> Path:
@@ -256,6 +233,10 @@ def save(figure: Figure, directory: Path, name: str, saving: Saving | None = Non
         result_directory(place.parent, place.name)
     path = (place or directory) / f"{name}.{saving.form}"
     metadata: Any = _DATES[saving.form]
+    figure.set_dpi(saving.dpi or figure.dpi)
     with styled():
-        replace_file(path, lambda file: figure.savefig(file, dpi=saving.dpi or "figure", metadata=metadata))
+        if saving.form == "png":
+            replace_file(path, lambda file: write_png(figure, file))
+        else:
+            replace_file(path, lambda file: figure.savefig(file, dpi="figure", metadata=metadata))
     return path

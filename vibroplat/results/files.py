@@ -93,12 +93,36 @@ def write_result(
         with replacement_lock(directory):
             last, temporary = files.popitem()
             replaced = {f"{name}.{other}" for name in tables for other in FORMATS}
+            replaced |= {f"{command}.xlsx", f"{command}.mat"}  # of :func:`export_result`, which has no digests
             old = (_files_to_replace(directory, command) | replaced) - digests.keys()
             path = directory / "provenance.json"
             with new_file(path, json_writer(proof)) as files[path]:
                 put_in_place(files | {last: temporary})
             for name in old:
                 remove_file(directory / name)
+
+
+def export_result(directory: Path, command: str, form: str) -> list[Path]:
+    """Write the tables of a finished result for another program, beside them, and return the new files.
+
+    Raises
+    ------
+    TableError
+        There is no such result, its tables are no Parquet files, or a file cannot be written.
+    """
+    saved = SavedFiles(directory, command)
+    tables = {name: saved.directory / f"{name}.parquet" for name in saved.names("parquet")}
+    if not tables:
+        raise TableError(f"{saved.directory} has no Parquet tables; allowed: a result of --format parquet")
+    documents = {name: saved.document(name) for name in saved.names("json")}
+    with ExitStack() as stack:
+        files = {
+            saved.directory / name: stack.enter_context(new_file(saved.directory / name, write))
+            for name, write in exports(form, command, tables, documents).items()
+        }
+        with replacement_lock(saved.directory):
+            put_in_place(files)
+    return list(files)
 
 
 def _write_temporaries(

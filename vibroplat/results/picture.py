@@ -33,8 +33,8 @@ STATES = ("full", "open", "half", "failed")
 FULL, OPEN, HALF, LOST = range(4)
 #: What states of points of motions mean.
 MOTIONS = ("periodic", "not periodic", "undecided", "failed")
-#: The place at which a line is broken.
-BROKEN = -1
+#: The place at which a line is broken, and the end of the columns that have the lower ends of bands.
+BROKEN, LOW = -1, ":min"
 #: What exciters do that are not synchronous.
 NOT_SYNCHRONOUS = "not synchronous"
 
@@ -61,6 +61,8 @@ class Panel:
         ``points``: curves and dots; ``tiles``: one for each point, in rows; ``bars``: horizontal ones, over the words
         of ``column``; ``stack``: fractions on each other; ``plane``: of complex numbers, with the unit circle;
         ``ranks``: each point a dot in the order of its values, at the share of those that are not larger.
+    height
+        Its height over that of others.
     by, classes
         Column by which dots and tiles are coloured, "" for the colour of their series; and colours and names by its
         values, without them along a scale.
@@ -89,6 +91,11 @@ class Panel:
     hatch: str = ""
     hatches: Mapping[str, str] = field(default_factory=dict)
     contours: Contours | None = None
+    height: float = 1.0
+
+    def has(self, of: Collection[str]) -> bool:
+        """Whether it is among panels that are given by their columns or titles."""
+        return self.column in of or (self.title != "" and self.title in of)
 
 
 class Contours(NamedTuple):
@@ -109,18 +116,20 @@ class Series:
     rows
         Places of its points; :data:`BROKEN` where its line is.
     mode
-        ``lines`` (a single point is a dot), ``markers``, ``both``, or ``dots``: many small ones.
+        ``lines`` (a single point is a dot), ``markers``, ``both``, or ``dots``: many small ones. In print also
+        ``band``: between a column and that whose name ends with :data:`LOW`; ``stems`` from 0; ``shade`` of the whole
+        height, between the breaks of the series.
     symbol, dash, width, size, pale
         Matplotlib's marker and style of lines, factors of its width and of markers, and whether it is half transparent.
     of
-        Columns of the panels that it is in; () for all: a curve is left out where it coincides with another one.
+        Columns, or titles, of its panels; () for all: a curve is left out where it coincides with another one.
     """
 
     label: str
     rows: Sequence[int] | Places
     look: str = ""
     colour: str = BLUE
-    mode: Literal["lines", "markers", "both", "dots"] = "both"
+    mode: Literal["lines", "markers", "both", "dots", "band", "stems", "shade"] = "both"
     symbol: str = "o"
     dash: Any = "-"
     width: float = 1.0
@@ -145,7 +154,7 @@ class Mark(NamedTuple):
 
 
 class Jump(NamedTuple):
-    """A jump between two points, by their places: a thin arrow in the panels of some columns."""
+    """A jump between two points, by their places: a thin arrow in the panels of some columns or titles."""
 
     before: int
     after: int
@@ -154,13 +163,14 @@ class Jump(NamedTuple):
 
 
 class Word(NamedTuple):
-    """A text at a point of the panel of a column, whose values are in SI units: it names an area or a curve."""
+    """A text at a point of the panel of a column, or beside it; values are in SI units. It names an area or a curve."""
 
     text: str
     column: str
     x: float
     y: float
     colour: str = BLACK
+    beside: bool = False
 
 
 class Span(NamedTuple):
@@ -236,11 +246,14 @@ class Strips:
 
 
 class Facet(NamedTuple):
-    """Panels of some series alone, by their numbers, with others in grey behind."""
+    """Panels of some series alone, by their numbers.
+
+    With a ``width``, over that of others, they have a horizontal axis of their own.
+    """
 
     label: str
     series: Sequence[int]
-    behind: Sequence[int] = ()
+    width: float = 0.0
 
 
 class Line(NamedTuple):
@@ -407,4 +420,5 @@ def attractor_colours(attractors: Iterable[str]) -> dict[str, str]:
 def finite(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table whose infinite numbers are missing, as no axis has room for them."""
     numbers = table.select_dtypes("number")
-    return table.assign(**{str(name): numbers[name].replace([np.inf, -np.inf], np.nan) for name in numbers})
+    wrong = [str(name) for name in numbers if np.isinf(numbers[name].to_numpy(dtype=float, na_value=np.nan)).any()]
+    return table.assign(**{name: numbers[name].replace([np.inf, -np.inf], np.nan) for name in wrong})

@@ -1,19 +1,17 @@
 """Branches of a sweep as curves, jumps, and strips of what the exciters do.
 
-The way down is drawn only where it differs from the way up, and a curve that coincides with another one is told.
+A curve that coincides with another one is told.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from vibroplat.columns import PHASE_COLUMN, describe_sync
-from vibroplat.config import digits
 from vibroplat.frames import pd
 from vibroplat.results import picture
 from vibroplat.results.labels import key_name
@@ -43,7 +41,7 @@ WAYS = {"up": "↑", "down": "↓"}
 
 
 class _Branch(NamedTuple):
-    """A branch: its rows in the order of the key, how it goes, and where it jumps."""
+    """A branch: its rows in the order of the key, its direction and colour, the width of its line, and its jumps."""
 
     rows: pd.DataFrame
     label: str
@@ -58,82 +56,49 @@ class _Branch(NamedTuple):
         return pd.Series(self.rows[column].to_numpy(dtype=float, na_value=np.nan), over)
 
 
-def branch_series(rows: pd.DataFrame, label: str = "", colour: str = picture.BLUE, size: float = 1.0) -> picture.Series:
-    """Return the points of a branch as a line that is broken where the motion jumps, dashed on the way down."""
-    direction = str(rows["direction"].iloc[0])
-    places = np.insert(rows.index.to_numpy(), np.flatnonzero(find_jumps(rows)) + 1, picture.BROKEN)
-    look: dict[str, Any] = {"dash": "--" if direction == "down" else "-", "width": size}
-    return picture.Series(label, places, f"{key_name(key_of(rows))} {direction}", colour, "lines", **look)
-
-
-def marked_series(rows: pd.DataFrame, colour: str, marked: Any, size: float = 1.0) -> Iterator[picture.Series]:
-    """Yield points that are marked on a line, if there are any."""
-    if marked.any():
-        yield picture.Series("", rows.index[marked].to_numpy(), "", colour, "markers", size=0.7 * size)
-
-
 def curves_of(
     sweeps: Sweeps, columns: Sequence[str], colours: Mapping[str, str], *, told: bool
 ) -> tuple[list[picture.Series], list[picture.Jump], dict[str, str]]:
     """Return branches as series in panels of columns, their jumps, and by columns which of them coincide.
 
-    ``colours`` are those of their labels.
+    ``colours`` are those of their labels. Ways down lie below ways up, and so are seen where they differ.
     With ``told`` points whose motion does not repeat are marked, as no strips say it.
     """
-    table, notes = sweeps.table, dict[str, str]()
-    series, jumps = list[picture.Series](), list[picture.Jump]()
     groups: dict[str, list[_Branch]] = {}
     for rows in sweeps.branches:
         label, direction = sweeps.label(rows.iloc[0]), str(rows["direction"].iloc[0])
         width = _size([*colours].index(label), len(colours))
         one = _Branch(rows, label, direction, colours[label], width, find_jumps(rows))
         groups.setdefault(label, []).append(one)
-    shown: dict[int, dict[str, Any]] = {}
+    shown: dict[str, list[str]] = {label: [] for label in groups}
+    notes = dict[str, str]()
     for column in columns:
-        span = _range_of(table, column)
-        kept: dict[str, list[str]] = {}
+        span, kept = _range_of(sweeps.table, column), dict[str, list[str]]()
         for label, group in groups.items():
-            same = next(
-                (one for one in kept if len(groups) <= DISTINCT and _coincide(groups[one], group, column, span)), ""
-            )
-            if same:
+            alike = (one for one in kept if len(groups) <= DISTINCT and _coincide(groups[one], group, column, span))
+            if same := next(alike, ""):
                 kept[same].append(label)
-                continue
-            kept[label] = [label]
-            for number, one in enumerate(group):
-                first = group[0] if number and group[0].direction != one.direction else None
-                shown.setdefault(id(one), {})[column] = _places(one, first, column, span)
+            else:
+                kept[label] = [label]
+                shown[label].append(column)
         if several := [labels for labels in kept.values() if len(labels) > 1]:
             notes[column] = "; ".join(map(_equal, several))
-    for one in (one for group in groups.values() for one in group):
-        of = shown.get(id(one), {})
-        series += _series_of(one, of, told)
-        jumps += _jumps_of(one, groups[one.label][0], [*of], table)
-    if len({one.direction for group in groups.values() for one in group}) > 1:
-        series = _with_both_ways(series)
+    branches = sorted((one for group in groups.values() for one in group), key=lambda one: one.direction != "down")
+    series = [made for one in branches for made in _series_of(one, shown[one.label], told=told)]
+    jumps = [jump for one in branches for jump in _jumps_of(one, groups[one.label][0], shown[one.label], sweeps.table)]
     return series, jumps, notes
 
 
-def _with_both_ways(series: Sequence[picture.Series]) -> list[picture.Series]:
-    """Say that solid lines are both ways where no dashed one is drawn, as the way down coincides with the way up."""
-    if any(one.dash == "--" for one in series):
-        return [*series]
-    return [replace(one, look=f"{one.look} and down") if one.mode == "lines" else one for one in series]
-
-
-def _series_of(one: _Branch, shown: Mapping[str, Any], told: bool) -> Iterator[picture.Series]:
-    """Yield the series of a branch, one for all columns in which the same points are drawn, and where it failed."""
-    alike: dict[bytes, list[str]] = {}
-    for column, places in ((name, found) for name, found in shown.items() if (found != picture.BROKEN).any()):
-        alike.setdefault(places.tobytes(), []).append(column)
-    is_down = one.direction == "down"
-    look = f"{key_name(key_of(one.rows))} {one.direction}{', where it differs' if is_down else ''}"
-    for columns in alike.values():
-        dash, places = "--" if is_down else "-", shown[columns[0]]
-        yield picture.Series(
-            one.label, places, look, one.colour, "lines", dash=dash, width=one.width, of=tuple(columns)
-        )
-    yield from marked_series(one.rows, one.colour, failed_of(one.rows) | (told & open_of(one.rows)))
+def _series_of(one: _Branch, columns: Sequence[str], *, told: bool) -> Iterator[picture.Series]:
+    """Yield the line of a branch, broken where the motion jumps, and the points that are marked on it."""
+    if columns:
+        places = np.insert(one.rows.index.to_numpy(), np.flatnonzero(one.jumps) + 1, picture.BROKEN)
+        look: dict[str, Any] = {"dash": "--" if one.direction == "down" else "-", "width": one.width}
+        way = f"{key_name(key_of(one.rows))} {one.direction}"
+        yield picture.Series(one.label, places, way, one.colour, "lines", of=tuple(columns), **look)
+    marked = failed_of(one.rows) | (told & open_of(one.rows))
+    if marked.any():
+        yield picture.Series("", one.rows.index[marked].to_numpy(), "", one.colour, "markers", size=0.7)
 
 
 def _range_of(table: pd.DataFrame, column: str) -> float:
@@ -149,22 +114,16 @@ def _size_of(change: Any, column: str) -> Any:
     return np.abs(np.angle(np.exp(1j * change)) if column == PHASE_COLUMN else change)
 
 
-def _apart(one: pd.Series, other: pd.Series, column: str) -> Any:
-    """Return how far one curve is from another at its values of the key."""
-    beside = other[~other.index.duplicated()].reindex(one.index)
-    return _size_of(one.to_numpy() - beside.to_numpy(), column)
-
-
 def _coincide(first: Sequence[_Branch], others: Sequence[_Branch], column: str, span: float) -> bool:
     """Whether the branches of two combinations are the same in a column, up to the width of a line."""
     if [one.direction for one in first] != [one.direction for one in others]:
         return False
     for one, other in zip(first, others, strict=True):
-        a, b = one.values(column), other.values(column)
-        known = a.notna().to_numpy()
-        if not known.any() or {*a.index[known]} != {*b.dropna().index}:
+        a, b = (branch.values(column).dropna() for branch in (one, other))
+        if a.empty or {*a.index} != {*b.index}:
             return False
-        if (_apart(a, b, column)[known] > SAME * span).any():
+        beside = b[~b.index.duplicated()].reindex(a.index)
+        if (_size_of(a.to_numpy() - beside.to_numpy(), column) > SAME * span).any():
             return False
     return True
 
@@ -172,25 +131,6 @@ def _coincide(first: Sequence[_Branch], others: Sequence[_Branch], column: str, 
 def _equal(labels: Sequence[str]) -> str:
     """Say that curves coincide: "mass ratio 0 = 0.1"."""
     return " = ".join([labels[0], *(_short(label, labels) for label in labels[1:])])
-
-
-def _places(one: _Branch, first: _Branch | None, column: str, span: float) -> Any:
-    """Return where a branch is drawn: where it is more than nothing, and differs from another way, and beside these.
-
-    Lines are broken at jumps.
-    """
-    values = one.values(column)
-    known = drawn = values.notna().to_numpy()
-    if column != PHASE_COLUMN and not (values < 0.0).any():
-        drawn = drawn & (values > digits.NEGLIGIBLE * span).to_numpy()
-    if first is not None:
-        drawn = drawn & ~(_apart(values, first.values(column), column) <= SAME * span)
-    joined = ~one.jumps
-    grown = drawn.copy()  # a line begins where it leaves another one, or nothing
-    grown[1:] |= drawn[:-1] & joined
-    grown[:-1] |= drawn[1:] & joined
-    places = np.where(grown & known, one.rows.index.to_numpy(), picture.BROKEN)
-    return np.insert(places, np.flatnonzero(one.jumps) + 1, picture.BROKEN)
 
 
 def _jumps_of(one: _Branch, first: _Branch, columns: Sequence[str], table: pd.DataFrame) -> Iterator[picture.Jump]:
@@ -283,27 +223,15 @@ def period_kinds(rows: pd.DataFrame) -> list[str]:
     return [str(kind) for kind in np.where(failed_of(rows), "", kinds)]
 
 
-def failed_places(rows: pd.DataFrame, x: str) -> Any:
-    """Return where points failed; excitation frequencies they do not have follow from those of their neighbours."""
-    failed = failed_of(rows)
-    key = key_of(rows)
-    over = rows[key].to_numpy(dtype=float)
-    if x == key or not failed.any():
-        return over[failed]
-    expected = over if key == SUPPLY else np.ones(len(over))
-    ratio = rows[x].to_numpy(dtype=float, na_value=np.nan) / expected
-    known = np.flatnonzero(np.isfinite(ratio))
-    known = known[np.argsort(over[known])]
-    if not len(known):
-        return np.full(int(failed.sum()), np.nan)
-    return expected[failed] * np.interp(over[failed], over[known], ratio[known])
-
-
 def placed(rows: pd.DataFrame, x: str) -> pd.Series:
-    """Return a column along a branch, with the places of points that failed where it can tell them."""
-    failed = failed_of(rows)
-    found = rows[x].astype(float)
-    found[failed] = failed_places(rows, x)
+    """Return a column along a branch; excitation frequencies of points that failed follow from their neighbours."""
+    found, failed, key = rows[x].astype(float), failed_of(rows), key_of(rows)
+    over = rows[key].to_numpy(dtype=float)
+    expected = over if key == SUPPLY else np.ones(len(over))
+    known = np.argsort(over)[np.isfinite(found.to_numpy())[np.argsort(over)]]
+    if x != key and failed.any() and len(known):
+        ratios = np.interp(over, over[known], found.to_numpy()[known] / expected[known])
+        found = found.where(~failed, expected * ratios)
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,8 +34,6 @@ _FLIGHTS = {1e-6: ("-", "material flies"), 0.5: ("--", "half of the time"), 0.9:
 #: Lines of boundaries that have one colour, by the kinds of special points; what thin ones are.
 _DASHES: Sequence[Any] = ("-", "--", "-.", ":", (0, (7, 2)), (0, (1, 2, 1, 2, 5, 2)), (0, (9, 1, 2, 1)))
 UNREACHED = "thin: of unstable orbits"
-#: Distance of points of two ways that are the same, over the range of all.
-_SAME = 0.015
 
 
 # -- bifurcation diagram -----------------------------------------------------------------------------------------------
@@ -44,7 +42,7 @@ _SAME = 0.015
 def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> picture.Picture:
     """Return the Poincaré section and impact speeds, a facet for each combination of the grid's values.
 
-    The way down is drawn where it differs from the way up. Strips say after how many turns the motion repeats.
+    The way down lies below the way up. Strips say after how many turns the motion repeats.
     """
     (result,), x = sweeps.results, sweeps.x
     section, impacts = (
@@ -67,7 +65,7 @@ def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> picture.Picture:
     return picture.Picture(
         name="bifurcation",
         heading="Bifurcation diagram",
-        title=titles.bifurcation(sweeps, [period_kinds(rows) for rows in sweeps.branches]),
+        title=titles.sentence(titles.motions(sweeps.table)) or "Every point failed",
         table=table,
         table_name="section and impacts",
         drawn=drawn,
@@ -78,46 +76,23 @@ def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> picture.Picture:
         strips=strips,
         choice="branch",
         told=sweeps.told(),
-        meaning="Each dot is a point of the Poincaré section, or an impact; the way down is drawn where it differs.",
+        meaning="Each dot is a point of the Poincaré section, or an impact; the way down lies below the way up.",
         high=True,
     )
 
 
-def _dots(sweeps: Sweeps, table: pd.DataFrame, own: Sequence[pd.DataFrame]) -> Any:
+def _dots(sweeps: Sweeps, table: pd.DataFrame, own: Sequence[pd.DataFrame]) -> Iterator[picture.Series]:
     """Yield the points of branches of one combination: small where the motion does not repeat."""
-    for rows in own:
+    for rows in sorted(own, key=lambda rows: rows["direction"].iloc[0] != "down"):
         direction = str(rows["direction"].iloc[0])
-        mine = (table["branch"] == rows["branch"].iloc[0]).to_numpy(dtype=bool, copy=True)
-        look = f"{key_name(sweeps.key)} {direction}"
-        if rows is not own[0]:
-            mine &= ~_alike(sweeps.key, table, rows, own[0])
-            look += ", where it differs"
-        repeats = rows[sweeps.key][rows["period"].gt(0)]
-        steady = table[sweeps.key].isin(repeats).to_numpy(dtype=bool)
-        colour = _COLOURS.get(direction, picture.BLUE)
-        if not mine.any():
-            continue
+        mine = (table["branch"] == rows["branch"].iloc[0]).to_numpy(dtype=bool)
+        steady = table[sweeps.key].isin(rows[sweeps.key][rows["period"].gt(0)]).to_numpy(dtype=bool)
         for chosen, size in ((mine & steady, 1.5), (mine & ~steady, 1.0)):
-            label = look if size > 1.0 or not (mine & steady).any() else ""
-            yield picture.Series(label, content.rows_of(chosen), "", colour, "dots", size=size, pale=size == 1.0)
-
-
-def _alike(key: str, table: pd.DataFrame, rows: pd.DataFrame, first: pd.DataFrame) -> Any:
-    """Return which points of a branch lie among those of the other way at the same value of the key.
-
-    Motion that does not repeat on either way visits what it visits by chance; there all points count as the same.
-    """
-    over, other = table[key], (table["branch"] == first["branch"].iloc[0]).to_numpy(dtype=bool)
-    chance = [{*one.loc[one["period"].eq(0), key].astype(float)} for one in (rows, first)]
-    found = over.isin(chance[0] & chance[1]).to_numpy(dtype=bool, copy=True)
-    for column in (name for name in ("y_m", "impact_speed_m_per_s") if name in table):
-        values = table[column].to_numpy(dtype=float)
-        known = np.isfinite(values)
-        span = float(np.ptp(values[known])) if known.any() else 0.0
-        ends = table[other & known].groupby(key)[column].agg(["min", "max"])
-        low, high = (over.map(ends[end]).to_numpy(dtype=float) for end in ("min", "max"))
-        found |= known & (values >= low - _SAME * span) & (values <= high + _SAME * span)
-    return found
+            label = f"{key_name(sweeps.key)} {direction}" if chosen.any() else ""
+            look: dict[str, Any] = {"size": size, "pale": size == 1.0}
+            yield picture.Series(
+                label, content.rows_of(chosen), "", _COLOURS.get(direction, picture.BLUE), "dots", **look
+            )
 
 
 def _with_periods(
@@ -188,7 +163,7 @@ def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         axes=[sweeps.key],
         panels=panels or ([] if few else [_regimes_panel(sweeps, key)]),
         series=[] if few else [*series, *lines],
-        facets=[] if few else facets,
+        facets=facets if len(facets) > 1 and not few else (),
         strips=strips_of(sweeps, labels, flies=True) if few else None,
         choice="direction",
         rotation=sweeps.rotation,

@@ -93,8 +93,7 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         rotation=sweeps.rotation,
         scale=scale,
         told=sweeps.told(left, *equal),
-        meaning="Solid: up; dashed: down, where it differs; arrows: jumps; what is 0 is not drawn; ×: failed."
-        f"{sweeps.meaning}",
+        meaning=f"Solid: up; dashed: down, seen where it differs; arrows: jumps; ×: failed.{sweeps.meaning}",
         orbits=picture.Orbits(table),
     )
 

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from vibroplat.columns import PHASE_COLUMN, unit_of
-from vibroplat.config import digits
+from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.study_plans import FindPlan
-from vibroplat.frames import pd
 from vibroplat.results import content, picture
 from vibroplat.results.labels import key_name, told_of
 from vibroplat.results.result import Result
+from vibroplat.study import titles
 from vibroplat.study.branches import column_of
-from vibroplat.study.titles import sentence
 
 OPTIONS = ("measure",)
-#: Most thresholds that a title has.
-MOST = 4
 #: Ends of mixed intervals in the table of thresholds.
 _MIXED = ["mixed_low", "mixed_high"]
 
@@ -56,7 +52,7 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
     return picture.Picture(
         name="thresholds",
         heading="Thresholds",
-        title=_title(plan, found, ranges),
+        title=titles.sentence(result.answer.headline.replace(plan.key, key_name(plan.key))),
         table=table,
         table_name="values",
         special=found,
@@ -78,26 +74,3 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
             "Orbit just below this threshold.",
         ),
     )
-
-
-def _title(plan: FindPlan, found: pd.DataFrame, mixed: Sequence[picture.Range]) -> str:
-    """Say where thresholds lie, as exactly as they are known, and what is on either side of a single one."""
-    words, unit = key_name(plan.key), unit_of(plan.key)
-    told = f"{words} {', '.join(_value(row, unit) for _, row in found.head(MOST).iterrows())}"
-    told += " …" if len(found) > MOST else ""
-    if found.empty:
-        told = f"no threshold of {words} in {digits.interval(plan.start, plan.stop, unit)}"
-    for one in mixed:
-        told += f"; mixed {digits.interval(one.low, one.high, unit)}"
-    sides = [str(found[name].iloc[0]) for name in ("below_sync", "above_sync") if len(found) == 1 and name in found]
-    if len(sides) == 2 and not mixed:
-        below, above = map(picture.sync_words, sides)
-        told += f": {below} below and above" if below == above else f": {below} below, {above} above"
-    return sentence(told)
-
-
-def _value(row: pd.Series, unit: str) -> str:
-    """Write a threshold with the digits that its bracket leaves."""
-    ends = [float(row[name]) for name in ("below", "above") if name in row and pd.notna(row[name])]
-    error = abs(ends[1] - ends[0]) if len(ends) == 2 else None
-    return digits.quantity(float(row["value"]), unit, digits=8 if error else 4, error=error)

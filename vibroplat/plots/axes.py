@@ -1,0 +1,116 @@
+"""Axes of figures: units and names of columns, phase differences, and ranges on which what is there is seen."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import FixedLocator, LogLocator
+
+from vibroplat.columns import COORDINATES, FORCES, PHASE, PHASE_COLUMN, Quantity, describe_sync, quantity_of
+from vibroplat.results.labels import EXCITATION, SUPPLY, key_label
+from vibroplat.results.picture import REFERENCE, SYNC
+
+FloatArray = np.ndarray[Any, np.dtype[np.float64]]
+
+_SHOWN = COORDINATES | FORCES | {"t_s": Quantity("time", "s")}
+#: A turn (rad), and where phase differences begin, so that 0 and π, near which exciters synchronize, are well inside.
+TURN, LOWEST_PHASE = 2.0 * np.pi, -0.5 * np.pi
+#: Distance from 0 and from π up to which phase differences are shaded as those of a synchronization (rad).
+NEAR = np.pi / 3.0
+#: Share of an axis beyond what is on it, so that markers are whole, and its least range over its largest number.
+MARGIN, LEAST_SHARE = 0.05, 1e-3
+#: Ratio of the ends of a logarithmic axis up to which there are ticks between its powers of ten.
+NEAR_DECADES = 300.0
+#: The axis of sizes of multipliers is linear up to this distance from 1, and logarithmic farther away.
+NEAR_ONE = 1e-3
+_SIZE_TICKS = (1.0, 0.9, 1.1, 0.99, 1.01, 0.0, 2.0, 0.999, 1.001, *(10.0**power for power in range(1, 32)))
+
+
+def in_units(values: Any, column: str) -> FloatArray:
+    """Return values of a column in the unit of its axis; phase differences lie on their axis."""
+    found = np.asarray(values, dtype=float)
+    if column == PHASE_COLUMN:
+        return np.mod(found - LOWEST_PHASE, TURN) + LOWEST_PHASE
+    return (_SHOWN.get(column) or quantity_of(column)).factor * found
+
+
+def label_of(column: str) -> str:
+    """Return what a column is called on an axis, with its unit."""
+    if column in (EXCITATION, SUPPLY) or "." in column:
+        return key_label(column)
+    return (_SHOWN.get(column) or quantity_of(column)).label
+
+
+def name_axis(axis: Axes, column: str, label: str = "", rotation: str = "") -> None:
+    """Label the vertical axis of a column; that of phase differences says what a machine does in each synchronization.
+
+    Phase differences lie on a circle that is cut at −π/2.
+    """
+    axis.set_ylabel(label or (PHASE if column == PHASE_COLUMN else label_of(column)))
+    if column != PHASE_COLUMN:
+        return
+    axis.set_ylim(LOWEST_PHASE - 0.1, LOWEST_PHASE + TURN + 0.1)
+    ticks = {-0.5: "−90°", 0.0: "0°", 0.5: "90°", 1.0: "±180°", 1.5: "−90°"}
+    axis.set_yticks([np.pi * tick for tick in ticks], list(ticks.values()))
+    for angle, name in ((0.0, "in-phase"), (np.pi, "antiphase")):
+        axis.axhspan(angle - NEAR, angle + NEAR, color=SYNC[name], alpha=0.1, lw=0.0, zorder=0.4)
+        axis.annotate(
+            describe_sync(name, rotation), (1.0, angle + NEAR), (-2.0, -2.0), axis.get_yaxis_transform(),
+            "offset points", fontsize=7.5, color=REFERENCE, ha="right", va="top",
+        )  # fmt: skip
+
+
+def begin_at_zero(axis: Axes, end: float) -> None:
+    """Begin a vertical axis at 0, with room for lines and markers at both ends; one below 0 stays as it is."""
+    if end > 0.0:
+        axis.set_ylim(-MARGIN * end, (1.0 + MARGIN) * end)
+
+
+def widen_ticks(axis: Axes, which: Literal["x", "y"], least: float = 0.0) -> None:
+    """Widen an axis to a range, and one whose numbers would differ in so many digits that there is no room for them."""
+    low, high = axis.get_xlim() if which == "x" else axis.get_ylim()
+    missing = max(least, LEAST_SHARE * max(abs(low), abs(high))) - (high - low)
+    if missing > 0.0:
+        axis.set(**{f"{which}lim": (low - 0.5 * missing, high + 0.5 * missing)})
+
+
+def in_decades(axis: Axes, which: Literal["x", "y"]) -> None:
+    """Make an axis logarithmic once all is drawn, with plain numbers as its ticks."""
+    axis.set(**{f"{which}scale": "log"})
+    along = axis.xaxis if which == "x" else axis.yaxis
+    low, high = along.get_view_interval()
+    along.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < NEAR_DECADES * low else (1.0,)))
+    along.set_major_formatter("{x:g}")
+    along.set_minor_formatter("")
+
+
+# -- sizes of multipliers ----------------------------------------------------------------------------------------------
+
+
+def about_one(axis: Axes) -> None:
+    """Give numbers near 1, which as sizes of multipliers decide on stability, room on a vertical axis."""
+    axis.set_yscale("function", functions=(_placed_by_size, _size_at))
+    axis.update_datalim([(0.0, 1.0)], updatex=False)
+    axis.autoscale_view()
+
+
+def _placed_by_size(size: Any) -> Any:
+    return np.arcsinh((size - 1.0) / NEAR_ONE)
+
+
+def _size_at(place: Any) -> Any:
+    return 1.0 + NEAR_ONE * np.sinh(place)
+
+
+def tick_sizes(axis: Axes) -> None:
+    """Give an axis ticks of sizes, those near 1 first, as many as there is room for."""
+    (low, high), kept = axis.get_ylim(), list[float]()
+    room = 0.05 * (_placed_by_size(high) - _placed_by_size(low))
+    for tick in _SIZE_TICKS:
+        distances = [abs(_placed_by_size(tick) - _placed_by_size(other)) for other in kept]
+        if low <= tick <= high and min(distances, default=np.inf) > room:
+            kept.append(tick)
+    axis.yaxis.set_major_locator(FixedLocator(kept))
+    axis.yaxis.set_major_formatter("{x:g}")
