@@ -415,6 +415,13 @@ else:
 
 
 @inlined
+def total(both: Any) -> Any:
+    """Add up two values that are side by side."""
+    first, second = part(both)
+    return first + second
+
+
+@inlined
 def four(first: Lanes, second: Lanes, third: Lanes, fourth: Lanes) -> Any:
     """Put four values side by side."""
     return join(join(first, second), join(third, fourth))

@@ -31,7 +31,20 @@ import numpy as np
 from vibroplat.kernels.compiled import fused, fused_inline, inlined
 from vibroplat.kernels.polynomial import MAX_DEGREE
 from vibroplat.kernels.sines import sincos_pair
-from vibroplat.kernels.vectors import Lanes, Pair, align_stack, at, four, join, lanes_record, part, select, some, zero
+from vibroplat.kernels.vectors import (
+    Lanes,
+    Pair,
+    align_stack,
+    at,
+    four,
+    join,
+    lanes_record,
+    part,
+    select,
+    some,
+    total,
+    zero,
+)
 from vibroplat.model.accelerations import mobility, solve_rows
 from vibroplat.model.motor import MotorTerms, kloss_term, motor_at, resistance_term, square_term
 from vibroplat.model.parameters import PARAMETERS, Parameters
@@ -245,13 +258,6 @@ def put_factors(
     room.c[r], room.s[r], room.w[m], room.u[m], room.ax[i], room.ay[i] = e.cosine, e.sine, e.speed, e.slip, e.ax, e.ay
     room.square[i], room.torque[i] = known.square, known.torque
     room.phi[r], room.turning[m], room.unbalances[i], room.centre[i], room.lifted[i] = turned
-
-
-@inlined
-def total(both: Pair) -> Lanes:
-    """Add up what both exciters contribute."""
-    first, second = part(both)
-    return first + second
 
 
 @inlined

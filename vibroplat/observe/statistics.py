@@ -19,7 +19,7 @@ from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import crossing, value
 from vibroplat.kernels.rows import horner_16, horner_pair_16, means_16
 from vibroplat.kernels.sines import sincos_pair
-from vibroplat.kernels.vectors import join, load_2, load_4, load_16, part, store, zero
+from vibroplat.kernels.vectors import join, load_2, load_4, load_16, part, store, total, zero
 from vibroplat.model.energy import DISSIPATIONS, exciter_powers, powers
 from vibroplat.model.motor import both, motor_torques
 from vibroplat.model.parameters import Parameters
@@ -66,8 +66,7 @@ _COMPLETE = 1e-12
 #: Turns of exciter 1 within a step beyond which none of them is counted: the motion makes no sense any more.
 _MAX_TURNS = 1000.0
 
-#: What is overwritten at each step. What stays is what the known extremes are and of which row, stiffnesses and
-#: dampings, the points' levers, and how many named points there are.
+#: What is overwritten at each step, but for limits and their row, stiffnesses, dampings, levers, and how many points.
 ROOM = np.dtype(
     [
         ("samples", float, (MAX_NODES + 2, WIDTH)),  # unknowns at beginning, nodes and end
@@ -316,8 +315,7 @@ def add_part(
 ) -> None:
     """Add a step, or a part of it that is measured as a whole or not at all.
 
-    ``begins`` holds the unknowns at its beginning and their derivatives by the step's fraction, ``end`` those at its
-    end.
+    ``begins`` holds the unknowns at its beginning and their derivatives by the step's fraction, ``end`` the last ones.
     """
     width, row, samples, nodes = span.last - span.first, ms.marks.row if measured else EARLY, room.samples, span.nodes
     if room.widened != row:
@@ -371,7 +369,8 @@ def integrate(ms: Accumulators, span: Span, measured: bool, room: Any, p: Parame
         first, second = part(weight * found.motor)
         exchanged += abs(total(first)) + abs(total(second))
     means_16(samples, WEIGHTS[nodes], 1, nodes, n, means)
-    powers((in_all(motor) - in_all(held), in_all(truncated), in_all(resisted)), means, n, LAYERS[system], power, p)
+    taken = total(total(motor - held)), total(total(truncated)), total(total(resisted))
+    powers(taken, means, n, LAYERS[system], power, p)
     for j in range(N_WORK):
         ms.work[j] += duration * power[j]
     for j in range(DISSIPATIONS, N_POWERS):
@@ -381,10 +380,8 @@ def integrate(ms: Accumulators, span: Span, measured: bool, room: Any, p: Parame
         for k in range(3):  # of x, y and φ
             sums[X + 2 * k] += duration * means[0, k]
             sums[XX + 2 * k] += duration * means[1, k]
-        first, second = part(motor)
-        store(load_2(sums, 0, POWER) + duration * (first + second), sums, 0, POWER)
-        first, second = part(both(p.direction) * torque)
-        store(load_2(sums, 0, TORQUE) + duration * (first + second), sums, 0, TORQUE)
+        store(load_2(sums, 0, POWER) + duration * total(motor), sums, 0, POWER)
+        store(load_2(sums, 0, TORQUE) + duration * total(both(p.direction) * torque), sums, 0, TORQUE)
         for i in range(2):
             sums[SPEED + i] += duration * means[0, n + 3 + i]
         add_forces(sums[PULL:], means, room.springs, n, duration)
@@ -397,20 +394,6 @@ def integrate(ms: Accumulators, span: Span, measured: bool, room: Any, p: Parame
 def alternate(first: float, second: float) -> Any:
     """Put two numbers side by side, each once for both exciters."""
     return join(join(first, first), join(second, second))
-
-
-@inlined
-def in_all(lanes: Any) -> Any:
-    """Add up four numbers."""
-    first, second = part(lanes)
-    return total(first + second)
-
-
-@inlined
-def total(lanes: Any) -> Any:
-    """Add up two numbers."""
-    first, second = part(lanes)
-    return first + second
 
 
 @inlined
