@@ -113,7 +113,9 @@ def test_starts_that_come_to_no_orbit_are_one_attractor_of_their_class():
     assert len(result.answer.failures) == 5
     assert {line.partition(" by ")[0] for line in result.answer.failures} == {"beyond-model: the platform has turned"}
     figure = result.plot()
-    assert {"antiphase, chaotic", "beyond-model"} <= {text.get_text() for text in figure.legends[0].get_texts()}
+    shown = "\n".join(text.get_text() for text in figure.legends[0].get_texts())
+    assert "antiphase, chaotic" in shown
+    assert "beyond-model" in shown
     assert figure.get_suptitle().replace("\n", " ").endswith("of 10 starts")
 
 

@@ -23,7 +23,7 @@ def integral_of_divergence(run):
     for segment in run.segments:
         for start, length in zip(segment.t, segment.length, strict=True):
             times = segment.start + start + length * 0.5 * (NODES + 1.0)
-            states, _ = segment(times)
+            states, *_ = segment(times)
             values = [
                 divergence(segment.system, t, segment.system.unknowns(s), p) for t, s in zip(times, states, strict=True)
             ]

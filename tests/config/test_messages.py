@@ -11,8 +11,8 @@ from vibroplat.config.reader import parse_overrides
 from vibroplat.errors import ConfigError
 
 SECTIONS = (
-    "name, machine, motor, motors, exciters, material, contact, drive, run, solver, output, sweep, orbits, find, "
-    "basins, design"
+    "name, machine, motor, motors, exciters, material, contact, transport, drive, run, solver, output, sweep, orbits, "
+    "find, basins, design"
 )
 MOTOR = (
     "critical_torque_n_m, critical_slip, rated_power_w, rated_speed_rpm, breakdown_ratio, pole_pairs, "

@@ -8,6 +8,7 @@ import pytest
 from continuation.helpers import MACHINE, MASS
 from vibroplat import load_config
 from vibroplat.continuation.newton import NoConvergenceError, Problem, correct, fixed_border
+from vibroplat.continuation.orbit import first_orbit
 from vibroplat.continuation.shooting import Shooter
 from vibroplat.hybrid.state import initial_state
 from vibroplat.motion.recorder import Recorder
@@ -82,3 +83,46 @@ def test_values_without_a_scene_end_newtons_method(monkeypatch):
         monkeypatch.setattr(shooter, "set", refused)
         with pytest.raises(NoConvergenceError, match="is too much"):
             correct(problem, chart, u, fixed_border(chart))
+
+
+def test_a_borrowed_shooter_is_as_a_new_one():
+    """It has followed another scene, whose motion made it take steps back, and noted more events than it had room."""
+    first, second = (flying().replace({KEY: at, "solver.tolerance": 1e-9}) for at in (63.0, 50.0))
+    borrowed = Shooter.borrowed(first)
+    borrowed.shot(initial_state(first), 0.5, full=True)
+    borrowed.give_back()
+    assert Shooter.borrowed(second) is borrowed
+    with closing(Shooter(second)) as new:
+        shots = [of.shot(initial_state(second), 0.3, full=True) for of in (new, borrowed)]
+        assert new.engine.work == borrowed.engine.work
+    for name in ("state", "events", "derivative", "rates"):
+        np.testing.assert_array_equal(*(getattr(shot, name) for shot in shots))
+    np.testing.assert_array_equal(*(shot.part.measures.work for shot in shots))
+    borrowed.give_back()
+    with closing(Shooter.borrowed(second.replace({"solver.tolerance": 1e-8}))) as other:
+        assert other is not borrowed
+
+
+def test_parameters_over_a_key_are_those_of_its_scenes():
+    """By polynomials within the course, and by scenes beyond it."""
+    scene = flying()
+    with closing(Shooter(scene, [KEY], (48.0, 52.0))) as along, closing(Shooter(scene, [KEY])) as single:
+        for value in (48.0, 50.1, 52.0, 53.0, 49.0):
+            ends = []
+            for shooter in (along, single):
+                shooter.set([value])
+                assert shooter.held == {KEY: value}
+                ends.append(shooter.shot(initial_state(scene), 0.1, full=True))
+            np.testing.assert_allclose(along.records.parameters, single.records.parameters, rtol=1e-13)
+            np.testing.assert_allclose(ends[0].state, ends[1].state, rtol=0.0, atol=1e-10)
+            np.testing.assert_allclose(ends[0].derivative, ends[1].derivative, rtol=0.0, atol=1e-6)
+
+
+def test_the_derivative_of_an_orbit_is_exact_where_the_first_guess_is_one():
+    """That of the first shot is rough."""
+    with closing(Shooter(flying().replace({"solver.tolerance": 1e-9}))) as shooter:
+        problem, found = first_orbit(shooter, None, 1, (), 1e-8)
+        again = correct(problem, found.chart, found.u, fixed_border(found.chart))
+        start, seconds, _ = again.chart.unpack(again.u)
+        assert len(again.residuals) == 2
+        np.testing.assert_array_equal(again.shot.derivative, shooter.shot(start, seconds, full=True).derivative)

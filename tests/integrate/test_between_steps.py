@@ -55,7 +55,7 @@ def errors(name, engine, tolerance):
     assert run.summary["events"] == 0
     for segment in run.segments:
         times = (segment.start + segment.t[:-1] + np.outer(fractions, segment.length[:-1])).T.ravel()
-        states, forces = segment(times)
+        states, forces, _ = segment(times)
         expected = exact(times)
         error = ((states[:, places] - expected[:half].T) / state_scales(scene)[places]).reshape(-1, 5, half)
         line = error[:, :1] + fractions[:, np.newaxis] * (error[:, -1:] - error[:, :1])

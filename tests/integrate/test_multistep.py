@@ -24,7 +24,7 @@ def added(t, y, yp, guard=-1, at_guard=False, target=math.nan):
     t, y, yp = (np.asarray(a, dtype=float) for a in (t, y, yp))
     steps, past = empty_steps(len(t) + 2, CUBIC), empty_step()
     begin_steps(past, y[0], yp[0])
-    return steps, transcribe(steps, past, t[1:], y[1:], yp[1:], guard, at_guard, target)
+    return steps, transcribe(steps, past, t[1:], y[1:], yp[1:], guard, at_guard, target, None)
 
 
 def columns(*unknowns):

@@ -26,7 +26,7 @@ def fall(coefficients, zeros=0):
     c[: len(coefficients), GUARD] = coefficients
     status = statuses(1)[0]
     status["sizes"][GUARD] = np.abs(c[1:, GUARD]).sum()
-    return guard_fall(c, DEGREE, GUARD, zeros, False, status)
+    return guard_fall(c, DEGREE, GUARD, zeros, False, status, status["sizes"][GUARD])
 
 
 def with_rest(coefficients, size):
@@ -92,9 +92,9 @@ def begin(g):
 @compiled
 def take(g):
     s, r, p = as_lanes(g.lanes), as_lanes(g.room), as_lanes(g.rows)
-    lockstep.expand(s, g.degree, r, p)
+    lockstep.expand(s, g.degree, r, p, g.moving)
     lockstep.propose(g, s, r)
-    lockstep.expand(s, g.degree, r, p)
+    lockstep.expand(s, g.degree, r, p, g.moving)
 
 
 @compiled

@@ -49,7 +49,7 @@ def exciters(state, p, out):
 def powers_of(state, p):
     out, each = np.empty(FORCE_SIZE + 1), np.empty((3, 2))
     exciters(state, p, each)
-    powers(tuple(each.sum(axis=1)), np.array([state, state**2, abs(state)]), 7, 2, out, p)
+    powers(tuple(each.sum(axis=1)), np.array([state, state**2, abs(state)]), 7, 4, out, p)
     return dict(zip(POWERS, out, strict=False)), out[FORCE], out[FORCE_SIZE]
 
 

@@ -11,7 +11,7 @@ from vibroplat.model.parameters import record_words
 from vibroplat.model.series import FORCE, MOTION, WORDS, expand, parameter_rows, room
 from vibroplat.model.systems import SYSTEMS
 
-from .helpers import EACH_PAIR, EACH_SYSTEM, TIME, random_states, record_of, settled
+from .helpers import EACH_PAIR, EACH_SYSTEM, PLAIN, TIME, random_states, record_of, settled
 
 #: Degree at which the series of these states has converged to round-off over the times below.
 DEGREE = 24
@@ -25,7 +25,7 @@ TERMS = (
 
 @compiled
 def expand_lanes(motion, degree, room, rows):
-    expand(as_lanes(motion), degree, as_lanes(room), as_lanes(rows))
+    expand(as_lanes(motion), degree, as_lanes(room), as_lanes(rows), None)
 
 
 def side_by_side(given, degree=DEGREE):
@@ -143,7 +143,7 @@ def test_motions_side_by_side_are_each_as_alone(width):
     """In contact, in flight and bare beside each other, one with an exciter at rest."""
     given = []
     for lane, state in enumerate(random_states(seed=11, count=width)):
-        system = SYSTEMS[(3 * lane + 1) % len(SYSTEMS)]
+        system = SYSTEMS[(3 * lane + 1) % len(PLAIN)]
         state[10] *= lane != 1
         p = record_of(system.layers, "rising" if lane % 2 else "uneven")
         given.append((system, settled(system, state[system.places], p)[0], p))

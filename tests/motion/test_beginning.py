@@ -212,7 +212,7 @@ SPOILT = {
     ),
     "another schema": (
         spoilt("provenance", schema=7),
-        f": results/first/run holds results of schema 7; this version reads schema 2{FINISHED}",
+        f": results/first/run holds results of schema 7; this version reads schemas 1 and 2{FINISHED}",
     ),
     "no JSON": (
         lambda directory: (directory / "summary.json").write_text("{"),

@@ -199,7 +199,7 @@ def test_run_that_would_keep_more_than_its_share_ends_with_what_was_computed(
 ):
     scene = quickstart.replace({"run.duration_s": 3.0, "output.sample_rate_hz": 50.0})
     whole = simulate(scene)
-    most = {"segments": 2e6, "table": 5e4, "events": 6e3}[keep]
+    most = {"segments": 2e6, "table": 5e4, "events": 9e3}[keep]
     monkeypatch.setattr("vibroplat.system.memory.INTERVAL", 0)
     monkeypatch.setattr("vibroplat.system.memory.available", lambda: most)
     run = simulate(scene, keep=keep)

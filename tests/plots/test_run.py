@@ -299,7 +299,7 @@ def refusal(directory, **interval):
 @pytest.mark.parametrize(
     ("file", "content", "line"),
     [
-        ("provenance.json", '{"schema": 3}', "DIR holds results of schema 3; this version reads schema 2"),
+        ("provenance.json", '{"schema": 3}', "DIR holds results of schema 3; this version reads schemas 1 and 2"),
         ("provenance.json", "{", "DIR/provenance.json cannot be read: "),
         ("summary.json", "[]", "DIR/summary.json is not the summary of a run"),
         ("trajectory.csv", "a,b\n1,2\n", "the trajectory table in DIR has no numbers in column t_s"),

@@ -103,8 +103,8 @@ def test_peaks_of_two_masses_are_no_range(write_sweep):
     figure = drawn(write_sweep(table), x="supply", measure=["rms_y_m"])
     (figure,) = figure.values()
     low, high = up.min(), up.max()
-    assert f"$f_e$ = {low:.2f} and {high:.2f} Hz" in figure.get_suptitle() or (
-        f"$f_e$ = {high:.2f} and {low:.2f} Hz" in figure.get_suptitle()
+    assert f"$f_e$ = {low:.2f}, {high:.2f} Hz" in figure.get_suptitle() or (
+        f"$f_e$ = {high:.2f}, {low:.2f} Hz" in figure.get_suptitle()
     )
 
 

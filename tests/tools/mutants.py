@@ -136,7 +136,7 @@ BY_ROOM = [
     ("faults", [
         "if form != FORMAT: → if form > FORMAT:",
         "if _is_of_code(key) and not len(self): → if _is_of_code(key):",
-        "if type(found) is not int or found != SCHEMA: → if found != SCHEMA:",
+        "if type(found) is not int or found not in (1, SCHEMA): → if found not in (1, SCHEMA):",
         "del node.body[0] → pass",
     ]),
     ("study", [
@@ -145,12 +145,9 @@ BY_ROOM = [
     ]),
     # figures
     ("plots page", [
-        "**{n: in_units(picture.points[n], n) for n in numbers} → **{n: picture.points[n] for n in numbers}",
+        "**{n: in_units(points[n], name) for n, name in known.items()} → **{n: points[n] for n in known}",
         "len(parts) <= MOST else → len(parts) < MOST else",
         "if names.count(name) == 1 else → if names.count(name) > 1 else",
-    ]),
-    ("plots page study", [
-        "if label == labels[number] and n != number] → if label == labels[number]]",
     ]),
 ]  # fmt: skip
 #: One after the other: folders, old text, new text.

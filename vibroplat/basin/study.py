@@ -120,6 +120,7 @@ class BasinsStudy(Study):
     counted = "starts"
 
     def __init__(self, scene: Scene) -> None:
+        scene.require_orbits("a basin of attraction")
         if scene.basins is None:
             raise ConfigError("this configuration has no basins section; add basins: {initial_conditions: …}")
         with_orbit_tolerance(scene, 1e-8)  # refuses a program of the drive

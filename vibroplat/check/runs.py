@@ -14,11 +14,12 @@ import pandas as pd
 from vibroplat.check import MAX_RATIO, MIN_ALLOWED, Other, with_other_engine, with_other_tolerance
 from vibroplat.check.events import ErrorBound, EventMatches, marginal_events, match_events
 from vibroplat.config.arguments import validated
-from vibroplat.config.coordinates import COORDINATES
+from vibroplat.config.coordinates import ALONG, COORDINATES
 from vibroplat.config.digits import given, number, quantity
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.systems import ALONG as ALONG_PLACE
 from vibroplat.model.systems import GAP_RATE
 from vibroplat.motion.initial_condition import Start
 from vibroplat.motion.recorder import Sink
@@ -210,6 +211,8 @@ class SampledRun:
     ) -> None:
         self.scene = scene
         self.scales = {COORDINATES[i]: float(state_scales(scene)[i]) for i in scene.coordinates}
+        if scene.transport is not None:
+            self.scales[ALONG[0]] = float(state_scales(scene)[ALONG_PLACE])
         if scene.has_contact:
             self.scales[_FORCE] = force_spread(scene)
         self.names = list(self.scales)
@@ -277,7 +280,7 @@ def differences(one: SampledRun, two: SampledRun, times: pd.Index) -> FloatArray
     a, b = one.samples.reindex(times), two.samples.reindex(times)
     found: FloatArray = np.abs(a[one.names].to_numpy() - b[one.names].to_numpy())
     if _FORCE in one.names:
-        apart = ~((a["mode"] == "attached") & (b["mode"] == "attached")).to_numpy()
+        apart = ((a["mode"] == "flight") | (b["mode"] == "flight")).to_numpy()
         found[apart, one.names.index(_FORCE)] = math.nan
     return found
 

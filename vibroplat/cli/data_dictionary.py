@@ -13,6 +13,7 @@ from vibroplat.config.keys import keys, yaml
 from vibroplat.config.kinds import KINDS
 from vibroplat.inspection.values import INSPECTION
 from vibroplat.motion.run import SUMMARY
+from vibroplat.observe.conveying import CONVEYING
 from vibroplat.observe.data_sheet import point_columns, whole_columns
 from vibroplat.observe.tables import EVENTS, TRAJECTORY, acceleration_columns
 from vibroplat.paper.tables import TABLES as PAPER
@@ -29,7 +30,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "summary.json": (
         "`vibroplat run`: values for the second half of the run, cut to whole turns or periods. Meanings that say "
         '"in the whole run" are the exception.',
-        {**SUMMARY, **_POINTS, **whole_columns(_POINTS)},
+        {**SUMMARY, **_POINTS, **whole_columns(_POINTS), **CONVEYING},
     ),
     "inspection": (
         "`vibroplat inspect` prints some of these numbers before any run; `Scene.inspect()` returns them, by name.",

@@ -14,11 +14,14 @@ class Mode(IntEnum):
     ATTACHED = 0
     FLIGHT = 1
     BARE = 2
+    STICK = 3
+    SLIP_PLUS = 4
+    SLIP_MINUS = 5
 
     @property
     def label(self) -> str:
         """The mode's name in tables."""
-        return self.name.lower()
+        return self.name.lower().replace("_plus", "+").replace("_minus", "-")
 
 
 #: Keys of a state in the order of the state vector: coordinates, then their rates.
@@ -32,6 +35,9 @@ RATES = (
     "gap_rate_m_per_s",
     "upper_rate_m_per_s",
 )
+
+#: Keys of where material is along the deck, with its rate, in scenes with ``transport``.
+ALONG = ("along_m", "along_rate_m_per_s")
 
 #: Most points of the platform that may be named.
 MAX_NAMED_POINTS = 8

@@ -62,7 +62,7 @@ def notes_on_input(scene: Scene) -> list[str]:
     found = [_note_if_unusual(quantity, scene) for quantity in quantities(scene)]
     found.append(_note_on_defaults("machine", scene.machine, given_by_exciters(scene)))
     found += [_note_on_defaults(name, motor, motor.replaced()) for name, motor in _motors(scene)]
-    found += [*_weak_motors(scene), _unequal_motors(scene)]
+    found += [*_weak_motors(scene), _unequal_motors(scene), _steep_deck(scene)]
     return [note for note in found if note]
 
 
@@ -177,6 +177,17 @@ def _unequal_motors(scene: Scene) -> str:
     return (
         f"the motors have {first} and {second} pole pairs: at one supply their synchronous speeds differ "
         f"{given(round(ratio, 2))} times, and they cannot turn at the same speed; give both the same pole_pairs"
+    )
+
+
+def _steep_deck(scene: Scene) -> str:
+    """Return the note on a deck that holds material at rest but none that slips, or an empty text."""
+    transport = scene.transport
+    if transport is None or abs(transport.deck_angle_deg) <= (angle := math.degrees(math.atan(transport.friction))):
+        return ""
+    return (
+        f"transport.deck_angle_deg = {given(transport.deck_angle_deg)}: once material slips it runs away, faster and "
+        f"faster; its speed is bounded up to {number(angle)} deg with transport.friction = {given(transport.friction)}"
     )
 
 

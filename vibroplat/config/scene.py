@@ -19,7 +19,7 @@ from pydantic import BaseModel, Field, ValidationError, ValidationInfo, model_va
 from vibroplat.config.arguments import instance_of
 from vibroplat.config.body import RigidBody, rigid_body
 from vibroplat.config.computation import Output, Solver
-from vibroplat.config.coordinates import COORDINATES, RATES, Mode
+from vibroplat.config.coordinates import ALONG, COORDINATES, RATES, Mode
 from vibroplat.config.drive import Drive
 from vibroplat.config.plans import FREQUENCY, OrbitsPlan, SweepPlan
 from vibroplat.config.reader import merge, nest
@@ -33,6 +33,7 @@ from vibroplat.config.sections import (
     Material,
     Motor,
     Run,
+    Transport,
 )
 from vibroplat.config.study_plans import BasinsPlan, DesignPlan, FindPlan
 from vibroplat.errors import ConfigError
@@ -46,7 +47,7 @@ MAX_TURNS_SUNDAE = 5e7
 #: Sections from which the numbers of exciters and rigid body come, the names of both, and of what else is kept.
 EXCITERS_FROM = frozenset(("machine", "motor", "motors", "exciters"))
 _FOUND = frozenset(("exciter_pair", "body"))
-_SCALES = frozenset(("unbalances", "synchronous_speeds", "speed_scale", "length_scale", "force_scale"))
+_SCALES = ("unbalances", "synchronous_speeds", "speed_scale", "length_scale", "force_scale", "state_scales")
 
 
 def _plain(value: Any) -> Any:
@@ -83,6 +84,9 @@ class Scene(Section):
     )
     material: Material = Field(Material(), description="the material on the platform")
     contact: Contact = Field(Contact(), description="contact between material and platform")
+    transport: Transport | None = described(
+        None, "", "motion of the material along the deck; not given: it moves along y only"
+    )
     drive: Drive = Field(Drive(), description="the supply of the motors")
     run: Run = Field(Run(), description="duration and start of a run")
     solver: Solver = Field(Solver(), description="accuracy and integrator")
@@ -113,6 +117,29 @@ class Scene(Section):
             raise ValueError(
                 f"run.initial.phase_sum_rad = {self.run.initial.phase_sum_rad} but the exciters are co-rotating; "
                 "allowed: phase_difference_rad"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _transportable(self) -> Self:
+        if self.transport is None:
+            return self
+        wrong = {
+            "material.mass_ratio": (self.material.mass_ratio, self.material.mass_ratio > 0.0, "more than 0"),
+            "contact.model": (self.contact.model, self.contact.model == "impact", "impact"),
+            "contact.impact_law": (
+                *(self.contact.impact_law, self.contact.impact_law == "conservative"),
+                "conservative",
+            ),
+        }
+        for key, (value, fits, allowed) in wrong.items():
+            if not fits:
+                raise ValueError(f"{key} = {value} does not go with transport; allowed: {allowed}")
+        steepest = math.degrees(math.atan(self.transport.largest_friction))
+        if abs(self.transport.deck_angle_deg) > steepest:
+            raise ValueError(
+                f"transport.deck_angle_deg = {self.transport.deck_angle_deg:g}: the material slides off a deck at "
+                f"rest; allowed with this friction: up to {steepest:.4g}"
             )
         return self
 
@@ -150,6 +177,9 @@ class Scene(Section):
                         f"run.initial.state.{key} = {getattr(state, key)} but this scene has no such coordinate; "
                         "allowed: leave it out"
                     )
+        for key in ALONG if self.transport is None else ():
+            if getattr(state, key):
+                raise ValueError(f"run.initial.state.{key} is given without transport; allowed: leave it out")
         if not state.gap_m and state.gap_rate_m_per_s < 0.0:
             raise ValueError(
                 f"run.initial.state.gap_rate_m_per_s = {state.gap_rate_m_per_s} closes a gap that is 0; "
@@ -172,7 +202,15 @@ class Scene(Section):
     @property
     def modes(self) -> tuple[Mode, ...]:
         """The modes of this scene."""
+        if self.transport is not None:
+            return (Mode.STICK, Mode.SLIP_PLUS, Mode.SLIP_MINUS, Mode.FLIGHT)
         return (Mode.ATTACHED, Mode.FLIGHT) if self.has_contact else (Mode.BARE,)
+
+    @property
+    def gravity(self) -> tuple[float, float]:
+        """Gravity along the deck, towards +x, and normal to it (m/s²)."""
+        g, angle = self.machine.gravity_m_per_s2, 0.0 if self.transport is None else self.transport.angle
+        return (g * math.sin(angle), g * math.cos(angle)) if angle else (0.0, g)
 
     @property
     def coordinates(self) -> tuple[int, ...]:
@@ -317,6 +355,17 @@ class Scene(Section):
         inertia = self.length_scale * self.speed_scale**2
         return sum(self.layer_masses) * (self.machine.gravity_m_per_s2 + inertia)
 
+    @cached_property
+    def state_scales(self) -> tuple[float, ...]:
+        """Scales of the full state; see :func:`vibroplat.hybrid.state.state_scales`."""
+        speed, length = self.speed_scale, self.length_scale
+        flight = max(length, self.machine.gravity_m_per_s2 / speed**2)
+        arm = max(self.body.distance, *(exciter.unbalance_radius_m for exciter in self.exciter_pair))
+        rotation = sum(self.unbalances) * arm / self.body.inertia
+        coordinates = (length, length, rotation, 1.0, 1.0, flight, flight)
+        moving = () if self.transport is None else (length, speed * length)
+        return (*coordinates, *(speed * scale for scale in coordinates), *moving)
+
     @property
     def oscillators(self) -> NDArray[np.float64]:
         """Inertias, dampings and stiffnesses of x, y, φ, shape (3, 3), without material that may lift off."""
@@ -380,6 +429,20 @@ class Scene(Section):
         if self.contact.model == "non-impact":
             return self.machine.damping_y_n_s_per_m + self.contact.viscous_per_mass_per_s * self.material_mass
         return self.machine.damping_y_n_s_per_m
+
+    def require_orbits(self, what: str) -> None:
+        """Refuse what needs periodic orbits or derivatives of a motion where there are none.
+
+        Raises
+        ------
+        vibroplat.errors.ConfigError
+            The scene has transport.
+        """
+        if self.transport is not None:
+            raise ConfigError(
+                f"{what} cannot be computed with transport: slip and stick have no derivatives yet; allowed: run, "
+                "sweep and find, or no section transport"
+            )
 
     def replace(self, changes: Mapping[str, Any] | None = None, /, **sections: Any) -> Scene:
         """Return a new scene with some keys changed; it is validated like a configuration.

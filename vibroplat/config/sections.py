@@ -294,6 +294,45 @@ class Contact(Section):
     added_mass_share: Fraction = described(0.0, "", "non-impact: fraction of the material that moves with the platform")
 
 
+class Transport(Section):
+    """Motion of the material along the deck, with friction and an inclination."""
+
+    friction: NonNegative = described(
+        ..., "mu_k", "coefficient of friction between material and deck; 0: a smooth deck", "0.3 … 0.6"
+    )
+    static_friction: NonNegative | None = described(
+        None, "mu_s", "coefficient of static friction, at least friction; default: friction", "0.3 … 0.8"
+    )
+    deck_angle_deg: Annotated[float, Field(gt=-90.0, lt=90.0, allow_inf_nan=False)] = described(
+        0.0, "alpha", "decline of the deck towards +x; x and y are then along and normal to the deck", "0 … 20"
+    )
+    deck_height_m: Real = described(
+        0.0, "h", "height of the deck's surface over the centre of mass of the machine", "-0.5 … 0.5"
+    )
+    deck_length_m: Positive | None = described(
+        None, "", "length of the deck, for throughput and residence time", "1 … 8"
+    )
+    deck_width_m: Positive | None = described(None, "", "width of the deck, for throughput and wear", "0.5 … 3")
+
+    @model_validator(mode="after")
+    def _static_is_largest(self) -> Self:
+        if self.static_friction is not None and self.static_friction < self.friction:
+            raise ValueError(
+                f"static_friction = {self.static_friction:g}; allowed: at least friction = {self.friction:g}"
+            )
+        return self
+
+    @property
+    def largest_friction(self) -> float:
+        """Coefficient of static friction."""
+        return self.friction if self.static_friction is None else self.static_friction
+
+    @property
+    def angle(self) -> float:
+        """Decline of the deck (rad)."""
+        return math.radians(self.deck_angle_deg)
+
+
 class State(Section):
     """A full state. Omitted coordinates are at static rest; omitted rates are 0.
 
@@ -319,13 +358,19 @@ class State(Section):
     phi2_rate_rad_per_s: Real = described(0.0, "dphi_2/dt", "angular velocity of exciter 2")
     gap_rate_m_per_s: Real = described(0.0, "dy_w1/dt", "rate of change of the gap")
     upper_rate_m_per_s: Real = described(0.0, "dy_w2/dt", "rate of change of upper_m")
+    along_m: Real = described(0.0, "s", "displacement of the material along the deck, with transport")
+    along_rate_m_per_s: Real = described(0.0, "ds/dt", "velocity of the material along the deck")
     t_s: Real | None = described(None, "t", "time")
     mode: str | None = described(
-        None, "", "mode: attached (in contact), flight (the material has lifted off) or bare (no contact in this scene)"
+        None,
+        "",
+        "mode: attached (in contact), flight (the material has lifted off) or bare (no contact in this scene); with "
+        "transport stick, slip+ or slip- in contact",
     )
     contact_force_n: Real | None = described(
         None, "F_c", "force between lower layer and platform; impulses of impacts are in the events"
     )
+    friction_force_n: Real | None = described(None, "F_t", "force of friction on the material, towards +x")
     supply_frequency_hz: Real | None = described(None, "f_e", "supply frequency, if a program changes it")
     motor_power_1_w: Real | None = described(None, "", "mechanical power of motor 1: torque times speed")
     motor_power_2_w: Real | None = described(None, "", "mechanical power of motor 2: torque times speed")

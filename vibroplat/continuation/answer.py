@@ -77,14 +77,17 @@ def _ranges(table: pd.DataFrame, special: pd.DataFrame, key: str, sync: str) -> 
     They end at the special points where stability is lost. Ranges narrower than 1/1000 of the whole are left out beside
     wider ones: orbits at the limit of stability.
     """
-    losses = special[special["kind"].isin(SMOOTH_LOSSES)].set_index(["branch", "point"])[key]
+    holds, columns = (table["stable"] & (table["sync"] == sync)).to_numpy(bool), ["branch", "point", key]
+    points = table[columns].to_numpy(float)
+    losses = special.loc[special["kind"].isin(SMOOTH_LOSSES), columns].to_numpy(float)
+    ends = 1 + np.flatnonzero((holds[1:] != holds[:-1]) | (points[1:, 0] != points[:-1, 0]))
     found: list[list[float]] = []
-    for name, branch in table.groupby("branch", sort=False):
-        holds = branch["stable"] & (branch["sync"] == sync)
-        for _, piece in branch[holds].groupby((~holds).cumsum()):
-            around = [(name, piece["point"].min() - 1), (name, piece["point"].max())]
-            values = [*piece[key].astype(float), *losses[losses.index.isin(around)]]
-            found.append([min(values), max(values)])
+    for held, piece in zip(np.split(holds, ends), np.split(points, ends), strict=True):
+        if held.any():
+            branch, first, last = piece[0, 0], piece[0, 1] - 1, piece[-1, 1]
+            around = (losses[:, 0] == branch) & ((losses[:, 1] == first) | (losses[:, 1] == last))
+            values = np.append(piece[:, 2], losses[around, 2])
+            found.append([float(values.min()), float(values.max())])
     united: list[list[float]] = []
     for low, high in sorted(found):
         if united and low <= united[-1][1]:

@@ -221,16 +221,18 @@ def predict(
         if min(abs(here - p) for p in places) > apart:
             used.append(point)
             places.append(here)
-    u, jacobian = np.zeros(first.u.size), np.zeros(first.jacobian.shape)
-    for point, here in zip(used, places, strict=True):
+    weights, slopes = np.zeros((2, len(used)))
+    jacobian = np.zeros(first.jacobian.shape)
+    for i, (point, here) in enumerate(zip(used, places, strict=True)):
         away, weight, steepness = place - here, 1.0, 0.0
         for other in places:
             if other != here:
                 weight *= (place - other) / (here - other)
                 steepness += 1.0 / (here - other)
-        u += (weight**2 * (1.0 - 2.0 * away * steepness)) * point.u
-        u += (weight**2 * away / float(point.tangent @ direction)) * point.tangent
+        weights[i] = weight**2 * (1.0 - 2.0 * away * steepness)
+        slopes[i] = weight**2 * away / float(point.tangent @ direction)
         jacobian += weight * point.jacobian
+    u = weights @ np.array([point.u for point in used]) + slopes @ np.array([point.tangent for point in used])
     return u, jacobian
 
 

@@ -10,6 +10,7 @@ remain is therefore tested along its own trajectory.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from functools import cached_property
 from typing import Any
 
@@ -22,7 +23,8 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE, GAP
 from vibroplat.observe.shots import distance
 
-#: Condition number of the eigenvectors above which they are too nearly parallel to measure distances.
+#: Condition number of the eigenvectors, by Frobenius' norm, above which they are too nearly parallel to measure
+#: distances.
 MAX_CONDITION = 1e8
 #: Shells on which an ellipsoid is tested, each SHELL_RATIO times as large as the one before, and directions on each
 #: besides both along the slowest decay.
@@ -78,13 +80,12 @@ class AttractionEllipsoid:
 
     @cached_property
     def _root(self) -> FloatArray:
-        """R with ‖R ξ‖ = ‖W ξ‖ for offsets in scaled units, real as these, shape (n, n)."""
-        norm = contracting_norm(self._map, *self._eigen)
-        return np.asarray(np.linalg.qr(np.vstack([norm.real, norm.imag]))[1])
+        """W for offsets in scaled units, shape (n, n)."""
+        return contracting_norm(self._map, *self._eigen)
 
     @cached_property
     def norm(self) -> FloatArray:
-        """The same for full states' differences, angles less than half a turn apart, shape (n, 14)."""
+        """W for full states' differences, angles less than half a turn apart, shape (n, 14)."""
         norm = np.zeros((self._scales.size, FULL_SIZE))
         norm[:, self._places] = self._root / self._scales
         return norm
@@ -170,14 +171,19 @@ def expected_decay(rate: float, periods: int) -> float:
     return float((1.0 - MIN_DECAY_RATIO * (1.0 - rate)) ** periods)
 
 
-def contracting_norm(section_map: FloatArray, values: npt.NDArray[Any], right: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def contracting_norm(section_map: FloatArray, values: npt.NDArray[Any], right: npt.NDArray[Any]) -> FloatArray:
     """Return W with ‖W M ξ‖ ≤ |λ₁| ‖W ξ‖ for M of these eigenvalues and eigenvectors.
 
-    Where the eigenvectors are nearly parallel, W is the root of Σ (Mᵀ)ᵏ Mᵏ / ρ²ᵏ, with ρ half way from |λ₁| to 1.
+    It is real: of a complex pair of left eigenvectors it holds real and imaginary part, √2 times. Where the
+    eigenvectors are nearly parallel, W is the root of Σ (Mᵀ)ᵏ Mᵏ / ρ²ᵏ, with ρ half way from |λ₁| to 1.
     """
-    if np.linalg.cond(right) < MAX_CONDITION:
+    with suppress(np.linalg.LinAlgError):
         left = np.linalg.inv(right)
-        return np.asarray(left / np.linalg.norm(left, axis=1)[:, np.newaxis])
+        sizes = np.linalg.norm(left, axis=1)
+        if math.sqrt(sizes.size * (sizes @ sizes)) < MAX_CONDITION:
+            weights = np.where(values.imag == 0.0, 1.0, math.sqrt(2.0)) / sizes
+            rows = np.where(values.imag[:, np.newaxis] < 0.0, left.imag, left.real)
+            return np.asarray(weights[:, np.newaxis] * rows)
     power, total = section_map / (0.5 * (1.0 + np.abs(values).max())), np.eye(len(values))
     while np.abs(power).max() > 1e-9:
         total = total + power.T @ total @ power

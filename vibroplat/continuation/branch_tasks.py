@@ -76,8 +76,8 @@ class KnownPoints(NamedTuple):
     others: Sequence[tuple[int, Sequence[Record]]]
     own: Sequence[Record]
 
-    def find_revisit(self, row: Record, rows: Sequence[Record], values: Sequence[FloatArray]) -> str:
-        """Say in which way a branch has passed a new point before, of which ``rows`` precede it; empty if it has not.
+    def find_revisit(self, row: Record, own: Sequence[Record], values: Sequence[FloatArray]) -> str:
+        """Say in which way a branch has passed a new point before, its ``own`` ones so far; empty if it has not.
 
         ``values`` are those of the key at the points of each other branch, then at own points.
         """
@@ -86,8 +86,8 @@ class KnownPoints(NamedTuple):
             mirrored = _find_pass(row, former, at)
             if mirrored is not None:
                 return f"{'mirror image of' if mirrored else 'joins'} branch {number}"
-        own = [*self.own, *rows][:-2]
-        mirrored = _find_pass(row, own, np.concatenate([of_own, _values(rows)])[:-2])
+        own = own[:-2]
+        mirrored = _find_pass(row, own, of_own[:-2])
         if mirrored is None:
             return ""
         last = own[-CORNER_POINTS:]
@@ -144,7 +144,7 @@ def compute_part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Kn
             return record | {"ended": str(error), "failed": True}
         rows, ends, step = record["rows"], list[SpecialPoint](), list[OrbitPoint]()
         values = [*(_values(former) for _, former in known.others), _values(known.own)]
-        most = min(POINTS_PER_TASK, plan.max_points - len(known.own))
+        most, own = min(POINTS_PER_TASK, plan.max_points - len(known.own)), [*known.own]
 
         def look(before: OrbitPoint, after: OrbitPoint, strictly: bool) -> None:
             step[:] = before, after
@@ -165,10 +165,12 @@ def compute_part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Kn
         def take() -> None:
             """Add the row of the last point, unless it was passed before: then the branch ends."""
             row = _row(branch.problem, branch.points[-1])
-            again = known.find_revisit(row, rows, values)
+            again = known.find_revisit(row, own, values)
             record["ended"], record["failed"] = again or branch.ended, again == CAME_BACK
             if not again:
                 rows.append(row)
+                own.append(row)
+                values[-1] = np.append(values[-1], row["value"])
 
         if begin is None or begin["new"]:
             take()

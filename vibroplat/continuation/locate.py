@@ -302,7 +302,7 @@ def _smooth(
     if not forth:
         before, after = after, before
     place, passed = find_turns(before, after), _sign_changes(before, after)
-    if place is None and (_has_unexplained_change(before, after, passed) or _far(before, after) or _far(after, before)):
+    if place is None and (_has_unexplained_change(before, after, passed) or _far(before, after)):
         place = 0.5
     if place is not None and depth < MAX_DEPTH:
         middle = _between(branch, before, after, place)
@@ -334,17 +334,18 @@ def _has_unexplained_change(before: OrbitPoint, after: OrbitPoint, passed: Mappi
     return any(one != other and not known for one, other, known in pairs)
 
 
-def _far(one: OrbitPoint, other: OrbitPoint) -> bool:
-    """Whether a multiplier near the unit circle, or outside, has none near it at another point.
+def _far(before: OrbitPoint, after: OrbitPoint) -> bool:
+    """Whether a multiplier near the unit circle, or outside, has none near it at the other point.
 
     It has then gone too far to tell whether it has passed the unit circle.
     """
-    sizes = np.abs(one.multipliers)
-    watched = one.multipliers[sizes > WATCHED_SIZE, np.newaxis]
-    if not watched.size:
-        return False
-    away = np.abs(watched - other.multipliers).min(axis=1)
-    return bool((away > MAX_MULTIPLIER_CHANGE * np.maximum(1.0, sizes[sizes > WATCHED_SIZE])).any())
+    away = np.abs(before.multipliers[:, np.newaxis] - after.multipliers)
+    for point, axis in ((before, 1), (after, 0)):
+        sizes = np.abs(point.multipliers)
+        gone = away.min(axis=axis) > MAX_MULTIPLIER_CHANGE * np.maximum(1.0, sizes)
+        if (gone & (sizes > WATCHED_SIZE)).any():
+            return True
+    return False
 
 
 def find_turns(before: OrbitPoint, after: OrbitPoint) -> float | None:

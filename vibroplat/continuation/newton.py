@@ -300,8 +300,6 @@ def correct(
         There is none.
     """
     shooter = problem.shooter
-    if not shooter.keys:
-        shooter.vary()
     while True:
         search = _search(problem, u, border, jacobian, max_iterations, slack, limits)
         shooter.answers[SOLVE] = partial(_solve_in_place, search)

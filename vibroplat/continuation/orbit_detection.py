@@ -58,14 +58,14 @@ class NewtonOrbitDetector:
     """Searches for the orbit to which a motion of a scene converges; see :class:`.OrbitDetector`."""
 
     def __init__(self, scene: Scene) -> None:
-        self._shooter, self._turn = Shooter(with_orbit_tolerance(scene, TOLERANCE)), TURN / scene.speed_scale
+        self._shooter, self._turn = Shooter.borrowed(with_orbit_tolerance(scene, TOLERANCE)), TURN / scene.speed_scale
         self.end_state: tuple[FloatArray, float] | None = None
         self.near = self.near_unstable_orbit = False
         self._doubling, self._until = 0.0, 0.0  # of a distance, and until when it is not worth another look (s)
 
     def close(self) -> None:
-        """Free what the engine holds."""
-        self._shooter.close()
+        """Free what the engine holds, or leave it to the next detector."""
+        self._shooter.give_back()
 
     @property
     def work(self) -> Mapping[str, int | None]:

@@ -53,6 +53,7 @@ class OrbitsStudy(Study):
     counted = "branches"
 
     def __init__(self, scene: Scene) -> None:
+        scene.require_orbits("a branch of orbits")
         self.scene, self.plan = scene, _required_plan(scene)
         self.families: list[GridCell] = []
         for combination in itertools.product(*self.plan.grid.values()):

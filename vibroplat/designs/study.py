@@ -69,6 +69,7 @@ class DesignStudy(Study):
     counted = "steps"
 
     def __init__(self, scene: Scene) -> None:
+        scene.require_orbits("a design")
         if scene.design is None:
             raise ConfigError("this configuration has no design section; add design: {}")
         tolerances, self.notes = of_keys.tolerances_of_keys(scene, scene.design.parameter_tolerances)

@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.modes import ATTACHED, BARE, FLIGHT
+from vibroplat.hybrid.modes import ATTACHED, BARE, FLIGHT, STICK
 from vibroplat.hybrid.resets import (
     apply_chatter,
     apply_impact,
@@ -22,9 +23,16 @@ from vibroplat.hybrid.resets import (
     forget_starts,
     is_beyond_model,
     last_end,
+    may_shift,
     move_to,
     prepare_consistent_start,
     start_callback,
+)
+from vibroplat.hybrid.sliding import (
+    apply_sliding_chatter,
+    apply_sliding_event,
+    begin_sliding,
+    prepare_sliding_end,
 )
 from vibroplat.hybrid.state import (
     BEYOND_MODEL,
@@ -44,12 +52,13 @@ from vibroplat.hybrid.state import (
     Steps,
     absolute_tolerances,
     end_at,
+    gather_unknowns,
     initial_state,
     state_scales,
 )
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.model.parameters import PARAMETERS
-from vibroplat.model.systems import DIFFERENTIAL, GAP, GAP_RATE, PLACES, SIZES, gather, systems
+from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, GAP_RATE, PLACES, SIZES, SLIDES, systems
 
 #: Events between two readings of their list: an engine returns when its steps are full, well before that.
 EVENT_ROWS = 4096
@@ -75,22 +84,8 @@ def automaton(
     event_rows
         Events for which there is room until they are read.
     """
-    kept, runs = np.array([p, p], PARAMETERS), np.zeros(1, RUN)
+    kept, runs = np.array([p, p], PARAMETERS), beginning(scene, turns_per_segment, state, time)
     kept["restitution"][1] = 0.0
-    runs["systems"], runs["tolerances"] = -1, 1.0
-    for mode, system in systems(scene).items():
-        runs["systems"][0, mode] = system.index
-        runs["tolerances"][0, mode, : system.size] = absolute_tolerances(scene, system)
-    runs["state"] = initial_state(scene) if state is None else state
-    runs["now"], runs["end"] = time, time + scene.run.duration_s
-    runs["speed"] = speed = scene.speed_scale
-    runs["period"] = period = 2.0 * math.pi / speed
-    runs["longest"] = turns_per_segment * period
-    runs["tolerance"] = scene.solver.tolerance
-    runs["force_noise"] = FORCE_NOISE * scene.force_scale
-    runs["gap_scale"] = scale = state_scales(scene)[GAP]
-    runs["slowest"] = math.sqrt(ROUND_OFF) * scale * speed
-    runs["target"] = math.nan
     return Automaton(
         p=kept[0],
         inelastic=kept[1],
@@ -103,12 +98,32 @@ def automaton(
     )
 
 
+def beginning(
+    scene: Scene, turns_per_segment: float, state: FloatArray | None = None, time: float = 0.0
+) -> npt.NDArray[np.void]:
+    """Return the record of a run that begins, one of :data:`vibroplat.hybrid.state.RUN`; see :func:`automaton`."""
+    runs = np.zeros(1, RUN)
+    runs["systems"], runs["tolerances"] = -1, 1.0
+    for mode, system in systems(scene).items():
+        runs["systems"][0, mode] = system.index
+        runs["tolerances"][0, mode, : system.size] = absolute_tolerances(scene, system)
+    begun = initial_state(scene) if state is None else state
+    runs["state"], runs["along"][:, : len(begun) - FULL_SIZE] = begun[:FULL_SIZE], begun[FULL_SIZE:]
+    runs["now"], runs["end"] = time, time + scene.run.duration_s
+    runs["speed"] = speed = scene.speed_scale
+    runs["period"] = period = 2.0 * math.pi / speed
+    runs["longest"] = turns_per_segment * period
+    runs["tolerance"] = scene.solver.tolerance
+    runs["force_noise"] = FORCE_NOISE * scene.force_scale
+    runs["gap_scale"] = scale = state_scales(scene)[GAP]
+    runs["slowest"] = math.sqrt(ROUND_OFF) * scale * speed
+    runs["target"] = math.nan
+    return runs
+
+
 # Why a segment ended: its guard fell through zero, its time is up, the angle that the run waits for is reached, the
 # integrator has failed, something is not finite.
 AT_GUARD, AT_TIME, AT_TARGET, FAILED, NOT_FINITE = range(5)
-
-#: Farthest that the end of contact is moved, over the last two steps.
-MAX_LIFTOFF_SHIFT = 0.1
 
 _TURN = 2.0 * math.pi
 
@@ -122,8 +137,10 @@ def first_mode(h: Automaton) -> None:
     elif run.state[GAP] > 0.0 or run.state[GAP_RATE] > 0.0:
         run.mode = FLIGHT
         run.zeros = 1 if run.state[GAP] == 0.0 else 0
+    elif run.systems[STICK] >= 0:
+        begin_sliding(h)
     elif prepare_consistent_start(h, ATTACHED, DIFFERENTIATED):
-        run.mode = ATTACHED if contact_holds_at_start(h) else FLIGHT
+        run.mode = ATTACHED if contact_holds_at_start(h, ATTACHED) else FLIGHT
         run.zeros = 2 if run.mode == FLIGHT else 0
 
 
@@ -143,7 +160,10 @@ def begin_segment(h: Automaton) -> bool:
     run = h.run
     if run.accumulating == 1:  # the run was to stop at the impact before
         run.accumulating = 0
-        apply_chatter(h)
+        if run.systems[STICK] >= 0:
+            apply_sliding_chatter(h)
+        else:
+            apply_chatter(h)
         if run.outcome != RUNNING:
             return False
     if run.now >= run.end:  # the last event was at the very end
@@ -163,7 +183,7 @@ def begin_segment(h: Automaton) -> bool:
         whole = _TURN * math.floor(run.state[3 + exciter] / _TURN)
         run.state[3 + exciter] -= whole
         run.turns[exciter] += whole
-    gather(run.systems[mode], run.state, run.y[mode])
+    gather_unknowns(run, run.systems[mode], run.y[mode])
     left = run.end - run.now
     run.origin = run.now
     run.until = min(left, run.longest)
@@ -179,10 +199,8 @@ def end_segment(h: Automaton, stop: int) -> None:
     run, last = h.run, h.steps.used.steps - 1
     if last >= h.steps.used.first:
         run.now = last_end(h)
-    if stop == AT_GUARD and run.mode == ATTACHED:
-        refine_liftoff_time(h)
-    elif stop == AT_GUARD:
-        h.steps.ends[last, GAP] = 0.0  # the root is found to round-off
+    if stop == AT_GUARD:
+        meet_guard(h, last)
     final = stop == AT_TIME and run.final == 1
     if h.steps.used.steps > h.steps.used.first:
         close_piece(h, run.end if final else last_end(h))
@@ -197,7 +215,27 @@ def end_segment(h: Automaton, stop: int) -> None:
         run.outcome = BEYOND_MODEL if is_beyond_model(h) else SOLVER_FAILURE
     elif stop == NOT_FINITE:
         run.outcome = BEYOND_MODEL if is_beyond_model(h) else NON_FINITE
-    elif run.mode == ATTACHED:
+    else:
+        apply_reset(h)
+
+
+@inlined
+def meet_guard(h: Automaton, last: int) -> None:
+    """Let the last step end exactly where the guard falls."""
+    if SLIDES[h.run.systems[h.run.mode]]:
+        prepare_sliding_end(h)
+    elif h.run.mode == ATTACHED:
+        refine_liftoff_time(h)
+    else:
+        h.steps.ends[last, GAP] = 0.0  # the root is found to round-off
+
+
+@inlined
+def apply_reset(h: Automaton) -> None:
+    """Apply the reset of the mode whose guard has fallen."""
+    if SLIDES[h.run.systems[h.run.mode]]:
+        apply_sliding_event(h)
+    elif h.run.mode == ATTACHED:
         apply_liftoff(h)
     else:
         apply_impact(h)
@@ -215,20 +253,17 @@ def refine_liftoff_time(h: Automaton) -> None:
     move_to(h, system, steps.ends[last])
     if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED):
         return
-    force, rate = contact_force(h)
+    force, rate = contact_force(h, ATTACHED)
     shift = -force / rate if rate < 0.0 else 0.0
     length = steps.length[last] + shift
-    # a longer way is none of the integrator's error: F_c and its rate by the algebra do not belong together, as
-    # where a stiff layer turns an error of its rate, which the tolerance allows, into a force
-    max_shift = MAX_LIFTOFF_SHIFT * (steps.length[last] + (steps.length[last - 1] if last > steps.used.first else 0.0))
-    if abs(shift) > max_shift or min(length, steps.length[last]) <= 0.0 or steps.start[last] + length > run.until:
+    if not may_shift(h, shift):
         return
     run.now += shift
     for i in range(DIFFERENTIAL[system]):
         run.state[PLACES[system, i]] += shift * (run.yp[ATTACHED, i] + 0.5 * shift * run.ypp[ATTACHED, i])
     forget_starts(h)
     # no better there
-    if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED) or abs(contact_force(h)[0]) > abs(force):
+    if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED) or abs(contact_force(h, ATTACHED)[0]) > abs(force):
         run.outcome = RUNNING
         run.now -= shift
         move_to(h, system, steps.ends[last])

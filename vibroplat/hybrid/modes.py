@@ -10,6 +10,16 @@ flight     the same, y_w1, y_w2 and rates       gap y_w1   impact: with a reboun
                                                            chatter is summed up: to attached or flight
 =========  ===================================  =========  ==========================================================
 
+With transport contact is stick, slip+ or slip−, each with two guards, linear forms of unknowns (:func:`guard_form`):
+
+=========  ===================================  =============================  ======================================
+mode       unknowns                             guards                         reset
+=========  ===================================  =============================  ======================================
+stick      as attached, s, F_t                  μ_s F_c ∓ F_t                  slip to slip∓; liftoff if both fall
+slip, σ    the same                             F_c; σ ṡ                       liftoff; stick, reversal, or a touch
+flight     as above, s                          gap y_w1                       impact to flight, stick or slip
+=========  ===================================  =============================  ======================================
+
 In any mode a corner of the drive's program is an event as well: integration restarts there, and contact ends if the
 jump of the torques leaves no force to hold it.
 
@@ -25,24 +35,51 @@ from typing import Any
 import numpy as np
 
 from vibroplat.config.coordinates import Mode
-from vibroplat.model.systems import GAP, SYSTEMS
+from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+from vibroplat.model.parameters import Parameters
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP, SENSE, SYSTEMS
 
 # Modes as compiled code knows them. Integers of numpy: a function that is called with them is compiled once, not once
 # for each.
-_NUMBERS: Any = np.arange(4)
-ATTACHED, FLIGHT, BARE = (_NUMBERS[mode] for mode in (Mode.ATTACHED, Mode.FLIGHT, Mode.BARE))
+_NUMBERS: Any = np.arange(7)
+ATTACHED, FLIGHT, BARE, STICK, SLIP_PLUS, SLIP_MINUS = (_NUMBERS[mode] for mode in Mode)
 
 #: Kinds of events; that of a drive is a corner of its program.
-LIFTOFF, IMPACT, CHATTER, SUPPLY = _NUMBERS
-KINDS = ("liftoff", "impact", "chatter", "drive")
+LIFTOFF, IMPACT, CHATTER, SUPPLY, SLIP, STOP, REVERSAL = _NUMBERS
+KINDS = ("liftoff", "impact", "chatter", "drive", "slip", "stick", "reversal")
 
 
-def _guard(mode: Mode, size: int) -> int:
+def _guard(mode: Mode, differential: int) -> int:
     """Place of a mode's guard among its unknowns; −1 for none."""
-    return {Mode.BARE: -1, Mode.ATTACHED: size - 1, Mode.FLIGHT: GAP}[mode]
+    return {Mode.BARE: -1, Mode.FLIGHT: GAP}.get(mode, differential)
 
 
-#: Guards by the number of the system.
-GUARDS = np.array([_guard(system.mode, system.size) for system in SYSTEMS])
+#: Guards by the number of the system; with transport the first unknown of the first guard.
+GUARDS = np.array([_guard(system.mode, system.differential) for system in SYSTEMS])
+#: How many guards a system has.
+COUNTS = np.array([1 + (system.slides and system.algebraic) for system in SYSTEMS])
 #: Modes by the number of the system.
 MODES = np.array([int(system.mode) for system in SYSTEMS])
+
+
+@compiled
+def guard_form(system: int, which: int, p: Parameters) -> tuple[int, float, int, float]:
+    """Return a guard of a system with transport as a linear form: two places among the unknowns with their weights.
+
+    On a smooth deck slip has no sense, and the form of its rate is 0.
+    """
+    force, sense = DIFFERENTIAL[system], SENSE[system]
+    if not ALGEBRAIC[system]:
+        return GAP, 1.0, GAP, 0.0
+    if sense == 0.0:
+        return force, p.static_friction, force + 1, -1.0 if which == 0 else 1.0
+    if which == 0:
+        return force, 1.0, force, 0.0
+    return force - 1, sense if p.static_friction > 0.0 else 0.0, force, 0.0
+
+
+@inlined
+def guard_value(system: int, which: int, y: FloatArray, p: Parameters) -> float:
+    """Evaluate a guard of a system with transport."""
+    first, weight, second, other = guard_form(system, which, p)
+    return weight * y[first] + other * y[second]

@@ -24,13 +24,15 @@ from vibroplat.hybrid.state import (
     STALE,
     Automaton,
     fill_cubic,
+    gather_unknowns,
+    scatter_unknowns,
 )
 from vibroplat.hybrid.transitions import ACCUMULATE, ATTACH, FLY, after_impact, contact_holds
 from vibroplat.kernels.compiled import FloatArray, call_int, callback, compiled, copy, inlined
 from vibroplat.model.accelerations import accelerations, second_derivatives
 from vibroplat.model.impact import chatter_map, impact, remaining_impacts
 from vibroplat.model.parameters import PARAMETERS
-from vibroplat.model.systems import FULL_SIZE, GAP, GAP_RATE, SIZES, gather, scatter
+from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, GAP_RATE, SIZES, gather, scatter
 
 
 @callback("int32(int64, float64, CPointer(float64), CPointer(float64), CPointer(float64), voidptr, int64)")
@@ -64,7 +66,7 @@ def prepare_consistent_start(h: Automaton, mode: int, order: int) -> bool:
     if run.fresh[mode] >= order:
         return True
     if run.fresh[mode] == STALE:
-        gather(system, run.state, run.y[mode])
+        gather_unknowns(run, system, run.y[mode])
     if not derivatives(h, system, run.y[mode], run.yp[mode], run.ypp[mode], order):
         run.outcome = BEYOND_MODEL if is_beyond_model(h) else INCONSISTENT
         return False
@@ -75,7 +77,7 @@ def prepare_consistent_start(h: Automaton, mode: int, order: int) -> bool:
 @compiled
 def move_to(h: Automaton, system: int, y: FloatArray) -> None:
     """Make a system's unknowns the present state."""
-    scatter(system, y, h.run.state)
+    scatter_unknowns(h.run, system, y)
     forget_starts(h)
 
 
@@ -87,7 +89,7 @@ RUNAWAY = 1e6
 @inlined
 def forget_starts(h: Automaton) -> None:
     """Say that the present state is another."""
-    for mode in range(3):
+    for mode in range(h.run.fresh.size):
         h.run.fresh[mode] = STALE
 
 
@@ -98,16 +100,16 @@ def is_beyond_model(h: Automaton) -> bool:
 
 
 @inlined
-def contact_force(h: Automaton) -> tuple[float, float]:
-    """F_c and its rate at the prepared start of contact (N, N/s)."""
-    force = SIZES[h.run.systems[ATTACHED]] - 1
-    return h.run.y[ATTACHED, force], h.run.yp[ATTACHED, force]
+def contact_force(h: Automaton, mode: int) -> tuple[float, float]:
+    """F_c and its rate at the prepared start of a mode of contact (N, N/s)."""
+    force = DIFFERENTIAL[h.run.systems[mode]]
+    return h.run.y[mode, force], h.run.yp[mode, force]
 
 
 @inlined
-def contact_holds_at_start(h: Automaton) -> bool:
-    """Whether contact holds at the prepared start of it."""
-    force, rate = contact_force(h)
+def contact_holds_at_start(h: Automaton, mode: int) -> bool:
+    """Whether contact holds at the prepared start of a mode of it."""
+    force, rate = contact_force(h, mode)
     return contact_holds(force, rate, h.run.force_noise, h.run.speed)
 
 
@@ -116,6 +118,23 @@ def last_end(h: Automaton) -> float:
     """When the last step ends (s), in the time of the run."""
     row = h.steps.used.steps - 1
     return h.run.origin + (h.steps.start[row] + h.steps.length[row])
+
+
+#: Farthest that the end of contact is moved, over the last two steps.
+MAX_SHIFT = 0.1
+
+
+@inlined
+def may_shift(h: Automaton, shift: float) -> bool:
+    """Whether the end of the last step may be moved by a time (s) to where forces by the algebra reach their limit.
+
+    A longer way is none of the integrator's error: F_c and its rate by the algebra do not belong together, as where a
+    stiff layer turns an error of its rate, which the tolerance allows, into a force.
+    """
+    steps, last = h.steps, h.steps.used.steps - 1
+    length = steps.length[last] + shift
+    longest = MAX_SHIFT * (steps.length[last] + (steps.length[last - 1] if last > steps.used.first else 0.0))
+    return abs(shift) <= longest and min(length, steps.length[last]) > 0.0 and steps.start[last] + length <= h.run.until
 
 
 @compiled
@@ -130,7 +149,7 @@ def close_piece(h: Automaton, end: float) -> None:
     piece.joined, piece.events = run.joined, run.events
     used.pieces += 1
     used.first = used.steps
-    run.joined, run.zeros = AFTER_EVENT, 0
+    run.joined, run.zeros, run.other_zeros = AFTER_EVENT, 0, 0
     run.now = end
     if piece.end > piece.first:
         move_to(h, system, h.steps.ends[used.steps - 1])
@@ -156,7 +175,7 @@ def apply_liftoff(h: Automaton) -> None:
     """End contact where F_c has fallen through zero, or go on if it only touched."""
     if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED):
         return
-    if contact_force(h)[1] >= 0.0 and contact_holds_at_start(h):
+    if contact_force(h, ATTACHED)[1] >= 0.0 and contact_holds_at_start(h, ATTACHED):
         h.run.joined = RESTARTED
         h.run.zeros = 1
         return
@@ -185,7 +204,7 @@ def apply_impact(h: Automaton) -> None:
     run.mode = ATTACHED if following == ATTACH else FLIGHT
     if run.mode == FLIGHT:
         run.zeros = 1 if rebound > 0.0 else 2
-    force = contact_force(h)[0] if following == ATTACH else 0.0
+    force = contact_force(h, ATTACHED)[0] if following == ATTACH else 0.0
     add_event(h, IMPACT, before, rebound, impulse, loss, force, _ONE)
     if following == ACCUMULATE and run.outcome == RUNNING:
         apply_chatter(h)
@@ -206,7 +225,7 @@ def rebound_from(h: Automaton, struck: FloatArray, p: Any, resolved: bool) -> tu
             return impulse, loss, -1
     place = SIZES[run.systems[FLIGHT]] // 2 + GAP
     acceleration, jerk = run.yp[FLIGHT, place], run.ypp[FLIGHT, place]
-    pressed, rate = contact_holds_at_start(h), after[GAP_RATE]
+    pressed, rate = contact_holds_at_start(h, ATTACHED), after[GAP_RATE]
     following = after_impact(rate, acceleration, jerk, resolved, pressed, run.tolerance, run.speed, h.p)
     return impulse, loss, following
 
@@ -240,9 +259,9 @@ def apply_chatter(h: Automaton) -> None:
     forget_starts(h)
     if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED):
         return
-    run.mode = ATTACHED if contact_holds_at_start(h) else FLIGHT
+    run.mode = ATTACHED if contact_holds_at_start(h, ATTACHED) else FLIGHT
     run.zeros = 2 if run.mode == FLIGHT else 0
-    force = contact_force(h)[0] if run.mode == ATTACHED else 0.0
+    force = contact_force(h, ATTACHED)[0] if run.mode == ATTACHED else 0.0
     skipped = math.ceil(min(remaining_impacts(rebound, h.p), math.log(_EPS) / math.log(h.p.restitution)))
     add_event(h, CHATTER, -rebound, 0.0, impulse, loss, force, skipped)
 
@@ -259,8 +278,8 @@ def apply_supply_corner(h: Automaton, listed: bool) -> None:
     if run.mode == ATTACHED:
         if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED):
             return
-        lifts = not contact_holds_at_start(h)
-        force = 0.0 if lifts else contact_force(h)[0]
+        lifts = not contact_holds_at_start(h, ATTACHED)
+        force = 0.0 if lifts else contact_force(h, ATTACHED)[0]
     if listed:
         run.joined = AFTER_EVENT
         add_event(h, SUPPLY, 0.0, 0.0, 0.0, 0.0, force, _NONE)
@@ -276,7 +295,7 @@ def record_restart_events(h: Automaton, attached: bool, corner: bool) -> None:
     """List what happens where a run continues from another: a corner of the supply, the end of contact."""
     run = h.run
     lifts = attached and run.mode == FLIGHT
-    force = contact_force(h)[0] if run.mode == ATTACHED else 0.0
+    force = contact_force(h, ATTACHED)[0] if run.mode == ATTACHED else 0.0
     if corner:
         add_event(h, SUPPLY, 0.0, 0.0, 0.0, 0.0, force, _NONE)
     if lifts:

@@ -18,13 +18,23 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.coordinates import COORDINATES, RATES, Mode
+from vibroplat.config.coordinates import ALONG, COORDINATES, RATES, Mode
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import Initial
 from vibroplat.kernels.compiled import FloatArray, compiled, copy
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import stretch
-from vibroplat.model.systems import FULL_SIZE, System
+from vibroplat.model.systems import (
+    ALGEBRAIC,
+    DIFFERENTIAL,
+    FULL_SIZE,
+    MOVING_SIZE,
+    PLACES,
+    SENSE,
+    SLIDES,
+    UNKNOWNS,
+    System,
+)
 
 #: Steps that one segment may need after its last one: that of chatter, and one to spare.
 MARGIN = 2
@@ -129,6 +139,9 @@ RUNNING, OK, SOLVER_FAILURE, NON_FINITE, INCONSISTENT, EVENT_STORM, BEYOND_MODEL
 _NUMBERS: Any = np.arange(3)
 STALE, CONSISTENT, DIFFERENTIATED = _NUMBERS
 
+#: How many modes there are.
+MODES = len(Mode)
+
 #: A run (times in s).
 RUN = np.dtype(
     [
@@ -149,18 +162,21 @@ RUN = np.dtype(
         ("final", np.int64),  # whether reaching ``until`` ends the run
         ("joined", np.int64),  # how the piece continues the previous one
         ("zeros", np.int64),  # of the guard at the segment's start that are known
+        ("other_zeros", np.int64),  # of the second guard of contact with friction
+        ("fallen", np.int64),  # which of its guards has fallen, 0 or 1
         ("accumulating", np.int64),  # whether chatter is to be summed up before the next segment
         ("events", np.int64),  # rows in the event list
         ("restarts", np.int64),
         ("state", np.float64, FULL_SIZE),  # full state
+        ("along", np.float64, 2),  # place of the material along the deck, and its rate
         ("turns", np.float64, 2),  # whole turns taken off its exciter angles (rad)
-        ("atol", np.float64, FULL_SIZE),  # absolute tolerances of the segment's unknowns
-        ("systems", np.int64, 3),  # number of the system of each mode; −1 for a mode that the scene does not have
-        ("tolerances", np.float64, (3, FULL_SIZE)),  # absolute tolerances of each mode's unknowns
-        ("fresh", np.int64, 3),  # how far each mode's start is prepared
-        ("y", np.float64, (3, FULL_SIZE)),  # start of each mode: unknowns, first and second derivatives
-        ("yp", np.float64, (3, FULL_SIZE)),
-        ("ypp", np.float64, (3, FULL_SIZE)),
+        ("atol", np.float64, UNKNOWNS),  # absolute tolerances of the segment's unknowns
+        ("systems", np.int64, MODES),  # number of the system of each mode; −1 for a mode that the scene does not have
+        ("tolerances", np.float64, (MODES, UNKNOWNS)),  # absolute tolerances of each mode's unknowns
+        ("fresh", np.int64, MODES),  # how far each mode's start is prepared
+        ("y", np.float64, (MODES, UNKNOWNS)),  # start of each mode: unknowns, first and second derivatives
+        ("yp", np.float64, (MODES, UNKNOWNS)),
+        ("ypp", np.float64, (MODES, UNKNOWNS)),
     ],
     align=True,
 )
@@ -177,9 +193,36 @@ EVENT = np.dtype(
         ("force_after", np.float64),  # F_c (N)
         ("mode_after", np.int64),
         ("impacts", np.int64),  # that it stands for
+        ("slip_before", np.float64),  # rate of the material along the deck (m/s)
+        ("slip_after", np.float64),
+        ("friction_impulse", np.float64),  # (N·s)
+        ("friction_after", np.float64),  # F_t (N)
     ],
     align=True,
 )
+
+
+@compiled
+def gather_unknowns(run: Any, system: int, y: FloatArray) -> None:
+    """Fill the differential unknowns of a system from the present state."""
+    for i in range(DIFFERENTIAL[system]):
+        place = PLACES[system, i]
+        y[i] = run.state[place] if place < FULL_SIZE else run.along[place - FULL_SIZE]
+
+
+@compiled
+def scatter_unknowns(run: Any, system: int, y: FloatArray) -> None:
+    """Make a system's unknowns the present state; what the system does not have is 0."""
+    for i in range(FULL_SIZE):
+        run.state[i] = 0.0
+    for i in range(DIFFERENTIAL[system]):
+        place = PLACES[system, i]
+        if place < FULL_SIZE:
+            run.state[place] = y[i]
+        else:
+            run.along[place - FULL_SIZE] = y[i]
+    if SLIDES[system] and ALGEBRAIC[system] and SENSE[system] == 0.0:
+        run.along[1] = 0.0  # stick, but for round-off
 
 
 class Automaton(NamedTuple):
@@ -218,18 +261,13 @@ MAX_HALVINGS = 30
 
 
 def state_scales(scene: Scene) -> FloatArray:
-    """Scales of the full state, shape (14,).
+    """Scales of the full state, shape (14,), with transport (16,).
 
     With ω₀ the larger synchronous speed, and the largest of a program: lengths (k₁+k₂)/M (what both unbalances move
     the platform by far above resonance), and g/ω₀² where larger for gap and upper layer; rotation (k₁+k₂)ρ/J, with ρ
     the largest distance of an exciter's axis from the platform's centre of mass; exciters 1 rad; rates ω₀ times these.
     """
-    speed, length = scene.speed_scale, scene.length_scale
-    flight = max(length, scene.machine.gravity_m_per_s2 / speed**2)
-    arm = max(scene.body.distance, *(exciter.unbalance_radius_m for exciter in scene.exciter_pair))
-    rotation = sum(scene.unbalances) * arm / scene.body.inertia
-    coordinates = np.array([length, length, rotation, 1.0, 1.0, flight, flight])
-    return np.concatenate([coordinates, speed * coordinates])
+    return np.array(scene.state_scales)
 
 
 def absolute_tolerances(scene: Scene, system: System) -> FloatArray:
@@ -286,17 +324,21 @@ def static_rest(scene: Scene) -> FloatArray:
 
     y = −(M + m_w) g / c_y and y_w2 = −m_w2 g / c_w, springs being unstressed at 0.
     """
-    state = np.zeros(FULL_SIZE)
-    gravity = scene.machine.gravity_m_per_s2
+    state = np.zeros(FULL_SIZE if scene.transport is None else MOVING_SIZE)
+    slope, gravity = scene.gravity
     lower, upper = scene.layer_masses
     state[1] = -(scene.platform_mass + lower + upper) * gravity / scene.machine.stiffness_y_n_per_m
     if scene.layers == 2:
         state[6] = -gravity / scene.layer_spring[0]
+    if scene.transport is not None:  # without a spring it does not rest on a slope
+        stiffness = scene.machine.stiffness_x_n_per_m, scene.machine.stiffness_phi_n_m_per_rad
+        loads = scene.platform_mass + lower + upper, -scene.transport.deck_height_m * (lower + upper)
+        state[0], state[2] = (load * slope / k if k else 0.0 for load, k in zip(loads, stiffness, strict=True))
     return state
 
 
 def initial_state(scene: Scene, initial: Initial | None = None) -> FloatArray:
-    """Full state, shape (14,), that ``run.initial`` asks for, or another start of the scene.
+    """Full state, shape (14,), with transport (16,), that ``run.initial`` asks for, or another start of the scene.
 
     For one that goes on from another run it is static rest.
     """
@@ -308,11 +350,10 @@ def initial_state(scene: Scene, initial: Initial | None = None) -> FloatArray:
         for i, exciter in enumerate(scene.exciter_pair):
             state[10 + i] = initial.speed_ratio * exciter.direction * speeds[i]
         return state
-    for places, names in ((range(7), COORDINATES), (range(7, FULL_SIZE), RATES)):
-        for place, name in zip(places, names, strict=True):
-            value = getattr(initial.state, name)
-            if value is not None:
-                state[place] = value
+    for place, name in enumerate((*COORDINATES, *RATES, *ALONG)[: state.size]):
+        value = getattr(initial.state, name)
+        if value is not None:
+            state[place] = value
     return state
 
 

@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.step_end import statuses
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.kernels.vectors import lanes_record
-from vibroplat.model.series import MOTION, parameter_rows, room
+from vibroplat.model.series import MOTION, MOVING, parameter_rows, room
 
 #: Motions side by side: their states, and what an engine knows of each. Flags are 1 or 0.
 LANES = MOTION | {
@@ -42,8 +43,12 @@ LANES = MOTION | {
     "steps": (1,),
     "rejected": (1,),
 }
-#: Four columns side by side.
-_QUADS = {f"{name}4": (name, (2, 4)) for name in ("y", "v", "y0", "v0", "a", "weights")}
+#: Numbers of coordinates and rates, also in sets of four columns side by side.
+_WIDE = ("y", "v", "y0", "v0", "a", "weights")
+_QUADS = {f"{name}4": (name, (2, 4)) for name in _WIDE}
+#: The same with transport.
+MOVING_LANES = LANES | MOVING | dict.fromkeys(_WIDE, (12, 1))
+_MOVING_QUADS = {f"{name}4": (name, (3, 4)) for name in _WIDE}
 
 
 class Group(NamedTuple):
@@ -70,6 +75,7 @@ class Group(NamedTuple):
     degree: int
     keep: bool  # whether steps are kept for observers
     max_steps: int
+    moving: Any  # None without transport, which decides what is compiled
 
 
 def group_of(automata: Sequence[Automaton], degree: int, max_steps: int, *, keep: bool) -> Group:
@@ -84,6 +90,7 @@ def group_of(automata: Sequence[Automaton], degree: int, max_steps: int, *, keep
     p, inelastic, runs, recent, events = (joined([getattr(h, name) for h in automata]) for name in names)
     steps = [joined(parts) for parts in zip(*(h.steps for h in automata), strict=True)]
     begins, lengths, c, ends, pieces, used = steps
+    moves = bool(automata[0].run["systems"][Mode.STICK] >= 0)
     return Group(
         *(p, inelastic, runs, recent, events),
         *(begins, lengths, c, ends, pieces, used),
@@ -91,10 +98,11 @@ def group_of(automata: Sequence[Automaton], degree: int, max_steps: int, *, keep
         p.ctypes.data,
         p.view(np.float64).reshape(width, -1),
         statuses(width),
-        lanes_record(width, LANES, _QUADS),
-        room(width),
+        lanes_record(width, MOVING_LANES if moves else LANES, _MOVING_QUADS if moves else _QUADS),
+        room(width, moving=moves),
         parameter_rows(width),
         degree,
         keep,
         max_steps,
+        True if moves else None,
     )

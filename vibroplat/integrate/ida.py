@@ -15,17 +15,17 @@ from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
-from vibroplat.hybrid.modes import GUARDS
+from vibroplat.hybrid.modes import COUNTS, GUARDS, guard_value
 from vibroplat.hybrid.resets import cut_piece
-from vibroplat.hybrid.state import MARGIN, ROUND_OFF, RUNNING, Automaton, Steps, end_at, rewind
+from vibroplat.hybrid.state import MARGIN, MODES, ROUND_OFF, RUNNING, Automaton, Steps, end_at, rewind
 from vibroplat.integrate.multistep import (
     PreviousStep,
     add_step,
+    any_stop,
     begin_steps,
     empty_step,
     limit_force_slopes,
     prepare_first_step,
-    stop_within,
 )
 from vibroplat.kernels.compiled import (
     FloatArray,
@@ -39,11 +39,12 @@ from vibroplat.kernels.compiled import (
     void_pointer,
 )
 from vibroplat.kernels.linear import condense, solve_condensed
+from vibroplat.model import sliding
 from vibroplat.model.equations import finite
 from vibroplat.model.equations import jacobian as fill_jacobian
 from vibroplat.model.equations import residual as fill_residual
 from vibroplat.model.parameters import PARAMETERS
-from vibroplat.model.systems import ALGEBRAIC, FULL_SIZE, SIZES
+from vibroplat.model.systems import ALGEBRAIC, SIZES, SLIDES, UNKNOWNS
 
 #: What a callback knows of its mode: addresses, the system with its size and guard, calls counted, and matrices of
 #: the Jacobian's last evaluation with their c_j.
@@ -55,14 +56,15 @@ LINKS = np.dtype(
         ("origin", np.float64),  # of the segment's times (s)
         ("system", np.int64),
         ("size", np.int64),
+        ("half", np.int64),  # coordinates, whose rates follow them
         ("guard", np.int64),
         ("residuals", np.int64),
         ("jacobians", np.int64),
         ("solver", np.int64),  # of ``condensed``
         ("cj", np.float64),
-        ("condensed", np.float64, FULL_SIZE * FULL_SIZE),
-        ("rows", np.float64, FULL_SIZE * FULL_SIZE),
-        ("dynamic", np.float64, FULL_SIZE * FULL_SIZE),
+        ("condensed", np.float64, UNKNOWNS * UNKNOWNS),
+        ("rows", np.float64, UNKNOWNS * UNKNOWNS),
+        ("dynamic", np.float64, UNKNOWNS * UNKNOWNS),
     ],
     align=True,
 )
@@ -95,9 +97,19 @@ def residual(t: float, y: int, yp: int, res: int, data: Any) -> int:
     return _OK if whole else _NOT_FINITE
 
 
+@callback("int32(float64, intp, intp, intp, voidptr)")
+def sliding_residual(t: float, y: int, yp: int, res: int, data: Any) -> int:
+    """Do as :func:`residual` with transport."""
+    links = carray(data, (1,), dtype=LINKS)[0]
+    links.residuals += 1
+    values, slopes, p = _values(y, links), _values(yp, links), _parameters(links)
+    whole = sliding.residual(links.system, links.origin + t, values, slopes, _values(res, links), p)
+    return _OK if whole else _NOT_FINITE
+
+
 @compiled
 def _condensed(links: Any) -> FloatArray:
-    return carray(pointer(links.solver), (links.size - links.size // 2, links.size))
+    return carray(pointer(links.solver), (links.size - links.half, links.size))
 
 
 @callback("int32(float64, float64, intp, intp, intp, intp, voidptr, intp, intp, intp)")
@@ -108,9 +120,24 @@ def jacobian(
     links = carray(data, (1,), dtype=LINKS)[0]
     links.jacobians += 1
     size = links.size
-    m = size - size // 2
+    m = size - links.half
     rows, dynamic = links.rows[: size * size].reshape((size, size)), links.dynamic[: m * m].reshape((m, m))
     fill_jacobian(links.system, links.origin + t, _values(y, links), _values(yp, links), cj, rows, _parameters(links))
+    links.cj = cj
+    return _OK if condense(rows, cj, dynamic, _condensed(links)) else _SINGULAR
+
+
+@callback("int32(float64, float64, intp, intp, intp, intp, voidptr, intp, intp, intp)")
+def sliding_jacobian(
+    t: float, cj: float, y: int, yp: int, res: int, matrix: int, data: Any, work_1: int, work_2: int, work_3: int
+) -> int:
+    """Do as :func:`jacobian` with transport."""
+    links = carray(data, (1,), dtype=LINKS)[0]
+    links.jacobians += 1
+    size, p = links.size, _parameters(links)
+    m = size - links.half
+    rows, dynamic = links.rows[: size * size].reshape((size, size)), links.dynamic[: m * m].reshape((m, m))
+    sliding.jacobian(links.system, links.origin + t, _values(y, links), _values(yp, links), cj, rows, p)
     links.cj = cj
     return _OK if condense(rows, cj, dynamic, _condensed(links)) else _SINGULAR
 
@@ -148,6 +175,19 @@ def guard(t: float, y: int, yp: int, value: Any, data: Any) -> int:
     value[0] = _values(y, links)[links.guard]
     return _OK
 
+
+@callback("int32(float64, intp, intp, CPointer(float64), voidptr)")
+def sliding_guards(t: float, y: int, yp: int, value: Any, data: Any) -> int:
+    """Do as :func:`guard` with transport, for each guard."""
+    links = carray(data, (1,), dtype=LINKS)[0]
+    for which in range(COUNTS[links.system]):
+        value[which] = guard_value(links.system, which, _values(y, links), _parameters(links))
+    return _OK
+
+
+#: Residual, Jacobian and guards of a mode.
+CALLBACKS = residual, jacobian, guard
+SLIDING_CALLBACKS = sliding_residual, sliding_jacobian, sliding_guards
 
 IntArray = npt.NDArray[np.int64]
 Records = npt.NDArray[np.void]
@@ -189,7 +229,7 @@ class Native(NamedTuple):
     functions: Any  # a record of FUNCTIONS
     handles: Records  # of HANDLES by mode
     links: Records  # user data of each mode's callbacks
-    y: FloatArray  # what is behind the vectors, shape (3, 14)
+    y: FloatArray  # what is behind the vectors, shape (MODES, UNKNOWNS)
     yp: FloatArray
     atol: FloatArray
     past: PreviousStep  # the last end of a step
@@ -202,11 +242,11 @@ def empty_records() -> Native:
     """Make what compiled code needs of the engine, empty."""
     return Native(
         functions=np.zeros(1, FUNCTIONS)[0],
-        handles=np.zeros(3, HANDLES),
-        links=np.zeros(3, LINKS),
-        y=np.zeros((3, FULL_SIZE)),
-        yp=np.zeros((3, FULL_SIZE)),
-        atol=np.ones((3, FULL_SIZE)),
+        handles=np.zeros(MODES, HANDLES),
+        links=np.zeros(MODES, LINKS),
+        y=np.zeros((MODES, UNKNOWNS)),
+        yp=np.zeros((MODES, UNKNOWNS)),
+        atol=np.ones((MODES, UNKNOWNS)),
         past=empty_step(),
         status=np.zeros(1, STATUS)[0],
         time=np.zeros(1),
@@ -271,7 +311,7 @@ def advance(h: Automaton, n: Native) -> int:
     run, status, steps, time = h.run, n.status, h.steps, n.time
     mode, used = run.mode, h.steps.used
     system = run.systems[mode]
-    guard, size = GUARDS[system], SIZES[system]
+    guard, size, slides = GUARDS[system], SIZES[system], SLIDES[system]
     until, target, rows = run.until, run.target - run.turns[0], steps.start.size
     starts, lengths, c, ends = steps.start, steps.length, steps.c, steps.ends
     past_t, past_y, past_yp = n.past.t, n.past.y, n.past.yp
@@ -299,8 +339,8 @@ def advance(h: Automaton, n: Native) -> int:
         used.steps = row + 1
         root_found = flag == _ROOT_RETURN and not ended
         dips = guard >= 0 and (y[guard] < 0.0 or c[row, 1, guard] < 0.0 < yp[guard])
-        if root_found or y[3] >= target or dips:
-            stop, share = stop_within(steps, guard, root_found, target, y, yp)
+        if root_found or y[3] >= target or dips or slides:
+            stop, share = any_stop(h, guard, root_found, target, y, yp)
             if stop == AT_TARGET:
                 end_at_angle(target, share, derivative, handles, steps, y, yp)
             elif stop == AT_GUARD and not root_found:

@@ -23,9 +23,8 @@ from vibroplat.hybrid.loop import AT_TARGET, FAILED, NOT_FINITE
 from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import CONSISTENT, MARGIN, RUNNING, Automaton, Steps, rewind
 from vibroplat.integrate.group import Group
-from vibroplat.integrate.step_end import ERROR_COEFFICIENTS, ON, end_of_step, is_shifted
+from vibroplat.integrate.step_end import ERROR_COEFFICIENTS, ON, end_of_step, put_polynomials
 from vibroplat.kernels.compiled import borrow, call_int, compiled, fused, fused_inline, inlined
-from vibroplat.kernels.lanes import put_step
 from vibroplat.kernels.vectors import (
     Lanes,
     align_stack,
@@ -43,8 +42,8 @@ from vibroplat.kernels.vectors import (
     total,
     zero,
 )
-from vibroplat.model.series import FORCE, WORDS, expand
-from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS, PLACES
+from vibroplat.model.series import ALONG, FORCE, FRICTION, WORDS, expand
+from vibroplat.model.systems import ALGEBRAIC, COLUMNS, DIFFERENTIAL, LAYERS, SENSE
 
 #: Largest difference of accelerations at the end of a step, times its length over its degree, in tolerances of rates.
 MAX_DEFECT = 5.0
@@ -95,7 +94,7 @@ def run_lanes(owned_g: Group) -> int:
                 return lane
         if not some(s.idle < 0.5):
             return -1
-        expand(s, g.degree, r, p)
+        expand(s, g.degree, r, p, g.moving)
         confirm(g, s, r)
         propose(g, s, r)
 
@@ -120,7 +119,21 @@ def begin(h: Automaton, g: Group, lane: int) -> bool:
     if not g.keep:
         rewind(h.steps)  # impacts that have been summed up took one
     start(h, g, lane)
+    start_moving(h, g, lane, g.moving)
     return True
+
+
+@compiled
+def start_moving(h: Automaton, g: Group, lane: int, moving: Any) -> None:
+    """Begin a segment of a motion with transport: the mode of contact, which is data in other fields."""
+    run, s = h.run, g.lanes
+    system = run.systems[run.mode]
+    if moving is not None:
+        s.y[ALONG, lane], s.v[ALONG, lane] = run.along[0], run.along[1]
+        s.attached[lane] = 0.0
+        s.stuck[lane] = 1.0 if ALGEBRAIC[system] and SENSE[system] == 0.0 else 0.0
+        s.sliding[lane] = h.p.kinetic_friction * SENSE[system]
+        s.slope[lane], s.height[lane], s.share[lane] = h.p.slope, h.p.deck_height, h.p.material_share
 
 
 @compiled
@@ -132,7 +145,7 @@ def start(h: Automaton, g: Group, lane: int) -> None:
     for i in range(FORCE):
         s.y[i, lane], s.v[i, lane], s.weights[i, lane] = run.state[i], run.state[FORCE + i], 0.0
     for i in range(n):
-        s.weights[PLACES[system, i], lane] = 1.0 / run.atol[n + i]
+        s.weights[COLUMNS[system, i], lane] = 1.0 / run.atol[n + i]
     s.force_weight[lane] = 1.0 / run.atol[2 * n] if ALGEBRAIC[system] else 0.0
     s.attached[lane] = 1.0 if ALGEBRAIC[system] else 0.0
     s.flying[lane] = 1.0 if layers > 0 and not ALGEBRAIC[system] else 0.0
@@ -149,6 +162,12 @@ def start(h: Automaton, g: Group, lane: int) -> None:
 
 
 @fused_inline
+def quads_of(moving: Any) -> int:
+    """How many sets of four columns motions have, with transport or without."""
+    return 2 if moving is None else 3
+
+
+@fused_inline
 def largest(quad: Any) -> Lanes:
     """Largest of four columns."""
     first, second = part(quad)
@@ -161,7 +180,7 @@ def confirm(g: Group, s: Any, r: Any) -> None:
     """Confirm the last steps by the accelerations and F_c that the next series begin with, or take them back."""
     quads = r.quads
     share, worst, sums = s.length * (1.0 / g.degree), size(s.y[FORCE] - r.q[0, FORCE]) * s.force_weight, zero(s.length)
-    for i in range(2):
+    for i in range(quads_of(g.moving)):
         worst = greater(worst, largest(size(s.a4[i] - 2.0 * quads[2, i]) * s.weights4[i]) * share)
         sums += total(total(quads[2, i]))
     good = (worst <= greater(s.noise, MAX_DEFECT)) & is_finite(sums)
@@ -175,7 +194,7 @@ def confirm(g: Group, s: Any, r: Any) -> None:
         s.rejected += s.pending - kept
         s.done = select(back, s.done0, s.done)
         s.t = s.origin + s.done
-        for i in range(2):
+        for i in range(quads_of(g.moving)):
             s.y4[i], s.v4[i] = select(back, s.y04[i], s.y4[i]), select(back, s.v04[i], s.v4[i])
     s.counted += s.pending  # those taken back too: where all are, a motion takes as long
     s.pending = kept
@@ -190,7 +209,7 @@ def confirm(g: Group, s: Any, r: Any) -> None:
 def add_step(h: Automaton, g: Group, lane: int) -> None:
     """Add a confirmed step to those that observers read, or note its duration."""
     s, status = g.lanes, g.status[lane]
-    h.run.zeros = 0  # they were of the segment's start
+    h.run.zeros = h.run.other_zeros = 0  # they were of the segment's start
     status.before = s.length[lane]
     if g.keep:
         write_step(h, g, lane, h.steps.used.steps)
@@ -206,19 +225,21 @@ def write_step(h: Automaton, g: Group, lane: int, row: int) -> None:
     n = DIFFERENTIAL[system] // 2
     steps.start[row], steps.length[row] = s.done0[lane], s.length[lane]
     for i in range(n):
-        place = PLACES[system, i]
-        steps.ends[row, i], steps.ends[row, n + i] = s.y[place, lane], s.v[place, lane]
+        column = COLUMNS[system, i]
+        steps.ends[row, i], steps.ends[row, n + i] = s.y[column, lane], s.v[column, lane]
     if ALGEBRAIC[system]:
         steps.ends[row, 2 * n] = s.y[FORCE, lane]
+        if g.moving is not None:
+            steps.ends[row, 2 * n + 1] = s.y[FRICTION, lane]
 
 
 @fused_inline
-def longest_step(s: Any, q: Any, quads: Any, degree: int) -> Lanes:
+def longest_step(s: Any, q: Any, quads: Any, degree: int, moving: Any) -> Lanes:
     """Longest step with which none of the last coefficients of rates, and of F_c, is above its tolerance (s)."""
     none = zero(s.length)
     # rates have k times the coefficient of their coordinate of order k, and the exponent of F_c before it
-    first, second = last_size(s, q, quads, degree), last_size(s, q, quads, degree - 1)
-    third, fourth = last_size(s, q, quads, degree - 2), last_size(s, q, quads, degree - 3)
+    first, second = last_size(s, q, quads, degree, moving), last_size(s, q, quads, degree - 1, moving)
+    third, fourth = last_size(s, q, quads, degree - 2, moving), last_size(s, q, quads, degree - 3, moving)
     fifth = size(q[at(degree - ERROR_COEFFICIENTS - 1), FORCE]) * s.force_weight
     shares = four(
         none + 1.0 / (degree - 1.0),
@@ -231,11 +252,14 @@ def longest_step(s: Any, q: Any, quads: Any, degree: int) -> Lanes:
 
 
 @fused_inline
-def last_size(s: Any, q: Any, quads: Any, k: int) -> Lanes:
+def last_size(s: Any, q: Any, quads: Any, k: int, moving: Any) -> Lanes:
     """Size of the last coefficients of rates, with k times that of their coordinates, and of F_c, in tolerances."""
     i = at(k)
     first, second = size(quads[i, 0]) * s.weights4[0], size(quads[i, 1]) * s.weights4[1]
-    return greater(float(k) * largest(greater(first, second)), size(q[at(k - 1), FORCE]) * s.force_weight)
+    coordinates = greater(first, second)
+    if moving is not None:
+        coordinates = greater(coordinates, size(quads[i, 2]) * s.weights4[2])
+    return greater(float(k) * largest(coordinates), size(q[at(k - 1), FORCE]) * s.force_weight)
 
 
 @fused_inline
@@ -270,8 +294,10 @@ def propose(g: Group, s: Any, r: Any) -> None:
     """Choose the next steps, and move to their ends by their polynomials."""
     q, quads, degree = r.q, r.quads, g.degree
     left = s.until - s.done
-    length = lesser(longest_step(s, q, quads, degree), s.cap)
+    length = lesser(longest_step(s, q, quads, degree, g.moving), s.cap)
     singly = may_end(s, q, degree, lesser(length, left)) | (length >= left) | (s.counted > 1.0 * g.max_steps)
+    if g.moving is not None:
+        singly = s.length == s.length  # of two guards: each step is looked into
     s.singly = select(length >= MIN_STEP * s.period, select(singly, 1.0, 0.0), 2.0)
     s.length = lesser(length, left)
     s.pending = 1.0 - greater(
@@ -280,7 +306,7 @@ def propose(g: Group, s: Any, r: Any) -> None:
     for lane in range(g.status.size):
         attend(g, lane, _BEFORE)
     s.steps += s.pending
-    move(s, q, quads, degree)
+    move(s, q, quads, degree, g.moving)
     good = (size(s.y[2]) <= s.safe_rotation) & is_finite(total(total(s.a4[0] + s.a4[1])))
     s.doubtful = select(good, 0.0, s.pending)
     if some(greater(s.singly, s.doubtful) > 0.5):
@@ -296,10 +322,10 @@ def is_finite(x: Lanes) -> Any:
 
 
 @fused_inline
-def move(s: Any, q: Any, quads: Any, degree: int) -> None:
+def move(s: Any, q: Any, quads: Any, degree: int, moving: Any) -> None:
     """Move to the ends of the steps, and note where they began."""
     length, goes = s.length, s.pending > 0.5
-    for i in range(2):
+    for i in range(quads_of(moving)):
         y, v, a = quads[degree, i], zero(s.y4[i]), zero(s.y4[i])
         for k in range(degree - 1, -1, -1):
             a, v, y = a * length + v, v * length + y, y * length + quads[at(k), i]
@@ -309,16 +335,16 @@ def move(s: Any, q: Any, quads: Any, degree: int) -> None:
     s.done = select(goes, s.done + length, s.done)
     s.t = s.origin + s.done
     if some(s.noisy > 0.5):
-        s.noise = _NOISE * round_off(s, q, quads, degree)
+        s.noise = _NOISE * round_off(s, q, quads, degree, moving)
 
 
 @fused_inline
-def round_off(s: Any, q: Any, quads: Any, degree: int) -> Lanes:
+def round_off(s: Any, q: Any, quads: Any, degree: int, moving: Any) -> Lanes:
     """Sum up the sizes of the terms that make the accelerations and F_c at the ends of the steps, in tolerances."""
     length, force, worst = s.length, zero(s.length), zero(s.length)
     for k in range(degree, -1, -1):
         force = force * length + size(q[at(k), FORCE])
-    for i in range(2):
+    for i in range(quads_of(moving)):
         terms = zero(s.y4[i])
         for k in range(degree, 1, -1):
             terms = terms * length + k * (k - 1.0) * size(quads[at(k), i])
@@ -357,8 +383,7 @@ def look_at_end(h: Automaton, g: Group, lane: int) -> None:
 def write_series(h: Automaton, g: Group, lane: int, row: int) -> None:
     """Write the series of a lane as the polynomials of its step."""
     system = h.run.systems[h.run.mode]
-    n = DIFFERENTIAL[system] // 2
-    put_step(g.room.q, lane, g.degree, g.lanes.length[lane], n, is_shifted(system), h.steps.c[row])
+    put_polynomials(g.room.q, lane, g.degree, g.lanes.length[lane], system, h.steps.c[row])
 
 
 @inlined
@@ -382,7 +407,7 @@ def look_behind(h: Automaton, g: Group, lane: int) -> None:
     if status.stop == AT_TARGET:
         h.steps.ends[row, 3] = h.run.target - h.run.turns[0]
     h.steps.used.steps += 1
-    h.run.zeros = 0  # they were of the segment's start
+    h.run.zeros = h.run.other_zeros = 0  # they were of the segment's start
     s.pending[lane] = 0.0
     status.open = 0
     loop.end_segment(h, status.stop)
@@ -392,7 +417,7 @@ def look_behind(h: Automaton, g: Group, lane: int) -> None:
 def take_back(g: Group, lane: int) -> None:
     """Take a step back, for one of half its length."""
     s = g.lanes
-    for i in range(8):
+    for i in range(s.y.shape[0]):
         s.y[i, lane], s.v[i, lane] = s.y0[i, lane], s.v0[i, lane]
     s.done[lane], s.cap[lane], s.pending[lane] = s.done0[lane], 0.5 * s.length[lane], 0.0
     s.t[lane] = s.origin[lane] + s.done[lane]
@@ -405,18 +430,18 @@ def agrees(h: Automaton, g: Group, lane: int) -> bool:
     s, status, system = g.lanes, g.status[lane], h.run.systems[h.run.mode]
     n, y, yp = DIFFERENTIAL[system] // 2, g.status[lane].y, g.status[lane].yp
     for i in range(n):
-        place = PLACES[system, i]
-        y[i], y[n + i] = s.y[place, lane], s.v[place, lane]
+        column = COLUMNS[system, i]
+        y[i], y[n + i] = s.y[column, lane], s.v[column, lane]
     addresses = (y.ctypes.data, yp.ctypes.data, status.ypp.ctypes.data)
     if call_int(h.start, (system, s.t[lane], *addresses, h.parameters, CONSISTENT)) == 0:
         return False
     worst = 0.0
     for i in range(n):
-        place = PLACES[system, i]
-        difference = abs(s.a[place, lane] - yp[n + i])
+        column = COLUMNS[system, i]
+        difference = abs(s.a[column, lane] - yp[n + i])
         if not difference < np.inf:
             return False
-        worst = max(worst, difference * s.weights[place, lane])
+        worst = max(worst, difference * s.weights[column, lane])
     worst *= s.length[lane] / g.degree
     if ALGEBRAIC[system]:
         worst = max(worst, abs(s.y[FORCE, lane] - y[2 * n]) * s.force_weight[lane])

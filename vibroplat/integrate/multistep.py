@@ -7,17 +7,17 @@ both ends of a step is as accurate as those ends (``python -m pytest tests/integ
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET
-from vibroplat.hybrid.modes import FLIGHT
+from vibroplat.hybrid.modes import COUNTS, FLIGHT, guard_form
 from vibroplat.hybrid.resets import derivatives, prepare_consistent_start
 from vibroplat.hybrid.state import CUBIC, CUT, DIFFERENTIATED, ROUND_OFF, Automaton, Steps, end_at, halvings
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.polynomial import crossing, first_downcrossing, slope, values
-from vibroplat.model.systems import FULL_SIZE, GAP, SIZES
+from vibroplat.model.systems import DIFFERENTIAL, GAP, SENSE, SIZES, SLIDES, UNKNOWNS
 
 #: First step over the time until the gap closes again, by its Taylor polynomial.
 FIRST_STEP_RATIO = 0.05
@@ -30,13 +30,13 @@ class PreviousStep(NamedTuple):
     """The last end of a step."""
 
     t: FloatArray  # time in the segment (s), shape (1,)
-    y: FloatArray  # unknowns and derivatives, shape (14,)
+    y: FloatArray  # unknowns and derivatives, shape (UNKNOWNS,)
     yp: FloatArray
 
 
 def empty_step() -> PreviousStep:
     """Make room for an end."""
-    return PreviousStep(np.zeros(1), np.zeros(FULL_SIZE), np.zeros(FULL_SIZE))
+    return PreviousStep(np.zeros(1), np.zeros(UNKNOWNS), np.zeros(UNKNOWNS))
 
 
 @compiled
@@ -61,21 +61,22 @@ def add_step(
     past_y: FloatArray,
     past_yp: FloatArray,
 ) -> None:
-    """Fill a row with the step that ends at a time of the segment with the unknowns and derivatives there, shape (14,).
+    """Fill a row with the step that ends at a time of the segment with the unknowns and derivatives there.
 
-    Arrays that are taken from their tuples once, and loops of a length that the compiler knows, halve the time.
+    All have UNKNOWNS columns: arrays that are taken from their tuples once, and loops of a length that the compiler
+    knows, halve the time.
     """
     start = past_t[0]
     length = t - start
     starts[row], lengths[row] = start, length
-    for j in range(FULL_SIZE):  # the cubic of fill_cubic
+    for j in range(UNKNOWNS):  # the cubic of fill_cubic
         y0, rate_0, rate_1 = past_y[j], length * past_yp[j], length * yp[j]
         rise = y[j] - y0
         c[row, 0, j] = y0
         c[row, 1, j] = rate_0
         c[row, 2, j] = 3.0 * rise - 2.0 * rate_0 - rate_1
         c[row, 3, j] = rate_0 + rate_1 - 2.0 * rise
-    for j in range(FULL_SIZE):
+    for j in range(UNKNOWNS):
         ends[row, j] = y[j]
         past_y[j] = y[j]
         past_yp[j] = yp[j]
@@ -92,14 +93,15 @@ def transcribe(
     guard: int,
     at_guard: bool,
     target: float,
+    h: Any,
 ) -> int:
     """Add steps by their ends, up to where a guard first falls through zero or exciter 1 has an angle.
 
     The guard is its index among the unknowns, −1 for none; ``at_guard`` says whether the integrator has found a fall
-    itself, at the last end. The angle (rad) is nan for none. Returns AT_GUARD for a fall that the integrator has not
-    found, AT_TARGET for the angle, −1 if all ends were added.
+    itself, at the last end. The angle (rad) is nan for none. With transport ``h`` is the automaton, otherwise None.
+    Returns AT_GUARD for a fall that the integrator has not found, AT_TARGET for the angle, −1 if all ends were added.
     """
-    end, full, slopes = np.empty(y.shape[1]), np.zeros(FULL_SIZE), np.zeros(FULL_SIZE)
+    end, full, slopes = np.empty(y.shape[1]), np.zeros(UNKNOWNS), np.zeros(UNKNOWNS)
     for k in range(t.size):
         copy(y[k], full)
         copy(yp[k], slopes)
@@ -107,7 +109,10 @@ def transcribe(
         add_step(t[k], full, slopes, row, steps.start, steps.length, steps.c, steps.ends, past.t, past.y, past.yp)
         steps.used.steps = row + 1
         root_found = at_guard and k == t.size - 1
-        stop, share = stop_within(steps, guard, root_found, target, y[k], yp[k])
+        if h is not None:
+            stop, share = any_stop(h, guard, root_found, target, y[k], yp[k])
+        else:
+            stop, share = stop_within(steps, guard, root_found, target, y[k], yp[k])
         if stop == AT_TARGET or (stop == AT_GUARD and not root_found):
             row = steps.used.steps - 1
             values(steps.c[row], CUBIC, share, end)
@@ -144,6 +149,44 @@ def stop_within(
     return (AT_GUARD, fall) if fall <= 1.0 else (-1, 1.0)
 
 
+@inlined
+def any_stop(
+    h: Automaton, guard: int, root_found: bool, target: float, y: FloatArray, yp: FloatArray
+) -> tuple[int, float]:
+    """Do as :func:`stop_within` for the guards of the present system, whatever their number."""
+    if SLIDES[h.run.systems[h.run.mode]]:
+        return sliding_stop(h, root_found, target, y)
+    return stop_within(h.steps, guard, root_found, target, y, yp)
+
+
+@compiled
+def sliding_stop(h: Automaton, root_found: bool, target: float, y: FloatArray) -> tuple[int, float]:
+    """Do as :func:`stop_within` for the guards of contact with friction; ``run.fallen`` says which has fallen.
+
+    A rate of slip begins with 0, and may be below it by an error: a guard can fall only after it has risen.
+    """
+    run, steps = h.run, h.steps
+    c, system = steps.c[steps.used.steps - 1], run.systems[run.mode]
+    form, fall, least = np.empty((CUBIC + 1, 1)), np.inf, np.inf
+    passed = crossing(c, CUBIC, 3, target, y[3]) if y[3] >= target else np.inf
+    for which in range(COUNTS[system]):
+        first, weight, second, other = guard_form(system, which, h.p)
+        for k in range(CUBIC + 1):
+            form[k, 0] = weight * c[k, first] + other * c[k, second]
+        end = weight * y[first] + other * y[second]
+        if root_found:
+            size = abs(end) / (abs(form[0, 0]) + abs(form[1, 0]) + abs(form[2, 0]))
+            if size < least:
+                least, fall, run.fallen = size, 1.0, which
+        elif form[0, 0] > 0.0 and (end < 0.0 or form[1, 0] < 0.0 < slope(form, CUBIC, 0, 1.0)):
+            share = first_downcrossing(form, CUBIC, 0, 0)
+            if 0.0 <= share < fall:
+                fall, run.fallen = share, which
+    if passed < fall:
+        return AT_TARGET, passed
+    return (AT_GUARD, fall) if fall <= 1.0 else (-1, 1.0)
+
+
 @compiled
 def limit_force_slopes(h: Automaton, cut: bool) -> None:
     """Limit the slopes of F_c in the open segment so that its interpolant does not overshoot (Schmidt and Hess 1988).
@@ -157,7 +200,7 @@ def limit_force_slopes(h: Automaton, cut: bool) -> None:
     """
     steps = h.steps
     system = h.run.systems[h.run.mode]
-    force = SIZES[system] - 1
+    force = DIFFERENTIAL[system]
     first, end = steps.used.first, steps.used.steps
     for row in range(first, end):
         c, length = steps.c[row], steps.length[row]
@@ -208,6 +251,8 @@ def prepare_first_step(h: Automaton) -> float:
         tighter = 2.0 ** -halvings(run.tolerance, height, run.gap_scale, sure)
         run.atol[GAP] *= tighter * tighter
         run.atol[size // 2 + GAP] *= tighter
+    elif SENSE[run.systems[mode]] != 0.0 and run.along[1] == 0.0:
+        step = min(step, FIRST_STEP_RATIO * expected_slip(h, 1e-3 * step))
     step = min(step, curvature_step(run.ypp[mode, :size], run.atol[:size]))
     return max(step, ROUND_OFF * run.period)
 
@@ -227,22 +272,32 @@ def expected_flight(h: Automaton, small: float) -> tuple[float, float, bool]:
         if acceleration >= 0.0:
             return np.inf, np.inf, False
         return math.sqrt(2.0 * gap / -acceleration), gap + 0.5 * rate * rate / -acceleration, False
-    fourth = snap(h, small) if rate == 0.0 else 0.0  # a rebound does not need it
+    fourth = snap(h, FLIGHT, rates + GAP, small) if rate == 0.0 else 0.0  # a rebound does not need it
     duration, height = estimate_flight(rate, acceleration, jerk, fourth)
     return duration, height, rate > 0.0 and abs(jerk) * duration <= MAX_ACCELERATION_CHANGE * -acceleration
 
 
 @inlined
-def snap(h: Automaton, small: float) -> float:
-    """Fourth derivative of the gap, as the difference of jerks a small step along the motion."""
+def expected_slip(h: Automaton, small: float) -> float:
+    """Duration (s) of the slip that begins from rest, about, by the first terms of s; inf where they do not end it."""
     run = h.run
-    system = run.systems[FLIGHT]
+    system = run.systems[run.mode]
+    place, sense = DIFFERENTIAL[system] - 1, SENSE[system]
+    acceleration, jerk = sense * run.yp[run.mode, place], sense * run.ypp[run.mode, place]
+    return estimate_flight(0.0, acceleration, jerk, sense * snap(h, run.mode, place, small))[0]
+
+
+@inlined
+def snap(h: Automaton, mode: int, place: int, small: float) -> float:
+    """Fourth derivative of a coordinate whose rate has a place, as the difference of jerks a small step along."""
+    run = h.run
+    system = run.systems[mode]
     size = SIZES[system]
     ahead, yp, ypp = np.empty(size), np.empty(size), np.empty(size)
     for i in range(size):
-        ahead[i] = run.y[FLIGHT, i] + small * run.yp[FLIGHT, i] + 0.5 * small * small * run.ypp[FLIGHT, i]
+        ahead[i] = run.y[mode, i] + small * run.yp[mode, i] + 0.5 * small * small * run.ypp[mode, i]
     derivatives(h, system, ahead, yp, ypp, DIFFERENTIATED)
-    return (ypp[size // 2 + GAP] - run.ypp[FLIGHT, size // 2 + GAP]) / small
+    return (ypp[place] - run.ypp[mode, place]) / small
 
 
 @compiled

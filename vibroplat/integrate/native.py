@@ -19,7 +19,7 @@ from vibroplat.config.coordinates import Mode
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import automaton
-from vibroplat.hybrid.modes import GUARDS
+from vibroplat.hybrid.modes import COUNTS, GUARDS
 from vibroplat.hybrid.state import CUBIC, OK, Automaton, empty_steps
 from vibroplat.integrate import ida
 from vibroplat.integrate.sundials import Library, UnavailableError, library
@@ -90,7 +90,7 @@ class NativeEngine:
         for name, function in ida.NAMES.items():
             self._n.functions[name] = library.address(function)
         self._n.status["max_steps"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
-        self._direction = np.array([-1], dtype=np.int32)
+        self._direction = np.array([-1, -1], dtype=np.int32)
         self._context = self._make_context()
         for mode, system in systems(scene).items():
             self._make_solver(mode, system)
@@ -164,13 +164,16 @@ class NativeEngine:
         links["tolerances"] = n.atol[mode].ctypes.data
         links["solver"] = links["condensed"].ctypes.data
         links["system"], links["size"], links["guard"] = system.index, system.size, GUARDS[system.index]
+        links["half"] = system.differential // 2
         y, yp = (self._vector(array[mode, : system.size]) for array in (n.y, n.yp))
         memory = self._made(lib.IDACreate(self._context), lib.IDAFree, by_reference=True)
-        _check(lib.IDAInit(memory, ida.residual.address, 0.0, y, yp))
+        ours = ida.SLIDING_CALLBACKS if system.slides else ida.CALLBACKS
+        residual, jacobian, guard = (function.address for function in ours)
+        _check(lib.IDAInit(memory, residual, 0.0, y, yp))
         _check(lib.IDAWFtolerances(memory, ida.weights.address))
         _check(lib.IDASetUserData(memory, user))
         _check(lib.IDASetLinearSolver(memory, *self._linear_solver(system.size, y, user)))
-        _check(lib.IDASetJacFn(memory, ida.jacobian.address))
+        _check(lib.IDASetJacFn(memory, jacobian))
         _check(lib.IDASetEtaFixedStepBounds(memory, *ETA_FIXED))
         _check(lib.IDASetEtaMax(memory, ETA_MAX))
         _check(lib.IDASetDeltaCjLSetup(memory, DELTA_CJ))
@@ -182,7 +185,7 @@ class NativeEngine:
             # F_c stays in the Newton norm and leaves the error test: its error is that of the state
             _check(lib.IDASetSuppressAlg(memory, 1))
         if GUARDS[system.index] >= 0:
-            _check(lib.IDARootInit(memory, 1, ida.guard.address))
+            _check(lib.IDARootInit(memory, int(COUNTS[system.index]), guard))
             _check(lib.IDASetRootDirection(memory, self._direction.ctypes.data))
             _check(lib.IDASetNoInactiveRootWarn(memory))
         n.handles[mode] = (memory, y, yp)

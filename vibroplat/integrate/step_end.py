@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME
-from vibroplat.hybrid.modes import GUARDS
+from vibroplat.hybrid.modes import COUNTS, GUARDS, guard_form
 from vibroplat.hybrid.state import WIDTH, Automaton
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.kernels.lanes import in_lines, put_step
 from vibroplat.kernels.polynomial import MAX_DEGREE, crossing, first_downcrossing
 from vibroplat.kernels.rows import sizes_16
-from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, FULL_SIZE, LAYERS
+from vibroplat.model.series import FORCE, FRICTION
+from vibroplat.model.systems import ALGEBRAIC, COLUMNS, DIFFERENTIAL, LAYERS, SLIDES, UNKNOWNS
 
 #: Coefficients at the end of a series that choose its step. Kloss' torque has complex poles, which let pairs of them
 #: vanish by turns: of the last two, an error of 1e-6 becomes 2e-5.
@@ -29,9 +30,10 @@ ON = -1
 STATUS = np.dtype(
     [
         ("sizes", float, WIDTH),  # sums of the sizes of a step's coefficients but the first
-        ("y", float, FULL_SIZE),  # unknowns, and their derivatives, at the end of a step
-        ("yp", float, FULL_SIZE),
-        ("ypp", float, FULL_SIZE),
+        ("y", float, UNKNOWNS),  # unknowns, and their derivatives, at the end of a step
+        ("yp", float, UNKNOWNS),
+        ("ypp", float, UNKNOWNS),
+        ("forms", float, (MAX_DEGREE + 1, 2)),  # the two guards of contact with friction
         ("guard", float, (MAX_DEGREE + 1, 1)),  # a guard's polynomial, and one that bounds it
         ("bound", float, (MAX_DEGREE + 1, 1)),
         ("before", float),  # duration of the step before in the segment, 0 without one (s)
@@ -53,7 +55,53 @@ def statuses(width: int) -> Any:
 @inlined
 def is_shifted(system: int) -> bool:
     """Whether the upper layer's coordinate follows those of the platform: attached, with two layers."""
-    return ALGEBRAIC[system] and LAYERS[system] == 2
+    return ALGEBRAIC[system] and LAYERS[system] == 2 and not SLIDES[system]
+
+
+@inlined
+def put_polynomials(q: FloatArray, lane: int, degree: int, length: float, system: int, c: FloatArray) -> None:
+    """Write a lane's series as the polynomials of a step of a system."""
+    n = DIFFERENTIAL[system] // 2
+    put_step(q, lane, degree, length, n, is_shifted(system), c)
+    if SLIDES[system]:
+        put_sliding(q, lane, degree, length, system, c)
+
+
+@compiled
+def put_sliding(q: FloatArray, lane: int, degree: int, length: float, system: int, c: FloatArray) -> None:
+    """Write what follows the platform's coordinates with transport: layers, s, their rates, and forces."""
+    n, power = DIFFERENTIAL[system] // 2, 1.0
+    for k in range(degree + 1):
+        rate = power * (k + 1.0)
+        for i in range(5, n):
+            column = COLUMNS[system, i]
+            c[k, i], c[k, n + i] = power * q[k, column, lane], rate * q[k + 1, column, lane]
+        for i in range(5):
+            c[k, n + i] = rate * q[k + 1, i, lane]
+        if ALGEBRAIC[system]:
+            c[k, 2 * n], c[k, 2 * n + 1] = power * q[k, FORCE, lane], power * q[k, FRICTION, lane]
+        power *= length
+
+
+@compiled
+def sliding_fall(h: Automaton, c: FloatArray, degree: int, system: int, status: Any) -> tuple[float, bool]:
+    """Do as :func:`guard_fall` for the first of a system's guards that falls, which ``run.fallen`` then says."""
+    run, forms, n = h.run, status.forms, DIFFERENTIAL[system]
+    first, all_sure = -1.0, True
+    for which in range(COUNTS[system]):
+        column, weight, other, share = guard_form(system, which, h.p)
+        size = 0.0
+        for k in range(degree + 1):
+            forms[k, which] = weight * c[k, column] + share * c[k, other]
+            size += abs(forms[k, which])
+        size -= abs(forms[0, which])
+        algebraic = column >= n
+        zeros = run.zeros if which == 0 else run.other_zeros
+        fall, sure = guard_fall(forms, degree, which, zeros, algebraic, status, size)
+        all_sure = all_sure and sure
+        if fall >= 0.0 and (first < 0.0 or fall < first):
+            first, run.fallen = fall, which
+    return first, all_sure
 
 
 @compiled
@@ -66,13 +114,12 @@ def end_of_step(
     """
     run, length = h.run, longest
     system = run.systems[run.mode]
-    n, guard = DIFFERENTIAL[system] // 2, GUARDS[system]
-    shifted = is_shifted(system)
+    n = DIFFERENTIAL[system] // 2
     stop, share = AT_TIME if length >= run.until - done else ON, 1.0
     while True:
-        put_step(q, lane, degree, length, n, shifted, c)
+        put_polynomials(q, lane, degree, length, system, c)
         sizes_16(c, 1, degree, status.sizes)
-        fall, sure = guard_fall(c, degree, guard, run.zeros, ALGEBRAIC[system], status) if guard >= 0 else (-1.0, True)
+        fall, sure = fall_in_step(h, c, degree, system, status)
         if sure:
             break
         stop, length = ON, 0.5 * length
@@ -87,7 +134,7 @@ def end_of_step(
                 stop, share, status.resting = ON, rest, i
     if share < 1.0:
         length *= share
-        put_step(q, lane, degree, length, n, shifted, c)
+        put_polynomials(q, lane, degree, length, system, c)
     target = run.target - run.turns[0]
     # the last steps before it alone, as sizes of coefficients say with room for round-off; none without one, nan
     if c[0, 3] + 2.0 * status.sizes[3] >= target:
@@ -97,14 +144,29 @@ def end_of_step(
         if angle >= target:
             stop, status.resting = AT_TARGET, -1
             length *= crossing(c, degree, 3, target, angle)
-            put_step(q, lane, degree, length, n, shifted, c)
+            put_polynomials(q, lane, degree, length, system, c)
     status.stop = stop
     return length
 
 
 @inlined
-def guard_fall(c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bool, status: Any) -> tuple[float, bool]:
+def fall_in_step(h: Automaton, c: FloatArray, degree: int, system: int, status: Any) -> tuple[float, bool]:
+    """Do as :func:`guard_fall` for the guards of a system, whatever their number."""
+    guard = GUARDS[system]
+    if SLIDES[system]:
+        return sliding_fall(h, c, degree, system, status)
+    if guard < 0:
+        return -1.0, True
+    return guard_fall(c, degree, guard, h.run.zeros, ALGEBRAIC[system], status, status.sizes[guard])
+
+
+@inlined
+def guard_fall(
+    c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bool, status: Any, size: float
+) -> tuple[float, bool]:
     """Fraction of a step at which its guard falls through zero, −1 if it does not, and whether that is sure.
+
+    ``size`` is the sum of the sizes of its coefficients but the first.
 
     A guard is its polynomial of degree d and a remainder, which is taken to be within T sᵈ at fraction s of the step; T
     is the sum of the sizes of the last four coefficients, as much as is left where coefficients halve every four. No
@@ -117,7 +179,7 @@ def guard_fall(c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bo
     rest, first = 0.0, 0
     for k in range(used - ERROR_COEFFICIENTS + 1, used + 1):
         rest += abs(c[k, guard])
-    if c[0, guard] > status.sizes[guard] + rest:
+    if c[0, guard] > size + rest:
         return -1.0, True
     while first < zeros and c[first, guard] <= 0.0:
         first += 1
@@ -130,7 +192,7 @@ def guard_fall(c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bo
     for k in range(used + 1):
         status.guard[k, 0] = status.bound[k, 0] = c[k, guard]
     fall = first_downcrossing(status.guard, used, 0, zeros)
-    if rest <= _NO_TRUNCATION * (abs(c[0, guard]) + status.sizes[guard]) or (fall >= 0.0 and at_end < -rest):
+    if rest <= _NO_TRUNCATION * (abs(c[0, guard]) + size) or (fall >= 0.0 and at_end < -rest):
         return fall, True
     status.bound[used, 0] += rest if fall >= 0.0 else -rest
     return fall, (first_downcrossing(status.bound, used, 0, zeros) >= 0.0) == (fall >= 0.0)

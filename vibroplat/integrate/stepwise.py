@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from vibroplat.errors import ConfigError
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE, begin_segment, end_segment
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import CUBIC, MARGIN, RUNNING, Automaton, Steps, rewind
 from vibroplat.integrate.interface import IntegrationError, Integrator
 from vibroplat.kernels.compiled import Callee, FloatArray, compiled
+from vibroplat.kernels.engines import ENGINES
 from vibroplat.kernels.polynomial import Fit, crossing, first_downcrossing, fit, fit_column, stretch, values
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.equations import finite
@@ -75,6 +77,8 @@ class Stepwise:
             return False
         run = h.run
         system = SYSTEMS[run["systems"][run["mode"]]]
+        if system.slides:  # two guards and a second force
+            raise ConfigError(f"engine {self.name} does not go with transport; allowed: {', '.join(ENGINES)}")
         start, atol = (values[: system.differential].copy() for values in (run["y"][run["mode"]], run["atol"]))
         self._integrator.start(system, float(run["origin"]), start, atol)
         self._open, self._done = True, 0.0

@@ -19,15 +19,15 @@ from sksundae.ida import IDA
 
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, FAILED, NOT_FINITE, begin_segment, end_segment
-from vibroplat.hybrid.modes import GUARDS
+from vibroplat.hybrid.modes import COUNTS, GUARDS, guard_value
 from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import CUBIC, MARGIN, ROUND_OFF, Automaton, rewind
 from vibroplat.integrate.interface import WORK
 from vibroplat.integrate.multistep import begin_steps, empty_step, limit_force_slopes, prepare_first_step, transcribe
 from vibroplat.kernels.compiled import Callee, FloatArray
-from vibroplat.model.equations import jacobian as fill_jacobian
-from vibroplat.model.equations import residual as fill_residual
 from vibroplat.model.parameters import Parameters
+from vibroplat.model.sliding import jacobian as fill_jacobian
+from vibroplat.model.sliding import residual as fill_residual
 from vibroplat.model.systems import SYSTEMS, System
 
 _ROOT = 2
@@ -129,7 +129,9 @@ class SundaeEngine:
         target = float(h.run["target"] - h.run["turns"][0])
         root_found = ends.stop == AT_GUARD and len(ends.t) <= room
         taken = (ends.t[:room], ends.y[:room], ends.yp[:room])
-        stop = transcribe(h.steps, self._past, *taken, int(GUARDS[system.index]), root_found, target)
+        stop = transcribe(
+            h.steps, self._past, *taken, int(GUARDS[system.index]), root_found, target, h if system.slides else None
+        )
         cut = stop < 0 and len(ends.t) > room
         if system.algebraic:
             limit_force_slopes(h, cut)
@@ -197,6 +199,7 @@ class SundaeEngine:
         if key in self._integrators:
             return self._integrators[key]
         p, budget, number, index = self._p, self._budget, system.index, int(GUARDS[system.index])
+        count = int(COUNTS[system.index])
 
         def residual(t: float, y: FloatArray, yp: FloatArray, res: FloatArray) -> None:
             if not fill_residual(number, budget.origin + t, y, yp, res, p):
@@ -207,9 +210,10 @@ class SundaeEngine:
             fill_jacobian(number, budget.origin + t, y, yp, cj, jac, p)
 
         def guard(t: float, y: FloatArray, yp: FloatArray, events: FloatArray) -> None:
-            events[0] = y[index]
+            for which in range(count):
+                events[which] = guard_value(number, which, y, p) if system.slides else y[index]
 
-        guard.terminal, guard.direction = [True], [-1]  # type: ignore[attr-defined]
+        guard.terminal, guard.direction = [True] * count, [-1] * count  # type: ignore[attr-defined]
         options: dict[str, Any] = {
             "jacfn": jacobian,
             # the absolute tolerances do the work; this keeps what is asked of a component above round-off
@@ -218,9 +222,9 @@ class SundaeEngine:
             "first_step": first_step,
         }
         if system.algebraic:
-            options["algebraic_idx"] = [system.differential]
+            options["algebraic_idx"] = [*range(system.differential, system.size)]
         if index >= 0:
-            options |= {"eventsfn": guard, "num_events": 1}
+            options |= {"eventsfn": guard, "num_events": count}
         self._integrators[key] = IDA(residual, **options), guard if index >= 0 else None
         return self._integrators[key]
 

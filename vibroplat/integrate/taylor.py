@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.group import Group, group_of
@@ -90,6 +92,13 @@ class TaylorEngine:
             ]
             self._h = h
         return self._groups[-1]
+
+    def renew(self) -> None:
+        """Forget the motions so far: what the engine holds is as new, for another scene of the same tolerance."""
+        for group in self._groups:
+            for record in (group.lanes, group.status):
+                np.asarray(record).reshape(-1).view(np.uint8)[:] = 0
+            group.lanes["idle"][:] = 0.0 if group.keep else 1.0
 
     def close(self) -> None:
         """Do nothing: Python frees what the engine holds."""

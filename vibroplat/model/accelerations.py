@@ -1,20 +1,21 @@
 """Accelerations and contact force by a direct solve, their derivatives along the motion and by the state.
 
 The dynamic rows of F are linear in z, the n accelerations and, attached, F_c. What multiplies z is constant in a state,
-so that most of this is a solve with :func:`solve_rows`, whose right-hand sides come from the rows of
-:mod:`vibroplat.model.equations` and their Jacobian.
+so that most of this is a solve with :func:`vibroplat.model.platform.solve_rows`, whose right-hand sides come from the
+rows of :mod:`vibroplat.model.equations` and their Jacobian.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.model.equations import Coupled, coupled_rows, dynamic_jacobian, finite, jacobian, mass_matrix
 from vibroplat.model.motor import torque_rate
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import Compliance, Five, Three, compliance, is_definite, solve_platform, unbalances
-from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS, gather
+from vibroplat.model.platform import compliance, is_definite, mobility, solve_rows, unbalances
+from vibroplat.model.sliding import sliding_accelerations, sliding_second_derivatives
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS, SIZES, SLIDES, gather
 
 
 @compiled
@@ -53,38 +54,6 @@ def solve_coupled(system: int, z: FloatArray, coupled: Coupled, p: Parameters) -
         z[n + 5] = opening
 
 
-@fused_inline
-def mobility(attached: float, p: Parameters) -> Three:
-    """One over the inertias of x, y, φ; attached (1, otherwise 0), the platform's y carries the lower layer."""
-    return 1.0 / p.mass, 1.0 / (p.mass + attached * p.lower_mass), 1.0 / p.inertia
-
-
-@fused_inline
-def solve_rows(
-    attached: float, lower_share: float, b: Five, lower: float, upper: float, inverse: Compliance, p: Parameters
-) -> tuple[Five, float, float, float]:
-    """Solve the dynamic rows for accelerations and F_c.
-
-    Parameters
-    ----------
-    attached, lower_share
-        1 if the lower layer is attached, otherwise 0; one over its mass, 0 without layers (1/kg).
-    b, lower, upper
-        Right-hand sides of the rows of platform and exciters, lower and upper layer.
-    inverse
-        That of the mass matrix of platform and exciters, with :func:`mobility`.
-
-    Returns
-    -------
-    a, contact, opening, upper
-        Accelerations of x, y, φ, φ₁, φ₂; F_c if attached; the gap's acceleration if not; acceleration of y_w2.
-    """
-    a = solve_platform((b[0], b[1] + attached * lower, b[2], b[3], b[4]), inverse)
-    alone = lower * lower_share  # the lower layer's own acceleration
-    carried = attached * a[1] + (1.0 - attached) * alone
-    return a, p.lower_mass * a[1] - lower, alone - a[1], upper - carried
-
-
 @compiled
 def accelerations(system: int, t: float, y: FloatArray, yp: FloatArray, p: Parameters) -> bool:
     """Make (y, y′) consistent: find accelerations and F_c of a state.
@@ -92,7 +61,10 @@ def accelerations(system: int, t: float, y: FloatArray, yp: FloatArray, p: Param
     The differential unknowns in ``y`` are read; y′ and, attached, F_c in ``y`` are filled, and F_c′ in ``yp`` is set
     to 0. Returns False if anything is not finite, or the mass matrix is not positive definite.
     """
-    accelerate(system, t, y, yp, unbalances(y, p), p)
+    if SLIDES[system]:
+        sliding_accelerations(system, t, y, yp, p)
+    else:
+        accelerate(system, t, y, yp, unbalances(y, p), p)
     return finite(yp) and finite(y) and is_definite(y, p)
 
 
@@ -122,6 +94,8 @@ def second_derivatives(system: int, t: float, y: FloatArray, yp: FloatArray, ypp
     This is F = 0 differentiated along the motion; ∂F/∂t is the rate of the motors' torques under a changing supply.
     F_c′ in ``yp`` and y″ are filled; F_c″ is set to 0. Returns False if anything is not finite.
     """
+    if SLIDES[system]:
+        return sliding_second_derivatives(system, t, y, yp, ypp, p)
     size = y.size
     n = size // 2
     jac = np.empty((size, size))
@@ -187,11 +161,11 @@ def explicit(system: int, t: float, y: FloatArray, p: Parameters) -> FloatArray:
     This is what solvers of ordinary differential equations ask for.
     """
     size = y.size + 1 if ALGEBRAIC[system] else y.size
-    unknowns, rates = np.empty(size), np.empty(size)
+    unknowns, rates = np.empty(SIZES[system]), np.empty(SIZES[system])
     for i in range(y.size):
         unknowns[i] = y[i]
     if not accelerations(system, t, unknowns, rates, p):
         rates[:] = np.nan
     elif ALGEBRAIC[system]:
         rates[y.size] = unknowns[y.size]
-    return rates
+    return rates[:size]

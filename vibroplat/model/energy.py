@@ -18,7 +18,7 @@ from vibroplat.model.motor import both, resistances
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import Three, inertial, unbalance
 from vibroplat.model.springs import DAMPERS, slopes
-from vibroplat.model.systems import GAP
+from vibroplat.model.systems import ALGEBRAIC, GAP, LAYERS, UPPER
 
 #: Powers in the order of :func:`powers`; those of motor and truncation feed the system, the dissipations
 #: after them take from it.
@@ -29,6 +29,10 @@ _DAMPED, DISSIPATIONS = tuple(place for place, _ in DAMPERS.values()), 2
 
 #: Places after the powers in :func:`powers`: vertical force from outside, and the sum of its terms' sizes.
 FORCE, FORCE_SIZE = len(POWERS), len(POWERS) + 1
+
+#: Places behind them of what transport has: power of friction (W), force from outside along the deck, and the sum of
+#: its terms' sizes (N).
+FRICTION, ALONG_FORCE, ALONG_SIZE = (FORCE_SIZE + i for i in (1, 2, 3))
 
 
 class ExciterPowers(NamedTuple):
@@ -52,7 +56,7 @@ def exciter_powers(
 
 
 @inlined
-def powers(exciters: Three, means: FloatArray, n: int, layers: int, out: FloatArray, p: Parameters) -> None:
+def powers(exciters: Three, means: FloatArray, n: int, system: int, out: FloatArray, p: Parameters) -> None:
     """Fill the powers named in :data:`POWERS` (W), then the vertical force from outside (N), as means over a time.
 
     Parameters
@@ -62,9 +66,9 @@ def powers(exciters: Three, means: FloatArray, n: int, layers: int, out: FloatAr
     means
         Means of the unknowns, of their squares and of their sizes, shape (3, 2n or more).
     """
-    squares, sizes, (stiffness, damping) = means[1], means[2], slopes(p)
-    gap = damping[3] * squares[n + GAP] if n == GAP + layers > GAP else 0.0
-    upper = p.upper_mass * damping[4] * squares[2 * n - 1] if layers == 2 else 0.0
+    squares, sizes, (stiffness, damping), layers = means[1], means[2], slopes(p), LAYERS[system]
+    gap = damping[3] * squares[n + GAP] if layers > 0 and not ALGEBRAIC[system] else 0.0
+    upper = p.upper_mass * damping[4] * squares[n + UPPER[system]] if layers == 2 else 0.0
     taken = damping[0] * squares[n], damping[1] * squares[n + 1], damping[2] * squares[n + 2], gap, upper
     out[0], out[1], out[FORCE - 1] = exciters
     for i in range(len(_DAMPED)):

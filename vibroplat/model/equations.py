@@ -23,7 +23,7 @@ from vibroplat.model.motor import net_slope
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import Unbalance, forces, inertial, is_definite, unbalances
 from vibroplat.model.springs import Relative, relative, restoring, slopes
-from vibroplat.model.systems import ALGEBRAIC, LAYERS
+from vibroplat.model.systems import ALGEBRAIC, LAYERS, UPPER
 
 #: The couplings of both exciters.
 Coupled = tuple[Unbalance, Unbalance]
@@ -167,7 +167,8 @@ def layer_jacobian(
 ) -> None:
     """Fill the layers' rows, the column of F_c, and what the gap's spring and damper do to the platform."""
     attached = ALGEBRAIC[system]
-    lower, upper = 2 * n if attached else n + 5, 2 * n - 1
+    lower, own = 2 * n if attached else n + 5, UPPER[system]
+    upper = n + own
     jac[lower, n + 1] = cj * p.lower_mass
     if attached:
         jac[lower, 2 * n], jac[n + 1, 2 * n] = -1.0, 1.0
@@ -175,8 +176,8 @@ def layer_jacobian(
         jac[lower, 5], jac[lower, n + 5] = stiffness[3], damping[3] + cj * p.lower_mass
         jac[n + 1, 5], jac[n + 1, n + 5] = 0.0 - stiffness[3], 0.0 - damping[3]
     if LAYERS[system] == 2:
-        jac[lower, n - 1], jac[lower, upper] = -p.upper_mass * stiffness[4], -p.upper_mass * damping[4]
-        jac[upper, n - 1], jac[upper, upper] = stiffness[4], damping[4] + cj
+        jac[lower, own], jac[lower, upper] = -p.upper_mass * stiffness[4], -p.upper_mass * damping[4]
+        jac[upper, own], jac[upper, upper] = stiffness[4], damping[4] + cj
         jac[upper, n + 1] = cj
         if not attached:
             jac[upper, n + 5] = cj

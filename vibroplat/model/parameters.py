@@ -32,7 +32,7 @@ PARAMETERS = np.dtype(
         ("damping_y", float),  # b_y, plus β m_w in the non-impact model
         ("suspension_damping_y", float),  # b_y, what of it is between platform and foundation
         ("damping_phi", float),  # b_φ (N·m·s/rad)
-        ("gravity", float),  # g (m/s²)
+        ("gravity", float),  # g, normal to the deck (m/s²)
         ("unbalance", float, (2,)),  # k_i = m_r r (kg·m)
         ("exciter_inertia", float, (2,)),  # J_e,i, about the exciter's axis (kg·m²)
         ("direction", float, (2,)),  # σ_i: the motor drives counter-clockwise (+1) or clockwise (−1)
@@ -56,6 +56,12 @@ PARAMETERS = np.dtype(
         ("point_y", float, (MAX_NAMED_POINTS,)),
         ("safe_rotation", float),  # |φ| up to which the mass matrix is positive definite (rad)
         ("impact_law", np.int64),  # index into IMPACT_LAWS
+        ("slope", float),  # g_x, gravity along an inclined deck (m/s²)
+        ("deck_height", float),  # h (m)
+        ("kinetic_friction", float),  # μ_k and μ_s between material and deck
+        ("static_friction", float),
+        ("material_mass", float),  # m_w, where it moves along the deck (kg), and one over it (1/kg)
+        ("material_share", float),
     ],
     align=True,
 )
@@ -93,7 +99,7 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     p["damping_x"] = machine.damping_x_n_s_per_m
     p["damping_y"], p["suspension_damping_y"] = scene.damping_y, machine.damping_y_n_s_per_m
     p["damping_phi"] = machine.damping_phi_n_m_s_per_rad
-    p["gravity"] = machine.gravity_m_per_s2
+    p["slope"], p["gravity"] = scene.gravity
     p["unbalance"] = scene.unbalances
     p["exciter_inertia"] = scene.exciter_inertias
     p["direction"] = [exciter.direction for exciter in scene.exciter_pair]
@@ -111,6 +117,10 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     for i, (x, y) in enumerate(scene.named_points.values()):
         p["point_x"][i], p["point_y"][i] = x, y
     p["impact_law"] = IMPACT_LAWS.index(scene.contact.impact_law)
+    if scene.transport is not None:
+        p["deck_height"] = scene.transport.deck_height_m
+        p["kinetic_friction"], p["static_friction"] = scene.transport.friction, scene.transport.largest_friction
+        p["material_mass"], p["material_share"] = scene.material_mass, 1.0 / scene.material_mass
     return p
 
 

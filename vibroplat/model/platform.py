@@ -150,6 +150,38 @@ def solve_platform(b: Five, c: Compliance) -> Five:
     )
 
 
+@fused_inline
+def mobility(attached: float, p: Parameters) -> Three:
+    """One over the inertias of x, y, φ; attached (1, otherwise 0), the platform's y carries the lower layer."""
+    return 1.0 / p.mass, 1.0 / (p.mass + attached * p.lower_mass), 1.0 / p.inertia
+
+
+@fused_inline
+def solve_rows(
+    attached: float, lower_share: float, b: Five, lower: float, upper: float, inverse: Compliance, p: Parameters
+) -> tuple[Five, float, float, float]:
+    """Solve the dynamic rows for accelerations and F_c.
+
+    Parameters
+    ----------
+    attached, lower_share
+        1 if the lower layer is attached, otherwise 0; one over its mass, 0 without layers (1/kg).
+    b, lower, upper
+        Right-hand sides of the rows of platform and exciters, lower and upper layer.
+    inverse
+        That of the mass matrix of platform and exciters, with :func:`mobility`.
+
+    Returns
+    -------
+    a, contact, opening, upper
+        Accelerations of x, y, φ, φ₁, φ₂; F_c if attached; the gap's acceleration if not; acceleration of y_w2.
+    """
+    a = solve_platform((b[0], b[1] + attached * lower, b[2], b[3], b[4]), inverse)
+    alone = lower * lower_share  # the lower layer's own acceleration
+    carried = attached * a[1] + (1.0 - attached) * alone
+    return a, p.lower_mass * a[1] - lower, alone - a[1], upper - carried
+
+
 @compiled
 def is_definite(y: FloatArray, p: Parameters) -> bool:
     """Whether the mass matrix is positive definite, by some margin, as every real body's is.

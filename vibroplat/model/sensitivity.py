@@ -9,17 +9,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
-from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.parameters import PARAMETERS, Parameters, blank_record, parameters
+from vibroplat.kernels.compiled import FloatArray, compiled
+from vibroplat.model.parameters import PARAMETERS, Parameters, blank_record, parameters, record_words
 
-#: Names of the fields that enter the equations as numbers; the others are choices, or say where the equations hold.
-CHOICES = ("safe_rotation", "impact_law")
+#: Names of the fields that enter the equations as numbers; the others are choices, say where the equations
+#: hold, or are of transport, which has no derivatives yet.
+CHOICES = (
+    *("safe_rotation", "impact_law"),
+    *("slope", "deck_height", "kinetic_friction", "static_friction", "material_mass", "material_share"),
+)
 NUMBERS = tuple(name for name in PARAMETERS.names or () if name not in CHOICES)
 #: How many numbers they are; they are the first of the record.
 _WIDTH = int(np.zeros(1, PARAMETERS).itemsize // 8 - len(CHOICES))
@@ -109,53 +113,67 @@ def with_values(section: Any, values: Mapping[str, float]) -> Any:
     )
 
 
-class ParameterInterpolant:
-    """The parameters of a scene over a range of one key, by Chebyshev's polynomials: a fiftieth of the work of each.
+class Course(NamedTuple):
+    """The parameters of a scene over a range of one key, by Chebyshev's polynomials: a thousandth of the work of each.
 
-    ``exact`` says whether they agree with :func:`vibroplat.model.parameters.parameters` to round-off.
+    Attributes
+    ----------
+    low, high
+        The range; there is none if both are nan.
+    c, rates
+        Coefficients of the numbers that enter the equations, and of their derivatives by the key, shape (nodes, n).
+    words
+        A record of the scene's parameters as numbers, the first n of which :func:`go_along` changes.
     """
 
-    def __init__(self, scene: Scene, key: str, low: float, high: float) -> None:
-        self._low, self._high = low, high
-        self._at = parameters(scene)
-        self._numbers = flat(self._at), flat(blank_record())
-        path = key.split(".")
-        self.exact = any(self._through(scene, path, nodes) for nodes in NODES)
+    low: float
+    high: float
+    c: FloatArray
+    rates: FloatArray
+    words: FloatArray
 
-    def _through(self, scene: Scene, path: list[str], count: int) -> bool:
-        """Find the polynomials through so many nodes; whether they are exact."""
-        self._orders = np.arange(count)
-        nodes: FloatArray = np.cos(np.pi * (self._orders + 0.5) / count)
-        at_nodes = np.array([self._of(scene, path, x) for x in nodes])
-        self._c: FloatArray = np.linalg.solve(np.polynomial.chebyshev.chebvander(nodes, count - 1), at_nodes)
-        self._rates: Any = np.polynomial.chebyshev.chebder(self._c) * 2.0 / (self._high - self._low)  # by the key
-        between = np.cos(np.pi * np.arange(1, 6) / 6.0)
-        apart = [np.abs(flat(self.at(self._value(x))) - self._of(scene, path, x)) for x in between]
-        return bool((np.array(apart) <= INTERPOLATION_TOLERANCE * np.abs(at_nodes).max(axis=0)).all())
 
-    def at(self, value: float) -> Parameters:
-        """Return the parameters at a value of the key: one record, which the next call changes."""
-        self._fill(self._numbers[0], self._c, value)
-        return self._at
+#: Where no key has a range.
+NO_COURSE = Course(math.nan, math.nan, np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(1))
 
-    def slope(self, value: float) -> FloatArray:
-        """Return the derivatives of their numbers by the key there: one array, which the next call changes."""
-        self._fill(self._numbers[1], self._rates, value)
-        return self._numbers[1]
 
-    def covers(self, value: float) -> bool:
-        """Whether a value lies in the range."""
-        return self._low <= value <= self._high
+def course_of(scene: Scene, key: str, low: float, high: float) -> Course:
+    """Return the course of the parameters; none where it does not agree with those of scenes to round-off."""
+    path = key.split(".")
 
-    def _value(self, x: float) -> float:
-        return 0.5 * (self._low + self._high) + 0.5 * x * (self._high - self._low)
+    def values(x: FloatArray) -> FloatArray:
+        at = 0.5 * (low + high) + 0.5 * x * (high - low)
+        return np.array([flat(parameters(with_value(scene, path, value))) for value in at.tolist()])
 
-    def _of(self, scene: Scene, path: list[str], x: float) -> FloatArray:
-        return flat(parameters(with_value(scene, path, self._value(x))))
+    between: FloatArray = np.cos(np.pi * np.arange(1, 6) / 6.0)
+    expected = values(between)
+    for count in NODES:
+        nodes = np.cos(np.pi * (np.arange(count) + 0.5) / count)
+        at_nodes = values(nodes)
+        c = np.linalg.solve(np.polynomial.chebyshev.chebvander(nodes, count - 1), at_nodes)
+        apart = np.abs(np.polynomial.chebyshev.chebvander(between, count - 1) @ c - expected)
+        if (apart <= INTERPOLATION_TOLERANCE * np.abs(at_nodes).max(axis=0)).all():
+            rates = np.zeros(c.shape)
+            rates[:-1] = 2.0 / (high - low) * np.polynomial.chebyshev.chebder(c)
+            return Course(low, high, np.asarray(c, float), rates, record_words(parameters(scene)))
+    return NO_COURSE
 
-    def _fill(self, numbers: FloatArray, c: Any, value: float) -> None:
-        x = min(max((2.0 * value - self._low - self._high) / (self._high - self._low), -1.0), 1.0)  # but for round-off
-        numbers[:] = np.cos(self._orders[: len(c)] * math.acos(x)) @ c
+
+@compiled
+def go_along(course: Course, value: float, slope: FloatArray) -> bool:
+    """Fill the parameters at a value of the key, and their derivatives by it; False if it is out of the range."""
+    if not course.low <= value <= course.high:
+        return False
+    x = (2.0 * value - course.low - course.high) / (course.high - course.low)
+    before, now = x, 1.0  # Chebyshev's polynomials of two orders
+    for j in range(slope.size):
+        course.words[j] = slope[j] = 0.0
+    for i in range(course.c.shape[0]):
+        for j in range(slope.size):
+            course.words[j] += now * course.c[i, j]
+            slope[j] += now * course.rates[i, j]
+        before, now = now, 2.0 * x * now - before
+    return True
 
 
 def flat(p: Any) -> Any:

@@ -45,10 +45,10 @@ from vibroplat.kernels.vectors import (
     total,
     zero,
 )
-from vibroplat.model.accelerations import mobility, solve_rows
 from vibroplat.model.motor import MotorTerms, kloss_term, motor_at, resistance_term, square_term
 from vibroplat.model.parameters import PARAMETERS, Parameters
-from vibroplat.model.platform import Unbalance, compliance, couplings
+from vibroplat.model.platform import Compliance, Five, Unbalance, compliance, couplings, mobility, solve_rows
+from vibroplat.model.sliding import Law, Response, law, response, under_contact
 from vibroplat.model.springs import restoring
 
 #: Column of F_c among the coefficients; before it stand the seven coordinates of the full state.
@@ -74,15 +74,23 @@ ROOM = (
 #: Coefficients of four coordinates side by side.
 QUADS = {"quads": ("q", (_ROWS, 2, 4))}
 
+#: The same with transport: the mode has besides whether the material sticks and μ_k σ where it slips, g_x, h, and one
+#: over m_w; column 8 is that of s, column 9 that of F_t, with two orders less, and two more make whole vectors.
+MOVING = MOTION | {"y": (12, 1), "v": (12, 1)} | dict.fromkeys(("stuck", "sliding", "slope", "height", "share"), (1,))
+MOVING_ROOM, MOVING_QUADS = ROOM | {"q": (_ROWS, 12, 1)}, {"quads": ("q", (_ROWS, 3, 4))}
+
+#: Columns of s and F_t.
+ALONG, FRICTION = 8, 9
+
 #: The parameters of a series, the first of :data:`vibroplat.model.parameters.PARAMETERS`, and all of them as rows.
 _NAMES = (PARAMETERS.names or ())[: (PARAMETERS.names or ()).index("restitution")]
 PARAMETER_ROWS = {name: (*PARAMETERS[name].shape, 1) for name in _NAMES}
 WORDS = sum(PARAMETERS[name].itemsize for name in _NAMES) // 8
 
 
-def room(width: int = 1) -> Any:
-    """Make room for the series of so many motions."""
-    return lanes_record(width, ROOM, QUADS)
+def room(width: int = 1, *, moving: bool = False) -> Any:
+    """Make room for the series of so many motions, with transport or without."""
+    return lanes_record(width, MOVING_ROOM if moving else ROOM, MOVING_QUADS if moving else QUADS)
 
 
 def parameter_rows(width: int = 1) -> Any:
@@ -165,11 +173,14 @@ class Rotation(NamedTuple):
 
 
 @fused
-def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
+def expand(motion: Any, degree: int, room: Any, p: Parameters, moving: Any) -> None:
     """Fill ``room.q`` with the coefficients of motions at their states, coordinates to this degree, F_c to degree − 2.
 
     All records are those of lanes: a :data:`MOTION`, a :data:`ROOM` and :data:`PARAMETER_ROWS`. The degree is from 2 to
     MAX_DEGREE. Where an exciter is at rest, its resistance is that of the sense in which it is about to turn.
+
+    With transport (``moving`` is not None, which the compiler knows) each order is first solved without contact; forces
+    and accelerations in contact follow by the law of the mode, which is the same in all orders.
     """
     y, v, quads = motion.y, motion.v, room.quads
     attached, flying, two, phi, turning_0 = motion.attached, motion.flying, motion.two, y[2], v[2]
@@ -186,30 +197,35 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
     phi_1, unbalances, turning, square = none, none, none, none
     # rows are stored as they are loaded: a part of a row must else leave the processor before the whole comes back
     quads[0, 0], quads[1, 0] = four(x0, x1, x2, y[3]), four(v0, v1, v2, v[3])
+    x8, v8, reply, contact_law = along_deck(motion, inverse, none, moving)
     for k in range(degree - 1):
         sums = middle_terms(k, room, f.speed, phi)
         twice = 1.0 if k == 0 else 2.0
         weight = p.gravity if k == 0 else none
         both = sums.turning + twice * turning_0 * v2
         rotation = Rotation(sums.centre + phi_1 * turning + both, sums.lifted + phi_1 * square + phi * both, weight)
-        known = from_lower_orders(k, twice, rotation, e, sense, f, sums)
+        known, slope = tilted(k, from_lower_orders(k, twice, rotation, e, sense, f, sums), motion, f, none, moving)
         held = restoring((x0, x1, x2, x5, x6), (v0, v1, v2, v5, v6), p)
         moment_1, moment_2 = part(known.moment)
         turned = f.unbalance * (f.x * known.sine - f.y * known.cosine) + known.reaction  # k (X s″ − Y c″)
         b = (
-            -held[0] - total(f.unbalance * known.cosine),
+            pulled(-held[0] - total(f.unbalance * known.cosine), slope, p, moving),
             -(held[1] - held[3]) - total(f.unbalance * known.sine) - p.mass * weight,
             -held[2] - total(turned) + sums.moment + phi_1 * unbalances,
             moment_1,
             moment_2,
         )
         lower = p.upper_mass * held[4] - p.lower_mass * weight - held[3]
-        a, contact, opening, above = solve_rows(attached, motion.lower_share, b, lower, -weight - held[4], inverse, p)
+        upper = -weight - held[4]
+        free = solve_rows(attached, motion.lower_share, b, lower, upper, inverse, p)
+        a, contact, opening, above, along, friction = touched(free, upper, slope, motion, reply, contact_law, moving)
         share = _SHARE[at(k + 1)]
         twofold = share * _SHARE[at(k + 2)]
-        quads[at(k), 1] = four(x4, x5, x6, attached * contact)
+        quads[at(k), 1] = four(x4, x5, x6, contact)
+        put_along(quads, k, x8, v8 * share, friction, moving)
         quads[at(k + 2), 0] = four(a[0], a[1], a[2], a[3]) * twofold
         x0, x1, x2, x5, x6 = v0 * share, v1 * share, v2 * share, v5 * share, v6 * share
+        x8, v8 = v8 * share, along * share
         v0, v1, v2, v5, v6 = a[0] * share, a[1] * share, a[2] * share, flying * opening * share, two * above * share
         x4, following = following, a[4] * twofold
         if k == 0:
@@ -225,6 +241,64 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters) -> None:
         four(x4, x5, x6, none),
         four(following, v5 * share, v6 * share, none),
     )
+    put_along(quads, degree - 1, x8, v8 * share, none, moving)
+
+
+@fused_inline
+def along_deck(motion: Any, inverse: Compliance, none: Lanes, moving: Any) -> tuple[Lanes, Lanes, Response, Law]:
+    """Begin the series of s: its coefficients of order 0 and 1, and the response to contact with its law."""
+    if moving is not None:
+        reply = response(inverse, motion.height, motion.lower_share, motion.share)
+        contact_law = law(1.0 - motion.flying, motion.stuck, motion.sliding, reply)
+        return motion.y[ALONG], motion.v[ALONG], reply, contact_law
+    nothing = (none, none, none, none, none)
+    return none, none, Response(nothing, nothing, none, none, none), Law(none, none, none, none)
+
+
+@fused_inline
+def tilted(k: int, known: Terms, motion: Any, f: Constants, none: Lanes, moving: Any) -> tuple[Terms, Lanes]:
+    """Let the axes feel gravity along an inclined deck, at order 0, as they feel that normal to it; it comes second."""
+    if moving is not None:
+        slope = motion.slope if k == 0 else none
+        ax, moment = known.ax - slope, known.moment + f.couplings.x * slope
+        return Terms(known.sine, known.cosine, ax, known.ay, moment, known.reaction, known.square, known.torque), slope
+    return known, none
+
+
+@fused_inline
+def pulled(force: Lanes, slope: Lanes, p: Parameters, moving: Any) -> Lanes:
+    """Add the pull of gravity along an inclined deck to the force on the platform along x."""
+    if moving is not None:
+        return force + p.mass * slope
+    return force
+
+
+@fused_inline
+def touched(
+    free: tuple[Five, Lanes, Lanes, Lanes],
+    upper: Lanes,
+    slope: Lanes,
+    motion: Any,
+    reply: Response,
+    contact_law: Law,
+    moving: Any,
+) -> tuple[Five, Lanes, Lanes, Lanes, Lanes, Lanes]:
+    """Find accelerations, F_c, those of gap, upper layer and s, and F_t, from what :func:`solve_rows` gives."""
+    a, contact, opening, above = free
+    if moving is not None:
+        along = slope - (a[0] - motion.height * a[2])
+        a, opening, along, contact, friction = under_contact(a, opening, along, reply, contact_law)
+        above = upper - a[1] - motion.flying * opening
+        return a, contact, opening, above, (1.0 - motion.stuck) * along, friction
+    return a, motion.attached * contact, opening, above, slope, slope
+
+
+@fused_inline
+def put_along(quads: Any, k: int, along: Lanes, following: Lanes, friction: Lanes, moving: Any) -> None:
+    """Store the coefficients of order k of s and F_t, and that of order k + 1 of s, as long as it is the last."""
+    if moving is not None:
+        none = zero(along)
+        quads[at(k), 2], quads[at(k + 1), 2] = four(along, friction, none, none), four(following, none, none, none)
 
 
 @fused_inline

@@ -1,13 +1,15 @@
-"""The five systems of equations: which unknowns each has, and how a scene picks them.
+"""The systems of equations: which unknowns each has, and how a scene picks them.
 
 A *system* is a mode together with the number of layers. States cross between systems as the *full
 state* of 14 numbers — the seven coordinates of :data:`vibroplat.config.coordinates.COORDINATES`, then their rates —
-in which what a scene does not have is 0.
+in which what a scene does not have is 0. With transport two numbers follow: where the material is along the deck, s,
+and its rate.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +20,10 @@ from vibroplat.kernels.compiled import FloatArray, compiled
 
 FULL_SIZE = 14
 GAP, GAP_RATE = 5, 12  # places in the full state
+#: Places behind it of where material is along the deck and its rate, in scenes with transport, and numbers of all.
+ALONG, ALONG_RATE, MOVING_SIZE = 14, 15, 16
+#: Most unknowns of a system.
+UNKNOWNS = 16
 
 
 @dataclass(frozen=True)
@@ -44,13 +50,23 @@ class System:
 
     @property
     def algebraic(self) -> bool:
-        """Whether F_c is an unknown (then the last)."""
-        return self.mode is Mode.ATTACHED
+        """Whether F_c is an unknown (behind the differential ones), and with transport F_t (then the last)."""
+        return self.mode not in (Mode.BARE, Mode.FLIGHT)
+
+    @cached_property
+    def slides(self) -> bool:
+        """Whether the material moves along the deck."""
+        return ALONG in self.places.tolist()
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return self.differential + self.algebraic
+        return self.differential + self.algebraic * (1 + self.slides)
+
+    @property
+    def full_size(self) -> int:
+        """How many numbers a full state has."""
+        return MOVING_SIZE if self.slides else FULL_SIZE
 
     def unknowns(self, state: FloatArray) -> FloatArray:
         """Pick this system's unknowns from a full state; F_c is left at 0."""
@@ -59,8 +75,8 @@ class System:
         return y
 
     def full(self, y: FloatArray) -> FloatArray:
-        """Return the full states of unknowns of shape (…, size), as shape (…, 14)."""
-        state = np.zeros((*y.shape[:-1], FULL_SIZE))
+        """Return the full states of unknowns of shape (…, size), as shape (…, 14), with transport (…, 16)."""
+        state = np.zeros((*y.shape[:-1], self.full_size))
         state[..., self.places] = y[..., : self.differential]
         return state
 
@@ -69,18 +85,31 @@ def _places(*coordinates: int) -> npt.NDArray[np.int64]:
     return np.array([*coordinates, *(7 + c for c in coordinates)], dtype=np.int64)
 
 
+def _moving(*coordinates: int) -> npt.NDArray[np.int64]:
+    return np.array([*coordinates, ALONG, *(7 + c for c in coordinates), ALONG_RATE], dtype=np.int64)
+
+
 SYSTEMS: tuple[System, ...] = (
     System(0, Mode.BARE, 0, _places(0, 1, 2, 3, 4)),
     System(1, Mode.ATTACHED, 1, _places(0, 1, 2, 3, 4)),
     System(2, Mode.ATTACHED, 2, _places(0, 1, 2, 3, 4, 6)),
     System(3, Mode.FLIGHT, 1, _places(0, 1, 2, 3, 4, 5)),
     System(4, Mode.FLIGHT, 2, _places(0, 1, 2, 3, 4, 5, 6)),
+    System(5, Mode.STICK, 1, _moving(0, 1, 2, 3, 4)),
+    System(6, Mode.STICK, 2, _moving(0, 1, 2, 3, 4, 6)),
+    System(7, Mode.SLIP_PLUS, 1, _moving(0, 1, 2, 3, 4)),
+    System(8, Mode.SLIP_PLUS, 2, _moving(0, 1, 2, 3, 4, 6)),
+    System(9, Mode.SLIP_MINUS, 1, _moving(0, 1, 2, 3, 4)),
+    System(10, Mode.SLIP_MINUS, 2, _moving(0, 1, 2, 3, 4, 6)),
+    System(11, Mode.FLIGHT, 1, _moving(0, 1, 2, 3, 4, 5)),
+    System(12, Mode.FLIGHT, 2, _moving(0, 1, 2, 3, 4, 5, 6)),
 )
 
 
 def systems(scene: Scene) -> dict[Mode, System]:
     """Return the systems of a scene by mode; a scene without contact has the bare one alone."""
-    return {s.mode: s for s in SYSTEMS if s.layers == scene.layers and s.mode in scene.modes}
+    slides = scene.transport is not None
+    return {s.mode: s for s in SYSTEMS if s.layers == scene.layers and s.mode in scene.modes and s.slides == slides}
 
 
 #: The same facts by number, for compiled code: places in the full state, then −1.
@@ -88,7 +117,13 @@ LAYERS = np.array([s.layers for s in SYSTEMS])
 ALGEBRAIC = np.array([s.algebraic for s in SYSTEMS])
 SIZES = np.array([s.size for s in SYSTEMS])
 DIFFERENTIAL = np.array([s.differential for s in SYSTEMS])
-PLACES = np.array([[*s.places, *[-1] * (FULL_SIZE - s.differential)] for s in SYSTEMS])
+PLACES = np.array([[*s.places, *[-1] * (UNKNOWNS - s.differential)] for s in SYSTEMS])
+#: Whether the material moves along the deck; its sense in slip, otherwise 0; place of y_w2 among the unknowns, if any.
+SLIDES = np.array([s.slides for s in SYSTEMS])
+SENSE = np.array([{Mode.SLIP_PLUS: 1.0, Mode.SLIP_MINUS: -1.0}.get(s.mode, 0.0) for s in SYSTEMS])
+UPPER = np.array([s.differential // 2 - 1 - s.slides for s in SYSTEMS])
+#: Columns of coordinates in a Taylor series: their places in the full state, with the eighth left to F_c.
+COLUMNS = np.where(PLACES == ALONG, 8, PLACES)
 
 
 @compiled

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.config.coordinates import COORDINATES, RATES, Mode
+from vibroplat.config.coordinates import ALONG, COORDINATES, RATES, Mode
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import MAX_ANGLE
 from vibroplat.errors import ConfigError, TableError
@@ -24,6 +24,9 @@ from vibroplat.results.files import SavedFiles
 MAX_SIZE, MAX_ANGLE_ERROR = 1e4, 1e-6
 #: How far below 0 the gap may be there, in its scale: the largest tolerance.
 MAX_PENETRATION = 1e-2
+
+
+_MODES = {mode.label: mode for mode in Mode}
 
 
 class Start(NamedTuple):
@@ -88,7 +91,7 @@ def end_of(directory: Path, scene: Scene) -> Start:
         raise ConfigError(f"{key}: the run ended early ({outcome}); allowed: the directory of a finished run")
     try:
         row = {str(column): value for column, value in table.iloc[-1].items()}
-        time, mode = float(row["t_s"]), Mode[str(row["mode"]).upper()]
+        time, mode = float(row["t_s"]), _MODES[str(row["mode"])]
         state = _state_of(row, scene, key)
     except (IndexError, KeyError, TypeError, ValueError):
         raise ConfigError(f"{key}: its trajectory is not as vibroplat writes it") from None
@@ -101,7 +104,8 @@ def end_of(directory: Path, scene: Scene) -> Start:
 def _state_of(row: dict[str, Any], scene: Scene, key: str) -> FloatArray:
     """Full state of a row; what the scene has beyond the row's coordinates is at rest."""
     state, places = initial_state(scene), state_places(scene)
-    for name in (*COORDINATES, *RATES):
+    names = (*COORDINATES, *RATES, *ALONG)
+    for name in names:
         if name in row and name in places:
             state[places[name]] = row[name]
         elif row.get(name, 0.0) != 0.0:
@@ -111,8 +115,9 @@ def _state_of(row: dict[str, Any], scene: Scene, key: str) -> FloatArray:
             )
     if not np.isfinite([*state, row["t_s"]]).all():
         raise ValueError
-    limits = {name: MAX_SIZE * scale for name, scale in zip((*COORDINATES, *RATES), state_scales(scene), strict=True)}
+    limits = {name: MAX_SIZE * scale for name, scale in zip(names, state_scales(scene), strict=False)}
     limits |= dict.fromkeys(("phi1_rad", "phi2_rad"), MAX_ANGLE)
+    limits.pop("along_m", None)  # it grows for ever
     limits["t_s"] = MAX_ANGLE_ERROR / (np.finfo(float).eps * scene.speed_scale)
     for name, limit in limits.items():
         if abs(row.get(name, 0.0)) > limit:

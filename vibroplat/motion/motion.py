@@ -13,14 +13,15 @@ from vibroplat.config.coordinates import Mode
 from vibroplat.config.drive import interval_at
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid import state as hy
-from vibroplat.hybrid.loop import automaton, begin_in_flight, first_mode
+from vibroplat.hybrid.loop import automaton, begin_in_flight, beginning, first_mode
 from vibroplat.hybrid.resets import apply_supply_corner, record_restart_events
+from vibroplat.hybrid.sliding import apply_sliding_corner
 from vibroplat.hybrid.state import empty_steps, rewind
 from vibroplat.integrate.interface import Engine
 from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, record_words, supply
-from vibroplat.model.systems import SYSTEMS, System
+from vibroplat.model.systems import FULL_SIZE, SYSTEMS, System
 from vibroplat.observe.measures import FASTEST, MAX_FINAL_PERIOD, SECTION_ROWS, WHOLE_RUN, Accumulators
 from vibroplat.observe.section import ON_SECTION
 from vibroplat.observe.statistics import Statistics
@@ -84,6 +85,8 @@ class Simulator:
         Where a motion begins anew: a record of :data:`vibroplat.hybrid.state.RUN`.
     events
         Events so far.
+    held_parameters
+        The records of parameters of all who hold them, as numbers: that which was given, and two of the automaton.
     """
 
     def __init__(
@@ -110,23 +113,32 @@ class Simulator:
         self._run = np.asarray(self.automaton.run).reshape(1)
         # several times as quick to reach as the fields of a record
         self._field = {name: self._run[name] for name in ("now", "outcome", "mode", "events", "systems")}
-        self._held = record_words(p), record_words(self.automaton.p), record_words(self.automaton.inelastic)
-        self._given = p, self._held[0]  # what they were set to, and its view
+        self.held_parameters = (
+            record_words(p),
+            record_words(self.automaton.p),
+            record_words(self.automaton.inelastic),
+        )
         self._first_mode, self._rewind = same_types(first_mode), same_types(rewind)
         self._first_mode(self.automaton)
-        if mode is Mode.FLIGHT and self.automaton.run["mode"] == Mode.ATTACHED:
+        if mode is Mode.FLIGHT and self.automaton.run["mode"] != Mode.FLIGHT:
             begin_in_flight(self.automaton)
         if mode is not None:
             at_corner = self._interval.start == time and self._interval.corner
-            record_restart_events(self.automaton, mode is Mode.ATTACHED, at_corner)
+            record_restart_events(self.automaton, mode not in (Mode.FLIGHT, Mode.BARE), at_corner)
 
     def set_parameters(self, p: Parameters) -> None:
         """Change the parameters for all who hold them: of another scene of the same modes, with the same tolerances."""
-        if p is not self._given[0]:
-            self._given = p, record_words(p)
-        for held in self._held:
-            held[:] = self._given[1]
+        for held in self.held_parameters:
+            held[:] = record_words(p)
         self.automaton.inelastic["restitution"] = 0.0
+
+    def take(self, scene: Scene, p: Parameters) -> None:
+        """Begin anew with another scene of the same systems, tolerance and engine, whose drive has no program."""
+        self.scene, self._intervals, self._interval = scene, scene.drive.intervals, scene.drive.at(0.0)
+        self._run[:] = beginning(scene, self.engine.turns_per_segment)
+        record_words(self.beginning)[:] = record_words(self.automaton.run)
+        self.set_parameters(p)
+        self._first_mode(self.automaton)
 
     def reset(self, state: FloatArray) -> None:
         """Begin anew at another full state, shape (14,), at the time and in the interval of the drive as before.
@@ -134,7 +146,8 @@ class Simulator:
         It saves making records and steps for each of many short motions. What the engine has counted goes on.
         """
         self._run[0] = self.beginning
-        self._run["state"] = state
+        self._run["state"] = state[:FULL_SIZE]
+        self._run["along"][:, : len(state) - FULL_SIZE] = state[FULL_SIZE:]
         self.events = 0
         if not self._interval.start <= self.now < self._interval.end:
             self._change_supply()
@@ -238,7 +251,9 @@ class Simulator:
         while end < time and self.outcome == "ok" and self.now >= end:
             if time > self.now >= self._interval.end:
                 self._change_supply()
-                apply_supply_corner(h, self._interval.corner)
+                (apply_supply_corner if self.scene.transport is None else apply_sliding_corner)(
+                    h, self._interval.corner
+                )
                 self._rewind(h.steps)  # they have been read
                 self._tell(observers)
                 continue  # an observer may have run out of memory
@@ -301,10 +316,16 @@ class Simulator:
 
     @property
     def state(self) -> FloatArray:
-        """Full state, shape (14,), its exciter angles with all their turns."""
-        state: FloatArray = self.automaton.run["state"].copy()
+        """Full state, shape (14,), with transport (16,), its exciter angles with all their turns."""
+        state = self._state.copy()
         state[3:5] += self.automaton.run["turns"]
         return state
+
+    @property
+    def _state(self) -> FloatArray:
+        run = self.automaton.run
+        state: FloatArray = run["state"]
+        return state if self.scene.transport is None else np.concatenate([state, run["along"]])
 
     @property
     def system(self) -> System:
@@ -315,14 +336,14 @@ class Simulator:
     def rates(self) -> FloatArray:
         """Rates of the full state, shape (14,)."""
         h, system = self.automaton, self.system
-        y, yp = system.unknowns(h.run["state"]), np.zeros(system.size)
+        y, yp = system.unknowns(self._state), np.zeros(system.size)
         accelerations(system.index, self.now, y, yp, h.p)
         rates: FloatArray = system.full(yp)
         return rates
 
     @property
     def _energies(self) -> Energies:
-        return Energies.of(self.automaton.run["state"], self.automaton.p)
+        return Energies.of(self._state, self.automaton.p)
 
     @property
     def restarts(self) -> int:
@@ -351,5 +372,5 @@ class Simulator:
             "raise solver.max_events_per_period to follow them",
             hy.OUT_OF_MEMORY: self._lack,
         }.get(int(run["outcome"]), self.engine.detail)
-        state = ", ".join(f"{v:.6g}" for v in run["state"])
+        state = ", ".join(f"{v:.6g}" for v in self._state)
         return f"{why}; mode {Mode(int(run['mode'])).label}, t = {run['now']:.9g} s, state [{state}]"

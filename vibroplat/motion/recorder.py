@@ -84,7 +84,7 @@ class Recorder:
         if keep == "table" or sink is not None:
             self._rows, self.peaks = [TrajectoryRows(scene, self._take)], {}
         if sink is not None:
-            self._events = Blocks(EVENT, lambda events: _hand(event_table(events), sink[1]))
+            self._events = Blocks(EVENT, lambda events: _hand(event_table(events, scene), sink[1]))
 
     def read(self, h: Automaton) -> None:
         """Record the closed pieces and the events; MemoryError if they would take too much memory."""

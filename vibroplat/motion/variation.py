@@ -102,6 +102,7 @@ def parameter_directions(scene: Scene, keys: Sequence[str]) -> list[Parameters]:
     vibroplat.errors.ConfigError
         One of them cannot be varied.
     """
+    scene.require_orbits("the derivative of a motion")
     for key in keys:
         if scene.drive.program is not None and key.partition(".")[0] not in _BESIDE_THE_SUPPLY:
             raise ConfigError(

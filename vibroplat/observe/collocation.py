@@ -60,8 +60,6 @@ def radau(points: int) -> Radau:
 
 
 METHODS = tuple(radau(points) for _, points in POINTS)
-#: The same with 3 points in the longest steps too, at a third of the cost.
-ROUGH_METHODS = (*METHODS[:2], METHODS[1])
 #: One point: with a step of 0 it gives the derivatives of the accelerations themselves.
 POINT = radau(1)
 

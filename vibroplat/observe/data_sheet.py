@@ -18,6 +18,7 @@ from vibroplat.config.computation import Output
 from vibroplat.config.drive import SupplyInterval
 from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.observe.conveying import CONVEYING, conveying
 from vibroplat.observe.extremes import (
     ACCELERATION,
     HEIGHT,
@@ -157,7 +158,12 @@ def point_columns(output: Output = _ANY) -> Columns:
 
 def columns(scene: Scene) -> Columns:
     """Return the columns of a scene's data sheet."""
-    return {**SHEET, **point_columns(scene.output)}
+    return {**SHEET, **more_columns(scene)}
+
+
+def more_columns(scene: Scene) -> Columns:
+    """Return those that not every scene has."""
+    return {**point_columns(scene.output), **({} if scene.transport is None else CONVEYING)}
 
 
 def _names_of_largest(names: Iterable[str]) -> list[str]:
@@ -244,6 +250,8 @@ def data_sheet(ms: Accumulators, extremes: Any, scene: Scene) -> dict[str, float
     for name in scene.output.springs:
         lifted = mean["y"] + scene.named_points[name][0] * mean["phi"]
         sheet[f"spring_force_mean_{name}_n"] = scene.spring_stiffness * lifted
+    if scene.transport is not None:
+        sheet |= conveying(ms, mean, scene)
     return sheet | _largest(extremes, _from_extremes(scene))
 
 

@@ -10,32 +10,34 @@ import numpy.typing as npt
 
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.energy import FORCE_SIZE, POWERS
+from vibroplat.model.energy import ALONG_SIZE, POWERS
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.observe.extremes import EXTREMES, empty_extremes, merge_extremes
 
 N_POWERS = len(POWERS)
-N_WORK = FORCE_SIZE + 1
+N_WORK = ALONG_SIZE + 1
 
 #: Integrals over a part of a run (s, and the units of what is integrated times s).
 SUMS = (
     *("time", "x", "xx", "y", "yy", "phi", "phi_phi", "cosine", "sine", "flying", "power_1", "power_2"),
     *("torque_1", "torque_2", "speed_1", "speed_2", "force_x", "force_y", "moment"),
     *("force_x_force_x", "force_y_force_y", "moment_moment"),
+    *("stick", "slip_plus", "slip_minus", "friction_loss", "friction_size", "pressure"),
 )
 TIME, X, XX, Y, YY, PHI, PHI_PHI, COSINE, SINE, FLYING, POWER = range(11)
 TORQUE, SPEED, PULL = 12, 14, 16
+STICK_TIME = 22
 
 #: Into how many sorts phase differences and speeds are put; those of speeds reach to the largest synchronous speed
 #: times FASTEST.
 BINS, FASTEST = 96, 1.5
 
 #: A point of the Poincaré section: time (s), full state, F_c (N); events of each kind in the measured part so far, and
-#: sums over whole turns.
+#: sums over whole turns; with transport s and its rate.
 SECTION = np.dtype(
     [
         *(("t", float), ("state", float, FULL_SIZE), ("force", float)),
-        *(("counts", float, len(KINDS)), ("sums", float, len(SUMS))),
+        *(("counts", float, len(KINDS)), ("sums", float, len(SUMS)), ("along", float, 2)),
     ],
     align=True,
 )

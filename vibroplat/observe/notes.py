@@ -15,6 +15,7 @@ from vibroplat.config.digits import given, number, quantity, share
 from vibroplat.config.scene import Scene
 from vibroplat.frames import pd
 from vibroplat.kernels.engines import uses_sundials
+from vibroplat.observe.conveying import INTERNAL_FRICTION
 from vibroplat.observe.data_sheet import steady_supply
 
 #: Rotation of the platform (rad) beyond which a model of first order in φ is inaccurate.
@@ -47,8 +48,21 @@ _SAMPLED = (
 
 def notes_on_measures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
     """List warnings on measures outside the range of validity of the model or of the motors."""
-    notes = (rotation(measures["phi_max_rad"]), *captures(scene, measures), coarseness(scene, measures))
+    notes = (
+        *(rotation(measures["phi_max_rad"]), *captures(scene, measures), coarseness(scene, measures)),
+        shear(measures.get("shear_ratio")),
+    )
     return [note for note in notes if note]
+
+
+def shear(ratio: float | None) -> str:
+    """Return the note on layers that would slip on each other, or an empty text."""
+    if ratio is None or ratio <= INTERNAL_FRICTION:
+        return ""
+    return (
+        f"shear between the layers is {given(round(ratio, 2))} of their pressure, and a bed shears inside from about "
+        f"{given(INTERNAL_FRICTION)} on: here the layers are rigid in shear"
+    )
 
 
 def coarseness(scene: Scene, measures: Mapping[str, Any]) -> str:

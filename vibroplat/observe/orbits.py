@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.hybrid.state import OK
-from vibroplat.kernels.compiled import FloatArray, borrow, call_int, call_kernel, compiled, copy, inlined
+from vibroplat.kernels.compiled import FloatArray, borrow, call_kernel, compiled, copy, inlined
 from vibroplat.kernels.linear import (
     broyden_update,
     closing_residual,
@@ -24,7 +24,7 @@ from vibroplat.kernels.linear import (
     take_scaled,
 )
 from vibroplat.model.systems import GAP, SYSTEMS
-from vibroplat.observe.shots import SET, SET_DIRECTIONS, SOLVE, ShotRecords
+from vibroplat.observe.shots import SET, SET_DIRECTIONS, SOLVE, ShotRecords, ask, set_parameters
 
 #: Residual, in scaled units, beyond which the iteration is given up; longest period, in radians at the synchronous
 #: speed.
@@ -138,13 +138,14 @@ def newton(owned_k: ShotRecords, owned_c: Chart, owned_s: Search, known: bool, h
     """Find an orbit near the unknowns, with a residual below a tolerance; say why the iteration has ended.
 
     ``known`` is whether a Jacobian is. A step after which an event has passed the section is halved, so often at most.
+    Only the last shot is measured; derivatives of those before may be rough.
     """
     k, c, s = borrow(owned_k), borrow(owned_c), borrow(owned_s)
     m, free = s.residual.size, s.u.size
     begun, step, raw, before = s.u.copy(), np.zeros(free), np.zeros(m), np.zeros(m)
-    full, steps, first, length, last = not known, 0, 0.0, 0.0, np.inf
+    full, final, steps, first, length, last = not known, s.residuals.size == 1, 0, 0.0, 0.0, np.inf
     for iteration in range(s.residuals.size):
-        why, full = shoot_halving(k, c, s, step, full, halvings if length > 0.0 else 0, raw)
+        why, full = shoot_halving(k, c, s, step, full, final, halvings if length > 0.0 else 0, raw)
         if why != CONVERGED:
             return why
         s.residuals[iteration] = size = fill_residual(s, raw)
@@ -153,12 +154,12 @@ def newton(owned_k: ShotRecords, owned_c: Chart, owned_s: Search, known: bool, h
         slow, last = size > last / MIN_CONVERGENCE, size
         if full:
             differentiate(k, c, s.jacobian)
-            if size < tolerance:
+            if size < tolerance and final:
                 return CONVERGED
-        elif size < tolerance or slow:
-            full = True
+        if size < tolerance or (slow and not full):
+            full, final = True, size < tolerance
             continue
-        elif length > 0.0:
+        if length > 0.0 and not full:
             for i in range(m):
                 before[i] = raw[i] - before[i]
             broyden_update(s.jacobian, step, before)
@@ -174,7 +175,7 @@ def newton(owned_k: ShotRecords, owned_c: Chart, owned_s: Search, known: bool, h
             s.u[i] += step[i]
         if s.slack.size > 0:
             s.much[0] += s.right[free]
-        full = size < EXPECTED_CONVERGENCE * tolerance
+        full = final = size < EXPECTED_CONVERGENCE * tolerance
     return UNFINISHED
 
 
@@ -194,25 +195,25 @@ def is_beyond(size: float, first: float, number: int, limits: FloatArray) -> boo
 
 @inlined
 def shoot_halving(
-    k: ShotRecords, c: Chart, s: Search, step: FloatArray, full: bool, left: int, residual: FloatArray
+    k: ShotRecords, c: Chart, s: Search, step: FloatArray, full: bool, final: bool, left: int, residual: FloatArray
 ) -> tuple[int, bool]:
     """Take a shot after a step, which is halved, so often at most, while an event has passed the section.
 
     Returns what is the matter, CONVERGED for nothing, and whether the shot is full.
     """
-    why = take_shot(k, c, s, full, residual)
+    why = take_shot(k, c, s, full, final, residual)
     while why in (CLOSED, OTHER_MODE) and left > 0:
         left, full = left - 1, True
         for i in range(step.size):
             step[i] *= 0.5
             s.u[i] -= step[i]
-        why = take_shot(k, c, s, full, residual)
+        why = take_shot(k, c, s, full, final, residual)
     return why, full
 
 
 @compiled
-def take_shot(k: ShotRecords, c: Chart, s: Search, full: bool, residual: FloatArray) -> int:
-    """Take a shot from the unknowns, with derivative and measures if ``full``; what is the matter, or CONVERGED."""
+def take_shot(k: ShotRecords, c: Chart, s: Search, full: bool, final: bool, residual: FloatArray) -> int:
+    """Take a shot from the unknowns, ``full`` with derivative, ``final`` measured; what is the matter, or CONVERGED."""
     m, state = residual.size, c.base.copy()
     for i in range(m):
         state[c.places[i]] = s.u[i] * c.scales[i]
@@ -224,9 +225,9 @@ def take_shot(k: ShotRecords, c: Chart, s: Search, full: bool, residual: FloatAr
         return CLOSED
     for i in range(c.units.size):
         k.values[i] = s.u[m + i] * c.units[i]
-    if c.units.size > 0 and call_int(k.python, (np.int32(SET_DIRECTIONS if full else SET),)) == 0:
+    if c.units.size > 0 and not (set_parameters(k, k.values[0]) or ask(k, SET_DIRECTIONS if full else SET)):
         return RAISED
-    call_kernel(k.shoot, (k, state, period, full, full, full))
+    call_kernel(k.shoot, (k, state, period, full, final, final))
     if k.h.run.outcome != OK:
         return ENDED
     if not k.shot.begins == k.shot.ends == c.system:
@@ -265,7 +266,7 @@ def solve_step(k: ShotRecords, s: Search, begun: FloatArray) -> bool:
     if abs(eliminate(s.matrix.copy(), found)) > 0.0 and length_of(found) <= MAX_STEP:
         copy(found, s.right)
         return True
-    return call_int(k.python, (np.int32(SOLVE),)) != 0
+    return ask(k, SOLVE)
 
 
 @inlined

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+from vibroplat.model.systems import ALONG
 from vibroplat.observe.measures import Accumulators
 
 _TURN = 2.0 * math.pi
@@ -49,11 +50,18 @@ def section_points(measures: Accumulators, scene: Scene) -> FloatArray:
 
     Returns
     -------
-    array, shape (turns, 14)
+    array, shape (turns, 14), with transport (turns, 16)
         Coordinates and rates over their scales. The exciters' angles are replaced by the cosine and sine of the
         phase difference, so that whole turns do not matter.
     """
-    return scaled_points(section_rows(measures)["state"], scene)
+    return scaled_points(section_states(measures, scene), scene)
+
+
+def section_states(measures: Accumulators, scene: Scene) -> FloatArray:
+    """Return full states on the section, shape (turns, 14), with transport (turns, 16)."""
+    rows = section_rows(measures)
+    states: FloatArray = rows["state"]
+    return states if scene.transport is None else np.concatenate([states, rows["along"]], axis=1)
 
 
 def scaled_points(states: FloatArray, scene: Scene) -> FloatArray:
@@ -61,6 +69,8 @@ def scaled_points(states: FloatArray, scene: Scene) -> FloatArray:
     points = states / state_scales(scene)
     phase = states[:, 3:5] @ scene.phase_weights
     points[:, 3], points[:, 4] = np.cos(phase), np.sin(phase)
+    if scene.transport is not None:  # nothing depends on where the material is along the deck
+        points[:, ALONG] = 0.0
     return points
 
 

@@ -29,12 +29,13 @@ from vibroplat.kernels.compiled import (
     pointer,
 )
 from vibroplat.model.parameters import record_words
+from vibroplat.model.sensitivity import Course, go_along
 from vibroplat.model.systems import FULL_SIZE, GAP
 from vibroplat.observe.guard_margins import update_minima
 from vibroplat.observe.measures import Accumulators
 from vibroplat.observe.section import ON_SECTION, offset_of
 from vibroplat.observe.statistics import Statistics
-from vibroplat.observe.variation import Variation, VariationalState, arrive, begin_full, follow
+from vibroplat.observe.variation import Variation, VariationalState, arrive, begin_full, follow, perturb
 
 _TURN = 2.0 * math.pi
 
@@ -84,9 +85,13 @@ class ShotRecords(NamedTuple):
         numbers, one part after the other; and addresses of the parts with how many numbers each is, shape (parts, 2).
     events, pieces
         Room for records of :data:`vibroplat.hybrid.state.EVENT` and of :data:`PART`.
-    shot, end, values
-        A record of :data:`SHOT`, the full state at the end of the last motion, with all turns, shape (14,), and values
-        of keys that Python is asked to set.
+    shot, end
+        A record of :data:`SHOT`, and the full state at the end of the last motion, with all turns, shape (14,).
+    values, held
+        Values of keys that Python is asked to set, and those that it has set.
+    course, parameters
+        Parameters over the only key, and those of all who hold them, as numbers, shape (3, words); see
+        :func:`set_parameters`.
     """
 
     h: Automaton
@@ -108,6 +113,9 @@ class ShotRecords(NamedTuple):
     shot: Any
     end: FloatArray
     values: FloatArray
+    held: FloatArray
+    course: Course
+    parameters: tuple[FloatArray, FloatArray, FloatArray]
 
 
 def shot_records(
@@ -117,9 +125,11 @@ def shot_records(
     python: int,
     variation: Variation,
     statistics: Statistics,
-    values: FloatArray,
+    course: Course,
+    parameters: tuple[FloatArray, FloatArray, FloatArray],
 ) -> ShotRecords:
     """Gather what shots need of a motion that always has the same ``beginning``, a record of RUN, and its observers."""
+    keys = variation.carried.directions.shape[0] - 1
     carried, least = variation.carried, np.empty(2)
     parts: list[FloatArray] = [np.asarray(part).reshape(-1).view(float) for part in statistics.measures[:PARTS]]
     return ShotRecords(
@@ -141,22 +151,31 @@ def shot_records(
         pieces=np.empty(ROOM, PART),
         shot=np.zeros(1, SHOT)[0],
         end=np.zeros(FULL_SIZE),
-        values=values,
+        values=np.zeros(keys),
+        held=np.full(keys, np.nan),
+        course=course,
+        parameters=parameters,
     )
 
 
 def copied(measures: Accumulators) -> Accumulators:
     """Copy what a shot has measured, without what belongs to a Poincaré section, which nobody reads."""
-    parts: Any = [part.copy() for part in measures[:PARTS]]
+    parts: Any = [_copied(part) for part in measures[:PARTS]]
     return Accumulators(*parts, *measures[PARTS:])
+
+
+def _copied(part: Any) -> Any:
+    """Copy an array, or a record, as plain numbers: numpy copies records field by field."""
+    copied = np.asarray(part).reshape(-1).view(np.uint8).copy().view(part.dtype)
+    return copied.reshape(part.shape) if isinstance(part, np.ndarray) else copied[0]
 
 
 @compiled
 def shoot(owned_k: ShotRecords, state: FloatArray, duration: float, full: bool, measured: bool, noted: bool) -> None:
     """Follow the motion from a full state for a duration (s), until an engine in Python has raised.
 
-    It is ``measured``, carries the ``full`` derivative along, and its events are ``noted``, with its pieces and margins
-    if it is full: as many as there is room for.
+    It is ``measured``, carries the ``full`` derivative along, roughly if it is not measured, and its events are
+    ``noted``, with its pieces and margins if it is full: as many as there is room for.
     """
     k = borrow(owned_k)
     h, run, shot = k.h, k.h.run, k.shot
@@ -165,6 +184,8 @@ def shoot(owned_k: ShotRecords, state: FloatArray, duration: float, full: bool, 
     shot.events = shot.pieces = 0
     k.least[0] = k.least[1] = np.inf
     if full:
+        k.variation.rough[0] = 0 if measured else 1
+        perturb(h, k.variation)
         begin_full(k.variation)
     done = 0
     for i in range(k.parts.shape[0] if measured else 0):
@@ -191,6 +212,18 @@ def shoot(owned_k: ShotRecords, state: FloatArray, duration: float, full: bool, 
         call_kernel(k.arrive, (h, k.variation))
 
 
+@compiled
+def set_parameters(k: ShotRecords, value: float) -> bool:
+    """Set the parameters at a value of the only key, and their direction; False if none are known there."""
+    if not go_along(k.course, value, k.variation.directions[1]):
+        return False
+    for held in k.parameters:
+        copy(k.course.words, held)
+    k.h.inelastic.restitution = 0.0
+    k.held[0] = value
+    return True
+
+
 @inlined
 def begin_at(k: ShotRecords, state: FloatArray) -> None:
     """Begin anew at a full state; see :meth:`vibroplat.motion.motion.Simulator.reset`."""
@@ -204,9 +237,15 @@ def advance(k: ShotRecords) -> bool:
     """Carry the motion on until its steps are to be read; False if Python has raised."""
     rewind(k.h.steps)
     if len(k.engine.arguments) == 0:
-        return call_int(k.python, (np.int32(ADVANCE),)) != 0
+        return ask(k, ADVANCE)
     call_kernel(k.engine.address, (k.h,) + k.engine.arguments)  # noqa: RUF005
     return True
+
+
+@inlined
+def ask(k: ShotRecords, wish: int) -> bool:
+    """Ask Python for something; False if it has raised."""
+    return call_int(k.python, (np.int32(wish),)) != 0
 
 
 @inlined

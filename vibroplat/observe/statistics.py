@@ -20,11 +20,22 @@ from vibroplat.kernels.polynomial import crossing, value
 from vibroplat.kernels.rows import horner_16, horner_pair_16, means_16
 from vibroplat.kernels.sines import sincos_pair
 from vibroplat.kernels.vectors import join, load_2, load_4, load_16, part, store, total, zero
-from vibroplat.model.energy import DISSIPATIONS, exciter_powers, powers
+from vibroplat.model.energy import DISSIPATIONS, FRICTION, exciter_powers, powers
 from vibroplat.model.motor import both, motor_torques
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import slopes
-from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, LAYERS, PLACES, SIZES
+from vibroplat.model.systems import (
+    ALONG,
+    ALONG_RATE,
+    DIFFERENTIAL,
+    FULL_SIZE,
+    MOVING_SIZE,
+    PLACES,
+    SIZES,
+    SLIDES,
+    UNKNOWNS,
+)
+from vibroplat.observe.conveying import find_sliding
 from vibroplat.observe.extremes import IMPULSE, MAX_NODES, NODES, WEIGHTS, Equations, Span, set_pace
 from vibroplat.observe.loads import add_forces, update_step_extremes
 from vibroplat.observe.measures import (
@@ -40,7 +51,9 @@ from vibroplat.observe.measures import (
     SECTION_ROWS,
     SINE,
     SPEED,
+    STICK_TIME,
     SUMMED,
+    SUMS,
     TIME,
     TORQUE,
     WHOLE_RUN,
@@ -78,11 +91,12 @@ ROOM = np.dtype(
         ("levers", float, 2 * MAX_NAMED_POINTS),  # of points: what φ adds to x and y
         ("means", float, (4, WIDTH)),  # of unknowns, their squares, their sizes, products with the rates
         ("power", float, N_WORK),
+        ("sliding", float, len(SUMS) - STICK_TIME),  # means of what :func:`find_sliding` finds
         ("phases", float, MAX_NODES),
         ("driven", float, (2, 2)),  # extremes of speeds before a step
-        ("full", float, FULL_SIZE),
-        ("y", float, FULL_SIZE),
-        ("yp", float, FULL_SIZE),
+        ("full", float, MOVING_SIZE),
+        ("y", float, UNKNOWNS),
+        ("yp", float, UNKNOWNS),
         ("begins", float, (2, WIDTH)),  # unknowns and their derivatives where a part of a step begins, and ends
         ("at", float, (2, WIDTH)),
         ("limited", np.int64),
@@ -178,7 +192,7 @@ def add_pieces(
         while counted < piece.events:
             count_event(ms, events[counted])
             counted += 1
-        for j in range(FULL_SIZE):
+        for j in range(full.size):
             full[j] = 0.0
         for row in range(piece.first, piece.end):
             if steps.length[row] > 0.0:
@@ -370,7 +384,10 @@ def integrate(ms: Accumulators, span: Span, measured: bool, room: Any, p: Parame
         exchanged += abs(total(first)) + abs(total(second))
     means_16(samples, WEIGHTS[nodes], 1, nodes, n, means)
     taken = total(total(motor - held)), total(total(truncated)), total(total(resisted))
-    powers(taken, means, n, LAYERS[system], power, p)
+    powers(taken, means, n, system, power, p)
+    if SLIDES[system]:
+        find_sliding(samples, WEIGHTS[nodes], nodes, means, system, room.sliding, power, p)
+        exchanged += power[FRICTION]
     for j in range(N_WORK):
         ms.work[j] += duration * power[j]
     for j in range(DISSIPATIONS, N_POWERS):
@@ -387,6 +404,8 @@ def integrate(ms: Accumulators, span: Span, measured: bool, room: Any, p: Parame
         add_forces(sums[PULL:], means, room.springs, n, duration)
         sums[TIME] += duration
         sums[FLYING] += duration if MODES[system] == FLIGHT else 0.0
+        for j in range(room.sliding.size if SLIDES[system] else 0):
+            sums[STICK_TIME + j] += duration * room.sliding[j]
         add_phase(sums, room, n, duration, nodes, -p.direction[0] * p.direction[1])
 
 
@@ -430,7 +449,9 @@ def close_turn(ms: Accumulators, now: float, turns: FloatArray, at: FloatArray, 
         full[PLACES[system, j]] = at[j]
     point = ms.section[marks.turns % ms.section.size]
     point.t, point.force, marks.last[0] = now, at[force] if SIZES[system] > force else 0.0, now
-    copy(full, point.state)
+    for j in range(FULL_SIZE):
+        point.state[j] = full[j]
+    point.along[0], point.along[1] = full[ALONG], full[ALONG_RATE]
     for i in range(2):
         point.state[3 + i] += turns[i]
         marks.last[1 + i] = point.state[3 + i]

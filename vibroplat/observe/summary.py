@@ -13,10 +13,13 @@ from vibroplat.columns import COUNT, Column, Columns, sync_name
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import CHATTER, IMPACT
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.energy import DISSIPATIONS, FORCE_SIZE, POWERS, energies
+from vibroplat.model.energy import ALONG_FORCE, ALONG_SIZE, DISSIPATIONS, FORCE_SIZE, FRICTION, POWERS, energies
 from vibroplat.model.energy import FORCE as VERTICAL
 from vibroplat.model.parameters import Parameters
+from vibroplat.model.sliding import sliding_energies
 from vibroplat.model.springs import DAMPERS
+from vibroplat.model.systems import FULL_SIZE
+from vibroplat.observe.conveying import turn_speeds
 from vibroplat.observe.data_sheet import data_sheet, means
 from vibroplat.observe.extremes import FORCE, HEIGHT, IMPULSE, OPENING, ROTATION, merge_extremes
 from vibroplat.observe.measures import (
@@ -127,18 +130,26 @@ MEASURES: Columns = {
 
 
 class Energies(NamedTuple):
-    """Energies of a state (J), its vertical momentum and the size of the unbalances' momenta (N·s)."""
+    """Energies of a state (J), its vertical momentum and the size of the unbalances' momenta (N·s).
+
+    With transport also the momentum along the deck.
+    """
 
     kinetic: float
     elastic: float
     gravity: float
     momentum: float
     unbalances: float
+    along: float = 0.0
 
     @classmethod
     def of(cls, state: FloatArray, p: Parameters) -> Energies:
         """Evaluate them at a full state."""
-        return cls(*energies(state, p))
+        plain = cls(*energies(state, p))
+        if len(state) == FULL_SIZE:
+            return plain
+        kinetic, gravity, along = sliding_energies(state[:FULL_SIZE], state[FULL_SIZE:], p)
+        return plain._replace(kinetic=plain.kinetic + kinetic, gravity=plain.gravity + gravity, along=along)
 
 
 class MeasuredInterval(NamedTuple):
@@ -287,6 +298,10 @@ def measure(part: MeasuredInterval, scene: Scene, *, brief: bool = False) -> dic
         **audit(part.measures, part.before, part.after),
         **data_sheet(part.measures, extremes, scene),
     }
+    if scene.transport is not None:
+        speeds = turn_speeds(part.measures, scene)
+        numbers["conveying_speed_error_m_per_s"] = batch_means_error(speeds) if len(speeds) > 1 else None
+        numbers |= sliding_audit(part.measures, part.before, part.after)
     return _finite(numbers)
 
 
@@ -305,6 +320,7 @@ def audit(ms: Accumulators, before: Energies, after: Energies) -> dict[str, floa
     layer's momentum, and it shows here.
     """
     fed, taken = float(ms.work[:DISSIPATIONS].sum()), float(ms.work[DISSIPATIONS:N_POWERS].sum())
+    taken += float(ms.work[FRICTION])
     loss = float(ms.marks["impact_loss"])
     gravity = before.gravity - after.gravity
     kinetic, elastic = after.kinetic - before.kinetic, after.elastic - before.elastic
@@ -325,6 +341,17 @@ def audit(ms: Accumulators, before: Energies, after: Energies) -> dict[str, floa
     }
 
 
+def sliding_audit(ms: Accumulators, before: Energies, after: Energies) -> dict[str, float]:
+    """Energy that friction takes (J), and the residual of the balance of momentum along the deck."""
+    lost = float(ms.work[ALONG_FORCE]) - (after.along - before.along)
+    size = max(float(ms.work[ALONG_SIZE]), *(size for e in (before, after) for size in (abs(e.along), e.unbalances)))
+    return {
+        "friction_work_j": float(ms.work[FRICTION]),
+        "momentum_along_residual_n_s": lost,
+        "momentum_along_residual": abs(lost) / size if size > 0.0 else 0.0,
+    }
+
+
 def inaccuracy(measures: Mapping[str, Any], scene: Scene) -> str:
     """Say which residual of the audit is beyond its limit, and what to do; empty if none is.
 
@@ -337,8 +364,8 @@ def inaccuracy(measures: Mapping[str, Any], scene: Scene) -> str:
     energy = min(max(ENERGY * math.sqrt(tolerance), MIN_ENERGY_LIMIT), MAX_ENERGY_LIMIT)
     # impact law printed does not keep the upper layer's momentum
     momentum = math.inf if scene.contact.impact_law == "printed" else MOMENTUM * energy
-    for name, limit in (("energy", energy), ("momentum", momentum)):
-        residual = measures[f"{name}_residual"]
+    for name, limit in (("energy", energy), ("momentum", momentum), ("momentum_along", momentum)):
+        residual = measures.get(f"{name}_residual")
         if residual is not None and residual > limit:
             return (
                 f"{name} residual {residual:.3g} exceeds {limit:.3g}, the limit at tolerance {tolerance:g}; lower "

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.columns import TEXT, Column, Columns
-from vibroplat.config.coordinates import COORDINATES, RATES, Mode
+from vibroplat.config.coordinates import ALONG, COORDINATES, RATES, Mode
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import State
 from vibroplat.errors import ConfigError
@@ -28,7 +28,8 @@ from vibroplat.kernels.polynomial import values
 from vibroplat.model.accelerations import platform_accelerations
 from vibroplat.model.motor import motor_powers
 from vibroplat.model.parameters import parameters, supply
-from vibroplat.model.systems import FULL_SIZE, SYSTEMS, System, systems
+from vibroplat.model.systems import ALONG as ALONG_PLACE
+from vibroplat.model.systems import FULL_SIZE, MOVING_SIZE, SYSTEMS, System, systems
 from vibroplat.system.memory import available, free_memory, size_text
 
 #: Rows that are made and written at a time.
@@ -65,7 +66,11 @@ def acceleration_columns(points: Iterable[str] = ()) -> Columns:
 #: Columns of the event table.
 EVENTS: Columns = {
     "t_s": Column("time"),
-    "kind": Column("liftoff, impact, chatter or drive", "drive: a corner of the supply program", kind=TEXT),
+    "kind": Column(
+        "liftoff, impact, chatter or drive; with transport slip, stick or reversal",
+        "drive: a corner of the supply program",
+        kind=TEXT,
+    ),
     "gap_rate_before_m_per_s": Column(
         "rate of change of the gap before the event", "for a chatter: before its first impact"
     ),
@@ -73,27 +78,47 @@ EVENTS: Columns = {
     "impulse_n_s": Column("impulse between lower layer and platform", "for a chatter: sum over its impacts"),
     "energy_loss_j": Column("energy lost at the event", "for a chatter: sum over its impacts"),
     "contact_force_after_n": Column("contact force after the event", "0 in flight"),
-    "mode_after": Column("mode after the event", "attached, flight or bare"),
+    "mode_after": Column(
+        "mode after the event", "attached, flight or bare; with transport stick, slip+, slip- or flight"
+    ),
     "impacts": Column(
         "number of impacts",
         "1 for an impact, 0 for a liftoff; for a chatter, number of impacts until their speed is round-off",
     ),
+    "along_rate_before_m_per_s": Column("velocity of the material along the deck before the event", "with transport"),
+    "along_rate_after_m_per_s": Column("velocity of the material along the deck after the event", "with transport"),
+    "friction_impulse_n_s": Column(
+        "impulse of friction on the material", "towards +x; for a chatter: sum over its impacts; with transport"
+    ),
+    "friction_force_after_n": Column("force of friction after the event", "0 in flight; with transport"),
 }
 #: Fields of :data:`vibroplat.hybrid.state.EVENT` that these columns hold, in the same order.
-_FIELDS = ("t", "kind", "rate_before", "rate_after", "impulse", "loss", "force_after", "mode_after", "impacts")
+_FIELDS = (
+    *("t", "kind", "rate_before", "rate_after", "impulse", "loss", "force_after", "mode_after", "impacts"),
+    *("slip_before", "slip_after", "friction_impulse", "friction_after"),
+)
+#: Those of motion along the deck.
+_SLIDING = _FIELDS[-4:]
 
-#: Names of modes by their numbers.
-_MODES = tuple(mode.label for mode in Mode)
+
+def mode_names(scene: Scene) -> tuple[str, ...]:
+    """Return the names of the modes by their numbers, without those of transport unless a scene has it."""
+    return tuple(mode.label for mode in Mode if scene.transport is not None or mode <= Mode.BARE)
+
 
 #: A row of the trajectory table: time (s), numbers of the mode and of the drive's interval, full state, F_c (N).
 ROW = np.dtype(
-    [("t", float), ("mode", np.int64), ("interval", np.int64), ("state", float, FULL_SIZE), ("force", float)]
+    [
+        *(("t", float), ("mode", np.int64), ("interval", np.int64)),
+        *(("state", float, MOVING_SIZE), ("force", float), ("friction", float)),
+    ]
 )
 
 
 def state_places(scene: Scene) -> dict[str, int]:
     """Places in the full state of what a scene has: its coordinates, then their rates, by their names."""
-    return {names[i]: half + i for half, names in ((0, COORDINATES), (7, RATES)) for i in scene.coordinates}
+    places = {names[i]: half + i for half, names in ((0, COORDINATES), (7, RATES)) for i in scene.coordinates}
+    return places if scene.transport is None else places | {name: ALONG_PLACE + i for i, name in enumerate(ALONG)}
 
 
 def named_derivative(derivative: FloatArray, scene: Scene, keys: Sequence[str]) -> pd.DataFrame:
@@ -104,11 +129,14 @@ def named_derivative(derivative: FloatArray, scene: Scene, keys: Sequence[str]) 
     return pd.DataFrame(derivative[rows][:, columns], index=list(places), columns=[*places, *keys])
 
 
-def event_table(events: Records) -> ArrayTable:
+def event_table(events: Records, scene: Scene) -> ArrayTable:
     """Make an event table of records of :data:`vibroplat.hybrid.state.EVENT`."""
-    columns: dict[str, Any] = {column: events[field] for column, field in zip(EVENTS, _FIELDS, strict=True)}
+    names = {column: field for column, field in zip(EVENTS, _FIELDS, strict=True) if field not in _SLIDING}
+    if scene.transport is not None:
+        names |= {column: field for column, field in zip(EVENTS, _FIELDS, strict=True) if field in _SLIDING}
+    columns: dict[str, Any] = {column: events[field] for column, field in names.items()}
     columns["kind"] = CategoryColumn(events["kind"], KINDS)
-    columns["mode_after"] = CategoryColumn(events["mode_after"], _MODES)
+    columns["mode_after"] = CategoryColumn(events["mode_after"], mode_names(scene))
     return ArrayTable(columns, EVENTS)
 
 
@@ -142,13 +170,15 @@ class Segment:
     turns: FloatArray
     joined: bool
 
-    def __call__(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Full states (len(times), 14) and contact forces (len(times),) at absolute ascending times."""
+    def __call__(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Full states (len(times), 14 or 16), contact forces and friction (len(times),) at absolute ascending times."""
         elapsed = np.where(times >= self.end, np.inf, times - self.start)  # its end is that of its last step, exactly
         unknowns = sample(self.t, self.length, self.c, self.ends, elapsed)
         states = self.system.full(unknowns)
         states[:, 3:5] += self.turns
-        return states, unknowns[:, -1] if self.system.algebraic else np.zeros(len(unknowns))
+        forces = np.zeros((2, len(times)))
+        forces[: self.system.size - self.system.differential] = unknowns[:, self.system.differential :].T
+        return states, forces[0], forces[1]
 
     @property
     def nbytes(self) -> int:
@@ -208,15 +238,21 @@ class Sampler:
         rows["t"], rows["mode"] = times, int(segment.system.mode)
         # no corner lies inside a segment
         rows["interval"] = np.searchsorted(self._corners, 0.5 * (segment.start + segment.end), side="right")
-        rows["state"], rows["force"] = segment(times)
+        states, rows["force"], rows["friction"] = segment(times)
+        rows["state"][:, : states.shape[1]] = states
         return rows
 
     def table(self, rows: Records) -> ArrayTable:
         """Make a table of records of ROW."""
-        columns: dict[str, Any] = {"t_s": rows["t"], "mode": CategoryColumn(rows["mode"], _MODES, categorical=True)}
+        columns: dict[str, Any] = {
+            "t_s": rows["t"],
+            "mode": CategoryColumn(rows["mode"], mode_names(self.scene), categorical=True),
+        }
         columns |= {name: rows["state"][:, place] for name, place in state_places(self.scene).items()}
         if self.scene.has_contact:
             columns["contact_force_n"] = rows["force"]
+        if self.scene.transport is not None:
+            columns["friction_force_n"] = rows["friction"]
         return ArrayTable(columns | self._supply(rows), {**TRAJECTORY, **self._accelerations})
 
     def _supply(self, rows: Records) -> dict[str, FloatArray]:

@@ -13,24 +13,24 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.hybrid.modes import ATTACHED, CHATTER, IMPACT
 from vibroplat.hybrid.state import Automaton, Steps
-from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, same_types
+from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, pointer, same_types
 from vibroplat.kernels.elimination import whole_lanes
 from vibroplat.kernels.polynomial import values
 from vibroplat.model.accelerations import accelerations, linearize
 from vibroplat.model.equations import rows
 from vibroplat.model.impact import chatter_map, impact
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.sensitivity import CHOICES, COMPLEX, IMAGINARY, flat
+from vibroplat.model.sensitivity import COMPLEX, IMAGINARY, flat
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, FULL_SIZE, GAP, GAP_RATE, PLACES, SIZES, gather, scatter
 from vibroplat.observe.collocation import (
     GROWTH,
     METHODS,
     POINT,
     POINTS,
-    ROUGH_METHODS,
     Linear,
     Radau,
     collocate,
@@ -49,7 +49,7 @@ _LEFT = 1e-12
 
 
 class VariationalState(NamedTuple):
-    """What the kernels carry along; what follows ``methods`` is overwritten at each step of the collocation.
+    """What the kernels carry along; what follows ``rough`` is overwritten at each step of the collocation.
 
     Attributes
     ----------
@@ -65,8 +65,12 @@ class VariationalState(NamedTuple):
         First and longest step of the collocation in a piece (s), shape (2,).
     perturbed_parameters
         Parameters p + ih dp, shape (2, 1 + keys): the first column is without dp, the second row without restitution.
+    numbers, directions
+        Their numbers, shape (2, 1 + keys, n), and dp, shape (1 + keys, n).
     methods
         One for each entry of POINTS.
+    rough
+        1 to have the second of them in the longest steps too, at a third of the cost; shape (1,).
     y, yp
         Unknowns of a system and their rates.
     residual
@@ -83,7 +87,10 @@ class VariationalState(NamedTuple):
     rates: FloatArray
     step: FloatArray
     perturbed_parameters: Any
+    numbers: Any
+    directions: FloatArray
     methods: tuple[Radau, ...]
+    rough: Any
     y: FloatArray
     yp: FloatArray
     residual: Any
@@ -103,12 +110,9 @@ class Variation:
     """
 
     def __init__(self, directions: Sequence[Parameters] = (), *, rough: bool = False) -> None:
-        self._follow, self._arrive = same_types(follow), same_types(arrive)
-        self._of = b""  # the parameters that ``perturbed_parameters`` was made of
-        self._given: tuple[Any, ...] = ()  # their records, and views of their numbers
+        self._follow, self._arrive, self._perturb = same_types(follow), same_types(arrive), same_types(perturb)
         perturbed = np.zeros((2, 1 + len(directions)), COMPLEX)
-        self._numbers = flat(perturbed)
-        self._directions: FloatArray = np.zeros(self._numbers.shape[1:])
+        numbers = flat(perturbed)
         self._columns = FULL_SIZE + len(directions)
         columns = whole_lanes(self._columns)
         self.carried = VariationalState(
@@ -118,7 +122,10 @@ class Variation:
             rates=np.zeros(FULL_SIZE),
             step=np.ones(2),
             perturbed_parameters=perturbed,
-            methods=ROUGH_METHODS if rough else METHODS,
+            numbers=numbers,
+            directions=np.zeros(numbers.shape[1:]),
+            methods=METHODS,
+            rough=np.array([int(rough)]),
             y=np.zeros(FULL_SIZE),
             yp=np.zeros(FULL_SIZE),
             residual=np.zeros(FULL_SIZE, np.complex128),
@@ -140,8 +147,7 @@ class Variation:
     def turn(self, directions: Sequence[FloatArray]) -> None:
         """Let directions be other ones, if they are given."""
         for row, direction in enumerate(directions, 1):
-            self._directions[row] = direction
-            self._of = b""
+            self.carried.directions[row] = direction
 
     def read(self, h: Automaton) -> None:
         """Go along the closed pieces, and through the events."""
@@ -167,18 +173,21 @@ class Variation:
 
     def update_parameters(self, h: Automaton) -> None:
         """Follow the parameters, which a drive's program changes."""
-        now = h.p.tobytes()
-        if now == self._of:
-            return
-        self._of, perturbed = now, self.carried.perturbed_parameters
-        self.carried.step[:] = steps_of(h.p, float(h.run["period"]))
-        if not self._given or self._given[0] is not h.p:
-            self._given = h.p, flat(h.p), flat(h.inelastic)
-        self._numbers.imag = IMAGINARY * self._directions
-        self._numbers.real[0], self._numbers.real[1] = self._given[1:]
-        for name in CHOICES:
-            perturbed[name] = h.p[name]
-        perturbed["restitution"][1] = 0.0
+        self._perturb(h, self.carried)
+
+
+@compiled
+def perturb(h: Automaton, v: VariationalState) -> None:
+    """Let the parameters that are varied, and what follows from them, be those of a motion now."""
+    p, width = carray(pointer(h.parameters), (v.directions.shape[1],)), v.directions.shape[1]
+    v.step[0], v.step[1] = steps_of(h.p, h.run.period)
+    for k in range(v.directions.shape[0]):
+        for row in range(2):
+            for j in range(width):
+                v.numbers[row, k, j] = p[j] + 1j * IMAGINARY * v.directions[k, j]
+            v.perturbed_parameters[row, k].safe_rotation = h.p.safe_rotation
+            v.perturbed_parameters[row, k].impact_law = h.p.impact_law
+        v.perturbed_parameters[1, k].restitution = 0.0
 
 
 @inlined
@@ -281,7 +290,7 @@ def carry_along_piece(steps: Steps, piece: Any, p: Parameters, v: VariationalSta
     method = v.methods[2]
     if duration < POINTS[0][0] * v.step[0]:
         method = v.methods[0]
-    elif duration < POINTS[1][0] * v.step[0]:
+    elif v.rough[0] == 1 or duration < POINTS[1][0] * v.step[0]:
         method = v.methods[1]
     for i in range(2 * n):
         copy(v.s[PLACES[system, i]], v.part[i])

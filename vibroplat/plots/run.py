@@ -121,7 +121,9 @@ class Shown:
         last = [n for n in range(len(self.series)) if n not in self.whole]
         table = pd.concat(self.parts, ignore_index=True) if self.parts else pd.DataFrame()
         columns = [*more.get("axes", ["t_s"]), *(panel.column for panel in panels)]
-        told = "from a whole turn on" if self.aligned else f"last {turns_of(self.runs[0].last):.0f} turns"
+        turns = turns_of(self.runs[0].last)
+        end = f"last {turns:.0f} turns" if 1.5 < turns < np.inf else "the end"
+        told = "from a whole turn on" if self.aligned else end
         shown = [Facet(told, last, width=1.0)]
         shown = [Facet("whole run: range of each turn", self.whole, width=2.2), *shown] if self.both else shown
         shown = shown if facets > 1 and self.both else [one._replace(width=0.0) for one in shown[:facets]]
@@ -251,7 +253,7 @@ def _coordinate(shown: Shown, column: str) -> None:
 def _contact(shown: Shown, run: Run, column: str) -> None:
     """Shade the times of contact, and mark impacts on the line of zero gap."""
     last = run.last
-    attached = (last["mode"] == "attached").to_numpy()
+    attached = (~last["mode"].isin(["flight", "bare"])).to_numpy()
     shown.draw(
         last.loc[attached, ["t_s"]], "attached", np.flatnonzero(np.diff(np.flatnonzero(attached)) > 1) + 1,
         mode="shade", colour=CONTACT, of=(column,),

@@ -20,11 +20,11 @@ from vibroplat.errors import ConfigError, TableError
 from vibroplat.frames import ArrayTable, pd
 from vibroplat.hybrid.state import EVENT
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.systems import FULL_SIZE
+from vibroplat.model.systems import FULL_SIZE, MOVING_SIZE
 from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.measures import Accumulators
 from vibroplat.observe.notes import largest_samples, notes_on_samples
-from vibroplat.observe.section import section_rows
+from vibroplat.observe.section import section_rows, section_states
 from vibroplat.observe.summary import INACCURATE
 from vibroplat.observe.tables import (
     ROW,
@@ -147,7 +147,7 @@ class RunResult(Result):
     @cached_property
     def events(self) -> pd.DataFrame:
         """Event table."""
-        return event_table(self.event_rows).frame if self.saved is None else self.table("events")
+        return event_table(self.event_rows, self.scene).frame if self.saved is None else self.table("events")
 
     @property
     def tables(self) -> Tables:
@@ -175,7 +175,7 @@ class RunResult(Result):
         if self.measures is None:
             raise ConfigError("this run was read from files, which contain no Poincaré section; simulate it again")
         points = section_rows(self.measures)
-        states = points["state"]
+        states = section_states(self.measures, self.scene)
         columns = {"t_s": points["t"]} | {name: states[:, i] for name, i in state_places(self.scene).items()}
         if self.scene.has_contact:
             columns["contact_force_n"] = points["force"]
@@ -203,7 +203,7 @@ class RunResult(Result):
     def final_state(self) -> FloatArray:
         """Full state at the end, shape (14,), its exciter angles with all their turns."""
         if self._end is None:
-            self._end = np.zeros(FULL_SIZE)
+            self._end = np.zeros(FULL_SIZE if self.scene.transport is None else MOVING_SIZE)
             for name, place in state_places(self.scene).items():
                 self._end[place] = self.trajectory[name].iloc[-1]
         return self._end

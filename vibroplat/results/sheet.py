@@ -21,6 +21,11 @@ ROCKS = 0.1
 MAX_POINTS = 4
 #: What the names of columns have whose numbers are told in per cent.
 SHARES = {"ratio", "slip", "residual", "fraction"}
+#: Measures of conveyed material by their names, with the ends of their columns.
+_CONVEYED = (
+    *(("throughput", "kg_per_s"), ("residence time", "s"), ("friction power", "w")),
+    *(("wear power", "w_per_m2"), ("friction work", "j")),
+)
 #: Groups of rows: what was measured at named points, and numbers that no other row has.
 POINTS, FURTHER = "Points and springs", "Further numbers"
 
@@ -97,6 +102,7 @@ class Sheet:
         balances = ("energy_residual", "momentum_residual")
         groups = {
             "Amplitude and stroke": self._strokes(),
+            "Conveying": self._conveying() if scene.transport is not None else [],
             "Force into the foundation": self._loads(),
             "Motors, each or 1 / 2": self._motors(),
             "Bearings, each or 1 / 2": self._bearings(),
@@ -207,6 +213,23 @@ class Sheet:
             return told
         rate = number(impacts).removesuffix(".00")
         return f"{told}, {rate} impact{'s' * (rate != '1')} a turn"
+
+    def _conveying(self) -> list[Row]:
+        """Return the rows of material that moves along the deck."""
+        s, error = self.numbers, self._text("conveying_speed_error_m_per_s", error=1e-9)
+        sticks, forth, back = (self._text(f"{name}_fraction") for name in ("stick", "slip_plus", "slip_minus"))
+        slips = share((s["slip_plus_fraction"] or 0.0) + (s["slip_minus_fraction"] or 0.0))
+        speed = Row(
+            "speed along the deck", self._text("conveying_speed_m_per_s"), f"± {error}" * (error not in ("", "0"))
+        )
+        told = self._text("throughput_kg_per_s"), f"sticks {sticks}, slips {slips} of the time"
+        return [
+            speed.shortly("conveying speed", *told),
+            *(Row(name, self._text(f"{name.replace(' ', '_')}_{unit}")) for name, unit in _CONVEYED),
+            Row("sticks", sticks, f"slips {forth} towards +x, {back} towards -x"),
+            Row("shear over pressure of the layers", self._text("shear_ratio")),
+            Row("residual of momentum along the deck", self._text("momentum_along_residual")),
+        ]
 
     def _loads(self) -> list[Row]:
         names = {axis: f"foundation_force_{axis}_max_n" for axis in "yx"}

@@ -95,7 +95,7 @@ def classify(
         return _confirm(scene, plan, settling, points, state, n)
     if n > 0:
         return MotionClass("periodic", n)
-    if not plan.lyapunov:
+    if not plan.lyapunov or scene.transport is not None:
         return MotionClass("non-periodic", 0)
     kind = _by_exponent(largest_exponent(scene, state), points)
     contracts = kind.exponent is not None and kind.exponent.sign < 0 and kind.period == 0
@@ -113,7 +113,7 @@ def _confirm(
     still = contraction_period(points, scene, plan)
     if n == 0 or settling.period % n != 0 or still == 0 or (n > 1 and not _is_steady(points, plan.settle_tolerance)):
         return None
-    if not (settling.late and plan.lyapunov):
+    if not (settling.late and plan.lyapunov) or scene.transport is not None:
         return MotionClass("periodic", n)
     exponent = largest_exponent(scene, state)
     return None if exponent.sign > 0 else MotionClass("periodic", n, exponent)

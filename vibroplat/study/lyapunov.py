@@ -146,6 +146,7 @@ def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
     vibroplat.errors.MotionError
         The motion ended early, or exciter 1 does not turn.
     """
+    scene.require_orbits("a Lyapunov exponent")
     if scene.drive.program is not None:
         raise ConfigError("drive.program is given; allowed for Lyapunov exponents: drive.supply_frequency_hz alone")
     start = initial_condition(scene)

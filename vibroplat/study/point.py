@@ -194,7 +194,7 @@ def _measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key
     began = time.perf_counter()
     start = initial_state(scene) if state is None else np.array(state)
     start = perturb_state(start, scene, plan.perturbation, (plan.seed, *key))
-    if plan.settle_by == "section":
+    if plan.settle_by == "section" or scene.transport is not None:
         point = _measure_by_simulation(scene, plan, start)
     else:
         with closing(load_provided("NewtonOrbitDetector")(scene)) as detector:

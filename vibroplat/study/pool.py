@@ -67,16 +67,17 @@ class Task(NamedTuple):
         return digest(name, *plain)
 
 
-#: The last model that was turned into text, and that text: tasks that follow one another have the same scene.
-_last: tuple[BaseModel | None, str] = None, ""
+#: The last models that were turned into text, and their texts: the tasks of a chain have the same scene.
+_TEXTS: deque[tuple[BaseModel, str]] = deque(maxlen=64)
 
 
 def _json(model: BaseModel) -> str:
     """Return a model as text, without writing it again for each task."""
-    global _last  # noqa: PLW0603
-    if _last[0] is not model:
-        _last = model, model.model_dump_json()
-    return _last[1]
+    for known, text in [*_TEXTS]:  # another thread may add one
+        if known is model:
+            return text
+    _TEXTS.append((model, model.model_dump_json()))
+    return _TEXTS[-1][1]
 
 
 #: A generator of tasks that is sent their records, None for those aside.

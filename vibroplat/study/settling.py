@@ -166,7 +166,7 @@ def settle(motion: Simulator, plan: SweepPlan, longest: float, detector: OrbitDe
     turns out not to have settled can settle for the remaining time.
     """
     turn = 2.0 * math.pi / motion.scene.speed_scale
-    points, times = np.empty((0, 14)), np.empty(0)
+    points, times = np.empty((0, motion.state.size)), np.empty(0)
     phases: list[float] = []  # differences
     close = 0
     while (left := longest - motion.now) > 1e-9 * longest:

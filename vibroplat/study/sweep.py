@@ -14,7 +14,8 @@ from vibroplat.config.digits import interval, quantity
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
 from vibroplat.integrate.interface import WORK
-from vibroplat.observe.data_sheet import SHEET, point_columns
+from vibroplat.observe.conveying import CONVEYING
+from vibroplat.observe.data_sheet import SHEET, more_columns, point_columns
 from vibroplat.observe.summary import MEASURES
 from vibroplat.results.answer import Answer
 from vibroplat.results.result import Result
@@ -83,7 +84,7 @@ PART_ROWS = 2000
 TABLES: dict[str, tuple[str, Columns]] = {
     "sweep": (
         "`vibroplat sweep`: one row per point.",
-        {**_KEYS, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **point_columns()},
+        {**_KEYS, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **point_columns(), **CONVEYING},
     ),
     "bands": (
         "`vibroplat sweep`: bands of synchronization, jumps, liftoffs, the largest amplitude along y, and failed "
@@ -316,7 +317,7 @@ def sweep_table(planned: Sequence[SweepBranch], store: Store) -> pd.DataFrame:
     CorruptRecordError
         A record is missing or damaged.
     """
-    columns = (*COLUMNS, *SHEET, *point_columns(planned[0].scene.output))
+    columns = (*COLUMNS, *SHEET, *more_columns(planned[0].scene))
     return pd.concat(_parts(planned, store, columns, lambda record: [record["row"]]), ignore_index=True)
 
 
@@ -334,7 +335,7 @@ def _parts(
 ) -> Iterator[pd.DataFrame]:
     """Yield the rows of all records in parts, at least one, as tables with the swept keys and these columns."""
     key, grid = column_of(planned[0].swept), planned[0].plan.grid
-    meant = {**SWEEP, **DIAGRAM, **point_columns(planned[0].scene.output)}
+    meant = {**SWEEP, **DIAGRAM, **more_columns(planned[0].scene)}
     rows = (
         {key: value, **branch.grid, "direction": branch.direction, "branch": branch.number, **row}
         for branch in planned

@@ -23,20 +23,20 @@ MOST = 3
 
 def place(column: str, values: Any) -> str:
     """Say a few places on an axis one by one, more of them from where to where: "$f$ = 30.9 Hz"."""
-    told = several(values, unit_of(column), " and ")
+    told = several(values, unit_of(column))
     if told == digits.MISSING:
         return ""
     return f"{SYMBOLS[column]} = {told}" if column in SYMBOLS else f"{key_name(column)} {told}"
 
 
-def several(values: Any, unit: str, between: str = ", ") -> str:
+def several(values: Any, unit: str) -> str:
     """Say a few numbers one by one, more of them as an interval, in one unit."""
     known = [value for value in map(float, values) if np.isfinite(value)]
     if not known:
         return digits.MISSING
     if len(known) > MOST or unit == "rad":
         return digits.interval(min(known), max(known), unit)
-    return digits.together(known, unit, between)
+    return digits.together(known, unit)
 
 
 def sentence(*parts: str) -> str:

@@ -18,7 +18,8 @@ from vibroplat.config.schema import did_you_mean
 from vibroplat.config.study_plans import FindPlan
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import ConfigError, errors_about
-from vibroplat.observe.data_sheet import SHEET, point_columns
+from vibroplat.observe.conveying import CONVEYING
+from vibroplat.observe.data_sheet import SHEET, more_columns, point_columns
 from vibroplat.results.answer import Answer
 from vibroplat.results.result import Result
 from vibroplat.study.branches import SUPPLY, column_of, measures_text, place_words, study_table
@@ -93,7 +94,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "thresholds": ("`vibroplat find`: one row per threshold.", THRESHOLDS),
     "scan": (
         "`vibroplat find`: one row per evaluated value.",
-        {"…": Column("value of the key, under its dotted name"), **VALUES, **point_columns()},
+        {"…": Column("value of the key, under its dotted name"), **VALUES, **point_columns(), **CONVEYING},
     ),
 }
 
@@ -185,7 +186,7 @@ class ThresholdStudy(Study):
     def _scan(self, values: Sequence[ScanPoint]) -> pd.DataFrame:
         key, columns = column_of(self.plan.key), _columns(self.scene)
         rows = [{key: value.value, "reason": value.reason, "seed": value.seed, **value.row} for value in values]
-        names = [key, "reason", "seed", *_POINT, *SHEET, *point_columns(self.scene.output)]
+        names = [key, "reason", "seed", *_POINT, *SHEET, *more_columns(self.scene)]
         return study_table(rows, names, {**columns, **VALUES, SUPPLY: SWEEP[SUPPLY]})
 
     # -- in words ------------------------------------------------------------------------------------------------------
@@ -331,7 +332,7 @@ class ThresholdStudy(Study):
 
 
 def _columns(scene: Scene) -> Columns:
-    return {**VALUES, **point_columns(scene.output)}
+    return {**VALUES, **more_columns(scene)}
 
 
 def _required_plan(scene: Scene) -> FindPlan:

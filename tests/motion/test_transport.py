@@ -1,0 +1,212 @@
+"""Material that moves along the deck: reference motions, closed forms, balances, both engines."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from common.references import REFERENCES
+
+from vibroplat import load_config, simulate
+from vibroplat.errors import ConfigError
+
+NAMES = ("feeder-inclined-line", "stick-slip-no-flight")
+#: Tolerance of each engine, errors of coordinates and forces over their largest value, and errors of time (s).
+ENGINES = [("taylor", 1e-12, 1e-10, 1e-10), ("native", 1e-9, 1e-6, 1e-6)]
+
+#: A platform that nothing but its springs moves, with a light block: what a deck with a prescribed motion does to it.
+BLOCK = {
+    "machine.platform_mass_kg": 1000.0,
+    "machine.platform_inertia_kg_m2": 1000.0,
+    "machine.unbalance_mass_kg": 1e-9,
+    "machine.stiffness_phi_n_m_per_rad": 1e9,
+    **dict.fromkeys((f"machine.damping_{what}" for what in ("x_n_s_per_m", "y_n_s_per_m", "phi_n_m_s_per_rad")), 0.0),
+    "motor.critical_torque_n_m": 0.0,
+    "material": {"mass_ratio": 1e-9, "layers": 1},
+    "solver": {"engine": "taylor", "tolerance": 1e-13},
+    "contact": {"restitution": 0.0},
+}
+GRAVITY = 9.81
+
+
+def reference(name):
+    """Return the scene of a reference, its events and its trajectory without rows at events."""
+    events, trajectory = (pd.read_csv(REFERENCES / f"{name}.{kind}.csv") for kind in ("events", "trajectory"))
+    return load_config(REFERENCES / f"{name}.yaml"), events, trajectory
+
+
+@pytest.mark.parametrize(("engine", "tolerance", "error", "seconds"), ENGINES, ids=[e[0] for e in ENGINES])
+@pytest.mark.parametrize("name", NAMES)
+def test_reference(name, engine, tolerance, error, seconds):
+    scene, events, trajectory = reference(name)
+    run = simulate(scene.replace({"solver": {"engine": engine, "tolerance": tolerance}}))
+    found = run.events
+    assert found["kind"].to_list() == events["kind"].to_list()
+    assert found["mode_after"].to_list() == events["mode_after"].to_list()
+    assert np.abs(found["t_s"] - events["t_s"]).max() <= seconds
+    for column in (c for c in events if c.endswith(("_n_s", "_n", "_m_per_s", "_j"))):
+        size = trajectory["contact_force_n"].max() if column.endswith("_n") else max(events[column].abs().max(), 1e-3)
+        np.testing.assert_allclose(found[column], events[column], rtol=0.0, atol=error * size)
+    there = run(trajectory["t_s"].to_numpy())
+    for column in trajectory.columns.drop(["t_s", "mode"]):
+        apart = np.abs(there[column] - trajectory[column]).max()
+        assert apart <= error * trajectory[column].abs().max(), column
+    assert run.summary["energy_residual"] <= 100.0 * tolerance
+    assert run.summary["momentum_along_residual"] <= 100.0 * tolerance
+
+
+def shaken(frequency, along, normal, friction):
+    """Return a block on a platform that swings with these amplitudes (m), a cos wt along and normal to the deck."""
+    scene = load_config(REFERENCES / f"{NAMES[0]}.yaml")
+    plain = scene.to_tree()
+    for section in ("exciters", "run"):
+        del plain[section]
+    plain["motor"] = {}
+    scene = type(scene).from_tree(plain).replace(BLOCK)
+    omega, mass = 2.0 * math.pi * frequency, scene.body.mass
+    stiffness = mass * omega**2
+    rest = -(1.0 + 1e-9) * mass * GRAVITY / stiffness
+    state = {"x_m": along, "y_m": rest + normal, "phi1_rad": 0.0, "phi2_rad": 0.0}
+    changes = {
+        "machine.stiffness_x_n_per_m": stiffness,
+        "machine.stiffness_y_n_per_m": stiffness,
+        "transport": {"friction": friction, "static_friction": friction, "deck_height_m": 0.0},
+        "run": {"duration_s": 4.0 / frequency, "initial": {"state": state}},
+    }
+    return scene.replace(changes)
+
+
+def test_a_block_slides_as_by_coulombs_law():
+    """Along the deck alone: it begins with -a w², and the block slips at -mu g until both speeds are equal."""
+    friction, amplitude, frequency = 0.3, 1e-3, 20.0
+    omega = 2.0 * math.pi * frequency
+    assert amplitude * omega**2 > friction * GRAVITY
+    run = simulate(shaken(frequency, amplitude, 0.0, friction))
+    times = np.linspace(0.0, 0.9 * run.events["t_s"].iloc[0], 20)
+    ground = -friction * GRAVITY * times
+    deck = -amplitude * omega * np.sin(omega * times)
+    np.testing.assert_allclose(run(times)["along_rate_m_per_s"], ground - deck, atol=1e-9 * amplitude * omega)
+    assert run.events["kind"].iloc[0] in ("stick", "reversal")
+    assert run.summary["energy_residual"] < 1e-9
+
+
+def test_a_gentle_deck_carries_the_block():
+    run = simulate(shaken(20.0, 1e-4, 0.0, 0.3))
+    assert run.events.empty
+    assert (run.trajectory["along_m"] == 0.0).all()
+    assert run.summary["stick_fraction"] == 1.0
+
+
+@pytest.mark.parametrize("throw", [math.sqrt(1.0 + math.pi**2), 2.0])
+def test_the_throw_of_a_sticky_block(throw):
+    """Lift-off where sin = 1/throw; with throw² = 1 + pi² the flight ends when the deck begins to throw again."""
+    frequency = 20.0
+    omega = 2.0 * math.pi * frequency
+    run = simulate(shaken(frequency, 0.0, -throw * GRAVITY / omega**2, 5.0))
+    flights = run.events[run.events["kind"].isin(["liftoff", "impact"])]
+    turns = (flights["t_s"] * omega / (2.0 * math.pi)).to_numpy()
+    kinds = flights["kind"].to_list()
+    k = kinds.index("liftoff", 1)
+    # y = -A cos wt moves up from its lowest place: y'' = A w² cos wt falls through -g
+    left = turns[k] % 1.0
+    assert math.cos(2.0 * math.pi * left) == pytest.approx(-1.0 / throw, abs=1e-8)
+    if throw > 3.0:
+        assert turns[k + 1] - turns[k] == pytest.approx(1.0, abs=1e-7)
+
+
+def test_symmetric_antiphase_conveys_nothing():
+    """Forces along y alone leave the material where it is, whatever the friction."""
+    scene = load_config(REFERENCES / f"{NAMES[0]}.yaml")
+    pair = scene.to_tree()["exciters"]
+    for exciter, x in zip(pair, (0.1, -0.1), strict=True):
+        exciter["position_m"] = [x, 0.02]
+    start = {"phase_difference_rad": math.pi, "speed_ratio": 0.98}
+    changes = {"exciters": pair, "run": {"duration_s": 0.5, "initial": start, "perturbation": 0.0}}
+    run = simulate(scene.replace(changes).replace({"solver.engine": "taylor"}))
+    assert run.summary["impacts"] > 3
+    assert np.abs(run.trajectory["along_m"]).max() < 1e-12
+
+
+def test_a_smooth_deck_leaves_the_motion_of_the_platform():
+    scene = load_config(REFERENCES / f"{NAMES[0]}.yaml").replace({"solver": {"engine": "taylor", "tolerance": 1e-12}})
+    smooth = simulate(scene.replace({"transport": {"friction": 0.0, "static_friction": 0.0}}))
+    tree = scene.to_tree()
+    del tree["transport"]
+    plain = simulate(type(scene).from_tree(tree))
+    for column in ("x_m", "y_m", "phi_rad", "gap_m"):
+        there = plain(smooth.trajectory["t_s"].to_numpy())[column]
+        np.testing.assert_allclose(smooth.trajectory[column], there, atol=1e-9 * there.abs().max())
+    assert smooth.summary["friction_work_j"] == 0.0
+
+
+@pytest.mark.parametrize("changes", [
+    {"contact.restitution": 0.4},
+    {"material": {"mass_ratio": 0.3, "layers": 2, "natural_frequency_hz": 30.0, "damping_ratio": 0.2}},
+    {"transport": {"deck_angle_deg": -12.0, "static_friction": 0.4}},
+])  # fmt: skip
+def test_both_engines_agree_and_balance(changes):
+    scene = load_config(REFERENCES / f"{NAMES[0]}.yaml").replace({"run.duration_s": 0.3}).replace(changes)
+    one, two = (
+        simulate(scene.replace({"solver": {"engine": engine, "tolerance": tolerance}}))
+        for engine, tolerance in (("taylor", 1e-12), ("native", 1e-10))
+    )
+    assert one.outcome == two.outcome == "ok"
+    assert one.events["kind"].to_list() == two.events["kind"].to_list()
+    assert np.abs(one.events["t_s"] - two.events["t_s"]).max() < 1e-6
+    np.testing.assert_allclose(one.final_state, two.final_state, atol=1e-5 * np.abs(one.final_state).max())
+    assert one.summary["energy_residual"] < 1e-9
+    assert one.summary["momentum_along_residual"] < 1e-9
+    table = one.trajectory
+    over = table["friction_force_n"].abs() - 0.45 * table["contact_force_n"]
+    assert over.max() < 1e-6
+    assert one.summary["contact_pull_n"] < 1e-6
+
+
+@pytest.mark.parametrize(("changes", "told"), [
+    ({"material.mass_ratio": 0.0}, "material.mass_ratio = 0.0 does not go with transport; allowed: more than 0"),
+    ({"contact.model": "non-impact"}, "contact.model = non-impact does not go with transport; allowed: impact"),
+    ({"contact.impact_law": "central"}, "contact.impact_law = central does not go with transport"),
+    ({"transport.deck_angle_deg": 25.0}, "allowed with this friction: up to 24.23"),
+    ({"transport.static_friction": 0.1}, "static_friction = 0.1; allowed: at least friction = 0.4"),
+])  # fmt: skip
+def test_refused(changes, told):
+    with pytest.raises(ConfigError, match=told.replace("(", r"\(")):
+        load_config(REFERENCES / f"{NAMES[0]}.yaml").replace(changes)
+
+
+def test_orbits_are_refused_in_one_line():
+    from vibroplat import lyapunov, orbit
+
+    scene = load_config(REFERENCES / f"{NAMES[0]}.yaml")
+    for function in (orbit, lyapunov):
+        with pytest.raises(ConfigError, match="cannot be computed with transport"):
+            function(scene)
+
+
+#: Throw index, from the stroke along y, and conveying speed over the amplitude of the velocity along x, of a feeder
+#: with a line of action of 30°, mass ratio 0.2 and friction 0.4, by an independent computation; and the radius.
+FEEDER = [
+    (0.006, 0.25, 0.07),
+    (0.0215, 0.94, 0.49),
+    (0.0397, 1.77, 0.56),
+    (0.0481, 2.26, 0.79),
+    (0.057, 2.77, 0.95),
+    (0.0664, 3.3, 0.99),
+]
+
+
+def test_speed_of_a_feeder_over_its_throw_index():
+    scene = load_config(REFERENCES / f"{NAMES[0]}.yaml")
+    start = {"phase_difference_rad": 1.0, "speed_ratio": 0.98}
+    level = {"friction": 0.4, "static_friction": 0.4, "deck_height_m": 0.0}
+    common = {"transport": level, "run": {"duration_s": 30.0, "initial": start}, "solver.engine": "taylor"}
+    for radius, throw, ratio in FEEDER:
+        tree = scene.to_tree()
+        for exciter in tree["exciters"]:
+            exciter["unbalance_radius_m"] = radius
+        del tree["run"]
+        summary = simulate(type(scene).from_tree(tree).replace(common), keep="summary").summary
+        omega = 2.0 * math.pi * summary["excitation_frequency_hz"]
+        assert 0.5 * summary["stroke_y_m"] * omega**2 / GRAVITY == pytest.approx(throw, rel=0.01)
+        speed = summary["conveying_speed_m_per_s"] / (0.5 * summary["stroke_x_m"] * omega)
+        assert speed == pytest.approx(ratio, rel=0.02, abs=0.005)
