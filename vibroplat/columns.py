@@ -208,6 +208,7 @@ COORDINATES = _quantities(
         "x_m": "$x$",
         "phi_rad": r"$\varphi$",
         "gap_m": "gap $y_{w1}$",
+        "along_m": "place $s$ along the deck",
         "contact_force_n": "contact force $F_c$",
     }
 )

@@ -263,7 +263,7 @@ def test_bad_option_exits_2_with_one_line(command):
         "run nope.yaml --format xml": ("'--format'", "'xml'", "'parquet', 'csv'"),
         "run nope.yaml --bogus": ("--bogus",),
         "run": ("Missing argument",),
-        "plot . --kind nope": ("'--kind'", "'nope'", "'motion', 'force', 'exciters'"),
+        "plot . --kind nope": ("'--kind'", "'nope'", "'motion', 'conveying', 'force'"),
         "plot . --start soon": ("'--start'", "valid"),
         "sweep nope.yaml --jobs 0": ("'--jobs'",),
         "sweep nope.yaml --wait soon": ("'--wait'",),
@@ -312,6 +312,10 @@ def test_new_writes_the_quickstart_with_all_its_keys_or_a_template(command, kern
     (here / "of mine").mkdir()  # what it says can be copied
     assert "`vibroplat run 'of mine/a.yaml'`" in command("new", "of mine/a.yaml", "--template", "rig").out
     assert "vibroplat sweep 'of mine/a.yaml'" in (here / "of mine/a.yaml").read_text()
+    (here / "mine.yaml").unlink()
+    conveys = command("new", "mine.yaml", "--template", "feeder").out
+    assert conveys == "mine.yaml: change it, then run `vibroplat run mine.yaml` or `vibroplat sweep mine.yaml`\n"
+    assert "orbits" not in (here / "mine.yaml").read_text()
     for source in (ROOT / "configs/templates").glob("*.yaml"):
         for how in ((), ("--full",)):
             (here / "mine.yaml").unlink()

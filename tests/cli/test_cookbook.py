@@ -14,6 +14,7 @@ BLOCK = re.compile(r"```(python|console)\n(.*?)```", re.DOTALL)
 ANSWERS = {title: BLOCK.findall(rest) for title, _, rest in (section.partition("\n") for section in SECTIONS)}
 #: Answers that take seconds.
 LONG = {
+    "How fast does it convey, and how steeply?",
     "Start, operation, stop",
     "The least power for an amplitude",
     "Tolerances",

@@ -52,7 +52,7 @@ def test_nor_is_it_one_for_a_study(name):
         (lambda: sweep(SCENE, wait=-1), "wait = -1; allowed: at least 0.0"),
         (lambda: simulate(SHORT).save(5), "directory = 5; allowed: the name of a file or directory"),
         (lambda: simulate(SHORT).save("x", "foo"), "form = 'foo'; allowed: 'parquet', 'csv'"),
-        (lambda: simulate(SHORT).plot("foo"), "kind = 'foo'; allowed: motion, force, exciters, loads"),
+        (lambda: simulate(SHORT).plot("foo"), "kind = 'foo'; allowed: motion, conveying, force, exciters, loads"),
         (lambda: simulate(SHORT).plot(size=5), "option size is unknown; allowed: start, stop"),
         (lambda: load(5), "directory = 5; allowed: the name of a file or directory"),
         (lambda: load_config(5), "path = 5; allowed: the name of a file or directory"),

@@ -39,7 +39,7 @@ def machine(number):
         vary(tree["motor"], alike)
         vary(tree["machine"], [*alike, "exciter_distance_m"])
     supply = scene.drive.largest_frequency * math.exp(rng.uniform(-0.4, 0.2))
-    tree["material"] = {"mass_ratio": 0.0}
+    tree["material"], tree["transport"] = {"mass_ratio": 0.0}, None
     tree["drive"] = {"supply_frequency_hz": supply}
     tree["run"] = {"initial": {"speed_ratio": 0.9, "phase_difference_rad": float(rng.uniform(-3.0, 3.0))}}
     tree["solver"] = {"engine": "taylor"}

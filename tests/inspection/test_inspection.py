@@ -102,7 +102,6 @@ def test_a_start_is_captured_below_the_torque_that_passes():
 
 @pytest.mark.parametrize(("name", "stroke", "throw", "force"), [
     ("screen", 3.0225e-3, 3.809, 829.75),
-    pytest.param("feeder", 6.975e-3, 3.919, 1152.6, marks=pytest.mark.long),
     pytest.param("heavy-screen", 6.46e-3, 3.54, 5181.2, marks=pytest.mark.long),
 ])  # fmt: skip
 def test_loaded_templates_as_simulated(name, stroke, throw, force):
@@ -123,6 +122,7 @@ def test_loaded_templates_as_simulated(name, stroke, throw, force):
     {"motor.critical_torque_n_m": 0.0},
     pytest.param({"machine.stiffness_x_n_per_m": 0.0, "machine.damping_x_n_s_per_m": 0.0}, marks=pytest.mark.long),
     pytest.param({"material": {"mass_ratio": 0.1, "layers": 1}, "contact.model": "non-impact"}, marks=pytest.mark.long),
+    {"material": {"mass_ratio": 0.1, "layers": 1}, "transport": {"friction": 0.4, "deck_angle_deg": 5.0}},
     {"name": "m" * 100, "machine.gravity_m_per_s2": 0.0, "drive.supply_frequency_hz": 20.0},
 ])  # fmt: skip
 def test_twelve_lines_for_every_machine(changes):

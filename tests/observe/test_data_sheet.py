@@ -256,10 +256,10 @@ def test_a_peak_that_is_reached_again_keeps_its_first_time():
 
 
 def test_exciters_that_swing_have_no_speed_at_a_peak():
-    """A coasting feeder is shaken most while both unbalances swing, at momentary speeds of up to 2 Hz."""
+    """A coasting screen is shaken most while both unbalances swing, at momentary speeds of up to 2 Hz."""
     program = [{"t_s": 0.0, "supply_frequency_hz": 50}, {"t_s": 2.0, "off": True}]
     changes = {"drive": {"program": program}, "run.duration_s": 16.0, "solver.engine": "taylor"}
-    run = simulate(load_config(ROOT / "configs/templates/feeder.yaml", changes))
+    run = simulate(load_config(ROOT / "configs/templates/heavy-screen.yaml", changes))
     summary = run.summary
     assert summary["whole_foundation_force_y_max_at_s"] > 8.0
     assert summary["whole_foundation_force_y_max_at_hz"] is None

@@ -1,15 +1,18 @@
 """The page in a browser: its first screen, on a telephone, on paper, read and zoomed, clicked and played."""
 
 import base64
+import itertools
 import re
 import shutil
 import time
 
 import pytest
 from common import handmade
+from common.places import ROOT
 from common.results import unproven
 from tools.browser import browser, missing, open_page, resize
 
+from vibroplat import load_config, simulate
 from vibroplat.continuation.rows import orbit_motion
 from vibroplat.page.report import write_report
 
@@ -384,3 +387,18 @@ def test_text_from_files_is_not_run(visit, moved, tmp_path):
     assert js(page, "document.querySelectorAll('img').length") == 0
     assert HOSTILE in js(page, "document.getElementById('title').textContent")
     assert HOSTILE in js(page, "document.querySelector('.notes').textContent")
+
+
+def test_grains_go_on_where_a_turn_ended(visit, tmp_path):
+    scene = load_config(ROOT / "configs/examples/conveying.yaml", {"run.duration_s": 2.0})
+    page = visit(write_report([simulate(scene).save(tmp_path / "conveying")], tmp_path / "conveying.html"))
+    js(page, "player.play(false)")
+
+    def first(share):
+        page.execute_script(f"player.share = {share}; player.draw()")
+        return float(js(page, "document.querySelector('.grains').getAttribute('d')")[1:].split()[0])
+
+    places = [first(share) for share in (0.99, 0.0, 0.01)]
+    before, after = ((late - early) % 26.0 for early, late in itertools.pairwise(places))
+    assert 0.0 < before < 2.0
+    assert 0.0 < after < 2.0

@@ -51,7 +51,7 @@ def test_the_same_figure_is_the_same_file_in_each_format(form, begin, saved, tmp
             ["run"],
             ["motion", "map"],
             {},
-            "but DIR holds a run; allowed: motion, force, exciters, loads, acceleration, spectrum, measured",
+            "but DIR holds a run; allowed: motion, conveying, force, exciters, loads, acceleration, spectrum, measured",
         ),
         (["nowhere"], [], {}, "DIR is not a directory; allowed: a result directory of vibroplat"),
     ],

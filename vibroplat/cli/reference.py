@@ -14,9 +14,11 @@ from vibroplat.errors import ConfigError, errors_about
 def new(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="File to write, e.g. mine.yaml.")],
     machine: Annotated[
-        Literal["rig", "screen", "feeder", "heavy-screen"],
+        Literal["rig", "screen", "feeder", "inclined-screen", "heavy-screen"],
         typer.Option(
-            "--template", help="Machine: a small test rig, a 1.2 t screen, a 0.6 t feeder, or a 4.5 t screen."
+            "--template",
+            help="Machine: a small test rig, a 1.2 t screen, a feeder or an inclined screen that conveys, "
+            "or a 4.5 t screen.",
         ),
     ] = "rig",
     full: Annotated[bool, typer.Option("--full", help="Write all keys with their meanings.")] = False,
@@ -36,8 +38,9 @@ def new(
         raise ConfigError(f"{file} exists already; allowed: the name of a new file") from None
     except OSError as error:
         raise ConfigError(f"{file}: cannot be written ({error.strerror or error})") from None
-    commands = (f"`vibroplat {command} {shlex.quote(str(file))}`" for command in ("run", "sweep", "orbits"))
-    print("{}: change it, then run {}, {} or {}".format(file, *commands))
+    known = (command for command in ("run", "sweep", "orbits") if command == "run" or f"\n{command}:" in text)
+    *commands, last = (f"`vibroplat {command} {quoted}`" for command in known)
+    print(f"{file}: change it, then run {', '.join(commands)} or {last}")
 
 
 def schema(

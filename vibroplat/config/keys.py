@@ -154,14 +154,15 @@ def template(machine: str, file: str, name: str, *, full: bool = False) -> str:
     It has the keys that one sets, or with ``full`` all keys.
     """
     source = configurations() / "templates" / f"{machine}.yaml"
+    given = load_tree(source)
+    head = _head(file, name, given)
     text = source.read_text(encoding="utf-8").splitlines()
     about = list(takewhile(lambda line: line.startswith("#"), text))
     if not full:
-        return "\n".join([*about, _head(file, name), *text[len(about) :]]) + "\n"
-    given = load_tree(source)
+        return "\n".join([*about, head, *text[len(about) :]]) + "\n"
     scene = Scene.from_tree(given)
     elsewhere = {f"machine.{key}" for key in given_by_exciters(scene)}
-    lines: list[str] = [*about, _HEAD + _head(file, name)]
+    lines: list[str] = [*about, _HEAD + head]
     above: list[str] = []
     values = scene.to_tree()
     for place, key in _in_places(given):
@@ -197,9 +198,10 @@ def _at(tree: Any, name: str) -> Any:
     return tree
 
 
-def _head(file: str, name: str) -> str:
-    """Say what can be done with the file."""
-    rows = [(command.format(file=file, name=name), does.format(name=name)) for command, does in _COMMANDS.items()]
+def _head(file: str, name: str, given: Mapping[str, Any]) -> str:
+    """Say what can be done with the file, by the sections that it has."""
+    known = {command: does for command, does in _COMMANDS.items() if " orbits " not in command or "orbits" in given}
+    rows = [(command.format(file=file, name=name), does.format(name=name)) for command, does in known.items()]
     width = max(len(command) for command, _ in rows)
     return "".join(f"#   {command:<{width}}  {does}\n" for command, does in rows)
 

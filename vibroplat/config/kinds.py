@@ -100,7 +100,7 @@ KINDS = {
     )
 }
 #: Figures of a run.
-RUN_FIGURES = "motion force exciters loads acceleration spectrum measured"
+RUN_FIGURES = "motion conveying force exciters loads acceleration spectrum measured"
 #: What all other results are called.
 OTHERS = {"run": "a run", "paper": "a reproduction of the paper"}
 #: Sections that only some results depend on.

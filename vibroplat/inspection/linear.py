@@ -66,7 +66,7 @@ def ripple_factors(scene: Scene, speed: float, amplitude: float) -> tuple[float,
     if speed <= natural_speeds(scene)[1]:
         return 1.0, 1.0
     ratio = sum(scene.unbalances) / sum(scene.exciter_inertias)
-    gravity, own = ratio * scene.machine.gravity_m_per_s2 / speed**2, 0.25 * ratio * amplitude
+    gravity, own = ratio * scene.gravity[1] / speed**2, 0.25 * ratio * amplitude
     return 1.0 - 2.0 * min(gravity + own, 0.25), 1.0 + 2.0 * min(gravity - own, 0.25)
 
 

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from vibroplat.columns import unit_of
-from vibroplat.config.digits import MISSING, NEGLIGIBLE, number, quantity, share, spread
+from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, quantity, share, spread
+from vibroplat.inspection.conveying import BANDS, ERROR, STRAIGHT
 from vibroplat.results.answer import of_both
 
 Numbers = Mapping[str, Any]
@@ -86,7 +87,10 @@ def _rows(v: Numbers) -> Iterator[tuple[str, ...]]:
     def empty(text: str) -> str:
         return f"empty {text}" if load else ""
 
-    yield _mass(v)
+    weighed = "loaded_" if math.isfinite(v["loaded_mass_kg"]) else ""
+    sag, weight, conveys = f"{weighed}static_sag_m", f"{weighed}static_force_n", math.isfinite(v["unique_friction"])
+    name, mass, *of = _mass(v)
+    yield name, mass, f"sag {told[sag]}" if conveys else "", *of
     moments, force = " + ".join(number(v[f"static_moment_{i}_kg_m"]) for i in (1, 2)), both(load + FORCE)
     fastest = max(v[f"{load}excitation_frequency_{i}_hz"] for i in (1, 2))
     together = v[f"{load}excitation_frequency_1_hz"] == v[f"{load}excitation_frequency_2_hz"]
@@ -95,17 +99,18 @@ def _rows(v: Numbers) -> Iterator[tuple[str, ...]]:
     beat = "where both vibrations add" if _apart(v) else ""
     far_above = f"{told['stroke_far_above_m']} far above resonance" if v["expected"] != "none" else ""
     yield "stroke", _strokes(v, load), empty(_strokes(v, "")), far_above, beat
-    yield "throw index", _throw(v, load), empty(_throw(v, "")), *_of_material(v, load)
+    yield "throw index", _throw(v, load), *_throw_angle(v), empty(_throw(v, "")), *_of_material(v, load)
+    if conveys:
+        yield "conveying speed", *_conveying(v)
     axes = ("x", "y", "phi", "y_loaded_1", "y_loaded_2")
     x, y, phi, *contact = (number(v[f"natural_frequency_{axis}_hz"]) for axis in axes)
     with_load = " and ".join(frequency for frequency in contact if frequency != MISSING)
     damping = ", ".join(share(v[f"damping_ratio_{axis}"]) for axis in axes[:3])
     resting = f"empty; with material y {with_load}" if with_load else ""
     yield "resonances (Hz)", f"x {x}, y {y}, φ {phi}", resting, f"damping {damping}"
-    weighed = "loaded_" if math.isfinite(v["loaded_mass_kg"]) else ""
-    sag, weight = f"{weighed}static_sag_m", f"{weighed}static_force_n"
     less = f"empty {told['static_sag_m']} and {told['static_force_n']}" if weighed else ""
-    yield "static sag", told[sag], f"spring force {told[weight]}", less
+    if not conveys:
+        yield "static sag", told[sag], f"spring force {told[weight]}", less
     yield "foundation force", _foundation(v, load), *_beside(v, load)
     lifting = [v[f"starting_torque_{i}_n_m"] / (v[f"lifting_torque_{i}_n_m"] or math.nan) for i in (1, 2)]
     times = f" ({number(least)} times)" if (least := min(lifting)) > 0.0 else ""
@@ -127,8 +132,8 @@ def _mass(v: Numbers) -> tuple[str, ...]:
     if not material:
         return "mass", quantity(empty, "kg"), "with unbalances", "no material"
     if load > 0.0:
-        part = f"{share(material / empty)} of the empty {quantity(empty, 'kg')} with unbalances"
-        return "mass", quantity(load, "kg"), f"with {quantity(material, 'kg')} of material, {part}"
+        part = f"{share(material / empty)} of the empty {quantity(empty, 'kg')}"
+        return "mass", quantity(load, "kg"), f"with {quantity(material, 'kg')} of material, {part}", "with unbalances"
     return "mass", quantity(empty, "kg"), f"with unbalances; {quantity(material, 'kg')} of material cannot lift off"
 
 
@@ -136,6 +141,25 @@ def _throw(v: Numbers, load: str) -> str:
     """Write a throw index, 0 if it is nothing beside gravity."""
     size = v[f"{load}throw_index"]
     return number(0.0 if size < NEGLIGIBLE else size)
+
+
+def _throw_angle(v: Numbers) -> Iterator[str]:
+    """Yield the direction of the throw to the deck, of a path that is no circle, if material may move along it."""
+    if v["path_ratio"] <= STRAIGHT:
+        yield f"at {quantity(math.degrees(v['throw_angle_rad']), '°')} to the deck"
+    elif math.isfinite(v["path_ratio"]):
+        yield f"path {share(v['path_ratio'])} as wide as long"
+
+
+def _conveying(v: Numbers) -> Iterator[str]:
+    """Yield the expected conveying speed, or for what there is a formula, and the friction of Painlevé's paradox."""
+    low, high = v["conveying_speed_low_m_per_s"], v["conveying_speed_high_m_per_s"]
+    ranges = ", ".join(f"{given(first)} … {given(last)}" for (first, last), _ in BANDS)
+    told = "formulas are for straight paths" if v["path_ratio"] > STRAIGHT else f"formulas: throw {ranges}"
+    known = math.isfinite(low)
+    yield interval(low, high, "m/s") if known else MISSING
+    yield f"formula of practice, ± {share(ERROR)}" if known else told
+    yield f"Painlevé above friction {number(v['unique_friction'])}"
 
 
 def _of_material(v: Numbers, load: str) -> Iterator[str]:

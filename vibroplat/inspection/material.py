@@ -47,7 +47,7 @@ def loaded_motion(scene: Scene, speed: float, steady: ComplexArray, *, settle: b
     pull = complex(square, speed * rate)
     carried = np.full(steady.size, lower + (upper * pull / (pull - speed**2) if upper else 0.0))
     amplitude = np.abs(steady * _yielding(scene, speed, carried))
-    stays = np.abs(carried) * amplitude * speed**2 < (lower + upper) * scene.machine.gravity_m_per_s2
+    stays = np.abs(carried) * amplitude * speed**2 < (lower + upper) * scene.gravity[1]
     acceleration, force = amplitude * speed**2, np.abs(stiffness + 1j * speed * damping) * amplitude
     linear = (2.0 * amplitude, acceleration, acceleration, force)
     change = np.zeros(steady.size)
@@ -71,7 +71,7 @@ def _followed(
 ) -> tuple[ComplexArray, FloatArray, FloatArray]:
     """Return dynamic mass, means over turns, and their last relative change, of material that jumps."""
     mass, _, stiffness = scene.oscillators[:, 1].tolist()
-    step, gravity = 2.0 * math.pi / speed / STEPS, scene.machine.gravity_m_per_s2
+    step, gravity = 2.0 * math.pi / speed / STEPS, scene.gravity[1]
     lower, upper = scene.layer_masses
     load, square = (lower + upper) * gravity, scene.layer_spring[0]
     if square > (RIGID * speed) ** 2:
@@ -101,7 +101,7 @@ def _turns(
     """Move the state of the layers, the lower one of a mass (kg), by turns; return fundamental and means over turns."""
     lower, turns = of
     mass, damping, stiffness = scene.oscillators[:, 1].tolist()
-    step, gravity = 2.0 * math.pi / speed / STEPS, scene.machine.gravity_m_per_s2
+    step, gravity = 2.0 * math.pi / speed / STEPS, scene.gravity[1]
     together = mass * lower / (mass + lower)
     slow = max(CONTACT * gravity / speed, scene.contact.sticking_speed_m_per_s)
     y, rate, height, height_rate, _, above_rate, _ = state
@@ -142,7 +142,7 @@ def _free_motion(scene: Scene, ratio: float, step: float, least_damping: float =
     rates = np.zeros((7, 7))
     rates[[0, 2, 4], [1, 3, 5]] = 1.0
     rates[1, :2] = -stiffness / mass, -damping / mass
-    rates[3, 4:] = *(ratio * pull), -scene.machine.gravity_m_per_s2
+    rates[3, 4:] = *(ratio * pull), -scene.gravity[1]
     rates[5, 4:6] = -(1.0 + ratio) * pull
     part = rates * step / PARTS
     return np.linalg.matrix_power(np.eye(7) + part + part @ part / 2.0, PARTS)
@@ -150,7 +150,7 @@ def _free_motion(scene: Scene, ratio: float, step: float, least_damping: float =
 
 def _dynamic_mass(scene: Scene, speed: float, steady: ComplexArray, loaded: ComplexArray) -> ComplexArray:
     """Return the mass that changes the steady amplitude into the loaded one; all of it where nothing moves."""
-    still = np.abs(steady) * speed**2 < 1e-2 * scene.machine.gravity_m_per_s2
+    still = np.abs(steady) * speed**2 < 1e-2 * scene.gravity[1]
     dynamic = 1.0 / receptances(scene, np.array([speed]))[0, 1]
     ratio = steady / np.where(still, 1.0, loaded)
     return np.asarray(np.where(still, sum(scene.layer_masses), dynamic * (1.0 - ratio) / speed**2))

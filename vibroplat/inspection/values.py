@@ -17,6 +17,7 @@ from vibroplat.config.plausibility import SWING_TORQUE_RATIO
 from vibroplat.config.scene import Scene
 from vibroplat.inspection import balance, linear
 from vibroplat.inspection.balance import Balance, Supply, motor_torques
+from vibroplat.inspection.conveying import expected_conveying, unique_friction
 from vibroplat.inspection.linear import ComplexArray
 from vibroplat.inspection.lines import twelve_lines
 from vibroplat.inspection.material import FOLLOWED, loaded_motion
@@ -39,6 +40,8 @@ def _each(words: Mapping[str, str], described: Columns) -> dict[str, Column]:
     }
 
 
+#: How a conveying speed is found.
+_CONVEYING = "k_v ω (A_x + A_y tan α), k_v 0.49 … 0.56 or 0.75 … 0.95 by the throw index; empty where neither holds"
 #: The numbers, and how each is found.
 INSPECTION: Columns = {
     "supply_frequency_hz": Column("supply frequency at the end of the program, or before the motors go off"),
@@ -53,6 +56,11 @@ INSPECTION: Columns = {
     "isolation": Column("transmissibility along y", "√(1 + (2Dr)²) / √((1 − r²)² + (2Dr)²), r = ω / ω_y"),
     "loaded_change": Column("change of the ranges in 32 turns with material that jumps", "0 if it does not"),
     "material_mass_kg": Column("mass of the material", "m_w"),
+    "throw_angle_rad": Column("angle of throw to the deck, with transport", "longer axis of the path; above 0: to +x"),
+    "path_ratio": Column("ratio of the axes of the path of the deck", "0: a line, 1: a circle; with transport"),
+    "conveying_speed_low_m_per_s": Column("conveying speed, lower end of the formula of practice", _CONVEYING),
+    "conveying_speed_high_m_per_s": Column("conveying speed, upper end of the formula of practice", _CONVEYING),
+    "unique_friction": Column("friction up to which there is no paradox of Painlevé", "first order in k² / J_e M"),
     "moving_fraction": Column("dynamic mass of the material divided by its mass", "below 0: it pushes"),
     "passage_axis": Column("axis of the resonance that takes the largest torque to pass", kind=TEXT),
     "passage_frequency_hz": Column("its natural frequency"),
@@ -86,7 +94,7 @@ INSPECTION: Columns = {
         "{}stroke_x_m": Column("stroke along x{}", "peak to peak"),
         "{}stroke_y_m": Column("stroke along y{}", "peak to peak"),
         "{}stroke_phi_rad": Column("rotation of the platform{}", "peak to peak"),
-        "{}throw_index": Column("maximum acceleration along y{} divided by gravity", "A_y ω² / g; between impacts"),
+        "{}throw_index": Column("maximum acceleration along y{} divided by gravity", "A_y ω² / g_n; between impacts"),
         "{}dynamic_force_x_n": Column("amplitude of the force into the foundation along x{}", "half its range"),
         "{}dynamic_force_y_n": Column("amplitude of the force into the foundation along y{}", "half its range"),
         "{}motor_power_w": Column("mechanical power of both motors{}", "torque times speed"),
@@ -160,6 +168,8 @@ def inspect(scene: Scene) -> Inspection:
     }
     if scene.has_contact and scene.machine.gravity_m_per_s2:
         values |= _loaded(scene, supply, turning)
+    if scene.transport is not None:
+        values["unique_friction"] = unique_friction(scene)
     return Inspection(scene.name, values)
 
 
@@ -197,7 +207,7 @@ def _statics(scene: Scene) -> dict[str, float]:
     mass, load, machine = scene.platform_mass, sum(scene.layer_masses), scene.machine
     found = {"stroke_far_above_m": 2.0 * sum(scene.unbalances) / mass, "material_mass_kg": scene.material_mass}
     for prefix, total in {"": mass, **({"loaded_": mass + load} if load else {})}.items():
-        weight = total * machine.gravity_m_per_s2
+        weight = total * scene.gravity[1]
         found |= {f"{prefix}mass_kg": total, f"{prefix}static_force_n": weight}
         found[f"{prefix}static_sag_m"] = weight / machine.stiffness_y_n_per_m
     natural = linear.natural_speeds(scene)
@@ -237,7 +247,7 @@ def _vibration(scene: Scene, tones: Sequence[Tone]) -> dict[str, float]:
     """Find strokes and forces; those of exciters that turn at different speeds where both vibrations add."""
     _, damping, stiffness = scene.oscillators
     damping[1] = scene.machine.damping_y_n_s_per_m  # what acts on material does not reach the foundation
-    gravity = scene.machine.gravity_m_per_s2
+    gravity = scene.gravity[1]
     strokes, forces, throw, isolation = np.zeros(3), np.zeros(3), 0.0, math.nan
     for speed, amplitudes in tones:
         sizes, through = np.abs(amplitudes), np.abs(stiffness + 1j * speed * damping)
@@ -279,15 +289,25 @@ def _loaded(scene: Scene, supply: Supply, turning: Turning) -> dict[str, float |
     up, down = linear.ripple_factors(scene, speed, 0.5 * float(at["stroke"]))
     found = {**_vibration(scene, [tone]), **_of_motors(scene, supply, speeds)} | {
         "stroke_y_m": float(at["stroke"]),
-        "throw_index": float(max(up * at["upward"], down * at["downward"])) / scene.machine.gravity_m_per_s2,
+        "throw_index": float(max(up * at["upward"], down * at["downward"])) / scene.gravity[1],
         "dynamic_force_y_n": float(at["force"]),
     }
+    moves = {} if scene.transport is None else _conveying(scene, tone, found)
     return {
+        **moves,
         **{f"loaded_{name}": value for name, value in found.items() if f"loaded_{name}" in INSPECTION},
         "loaded_expected": names,
         "loaded_change": float(at["change"]),
         "moving_fraction": float(at["carried"].real) / sum(scene.layer_masses),
     }
+
+
+def _conveying(scene: Scene, tone: Tone, found: Mapping[str, float]) -> dict[str, float]:
+    """Find how material is conveyed, from the tone at the loaded machine's speed, and its own motion along y."""
+    assert scene.transport is not None
+    x, y, phi = tone.amplitudes
+    along, normal = x - scene.transport.deck_height_m * phi, y / (abs(y) or 1.0) * 0.5 * found["stroke_y_m"]
+    return expected_conveying(scene, tone.speed, along, normal, found["throw_index"])
 
 
 def _loaded_balances(scene: Scene, supply: Supply, empty: Balance) -> list[Balance]:

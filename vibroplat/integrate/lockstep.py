@@ -123,7 +123,7 @@ def begin(h: Automaton, g: Group, lane: int) -> bool:
     return True
 
 
-@compiled
+@inlined
 def start_moving(h: Automaton, g: Group, lane: int, moving: Any) -> None:
     """Begin a segment of a motion with transport: the mode of contact, which is data in other fields."""
     run, s = h.run, g.lanes

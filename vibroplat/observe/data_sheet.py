@@ -120,8 +120,8 @@ SHEET: Columns = {
         "maximum acceleration of the machine's centre of mass", "magnitude; impulses of impacts do not count"
     ),
     "gamma": Column(
-        "maximum acceleration along y of the machine's centre of mass divided by gravity",
-        "magnitude; impulses of impacts do not count; the throw index of a level deck",
+        "maximum acceleration along y of the machine's centre of mass divided by gravity normal to the deck",
+        "magnitude; impulses of impacts do not count; the throw index",
     ),
     **dict(_motor_columns()),
 }
@@ -272,7 +272,7 @@ def _from_extremes(scene: Scene) -> Mapping[str, Extreme]:
     torques = tuple(exciter.critical_torque_n_m for exciter in scene.exciter_pair)
     points, springs = tuple(scene.output.points), tuple(scene.output.springs)
     one = scene.spring_stiffness
-    return _columns_of_extremes(scene.machine.gravity_m_per_s2, scene.unbalances, torques, points, springs, one)
+    return _columns_of_extremes(scene.gravity[1], scene.unbalances, torques, points, springs, one)
 
 
 @lru_cache

@@ -17,10 +17,12 @@ from vibroplat.config.scene import Scene
 #: Half the platform's width, length of a spring, of those between layers, largest of the force's arrow, room for
 #: motion: units of the drawing.
 HALF, SPRING, BETWEEN, ARROW, ROOM = 100.0, 58.0, 26.0, 62.0, 22.0
+#: Half the width of material, and distance of the grains by which its motion along the deck is seen.
+BED, GRAIN = 78.0, 26.0
 #: Frames of a turn: the script draws what is between them.
 FRAMES = 36
 #: Columns that move the machine.
-MOVING = ("x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", "gap_m", "upper_m", "contact_force_n")
+MOVING = ("x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", "gap_m", "upper_m", "along_m", "contact_force_n")
 #: Largest of the whole numbers that curves are packed as.
 STEPS = 65534
 _EXCITERS = ("#0072B2", "#D55E00")
@@ -55,7 +57,7 @@ def moving(frames: pd.DataFrame, scene: Scene, hits: Sequence[Sequence[float]], 
     Parameters
     ----------
     frames
-        Values of :data:`MOVING` at equal parts of turns; y is counted from the static rest.
+        Values of :data:`MOVING` at equal parts of turns; those of the platform are counted from the static rest.
     scene
         Whose machine it is.
     hits
@@ -79,6 +81,7 @@ def machine_of(scene: Scene) -> dict[str, Any]:
         "radii": [exciter.unbalance_radius_m for exciter in scene.exciter_pair],
         "directions": [exciter.direction for exciter in scene.exciter_pair],
         "layers": scene.layers,
+        "conveys": scene.transport is not None,
         "lower_share": scene.material.lower_share if scene.layers == 2 else 1.0,
     }
 
@@ -114,6 +117,7 @@ def drawing(machine: Mapping[str, Any], label: str) -> str:
     heights = (10.0 + 14.0 * share, 10.0 + 14.0 * (1.0 - share)) if layers == 2 else (22.0 if layers else 0.0, 0.0)
     above = top + (2.4 if layers else 1.0) * ROOM + sum(heights) + (BETWEEN if layers == 2 else 0.0) + 12.0
     sizes = {"scale": scale, "top": top, "bottom": bottom, "floor": floor, "between": BETWEEN, "arrow": ARROW}
+    sizes |= {"bed": BED, "grain": GRAIN}
     data = " ".join(f'data-{name}="{value:.4g}"' for name, value in sizes.items())
     body = f'<rect x="{-HALF}" y="{-top:.1f}" width="{2 * HALF}" height="{top - bottom:.1f}" rx="5" class="steel"/>'
     body += f'<path class="ink deck" d="M{-HALF} {-top:.1f}h{2 * HALF}"/><path class="ink" d="M-5 0h10M0 -5v10"/>'
@@ -124,7 +128,7 @@ def drawing(machine: Mapping[str, Any], label: str) -> str:
     return (
         f'<svg class="machine" viewBox="-124 {-above:.1f} 262 {above - floor + 12.0:.1f}" role="img" '
         f'aria-label="{label}" {data}><path class="ground" d="M-96 {-floor:.1f}H96{hatch}"/>{springs}'
-        f'<g class="body">{body}{_layers(heights, top)}{_signs(top)}</g></svg>'
+        f'<g class="body">{body}{_layers(heights, top, machine["conveys"])}{_signs(top)}</g></svg>'
     )
 
 
@@ -151,13 +155,16 @@ def _exciter(number: int, axis: tuple[float, float], radius: float, direction: f
     )
 
 
-def _layers(heights: tuple[float, float], top: float) -> str:
-    """Return the layers of material on the platform."""
+def _layers(heights: tuple[float, float], top: float, conveys: bool) -> str:
+    """Return the layers of material on the platform, with grains if it moves along the deck."""
     found = ""
     for name, height, base in (("lower", heights[0], top), ("upper", heights[1], top + heights[0] + BETWEEN)):
         if height:
-            place = f'x="-78" y="{-base - height:.1f}" width="156" height="{height:.1f}" rx="2"'
-            found += f'<g class="{name}"><rect {place} class="{name}-layer"/></g>'
+            place = f'x="{-BED:g}" y="{-base - height:.1f}" width="{2 * BED:g}" height="{height:.1f}" rx="2"'
+            middle = f"{-base - 0.5 * height:.1f}"
+            dots = "".join(f"M{x:g} {middle}h0" for x in np.arange(-BED + 0.5 * GRAIN, BED, GRAIN))
+            grains = f'<path class="grains" data-at="{middle}" d="{dots}"/>' if conveys else ""
+            found += f'<g class="{name}"><rect {place} class="{name}-layer"/>{grains}</g>'
     high, coil = f"{top + heights[0]:.1f}", _coil(BETWEEN, 4, 5.0)
     coils = (f'<g class="between" data-at="{x}" transform="translate({x} -{high})">{coil}</g>' for x in (-52, 0, 52))
     return found + (f'<g class="lower" data-base="{high}">{"".join(coils)}</g>' if heights[1] else "")

@@ -223,6 +223,8 @@ def _motion(
     times = np.concatenate([np.linspace(a, b, count, endpoint=False) for a, b, count in windows])
     frames = frames_at(found, times)
     firsts = np.cumsum([0, *(count for *_, count in windows)]).tolist()
+    if "along_m" in frames:
+        frames["along_m"] -= np.repeat(frames["along_m"].to_numpy()[firsts[:-1]], np.diff(firsts))
     places = [[round(a, 6), round(b - a, 7), first, n] for (a, b, n), first in zip(windows, firsts, strict=False)]
     hits = [
         hit
@@ -271,7 +273,7 @@ def resampled(trajectory: pd.DataFrame, scene: Scene, times: Floats, *more: str)
     t = trajectory["t_s"].to_numpy(dtype=float)
     names = [name for name in (*MOVING, *more) if name in trajectory]
     found = pd.DataFrame({name: np.interp(times, t, trajectory[name].to_numpy(dtype=float)) for name in names})
-    return found.assign(y_m=found["y_m"] - rest_of(scene))
+    return found.assign(**{name: found[name] - rest_of(scene, place) for place, name in enumerate(MOVING[:3])})
 
 
 def impulses_of(struck: pd.DataFrame, begin: float, seconds: float, frames: int, first: int = 0) -> list[list[float]]:

@@ -12,6 +12,7 @@ from vibroplat.results.sheet import Sheet
 #: Rows of the short data sheet that a figure tells, by how their labels begin.
 _ROWS = {
     "motion": ("no steady", "stroke", "rotation", "throw index"),
+    "conveying": ("no steady", "conveying"),
     "loads": ("no steady", "foundation", "stroke"),
     "force": ("no steady", "throw index"),
     "acceleration": ("no steady", "throw index", "acceleration"),
@@ -38,5 +39,7 @@ def _told(kind: str, run: Run) -> Iterator[str]:
         return
     for label, value, *words in Sheet(run.scene, run.summary).short():
         if label.startswith(_ROWS[kind]):
-            more = [part for part in "; ".join(words).split("; ") if part.startswith(("largest", "material in"))]
+            more = [
+                part for part in "; ".join(words).split("; ") if part.startswith(("largest", "material in", "sticks"))
+            ]
             yield ", ".join([f"{label} {value}", *more])

@@ -16,9 +16,9 @@ from vibroplat.hybrid.state import static_rest
 from vibroplat.results.picture import finite
 
 
-def rest_of(scene: Scene) -> float:
-    """Return y at the static rest (m), from where figures count it."""
-    return float(static_rest(scene)[1])
+def rest_of(scene: Scene, place: int = 1) -> float:
+    """Return y at the static rest (m), from where figures count it, or x or φ by their places in the state."""
+    return float(static_rest(scene)[place])
 
 
 class Ends(NamedTuple):

@@ -169,7 +169,8 @@ def run_figures(
     directories
         Result directories of ``vibroplat run``.
     kinds
-        ``motion`` (platform and gap: the whole run, and its last turns), ``force`` (contact force and impulses),
+        ``motion`` (platform and gap: the whole run, and its last turns), ``conveying`` (place of the material along the
+        deck, and its modes), ``force`` (contact force and impulses),
         ``exciters`` (speeds and phase difference), ``loads`` (force into the foundation, strokes and speeds),
         ``acceleration`` and ``spectrum``, ``measured`` (measured data beside what was computed); all by default. Those
         that need what there is not (contact, accelerations, data) are left out, and refused if nothing else is asked
@@ -219,6 +220,8 @@ def missing(kind: str, shown: Shown) -> str:
     columns = {str(column) for run in shown.runs for column in run.shown}
     if kind == "force" and "contact_force_n" not in columns:
         return "has no contact force, as its scene is bare or non-impact"
+    if kind == "conveying" and "along_m" not in columns:
+        return "has no motion along the deck, as its scene has no section transport"
     if kind in ("acceleration", "spectrum") and not any(column.startswith("acceleration_") for column in columns):
         return "has no accelerations; simulate it with --set output.accelerations=true"
     return "needs --data FILE" if kind == "measured" and shown.data is None else ""
@@ -273,6 +276,22 @@ def _motion(shown: Shown) -> picture.Picture:
     for column in columns:
         _coordinate(shown, column)
     return shown.picture("motion", [shown.panel(column) for column in columns])
+
+
+def _conveying(shown: Shown) -> picture.Picture:
+    """Show the place of the material along the deck from the begin of the turns shown, and its modes in a few turns."""
+    strips = []
+    for run in (run for run in shown.runs if "along_m" in run.shown):
+        last, colour, before = shown.last(run), shown.colour(run, "along_m"), sum(map(len, shown.parts))
+        moved = last[["t_s"]].assign(along_m=last["along_m"] - last["along_m"].iloc[0])
+        shown.draw(moved, shown.called(run), colour=colour, of=("along_m",))
+        name, colour = (run.name, colour) if shown.names else ("", BLACK)
+        places = range(before, before + len(moved))
+        strips.append(picture.Strip(name, colour, places, last["mode"].tolist()))
+    few = all(run.turns <= MOST_TURNS for run in shown.runs)
+    modes = picture.Strips(strips, picture.MODES) if few else None
+    facets = int(shown.aligned and not shown.both)
+    return shown.picture("conveying", [Panel("along_m")], facets=facets, strips=modes)
 
 
 def _force(shown: Shown) -> picture.Picture:
@@ -422,6 +441,7 @@ def _measured(shown: Shown) -> picture.Picture:
 
 FIGURES: Mapping[str, Callable[[Shown], picture.Picture]] = {
     "motion": _motion,
+    "conveying": _conveying,
     "force": _force,
     "exciters": _exciters,
     "loads": _loads,

@@ -19,7 +19,7 @@ from vibroplat.results.result import Result
 #: Measures that pictures show, one panel each, in this order.
 DRAWN = (
     *("rms_y_m", PHASE_COLUMN, "gap_max_m", "contact_force_max_n", "motor_power_w", "flight_fraction"),
-    *("impulse_max_n_s", "rms_x_m", "rms_phi_rad", "lyapunov_per_s"),
+    *("conveying_speed_m_per_s", "impulse_max_n_s", "rms_x_m", "rms_phi_rad", "lyapunov_per_s"),
 )
 #: Least range of an axis of RMS, relative to the largest RMS: small quantities are drawn small.
 LEAST_RANGE = 0.02

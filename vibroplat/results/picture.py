@@ -24,6 +24,13 @@ BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK = CURVES
 REFERENCE, FAILED, BEHIND = "#666666", "#a00000", "#b4b4b4"
 #: Kinds of synchronization and their colours.
 SYNC = {"antiphase": BLUE, "in-phase": ORANGE, "intermediate": GREEN, "none": "#3c3c3c"}
+#: Colours of modes of material that moves along the deck, and what they are called.
+MODES = {
+    "stick": (GREEN, "stick"),
+    "slip+": (ORANGE, "slip towards +x"),
+    "slip-": (PURPLE, "slip towards −x"),
+    "flight": (SKY, "flight"),
+}
 #: The colour scale viridis at even distances, from which all its colours follow to a few parts of 256.
 _SCALE = ("#440154", "#482878", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725")
 #: Share of the scale that curves use: its palest end is too pale for lines on white.

@@ -99,7 +99,7 @@ class Sheet:
         if self.numbers["rms_y_m"] is None:
             return
         self.transient = transient(scene, summary)
-        balances = ("energy_residual", "momentum_residual")
+        balances = ("energy_residual", "momentum_residual", "momentum_along_residual")
         groups = {
             "Amplitude and stroke": self._strokes(),
             "Conveying": self._conveying() if scene.transport is not None else [],
@@ -216,19 +216,22 @@ class Sheet:
 
     def _conveying(self) -> list[Row]:
         """Return the rows of material that moves along the deck."""
-        s, error = self.numbers, self._text("conveying_speed_error_m_per_s", error=1e-9)
+        s = self.numbers
         sticks, forth, back = (self._text(f"{name}_fraction") for name in ("stick", "slip_plus", "slip_minus"))
         slips = share((s["slip_plus_fraction"] or 0.0) + (s["slip_minus_fraction"] or 0.0))
-        speed = Row(
-            "speed along the deck", self._text("conveying_speed_m_per_s"), f"± {error}" * (error not in ("", "0"))
-        )
-        told = self._text("throughput_kg_per_s"), f"sticks {sticks}, slips {slips} of the time"
+        swing = 2.0 * math.pi * (s["excitation_frequency_hz"] or 0.0) * max(s["rms_x_m"], s["rms_y_m"])
+        largest = max(swing, abs(s["conveying_speed_m_per_s"] or 0.0))
+        speed, error = (self._text(f"conveying_speed_{what}m_per_s", largest=largest) for what in ("", "error_"))
+        rows = [Row(name, self._text(f"{name.replace(' ', '_')}_{unit}")) for name, unit in _CONVEYED]
+        rows = rows[2:] if speed == "0" else rows
+        carried = rows[0].now if rows[0].label == "throughput" else ""
+        modes, shear = f"sticks {sticks}, slips {slips} of the time", self._text("shear_ratio")
+        told = Row("conveying speed", speed, f"± {error}" * (error not in ("", "0") and speed != "0"))
         return [
-            speed.shortly("conveying speed", *told),
-            *(Row(name, self._text(f"{name.replace(' ', '_')}_{unit}")) for name, unit in _CONVEYED),
+            told.shortly("conveying speed", carried, modes),
+            *rows,
             Row("sticks", sticks, f"slips {forth} towards +x, {back} towards -x"),
-            Row("shear over pressure of the layers", self._text("shear_ratio")),
-            Row("residual of momentum along the deck", self._text("momentum_along_residual")),
+            Row("shear of layers", shear, "of their pressure" * bool(shear)),
         ]
 
     def _loads(self) -> list[Row]:

@@ -24,6 +24,8 @@ MAX_ROWS, MAX_JUMPS = 5, 2
 MAIN = {"antiphase", "in-phase"}
 #: Relative difference of amplitudes up to which both directions agree.
 AGREE = 0.01
+#: Column of the speed of material along the deck.
+CONVEYED = "conveying_speed_m_per_s"
 
 
 def short_answer(points: pd.DataFrame, bands: pd.DataFrame) -> tuple[str, list[str]]:
@@ -89,6 +91,9 @@ def _rows(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
     if points["flight_fraction"].gt(0.0).any() or _has_material(points):
         columns["lifts off"] = [_liftoff(rows, own, key) for (_, rows), own in zip(groups, parts, strict=True)]
     columns[f"largest {display_name(height)}"] = [_largest(rows, height, key) for _, rows in groups]
+    if CONVEYED in points and points[CONVEYED].notna().any():
+        speed = [rows[CONVEYED] for _, rows in groups]
+        columns["conveying speed"] = [interval(one.min(), one.max(), "m/s") for one in speed]
     if not kinds:
         power = [rows["motor_power_w"] for _, rows in groups]
         columns["motor power"] = [interval(one.min(), one.max(), "W") for one in power]

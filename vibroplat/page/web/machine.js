@@ -17,6 +17,7 @@ class Machine {
     this.size = Object.fromEntries(Object.entries(svg.dataset).map(([name, value]) => [name, Number(value)]));
     this.columns = Object.fromEntries(Object.entries(data.columns).map(([name, packed]) => [name, opened(packed, data.frames)]));
     this.largest = Math.max(0, ...(this.columns.contact_force_n ?? []));
+    [this.frame, this.moved] = [0, 0]; // the last one drawn, and how far material went in turns before (m)
     this.struck = Math.max(0, ...data.hits.map(([, impulse]) => impulse));
   }
 
@@ -46,7 +47,24 @@ class Machine {
     for (const coil of this.svg.querySelectorAll(".between")) coil.setAttribute("transform",
       `translate(${coil.dataset.at} ${-coil.parentNode.dataset.base}) scale(1 ${Math.max(this.size.between + upper, 3) / this.size.between})`);
     this.springs(dx, dy, turned);
+    this.grains(frame, first, first + count - 1);
     this.signs(value("contact_force_n"), frame, count);
+  }
+
+  // Material along the deck: a turn that is played again goes on where it ended.
+  grains(frame, first, last) {
+    const values = this.columns.along_m, {grain, bed} = this.size, k = this.data.k * this.size.scale;
+    if (!values) return;
+    const end = 2 * values[last] - values[Math.max(last - 1, first)], before = Math.floor(frame);
+    if (frame < this.frame) this.moved += end;
+    this.frame = frame;
+    const after = before < last ? values[before + 1] : end;
+    const moved = k * (this.moved + values[before] + (frame - before) * (after - values[before]));
+    const begin = ((moved + 0.5 * grain) % grain + grain) % grain;
+    for (const dots of this.svg.querySelectorAll(".grains")) {
+      const places = Array.from({length: Math.ceil((2 * bed - begin) / grain)}, (_, n) => begin - bed + n * grain);
+      dots.setAttribute("d", places.map(x => `M${x.toFixed(2)} ${dots.dataset.at}h0`).join(""));
+    }
   }
 
   put(which, transform) { for (const part of this.svg.querySelectorAll(which)) part.setAttribute("transform", transform); }
