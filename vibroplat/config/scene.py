@@ -19,9 +19,10 @@ from pydantic import BaseModel, Field, ValidationError, ValidationInfo, model_va
 from vibroplat.config.arguments import instance_of
 from vibroplat.config.body import RigidBody, rigid_body
 from vibroplat.config.computation import Output, Solver
-from vibroplat.config.coordinates import ALONG, COORDINATES, RATES, Mode
+from vibroplat.config.consistency import require_consistent
+from vibroplat.config.coordinates import Mode
 from vibroplat.config.drive import Drive
-from vibroplat.config.plans import FREQUENCY, OrbitsPlan, SweepPlan
+from vibroplat.config.plans import OrbitsPlan, SweepPlan
 from vibroplat.config.reader import merge, nest
 from vibroplat.config.schema import NAME, PERTURBATION, Section, described, explain
 from vibroplat.config.sections import (
@@ -38,11 +39,6 @@ from vibroplat.config.sections import (
 from vibroplat.config.study_plans import BasinsPlan, DesignPlan, FindPlan
 from vibroplat.errors import ConfigError
 from vibroplat.extensions import load_provided
-
-#: Most turns at the synchronous speed that a run may take: half a day of computing.
-MAX_TURNS = 1e9
-#: The same with engine ``sundae``, which is ten to twenty times slower.
-MAX_TURNS_SUNDAE = 5e7
 
 #: Sections from which the numbers of exciters and rigid body come, the names of both, and of what else is kept.
 EXCITERS_FROM = frozenset(("machine", "motor", "motors", "exciters"))
@@ -110,81 +106,7 @@ class Scene(Section):
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> Self:
         self.__dict__.update(info.context or {})
-        for name in OF_EXCITERS if self.exciters is not None else ():
-            if name in self.machine.model_fields_set:
-                raise ValueError(f"exciters and machine.{name} are both given; allowed: one of the two")
-        if self.co_rotating and self.run.initial.phase_sum_rad is not None:
-            raise ValueError(
-                f"run.initial.phase_sum_rad = {self.run.initial.phase_sum_rad} but the exciters are co-rotating; "
-                "allowed: phase_difference_rad"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _transportable(self) -> Self:
-        if self.transport is None:
-            return self
-        wrong = {
-            "material.mass_ratio": (self.material.mass_ratio, self.material.mass_ratio > 0.0, "more than 0"),
-            "contact.model": (self.contact.model, self.contact.model == "impact", "impact"),
-            "contact.impact_law": (
-                *(self.contact.impact_law, self.contact.impact_law == "conservative"),
-                "conservative",
-            ),
-        }
-        for key, (value, fits, allowed) in wrong.items():
-            if not fits:
-                raise ValueError(f"{key} = {value} does not go with transport; allowed: {allowed}")
-        steepest = math.degrees(math.atan(self.transport.largest_friction))
-        if abs(self.transport.deck_angle_deg) > steepest:
-            raise ValueError(
-                f"transport.deck_angle_deg = {self.transport.deck_angle_deg:g}: the material slides off a deck at "
-                f"rest; allowed with this friction: up to {steepest:.4g}"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _bounded(self) -> Self:
-        """Refuse durations that no computer would ever finish."""
-        durations = [("run.duration_s", self.run.duration_s, self.drive.largest_frequency)]
-        if self.sweep is not None:
-            stop = max(self.sweep.swept.ends) if self.sweep.swept.key == FREQUENCY else self.drive.largest_frequency
-            times = {f"sweep.{key}": getattr(self.sweep, key) for key in ("max_settle_s", "measure_s")}
-            durations += [(key, seconds, stop) for key, seconds in times.items()]
-        if self.find is not None:
-            times = {f"find.{key}": 2.0 * getattr(self.find, key) for key in ("max_settle_s", "measure_s")}
-            durations += [(key, seconds, self.drive.largest_frequency) for key, seconds in times.items()]
-        slow = self.solver.engine == "sundae"
-        most = MAX_TURNS_SUNDAE if slow else MAX_TURNS
-        for key, seconds, supply in durations:
-            turns = seconds * supply / min(exciter.pole_pairs for exciter in self.exciter_pair)
-            if turns > most:
-                raise ValueError(
-                    f"{key} = {seconds} takes {turns:.3g} turns at the synchronous speed; "
-                    f"allowed{' with engine sundae' if slow else ''}: at most {most:.0e}"
-                )
-        return self
-
-    @model_validator(mode="after")
-    def _possible_state(self) -> Self:
-        state = self.run.initial.state
-        if state is None:
-            return self
-        for index in range(len(self.coordinates), len(COORDINATES)):
-            for key in (COORDINATES[index], RATES[index]):
-                if getattr(state, key):
-                    raise ValueError(
-                        f"run.initial.state.{key} = {getattr(state, key)} but this scene has no such coordinate; "
-                        "allowed: leave it out"
-                    )
-        for key in ALONG if self.transport is None else ():
-            if getattr(state, key):
-                raise ValueError(f"run.initial.state.{key} is given without transport; allowed: leave it out")
-        if not state.gap_m and state.gap_rate_m_per_s < 0.0:
-            raise ValueError(
-                f"run.initial.state.gap_rate_m_per_s = {state.gap_rate_m_per_s} closes a gap that is 0; "
-                "allowed: at least 0 while gap_m is 0"
-            )
+        require_consistent(self)
         return self
 
     # -- structure of the scene -------------------------------------------------------------------------

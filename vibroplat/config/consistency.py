@@ -1,0 +1,101 @@
+"""What the sections of a scene must agree on, beyond what each of them says of itself."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
+from vibroplat.config.plans import FREQUENCY
+from vibroplat.config.sections import OF_EXCITERS
+
+#: Most turns at the synchronous speed that a run may take: half a day of computing.
+MAX_TURNS = 1e9
+#: The same with engine ``sundae``, which is ten to twenty times slower.
+MAX_TURNS_SUNDAE = 5e7
+
+
+def require_consistent(scene: Any) -> None:
+    """Refuse a scene whose sections do not go together (ValueError)."""
+    _require_exciters_once(scene)
+    _require_transportable(scene)
+    _require_bounded(scene)
+    _require_possible_state(scene)
+
+
+def _require_exciters_once(scene: Any) -> None:
+    """Refuse numbers of exciters, or phases, that are given in two ways or do not go with the rotation."""
+    for name in OF_EXCITERS if scene.exciters is not None else ():
+        if name in scene.machine.model_fields_set:
+            raise ValueError(f"exciters and machine.{name} are both given; allowed: one of the two")
+    if scene.co_rotating and scene.run.initial.phase_sum_rad is not None:
+        raise ValueError(
+            f"run.initial.phase_sum_rad = {scene.run.initial.phase_sum_rad} but the exciters are co-rotating; "
+            "allowed: phase_difference_rad"
+        )
+
+
+def _require_transportable(scene: Any) -> None:
+    """Refuse what does not go with transport."""
+    if scene.transport is None:
+        return
+    wrong = {
+        "material.mass_ratio": (scene.material.mass_ratio, scene.material.mass_ratio > 0.0, "more than 0"),
+        "contact.model": (scene.contact.model, scene.contact.model == "impact", "impact"),
+        "contact.impact_law": (
+            *(scene.contact.impact_law, scene.contact.impact_law == "conservative"),
+            "conservative",
+        ),
+    }
+    for key, (value, fits, allowed) in wrong.items():
+        if not fits:
+            raise ValueError(f"{key} = {value} does not go with transport; allowed: {allowed}")
+    steepest = math.degrees(math.atan(scene.transport.largest_friction))
+    if abs(scene.transport.deck_angle_deg) > steepest:
+        raise ValueError(
+            f"transport.deck_angle_deg = {scene.transport.deck_angle_deg:g}: the material slides off a deck at "
+            f"rest; allowed with this friction: up to {steepest:.4g}"
+        )
+
+
+def _require_bounded(scene: Any) -> None:
+    """Refuse durations that no computer would ever finish."""
+    durations = [("run.duration_s", scene.run.duration_s, scene.drive.largest_frequency)]
+    if scene.sweep is not None:
+        stop = max(scene.sweep.swept.ends) if scene.sweep.swept.key == FREQUENCY else scene.drive.largest_frequency
+        times = {f"sweep.{key}": getattr(scene.sweep, key) for key in ("max_settle_s", "measure_s")}
+        durations += [(key, seconds, stop) for key, seconds in times.items()]
+    if scene.find is not None:
+        times = {f"find.{key}": 2.0 * getattr(scene.find, key) for key in ("max_settle_s", "measure_s")}
+        durations += [(key, seconds, scene.drive.largest_frequency) for key, seconds in times.items()]
+    slow = scene.solver.engine == "sundae"
+    most = MAX_TURNS_SUNDAE if slow else MAX_TURNS
+    for key, seconds, supply in durations:
+        turns = seconds * supply / min(exciter.pole_pairs for exciter in scene.exciter_pair)
+        if turns > most:
+            raise ValueError(
+                f"{key} = {seconds} takes {turns:.3g} turns at the synchronous speed; "
+                f"allowed{' with engine sundae' if slow else ''}: at most {most:.0e}"
+            )
+
+
+def _require_possible_state(scene: Any) -> None:
+    """Refuse a state that the scene does not have."""
+    state = scene.run.initial.state
+    if state is None:
+        return
+    for index in range(len(scene.coordinates), len(COORDINATES)):
+        for key in (COORDINATES[index], RATES[index]):
+            if getattr(state, key):
+                raise ValueError(
+                    f"run.initial.state.{key} = {getattr(state, key)} but this scene has no such coordinate; "
+                    "allowed: leave it out"
+                )
+    for key in ALONG if scene.transport is None else ():
+        if getattr(state, key):
+            raise ValueError(f"run.initial.state.{key} is given without transport; allowed: leave it out")
+    if not state.gap_m and state.gap_rate_m_per_s < 0.0:
+        raise ValueError(
+            f"run.initial.state.gap_rate_m_per_s = {state.gap_rate_m_per_s} closes a gap that is 0; "
+            "allowed: at least 0 while gap_m is 0"
+        )
