@@ -31,7 +31,20 @@ import numpy as np
 from vibroplat.kernels.compiled import fused, fused_inline, inlined
 from vibroplat.kernels.polynomial import MAX_DEGREE
 from vibroplat.kernels.sines import sincos_pair
-from vibroplat.kernels.vectors import Lanes, Pair, align_stack, at, join, lanes_record, part, select, some, zero
+from vibroplat.kernels.vectors import (
+    Lanes,
+    Pair,
+    align_stack,
+    at,
+    four,
+    join,
+    lanes_record,
+    part,
+    select,
+    some,
+    total,
+    zero,
+)
 from vibroplat.model.motor import MotorTerms, kloss_term, motor_at, resistance_term, square_term
 from vibroplat.model.parameters import PARAMETERS, Parameters
 from vibroplat.model.platform import Compliance, Five, Unbalance, compliance, couplings, mobility, solve_rows
@@ -288,12 +301,6 @@ def put_along(quads: Any, k: int, along: Lanes, following: Lanes, friction: Lane
         quads[at(k), 2], quads[at(k + 1), 2] = four(along, friction, none, none), four(following, none, none, none)
 
 
-@inlined
-def four(first: Lanes, second: Lanes, third: Lanes, fourth: Lanes) -> Any:
-    """Put four columns side by side."""
-    return join(join(first, second), join(third, fourth))
-
-
 @fused_inline
 def middle_terms(k: int, r: Any, pair: Pair, single: Lanes) -> Sums:
     """Sum up the middle terms of the products of order k; of a product with itself half of them are formed."""
@@ -325,13 +332,6 @@ def put_factors(
     room.c[r], room.s[r], room.w[m], room.u[m], room.ax[i], room.ay[i] = e.cosine, e.sine, e.speed, e.slip, e.ax, e.ay
     room.square[i], room.torque[i] = known.square, known.torque
     room.phi[r], room.turning[m], room.unbalances[i], room.centre[i], room.lifted[i] = turned
-
-
-@inlined
-def total(both: Pair) -> Lanes:
-    """Add up what both exciters contribute."""
-    first, second = part(both)
-    return first + second
 
 
 @inlined
