@@ -168,9 +168,12 @@ def test_a_stop_that_nothing_disturbs_says_that_its_symmetry_hides_a_direction()
         "run.duration_s": 0.2,
         "run.initial.state": upward | {"phi1_rate_rad_per_s": 160.0, "phi2_rate_rad_per_s": -160.0},
     }
-    stopping, told = turning | stop, "next to nothing moves along x, as this start is symmetric"
+    coasting = turning | {"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}]}
+    told = "next to nothing moves along x, as this start is symmetric"
     found = [
         any(told in note for note in of_motion(load_config(QUICKSTART), **changes))
-        for changes in (stopping, turning, stopping | {"run.perturbation": 0.01}, stopping | {"run.perturbation": 0.0})
+        for changes in (coasting, turning, coasting | {"run.perturbation": 0.01}, coasting | {"run.perturbation": 0.0})
     ]
     assert found == [True, False, False, False]
+    (note,) = (note for note in of_motion(load_config(QUICKSTART), **turning | stop) if "symmetry" in note)
+    assert note.startswith("a stop within a run keeps the symmetry that its motion has reached")
