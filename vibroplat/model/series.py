@@ -179,8 +179,7 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters, moving: Any) -> N
     All records are those of lanes: a :data:`MOTION`, a :data:`ROOM` and :data:`PARAMETER_ROWS`. The degree is from 2 to
     MAX_DEGREE. Where an exciter is at rest, its resistance is that of the sense in which it is about to turn.
 
-    With transport (``moving`` is not None, which the compiler knows) each order is first solved without contact; forces
-    and accelerations in contact follow by the law of the mode, which is the same in all orders.
+    With transport (``moving`` is not None) an order is first solved without contact, which the mode's law then adds.
     """
     y, v, quads = motion.y, motion.v, room.quads
     attached, flying, two, phi, turning_0 = motion.attached, motion.flying, motion.two, y[2], v[2]
@@ -206,15 +205,7 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters, moving: Any) -> N
         rotation = Rotation(sums.centre + phi_1 * turning + both, sums.lifted + phi_1 * square + phi * both, weight)
         known, slope = tilted(k, from_lower_orders(k, twice, rotation, e, sense, f, sums), motion, f, none, moving)
         held = restoring((x0, x1, x2, x5, x6), (v0, v1, v2, v5, v6), p)
-        moment_1, moment_2 = part(known.moment)
-        turned = f.unbalance * (f.x * known.sine - f.y * known.cosine) + known.reaction  # k (X s″ − Y c″)
-        b = (
-            pulled(-held[0] - total(f.unbalance * known.cosine), slope, p, moving),
-            -(held[1] - held[3]) - total(f.unbalance * known.sine) - p.mass * weight,
-            -held[2] - total(turned) + sums.moment + phi_1 * unbalances,
-            moment_1,
-            moment_2,
-        )
+        b = loads_of(held, known, f, sums.moment + phi_1 * unbalances, weight, slope, p, moving)
         lower = p.upper_mass * held[4] - p.lower_mass * weight - held[3]
         upper = -weight - held[4]
         free = solve_rows(attached, motion.lower_share, b, lower, upper, inverse, p)
@@ -242,6 +233,22 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters, moving: Any) -> N
         four(following, v5 * share, v6 * share, none),
     )
     put_along(quads, degree - 1, x8, v8 * share, none, moving)
+
+
+@fused_inline
+def loads_of(
+    held: Five, known: Terms, f: Constants, moment: Lanes, weight: Any, slope: Lanes, p: Parameters, moving: Any
+) -> Five:
+    """Return the right-hand sides of the rows of platform and exciters, from the forces that hold them."""
+    moment_1, moment_2 = part(known.moment)
+    turned = f.unbalance * (f.x * known.sine - f.y * known.cosine) + known.reaction  # k (X s″ − Y c″)
+    return (
+        pulled(-held[0] - total(f.unbalance * known.cosine), slope, p, moving),
+        -(held[1] - held[3]) - total(f.unbalance * known.sine) - p.mass * weight,
+        -held[2] - total(turned) + moment,
+        moment_1,
+        moment_2,
+    )
 
 
 @fused_inline

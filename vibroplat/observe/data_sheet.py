@@ -1,8 +1,4 @@
-"""The data sheet of a motion: loads on foundation, motors and bearings, strokes and accelerations, and how it starts.
-
-What is of a measured interval is found for runs, points of sweeps and orbits alike; extremes of the whole, and the
-start, for runs alone.
-"""
+"""The data sheet of a measured interval: loads, strokes and accelerations; of a run, its extremes and start as well."""
 
 from __future__ import annotations
 

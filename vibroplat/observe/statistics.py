@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.coordinates import MAX_NAMED_POINTS
 from vibroplat.hybrid.modes import FLIGHT, MODES
-from vibroplat.hybrid.state import WIDTH, Automaton, Steps
+from vibroplat.hybrid.state import Automaton, Steps
 from vibroplat.kernels.compiled import Callee, FloatArray, address_of, borrow, compiled, copy, inlined, same_types
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import crossing, value
@@ -29,11 +28,9 @@ from vibroplat.model.systems import (
     ALONG_RATE,
     DIFFERENTIAL,
     FULL_SIZE,
-    MOVING_SIZE,
     PLACES,
     SIZES,
     SLIDES,
-    UNKNOWNS,
 )
 from vibroplat.observe.conveying import find_sliding
 from vibroplat.observe.extremes import IMPULSE, MAX_NODES, NODES, WEIGHTS, Equations, Span, set_pace
@@ -53,7 +50,6 @@ from vibroplat.observe.measures import (
     SPEED,
     STICK_TIME,
     SUMMED,
-    SUMS,
     TIME,
     TORQUE,
     WHOLE_RUN,
@@ -64,7 +60,7 @@ from vibroplat.observe.measures import (
     empty_accumulators,
     last_closed,
 )
-from vibroplat.observe.peaks import COLUMNS, TOPS
+from vibroplat.observe.room import ROOM
 
 #: Place of φ₁ among the unknowns. An integer of numpy, so that functions are compiled once for all.
 _ANGLE = np.array([3])[0]
@@ -78,34 +74,6 @@ _TURN = 2.0 * math.pi
 _COMPLETE = 1e-12
 #: Turns of exciter 1 within a step beyond which none of them is counted: the motion makes no sense any more.
 _MAX_TURNS = 1000.0
-
-#: What is overwritten at each step, but for limits and their row, stiffnesses, dampings, levers, and how many points.
-ROOM = np.dtype(
-    [
-        ("samples", float, (MAX_NODES + 2, WIDTH)),  # unknowns at beginning, nodes and end
-        ("quantities", float, (MAX_NODES + 2, COLUMNS)),  # what has extremes, there
-        ("limits", float, (2, COLUMNS)),  # least and largest values so far
-        ("square_limits", float, 2),  # those of squares of accelerations, of x and y and of y alone
-        ("squares", float, MAX_NODES + 1),  # of mean accelerations
-        ("springs", float, (2, 4)),  # stiffnesses and dampings of x, y, φ, then nan
-        ("levers", float, 2 * MAX_NAMED_POINTS),  # of points: what φ adds to x and y
-        ("means", float, (4, WIDTH)),  # of unknowns, their squares, their sizes, products with the rates
-        ("power", float, N_WORK),
-        ("sliding", float, len(SUMS) - STICK_TIME),  # means of what :func:`find_sliding` finds
-        ("phases", float, MAX_NODES),
-        ("driven", float, (2, 2)),  # extremes of speeds before a step
-        ("full", float, MOVING_SIZE),
-        ("y", float, UNKNOWNS),
-        ("yp", float, UNKNOWNS),
-        ("begins", float, (2, WIDTH)),  # unknowns and their derivatives where a part of a step begins, and ends
-        ("at", float, (2, WIDTH)),
-        ("limited", np.int64),
-        ("widened", np.int64),
-        ("named", np.int64),
-        *TOPS,
-    ],
-    align=True,
-)
 
 
 class Statistics:
