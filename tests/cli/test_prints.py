@@ -133,7 +133,14 @@ HEADLINES = {
     "INACCURATE, runs at 25.74 Hz": {"outcome": "inaccurate"},
     "CAPTURED by the resonance in y: 25.74 Hz, 25.75 Hz wanted": {"captured_by": "y"},
     "nothing measured, the run is too short": {"excitation_frequency_hz": None},
-    "the exciters hardly turn": {"measured_turns": 0},
+    "not a whole turn in the measured 0.0777 s: a longer run.duration_s helps": {"measured_turns": 0},
+    "the exciters hardly turn": {"measured_turns": 0, "measured_to_s": 9.0, "excitation_frequency_hz": 0.01},
+    "exciter 1 hardly turns, exciter 2 at 25.00 Hz": {
+        "measured_turns": 0,
+        "measured_to_s": 9.0,
+        "excitation_frequency_hz": 12.5,
+        "frequency_split_hz": -25.0,
+    },
     "runs, not synchronized: exciters at 26.74 Hz and 24.74 Hz": {"frequency_split_hz": 2.0, "phase_coherence": 0.1},
     "runs at 25.74 Hz (1545 rpm), phase difference 90 °": {"phase_difference_rad": 1.5707},
     "runs at 25.74 Hz (1545 rpm), in-phase: vibrates along x and rocks; repeats every 3 turns": {
@@ -195,7 +202,11 @@ def test_what_is_nothing_is_0_and_what_is_missing_is_left_out(runs):
     (line,) = (line for line in short_lines(Sheet(run.scene, run.summary | small)) if line.startswith("foundation, x"))
     assert line.split()[2:4] == ["0", "largest"], "a start has forces that operation has not"
     off = run.scene.replace({"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}]})
-    assert headline(off, run.summary).startswith("quickstart: coasts with the motors off at 25.74 Hz")
+    assert headline(off, run.summary).startswith("quickstart: coasts with the motors off, at 25.74 Hz")
+    ends = {0.5: "swing out", 0.001: "have come to rest"}
+    for ripple, end in ends.items():
+        known = run.summary | {"measured_turns": 0, "speed_ripple_1_hz": ripple, "speed_ripple_2_hz": 0.0}
+        assert headline(off, known) == f"quickstart: the exciters {end}, motors off"
     assert not [line for line in short_lines(Sheet(off, run.summary)) if line.startswith("motor power")]
     assert short_lines(Sheet(run.scene, run.summary | {"stroke_y_m": None})) == []
     former = {name: value for name, value in run.summary.items() if not name.startswith("foundation")}

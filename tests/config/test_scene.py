@@ -43,6 +43,19 @@ def test_replace_keeps_what_it_does_not_change():
     assert stronger.replace(exciters=[Exciter(), Exciter()]).motor is None
 
 
+def test_exciters_of_a_copy_are_found_anew_where_their_numbers_change():
+    def with_machine(**numbers):
+        return SCENE.model_copy(update={"machine": SCENE.machine.model_copy(update=numbers)})
+
+    pair, heavier = SCENE.exciter_pair, with_machine(platform_mass_kg=20.0)
+    assert heavier.exciter_pair is pair
+    assert heavier.body.mass > SCENE.body.mass
+    assert with_machine(unbalance_mass_kg=0.1).exciter_pair is not pair
+    for name in ("unbalance_radius_m", "rotor_inertia_kg_m2"):
+        own = 2.0 * getattr(SCENE.machine, name)
+        assert [getattr(exciter, name) for exciter in with_machine(**{name: own}).exciter_pair] == [own, own]
+
+
 # -- exciters and starts --------------------------------------------------------------------------------
 
 

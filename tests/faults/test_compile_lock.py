@@ -58,12 +58,12 @@ def work():
     if "fail" in sys.argv:
         print("not heard", file=sys.stderr)
         raise KeyboardInterrupt
-    compile_for(crossing, c, 3, 0, 1.2)
+    compile_for(crossing, c, 3, 0, 1.2, c[:, 0].sum())
 
 with second_compiler(work):
     while "wait" in sys.argv and count() == 0:
         time.sleep(0.001)
-    found = crossing(c, 3, 0, 1.2)
+    found = crossing(c, 3, 0, 1.2, c[:, 0].sum())
 print(round(found, 9), sum(crossing.stats.cache_hits.values()), is_second())
 """
 

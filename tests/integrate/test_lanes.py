@@ -4,17 +4,18 @@ import numpy as np
 
 from vibroplat.kernels import lanes
 from vibroplat.kernels.compiled import compiled
+from vibroplat.kernels.rows import horner_16, horner_pair_16
 from vibroplat.kernels.sines import sincos_pair
 
 
 @compiled
 def evaluate(c, degree, s, out):
-    lanes.horner_16(c, degree, s, out)
+    horner_16(c, degree, s, out)
 
 
 @compiled
 def evaluate_pair(c, degree, s, following, out):
-    lanes.horner_pair_16(c, degree, s, following, out)
+    horner_pair_16(c, degree, s, following, 0, out)
 
 
 @compiled

@@ -171,7 +171,7 @@ def test_crossing_of_a_level():
     c = np.array([1.0, 2.0, 0.3, 0.2])
     for level in (1.0 + 1e-12, 2.0, 3.4999):
         for sign in (1.0, -1.0):
-            s = crossing(column(sign * c), 3, 0, sign * level)
+            s = crossing(column(sign * c), 3, 0, sign * level, sign * c.sum())
             assert np.polynomial.Polynomial(c)(s) == pytest.approx(level, abs=1e-14)
 
 

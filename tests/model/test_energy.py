@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from vibroplat.model.energy import FORCE, FORCE_SIZE, POWERS, deck_power, energies, exciter_powers, powers
+from vibroplat.kernels.compiled import compiled
+from vibroplat.kernels.vectors import load_2, store
+from vibroplat.model.energy import FORCE, FORCE_SIZE, POWERS, energies, exciter_powers, powers
 from vibroplat.model.impact import kinetic_change
-from vibroplat.model.motor import motor_torque
+from vibroplat.model.motor import motor_torques
 from vibroplat.model.parameters import parameters
 
 from .helpers import (
@@ -36,12 +38,18 @@ def rates_of(system, state, p):
     return central_difference(lambda time: np.array(energies(state + time * tangent, p)[:4]), step=2e-5)
 
 
+@compiled
+def exciters(state, p, out):
+    speed = load_2(state, 0, 10)
+    found = exciter_powers(motor_torques(TIME, speed, p), speed, load_2(state, 0, 3), state[2], state[9], p)
+    for i, both in enumerate((found.motor - found.held, found.truncation, found.resistance)):
+        store(both, out, i, 0)
+
+
 def powers_of(state, p):
-    out = np.empty(FORCE_SIZE + 1)
-    motors = [motor_torque(i, TIME, state[10 + i], p) * state[10 + i] for i in (0, 1)]
-    motor, truncated, resisted = exciter_powers(*motors, state, 7, p)
-    motor -= deck_power(*(motor_torque(i, TIME, state[10 + i], p) for i in (0, 1)), state, 7, p)
-    powers((motor, truncated, resisted), np.array([state, state**2, abs(state)]), 7, 4, out, p)
+    out, each = np.empty(FORCE_SIZE + 1), np.empty((3, 2))
+    exciters(state, p, each)
+    powers(tuple(each.sum(axis=1)), np.array([state, state**2, abs(state)]), 7, 4, out, p)
     return dict(zip(POWERS, out, strict=False)), out[FORCE], out[FORCE_SIZE]
 
 

@@ -7,10 +7,10 @@ from common.known import motion_of
 from vibroplat import simulate
 from vibroplat.kernels.compiled import compiled
 from vibroplat.kernels.lanes import in_lines
-from vibroplat.kernels.screening import LOWER, exceeds_limits
 from vibroplat.observe.data_sheet import whole_run
-from vibroplat.observe.extremes import GAPS, HEIGHT, NODES, REACH
+from vibroplat.observe.extremes import HEIGHT, NODES, REACH
 from vibroplat.observe.measures import SECTION_POINTS, SUMMED, WHOLE_RUN, WITH_EXTREMES
+from vibroplat.observe.peaks import EIGHT, beyond_limits
 from vibroplat.observe.section import section_rows
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import measure, synchronization
@@ -163,9 +163,21 @@ def test_a_run_that_begins_on_the_section_and_goes_backwards_loses_nothing(quick
     assert summary["energy_residual"] < 1e-5
 
 
+def test_strokes_of_all_points_are_found_where_many_peaks_are_in_a_step(quickstart):
+    """A rocking platform: most of its points turn back in each step."""
+    points = {f"p{i}": [0.4 * np.cos(i), 0.3 * np.sin(i)] for i in range(8)}
+    asked = {"output.points": points, "run.duration_s": 0.4, "run.initial.phase_difference_rad": 1.0}
+    run = simulate(quickstart.replace(asked | {"solver.engine": "taylor"}))
+    dense = run(np.linspace(run.summary["measured_from_s"], run.summary["measured_to_s"], 20_001))
+    for name, (x, y) in run.scene.named_points.items():
+        for axis, moved in (("x", dense["x_m"] - y * dense["phi_rad"]), ("y", dense["y_m"] + x * dense["phi_rad"])):
+            stroke = np.ptp(moved)
+            assert stroke * (1.0 - 1e-12) <= run.summary[f"stroke_{axis}_{name}_m"] <= stroke * (1.0 + 1e-5)
+
+
 @compiled
-def screen(start, samples, nodes, end, springs, gaps, reach, limits):
-    return exceeds_limits(start, samples, nodes, end, 8, springs, gaps, 1.0, reach, limits)
+def screen(samples, nodes, reach, limits, found):
+    found[0], found[1] = beyond_limits(samples, nodes, reach, limits, 0)
 
 
 def oscillations(s, rates, phases, sizes, slopes):
@@ -177,20 +189,21 @@ def test_screening_lets_no_extreme_between_samples_pass(nodes, turn):
     """Two oscillations as fast as the degree allows, and a straight line, against limits just inside their extremes."""
     rng, places = np.random.default_rng(nodes), np.concatenate([[0.0], NODES[nodes, :nodes], [1.0]])
     dense = np.linspace(0.0, 1.0, 2001)[:, np.newaxis]
-    limits, springs = in_lines((2, 24)), in_lines((2, 4))
-    for _ in range(300):
-        rates, phases = rng.uniform(0.05, turn, (2, 16)), rng.uniform(0.0, 2.0 * np.pi, (2, 16))
-        sizes, slopes = rng.uniform(-1.0, 1.0, 16) * rng.integers(0, 2, 16), rng.uniform(-3.0, 3.0, 16)
-        samples, true = in_lines((nodes + 2, 16)), oscillations(dense, rates, phases, sizes, slopes)
+    limits, found = in_lines((2, EIGHT)), np.zeros(2, np.int64)
+    for _ in range(600):
+        rates, phases = rng.uniform(0.05, turn, (2, EIGHT)), rng.uniform(0.0, 2.0 * np.pi, (2, EIGHT))
+        sizes, slopes = rng.uniform(-1.0, 1.0, EIGHT) * rng.integers(0, 2, EIGHT), rng.uniform(-3.0, 3.0, EIGHT)
+        samples, true = in_lines((nodes + 2, EIGHT)), oscillations(dense, rates, phases, sizes, slopes)
         samples[:] = oscillations(places[:, np.newaxis], rates, phases, sizes, slopes)
-        limits[0], limits[1] = -np.inf, np.inf
         least, largest = true.min(axis=0), true.max(axis=0)
-        limits[0, :16], limits[1, :16] = least + 1e-9 * np.abs(least), largest - 1e-9 * np.abs(largest)
-        start = np.vstack([samples[0], samples[0]])
-        flags = screen(start, samples[1:-1], nodes, samples[-1], springs, GAPS[nodes], REACH[nodes], limits)
-        assert flags & 0xFFFF == flags >> LOWER & 0xFFFF == 0xFFFF
-        limits[0, :16], limits[1, :16] = least - np.ptp(true, axis=0), largest + np.ptp(true, axis=0)
-        assert screen(start, samples[1:-1], nodes, samples[-1], springs, GAPS[nodes], REACH[nodes], limits) == 0
+        limits[0], limits[1] = least + 1e-9 * np.abs(least), largest - 1e-9 * np.abs(largest)
+        screen(samples, nodes, REACH[nodes], limits, found)
+        assert found.tolist() == [0xFF, 0xFF]
+        limits[0], limits[1] = least - np.ptp(true, axis=0), largest + np.ptp(true, axis=0)
+        samples[:, -1] = np.nan  # what a system does not have is beyond no limit
+        limits[:, -1] = 1.0, -1.0
+        screen(samples, nodes, REACH[nodes], limits, found)
+        assert found.tolist() == [0, 0]
 
 
 @pytest.fixture(scope="module")

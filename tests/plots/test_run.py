@@ -224,7 +224,7 @@ def test_titles_of_runs_that_coast_down_do_not_speak_of_operation(saved):
     told, scene = read_json(saved["bare"], "summary"), RunResult.read(saved["bare"], "run").scene
     off = {"program": [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}]}
     run = SimpleNamespace(summary=told, scene=scene.replace({"drive": off}), name=told["name"])
-    assert headlines.headline("exciters", [run]).startswith("Coasts with the motors off ")
+    assert headlines.headline("exciters", [run]).startswith("Coasts with the motors off, at ")
     assert all(headlines.headline(kind, [run]).startswith("No steady motion ") for kind in ("motion", "loads"))
 
 

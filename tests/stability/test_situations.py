@@ -16,7 +16,7 @@ from stability.checks import row, sound, with_engine
 from stability.endurance import endurance
 from stability.grazing import grazing
 from stability.layers import layers
-from stability.transport import transport
+from stability.transport import judged_moving, transport
 from stability.units import units
 from vibroplat import simulate
 from vibroplat.bench.scenes import base
@@ -141,3 +141,9 @@ def test_sound_runs_are_told_from_others():
     for key, value in wrong.items():
         found = summary | {key: value, "energy_residual_j": exchanged, "momentum_residual_n_s": moved}
         assert row("a", "ok", sound(scene, found))["failed"] != "", key
+
+
+@pytest.mark.parametrize("number", [746, 1010])
+def test_material_that_would_pull_if_it_stuck_slips_where_that_presses(number):
+    """They flew into the deck, with 4e-6 and 2e-8 of the scale of gaps."""
+    assert judged_moving(number, "taylor")["failed"] == ""

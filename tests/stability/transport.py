@@ -17,7 +17,7 @@ AGAINST = 0.1
 
 def transport(count, engine):
     """Run random scenes with friction: each ends by name, forces stay in Coulomb's cone, balances close."""
-    return [_judged(with_engine(moving(number), engine)) for number in range(count)]
+    return [judged_moving(number, engine) for number in range(count)]
 
 
 def moving(number):
@@ -35,7 +35,9 @@ def moving(number):
     return scene.replace(changes | {"solver.tolerance": 1e-8})
 
 
-def _judged(scene):
+def judged_moving(number, engine):
+    """Run a scene; return its row."""
+    scene = with_engine(moving(number), engine)
     run = simulate(scene)
     limits = sound(scene, run.summary)
     if run.outcome in ("ok", "inaccurate"):

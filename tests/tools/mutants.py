@@ -58,7 +58,7 @@ BY_ROOM = [
         "return greater(float(k) * largest(greater(first, second)) → return greater(largest(greater(first, second))",
         "good = (worst <= greater(s.noise, MAX_DEFECT)) → good = (worst <= greater(s.noise, 1e9))",
         "form < max(e.bound[place] * followed.before, limits.near) → form < 1.0",
-        "stop, status.resting = AT_TARGET, -1\n            length *= crossing(c, degree, 3, target) → stop, status.resting = AT_TARGET, -1",
+        "stop, status.resting = AT_TARGET, -1\n            length *= crossing(c, degree, 3, target, angle) → stop, status.resting = AT_TARGET, -1",
         "s.v[3 + status.resting, lane] = 0.0 → s.v[3 + status.resting, lane] = 1e-3",
     ]),
     # what is observed

@@ -144,7 +144,13 @@ class Scene(Section):
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Copy the scene, with some sections changed; what follows from these is found anew."""
         copied = super().model_copy(update=update, deep=deep)
-        for name in (*_SCALES, *([] if EXCITERS_FROM.isdisjoint(update or ()) else _FOUND)):
+        changed = EXCITERS_FROM.intersection(update or ())
+        stale = {*_SCALES, *(_FOUND if changed else ())}
+        if changed == {"machine"} and all(
+            getattr(copied.machine, name) == getattr(self.machine, name) for name in (*OF_EXCITERS, "unbalance_mass_kg")
+        ):
+            stale.discard("exciter_pair")  # the platform's numbers are none of theirs
+        for name in stale:
             copied.__dict__.pop(name, None)
         return copied
 

@@ -66,16 +66,16 @@ def contact_mode(h: Automaton) -> int:
         mode = SLIP_PLUS
     if not prepare_consistent_start(h, mode, DIFFERENTIATED):
         return -1
-    if not contact_holds_at_start(h, mode):
-        return FLIGHT
     if mode == STICK:
         force = DIFFERENTIAL[run.systems[STICK]]
         needed = run.y[STICK, force + 1]
-        if abs(needed) > p.static_friction * run.y[STICK, force]:
-            mode = SLIP_MINUS if needed > 0.0 else SLIP_PLUS
-            if not prepare_consistent_start(h, mode, DIFFERENTIATED):
-                return -1
-    return mode
+        if contact_holds_at_start(h, STICK) and abs(needed) <= p.static_friction * run.y[STICK, force]:
+            return STICK
+        # where sticking would pull, slipping may press all the same: the force then needed has the sense of the slip
+        mode = SLIP_MINUS if needed > 0.0 else SLIP_PLUS
+        if not prepare_consistent_start(h, mode, DIFFERENTIATED):
+            return -1
+    return mode if contact_holds_at_start(h, mode) else FLIGHT
 
 
 @compiled

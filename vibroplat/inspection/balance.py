@@ -133,6 +133,12 @@ def balances(
     return [Balance(w, lag, math.remainder(sense * lag, 2.0 * math.pi)) for w, lag in np.transpose(found).tolist()]
 
 
+def all_balances(scene: Scene, supply: Supply) -> list[Balance]:
+    """Return the stable balances of the empty machine at the highest speeds, then those at the lowest ones."""
+    grid = speed_grid(scene)
+    return [one for highest in (True, False) for one in balances(scene, supply, grid, highest=highest)]
+
+
 def speed_alone(scene: Scene, supply: Supply, exciter: int, near: float, carried: complex = 0.0) -> float:
     """Return the stable speed of an exciter that turns at no other's speed, the nearest to one; 0 without a torque."""
     speeds = speed_grid(scene)

@@ -8,6 +8,7 @@ from typing import Any
 
 from vibroplat.columns import unit_of
 from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, quantity, share, spread
+from vibroplat.config.plausibility import SWING_TORQUE_RATIO
 from vibroplat.inspection.conveying import BANDS, ERROR, STRAIGHT
 from vibroplat.results.answer import of_both
 
@@ -71,6 +72,9 @@ def _speeds(v: Numbers, load: str) -> str:
 
 
 def _verdict(v: Numbers) -> str:
+    both = [(v[f"starting_torque_{i}_n_m"], v[f"lifting_torque_{i}_n_m"]) for i in (1, 2)]
+    if any(0.0 < starting < SWING_TORQUE_RATIO * lifting for starting, lifting in both):
+        return "may not leave rest"
     if v["passage_ratio"] < TIGHT:
         return "passes"
     return "barely passes" if v["passage_ratio"] < 1.0 else "is captured"

@@ -180,8 +180,7 @@ def _expected(scene: Scene, supply: Supply) -> Turning:
     """
     if not any(supply.driven):
         return Turning((0.0, 0.0), None, [])
-    grid = balance.speed_grid(scene)
-    known = [one for highest in (True, False) for one in balance.balances(scene, supply, grid, highest=highest)]
+    known = balance.all_balances(scene, supply)
     ends = averaged_start(balance.while_driven(scene), np.ones(1))[0].tolist()
     mean = 0.5 * sum(ends)
     found = min(known, key=lambda one: abs(one.speed - mean), default=None)

@@ -31,6 +31,7 @@ from vibroplat.kernels.vectors import (
     as_lanes,
     at,
     exp2,
+    four,
     greater,
     lesser,
     log2,
@@ -38,9 +39,10 @@ from vibroplat.kernels.vectors import (
     select,
     size,
     some,
+    total,
     zero,
 )
-from vibroplat.model.series import ALONG, FORCE, FRICTION, WORDS, expand, four
+from vibroplat.model.series import ALONG, FORCE, FRICTION, WORDS, expand
 from vibroplat.model.systems import ALGEBRAIC, COLUMNS, DIFFERENTIAL, LAYERS, SENSE
 
 #: Largest difference of accelerations at the end of a step, times its length over its degree, in tolerances of rates.
@@ -174,21 +176,13 @@ def largest(quad: Any) -> Lanes:
 
 
 @fused_inline
-def total(quad: Any) -> Lanes:
-    """Sum of four columns."""
-    first, second = part(quad)
-    first, second = part(first + second)
-    return first + second
-
-
-@fused_inline
 def confirm(g: Group, s: Any, r: Any) -> None:
     """Confirm the last steps by the accelerations and F_c that the next series begin with, or take them back."""
     quads = r.quads
     share, worst, sums = s.length * (1.0 / g.degree), size(s.y[FORCE] - r.q[0, FORCE]) * s.force_weight, zero(s.length)
     for i in range(quads_of(g.moving)):
         worst = greater(worst, largest(size(s.a4[i] - 2.0 * quads[2, i]) * s.weights4[i]) * share)
-        sums += total(quads[2, i])
+        sums += total(total(quads[2, i]))
     good = (worst <= greater(s.noise, MAX_DEFECT)) & is_finite(sums)
     kept = select(good, s.pending, 0.0)
     back = s.pending > kept
@@ -313,7 +307,7 @@ def propose(g: Group, s: Any, r: Any) -> None:
         attend(g, lane, _BEFORE)
     s.steps += s.pending
     move(s, q, quads, degree, g.moving)
-    good = (size(s.y[2]) <= s.safe_rotation) & is_finite(total(s.a4[0]) + total(s.a4[1]))
+    good = (size(s.y[2]) <= s.safe_rotation) & is_finite(total(total(s.a4[0] + s.a4[1])))
     s.doubtful = select(good, 0.0, s.pending)
     if some(greater(s.singly, s.doubtful) > 0.5):
         for lane in range(g.status.size):

@@ -136,7 +136,7 @@ def stop_within(
     c = steps.c[steps.used.steps - 1]
     passed, fall = np.inf, 1.0 if root_found else np.inf
     if y[3] >= target:
-        passed = crossing(c, CUBIC, 3, target)
+        passed = crossing(c, CUBIC, 3, target, y[3])
     if (
         guard >= 0
         and not root_found
@@ -168,7 +168,7 @@ def sliding_stop(h: Automaton, root_found: bool, target: float, y: FloatArray) -
     run, steps = h.run, h.steps
     c, system = steps.c[steps.used.steps - 1], run.systems[run.mode]
     form, fall, least = np.empty((CUBIC + 1, 1)), np.inf, np.inf
-    passed = crossing(c, CUBIC, 3, target) if y[3] >= target else np.inf
+    passed = crossing(c, CUBIC, 3, target, y[3]) if y[3] >= target else np.inf
     for which in range(COUNTS[system]):
         first, weight, second, other = guard_form(system, which, h.p)
         for k in range(CUBIC + 1):

@@ -10,8 +10,9 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME
 from vibroplat.hybrid.modes import COUNTS, GUARDS, guard_form
 from vibroplat.hybrid.state import WIDTH, Automaton
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
-from vibroplat.kernels.lanes import in_lines, put_step, sizes_16
+from vibroplat.kernels.lanes import in_lines, put_step
 from vibroplat.kernels.polynomial import MAX_DEGREE, crossing, first_downcrossing
+from vibroplat.kernels.rows import sizes_16
 from vibroplat.model.series import FORCE, FRICTION
 from vibroplat.model.systems import ALGEBRAIC, COLUMNS, DIFFERENTIAL, LAYERS, SLIDES, UNKNOWNS
 
@@ -142,7 +143,7 @@ def end_of_step(
             angle += c[k, 3]
         if angle >= target:
             stop, status.resting = AT_TARGET, -1
-            length *= crossing(c, degree, 3, target)
+            length *= crossing(c, degree, 3, target, angle)
             put_polynomials(q, lane, degree, length, system, c)
     status.stop = stop
     return length

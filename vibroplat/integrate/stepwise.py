@@ -165,7 +165,7 @@ def add_step(
     values(c, degree, 1.0, end[:size])
     if end[3] >= target:
         stop = AT_TARGET
-        share = crossing(c, degree, 3, target)
+        share = crossing(c, degree, 3, target, end[3])
         stretch(c, degree, share)
         length *= share
         values(c, degree, 1.0, end[:size])

@@ -75,12 +75,6 @@ def repeat(builder: Any, number: Any, vector: Any) -> Any:
     return builder.shuffle_vector(single, ir.Constant(vector, ir.Undefined), first)
 
 
-def elementwise(builder: Any, name: str, vector: Any) -> Any:
-    """Return LLVM's function of that name for all numbers of a vector."""
-    kind = ir.FunctionType(vector, [vector])
-    return cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{vector.count}f64")
-
-
 def loop(builder: Any, first: Any, last: Any, step: int, initial: list[Any], body: Any) -> list[Any]:
     """Compile a loop over k from ``first`` to ``last``; ``body(k, totals)`` gives the totals after it.
 
@@ -109,91 +103,6 @@ def loop(builder: Any, first: Any, last: Any, step: int, initial: list[Any], bod
 def multiply_add(builder: Any, a: Any, b: Any, c: Any) -> Any:
     """Return a b + c."""
     return builder.fadd(builder.fmul(a, b, flags=_FUSED), c, flags=_FUSED)
-
-
-def _horner(builder: Any, rows: Rows, degree: Any, places: list[Any], derivatives: int = 0) -> list[Any]:
-    """Evaluate the polynomials at each place; what follows are their derivatives there, each over its factorial."""
-    shares = [repeat(builder, place, rows.vector) for place in places]
-    initial = [rows.load(degree), *[ir.Constant(rows.vector, [0.0] * rows.vector.count)] * derivatives]
-    one, zero = ir.Constant(INDEX, 1), ir.Constant(INDEX, 0)
-
-    def body(k: Any, totals: list[Any]) -> list[Any]:
-        row, after = rows.load(k), []
-        for i, share in enumerate(shares):
-            mine = totals[i * len(initial) : (i + 1) * len(initial)]
-            after += [multiply_add(builder, t, share, addend) for t, addend in zip(mine, [row, *mine], strict=False)]
-        return after
-
-    return loop(builder, builder.sub(degree, one), zero, -1, initial * len(shares), body)[1:]
-
-
-def _horner_at_one(numbers: int, derivatives: int) -> Any:
-    """Make the intrinsic for rows of so many numbers; ``out`` has one row more than derivatives."""
-
-    @intrinsic
-    def evaluate(typing_context: Any, c: Any, degree: Any, s: Any, out: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            rows, out_rows = (Rows(context, builder, signature.args[i], values[i], numbers) for i in (0, 3))
-            for i, total in enumerate(_horner(builder, rows, values[1], [values[2]], derivatives)):
-                times = ir.Constant(rows.vector, [float(math.factorial(i))] * numbers)
-                out_rows.store(ir.Constant(INDEX, i), builder.fmul(total, times))
-            return context.get_dummy_value()
-
-        return types.void(c, types.int64, types.float64, out), generate
-
-    return evaluate
-
-
-@intrinsic
-def _horner_pair(typing_context: Any, c: Any, degree: Any, s: Any, following: Any, out: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows, out_rows = (Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 4))
-        for i, total in enumerate(_horner(builder, rows, values[1], [values[2], values[3]])):
-            out_rows.store(ir.Constant(INDEX, i), total)
-        return context.get_dummy_value()
-
-    return types.void(c, types.int64, types.float64, types.float64, out), generate
-
-
-@intrinsic
-def _sizes(typing_context: Any, c: Any, first: Any, degree: Any, out: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows, out_rows = (Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 3))
-        size = elementwise(builder, "fabs", rows.vector)
-        _, total = loop(
-            *(builder, values[1], values[2], 1, [ir.Constant(rows.vector, [0.0] * 16)]),
-            lambda k, totals: [builder.fadd(totals[0], builder.call(size, [rows.load(k)]))],
-        )
-        out_rows.store(ir.Constant(INDEX, 0), total)
-        return context.get_dummy_value()
-
-    return types.void(c, types.int64, types.int64, out), generate
-
-
-@intrinsic
-def _means(typing_context: Any, samples: Any, weights: Any, nodes: Any, n: Any, out: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows, out_rows = (Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 4))
-        quarters, out_quarters = (Rows(context, builder, signature.args[i], values[i], 4) for i in (0, 4))
-        shares = Rows(context, builder, signature.args[1], values[1], 1)
-        size, zero = elementwise(builder, "fabs", rows.vector), ir.Constant(INDEX, 0)
-
-        def body(i: Any, totals: list[Any]) -> list[Any]:
-            row, single = rows.load(i), shares.load_one(zero, i)
-            weight = repeat(builder, single, rows.vector)
-            weighed = builder.fmul(row, weight)
-            rates = builder.fmul(quarters.load(i, values[3]), repeat(builder, single, quarters.vector))
-            parts = (row, weight), (row, weighed), (builder.call(size, [row]), weight), (quarters.load(i), rates)
-            return [multiply_add(builder, *part, total) for part, total in zip(parts, totals, strict=True)]
-
-        last = builder.sub(values[2], ir.Constant(INDEX, 1))
-        zeros = [ir.Constant(rows.vector, [0.0] * 16)] * 3 + [ir.Constant(quarters.vector, [0.0] * 4)]
-        totals = loop(builder, zero, last, 1, zeros, body)[1:]
-        for i, total in enumerate(totals):
-            (out_rows if i < len(totals) - 1 else out_quarters).store(ir.Constant(INDEX, i), total)
-        return context.get_dummy_value()
-
-    return types.void(samples, weights, types.int64, types.int64, out), generate
 
 
 @intrinsic
@@ -240,21 +149,6 @@ def _put_step(typing_context: Any, q: Any, lane: Any, degree: Any, length: Any, 
 
 if TYPE_CHECKING:
 
-    def horner_16(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
-        """Evaluate polynomials of 16 columns at s, with first derivatives: ``out`` has shape (2, 16)."""
-
-    def horner_pair_16(c: FloatArray, degree: int, s: float, following: float, out: FloatArray) -> None:
-        """Evaluate them at two places, in the time of one; degree above 0, ``out`` of shape (2, 16)."""
-
-    def sizes_16(c: FloatArray, first: int, degree: int, out: FloatArray) -> None:
-        """Sum up the sizes of all 16 columns over rows ``first`` to ``degree``."""
-
-    def means_16(samples: FloatArray, weights: FloatArray, nodes: int, n: int, out: FloatArray) -> None:
-        """Fill the weighted sums of 16 columns over their rows, of their squares and of their sizes: shape (4, 16).
-
-        In the last row are those of the products of the first four columns with those from n on.
-        """
-
     def put_step(q: FloatArray, lane: int, degree: int, length: float, n: int, shifted: bool, c: FloatArray) -> None:
         """Write series in powers of time as a step's polynomials in its fraction: coordinates, rates, F_c.
 
@@ -272,5 +166,4 @@ if TYPE_CHECKING:
             no meaning.
         """
 else:
-    put_step, horner_pair_16, sizes_16, means_16 = _put_step, _horner_pair, _sizes, _means
-    horner_16 = _horner_at_one(16, derivatives=1)
+    put_step = _put_step

@@ -12,11 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused, fused_inline, inlined
+from vibroplat.kernels.vectors import Lanes, greater, lesser, select, size, some, zero
 
 #: Halvings until a fraction of a step is found to round-off.
 HALVINGS = 54
 #: Step of Newton's iteration after which its square, the error, is below round-off; round-off may keep it from less.
 NEWTON_TOLERANCE = 2.0**-40
+#: Way to a zero that Newton's iteration with curvature goes to round-off: its cube is left.
+CURVED_RANGE = 2e-6
 #: Part of a step within which Taylor polynomials of degree 2 and 5 are exact nearly to round-off.
 QUADRATIC_RANGE, QUINTIC_RANGE = 1e-4, 3e-3
 #: Highest degree of series, and of polynomials whose zeros are searched for.
@@ -264,17 +267,20 @@ def at_highest(c: FloatArray, degree: int, j: int) -> float:
 
 @fused_inline
 def turning_point(
-    c: FloatArray, degree: int, j: int, s: float, low: float, high: float, otherwise: float
-) -> tuple[float, float]:
+    c: FloatArray, degree: int, j: int, s: Lanes, low: Lanes, high: Lanes, otherwise: Lanes
+) -> tuple[Lanes, Lanes]:
     """Value of unknown j near fraction s of a step where its slope is zero, and where that is; or ``otherwise`` and s.
 
     By Halley's iteration between ``low`` and ``high``, up to a way that its Taylor polynomial covers to round-off; a
     step of Newton's iteration makes the slope of that 0. At the ends of the step there is nothing to look for. From the
-    vertex of a parabola through three samples the first way mostly is that short.
+    vertex of a parabola through three samples the first way mostly is that short. Several polynomials go side by side
+    where ``c`` is made of lanes.
     """
-    start = s
+    start, way, none = s, zero(s), zero(s)
+    here = rate = half = third = fourth = fifth = none
     for _ in range(4):
-        here, rate, half, third, fourth, fifth = c[degree, j], 0.0, 0.0, 0.0, 0.0, 0.0  # derivatives over factorials
+        s = s + way
+        here, rate, half, third, fourth, fifth = c[degree, j], none, none, none, none, none  # over factorials
         for k in range(degree - 1, -1, -1):
             fifth = fifth * s + fourth
             fourth = fourth * s + third
@@ -282,38 +288,43 @@ def turning_point(
             half = half * s + rate
             rate = rate * s + here
             here = here * s + c[k, j]
-        if half == 0.0:
-            return otherwise, start
         bent = 2.0 * half * half - 1.5 * rate * third
-        way = -rate * half / bent if bent > half * half else -0.5 * rate / half
-        if abs(way) <= QUINTIC_RANGE:
-            left = rate + way * (2.0 * half + way * (3.0 * third + way * (4.0 * fourth + way * (5.0 * fifth))))
-            way -= 0.5 * left / half
-            if 0.0 < s + way < 1.0:
-                return here + way * (rate + way * (half + way * (third + way * (fourth + way * fifth)))), s + way
-        s += way
-        s = min(max(s, low), high)
-    return (value(c, degree, j, s), s) if 0.0 < s < 1.0 else (otherwise, start)
+        way = select(bent > half * half, -rate * half / bent, -0.5 * rate / half)
+        way = lesser(greater(s + way, low), high) - s
+        if not some(size(way) > QUINTIC_RANGE):
+            break
+    left = rate + way * (2.0 * half + way * (3.0 * third + way * (4.0 * fourth + way * (5.0 * fifth))))
+    way = lesser(greater(s + way - 0.5 * left / half, low), high) - s
+    value = here + way * (rate + way * (half + way * (third + way * (fourth + way * fifth))))
+    s = s + way
+    inside = (size(way) <= 2.0 * QUINTIC_RANGE) & (s > 0.0) & (s < 1.0)
+    return select(inside, value, otherwise), select(inside, s, start)
 
 
 @fused
-def crossing(c: FloatArray, degree: int, j: int, level: float) -> float:
+def crossing(c: FloatArray, degree: int, j: int, level: float, end: float) -> float:
     """Fraction of a step at which unknown j passes a level between its values at both ends, or next to one of them.
 
-    By Newton's iteration, and halving where it leaves the interval.
+    ``end`` is its value at the end. By Newton's iteration with a term for the curvature, and halving where it leaves
+    the interval.
     """
-    low, high = 0.0, 1.0
-    begin, end = c[0, j], value(c, degree, j, 1.0)
+    low, high, begin = 0.0, 1.0, c[0, j]
     rising = begin < end
     s = min(max((level - begin) / (end - begin), 0.0), 1.0) if begin != end else 0.5
     for _ in range(HALVINGS):
-        here, rate = value(c, degree, j, s), slope(c, degree, j, s)
-        if (here < level) == rising:
+        here, rate, half = c[degree, j], 0.0, 0.0  # derivatives over factorials
+        for k in range(degree - 1, -1, -1):
+            half = half * s + rate
+            rate = rate * s + here
+            here = here * s + c[k, j]
+        here -= level
+        if (here < 0.0) == rising:
             low = s
         else:
             high = s
-        following = s - (here - level) / rate if rate != 0.0 else -1.0
-        if abs(following - s) <= NEWTON_TOLERANCE:
+        way = -here / rate
+        following = s + way * (1.0 - way * half / rate)
+        if abs(way) <= CURVED_RANGE:
             return min(max(following, 0.0), 1.0)
         s = following if low < following < high else 0.5 * (low + high)
     return s

@@ -20,8 +20,8 @@ from numba.core import types
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-from vibroplat.kernels.compiled import fused_inline
-from vibroplat.kernels.lanes import LINE, in_lines
+from vibroplat.kernels.compiled import FloatArray, fused_inline, inlined
+from vibroplat.kernels.lanes import LINE, Rows, in_lines
 
 _PLACE, _INDEX, _BIT, _DOUBLE = ir.IntType(32), ir.IntType(64), ir.IntType(1), ir.DoubleType()
 
@@ -177,12 +177,16 @@ def _power(builder: Any, value: Any) -> Any:
 
 
 @intrinsic
-def _some(typing_context: Any, mask: Any) -> Any:
+def _bits(typing_context: Any, mask: Any) -> Any:
     def generate(context: Any, builder: Any, sig: Any, values: Any) -> Any:
-        kind = ir.IntType(_count(mask))
-        return builder.icmp_signed("!=", builder.bitcast(values[0], kind), ir.Constant(kind, 0))
+        return builder.zext(builder.bitcast(values[0], ir.IntType(_count(mask))), _INDEX)
 
-    return types.boolean(mask), generate
+    return types.int64(mask), generate
+
+
+@inlined
+def _some(mask: Any) -> bool:
+    return _bits(mask) != 0  # type: ignore[call-arg]
 
 
 def _joined(builder: Any, context: Any, kind: Any, first: Any, second: Any) -> Any:
@@ -244,6 +248,26 @@ def _align_stack(typing_context: Any, like: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(like), generate
+
+
+def _load(count: int) -> Any:
+    @intrinsic
+    def load(typing_context: Any, array: Any, row: Any, column: Any) -> Any:
+        def generate(context: Any, builder: Any, sig: Any, values: Any) -> Any:
+            return Rows(context, builder, array, values[0], count).load(*values[1:])
+
+        return lanes_of(count)(array, types.int64, types.int64), generate
+
+    return load
+
+
+@intrinsic
+def _store(typing_context: Any, numbers: Any, array: Any, row: Any, column: Any) -> Any:
+    def generate(context: Any, builder: Any, sig: Any, values: Any) -> Any:
+        Rows(context, builder, array, values[1], numbers.count).store(values[2], values[0], values[3])
+        return context.get_dummy_value()
+
+    return types.void(numbers, array, types.int64, types.int64), generate
 
 
 @intrinsic
@@ -341,8 +365,26 @@ if TYPE_CHECKING:
     def select(mask: Any, a: Any, b: Any) -> Any:
         """Return a where the mask holds, otherwise b."""
 
+    def bits(mask: Any) -> int:
+        """Return the bits of the lanes in which a mask holds."""
+
     def some(mask: Any) -> bool:
         """Whether a mask holds in any lane."""
+
+    def load_2(array: FloatArray, row: int, column: int) -> Any:
+        """Load two numbers of a row of a contiguous array as lanes, from a column on; one of a line has any row."""
+
+    def load_4(array: FloatArray, row: int, column: int) -> Any:
+        """Load four."""
+
+    def load_8(array: FloatArray, row: int, column: int) -> Any:
+        """Load eight."""
+
+    def load_16(array: FloatArray, row: int, column: int) -> Any:
+        """Load sixteen."""
+
+    def store(numbers: Any, array: FloatArray, row: int, column: int) -> None:
+        """Store lanes into a row of a contiguous array, from a column on."""
 
     def join(first: Any, second: Any) -> Any:
         """Put two values, or two tuples value by value, side by side."""
@@ -364,11 +406,25 @@ else:
     size, nearest = _of_one(_call("fabs")), _of_one(_call("rint"))
     exponent, mantissa, power = _of_one(_exponent), _of_one(_mantissa), _of_one(_power)
     greater, lesser = _of_two(_extreme(">")), _of_two(_extreme("<"))
-    select, some, join, part = _select, _some, _join, _part
+    select, bits, some, join, part = _select, _bits, _some, _join, _part
+    load_2, load_4, load_8, load_16, store = _load(2), _load(4), _load(8), _load(16), _store
     at, align_stack, as_lanes = _at, _align_stack, _as_lanes
 
 
-# -- elementary functions --------------------------------------------------------------------------------------
+# -- functions of lanes ----------------------------------------------------------------------------------------
+
+
+@inlined
+def total(both: Any) -> Any:
+    """Add up two values that are side by side."""
+    first, second = part(both)
+    return first + second
+
+
+@inlined
+def four(first: Lanes, second: Lanes, third: Lanes, fourth: Lanes) -> Any:
+    """Put four values side by side."""
+    return join(join(first, second), join(third, fourth))
 
 
 @fused_inline

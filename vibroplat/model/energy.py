@@ -7,13 +7,16 @@ a physical source. The audit carries it as a term of its own instead of hiding i
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, inlined
-from vibroplat.kernels.sines import sincos_pair
-from vibroplat.model.motor import resistance
+from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
+from vibroplat.kernels.sines import sine_cosine
+from vibroplat.kernels.vectors import Lanes, size, some, zero
+from vibroplat.model.motor import both, resistances
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import Three, couplings, inertial, unbalance
+from vibroplat.model.platform import Three, inertial, unbalance
 from vibroplat.model.springs import DAMPERS, slopes
 from vibroplat.model.systems import ALGEBRAIC, GAP, LAYERS, UPPER
 
@@ -32,26 +35,24 @@ FORCE, FORCE_SIZE = len(POWERS), len(POWERS) + 1
 FRICTION, ALONG_FORCE, ALONG_SIZE = (FORCE_SIZE + i for i in (1, 2, 3))
 
 
-@inlined
-def exciter_powers(motor_1: float, motor_2: float, y: FloatArray, n: int, p: Parameters) -> Three:
-    """Powers of both motors, truncation and resistance (W), from those of the motors.
+class ExciterPowers(NamedTuple):
+    """Powers of both exciters side by side, at one time or several (W)."""
 
-    The rates begin at place n of the unknowns.
-    """
-    w1, w2, motor = y[n + 3], y[n + 4], motor_1 + motor_2
-    resisted = w1 * resistance(w1, p.friction[0]) + w2 * resistance(w2, p.friction[1])
-    return motor, truncation(y, n, abs(motor), p), resisted
+    motor: Lanes
+    held: Lanes  # what the platform takes of it by the reactions of motors and bearings that are bolted to it
+    truncation: Lanes
+    resistance: Lanes
 
 
-@inlined
-def deck_power(torque_1: float, torque_2: float, y: FloatArray, n: int, p: Parameters) -> float:
-    """Power that the platform takes by the reactions of motors and bearings that are bolted to it (W).
-
-    The torques are those of the motors (N·m); the rates begin at place n of the unknowns.
-    """
-    net_1 = torque_1 - resistance(y[n + 3], p.friction[0])
-    net_2 = torque_2 - resistance(y[n + 4], p.friction[1])
-    return (p.deck[0] * net_1 + p.deck[1] * net_2) * y[n + 2]
+@fused_inline
+def exciter_powers(
+    torque: Lanes, speed: Lanes, angle: Lanes, phi: Lanes, turning: Lanes, p: Parameters
+) -> ExciterPowers:
+    """Find the powers of both exciters from their motors' torques, speeds and angles, and the platform's φ and φ̇."""
+    braking = resistances(speed, p)
+    motor = torque * speed
+    held = both(p.deck) * (torque - braking) * turning
+    return ExciterPowers(motor, held, truncation(speed, angle, phi * turning * turning, motor, p), braking * speed)
 
 
 @inlined
@@ -61,7 +62,7 @@ def powers(exciters: Three, means: FloatArray, n: int, system: int, out: FloatAr
     Parameters
     ----------
     exciters
-        Means of :func:`exciter_powers`.
+        Means of the powers of motors less what the platform takes of them, of truncation and resistance.
     means
         Means of the unknowns, of their squares and of their sizes, shape (3, 2n or more).
     """
@@ -77,17 +78,15 @@ def powers(exciters: Three, means: FloatArray, n: int, system: int, out: FloatAr
     out[FORCE_SIZE] = stiffness[1] * sizes[1] + damping[1] * sizes[n + 1] + weight
 
 
-@inlined
-def truncation(y: FloatArray, n: int, beside: float, p: Parameters) -> float:
-    """Power of the axes' turning to first order (W); 0 where it is round-off beside another power."""
-    phi, w1, w2 = y[2], y[n + 3], y[n + 4]
-    turning, largest = phi * y[n + 2] * y[n + 2], 0.0
-    for i in range(2):
-        largest += p.unbalance[i] * (abs(p.axis_x[i]) + abs(p.axis_y[i])) * abs(y[n + 3 + i])
-    if abs(turning) * largest <= 1e-16 * beside:
-        return 0.0  # a platform that does not rock pays for no sines
-    s1, c1, s2, c2 = sincos_pair(y[3], y[4])
-    return turning * (w1 * couplings(0, phi, s1, c1, p).phi_still + w2 * couplings(1, phi, s2, c2, p).phi_still)
+@fused_inline
+def truncation(speed: Lanes, angle: Lanes, turning: Lanes, beside: Lanes, p: Parameters) -> Lanes:
+    """Power of the axes' turning to first order (W), from φ φ̇²; 0 where it is round-off beside another power."""
+    x0, y0 = both(p.axis_x), both(p.axis_y)
+    pulled = turning * both(p.unbalance) * speed
+    if not some(size(pulled) * (size(x0) + size(y0)) > 1e-16 * size(beside)):
+        return zero(speed)  # a platform that does not rock pays for no sines
+    sine, cosine = sine_cosine(angle)
+    return pulled * (x0 * cosine + y0 * sine)
 
 
 @compiled

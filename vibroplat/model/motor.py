@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
-from vibroplat.kernels.vectors import select
+from vibroplat.kernels.vectors import Lanes, Pair, join, select, size
 from vibroplat.model.parameters import Parameters
 
 
@@ -87,6 +87,29 @@ def motor_torque(i: int, t: float, speed: float, p: Parameters) -> float:
     """Torque L_i of exciter i's motor at a time and a speed (N·m), counter-clockwise."""
     slip, critical = slip_speeds(i, t, speed, p)
     return p.direction[i] * kloss_torque(slip, critical, p.torque[i])
+
+
+@inlined
+def both(numbers: FloatArray) -> Pair:
+    """Put the numbers of both exciters side by side."""
+    return join(numbers[0], numbers[1])
+
+
+@fused_inline
+def motor_torques(t: Lanes, speed: Lanes, p: Parameters) -> Lanes:
+    """Do as :func:`motor_torque` for both exciters side by side, once or at several times."""
+    elapsed = t - p.since
+    slip = both(p.speed) + both(p.speed_ramp) * elapsed - both(p.direction) * speed
+    critical = both(p.slip_speed) + both(p.slip_ramp) * elapsed
+    square = critical * critical + slip * slip
+    share = select(square > 0.0, 1.0 / square, 0.0)
+    return both(p.direction) * (2.0 * both(p.torque) * critical * slip * share)
+
+
+@fused_inline
+def resistances(speed: Lanes, p: Parameters) -> Lanes:
+    """Do as :func:`resistance` for both exciters side by side."""
+    return both(p.friction) * speed * size(speed)
 
 
 @compiled

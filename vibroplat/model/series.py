@@ -31,7 +31,20 @@ import numpy as np
 from vibroplat.kernels.compiled import fused, fused_inline, inlined
 from vibroplat.kernels.polynomial import MAX_DEGREE
 from vibroplat.kernels.sines import sincos_pair
-from vibroplat.kernels.vectors import Lanes, Pair, align_stack, at, join, lanes_record, part, select, some, zero
+from vibroplat.kernels.vectors import (
+    Lanes,
+    Pair,
+    align_stack,
+    at,
+    four,
+    join,
+    lanes_record,
+    part,
+    select,
+    some,
+    total,
+    zero,
+)
 from vibroplat.model.motor import MotorTerms, kloss_term, motor_at, resistance_term, square_term
 from vibroplat.model.parameters import PARAMETERS, Parameters
 from vibroplat.model.platform import Compliance, Five, Unbalance, compliance, couplings, mobility, solve_rows
@@ -166,8 +179,7 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters, moving: Any) -> N
     All records are those of lanes: a :data:`MOTION`, a :data:`ROOM` and :data:`PARAMETER_ROWS`. The degree is from 2 to
     MAX_DEGREE. Where an exciter is at rest, its resistance is that of the sense in which it is about to turn.
 
-    With transport (``moving`` is not None, which the compiler knows) each order is first solved without contact; forces
-    and accelerations in contact follow by the law of the mode, which is the same in all orders.
+    With transport (``moving`` is not None) an order is first solved without contact, which the mode's law then adds.
     """
     y, v, quads = motion.y, motion.v, room.quads
     attached, flying, two, phi, turning_0 = motion.attached, motion.flying, motion.two, y[2], v[2]
@@ -193,15 +205,7 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters, moving: Any) -> N
         rotation = Rotation(sums.centre + phi_1 * turning + both, sums.lifted + phi_1 * square + phi * both, weight)
         known, slope = tilted(k, from_lower_orders(k, twice, rotation, e, sense, f, sums), motion, f, none, moving)
         held = restoring((x0, x1, x2, x5, x6), (v0, v1, v2, v5, v6), p)
-        moment_1, moment_2 = part(known.moment)
-        turned = f.unbalance * (f.x * known.sine - f.y * known.cosine) + known.reaction  # k (X s″ − Y c″)
-        b = (
-            pulled(-held[0] - total(f.unbalance * known.cosine), slope, p, moving),
-            -(held[1] - held[3]) - total(f.unbalance * known.sine) - p.mass * weight,
-            -held[2] - total(turned) + sums.moment + phi_1 * unbalances,
-            moment_1,
-            moment_2,
-        )
+        b = loads_of(held, known, f, sums.moment + phi_1 * unbalances, weight, slope, p, moving)
         lower = p.upper_mass * held[4] - p.lower_mass * weight - held[3]
         upper = -weight - held[4]
         free = solve_rows(attached, motion.lower_share, b, lower, upper, inverse, p)
@@ -229,6 +233,22 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters, moving: Any) -> N
         four(following, v5 * share, v6 * share, none),
     )
     put_along(quads, degree - 1, x8, v8 * share, none, moving)
+
+
+@fused_inline
+def loads_of(
+    held: Five, known: Terms, f: Constants, moment: Lanes, weight: Any, slope: Lanes, p: Parameters, moving: Any
+) -> Five:
+    """Return the right-hand sides of the rows of platform and exciters, from the forces that hold them."""
+    moment_1, moment_2 = part(known.moment)
+    turned = f.unbalance * (f.x * known.sine - f.y * known.cosine) + known.reaction  # k (X s″ − Y c″)
+    return (
+        pulled(-held[0] - total(f.unbalance * known.cosine), slope, p, moving),
+        -(held[1] - held[3]) - total(f.unbalance * known.sine) - p.mass * weight,
+        -held[2] - total(turned) + moment,
+        moment_1,
+        moment_2,
+    )
 
 
 @fused_inline
@@ -288,12 +308,6 @@ def put_along(quads: Any, k: int, along: Lanes, following: Lanes, friction: Lane
         quads[at(k), 2], quads[at(k + 1), 2] = four(along, friction, none, none), four(following, none, none, none)
 
 
-@inlined
-def four(first: Lanes, second: Lanes, third: Lanes, fourth: Lanes) -> Any:
-    """Put four columns side by side."""
-    return join(join(first, second), join(third, fourth))
-
-
 @fused_inline
 def middle_terms(k: int, r: Any, pair: Pair, single: Lanes) -> Sums:
     """Sum up the middle terms of the products of order k; of a product with itself half of them are formed."""
@@ -325,13 +339,6 @@ def put_factors(
     room.c[r], room.s[r], room.w[m], room.u[m], room.ax[i], room.ay[i] = e.cosine, e.sine, e.speed, e.slip, e.ax, e.ay
     room.square[i], room.torque[i] = known.square, known.torque
     room.phi[r], room.turning[m], room.unbalances[i], room.centre[i], room.lifted[i] = turned
-
-
-@inlined
-def total(both: Pair) -> Lanes:
-    """Add up what both exciters contribute."""
-    first, second = part(both)
-    return first + second
 
 
 @inlined

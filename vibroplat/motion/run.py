@@ -18,6 +18,7 @@ from vibroplat.config.plausibility import notes_on_input
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.state import CUBIC, Automaton, empty_steps, force_noise, static_rest
+from vibroplat.inspection.balance import all_balances, supply_at
 from vibroplat.integrate import make_engine
 from vibroplat.integrate.interface import WORK, Engine
 from vibroplat.kernels.compiled import FloatArray, compile_for
@@ -41,6 +42,9 @@ from vibroplat.results.run_answer import SETTLED
 SETTLE_FRACTION = 0.5
 #: Strokes (m) that are round-off.
 NO_STROKE = 1e-9
+#: Measured turns from which a motion has shown itself whether it stays; distance (rad) of its phase difference from one
+#: that the mean torques hold.
+MANY_TURNS, OTHER_PHASE = 2000, 1.0
 
 #: The summary of a run.
 SUMMARY: Columns = {
@@ -183,6 +187,7 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
     whole = whole_run(part.measures, scene, start, any(captures(scene, measures)), locked)
     notes = [
         _settling(moved),
+        _unbalanced(scene, measures),
         *notes_on_input(scene),
         *notes_on_measures(scene, measures),
         drift(measures) if all(scene.driven(measures["measured_from_s"], measures["measured_to_s"])) else "",
@@ -230,6 +235,27 @@ def _settling(change: float | None) -> str:
     return (
         f"{share(change)} of the stroke is a transient that decays while it is measured, and is in the forces, too: a "
         "longer run.duration_s avoids that"
+    )
+
+
+def _unbalanced(scene: Scene, measures: Mapping[str, Any]) -> str:
+    """Return the note on a short run in a synchronization that the mean torques do not hold, or an empty text.
+
+    Of 460 settled motions without material none had it, of 662 with material 25, all near a resonance that the layers
+    shift; a run in antiphase that leaves it after thousands of turns has it.
+    """
+    name, begin, end = synchronization(measures), measures["measured_from_s"], measures["measured_to_s"]
+    steady = scene.drive.last_change(end) <= begin and all(scene.driven(begin, end))
+    short = 0 < measures["measured_turns"] < MANY_TURNS
+    if not (steady and short) or name not in ("antiphase", "in-phase") or scene.transport is not None:
+        return ""
+    phases = np.array([one.phase for one in all_balances(scene, supply_at(scene, end))])
+    apart = np.abs(np.angle(np.exp(1j * (phases - measures["phase_difference_rad"]))))
+    if not apart.size or apart.min() < OTHER_PHASE:
+        return ""
+    return (
+        f"the mean torques on the empty machine do not hold {name}: such motion leaves it over many turns, and a "
+        "longer run.duration_s, or vibroplat orbits, tells whether it stays"
     )
 
 

@@ -66,12 +66,13 @@ def find_sliding(
 ) -> None:
     """Fill means over a part of a step: of the last :data:`vibroplat.observe.measures.SUMS`, powers and forces.
 
-    ``samples`` and ``means`` are those of the unknowns, as in :func:`vibroplat.model.energy.powers`.
+    ``samples`` are the unknowns at the nodes, in rows 1 … nodes, and ``means`` theirs, as in
+    :func:`vibroplat.model.energy.powers`.
     """
     n, (stiffness, damping), total = DIFFERENTIAL[system] // 2, slopes(p), p.mass + p.material_mass
     loss = size = pressure = 0.0
-    for i in range(nodes if ALGEBRAIC[system] else 0):
-        force, friction, weight = samples[i, 2 * n], samples[i, 2 * n + 1], weights[i]
+    for i in range(1, nodes + 1 if ALGEBRAIC[system] else 1):
+        force, friction, weight = samples[i, 2 * n], samples[i, 2 * n + 1], weights[i - 1]
         if SENSE[system] != 0.0:
             loss += weight * p.kinetic_friction * force * abs(samples[i, 2 * n - 1])
         size += weight * abs(friction)

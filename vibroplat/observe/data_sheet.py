@@ -1,8 +1,4 @@
-"""The data sheet of a motion: loads on foundation, motors and bearings, strokes and accelerations, and how it starts.
-
-What is of a measured interval is found for runs, points of sweeps and orbits alike; extremes of the whole, and the
-start, for runs alone.
-"""
+"""The data sheet of a measured interval: loads, strokes and accelerations; of a run, its extremes and start as well."""
 
 from __future__ import annotations
 
@@ -24,6 +20,7 @@ from vibroplat.observe.extremes import (
     HEIGHT,
     LIFT,
     MOMENT,
+    POINT_ACCELERATIONS,
     POINTS,
     POWER_1,
     PULL_X,
@@ -299,11 +296,11 @@ def _columns_of_extremes(
         columns[f"torque_ratio_{i + 1}_max"] = Extreme(TORQUE_1 + i, 1.0 / critical if critical > 0.0 else math.nan)
         columns[f"bearing_force_{i + 1}_max_n"] = Extreme(SPEED_1 + i, k, squared=True)
     for i, name in enumerate(points):
-        first = POINTS + 3 * i
+        first = POINTS + 2 * i
         columns |= {f"stroke_{axis}_{name}_m": Extreme(first + j, difference=True) for j, axis in enumerate("xy")}
-        columns[f"acceleration_max_{name}_m_per_s2"] = Extreme(first + 2)
+        columns[f"acceleration_max_{name}_m_per_s2"] = Extreme(POINT_ACCELERATIONS + i)
     for name in springs:
-        height = POINTS + 3 * points.index(name) + 1
+        height = POINTS + 2 * points.index(name) + 1
         columns[f"spring_force_amplitude_{name}_n"] = Extreme(height, 0.5 * stiffness, difference=True)
         columns[f"spring_force_max_{name}_n"] = Extreme(height, stiffness)
     return columns

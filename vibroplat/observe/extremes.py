@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from vibroplat.config.coordinates import MAX_NAMED_POINTS
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined, same_types
-from vibroplat.kernels.polynomial import chord_deviation_bound, slope, turning_point, value_range
 
 #: Degree of polynomials up to which there are too few samples of them to find extremes by.
 FEW_SAMPLES = 8
@@ -31,14 +30,16 @@ REACH = np.zeros(MAX_NODES + 1)
 for _n in range(1, MAX_NODES + 1):
     REACH[_n] = 3.0 / GAPS[_n, : _n + 1].min() ** 2
 
-#: What has extremes, before three numbers of each named point: its x, y and the size of its acceleration. Speeds are
-#: here twice, the second time since the supply has changed; the impulse is that of events. Integers of numpy, so that
-#: functions are compiled once.
-QUANTITIES = 19
-_PLACES: Any = np.arange(QUANTITIES + 1)
-HEIGHT, ROTATION, OPENING, FORCE, SIDEWAYS, SPEED_1, _, PULL_X, PULL_Y, MOMENT = _PLACES[:10]
-TORQUE_1, _, POWER_1, _, LIFT, ACCELERATION, DRIVEN_1, _, IMPULSE, POINTS = _PLACES[10:]
-_SIZE = QUANTITIES + 3 * MAX_NAMED_POINTS
+#: What has extremes. The first have columns (:mod:`vibroplat.observe.peaks`), in which places without a name, or of
+#: what is found otherwise, have no number. Speeds are here twice, the second time since the supply has changed; the
+#: impulse is that of events. From POINTS on are x and y of each named point, from POINT_ACCELERATIONS on their
+#: accelerations. Integers of numpy, so that functions are compiled once.
+POINT_ACCELERATIONS = 35
+_PLACES: Any = np.arange(POINT_ACCELERATIONS)
+SIDEWAYS, HEIGHT, ROTATION, OPENING, FORCE, DRIVEN_1, _, IMPULSE = _PLACES[:8]
+PULL_X, PULL_Y, MOMENT, SPEED_1, _, TORQUE_1, _, LIFT, POINTS = _PLACES[8:17]
+POWER_1, _, ACCELERATION = _PLACES[32:]
+_SIZE = POINT_ACCELERATIONS + MAX_NAMED_POINTS
 
 #: Relative amount by which a value must exceed an extreme to replace it; smaller differences are round-off.
 TIE = 1e-11
@@ -92,11 +93,18 @@ def merge(extremes: Any, merged: Any) -> None:
 _merge = same_types(merge)
 
 
+class Equations(NamedTuple):
+    """Where the equations are: addresses of :func:`vibroplat.hybrid.resets.start_callback` and of the parameters."""
+
+    start: int
+    parameters: int
+
+
 class Span(NamedTuple):
     """A step or a part of it.
 
-    When the step begins, how long it takes (s), and its polynomials; between which fractions of it the part is, and the
-    unknowns at its beginning and end.
+    When the step begins, how long it takes (s), and its polynomials; between which fractions of it the part is; the
+    system of equations, how many nodes the part has, and where the equations are.
     """
 
     begin: float
@@ -105,8 +113,9 @@ class Span(NamedTuple):
     degree: int
     first: float
     last: float
-    start: FloatArray
-    end: FloatArray
+    system: int
+    nodes: int
+    equations: Equations
 
 
 @inlined
@@ -148,100 +157,12 @@ def margin(extremes: Any, k: int) -> float:
     return TIE * size if size < np.inf else 0.0
 
 
-#: A sum of two unknowns: column and factor of the first, then of the second. A force into the foundation is such a sum,
-#: of a coordinate and its rate, and so is a coordinate of a named point.
-Form = tuple[int, float, int, float]
-
-
-@compiled
-def update_extremes(
-    extremes: Any, k: int, room: Any, nodes: int, form: Form, span: Span, beyond: float, sense: float
-) -> None:
-    """Let extremes k cover the largest values of a form in a part of a step, or the least.
-
-    Samples that are larger than their neighbours, and may have a new extreme beside them, are searched: beyond the
-    sample the form goes by less than they are on this side. Polynomials of low degree have few samples and are looked
-    through.
-
-    Parameters
-    ----------
-    extremes, k
-        Record of :data:`EXTREMES`, and the place of the quantity in it.
-    room, nodes
-        Record of :data:`vibroplat.observe.statistics.ROOM` with the unknowns at so many Gauss nodes of the part; its
-        form is overwritten.
-    form
-        The form of unknowns; one unknown is a form whose second factor is 0.
-    span
-        The part: what is remembered has a time and a pace.
-    beyond
-        What does not go beyond the extremes by so much is none.
-    sense
-        1 for the largest values, −1 for the least.
-    """
-    (first, share, second, other), samples, few = form, room.form_samples, span.degree <= FEW_SAMPLES
-    known = (extremes.largest[k] if sense > 0.0 else -extremes.least[k]) + beyond
-    one, two = sense * share, sense * other
-    samples[0] = one * span.start[first] + two * span.start[second]
-    for i in range(nodes):
-        samples[i + 1] = one * room.samples[i, first] + two * room.samples[i, second]
-    samples[nodes + 1] = one * span.end[first] + two * span.end[second]
-    before, bit, near = samples[0], 1, 0
-    for i in range(nodes + 2):
-        here, after = samples[i], samples[min(i + 1, nodes + 1)]
-        near |= bit * ((here >= before) & (here >= after) & (here + max(here - before, here - after) > known))
-        before, bit = here, 2 * bit
-    if not (near or few):
-        return
-    for i in range(span.degree + 1):
-        room.form[i, 0] = one * span.c[i, first] + two * span.c[i, second]
-    if few:
-        search_range(extremes, k, room.form, (samples[0], samples[nodes + 1]), span, sense)
-        return
-    for i in range(nodes + 2):
-        if near >> i & 1:
-            extreme, s = extreme_near(room.form, nodes, i, samples, span)
-            remember(extremes, k, sense * samples[i], place_of(i, nodes, span), span)
-            remember(extremes, k, sense * extreme, s, span)
-
-
-@compiled
-def search_range(extremes: Any, k: int, c: FloatArray, ends: tuple[float, float], span: Span, sense: float) -> None:
-    """Let extremes k cover ``sense`` times a polynomial of any degree, with its values at both ends of a part."""
-    reach, known = chord_deviation_bound(c, span.degree, 0), extremes.largest[k] if sense > 0.0 else -extremes.least[k]
-    if not max(ends) + reach < known:
-        _, high, _, at_high = value_range(c, span.degree, 0, span.first, span.last, ends)
-        remember(extremes, k, sense * high, at_high, span)
-
-
 @inlined
-def sample(samples: FloatArray, nodes: int, ends: tuple[float, float], i: int, j: int) -> float:
-    """Value of polynomial j at sample i of a part of a step: its beginning, its nodes, its end."""
-    return ends[0] if i == 0 else (samples[i - 1, j] if i <= nodes else ends[1])
-
-
-@inlined
-def place_of(i: int, nodes: int, span: Span) -> float:
+def place_of(i: int, span: Span) -> float:
     """Fraction of a step at sample i of a part of it: its beginning, its nodes, its end."""
-    if 0 < i <= nodes:
-        return span.first + (span.last - span.first) * NODES[nodes, i - 1]
+    if 0 < i <= span.nodes:
+        return span.first + (span.last - span.first) * NODES[span.nodes, i - 1]
     return span.first if i <= 0 else span.last
-
-
-@inlined
-def extreme_near(c: FloatArray, nodes: int, at: int, samples: FloatArray, span: Span) -> tuple[float, float]:
-    """Largest value of a polynomial between the neighbours of sample ``at``, and its place.
-
-    It is looked for where the parabola through the three samples has its own. At an end that the polynomial comes to
-    straight there is no other.
-    """
-    here, s = samples[at], place_of(at, nodes, span)
-    leaving = slope(c, span.degree, 0, s) if at == 0 or at > nodes else 0.0
-    if (at == 0 and leaving <= 0.0) or (at > nodes and leaving >= 0.0):
-        return here, s
-    low, high = place_of(at - 1, nodes, span), place_of(at + 1, nodes, span)
-    around = samples[max(at - 1, 0)], here, samples[min(at + 1, nodes + 1)]
-    return turning_point(c, span.degree, 0, vertex((low, s, high), around), low, high, here)
 
 
 @inlined

@@ -1,31 +1,27 @@
 """Largest loads over a run: forces into the foundation, accelerations, named points.
 
-They are linear in the unknowns and their rates. Samples of these say which steps may hold a new extreme, and only such
-steps are searched.
+Samples of what moves say which steps may hold a new extreme, and only such steps are searched.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from vibroplat.hybrid.modes import FLIGHT, MODES
-from vibroplat.hybrid.state import WIDTH
 from vibroplat.kernels.compiled import FloatArray, call_int, compiled, fused_inline, inlined
 from vibroplat.kernels.polynomial import QUADRATIC_RANGE, values
-from vibroplat.kernels.screening import LOWER, exceeds_limits
+from vibroplat.kernels.vectors import load_2, some
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.systems import DIFFERENTIAL, GAP, SIZES
+from vibroplat.model.systems import DIFFERENTIAL
 from vibroplat.observe.extremes import (
     ACCELERATION,
     DRIVEN_1,
-    FORCE,
     GAPS,
     HEIGHT,
     LIFT,
     MOMENT,
-    OPENING,
+    POINT_ACCELERATIONS,
     POINTS,
     PULL_X,
     PULL_Y,
@@ -37,26 +33,13 @@ from vibroplat.observe.extremes import (
     margin,
     place_of,
     remember,
-    update_extremes,
     vertex,
 )
 from vibroplat.observe.motor_loads import update_motor_extremes
-
-#: Place of φ among the unknowns. An integer of numpy, so that functions are compiled once for all.
-_PHI = np.array([2])[0]
+from vibroplat.observe.peaks import COLUMNS, EIGHT, beyond_limits, cover, largest_squares, put_quantities
 
 #: Part of the changes of the velocity along y up to which those along x do not matter for the acceleration's size.
 ALIKE = 1e-6
-#: Columns of forces and squares of accelerations behind those of the unknowns, where steps are screened.
-COLUMNS = WIDTH + 8
-_PULLS, _VIBRATION = WIDTH, WIDTH + 4
-
-
-class Equations(NamedTuple):
-    """Where the equations are: addresses of :func:`vibroplat.hybrid.resets.start_callback` and of the parameters."""
-
-    start: int
-    parameters: int
 
 
 # -- accelerations -------------------------------------------------------------------------------------------
@@ -64,15 +47,7 @@ class Equations(NamedTuple):
 
 @compiled
 def update_acceleration_extremes(
-    extremes: Any,
-    k: int,
-    room: Any,
-    nodes: int,
-    sideways: float,
-    system: int,
-    spot: tuple[float, float],
-    span: Span,
-    equations: Equations,
+    extremes: Any, k: int, room: Any, sideways: float, spot: tuple[float, float], span: Span
 ) -> None:
     """Let extremes k cover the size of the acceleration of a point of the platform.
 
@@ -83,67 +58,56 @@ def update_acceleration_extremes(
     ----------
     extremes, k
         Record of :data:`vibroplat.observe.extremes.EXTREMES`, and the place of the quantity in it.
-    room, nodes
-        Record of :data:`vibroplat.observe.statistics.ROOM` with the values at so many nodes; its squares are
-        overwritten.
+    room
+        Record of :data:`vibroplat.observe.statistics.ROOM` with the values at the samples; its squares are overwritten.
     sideways
         1, or 0 if the acceleration along y alone counts.
-    system
-        Number of the system of equations.
     spot
         The point, from the centre of mass (m).
-    span, equations
-        The part of the step as the records of extremes know it, and where the equations are.
+    span
+        The part of the step as the records of extremes know it.
     """
-    squares, n, known = room.squares, DIFFERENTIAL[system] // 2, (1.0 + 2.0 * TIE) * extremes.square[k]
-    inverse = 1.0 / (span.length * (span.last - span.first))
-    mean_squares(span, room.samples, nodes, n, sideways, spot, inverse, squares)
+    squares, n, nodes = room.squares, DIFFERENTIAL[span.system] // 2, span.nodes
+    known = (1.0 + 2.0 * TIE) * extremes.square[k]
+    mean_squares(room.samples, n, sideways, spot, span, squares)
     for i in range(nodes + 1):
         before = squares[i - 1] if i > 0 else -1.0
         here, after = squares[i], squares[min(i + 1, nodes)]
         largest = here >= before and here >= after
         if largest and here + max(here - before if before >= 0.0 else 0.0, here - after) > known:
-            low, s, high = middle(i - 1, nodes, span), middle(i, nodes, span), middle(i + 1, nodes, span)
+            low, s, high = middle(i - 1, span), middle(i, span), middle(i + 1, span)
             s = span.first if before < 0.0 else vertex((low, s, high), (before, here, after))
             s, square = steepest(span.c, span.degree, n, spot, sideways, s, low, high)
             square /= span.length * span.length
             if square > known:
                 extremes.square[k] = known = square
-                remember(extremes, k, exact_size(s, system, sideways, spot, room, span, equations), s, span)
+                remember(extremes, k, exact_size(s, sideways, spot, room, span), s, span)
 
 
 @inlined
-def middle(i: int, nodes: int, span: Span) -> float:
+def middle(i: int, span: Span) -> float:
     """Fraction of a step in the middle between samples i and i + 1, but the part's ends for the first and the last."""
-    if 0 < i < nodes:
-        return 0.5 * (place_of(i, nodes, span) + place_of(i + 1, nodes, span))
+    if 0 < i < span.nodes:
+        return 0.5 * (place_of(i, span) + place_of(i + 1, span))
     return span.first if i <= 0 else span.last
 
 
 @inlined
 def mean_squares(
-    span: Span,
-    samples: FloatArray,
-    nodes: int,
-    n: int,
-    sideways: float,
-    spot: tuple[float, float],
-    inverse: float,
-    squares: FloatArray,
+    samples: FloatArray, n: int, sideways: float, spot: tuple[float, float], span: Span, squares: FloatArray
 ) -> None:
     """Fill the squares of the mean accelerations of a point between samples (m²/s⁴).
 
     A mean is the difference of the point's velocities at both samples over the time between them: it differs from the
-    acceleration in the middle by a term of second order in that time. ``inverse`` is one over
-    the part's duration (1/s), n the column of the first rate, ``spot`` the point; ``sideways`` as of
-    :func:`update_acceleration_extremes`.
+    acceleration in the middle by a term of second order in that time. n is the column of the first rate, ``spot`` the
+    point; ``sideways`` as of :func:`update_acceleration_extremes`.
     """
-    start, end = span.start, span.end
-    x, y = start[n] - spot[1] * start[n + 2], start[n + 1] + spot[0] * start[n + 2]
-    for i in range(nodes + 1):
-        after = samples[i] if i < nodes else end
-        to_x, to_y = after[n] - spot[1] * after[n + 2], after[n + 1] + spot[0] * after[n + 2]
-        ax, ay, share = to_x - x, to_y - y, inverse * GAPS[nodes, i]
+    inverse = 1.0 / (span.length * (span.last - span.first))
+    x, y = samples[0, n] - spot[1] * samples[0, n + 2], samples[0, n + 1] + spot[0] * samples[0, n + 2]
+    for i in range(span.nodes + 1):
+        turning = samples[i + 1, n + 2]
+        to_x, to_y = samples[i + 1, n] - spot[1] * turning, samples[i + 1, n + 1] + spot[0] * turning
+        ax, ay, share = to_x - x, to_y - y, inverse * GAPS[span.nodes, i]
         squares[i] = share * share * (sideways * ax * ax + ay * ay)
         x, y = to_x, to_y
 
@@ -183,14 +147,12 @@ def steepest(
 
 
 @compiled
-def exact_size(
-    s: float, system: int, sideways: float, spot: tuple[float, float], room: Any, span: Span, equations: Equations
-) -> float:
+def exact_size(s: float, sideways: float, spot: tuple[float, float], room: Any, span: Span) -> float:
     """Size of the acceleration of a point of the platform at a fraction of a step, by the equations (m/s²)."""
-    y, yp, n = room.y, room.yp, DIFFERENTIAL[system] // 2
+    y, yp, n, equations = room.y, room.yp, DIFFERENTIAL[span.system] // 2, span.equations
     values(span.c, span.degree, s, y[: 2 * n])
     addresses = (y.ctypes.data, yp.ctypes.data, room.full.ctypes.data)
-    call_int(equations.start, (system, span.begin + s * span.length, *addresses, equations.parameters, 1))
+    call_int(equations.start, (span.system, span.begin + s * span.length, *addresses, equations.parameters, 1))
     ax, ay = yp[n] - spot[1] * yp[n + 2], yp[n + 1] + spot[0] * yp[n + 2]
     return float(np.sqrt(sideways * ax * ax + ay * ay))
 
@@ -198,145 +160,103 @@ def exact_size(
 # -- a step ------------------------------------------------------------------------------------------------
 
 
-#: Quantities that are screened, and the largest of their kind; the last three are forces into the foundation.
-SCREENED = np.array([SIDEWAYS, HEIGHT, ROTATION, OPENING, FORCE, DRIVEN_1, DRIVEN_1 + 1, PULL_X, PULL_Y, MOMENT])
-GROUPS = np.array([HEIGHT, HEIGHT, HEIGHT, OPENING, FORCE, DRIVEN_1, DRIVEN_1 + 1, PULL_Y, PULL_Y, PULL_Y])
-#: Columns of the first four.
-_COLUMNS = np.array([0, 1, 2, GAP])
-
-
-@inlined
-def column_of(q: int, n: int) -> int:
-    """Column of a screened quantity of a system of n coordinates; forces into the foundation are from _PULLS on.
-
-    It is −1 for F_c of a system whose unknowns fill all columns: it has none.
-    """
-    if q < 4:
-        return _COLUMNS[q]
-    if q == 4:
-        return 2 * n if 2 * n < _PULLS else -1
-    return n + q - 2 if q < 7 else _PULLS + q - 7
+#: The largest quantity of the kind of each that has a column.
+GROUPS = np.arange(COLUMNS)
+GROUPS[[SIDEWAYS, ROTATION, *range(POINTS, COLUMNS)]] = HEIGHT
+GROUPS[[PULL_X, MOMENT]] = PULL_Y
 
 
 @compiled
-def put_limits(extremes: Any, room: Any, system: int, p: Parameters) -> None:
+def put_limits(extremes: Any, room: Any, p: Parameters) -> None:
     """Fill the limits beyond which a step has new extremes, and forget those of the supply before.
 
     Quantities of one kind share a margin, that of the largest of them: x and φ that are round-off beside y have no
-    extremes worth a search. Columns that the system does not have get no limits. While the supply changes, torque and
-    power do not follow from the speed alone, and each step is evaluated.
+    extremes worth a search. While the supply changes, torque and power do not follow from the speed alone, and each
+    step is evaluated.
     """
-    limits, n = room.limits, DIFFERENTIAL[system] // 2
+    limits = room.limits
     for i in range(2):
         if extremes.since != p.since or p.speed_ramp[i] != 0.0 or p.slip_ramp[i] != 0.0:
             extremes.least[DRIVEN_1 + i], extremes.largest[DRIVEN_1 + i] = np.inf, -np.inf
     extremes.since, extremes.changed = p.since, 0
-    for j in range(COLUMNS):
-        limits[0, j], limits[1, j] = -np.inf, np.inf
-    for q in range(len(SCREENED)):
-        k, j, beyond = SCREENED[q], column_of(q, n), margin(extremes, GROUPS[q])
-        if j >= _PULLS or ((j != GAP or MODES[system] == FLIGHT) and 0 <= j < SIZES[system]):
-            limits[0, j], limits[1, j] = extremes.least[k] - beyond, extremes.largest[k] + beyond
-    limits[1, _VIBRATION] = (1.0 + 2.0 * TIE) * extremes.square[ACCELERATION]
-    limits[1, _VIBRATION + 1] = (1.0 + 2.0 * TIE) * extremes.square[LIFT]
+    for k in range(COLUMNS):
+        beyond = margin(extremes, GROUPS[k])
+        limits[0, k], limits[1, k] = extremes.least[k] - beyond, extremes.largest[k] + beyond
+    for which, k in enumerate((ACCELERATION, LIFT)):
+        room.square_limits[which] = (1.0 + 2.0 * TIE) * extremes.square[k]
+    for i in range(room.named):
+        room.levers[2 * i], room.levers[2 * i + 1] = -p.point_y[i], p.point_x[i]
 
 
 @inlined
-def update_step_extremes(
-    extremes: Any,
-    start: FloatArray,
-    room: Any,
-    nodes: int,
-    system: int,
-    span: Span,
-    equations: Equations,
-    p: Parameters,
-) -> None:
+def update_step_extremes(extremes: Any, at_start: FloatArray, room: Any, span: Span, p: Parameters) -> None:
     """Let the extremes cover a step or a part of it.
 
     Steps are screened, and most of them pass without a search. The limits are filled anew where there are none, after
-    a step of another record or another system, and while the supply changes.
+    a step of another record, and while the supply changes.
 
     Parameters
     ----------
     extremes
-        The record; ``room.limited`` is −1 if the step before was one of another.
-    room, nodes, system, span, equations
-        As in :func:`update_acceleration_extremes`.
+        The record; ``room.limited`` is 0 if the step before was one of another.
+    at_start
+        Derivatives of the unknowns at the beginning of the part, by the fraction of the step, shape (16,).
+    room, span
+        As in :func:`vibroplat.observe.peaks.cover`.
     """
     ramps = p.speed_ramp[0] != 0.0 or p.speed_ramp[1] != 0.0 or p.slip_ramp[0] != 0.0 or p.slip_ramp[1] != 0.0
-    if room.limited != system or ramps:
-        put_limits(extremes, room, system, p)
-        room.limited = system
-    n, inverse = DIFFERENTIAL[system] // 2, 1.0 / (span.length * (span.last - span.first))
-    which = (start, room.samples, nodes, span.end, n)
-    flags = exceeds_limits(*which, room.springs, GAPS[nodes], inverse, REACH[nodes], room.limits)
-    if flags != 0 or room.named > 0:
-        update_columns(extremes, room, nodes, system, span, flags, equations, p)
+    if room.limited == 0 or ramps:
+        put_limits(extremes, room, p)
+        room.limited = 1
+    above = below = 0
+    for i in range(span.nodes + 2):
+        put_quantities(room.samples, i, span.system, room)
+    for first in range(0, COLUMNS if room.named > 0 else POINTS, EIGHT):
+        over, under = beyond_limits(room.quantities, span.nodes, REACH[span.nodes], room.limits, first)
+        above, below = above | over << first, below | under << first
+    start = load_2(at_start, 0, DIFFERENTIAL[span.system] // 2) * (1.0 / span.length)
+    shaken = some(largest_squares(room.samples, start, span) > load_2(room.square_limits, 0, 0))
+    if above | below != 0 or shaken or room.named > 0:
+        update_columns(extremes, room, span, (above, below, shaken), p)
 
 
 @compiled
-def update_columns(
-    extremes: Any, room: Any, nodes: int, system: int, span: Span, flags: int, equations: Equations, p: Parameters
-) -> None:
-    """Let the extremes of columns whose bits are set cover a step.
+def update_columns(extremes: Any, room: Any, span: Span, found: tuple[int, int, bool], p: Parameters) -> None:
+    """Let the extremes cover a step where some may be new: the bits of those above and below limits, and accelerations.
 
-    Bits are those of :func:`vibroplat.kernels.screening.exceeds_limits`: of the unknowns, of three forces into the
-    foundation and of the acceleration, with and without its part along x. Named points are evaluated in any case.
-    One loop goes through all forms and senses: copies of the search for each of them would not stay in the processor's
-    cache.
+    Accelerations of named points are evaluated in any case.
     """
-    n, known = DIFFERENTIAL[system] // 2, room.driven
+    known, (above, below, shaken) = room.driven, found
     for i in range(2):
         known[0, i], known[1, i] = extremes.least[DRIVEN_1 + i], extremes.largest[DRIVEN_1 + i]
-    for q in range(len(SCREENED)):
-        column = column_of(q, n)
-        for sense in (1.0, -1.0):
-            if column >= 0 and flags >> (column if sense > 0.0 else column + LOWER) & 1:
-                form, beyond = (column, 1.0, column, 0.0), margin(extremes, GROUPS[q])
-                if column >= _PULLS:
-                    i = column - _PULLS
-                    form = (i, room.springs[0, i], n + i, room.springs[1, i])
-                update_extremes(extremes, SCREENED[q], room, nodes, form, span, beyond, sense)
+    if above | below != 0:
+        cover(extremes, above, below, room, span)
     for i in range(2):
-        if (flags | flags >> LOWER) >> (n + 3 + i) & 1:
-            update_motor_extremes(extremes, i, (known[0, i], known[1, i]), room.samples, nodes, n, span, p)
-    if flags >> _VIBRATION & 3:
-        update_vibration(extremes, room, nodes, system, span, equations)
-    if room.named > 0:
-        update_points(extremes, room, nodes, system, span, equations, p)
-    if extremes.changed != 0:
-        put_limits(extremes, room, system, p)
-
-
-@compiled
-def update_points(
-    extremes: Any, room: Any, nodes: int, system: int, span: Span, equations: Equations, p: Parameters
-) -> None:
-    """Let the extremes of named points cover a step."""
+        if (above | below) >> (DRIVEN_1 + i) & 1:
+            update_motor_extremes(extremes, i, (known[0, i], known[1, i]), room.samples, span, p)
+    if shaken:
+        update_vibration(extremes, room, span)
     for i in range(room.named):
-        k, spot, beyond = POINTS + 3 * i, (p.point_x[i], p.point_y[i]), margin(extremes, HEIGHT)
-        for axis in range(2):
-            form = (axis, 1.0, _PHI, spot[0] if axis else -spot[1])
-            for sense in (1.0, -1.0):
-                update_extremes(extremes, k + axis, room, nodes, form, span, beyond, sense)
-        update_acceleration_extremes(extremes, k + 2, room, nodes, 1.0, system, spot, span, equations)
+        spot = p.point_x[i], p.point_y[i]
+        update_acceleration_extremes(extremes, POINT_ACCELERATIONS + i, room, 1.0, spot, span)
+    if extremes.changed != 0:
+        put_limits(extremes, room, p)
 
 
 @compiled
-def update_vibration(extremes: Any, room: Any, nodes: int, system: int, span: Span, equations: Equations) -> None:
+def update_vibration(extremes: Any, room: Any, span: Span) -> None:
     """Let the extremes of the acceleration of the centre of mass cover a step.
 
     In antiphase the platform moves along y alone but for round-off. Its acceleration is then that along y, found once:
     two searches would differ in the last digits.
     """
-    spot, across, along, n = (0.0, 0.0), 0.0, 0.0, DIFFERENTIAL[system] // 2
-    for i in range(nodes):
-        across = max(across, abs(room.samples[i, n] - span.start[n]))
-        along = max(along, abs(room.samples[i, n + 1] - span.start[n + 1]))
+    across, along, n = 0.0, 0.0, DIFFERENTIAL[span.system] // 2
+    for i in range(1, span.nodes + 1):
+        across = max(across, abs(room.samples[i, n] - room.samples[0, n]))
+        along = max(along, abs(room.samples[i, n + 1] - room.samples[0, n + 1]))
     for which in range(2 if across > ALIKE * along else 1):  # along y, then both
-        k = LIFT + which
-        update_acceleration_extremes(extremes, k, room, nodes, float(which), system, spot, span, equations)
+        k = ACCELERATION if which else LIFT
+        update_acceleration_extremes(extremes, k, room, float(which), (0.0, 0.0), span)
     if across <= ALIKE * along and extremes.square[LIFT] > extremes.square[ACCELERATION]:
         extremes.square[ACCELERATION] = extremes.square[LIFT]
         s = (extremes.at_largest[LIFT] - span.begin) / span.length
@@ -348,7 +268,7 @@ def add_forces(sums: FloatArray, means: FloatArray, springs: FloatArray, n: int,
     """Add forces into the foundation, and then their squares, over a part of a step (s), from the unknowns' means.
 
     With stiffness k and damping d a force is kq + dq̇, and its square k²q² + 2kd qq̇ + d²q̇²; the means of all these are
-    in the four rows of :func:`vibroplat.kernels.lanes.means_16`.
+    in the four rows of :func:`vibroplat.kernels.rows.means_16`.
     """
     for i in range(3):
         k, d = springs[0, i], springs[1, i]

@@ -10,6 +10,7 @@ from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.kernels.polynomial import crossing, value
 from vibroplat.model.motor import motor_torque, slip_speeds
 from vibroplat.model.parameters import Parameters
+from vibroplat.model.systems import DIFFERENTIAL
 from vibroplat.observe.extremes import (
     DRIVEN_1,
     POWER_1,
@@ -18,7 +19,6 @@ from vibroplat.observe.extremes import (
     Span,
     place_of,
     remember,
-    sample,
     vertex,
 )
 
@@ -40,14 +40,7 @@ def update_motor_at(extremes: Any, i: int, speed: float, s: float, span: Span, p
 
 @inlined
 def update_motor_extremes(
-    extremes: Any,
-    i: int,
-    known: tuple[float, float],
-    samples: FloatArray,
-    nodes: int,
-    n: int,
-    span: Span,
-    p: Parameters,
+    extremes: Any, i: int, known: tuple[float, float], samples: FloatArray, span: Span, p: Parameters
 ) -> None:
     """Let the extremes of torque and power of motor i cover a step, and those of its speed over all supplies.
 
@@ -56,8 +49,8 @@ def update_motor_extremes(
     critical slip speed Δ. While the supply changes they are searched for among samples. Extremes of the speed before
     the step are ``known``.
     """
-    k, j, (least, largest) = DRIVEN_1 + i, n + 3 + i, known
-    last = span.end[j]
+    k, j, (least, largest) = DRIVEN_1 + i, DIFFERENTIAL[span.system] // 2 + 3 + i, known
+    last = samples[span.nodes + 1, j]
     for speed, at, new in (
         (extremes.least[k], extremes.at_least[k], extremes.least[k] < least),
         (extremes.largest[k], extremes.at_largest[k], extremes.largest[k] > largest),
@@ -69,34 +62,35 @@ def update_motor_extremes(
     if extremes.least[k] < least or extremes.largest[k] > largest:
         critical = slip_speeds(i, span.begin, last, p)[1]
         synchronous = slip_speeds(i, span.begin + span.length, last, p)[0] + p.direction[i] * last
-        pass_levels(extremes, i, j, synchronous, critical, span, p)
+        pass_levels(extremes, i, (samples[0, j], last), synchronous, critical, span, p)
     if p.speed_ramp[i] != 0.0 or p.slip_ramp[i] != 0.0:
-        follow_ramp(extremes, i, j, samples, nodes, span, p)
+        follow_ramp(extremes, i, j, samples, span, p)
 
 
 @compiled
-def pass_levels(extremes: Any, i: int, j: int, synchronous: float, critical: float, span: Span, p: Parameters) -> None:
+def pass_levels(
+    extremes: Any, i: int, ends: tuple[float, float], synchronous: float, critical: float, span: Span, p: Parameters
+) -> None:
     """Let the extremes of motor i cover the slips of largest torque and power that a step passes."""
-    ratio = critical / synchronous if synchronous != 0.0 else 0.0
+    j, ratio = DIFFERENTIAL[span.system] // 2 + 3 + i, critical / synchronous if synchronous != 0.0 else 0.0
     root = np.sqrt(1.0 + ratio * ratio)
     for slip in (critical, -critical, critical * (root - ratio), -critical * (root + ratio)):
         level = p.direction[i] * (synchronous - slip)
-        if (span.start[j] - level) * (span.end[j] - level) < 0.0:
-            s = crossing(span.c, span.degree, j, level)
+        if (ends[0] - level) * (ends[1] - level) < 0.0:
+            s = crossing(span.c, span.degree, j, level, value(span.c, span.degree, j, 1.0))
             if span.first <= s <= span.last:
                 update_motor_at(extremes, i, level, s, span, p)
 
 
 @compiled
-def follow_ramp(extremes: Any, i: int, j: int, samples: FloatArray, nodes: int, span: Span, p: Parameters) -> None:
+def follow_ramp(extremes: Any, i: int, j: int, samples: FloatArray, span: Span, p: Parameters) -> None:
     """Let the extremes of motor i cover torque and power at samples of its speed, in column j, and between them.
 
     Between three samples of which the middle one is largest or least, the extreme is at the vertex of a parabola.
     """
-    ends = span.start[j], span.end[j]
     low, middle, before, here = 0.0, 0.0, (0.0, 0.0), (0.0, 0.0)
-    for k in range(nodes + 2):
-        high, speed = place_of(k, nodes, span), sample(samples, nodes, ends, k, j)
+    for k in range(span.nodes + 2):
+        high, speed = place_of(k, span), samples[k, j]
         after = torque_and_power(i, speed, high, span, p)
         update_motor_at(extremes, i, speed, high, span, p)
         for q in range(2):

@@ -125,7 +125,14 @@ def symmetry(scene: Scene, strokes: Mapping[str, float | None], begin: float, en
 
     ``strokes`` are the largest ones along x and y of a run between two times (s).
     """
-    steady = scene.drive.last_change(end) <= begin and all(scene.driven(begin, end))
+    changes = scene.drive.last_change(end) > begin
+    if changes and scene.has_mirrored_exciters and not any(scene.drive.intervals[-1].driven):
+        return (
+            "a stop within a run keeps the symmetry that its motion has reached, where a machine also moves across: a "
+            f"run of its own with run.initial.from and run.perturbation = {given(DISTURBANCE)}, or 5 % more friction "
+            "of one exciter, shows how much"
+        )
+    steady = not changes and all(scene.driven(begin, end))
     if steady or scene.run.perturbation is not None or scene.start_perturbation:
         return ""
     least, most = sorted((size or 0.0, axis) for axis, size in strokes.items())

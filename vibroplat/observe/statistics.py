@@ -12,13 +12,15 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.hybrid.modes import FLIGHT, MODES
-from vibroplat.hybrid.state import WIDTH, Automaton, Steps
+from vibroplat.hybrid.state import Automaton, Steps
 from vibroplat.kernels.compiled import Callee, FloatArray, address_of, borrow, compiled, copy, inlined, same_types
-from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16
-from vibroplat.kernels.polynomial import MAX_DEGREE, crossing, slope, value
+from vibroplat.kernels.lanes import in_lines
+from vibroplat.kernels.polynomial import crossing, value
+from vibroplat.kernels.rows import horner_16, horner_pair_16, means_16
 from vibroplat.kernels.sines import sincos_pair
-from vibroplat.model.energy import DISSIPATIONS, FRICTION, deck_power, exciter_powers, powers
-from vibroplat.model.motor import motor_torque
+from vibroplat.kernels.vectors import join, load_2, load_4, load_16, part, store, total, zero
+from vibroplat.model.energy import DISSIPATIONS, FRICTION, exciter_powers, powers
+from vibroplat.model.motor import both, motor_torques
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import slopes
 from vibroplat.model.systems import (
@@ -26,15 +28,13 @@ from vibroplat.model.systems import (
     ALONG_RATE,
     DIFFERENTIAL,
     FULL_SIZE,
-    MOVING_SIZE,
     PLACES,
     SIZES,
     SLIDES,
-    UNKNOWNS,
 )
 from vibroplat.observe.conveying import find_sliding
-from vibroplat.observe.extremes import IMPULSE, MAX_NODES, NODES, WEIGHTS, Span, set_pace
-from vibroplat.observe.loads import COLUMNS, Equations, add_forces, update_step_extremes
+from vibroplat.observe.extremes import IMPULSE, MAX_NODES, NODES, WEIGHTS, Equations, Span, set_pace
+from vibroplat.observe.loads import add_forces, update_step_extremes
 from vibroplat.observe.measures import (
     BINS,
     COSINE,
@@ -50,7 +50,6 @@ from vibroplat.observe.measures import (
     SPEED,
     STICK_TIME,
     SUMMED,
-    SUMS,
     TIME,
     TORQUE,
     WHOLE_RUN,
@@ -61,6 +60,7 @@ from vibroplat.observe.measures import (
     empty_accumulators,
     last_closed,
 )
+from vibroplat.observe.room import ROOM
 
 #: Place of φ₁ among the unknowns. An integer of numpy, so that functions are compiled once for all.
 _ANGLE = np.array([3])[0]
@@ -74,36 +74,6 @@ _TURN = 2.0 * math.pi
 _COMPLETE = 1e-12
 #: Turns of exciter 1 within a step beyond which none of them is counted: the motion makes no sense any more.
 _MAX_TURNS = 1000.0
-
-#: What is overwritten at each step: unknowns and phase differences at the nodes; means of the unknowns, of their
-#: squares and their sizes, of products with the rates, and of the powers; those of slip and friction; a full state;
-#: stiffnesses and dampings; a sum of two unknowns, and its samples; extremes of speeds before a step; squares of mean
-#: accelerations; unknowns and rates; unknowns and derivatives at both ends of a part of a step. What stays is what the
-#: known extremes are, for which system and row, and how many named points there are.
-ROOM = np.dtype(
-    [
-        ("samples", float, (MAX_NODES, WIDTH)),
-        ("means", float, (4, WIDTH)),
-        ("full", float, MOVING_SIZE),
-        ("power", float, N_WORK),
-        ("sliding", float, len(SUMS) - STICK_TIME),
-        ("phases", float, MAX_NODES),
-        ("springs", float, (2, 4)),
-        ("form", float, (MAX_DEGREE + 1, 1)),
-        ("form_samples", float, MAX_NODES + 2),
-        ("driven", float, (2, 2)),
-        ("squares", float, MAX_NODES + 1),
-        ("y", float, UNKNOWNS),
-        ("yp", float, UNKNOWNS),
-        ("start", float, (2, WIDTH)),
-        ("at", float, (2, WIDTH)),
-        ("limits", float, (2, COLUMNS)),
-        ("limited", np.int64),
-        ("widened", np.int64),
-        ("named", np.int64),
-    ],
-    align=True,
-)
 
 
 class Statistics:
@@ -179,11 +149,12 @@ def add_pieces(
 ) -> None:
     """Add all closed pieces and events in the order of time; ``room`` is overwritten."""
     ms, steps, events = borrow(owned_ms), borrow(owned_steps), borrow(owned_events)
-    counted, degree, full, room.limited = 0, steps.c.shape[1] - 1, room.full, -1
+    counted, degree, full, room.limited = 0, steps.c.shape[1] - 1, room.full, 0
     stiffness, damping = slopes(p)
     for j in range(3):
         room.springs[0, j], room.springs[1, j] = stiffness[j], damping[j]
     room.springs[1, 1] = p.suspension_damping_y
+    room.springs[0, 3] = np.nan
     for i in range(steps.used.pieces):
         piece = steps.pieces[i]
         while counted < piece.events:
@@ -242,29 +213,30 @@ def add_step(
     if ms.section.size == 0 or not abs(last - turn) <= _MAX_TURNS:
         turn = last
     marks.passed = last
-    first, now = 0.0, begin
+    first, now, begins, rate = 0.0, begin, c, DIFFERENTIAL[piece.system] // 2 + 3
     while turn != last or first < 1.0:
         since, cut, way, now = now, 1.0, 0.0, begin + length
         if turn != last:
             way = 1.0 if last > turn else -1.0
-            cut = max(crossing(c, degree, _ANGLE, _TURN * max(turn, turn + way) - turns[0]), first)
+            cut = max(crossing(c, degree, _ANGLE, _TURN * max(turn, turn + way) - turns[0], end[3]), first)
             now = begin + cut * length
         if since < marks.window < now:
             cut, way, now = max((marks.window - begin) / length, first), 0.0, marks.window
-        start, at = c, end
-        if first > 0.0 or cut < 1.0:
-            start, at = room.start[0:], room.at[0]
-            horner_16(c, degree, first, start)
+        at = end
+        if cut < 1.0:
             horner_16(c, degree, cut, room.at)
-            for j in range(WIDTH):
-                start[1, j] *= cut - first
+            at = room.at[0]
         if first < cut and marks.scope >= SUMMED:
-            span = Span(begin, length, c, degree, first, cut, start[0], at)
-            add_part(ms, span, start, since >= marks.window, piece.system, nodes, room, equations, p)
+            span = Span(begin, length, c, degree, first, cut, piece.system, nodes, equations)
+            add_part(ms, span, begins, at, since >= marks.window, room, p)
         first, turn = cut, turn + way
+        if cut < 1.0:
+            begins = room.begins[0:]
+            store(load_16(room.at, 0, 0), begins, 0, 0)
+            store(load_16(room.at, 1, 0), begins, 1, 0)
         if way == 0.0:
             continue
-        passes = math.copysign(1.0, slope(c, degree, 3, cut))
+        passes = math.copysign(1.0, at[rate])
         same = marks.way != -passes  # as the last time: one that swings completes no turn
         marks.way = passes
         if same and now >= marks.window:
@@ -321,30 +293,23 @@ def place_of_angle(level: float, angle: float, angle_after: float, first: float,
 
 @inlined
 def add_part(
-    ms: Accumulators,
-    span: Span,
-    start: FloatArray,
-    measured: bool,
-    system: int,
-    nodes: int,
-    room: Any,
-    equations: Equations,
-    p: Parameters,
+    ms: Accumulators, span: Span, begins: FloatArray, end: FloatArray, measured: bool, room: Any, p: Parameters
 ) -> None:
     """Add a step, or a part of it that is measured as a whole or not at all.
 
-    ``start`` is that of :func:`vibroplat.observe.loads.update_step_extremes`.
+    ``begins`` holds the unknowns at its beginning and their derivatives by the step's fraction, ``end`` the last ones.
     """
-    width, row = span.last - span.first, ms.marks.row if measured else EARLY
+    width, row, samples, nodes = span.last - span.first, ms.marks.row if measured else EARLY, room.samples, span.nodes
     if room.widened != row:
-        room.widened, room.limited = row, -1
+        room.widened, room.limited = row, 0
+    store(load_16(begins, 0, 0), samples, 0, 0)
+    store(load_16(end, 0, 0), samples, nodes + 1, 0)
     for i in range(0, nodes, 2):  # they are even in number
         places = span.first + width * NODES[nodes, i], span.first + width * NODES[nodes, i + 1]
-        horner_pair_16(span.c, span.degree, places[0], places[1], room.samples[i : i + 2])
+        horner_pair_16(span.c, span.degree, places[0], places[1], i + 1, samples)
     if ms.marks.scope >= WITH_EXTREMES:
-        update_step_extremes(ms.extremes[row], start, room, nodes, system, span, equations, p)
-    begin, duration = span.begin + span.first * span.length, width * span.length
-    integrate(ms, begin, duration, system, measured, nodes, room, p)
+        update_step_extremes(ms.extremes[row], begins[1], room, span, p)
+    integrate(ms, span, measured, room, p)
 
 
 @inlined
@@ -365,32 +330,31 @@ def mark_bins(ms: Accumulators, end: FloatArray, now: float, system: int, fastes
 
 
 @inlined
-def integrate(
-    ms: Accumulators, begin: float, duration: float, system: int, measured: bool, nodes: int, room: Any, p: Parameters
-) -> None:
-    """Add a part of a step that begins at a time (s) with samples in ``room``: work and, if measured, statistics."""
-    marks, sums, means, power, n = ms.marks, ms.open_turn, room.means, room.power, DIFFERENTIAL[system] // 2
-    motor, truncated, resisted, exchanged, held = 0.0, 0.0, 0.0, 0.0, 0.0
-    on_deck = p.deck[0] + p.deck[1] > 0.0
-    first = torque_1 = torque_2 = 0.0
-    for i in range(nodes):
-        now, weight = begin + duration * NODES[nodes, i], WEIGHTS[nodes, i]
-        w_1, w_2 = room.samples[i, n + 3], room.samples[i, n + 4]
-        l_1, l_2 = motor_torque(0, now, w_1, p), motor_torque(1, now, w_2, p)
-        fed, turned, lost = exciter_powers(l_1 * w_1, l_2 * w_2, room.samples[i], n, p)
-        torque_1 += weight * l_1
-        torque_2 += weight * l_2
-        first += weight * l_1 * w_1
-        motor += weight * fed
-        truncated += weight * turned
-        resisted += weight * lost
-        exchanged += weight * abs(fed)
-        if on_deck:
-            held += weight * deck_power(l_1, l_2, room.samples[i], n, p)
-    means_16(room.samples, WEIGHTS[nodes], nodes, n, means)
-    powers((motor - held, truncated, resisted), means, n, system, power, p)
+def integrate(ms: Accumulators, span: Span, measured: bool, room: Any, p: Parameters) -> None:
+    """Add a part of a step with samples in ``room``: work and, if measured, statistics."""
+    begin, duration = span.begin + span.first * span.length, (span.last - span.first) * span.length
+    system, nodes, n = span.system, span.nodes, DIFFERENTIAL[span.system] // 2
+    marks, sums, means, power = ms.marks, ms.open_turn, room.means, room.power
+    samples, exchanged = room.samples, 0.0
+    torque = motor = held = truncated = resisted = zero(load_4(samples, 0, 0))
+    for i in range(0, nodes, 2):  # both exciters at two nodes side by side
+        now = begin + duration * alternate(NODES[nodes, i], NODES[nodes, i + 1])
+        weight = alternate(WEIGHTS[nodes, i], WEIGHTS[nodes, i + 1])
+        speed = join(load_2(samples, i + 1, n + 3), load_2(samples, i + 2, n + 3))
+        angle = join(load_2(samples, i + 1, 3), load_2(samples, i + 2, 3))
+        phi = alternate(samples[i + 1, 2], samples[i + 2, 2])
+        turning = alternate(samples[i + 1, n + 2], samples[i + 2, n + 2])
+        driving = motor_torques(now, speed, p)
+        found = exciter_powers(driving, speed, angle, phi, turning, p)
+        torque, motor, held = torque + weight * driving, motor + weight * found.motor, held + weight * found.held
+        truncated, resisted = truncated + weight * found.truncation, resisted + weight * found.resistance
+        first, second = part(weight * found.motor)
+        exchanged += abs(total(first)) + abs(total(second))
+    means_16(samples, WEIGHTS[nodes], 1, nodes, n, means)
+    taken = total(total(motor - held)), total(total(truncated)), total(total(resisted))
+    powers(taken, means, n, system, power, p)
     if SLIDES[system]:
-        find_sliding(room.samples, WEIGHTS[nodes], nodes, means, system, room.sliding, power, p)
+        find_sliding(samples, WEIGHTS[nodes], nodes, means, system, room.sliding, power, p)
         exchanged += power[FRICTION]
     for j in range(N_WORK):
         ms.work[j] += duration * power[j]
@@ -401,10 +365,8 @@ def integrate(
         for k in range(3):  # of x, y and φ
             sums[X + 2 * k] += duration * means[0, k]
             sums[XX + 2 * k] += duration * means[1, k]
-        sums[POWER] += duration * first
-        sums[POWER + 1] += duration * (motor - first)
-        sums[TORQUE] += duration * p.direction[0] * torque_1
-        sums[TORQUE + 1] += duration * p.direction[1] * torque_2
+        store(load_2(sums, 0, POWER) + duration * total(motor), sums, 0, POWER)
+        store(load_2(sums, 0, TORQUE) + duration * total(both(p.direction) * torque), sums, 0, TORQUE)
         for i in range(2):
             sums[SPEED + i] += duration * means[0, n + 3 + i]
         add_forces(sums[PULL:], means, room.springs, n, duration)
@@ -416,6 +378,12 @@ def integrate(
 
 
 @inlined
+def alternate(first: float, second: float) -> Any:
+    """Put two numbers side by side, each once for both exciters."""
+    return join(join(first, first), join(second, second))
+
+
+@inlined
 def add_phase(sums: FloatArray, room: Any, n: int, duration: float, nodes: int, sense: float) -> None:
     """Add cosine and sine of the phase difference φ₁ + sense φ₂ over a part of a step (s), from the samples.
 
@@ -423,15 +391,15 @@ def add_phase(sums: FloatArray, room: Any, n: int, duration: float, nodes: int, 
     """
     samples, phases, mean, drift = room.samples, room.phases, 0.0, 0.0
     for i in range(nodes):
-        phases[i] = samples[i, 3] + sense * samples[i, 4]
+        phases[i] = samples[i + 1, 3] + sense * samples[i + 1, 4]
         mean += WEIGHTS[nodes, i] * phases[i]
-        drift = max(drift, duration * abs(samples[i, n + 3] + sense * samples[i, n + 4]))
+        drift = max(drift, duration * abs(samples[i + 1, n + 3] + sense * samples[i + 1, n + 4]))
     cosine, sine, variance = 0.0, 0.0, 0.0
     if drift > STILL:
-        for i in range(nodes):
-            sine_i, cosine_i, _, _ = sincos_pair(phases[i], 0.0)
-            cosine += WEIGHTS[nodes, i] * cosine_i
-            sine += WEIGHTS[nodes, i] * sine_i
+        for i in range(0, nodes, 2):
+            sine_1, cosine_1, sine_2, cosine_2 = sincos_pair(phases[i], phases[i + 1])
+            cosine += WEIGHTS[nodes, i] * cosine_1 + WEIGHTS[nodes, i + 1] * cosine_2
+            sine += WEIGHTS[nodes, i] * sine_1 + WEIGHTS[nodes, i + 1] * sine_2
     else:
         for i in range(nodes):
             variance += WEIGHTS[nodes, i] * (phases[i] - mean) ** 2

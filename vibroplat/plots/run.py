@@ -1,7 +1,6 @@
 """Pictures of a run, or of several laid over each other, and their figures.
 
-Their points are rows of trajectories, of ranges in each turn and of events, one table behind the other; each series
-has its own.
+Their points are rows of trajectories, of ranges in each turn and of events, one table behind the other.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vibroplat.columns import describe_sync
@@ -14,6 +14,9 @@ from vibroplat.results.answer import are_alike, of_both
 
 #: Ripple of an exciter's speed, over the larger of both speeds, above which one without a motor is stopping.
 STOPPING = 0.1
+#: Ripple of a speed, over the largest synchronous speed, up to which an exciter is at rest; turns at that speed without
+#: one of an exciter after which it hardly turns.
+AT_REST, ENOUGH = 1e-3, 10.0
 #: Change of places at whole turns, over the largest stroke, above which strokes include a transient.
 SETTLED = 0.02
 
@@ -33,23 +36,48 @@ def _motion(scene: Scene, summary: Mapping[str, Any]) -> str:
     if frequency is None:
         return "nothing measured, the run is too short"
     pace, driven = quantity(frequency, "Hz"), scene.driven(summary["measured_from_s"], last)
-    named = synchronization(summary)
     if summary.get("captured_by"):
         wanted = [speed / (2.0 * math.pi) for speed in scene.synchronous_speeds_at(scene.drive.at(last).frequency)]
         return f"CAPTURED by the resonance in {summary['captured_by']}: {pace}, {quantity(max(wanted), 'Hz')} wanted"
     if not summary["measured_turns"] and driven != (False, True):
-        return f"the exciters {'hardly turn' if any(driven) else 'have come to rest, motors off'}"
+        return _without_turns(scene, summary, driven)
     off = [str(n) for n, on in enumerate(driven, 1) if not on]
     if len(off) == 1 and transient(scene, summary):
         paces = of_both(speeds_of_both(summary) or [frequency] * 2, "Hz")
         return f"motor {off[0]} is switched off and its exciter is stopping: exciters at {paces} in the mean"
+    return _operation(scene, summary, off)
+
+
+def _operation(scene: Scene, summary: Mapping[str, Any], off: Sequence[str]) -> str:
+    """Return what exciters do that turn, of which some have no motor."""
+    frequency, named = summary["excitation_frequency_hz"], synchronization(summary)
+    pace = quantity(frequency, "Hz")
     runs = {0: "runs", 1: f"runs with motor {''.join(off)} off", 2: "coasts with the motors off"}[len(off)]
     speeds = speeds_of_both(summary)
     if named == "none" and speeds and not are_alike(speeds):
-        return f"{runs}, not synchronized: exciters at {of_both(speeds, 'Hz')}"
+        return f"{runs}, not synchronized: exciters at {of_both(speeds, 'Hz')}{' in the mean' * bool(off[1:])}"
     phase = f"phase difference {phase_text(summary)}"
     told = phase if named == "intermediate" else sync_text(scene, summary)
-    return f"{runs} at {pace} ({quantity(60.0 * frequency, 'rpm')}), {told}{'' if off[1:] else _period(summary)}"
+    if off[1:]:
+        return f"{runs}, at {pace} ({quantity(60.0 * frequency, 'rpm')}) in the mean, {told}"
+    return f"{runs} at {pace} ({quantity(60.0 * frequency, 'rpm')}), {told}{_period(summary)}"
+
+
+def _without_turns(scene: Scene, summary: Mapping[str, Any], driven: tuple[bool, bool]) -> str:
+    """Return what exciters do of which the first, or neither, completes a turn in the measured part."""
+    seconds, mean = summary["measured_to_s"] - summary["measured_from_s"], summary["excitation_frequency_hz"]
+    if not any(driven):
+        ripples = [summary.get(f"speed_ripple_{n}_hz") or 0.0 for n in (1, 2)]
+        swing = max(ripples) * 2.0 * math.pi > AT_REST * scene.speed_scale
+        return f"the exciters {'swing out' if swing else 'have come to rest'}, motors off"
+    if seconds * scene.speed_scale < ENOUGH * 2.0 * math.pi:
+        return f"not a whole turn in the measured {quantity(seconds, 's')}: a longer run.duration_s helps"
+    speeds = [mean + 0.5 * sign * summary["frequency_split_hz"] for sign in (1.0, -1.0)]
+    turns = [speed * seconds >= 1.0 for speed in speeds]
+    if turns.count(True) != 1:
+        return "the exciters hardly turn"
+    turning = turns.index(True)
+    return f"exciter {2 - turning} hardly turns, exciter {turning + 1} at {quantity(speeds[turning], 'Hz')}"
 
 
 def transient(scene: Scene, summary: Mapping[str, Any]) -> str:
@@ -57,7 +85,7 @@ def transient(scene: Scene, summary: Mapping[str, Any]) -> str:
     driven = scene.driven(summary["measured_from_s"], summary["measured_to_s"])
     if not any(driven):
         return "while it coasts down"
-    speeds = speeds_of_both(summary) or [0.0]
+    speeds = speeds_of_both(summary) or [0.0, 0.0]
     for n, on in enumerate(driven, 1):
         if not (on or are_alike(speeds)) and (summary.get(f"speed_ripple_{n}_hz") or 0.0) > STOPPING * max(speeds):
             return f"while exciter {n} stops"

@@ -148,7 +148,9 @@ class Sheet:
         at, pace = (self.numbers[f"{base}_{end}"] for end in ("s", "hz"))
         if at is None or most in ("", "0"):
             return most, ""
-        return most, (quantity(at, "s") if at else "0 s") + (f", {quantity(pace, 'Hz', digits=3)}" if pace else "")
+        # with a motor off, exciters may have other speeds than their mean, or swing
+        known = pace and all(all(supply.driven) for supply in self.scene.drive.intervals)
+        return most, (quantity(at, "s") if at else "0 s") + (f", {quantity(pace, 'Hz', digits=3)}" if known else "")
 
     def _row(self, label: str, column: str, largest: float | None = None) -> Row:
         """Return the row of a column; beside ``largest`` what is small is 0, and was so at no time."""

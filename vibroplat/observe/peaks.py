@@ -1,0 +1,239 @@
+"""Extremes of quantities that are linear in the unknowns and their rates, in a part of a step.
+
+Their samples say, for all of them at once, which may have a new extreme. Of such alone polynomials are formed, and
+peaks are looked for side by side.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vibroplat.hybrid.modes import FLIGHT, MODES
+from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
+from vibroplat.kernels.polynomial import MAX_DEGREE, chord_deviation_bound, slope, turning_point, value_range
+from vibroplat.kernels.vectors import (
+    Lanes,
+    as_lanes,
+    bits,
+    four,
+    greater,
+    join,
+    lesser,
+    load_2,
+    load_4,
+    load_8,
+    part,
+    select,
+    size,
+    store,
+    zero,
+)
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP
+from vibroplat.observe.extremes import (
+    DRIVEN_1,
+    FEW_SAMPLES,
+    FORCE,
+    GAPS,
+    OPENING,
+    POINTS,
+    PULL_X,
+    Span,
+    place_of,
+    remember,
+    vertex,
+)
+
+#: How many quantities have columns, and how many of them are compared at once.
+COLUMNS, EIGHT = 32, 8
+#: Part of what an unknown goes beyond its samples that is left where an end of a step is beyond all nodes, the first
+#: and the last of which are next to the ends.
+AT_ENDS = 0.0625
+#: Peaks that are looked for side by side.
+SIDE_BY_SIDE = 4
+#: Fields of a room for samples that may have a new extreme beside them: the polynomials, turned so that these are
+#: largest; the samples' values; where a peak is looked for, and between which places; its value; the sense; which
+#: quantity it is.
+TOPS = [
+    ("series", float, (MAX_DEGREE + 1, 1, SIDE_BY_SIDE)),
+    *((name, float, SIDE_BY_SIDE) for name in ("top", "place", "low", "high", "peak", "sense")),
+    ("quantity", np.int64, SIDE_BY_SIDE),
+]
+
+
+@fused_inline
+def put_quantities(samples: FloatArray, row: int, system: int, room: Any) -> None:
+    """Put the quantities of a row of unknowns into the same row of those.
+
+    What the system does not have is nan, which is beyond no limit.
+    """
+    n = DIFFERENTIAL[system] // 2
+    gap = samples[row, GAP] if MODES[system] == FLIGHT else np.nan
+    force = samples[row, 2 * n] if ALGEBRAIC[system] else np.nan
+    first = four(samples[row, 0], samples[row, 1], samples[row, 2], gap)
+    second = four(force, samples[row, n + 3], samples[row, n + 4], np.nan)
+    pulls = load_4(samples, row, 0) * load_4(room.springs, 0, 0) + load_4(samples, row, n) * load_4(room.springs, 1, 0)
+    store(join(first, second), room.quantities, row, 0)
+    store(join(pulls, zero(pulls) + np.nan), room.quantities, row, PULL_X)
+    if room.named > 0:
+        for j in range(POINTS, COLUMNS, EIGHT):
+            moved = load_2(samples, row, 0) + samples[row, 2] * load_8(room.levers, 0, j - POINTS)
+            store(moved, room.quantities, row, j)
+
+
+@fused_inline
+def beyond_limits(quantities: FloatArray, nodes: int, reach: float, limits: FloatArray, first: int) -> tuple[int, int]:
+    """Find out which of eight quantities may go above their limits in a part of a step, and which below: bits.
+
+    Between samples a polynomial goes beyond all of them by less than some part of their range. Without branches: what
+    a step holds cannot be guessed.
+
+    Parameters
+    ----------
+    quantities, nodes
+        Quantities at the beginning, at so many nodes, and at the end.
+    reach
+        This part; see :data:`vibroplat.observe.extremes.REACH`.
+    limits, first
+        Least and largest values, shape (2, COLUMNS), and from which column on.
+    """
+    top = low = load_8(quantities, 1, first)
+    for i in range(2, nodes + 1):
+        here = load_8(quantities, i, first)
+        top, low = greater(here, top), lesser(here, low)
+    start, end = load_8(quantities, 0, first), load_8(quantities, nodes + 1, first)
+    above, below = greater(start, end), lesser(start, end)
+    over = reach * (greater(top, above) - lesser(low, below))
+    highest, lowest = greater(top + over, above + AT_ENDS * over), lesser(low - over, below - AT_ENDS * over)
+    return bits(highest > load_8(limits, 1, first)), bits(lowest < load_8(limits, 0, first))
+
+
+@fused_inline
+def largest_squares(samples: FloatArray, at_start: Lanes, span: Span) -> Lanes:
+    """Bound the square of the acceleration of x and y, and of y alone, from rates at samples: the lanes of a pair.
+
+    The square of an acceleration goes beyond its means between samples by less than its neighbours are below it; that
+    at the beginning is ``at_start``.
+    """
+    n, inverse = DIFFERENTIAL[span.system] // 2, 1.0 / (span.length * (span.last - span.first))
+    rates, top = load_2(samples, 0, n), zero(at_start)
+    here, way = _squares(at_start), zero(at_start)
+    for i in range(span.nodes + 1):
+        after = load_2(samples, i + 1, n)
+        following = _squares((after - rates) * (inverse * GAPS[span.nodes, i]))
+        top = greater(_peak(here, way, following - here), top)
+        way, here, rates = following - here, following, after
+    return greater(_peak(here, way, zero(way)), top)
+
+
+@fused_inline
+def _squares(acceleration: Lanes) -> Lanes:
+    x, y = part(acceleration * acceleration)
+    return join(x + y, y)
+
+
+@fused_inline
+def _peak(here: Lanes, way: Lanes, following: Lanes) -> Lanes:
+    """Bound what is reached beside a square: where the way turns, the longer of both ways is added to it."""
+    return here + select(way * following <= 0.0, greater(size(way), size(following)), 0.0)
+
+
+@compiled
+def cover(extremes: Any, above: int, below: int, room: Any, span: Span) -> None:
+    """Let the extremes of columns whose bits are set, above or below limits, cover a part of a step.
+
+    Parameters
+    ----------
+    extremes, above, below
+        Record of :data:`vibroplat.observe.extremes.EXTREMES`, and the bits of :func:`beyond_limits`.
+    room, span
+        Record of :data:`vibroplat.observe.statistics.ROOM` with quantities at the samples, and the limits beyond which
+        an extreme is new; the part.
+    """
+    count = 0
+    for sense in (1.0, -1.0):
+        k, left = 0, above if sense > 0.0 else below
+        while left != 0:
+            if left & 1:
+                count = find_tops(extremes, k, sense, room, span, count)
+            k, left = k + 1, left >> 1
+    if count > 0:
+        polish(extremes, room, span, count)
+
+
+@inlined
+def find_tops(extremes: Any, k: int, sense: float, room: Any, span: Span, count: int) -> int:
+    """Gather the samples of quantity k beside which an extreme may be new, behind ``count`` others; how many wait.
+
+    These are larger than their neighbours, and beyond them the quantity goes by less than they are on this side.
+    Polynomials of low degree have few samples and are looked through.
+    """
+    samples, known, last = room.quantities, sense * room.limits[1 if sense > 0.0 else 0, k], span.nodes + 1
+    if span.degree <= FEW_SAMPLES:
+        put_series(k, sense, room, 0, span)
+        look_through(extremes, k, sense, room.series[:, 0], (samples[0, k], samples[last, k]), span)
+        return 0
+    before, bit, near = sense * samples[0, k], 1, 0
+    here = before
+    for i in range(last + 1):
+        after = sense * samples[min(i + 1, last), k]
+        near |= bit * ((here >= before) & (here >= after) & (here + max(here - before, here - after) > known))
+        before, here, bit = here, after, 2 * bit
+    for i in range(last + 1):
+        if near >> i & 1:
+            if count == SIDE_BY_SIDE:
+                polish(extremes, room, span, count)
+                count = 0
+            put_series(k, sense, room, count, span)
+            low, place, high = place_of(i - 1, span), place_of(i, span), place_of(i + 1, span)
+            remember(extremes, k, samples[i, k], place, span)
+            leaving = slope(room.series[:, 0], span.degree, count, place) if not 0 < i < last else 0.0
+            if (i == 0 and leaving <= 0.0) or (i == last and leaving >= 0.0):
+                continue  # an end that the polynomial comes to straight has no peak beside it
+            around = samples[max(i - 1, 0), k], samples[i, k], samples[min(i + 1, last), k]
+            room.quantity[count], room.sense[count], room.top[count] = k, sense, sense * samples[i, k]
+            room.low[count], room.place[count], room.high[count] = low, vertex((low, place, high), around), high
+            count += 1
+    return count
+
+
+@inlined
+def put_series(k: int, sense: float, room: Any, lane: int, span: Span) -> None:
+    """Put ``sense`` times the polynomial of quantity k into a lane: a sum of two unknowns, or one alone."""
+    n = DIFFERENTIAL[span.system] // 2
+    c, first, share, second, other = span.c, k, 1.0, 0, 0.0
+    if k >= POINTS:
+        first, second, other = (k - POINTS) % 2, 2, room.levers[k - POINTS]
+    elif k >= PULL_X:
+        first = k - PULL_X
+        second, share, other = n + first, room.springs[0, first], room.springs[1, first]
+    elif k >= DRIVEN_1:
+        first = n + 3 + k - DRIVEN_1
+    elif k == FORCE:
+        first = 2 * n
+    elif k == OPENING:
+        first = GAP
+    share, other = sense * share, sense * other
+    for i in range(span.degree + 1):
+        room.series[i, 0, lane] = share * c[i, first] + other * c[i, second]
+
+
+@compiled
+def polish(extremes: Any, room: Any, span: Span, count: int) -> None:
+    """Let extremes cover the peaks beside so many samples, all found at once."""
+    r = as_lanes(room)
+    r.peak, r.place = turning_point(r.series, span.degree, 0, r.place, r.low, r.high, r.top)
+    for i in range(count):
+        if room.peak[i] > room.top[i]:
+            remember(extremes, room.quantity[i], room.sense[i] * room.peak[i], room.place[i], span)
+
+
+@compiled
+def look_through(extremes: Any, k: int, sense: float, c: FloatArray, ends: tuple[float, float], span: Span) -> None:
+    """Let extremes k cover ``sense`` times a polynomial of low degree, with its values at both ends of a part."""
+    reach, known = chord_deviation_bound(c, span.degree, 0), extremes.largest[k] if sense > 0.0 else -extremes.least[k]
+    ends = sense * ends[0], sense * ends[1]
+    if not max(ends) + reach < known:
+        _, high, _, at_high = value_range(c, span.degree, 0, span.first, span.last, ends)
+        remember(extremes, k, sense * high, at_high, span)

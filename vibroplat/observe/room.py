@@ -1,0 +1,40 @@
+"""The room in which statistics work: what they know of a step."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vibroplat.config.coordinates import MAX_NAMED_POINTS
+from vibroplat.hybrid.state import WIDTH
+from vibroplat.model.systems import MOVING_SIZE, UNKNOWNS
+from vibroplat.observe.extremes import MAX_NODES
+from vibroplat.observe.measures import N_WORK, STICK_TIME, SUMS
+from vibroplat.observe.peaks import COLUMNS, TOPS
+
+#: What is overwritten at each step, but for limits and their row, stiffnesses, dampings, levers, and how many points.
+ROOM = np.dtype(
+    [
+        ("samples", float, (MAX_NODES + 2, WIDTH)),  # unknowns at beginning, nodes and end
+        ("quantities", float, (MAX_NODES + 2, COLUMNS)),  # what has extremes, there
+        ("limits", float, (2, COLUMNS)),  # least and largest values so far
+        ("square_limits", float, 2),  # those of squares of accelerations, of x and y and of y alone
+        ("squares", float, MAX_NODES + 1),  # of mean accelerations
+        ("springs", float, (2, 4)),  # stiffnesses and dampings of x, y, φ, then nan
+        ("levers", float, 2 * MAX_NAMED_POINTS),  # of points: what φ adds to x and y
+        ("means", float, (4, WIDTH)),  # of unknowns, their squares, their sizes, products with the rates
+        ("power", float, N_WORK),
+        ("sliding", float, len(SUMS) - STICK_TIME),  # means of what :func:`find_sliding` finds
+        ("phases", float, MAX_NODES),
+        ("driven", float, (2, 2)),  # extremes of speeds before a step
+        ("full", float, MOVING_SIZE),
+        ("y", float, UNKNOWNS),
+        ("yp", float, UNKNOWNS),
+        ("begins", float, (2, WIDTH)),  # unknowns and their derivatives where a part of a step begins, and ends
+        ("at", float, (2, WIDTH)),
+        ("limited", np.int64),
+        ("widened", np.int64),
+        ("named", np.int64),
+        *TOPS,
+    ],
+    align=True,
+)
