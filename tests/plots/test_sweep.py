@@ -141,9 +141,10 @@ def test_curves_that_coincide_in_all_panels_are_one_and_said_to_be_equal(write_s
 
 def test_the_axis_of_several_panels_has_the_points_of_all(write_sweep):
     """Each has points of one machine alone, and another slip."""
-    table = sweep_table().query("supply_frequency_hz == 45").assign(outcome="ok", motion="periodic", sync="antiphase")
+    table = sweep_table().query("supply_frequency_hz == 45")
+    table = table.assign(outcome="ok", motion="periodic", sync="antiphase", period=1)
     loaded = table[MASS] > 0.0
-    table["excitation_frequency_hz"] = np.where(loaded, 24.52, 24.65)
+    table["excitation_frequency_hz"] = np.where(loaded, 24.52, 24.65) + 1e-4 * (table["direction"] == "up")
     table["rms_y_m"] = np.where(loaded, np.nan, 1e-3)
     table["motor_power_w"] = np.where(loaded, 1920.0, np.nan)
     figure = drawn(write_sweep(table), x="excitation", measure=["rms_y_m", "motor_power_w"])["response"]
