@@ -87,6 +87,7 @@ def split(name: str) -> tuple[str, str]:
 
 #: Parts of names that are written otherwise.
 _WORDS = {"rms": "RMS", "phi": "φ", "phi1": "φ₁", "phi2": "φ₂", "lyapunov": "Lyapunov", "re": "(real)", "im": "(imag.)"}
+_WORDS |= {"sync": "synchronization", "gamma": "throw index", "settle": "settling time"}
 _EXTREMES = {"max": "largest", "min": "smallest"}
 
 

@@ -121,6 +121,19 @@ def test_what_has_little_to_show_says_so():
         drawn({}, "samples", sensitivities=table)
 
 
+def test_rings_of_samples_are_told_in_the_units_of_their_axes():
+    samples = pd.DataFrame({"sample": range(41), "stable": True, "regime": "antiphase, period 1"})
+    samples = samples.assign(motor_power_w=np.linspace(1800.0, 2200.0, 41), rms_y_m=np.linspace(1e-3, 2e-3, 41))
+    table = elastic(motor_power_w=1.0, rms_y_m=1.0)
+    figure = drawn({"parameter_tolerances": {MASS: 0.1}}, "samples", sensitivities=table, samples=samples)
+    told = {axis.get_xlabel(): [text.get_text() for text in axis.texts] for axis in figure.axes if axis.axison}
+    assert told["RMS $y$ (mm)"] == ["1.05 mm", "1.50 mm", "1.95 mm"]
+    assert ["1.82 kW", "2.00 kW", "2.18 kW"] in [*told.values()]
+    labels = [text.get_text() for one in figure.legends for text in one.get_texts()]
+    labels += [text.get_text() for axis in figure.axes if (one := axis.get_legend()) for text in one.get_texts()]
+    assert labels.count("nominal") == 1
+
+
 def test_samples_are_judged_by_the_bounds_in_the_units_of_their_axes():
     random = np.random.default_rng(0)
     samples = pd.DataFrame({"sample": range(40), "stable": True, "regime": "antiphase, period 1"})

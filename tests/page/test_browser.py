@@ -130,6 +130,14 @@ def test_the_first_screen_holds_headline_machine_sheet_and_curves(of, visit):
     assert js(page, "[...document.querySelectorAll('details')].every(one => !one.open)")
 
 
+@pytest.mark.parametrize("size", [WIDE, (1000, 900)])
+def test_the_data_sheet_of_three_runs_is_whole(visit, size):
+    page = visit("several", size)
+    assert js(page, "document.querySelector('#sheet').scrollWidth - document.querySelector('#sheet').clientWidth") <= 0
+    right = "document.querySelector(arguments[0]).getBoundingClientRect().right"
+    assert js(page, right, ".sheet td:last-child") <= js(page, right, "main")
+
+
 def test_columns_of_an_answer_are_no_broken_lines_on_a_telephone(visit):
     page = visit("all", NARROW)
     added = (

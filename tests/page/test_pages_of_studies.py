@@ -115,13 +115,34 @@ def test_tables_have_one_unit_and_as_many_decimals_as_a_column_needs():
     )
     text = table_html("points", table)
     assert cells(text) == [
-        ["1.2346", "42.0", "1", "3", "yes", "&lt;b&gt;"],
+        ["1.23", "42.0", "1", "3", "yes", "&lt;b&gt;"],
         ["–", "42.5", "–", "2", "no", "–"],
         ["0", "43.0", "2", "0", "yes", "x"],
     ]
     assert "RMS y (mm)" in text
     assert "energy residual (10⁻⁹)" in text
     assert 'data-n="supply_frequency_hz"' in text
+
+
+def test_columns_that_are_nothing_beside_their_kind_are_0_and_others_have_the_digits_of_their_unit():
+    table = pd.DataFrame(
+        {
+            "supply_frequency_hz": [50.125, 50.25],
+            "rms_x_m": [1.03e-13, 2e-13],
+            "rms_phi_rad": [4e-13, 1e-13],
+            "rms_y_m": [1.07794e-3, 1.5104e-3],
+            "excitation_frequency_hz": [24.65312, 24.52107],
+            "frequency_split_hz": [0.0012, 0.0],
+            "multiplier_max": [0.99987, 0.96838],
+            "sync": ["antiphase", "antiphase"],
+        }
+    )
+    text = table_html("points", table)
+    assert cells(text) == [
+        ["50.125", "0", "0", "1.08", "24.65", "0.0012", "0.99987", "antiphase"],
+        ["50.250", "0", "0", "1.51", "24.52", "0", "0.96838", "antiphase"],
+    ]
+    assert {"RMS x (mm)", "RMS φ (mrad)", "synchronization"} <= {*re.findall("<th[^>]*>([^<]*)", text)}
 
 
 def test_a_long_table_loses_rows_evenly_and_says_so(monkeypatch):

@@ -1,8 +1,11 @@
 """Figures of accelerations: spectra, and what is drawn of which run."""
 
+import itertools
+
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from vibroplat.errors import TableError
 from vibroplat.plots.histories import Run
@@ -32,6 +35,10 @@ def test_accelerations_are_drawn_where_there_are_some(moved, saved, tmp_path):
     vertical, *_ = figures["acceleration"].axes
     table = read_table(moved, "trajectory")
     assert vertical.lines[0].get_ydata()[-1] == table["acceleration_y_m_per_s2"].iloc[-1]
+    FigureCanvasAgg(figures["spectrum"]).draw()
+    orders = [text.get_window_extent() for text in figures["spectrum"].axes[0].texts]
+    assert len(orders) > 3
+    assert all(one.x1 < other.x0 for one, other in itertools.pairwise(orders)), "names of orders lie on each other"
     for kind, line in (("spectrum", "has no accelerations; simulate it with"), ("measured", "needs --data FILE")):
         with pytest.raises(TableError, match=f"--kind {kind}: .*{line}"):
             list(run_figures([saved["bare"]], [kind]))
@@ -44,5 +51,5 @@ def test_data_are_fitted_and_compared_with_any_column(moved, data_file):
     data = data_file(table.assign(t_s=table["t_s"] + 100.0), "acceleration_x_tip_m_per_s2", "phi1_rate_rad_per_s")
     ((_, _, figure),) = run_figures([moved], ["measured"], start=0.1, data=data)
     assert [axis.get_title(loc="left").splitlines()[-1] for axis in figure.axes] == ["differs by < 0.1 %"] * 2
-    assert "measured data shifted by −100.0 s" in figure.axes[0].get_title(loc="left").splitlines()
+    assert "measured data shifted by −100 s" in figure.axes[0].get_title(loc="left").splitlines()
     assert [axis.lines[1].get_marker() for axis in figure.axes] == ["D"] * 2

@@ -9,8 +9,9 @@ import pytest
 
 from vibroplat import Scene, load, simulate
 from vibroplat.errors import TableError
-from vibroplat.plots.measured import MAX_BYTES, Measured, best_shift, read_data, relative_error
-from vibroplat.plots.run import _measured_interval
+from vibroplat.hybrid.state import static_rest
+from vibroplat.plots.measured import MAX_BYTES, Measured, _number, best_shift, read_data, relative_error
+from vibroplat.plots.run import _measured_interval, run_figures
 
 MAPPING = 't=Zeit*0.001,ay_inlet=Beschl_y (g)*10,"y=Weg, y"'
 TEXT = "Zeit;Beschl_y (g);Weg, y\n0;1,5;0,1\n500;−;0,2\n1000;-2,5;0,3\n".replace("−", "")
@@ -74,20 +75,46 @@ def test_the_shift_in_time_is_found_by_correlation(begin, end, rate):
     """To a part of a sample, whichever is longer, and whatever the clock of the data says and their scale is."""
     t = np.arange(begin, end, 1.0 / rate)
     measured = t + 77.0003, 3.0 + 0.1 * chirp(t)
-    assert best_shift(measured, (TIMES, chirp(TIMES))) == pytest.approx(-77.0003, abs=2e-5)
+    assert best_shift(measured, (TIMES, chirp(TIMES)))[0] == pytest.approx(-77.0003, abs=2e-5)
 
 
 def test_of_motion_that_repeats_the_smallest_shift_is_taken():
     """Of a period of 0.1 s."""
     t = np.arange(0.5, 1.0, 1e-3)
     measured, computed = (t, np.sin(20.0 * np.pi * (t + 0.02))), (TIMES, np.sin(20.0 * np.pi * TIMES))
-    assert best_shift(measured, computed) == pytest.approx(0.02, abs=1e-4)
+    shift, alike = best_shift(measured, computed)
+    assert shift == pytest.approx(0.02, abs=1e-5)
+    assert np.diff(alike) == pytest.approx(0.1, abs=1e-4)
+    told = Measured(Path("rig"), pd.DataFrame(), shift=shift, alike=alike).shifted
+    assert told == f"shifted by 0.02 s, of {len(alike)} shifts, −0.480 … 0.920 s, that differ as little"
     with pytest.raises(TableError, match="shift=fit finds nothing to correlate"):
         best_shift((t, 0.0 * t), computed)
     with pytest.raises(TableError, match="shift=fit needs values over time"):
         best_shift((t[:1], t[:1]), computed)
     with pytest.raises(TableError, match="times span 499000 s; allowed with shift=fit: seconds"):
         best_shift((1e6 * t, measured[1]), computed)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.1])
+def test_of_turns_that_hardly_differ_that_of_the_least_error_is_taken(factor):
+    """Turns of 40 ms whose second order shifts slowly correlate by more than 0.998 with those beside them."""
+    times = np.arange(0.0, 4.0, 5e-4)
+
+    def drifting(t):
+        return np.sin(50.0 * np.pi * t) + 0.2 * np.sin(100.0 * np.pi * t + 2.0 * t)
+
+    t = np.arange(2.0, 3.0, 7.1e-4)
+    measured = t - 1.23456, factor * drifting(t)
+    shift, alike = best_shift(measured, (times, drifting(times)))
+    assert shift == pytest.approx(1.23456, abs=1.1e-5)
+    assert len(alike) < 5
+    data = Measured(Path("rig"), pd.DataFrame({"t_s": t, "y_m": measured[1]}), shift=-shift, alike=alike[:1])
+    assert read_data_shift(data.shifted) == -1.23456
+
+
+def read_data_shift(told):
+    """Return a shift as it is read from what a line says."""
+    return _number(told.removeprefix("shifted by ").removesuffix(" s"))
 
 
 def test_the_error_is_that_of_the_difference_beside_the_measured_values():
@@ -97,7 +124,7 @@ def test_the_error_is_that_of_the_difference_beside_the_measured_values():
     data = Measured(Path("rig"), pd.DataFrame({"t_s": TIMES, "y_m": chirp(TIMES)}), shift=0.25)
     data.compare("y_m", "t_s", [(TIMES, 2.0 * chirp(TIMES)), (TIMES, 1.1 * chirp(TIMES))])
     assert data.lines() == [
-        "rig: y differs by 10 % (RMS of the difference / RMS of the measured values); shifted by 0.2500 s"
+        "rig: y differs by 10 % (RMS of the difference / RMS of the measured values); shifted by 0.25 s"
     ]
 
 
@@ -121,8 +148,14 @@ def test_the_shift_is_found_in_the_whole_run_and_the_interval_of_the_data_is_sho
     scene = Scene().replace({"solver.engine": "taylor", "run.duration_s": 2.0, "run.initial.speed_ratio": 0.5})
     simulate(scene).save(tmp_path / "a/run")
     start = load(tmp_path / "a").trajectory.query("0.1 < t_s < 0.5")
-    start.assign(t_s=start["t_s"] + 12.7)[["t_s", "y_m"]].to_csv(tmp_path / "rig.csv", index=False)
+    moved = start.assign(t_s=start["t_s"] + 12.7, y_m=start["y_m"] - static_rest(scene)[1])
+    moved[["t_s", "y_m"]].to_csv(tmp_path / "rig.csv", index=False)
     data = read_data(f"{tmp_path}/rig.csv:t_s=t_s,y=y_m,shift=fit")
+    _ = [*run_figures([tmp_path / "a"], ["measured"], data=data)]
+    assert data.errors["y_m"] < 2e-3
+    again = read_data(f"{tmp_path}/rig.csv:t_s=t_s,y=y_m,shift=-12.7")
+    _ = [*run_figures([tmp_path / "a"], ["motion"], data=again)]
+    assert again.errors["y_m"] < 2e-3
     found = _measured_interval(data, load(tmp_path / "a").trajectory)
     assert data.shift == pytest.approx(-12.7, abs=1e-3)
     assert found == pytest.approx((0.1, 0.5), abs=2e-3)

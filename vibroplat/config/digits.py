@@ -98,7 +98,7 @@ def quantity(
     if digits is None and unit in WHOLE:
         decimals = 0
     else:
-        decimals = places(scaled, digits or _digits_of(unit), error and error / factor)
+        decimals = places(scaled, digits or digits_of(unit), error and error / factor)
     return f"{decimal(scaled, decimals)} {name}".strip()
 
 
@@ -119,7 +119,7 @@ def spread(value: float, around: float, unit: str) -> str:
 def interval(low: float, high: float, unit: str = "", *, digits: int | None = None) -> str:
     """Write an interval in one unit, with the decimals of its larger end."""
     factor, name = prefixed(max(abs(low), abs(high)), unit)
-    decimals = places(max(abs(low), abs(high)) / factor, digits or _digits_of(unit))
+    decimals = places(max(abs(low), abs(high)) / factor, digits or digits_of(unit))
     first, last = (decimal(end / factor, decimals) for end in (low, high))
     return f"{first if first == last else f'{first} … {last}'} {name}".strip()
 
@@ -153,7 +153,8 @@ def given(value: float) -> str:
     return f"{value:.12g}"
 
 
-def _digits_of(unit: str) -> int:
+def digits_of(unit: str) -> int:
+    """Return the significant digits of numbers of a unit."""
     return FREQUENCY_DIGITS if unit == "Hz" else DIGITS
 
 

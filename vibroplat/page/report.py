@@ -39,6 +39,8 @@ from vibroplat.results.tables import replace_file, require_replaceable
 BEGINS = b"<!doctype html"
 #: Name of the page where none is given.
 NAME = "report.html"
+#: Most runs whose data sheet has room beside their curves.
+BESIDE = 2
 #: Last events of a run on the page.
 EVENTS = 100
 _READING = (
@@ -210,7 +212,8 @@ class Report:
         stages = f'<section id="machines">{self._stages(several=several)}{third}</section>'
         beside = f'<section id="sheet" aria-label="Data sheet">{sheet}</section>'
         curves = f'<section id="curves" aria-label="Curves">{key}</section>'
-        return f'<main class="{"several" * several}">{stages}{beside}{curves}</main>'
+        kind = " ".join(["several"] * several + ["many"] * (len(self.runs) > BESIDE))
+        return f'<main class="{kind}">{stages}{beside}{curves}</main>'
 
     @cached_property
     def _curves(self) -> Runs | None:

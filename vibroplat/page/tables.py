@@ -10,16 +10,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import display_name
-from vibroplat.config.digits import MISSING, decimal, given, places
+from vibroplat.columns import display_name, unit_of
+from vibroplat.config.digits import MISSING, NEGLIGIBLE, PREFIXES, decimal, digits_of, given, places
 from vibroplat.page.svg import power_of_ten, unit_for
 from vibroplat.results.answer import counted
+from vibroplat.results.labels import SUPPLY
 from vibroplat.results.picture import finite
 
 #: Most cells and most rows of a table on the page.
 MOST_CELLS, MOST_ROWS = 25_000, 2_000
-#: Significant digits of the largest number of a column.
-DIGITS = 5
+#: Most significant digits of the largest number of a column; keys and what has no unit have them all.
+MOST_DIGITS = 5
 
 
 def rows_on_page(table: pd.DataFrame) -> Any:
@@ -43,7 +44,8 @@ def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, told: str =
     """Return a table, folded, which the script sorts. End tags are left out, as HTML allows."""
     kept = rows_on_page(whole) if rows is None else rows
     table = finite(whole.iloc[kept]).dropna(axis="columns", how="all")
-    columns = [_column(str(name), table[name]) for name in table]
+    sizes = _sizes(whole)
+    columns = [_column(str(name), table[name], sizes.get(_kind(str(name)), 0.0)) for name in table]
     heads = "".join(
         f'<th scope=col data-n="{escape(name)}">{escape(head)}'
         for name, (head, _) in zip(table.columns.map(str), columns, strict=True)
@@ -62,21 +64,45 @@ def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, told: str =
     return fold(title, told or rows_told, body)
 
 
-def _column(name: str, column: pd.Series) -> tuple[str, list[str]]:
-    """Return the heading of a column and its cells: numbers with the decimals that its largest one needs."""
+def _kind(name: str) -> str:
+    """Return with which columns one is compared: all RMS of motion, or forces, powers … of its unit; "" if none."""
+    unit = unit_of(name)
+    return "rms" if name.startswith("rms_") else unit if unit in PREFIXES and unit != "rad" and "." not in name else ""
+
+
+def _sizes(table: pd.DataFrame) -> dict[str, float]:
+    """Return the largest number of each kind of columns."""
+    found = dict[str, float]()
+    for name in table.select_dtypes("number"):
+        if kind := _kind(str(name)):
+            largest = float(finite(table[[name]])[name].abs().max())
+            found[kind] = max(found.get(kind, 0.0), 0.0 if math.isnan(largest) else largest)
+    return found
+
+
+def _column(name: str, column: pd.Series, largest: float) -> tuple[str, list[str]]:
+    """Return the heading of a column and its cells: with the decimals that its numbers need; "0" if it is nothing.
+
+    It is nothing if no number of it is above 1/1000 of the ``largest`` of its kind.
+    """
     words = display_name(name) or name
     if not pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column):
         return words, [escape(value_text(None if pd.isna(value) else value)) for value in column.astype(object)]
     numbers = column.to_numpy(dtype=float, na_value=np.nan)
     known = np.abs(numbers[np.isfinite(numbers)])
     size = float(known.max()) if known.size else 0.0
+    if size <= NEGLIGIBLE * largest:
+        numbers, known, size = 0.0 * numbers, 0.0 * known, 0.0
     unit, factor = unit_for(name, size)
     scaled, raised = size * factor, ""
     if scaled and not 1e-3 <= scaled < 1e7:
         power = 3 * math.floor(math.log10(scaled) / 3)
         factor, raised = factor * 10.0**-power, power_of_ten(10.0**power)
     whole = bool(np.all(known == np.round(known))) and not unit and not raised
-    decimals = 0 if whole else max(places(size * factor, DIGITS), 0)
+    decimals = 0 if whole else max(places(size * factor, MOST_DIGITS), 0)
+    if unit and name != SUPPLY and "." not in name:
+        least = float(known[known > NEGLIGIBLE * size].min(initial=size))
+        decimals = min(decimals, max(places(least * factor, digits_of(unit)), 0))
     told = " ".join(filter(None, (raised, unit)))
     cells = [decimal(value, decimals) if round(value, decimals) else "0" for value in (numbers * factor).tolist()]
     while decimals and all(cell.endswith("0") or cell in "–0" for cell in cells):  # as in values that were given

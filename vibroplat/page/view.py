@@ -102,9 +102,9 @@ class View:
 
 
 def axis_name(column: str) -> str:
-    """Return what a column is called on an axis, without its unit."""
-    name = plain_text(quantity_of(column).name)
-    return indexed_name(column) if name == display_name(column) else name
+    """Return what a column is called on an axis, without its unit; in words where a symbol has an index."""
+    name = quantity_of(column).name
+    return indexed_name(column) if "_" in name or plain_text(name) == display_name(column) else plain_text(name)
 
 
 def heading(panel: Panel) -> str:

@@ -159,6 +159,12 @@ def run_of(result: RunResult, start: float | None = None, stop: float | None = N
     return Run(summary["name"], scene, *cut, co_rotating, chosen, sag is not None, summary)
 
 
+def whole_of(result: RunResult, more: Iterable[str] = ()) -> pd.DataFrame:
+    """Return all rows of a run as figures have them; raises TableError as :func:`run_of`."""
+    times = [part["t_s"] for part in result.column_parts("trajectory", (), ("t_s",)) if len(part)]
+    return run_of(result, float(times[0].iloc[0]) if times else None, None, more).shown
+
+
 def _with_more(part: pd.DataFrame, scene: Scene | None, senses: Sequence[float]) -> pd.DataFrame:
     """Add to a part of a trajectory the exciters' speeds, and the forces into the foundation if they are known.
 

@@ -2,7 +2,7 @@
 
 A file is given as ``FILE`` or ``FILE:OURS=THEIRS,…``: columns of results and the names that they have in the file, with
 a factor behind a star where units differ, as ``t=Zeit*0.001``. ``shift=S`` adds S seconds to the times in the file, and
-``shift=fit`` finds the shift at which the data correlate best with a run. Names that hold commas stand in quotation
+``shift=fit`` finds the shift at which the data differ least from a run. Names that hold commas stand in quotation
 marks.
 """
 
@@ -24,7 +24,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from vibroplat.columns import PHASE_COLUMN, display_name
-from vibroplat.config.digits import quantity, share
+from vibroplat.config.digits import NEGLIGIBLE, given, interval, share
 from vibroplat.config.schema import MAX_SIZE, did_you_mean
 from vibroplat.errors import TableError
 from vibroplat.plots.axes import in_units
@@ -47,8 +47,9 @@ MOST_LARGE = 100
 #: Short names of columns; ``ax`` and ``ay`` are accelerations, ``ay_inlet`` that of point ``inlet``.
 SHORT = {"t": "t_s", "x": "x_m", "y": "y_m", "phi": "phi_rad", "gap": "gap_m"}
 _ACCELERATION = re.compile(r"a([xy])(_\w+)?")
-#: Correlation less than the best one by so much is as good: of a motion that repeats, the smallest shift is taken.
-ALIKE = 2e-3
+#: Correlation less than the best one by so much is nearly as good, as of a motion that repeats; most values that are
+#: compared at all such places, and least of these; and what shifts that are found are whole numbers of (s).
+ALIKE, MOST_COMPARED, LEAST_TOPS, TICK = 2e-3, 10**7, 10, 1e-5
 
 
 @dataclass
@@ -56,14 +57,15 @@ class Measured:
     """Measured data: their file, and a table whose columns are named as in results.
 
     ``given`` is that of the file, ``table`` that of the columns selected, in SI units with ``factors``. ``shift`` is
-    what is added to their times (s); None until :meth:`fit` has found it. ``errors`` has the relative error of each
-    column that was compared with a curve.
+    what is added to their times (s); None until :meth:`fit` has found it, and ``alike`` are shifts that are as good.
+    ``errors`` has the relative error of each column that was compared with a curve.
     """
 
     path: Path
     given: pd.DataFrame
     factors: Mapping[str, float] = field(default_factory=dict)
     shift: float | None = 0.0
+    alike: FloatArray = field(default_factory=lambda: np.zeros(0))
     errors: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -110,7 +112,7 @@ class Measured:
             columns = [column for column in map(str, self.table) if column in simulated and column != "t_s"]
             measured = [(curve_of(self.table, column), column) for column in columns]
             curve, column = max(measured, key=lambda of: len(of[0][0]))
-            self.shift = best_shift(curve, curve_of(simulated, column))
+            self.shift, self.alike = best_shift(curve, curve_of(simulated, column))
             self.table = self.table.assign(t_s=self.table["t_s"] + self.shift)
 
     def compare(self, column: str, x: str, curves: Collection[Curve]) -> None:
@@ -127,9 +129,20 @@ class Measured:
         """Say how much each column differs from what was computed."""
         return [f"{display_name(column)} {self.told(column)}" for column in self.errors if self.told(column)]
 
+    @property
+    def shifted(self) -> str:
+        """How far the data were shifted, as it can be given again, and which shifts are as good; "" if they are not."""
+        if not self.shift:
+            return ""
+        told = f"shifted by {given(self.shift).replace('-', '−')} s"
+        if len(self.alike) < 2:
+            return told
+        ends = interval(float(self.alike[0]), float(self.alike[-1]), "s")
+        return f"{told}, of {len(self.alike)} shifts, {ends}, that differ as little"
+
     def lines(self) -> list[str]:
         """Say the errors of all columns, and how far the data were shifted."""
-        shift = f"; shifted by {quantity(self.shift, 's', digits=4)}" if self.shift else ""
+        shift = f"; {self.shifted}" if self.shifted else ""
         what = "(RMS of the difference / RMS of the measured values)"
         nothing = "is not compared: fewer than two of its values lie beside a curve, or all are 0"
         told = {column: f"{self.told(column)} {what}" if self.told(column) else nothing for column in self.errors}
@@ -168,17 +181,65 @@ def relative_error(measured: Curve, computed: Curve) -> float | None:
     return float(np.sqrt(np.square(np.interp(x[inside], places, curve) - values[inside]).sum() / square))
 
 
-def best_shift(measured: Curve, computed: Curve) -> float:
-    """Find what to add to the times of a measured curve so that it correlates best with a computed one (s).
+def best_shift(measured: Curve, computed: Curve) -> tuple[float, FloatArray]:
+    """Find what to add to the times of a measured curve so that it differs least from a computed one (s).
 
     Both are taken at the median distance of the computed samples. The shorter one slides along the longer one, and
-    the coefficient of correlation is that of where both are. The best place is that of the parabola through three.
+    the coefficient of correlation is that of where both are. Of its maxima that are nearly the highest, each at the top
+    of the parabola through three samples, that of the least error is taken, and of those with no other error the
+    smallest shift. It is refined to the best correlation with the curve between its samples, to whole :data:`TICK`.
+
+    Returns
+    -------
+    shift, alike
+        The shift, and all shifts whose error is told with the same digits, in ascending order.
 
     Raises
     ------
     TableError
         Nothing to compare, or a curve of one value.
     """
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415  (few figures need it)
+
+    shifts, errors, step = _tops_of(measured, computed)
+    equal = np.square(errors) <= np.square(errors.min()) + NEGLIGIBLE**2
+    shift = float(shifts[equal][np.abs(shifts[equal]).argmin()])
+    alike = shifts[equal | [share(error) == share(errors.min()) for error in errors.tolist()]]
+    times, values = measured
+    if np.ptp(values) > 0.0:
+
+        def unlike(at: float) -> float:
+            return -float(np.corrcoef(np.interp(times + at, *computed), values)[0, 1])
+
+        shift = float(minimize_scalar(unlike, bounds=(shift - step, shift + step), options={"xatol": 0.1 * TICK}).x)
+    return round(shift / TICK) * TICK, alike
+
+
+def _tops_of(measured: Curve, computed: Curve) -> tuple[FloatArray, FloatArray, float]:
+    """Return shifts at which a measured curve correlates nearly best with a computed one, their errors, and a step."""
+    shifts, total = _correlation(measured, computed)
+    beside = np.pad(total, 1, constant_values=-np.inf)
+    tops = np.flatnonzero((total >= beside[:-2]) & (total >= beside[2:]) & (total >= total.max() - ALIKE))
+    most = max(MOST_COMPARED // len(measured[0]), LEAST_TOPS)
+    highest = np.sort(tops[(-total[tops]).argsort(kind="stable")[:most]])
+    found = np.unique([_top(shifts, total, place) for place in highest.tolist()])
+    errors = [relative_error((measured[0] + shift, measured[1]), computed) for shift in found.tolist()]
+    step = float(np.abs(np.diff(shifts[:2])).sum())
+    return found, np.array([np.inf if error is None else error for error in errors]), step
+
+
+def _top(shifts: FloatArray, total: FloatArray, place: int) -> float:
+    """Return where the parabola through a sample and those beside it is highest."""
+    if not 0 < place < len(total) - 1:
+        return float(shifts[place])
+    before, here, after = total[place - 1 : place + 2]
+    bend = before - 2.0 * here + after
+    part = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
+    return float(shifts[place] + part * (shifts[place + 1] - shifts[place]))
+
+
+def _correlation(measured: Curve, computed: Curve) -> tuple[FloatArray, FloatArray]:
+    """Return shifts of a measured curve, and the coefficient of correlation with a computed one at each."""
     from scipy.signal import correlate  # noqa: PLC0415  (takes half a second, and few figures need it)
 
     if not len(measured[0]) > 1:
@@ -198,17 +259,7 @@ def best_shift(measured: Curve, computed: Curve) -> float:
     total = np.divide(products, scale, out=np.zeros_like(scale), where=scale > 0.0)
     if not np.any(total):
         raise TableError("--data: shift=fit finds nothing to correlate; allowed: shift=S in seconds")
-    shifts = (start + step * np.arange(len(total))) * (-1.0 if longer_is_measured else 1.0)
-    near = np.flatnonzero(total >= total.max() - ALIKE)
-    place = int(near[np.abs(shifts[near]).argmin()])
-    around = range(max(place - 2, 0), min(place + 3, len(total)))  # a plateau has its best within
-    place = max(around, key=lambda k: total[k])
-    if not 0 < place < len(total) - 1:
-        return float(shifts[place])
-    before, here, after = total[place - 1 : place + 2]
-    bend = before - 2.0 * here + after
-    part = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
-    return float(shifts[place] + part * (shifts[place + 1] - shifts[place]))
+    return (start + step * np.arange(len(total))) * (-1.0 if longer_is_measured else 1.0), total
 
 
 # -- files -------------------------------------------------------------------------------------------------------------
@@ -269,8 +320,8 @@ def _mapped(path: Path, mapping: str, table: pd.DataFrame) -> Measured:
 
 
 def _number(text: str) -> float:
-    """Return a finite number; raises ValueError."""
-    if not abs(value := float(text)) <= MAX_SIZE:
+    """Return a finite number, which may have a minus sign as lines have it; raises ValueError."""
+    if not abs(value := float(text.replace("−", "-"))) <= MAX_SIZE:
         raise ValueError
     return value
 

@@ -14,6 +14,7 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.patheffects import Normal, Stroke
 from matplotlib.ticker import MaxNLocator
 
+from vibroplat.columns import quantity_of, unit_of
 from vibroplat.config import digits
 from vibroplat.plots.axes import in_decades
 from vibroplat.plots.strips import PALE
@@ -189,11 +190,14 @@ def _ranks(cell: Cell, picture: Picture, _: str, series: Sequence[Series]) -> No
     if cell.is_first:
         axis.set_ylabel("samples that are smaller (%)")
     if len(own) and np.ptp(values) > 0.0:
+        largest, factor = float(np.abs(values).max()), quantity_of(panel.column).factor
+        unit = unit_of(panel.column)
         for quantile, place in zip(QUANTILES, np.percentile(values, QUANTILES), strict=True):
             left = place > 0.5 * (values[0] + values[-1])
             axis.plot(place, quantile, "o", ms=5.0, mfc="white", mec=BLUE)
+            told = digits.quantity(float(place) / factor, unit, size=largest / factor)
             axis.annotate(
-                digits.number(float(place)), (place, quantile), (-6.0 if left else 6.0, 0.0), fontsize=8.0, color=BLUE,
+                told, (place, quantile), (-6.0 if left else 6.0, 0.0), fontsize=8.0, color=BLUE,
                 textcoords="offset points", ha="right" if left else "left", va="center",
             )  # fmt: skip
 

@@ -146,6 +146,9 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
         draw_strips(strip, picture, x)
     for cell in cells:
         _panel(cell, picture, x, (data, computed) if data is not None else None)
+    for cell in cells:  # that may share their axis, which so has all points
+        if cell.panel.kind in ("points", "tiles") and not picture.log(x):
+            widen_ticks(cell.axis, "x")
     first = cells[0].axis if cells else strip
     assert first is not None
     if picture.log(x) and not {panel.kind for panel in picture.panels} & {"tiles", "bars", "ranks"}:
@@ -161,6 +164,7 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
         bar.set_label(key_label(picture.scale))
     measured = [line for axis in figure.axes for line in axis.get_legend_handles_labels()[0]][:1]
     entries = [*legend_of(picture), *(measured if data is not None else [])]
+    entries = [*{str(one.get_label()): one for one in entries}.values()]
     empty = next((axis for axis in figure.axes if not axis.axison), None)
     if empty is not None and len(cells) > 1 and len(entries) <= MOST_WITHIN:
         empty.legend(handles=entries, loc="center", fontsize=8.0)
@@ -196,8 +200,6 @@ def _panel(cell: Cell, picture: Picture, x: str, data: tuple[Measured, pd.DataFr
         name_axis(axis, panel.column, label, picture.rotation)
     _references(axis, picture, panel, x)
     _limit(axis, panel)
-    if kind in ("points", "dots", "tiles") and not picture.log(x):
-        widen_ticks(axis, "x")
     draw_words(axis, picture, panel.column, x)
     if panel.note:
         axis.set_title(panel.note, loc="right", fontsize=8.0, color=TOLD)

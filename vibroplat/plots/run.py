@@ -17,7 +17,7 @@ from vibroplat.columns import FORCES, PHASE, PHASE_COLUMN, split, unit_of
 from vibroplat.config import digits
 from vibroplat.errors import TableError
 from vibroplat.plots.headlines import headline
-from vibroplat.plots.histories import RATES, SPEEDS, Run, run_of, turns_of
+from vibroplat.plots.histories import RATES, SPEEDS, Run, run_of, turns_of, whole_of
 from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.spectra import lines_of, peaks_of, spectrum_of
@@ -185,14 +185,17 @@ def run_figures(
         Tables are missing or have another schema version, or the interval is empty.
     """
     given = [] if data is None else [*map(str, data.given)]
-    if data is not None and data.shift is None and start is stop is None:
-        start, stop = _measured_interval(data, RunResult.read(directories[0], "run").trajectory)
+    whole = data is not None and start is stop is None
+    wholes = [whole_of(RunResult.read(place, "run"), given) for place in directories] if whole else []
+    if data is not None and data.shift != 0.0 and wholes:
+        start, stop = _measured_interval(data, wholes[0])
     runs = [run_of(RunResult.read(place, "run"), start, stop, given) for place in directories]
     if data is not None:
         numbers = [column for column in map(str, runs[0].shown.select_dtypes("number")) if column != "t_s"]
         data.select("t_s", numbers).fit(runs[0].shown)
         for column in numbers:
-            data.compare(column, "t_s", [curve_of(run.shown, column) for run in runs if column in run.shown])
+            beside = [table for table in wholes or [run.shown for run in runs] if column in table]
+            data.compare(column, "t_s", [curve_of(table, column) for table in beside])
     names = distinct([run.name for run in runs], directories)
     shown = Shown(runs, data, compared("run", names, [run.scene for run in runs]) if len(runs) > 1 else ())
     drawn = [kind for kind in kinds or FIGURES if not missing(kind, shown)]
@@ -203,13 +206,13 @@ def run_figures(
 
 
 def _measured_interval(data: Measured, whole: pd.DataFrame) -> tuple[float | None, float | None]:
-    """Find the shift of measured data in a whole run, and the interval that they cover; (None, None) without one."""
+    """Find the shift of data in a whole run if it is not known, and the interval that they cover; else (None, None)."""
     numbers = [column for column in map(str, whole.select_dtypes("number")) if column != "t_s"]
     if "t_s" not in data.given or not {*numbers} & {*map(str, data.given)}:
         return None, None
     found = replace(data, errors={}).select("t_s", numbers, [*map(str, data.given)])
     found.fit(whole)
-    data.shift = found.shift
+    data.shift, data.alike = found.shift, found.alike
     inside = found.table["t_s"][found.table["t_s"].between(whole["t_s"].iloc[0], whole["t_s"].iloc[-1])]
     return (float(inside.min()), float(inside.max())) if inside.min() < inside.max() else (None, None)
 
@@ -413,9 +416,7 @@ def _spectra(shown: Shown) -> picture.Picture:
             shown.draw(pd.DataFrame(table), label, colour=CURVES[number % len(CURVES)], of=(column,))
         if not panels:
             last = min(NAMED, int(end / speed)) if turns and speed > 0.0 else 0
-            shown.words += [
-                picture.Word(f"{n}×", column, n * speed, top, REFERENCE, beside=True) for n in range(1, last + 1)
-            ]
+            shown.words += [picture.Word(f"{n}×", column, n * speed, top, REFERENCE) for n in range(1, last + 1)]
         label = f"amplitude along {column.split('_')[1]} (m/s²)"
         panels.append(Panel(column, title=peaks_of(*found[0]), label=label, scale="log"))
     orders = picture.Line("frequency_hz", [n * speed for n in range(1, 2 * len(shown.words) + 1)], dash=":")
@@ -432,7 +433,7 @@ def _measured(shown: Shown) -> picture.Picture:
         for number, run in enumerate(run for run in shown.runs if column in run.shown):
             look: dict[str, Any] = {"colour": CURVES[number % len(CURVES)], "of": (column,)}
             shown.draw(run.shown[["t_s", column]], shown.called(run, "computed"), **look)
-    shifted = f"measured data shifted by {digits.quantity(data.shift, 's', digits=4)}" if data.shift else ""
+    shifted = f"measured data {data.shifted}" if data.shifted else ""
     panels = [shown.panel(column, title=data.told(column)) for column in columns]
     found = shown.picture("measured", panels, shifted, facets=0)
     return replace(found, title="; ".join(data.differences()) or found.title)

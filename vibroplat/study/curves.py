@@ -58,11 +58,12 @@ class _Branch(NamedTuple):
 
 def curves_of(
     sweeps: Sweeps, columns: Sequence[str], colours: Mapping[str, str], *, told: bool
-) -> tuple[list[picture.Series], list[picture.Jump], dict[str, str]]:
-    """Return branches as series in panels of columns, their jumps, and by columns which of them coincide.
+) -> tuple[list[picture.Series], list[picture.Jump], list[str]]:
+    """Return branches as series in panels of columns, their jumps, and which of them coincide.
 
-    ``colours`` are those of their labels. Ways down lie below ways up, and so are seen where they differ.
-    With ``told`` points whose motion does not repeat are marked, as no strips say it.
+    Those that do in all panels and on the horizontal axis are drawn once. ``colours`` are those of their labels. Ways
+    down lie below ways up, and so are seen where they differ. With ``told`` points whose motion does not repeat are
+    marked, as no strips say it.
     """
     groups: dict[str, list[_Branch]] = {}
     for rows in sweeps.branches:
@@ -70,23 +71,19 @@ def curves_of(
         width = _size([*colours].index(label), len(colours))
         one = _Branch(rows, label, direction, colours[label], width, find_jumps(rows))
         groups.setdefault(label, []).append(one)
-    shown: dict[str, list[str]] = {label: [] for label in groups}
-    notes = dict[str, str]()
-    for column in columns:
-        span, kept = _range_of(sweeps.table, column), dict[str, list[str]]()
-        for label, group in groups.items():
-            alike = (one for one in kept if len(groups) <= DISTINCT and _coincide(groups[one], group, column, span))
-            if same := next(alike, ""):
-                kept[same].append(label)
-            else:
-                kept[label] = [label]
-                shown[label].append(column)
-        if several := [labels for labels in kept.values() if len(labels) > 1]:
-            notes[column] = "; ".join(map(_equal, several))
+    spans = {column: _range_of(sweeps.table, column) for column in columns}
+    places = sweeps.table[sweeps.x].dropna().astype(float)
+    across = {} if places.empty else {sweeps.x: float(np.ptp(places))}
+    kept = dict[str, list[str]]()
+    for label, group in groups.items():
+        alike = (one for one in kept if len(groups) <= DISTINCT and _coincide(groups[one], group, spans | across))
+        kept.setdefault(next(alike, label), []).append(label)
+    shown = {label: columns if label in kept else () for label in groups}
+    equal = [_equal(labels) for labels in kept.values() if len(labels) > 1]
     branches = sorted((one for group in groups.values() for one in group), key=lambda one: one.direction != "down")
     series = [made for one in branches for made in _series_of(one, shown[one.label], told=told)]
     jumps = [jump for one in branches for jump in _jumps_of(one, groups[one.label][0], shown[one.label], sweeps.table)]
-    return series, jumps, notes
+    return series, jumps, equal
 
 
 def _series_of(one: _Branch, columns: Sequence[str], *, told: bool) -> Iterator[picture.Series]:
@@ -114,18 +111,18 @@ def _size_of(change: Any, column: str) -> Any:
     return np.abs(np.angle(np.exp(1j * change)) if column == PHASE_COLUMN else change)
 
 
-def _coincide(first: Sequence[_Branch], others: Sequence[_Branch], column: str, span: float) -> bool:
-    """Whether the branches of two combinations are the same in a column, up to the width of a line."""
+def _coincide(first: Sequence[_Branch], others: Sequence[_Branch], spans: Mapping[str, float]) -> bool:
+    """Whether the branches of two combinations are the same in all columns of a figure, up to the width of a line."""
     if [one.direction for one in first] != [one.direction for one in others]:
         return False
-    for one, other in zip(first, others, strict=True):
+    for (one, other), (column, span) in itertools.product(zip(first, others, strict=True), spans.items()):
         a, b = (branch.values(column).dropna() for branch in (one, other))
-        if a.empty or {*a.index} != {*b.index}:
+        if {*a.index} != {*b.index}:
             return False
         beside = b[~b.index.duplicated()].reindex(a.index)
         if (_size_of(a.to_numpy() - beside.to_numpy(), column) > SAME * span).any():
             return False
-    return True
+    return any(not failed_of(one.rows).all() for one in first)
 
 
 def _equal(labels: Sequence[str]) -> str:

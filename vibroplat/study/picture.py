@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
-from vibroplat.columns import display_name
 from vibroplat.errors import TableError
 from vibroplat.results import content, picture
 from vibroplat.results.labels import ABSCISSAE
@@ -17,8 +15,6 @@ from vibroplat.study.diagrams import bifurcation, regimes
 from vibroplat.study.sweeps import Sweeps, read
 
 OPTIONS = ("x", "data", "measure")
-#: Letters of a note that a panel has room for.
-ROOM = 40
 
 
 def pictures(
@@ -74,8 +70,7 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     panels, left = content.measures(
         table, asked=columns, kept=sweeps.kept, stripped=strips is not None or table["sync"].nunique() == 1
     )
-    series, jumps, coincide = curves_of(sweeps, [panel.column for panel in panels], colours, told=strips is None)
-    notes, equal = _noted(coincide)
+    series, jumps, equal = curves_of(sweeps, [panel.column for panel in panels], colours, told=strips is None)
     known = sweeps.x if drawn[sweeps.x].notna().any() else sweeps.key
     return picture.Picture(
         name="response",
@@ -85,27 +80,17 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         table_name="sweep",
         drawn=drawn,
         axes=list(dict.fromkeys([known, *content.axes_of(table, (sweeps.x, EXCITATION, sweeps.key, *sweeps.grid))])),
-        panels=[replace(panel, note=notes.get(panel.column, "")) for panel in panels],
+        panels=panels,
         series=series,
         jumps=jumps,
         strips=strips,
         states=content.motions_of(table),
         rotation=sweeps.rotation,
         scale=scale,
-        told=sweeps.told(left, *equal),
+        told=sweeps.told(left, f"curves coincide: {'; '.join(equal)}" if equal else ""),
         meaning=f"Solid: up; dashed: down, seen where it differs; arrows: jumps; ×: failed.{sweeps.meaning}",
         orbits=picture.Orbits(table),
     )
-
-
-def _noted(notes: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:
-    """Return notes that panels have room for, and longer ones with the names of their columns, told once."""
-    short = {column: text for column, text in notes.items() if len(text) <= ROOM}
-    long = dict.fromkeys(text for text in notes.values() if len(text) > ROOM)
-    told = [
-        f"{text} in {', '.join(display_name(column) for column, one in notes.items() if one == text)}" for text in long
-    ]
-    return short, told
 
 
 _MAKERS: Mapping[str, Callable[[Sweeps, Sequence[str]], picture.Picture]] = {
