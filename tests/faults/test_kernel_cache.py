@@ -569,12 +569,12 @@ CROSSED = np.float64(0.776170787)
 #: Calls a kernel of polynomials from Python, and prints what it gives and what was found on disk of another one.
 CALL = """
 import numpy as np
-from vibroplat.kernels.polynomial import {name}, slope
+from vibroplat.kernels.polynomial import {name}, value
 
 c = np.array([[1.0], [-0.5], [0.2], [1.0]])
 found = {name}({arguments})
-hits, misses = slope._inside.stats.cache_hits, slope.stats.cache_misses
-print(round(found, 9), sum(hits.values()), sum(misses.values()))
+hits, misses = value._inside.stats.cache_hits, value.stats.cache_misses
+print(np.round(found, 9), sum(hits.values()), sum(misses.values()))
 """
 
 
@@ -589,11 +589,11 @@ def called(tmp_path, name, arguments, told=None):
 
 @pytest.mark.long
 def test_what_kernels_call_is_kept_for_kernels_of_later_processes(tmp_path):
-    """``slope`` is compiled for ``crossing`` alone, not for Python, and taken from disk for ``at_highest``."""
-    assert called(tmp_path, "crossing", "c, 3, 0, 1.2") == f"{CROSSED} 0 0"
+    """``value`` is compiled for ``at_highest`` alone, not for Python, and taken from disk for ``value_range``."""
+    assert called(tmp_path, "at_highest", "c, 3, 0").endswith(" 0 0")
     names = {path.name.split("-")[0] for path in tmp_path.rglob("*.bin")}
-    assert names == {f"kernels.polynomial.{name}" for name in ("crossing", "slope.inside", "value.inside")}
-    assert called(tmp_path, "at_highest", "c, 3, 0").endswith(" 1 0")
+    assert names == {f"kernels.polynomial.{name}" for name in ("at_highest", "slope.inside", "value.inside")}
+    assert called(tmp_path, "value_range", "c, 3, 0, 0.0, 1.0, (1.0, 1.7)").endswith(" 1 0")
 
 
 @pytest.mark.long
@@ -601,13 +601,13 @@ def test_damaged_files_are_compiled_anew_with_one_line(tmp_path):
     """Whatever has become of them; what is compiled is kept, and then there is no line."""
     told = []
     for damage in (lambda code: b"", lambda code: code[:-1], flip, lambda code: os.urandom(len(code)), None):
-        assert called(tmp_path, "crossing", "c, 3, 0, 1.2", told) == f"{CROSSED} 0 0"
+        assert called(tmp_path, "crossing", "c, 3, 0, 1.2, 1.7", told) == f"{CROSSED} 0 0"
         files = list(tmp_path.rglob("*.bin"))
         for file in files if damage else ():
             file.write_bytes(damage(file.read_bytes()))
     line = f"machine code in {files[0].parent}: damaged files are compiled anew\n"
     assert told == ["", *[line] * 4]
-    assert called(tmp_path, "crossing", "c, 3, 0, 1.2", told) == f"{CROSSED} 0 0"
+    assert called(tmp_path, "crossing", "c, 3, 0, 1.2, 1.7", told) == f"{CROSSED} 0 0"
     assert told[-1] == ""
 
 

@@ -1,7 +1,4 @@
-"""Pictures of a run, or of several laid over each other, and their figures.
-
-Their points are rows of trajectories, of ranges in each turn and of events, one table behind the other.
-"""
+"""Pictures of a run, or of several: their points are rows of trajectories, ranges of turns and events, one table."""
 
 from __future__ import annotations
 

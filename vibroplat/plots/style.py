@@ -216,7 +216,7 @@ def write_png(figure: Figure, file: Any) -> None:
     if (engine := figure.get_layout_engine()) is not None:
         engine.execute(figure)
         figure.set_layout_engine("none")
-    figure.savefig(file, format="png", dpi="figure")
+    figure.savefig(file, format="png", dpi=figure.dpi)
 
 
 def save(figure: Figure, directory: Path, name: str, saving: Saving | None = None) -> Path:
@@ -238,5 +238,5 @@ def save(figure: Figure, directory: Path, name: str, saving: Saving | None = Non
         if saving.form == "png":
             replace_file(path, lambda file: write_png(figure, file))
         else:
-            replace_file(path, lambda file: figure.savefig(file, dpi="figure", metadata=metadata))
+            replace_file(path, lambda file: figure.savefig(file, dpi=figure.dpi, metadata=metadata))
     return path
