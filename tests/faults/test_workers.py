@@ -33,7 +33,8 @@ sweep:
 """
 #: Points that settle for long, in compiled code.
 SECTION = "settle_by: section\n  settle_tolerance: 1.0e-15"
-LONG = FLYING + FEW.replace("max_settle_s: 2.0", f"max_settle_s: 1000.0\n  {SECTION}")
+MANY = FEW.replace("step: 1.0", "step: 0.002")
+LONG = FLYING + MANY.replace("max_settle_s: 2.0", f"max_settle_s: 1000.0\n  {SECTION}")
 
 
 @contextlib.contextmanager
