@@ -1,4 +1,4 @@
-"""What the sections of a scene must agree on, beyond what each of them says of itself."""
+"""Consistency of the sections of a scene with each other."""
 
 from __future__ import annotations
 

@@ -74,8 +74,8 @@ def _stable_lines(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Itera
 def _ranges(table: pd.DataFrame, special: pd.DataFrame, key: str, sync: str) -> str:
     """Write in which ranges of the key orbits of a synchronization are stable, those of several branches united.
 
-    They end at the special points where stability is lost. Ranges narrower than 1/1000 of the whole are left out beside
-    wider ones: orbits at the limit of stability.
+    They end at the special points where stability is lost. Ranges narrower than 1/1000 of the whole are left out
+    if there are wider ones: they are orbits at the limit of stability.
     """
     holds, columns = (table["stable"] & (table["sync"] == sync)).to_numpy(bool), ["branch", "point", key]
     points = table[columns].to_numpy(float)

@@ -231,23 +231,11 @@ def rebound_from(h: Automaton, struck: FloatArray, p: Any, resolved: bool) -> tu
 
 
 @compiled
-def apply_chatter(h: Automaton) -> None:
-    """Sum up the impacts that accumulate, and carry the run to where they end."""
-    run, steps = h.run, h.steps
-    system = run.systems[FLIGHT]
-    size = SIZES[system]
-    after, rates = np.empty(FULL_SIZE), np.empty(FULL_SIZE)
-    end, slope = np.empty(size), np.empty(size)
-    scatter(system, run.yp[FLIGHT], rates)
-    duration, impulse, loss = chatter_map(run.state.copy(), rates[7:], after, h.p)
-    if run.now + duration >= run.end:
-        return  # the run ends before they do: follow them
-    rebound = run.state[GAP_RATE]
-    row = steps.used.steps
+def close_chatter(h: Automaton, duration: float, end: FloatArray) -> None:
+    """Write impacts that accumulate as one step, a cubic to the unknowns in flight at its end, and close the piece."""
+    run, steps, row, size = h.run, h.steps, h.steps.used.steps, end.size
+    start, start_slope, slope, half = run.y[FLIGHT, :size], run.yp[FLIGHT, :size], np.empty(size), size // 2
     steps.start[row], steps.length[row] = 0.0, duration
-    start, start_slope = run.y[FLIGHT, :size], run.yp[FLIGHT, :size]
-    gather(system, after, end)
-    half = size // 2
     for i in range(half):
         slope[i], slope[half + i] = end[half + i], start_slope[half + i]
     fill_cubic(steps.c[row], duration, start, end, start_slope, slope)
@@ -255,6 +243,22 @@ def apply_chatter(h: Automaton) -> None:
     steps.used.steps = row + 1
     run.origin = run.now
     close_piece(h, run.now + duration)
+
+
+@compiled
+def apply_chatter(h: Automaton) -> None:
+    """Sum up the impacts that accumulate, and carry the run to where they end."""
+    run = h.run
+    system = run.systems[FLIGHT]
+    size = SIZES[system]
+    after, rates, end = np.empty(FULL_SIZE), np.empty(FULL_SIZE), np.empty(size)
+    scatter(system, run.yp[FLIGHT], rates)
+    duration, impulse, loss = chatter_map(run.state.copy(), rates[7:], after, h.p)
+    if run.now + duration >= run.end:
+        return  # the run ends before they do: follow them
+    rebound = run.state[GAP_RATE]
+    gather(system, after, end)
+    close_chatter(h, duration, end)
     copy(after, run.state)
     forget_starts(h)
     if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED):

@@ -23,7 +23,7 @@ from vibroplat.hybrid.modes import (
 )
 from vibroplat.hybrid.resets import (
     add_event,
-    close_piece,
+    close_chatter,
     contact_force,
     contact_holds_at_start,
     forget_starts,
@@ -38,7 +38,6 @@ from vibroplat.hybrid.state import (
     RUNNING,
     Automaton,
     end_at,
-    fill_cubic,
     gather_unknowns,
 )
 from vibroplat.hybrid.transitions import ACCUMULATE, FLY, after_impact
@@ -90,7 +89,7 @@ def take_mode(h: Automaton, mode: int) -> None:
 
 @compiled
 def begin_sliding(h: Automaton) -> None:
-    """Choose the mode of a state whose gap is 0 and does not open."""
+    """Choose the mode of a state whose gap is 0 and is not opening."""
     mode = contact_mode(h)
     if mode >= 0:
         take_mode(h, mode)
@@ -282,7 +281,7 @@ def sliding_rebound(h: Automaton, p: Parameters, resolved: bool) -> tuple[Blow, 
 @compiled
 def apply_sliding_chatter(h: Automaton) -> None:
     """Carry the run through the impacts that accumulate, one by one, to where they end, see ``apply_chatter``."""
-    run, steps = h.run, h.steps
+    run = h.run
     system = run.systems[FLIGHT]
     size = SIZES[system]
     half = size // 2
@@ -295,20 +294,11 @@ def apply_sliding_chatter(h: Automaton) -> None:
     duration, blow = sliding_chatter(state, along, a, h.p)
     if run.now + duration >= run.end:
         return  # the run ends before they do: follow them
-    rebound, slip = run.state[GAP_RATE], run.along[1]
-    row, end, slope = steps.used.steps, np.empty(size), np.empty(size)
-    steps.start[row], steps.length[row] = 0.0, duration
-    start, start_slope = run.y[FLIGHT, :size].copy(), run.yp[FLIGHT, :size].copy()
+    rebound, slip, end = run.state[GAP_RATE], run.along[1], np.empty(size)
     copy(state, run.state)
     copy(along, run.along)
     gather_unknowns(run, system, end)
-    for i in range(half):
-        slope[i], slope[half + i] = end[half + i], start_slope[half + i]
-    fill_cubic(steps.c[row], duration, start, end, start_slope, slope)
-    copy(end, steps.ends[row])
-    steps.used.steps = row + 1
-    run.origin = run.now
-    close_piece(h, run.now + duration)
+    close_chatter(h, duration, end)
     copy(state, run.state)
     copy(along, run.along)
     forget_starts(h)

@@ -10,8 +10,15 @@ from __future__ import annotations
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
-from vibroplat.model.equations import Coupled, coupled_rows, dynamic_jacobian, finite, jacobian, mass_matrix
-from vibroplat.model.motor import torque_rate
+from vibroplat.model.equations import (
+    Coupled,
+    coupled_rows,
+    dynamic_jacobian,
+    finite,
+    jacobian,
+    mass_matrix,
+    rates_of_rows,
+)
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import compliance, is_definite, mobility, solve_rows, unbalances
 from vibroplat.model.sliding import sliding_accelerations, sliding_second_derivatives
@@ -102,14 +109,7 @@ def second_derivatives(system: int, t: float, y: FloatArray, yp: FloatArray, ypp
     jacobian(system, t, y, yp, 0.0, jac, p)
     for i in range(n):
         ypp[i] = yp[n + i]
-    for i in range(n, size):
-        ypp[i] = 0.0
-        for j in range(2 * n):
-            ypp[i] -= jac[i, j] * yp[j]
-    for i in range(2):
-        rate = torque_rate(i, t, y[n + 3 + i], p)
-        ypp[n + 3 + i] += rate
-        ypp[n + 2] -= p.deck[i] * rate
+    rates_of_rows(t, y, yp, n, jac, ypp, p)
     solve(system, y, ypp, p)
     if ALGEBRAIC[system]:
         yp[2 * n], ypp[2 * n] = ypp[2 * n], 0.0

@@ -19,10 +19,10 @@ its equation (paper (5), (6); there the damper of (6b) has the wrong sign).
 from __future__ import annotations
 
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
-from vibroplat.model.motor import net_slope
+from vibroplat.model.motor import net_slope, torque_rate
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import Unbalance, forces, inertial, is_definite, unbalances
-from vibroplat.model.springs import Relative, relative, restoring, slopes
+from vibroplat.model.springs import relative, restoring, slopes
 from vibroplat.model.systems import ALGEBRAIC, LAYERS, UPPER
 
 #: The couplings of both exciters.
@@ -108,14 +108,40 @@ def dynamic_jacobian(
     for i in range(n, y.size):
         for j in range(y.size):
             jac[i, j] = 0.0
+    platform_jacobian(n, t, y, yp, cj, jac, coupled, p)
+    if LAYERS[system] > 0:
+        layer_jacobian(system, n, cj, jac, p)
+
+
+@inlined
+def platform_jacobian(
+    n: int, t: float, y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, coupled: Coupled, p: Parameters
+) -> None:
+    """Fill the rows of platform and exciters of a system with n coordinates, without the layers."""
     stiffness, damping = slopes(p)
     inertia = p.mass, p.mass, p.inertia
     for i in range(3):
         jac[n + i, i], jac[n + i, n + i] = stiffness[i], damping[i] + cj * inertia[i]
     for i in range(2):
         exciter_jacobian(i, n, t, y, yp, cj, jac, coupled[i], p)
-    if LAYERS[system] > 0:
-        layer_jacobian(system, n, cj, jac, stiffness, damping, p)
+
+
+@inlined
+def rates_of_rows(
+    t: float, y: FloatArray, yp: FloatArray, n: int, jac: FloatArray, b: FloatArray, p: Parameters
+) -> None:
+    """Fill ``b`` from place n on with minus the rates of the dynamic rows at constant y″.
+
+    ``jac`` is the Jacobian with c_j = 0. The torques of the motors also have rates of their own.
+    """
+    for i in range(n, y.size):
+        b[i] = 0.0
+        for j in range(2 * n):
+            b[i] -= jac[i, j] * yp[j]
+    for i in range(2):
+        rate = torque_rate(i, t, y[n + 3 + i], p)
+        b[n + 3 + i] += rate
+        b[n + 2] -= p.deck[i] * rate
 
 
 @compiled
@@ -162,11 +188,9 @@ def mass_matrix(system: int, n: int, mass: FloatArray, coupled: Coupled, p: Para
 
 
 @compiled
-def layer_jacobian(
-    system: int, n: int, cj: float, jac: FloatArray, stiffness: Relative, damping: Relative, p: Parameters
-) -> None:
+def layer_jacobian(system: int, n: int, cj: float, jac: FloatArray, p: Parameters) -> None:
     """Fill the layers' rows, the column of F_c, and what the gap's spring and damper do to the platform."""
-    attached = ALGEBRAIC[system]
+    attached, (stiffness, damping) = ALGEBRAIC[system], slopes(p)
     lower, own = 2 * n if attached else n + 5, UPPER[system]
     upper = n + own
     jac[lower, n + 1] = cj * p.lower_mass

@@ -23,8 +23,7 @@ import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
 from vibroplat.model import equations
-from vibroplat.model.equations import Coupled, exciter_jacobian, finite, layer_jacobian
-from vibroplat.model.motor import torque_rate
+from vibroplat.model.equations import Coupled, finite, layer_jacobian, platform_jacobian, rates_of_rows
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import (
     Compliance,
@@ -38,7 +37,7 @@ from vibroplat.model.platform import (
     solve_rows,
     unbalances,
 )
-from vibroplat.model.springs import relative, restoring, slopes
+from vibroplat.model.springs import relative, restoring
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP, GAP_RATE, LAYERS, SENSE, SLIDES, UPPER
 
 #: Speed of the impacts that are left of a chatter, over that of the first.
@@ -157,17 +156,11 @@ def sliding_second_derivatives(
 ) -> bool:
     """Find y″, F_c′ and F_t′, as :func:`vibroplat.model.accelerations.second_derivatives` does."""
     size, n = y.size, DIFFERENTIAL[system] // 2
-    jac, b = np.empty((size, size)), np.zeros(size)
+    jac, b = np.empty((size, size)), np.empty(size)
     sliding_jacobian(system, t, y, yp, 0.0, jac, p)
     for i in range(n):
         ypp[i] = yp[n + i]
-    for i in range(n, size):
-        for j in range(2 * n):
-            b[i] -= jac[i, j] * yp[j]
-    for i in range(2):
-        rate = torque_rate(i, t, y[n + 3 + i], p)
-        b[n + 3 + i] += rate
-        b[n + 2] -= p.deck[i] * rate
+    rates_of_rows(t, y, yp, n, jac, b, p)
     lower = b[2 * n] if ALGEBRAIC[system] else b[n + GAP]
     upper = b[n + UPPER[system]] if LAYERS[system] == 2 else 0.0
     five = (b[n], b[n + 1], b[n + 2], b[n + 3], b[n + 4])
@@ -236,14 +229,10 @@ def sliding_jacobian(
             jac[i, j] = 0.0
     for i in range(n):
         jac[i, i], jac[i, n + i] = cj, -1.0
-    stiffness, damping = slopes(p)
-    inertia = p.mass, p.mass, p.inertia
-    for i in range(3):
-        jac[n + i, i], jac[n + i, n + i] = stiffness[i], damping[i] + cj * inertia[i]
+    platform_jacobian(n, t, y, yp, cj, jac, coupled, p)
     for i in range(2):
-        exciter_jacobian(i, n, t, y, yp, cj, jac, coupled[i], p)
         jac[n + 3 + i, 3 + i] += coupled[i].y * p.slope
-    layer_jacobian(system, n, cj, jac, stiffness, damping, p)
+    layer_jacobian(system, n, cj, jac, p)
     row, mass = 2 * n - 1, cj * p.material_mass
     jac[row, n], jac[row, n + 2], jac[row, row] = mass, -p.deck_height * mass, mass
     if ALGEBRAIC[system]:
@@ -365,7 +354,7 @@ def sliding_chatter(state: FloatArray, along: FloatArray, a: FloatArray, p: Para
 def sliding_energies(state: FloatArray, along: FloatArray, p: Parameters) -> tuple[float, float, float]:
     """Return what the material's motion along the deck and its slope add to kinetic energy and that in gravity (J).
 
-    The last number is the momentum along x of machine and material (N·s).
+    The third value is the momentum of machine and material along x (N·s).
     """
     first, second = unbalances(state, p)
     rate = state[7] - p.deck_height * state[9] + along[1]

@@ -254,8 +254,8 @@ def _unbalanced(scene: Scene, measures: Mapping[str, Any]) -> str:
     if not apart.size or apart.min() < OTHER_PHASE:
         return ""
     return (
-        f"the mean torques on the empty machine do not hold {name}: such motion leaves it over many turns, and a "
-        "longer run.duration_s, or vibroplat orbits, tells whether it stays"
+        f"the mean torques on the empty machine do not hold {name}: it may be unstable and "
+        "lost over many turns; a longer run.duration_s or vibroplat orbits shows whether it persists"
     )
 
 

@@ -1,4 +1,4 @@
-"""What is measured of material that moves along the deck: its speed, modes of contact, friction, and what follows."""
+"""Measures of material that moves along the deck: conveying speed, fractions of modes, friction, throughput."""
 
 from __future__ import annotations
 

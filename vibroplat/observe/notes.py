@@ -128,9 +128,9 @@ def symmetry(scene: Scene, strokes: Mapping[str, float | None], begin: float, en
     changes = scene.drive.last_change(end) > begin
     if changes and scene.has_mirrored_exciters and not any(scene.drive.intervals[-1].driven):
         return (
-            "a stop within a run keeps the symmetry that its motion has reached, where a machine also moves across: a "
-            f"run of its own with run.initial.from and run.perturbation = {given(DISTURBANCE)}, or 5 % more friction "
-            "of one exciter, shows how much"
+            "a stop within a run keeps the symmetry that its motion has reached, but a real machine also moves across: "
+            f"compute it in a run of its own with run.initial.from and run.perturbation = {given(DISTURBANCE)}, or "
+            "give one exciter 5 % more friction"
         )
     steady = not changes and all(scene.driven(begin, end))
     if steady or scene.run.perturbation is not None or scene.start_perturbation:
@@ -139,8 +139,8 @@ def symmetry(scene: Scene, strokes: Mapping[str, float | None], begin: float, en
     if least[0] > SYMMETRIC * most[0] or not most[0]:
         return ""
     return (
-        f"next to nothing moves along {least[1]}, as this start is symmetric and nothing disturbs it, but a machine "
-        f"does where it passes a resonance: run.perturbation = {given(DISTURBANCE)} shows how much"
+        f"next to nothing moves along {least[1]}, as this start is symmetric and nothing disturbs it, but a real "
+        f"machine moves there at a resonance: set run.perturbation = {given(DISTURBANCE)} to compute how much"
     )
 
 

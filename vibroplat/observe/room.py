@@ -1,4 +1,4 @@
-"""The room in which statistics work: what they know of a step."""
+"""Working memory of the statistics for one step."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vibroplat.observe.extremes import MAX_NODES
 from vibroplat.observe.measures import N_WORK, STICK_TIME, SUMS
 from vibroplat.observe.peaks import COLUMNS, TOPS
 
-#: What is overwritten at each step, but for limits and their row, stiffnesses, dampings, levers, and how many points.
+#: Fields are overwritten at each step, except limits, stiffnesses, dampings, levers and the number of named points.
 ROOM = np.dtype(
     [
         ("samples", float, (MAX_NODES + 2, WIDTH)),  # unknowns at beginning, nodes and end

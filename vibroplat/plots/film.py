@@ -1,4 +1,4 @@
-"""The machine of a run moving in slow motion, beside its curves: a GIF."""
+"""A GIF of the machine of a run in slow motion, with its curves."""
 
 from __future__ import annotations
 

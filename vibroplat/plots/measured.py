@@ -116,7 +116,7 @@ class Measured:
             self.table = self.table.assign(t_s=self.table["t_s"] + self.shift)
 
     def compare(self, column: str, x: str, curves: Collection[Curve]) -> None:
-        """Note the error of a column beside the nearest of some curves over ``x``, if it is not known."""
+        """Store the error of a column relative to the nearest of some curves over ``x``, unless it is known."""
         if {x, column} <= {*self.table.columns} and column not in (x, PHASE_COLUMN, *self.errors):
             errors = [relative_error(curve_of(self.table, column, x), curve) for curve in curves]
             self.errors[column] = min((error for error in errors if error is not None), default=np.nan)

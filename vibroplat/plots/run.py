@@ -422,7 +422,7 @@ def _spectra(shown: Shown) -> picture.Picture:
 
 
 def _measured(shown: Shown) -> picture.Picture:
-    """Show each measured column beside what was computed, with their difference."""
+    """Show each measured column with the computed one and their difference."""
     data = shown.data
     assert data is not None
     columns = [c for c in map(str, shown.runs[0].shown.select_dtypes("number")) if c != "t_s" and c in data.table]

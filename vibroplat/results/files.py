@@ -7,7 +7,7 @@ the same time; the digests also hold where a file system has no locks, and find 
 A command of a scene writes into ``NAME/COMMAND``. Readers take that directory or ``NAME``, and also results that were
 saved in ``NAME`` itself.
 
-A directory holds the result of one command; that of another one is not written there.
+A directory holds the result of one command. Writing the result of another command there is an error.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def write_result(
 
 
 def export_result(directory: Path, command: str, form: str) -> list[Path]:
-    """Write the tables of a finished result for another program, beside them, and return the new files.
+    """Write a finished result for another program into its directory, and return the new files.
 
     Raises
     ------

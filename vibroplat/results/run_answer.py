@@ -14,8 +14,8 @@ from vibroplat.results.answer import are_alike, of_both
 
 #: Ripple of an exciter's speed, over the larger of both speeds, above which one without a motor is stopping.
 STOPPING = 0.1
-#: Ripple of a speed, over the largest synchronous speed, up to which an exciter is at rest; turns at that speed without
-#: one of an exciter after which it hardly turns.
+#: Maximum ripple of an exciter at rest, relative to the largest synchronous speed. Minimum measuring interval, in turns
+#: at that speed, for the statement that an exciter hardly turns.
 AT_REST, ENOUGH = 1e-3, 10.0
 #: Change of places at whole turns, over the largest stroke, above which strokes include a transient.
 SETTLED = 0.02
@@ -49,7 +49,7 @@ def _motion(scene: Scene, summary: Mapping[str, Any]) -> str:
 
 
 def _operation(scene: Scene, summary: Mapping[str, Any], off: Sequence[str]) -> str:
-    """Return what exciters do that turn, of which some have no motor."""
+    """Return the motion of exciters that turn; ``off`` are the numbers of those whose motor is off."""
     frequency, named = summary["excitation_frequency_hz"], synchronization(summary)
     pace = quantity(frequency, "Hz")
     runs = {0: "runs", 1: f"runs with motor {''.join(off)} off", 2: "coasts with the motors off"}[len(off)]
@@ -64,7 +64,7 @@ def _operation(scene: Scene, summary: Mapping[str, Any], off: Sequence[str]) -> 
 
 
 def _without_turns(scene: Scene, summary: Mapping[str, Any], driven: tuple[bool, bool]) -> str:
-    """Return what exciters do of which the first, or neither, completes a turn in the measured part."""
+    """Return the motion of exciters of which the first completes no turn in the measuring interval."""
     seconds, mean = summary["measured_to_s"] - summary["measured_from_s"], summary["excitation_frequency_hz"]
     if not any(driven):
         ripples = [summary.get(f"speed_ripple_{n}_hz") or 0.0 for n in (1, 2)]

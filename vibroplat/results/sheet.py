@@ -19,7 +19,7 @@ from vibroplat.results.run_answer import SETTLED, phase_text, speeds_of_both, tr
 ROCKS = 0.1
 #: Most named points and springs in the short print.
 MAX_POINTS = 4
-#: What the names of columns have whose numbers are told in per cent.
+#: Parts of the names of columns whose values are printed in per cent.
 SHARES = {"ratio", "slip", "residual", "fraction"}
 #: Measures of conveyed material by their names, with the ends of their columns.
 _CONVEYED = (
@@ -38,7 +38,7 @@ class Row(NamedTuple):
     label
         What it is.
     now, also
-        Value in the measured part, and what is said beside it.
+        Value in the measuring interval, and a remark.
     most, when
         Largest value of the whole run, and when that was.
     short
@@ -63,7 +63,7 @@ class Row(NamedTuple):
 
 
 class Numbers(dict[str, Any]):
-    """A summary that knows which of its numbers were read; those that it does not have are None."""
+    """A summary that records which of its numbers were read; missing ones are None."""
 
     def __init__(self, summary: Mapping[str, Any]) -> None:
         super().__init__(summary)
@@ -87,7 +87,7 @@ class Sheet:
     Attributes
     ----------
     transient
-        What is measured if that is no steady operation.
+        Description of the measuring interval if the operation is not steady.
     groups
         Rows by the names of groups; rows and groups without a value are left out.
     """
@@ -153,7 +153,7 @@ class Sheet:
         return most, (quantity(at, "s") if at else "0 s") + (f", {quantity(pace, 'Hz', digits=3)}" if known else "")
 
     def _row(self, label: str, column: str, largest: float | None = None) -> Row:
-        """Return the row of a column; beside ``largest`` what is small is 0, and was so at no time."""
+        """Return the row of a column. A value that is negligible relative to ``largest`` is 0 and has no time."""
         return Row(label, self._text(column, largest=largest), "", *self._peak(column, largest))
 
     def _pair(self, column: str) -> str:
@@ -171,7 +171,7 @@ class Sheet:
         return Row(label, self._pair(column), "", *self._peak(most.format(larger)))
 
     def _force(self, label: str, name: str) -> Row:
-        """Return the row of a force, what is static and what it varies by where both are known."""
+        """Return the row of a force: its static and dynamic parts if both are known, otherwise its maximum."""
         row = self._row(label, name.format("max"))
         mean, varies = (self.numbers[name.format(what)] for what in ("mean", "amplitude"))
         if mean is None or varies is None or not self.scene.machine.gravity_m_per_s2:
@@ -204,7 +204,7 @@ class Sheet:
         ]
 
     def _flight(self) -> str:
-        """Say what the material does."""
+        """Return the flight of the material in words."""
         flies, impacts = self.numbers["flight_fraction"], self.numbers["impacts_per_period"]
         if not self.scene.has_contact:
             return "material that cannot lift off" if self.scene.material_mass else "no material"
