@@ -18,6 +18,7 @@ from vibroplat.system.terminal import compilation_progress
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
     from vibroplat.results.answer import Answer
+    from vibroplat.results.result import Result
     from vibroplat.study.store import Store
 
 # -- options ----------------------------------------------------------------------------------------------
@@ -162,6 +163,16 @@ def require_scheduler(address: str | None) -> None:
         cluster.require_scheduler(address)
 
 
+def finished(directory: Path, command: str, conditions: str, form: str) -> Result | None:
+    """Return the result in a command's directory if it has these conditions and this format; None otherwise."""
+    from vibroplat.results.files import commands_in
+    from vibroplat.results.run import load
+
+    found = load(directory, command) if command in commands_in(directory) else None
+    same = found is not None and found.provenance.get("conditions") == conditions
+    return found if same and any(directory.glob(f"*.{form}")) else None
+
+
 # -- what is printed ----------------------------------------------------------------------------------------
 
 
@@ -180,7 +191,7 @@ def print_answer(
     verbose: bool,
     failures: Sequence[str] = (),
     check: Mapping[str, str] | None = None,
-    reused: int = 0,
+    reused: str = "",
 ) -> None:
     """Print the answer of a command, where its files are and what to do next; failures on standard error.
 
@@ -199,7 +210,7 @@ def print_answer(
     check
         What a cross-check found: labels and texts.
     reused
-        Number of tasks that were computed before.
+        What was computed before.
     """
     from vibroplat.results.answer import MAX_LINES, labelled
 
@@ -208,8 +219,8 @@ def print_answer(
         lines = [*answer.full(), *labelled(check or {})]
     else:
         lines = [*answer.brief(MAX_LINES - 1 - len(checked) - len(failures)), *checked]
-    last = [f"{reused} tasks from before"] if reused else []
-    last += [*([] if verbose else ["-v prints all"]), f"next: vibroplat {after}"]
+    again = "" if verbose else "the same command with -v prints all"
+    last = filter(None, (reused, again, f"next: vibroplat {after}"))
     print(*lines, f"{directory}: {'; '.join(last)}", sep="\n", flush=True)
     for line in failures:
         print(f"vibroplat: {line}", file=sys.stderr)

@@ -47,6 +47,12 @@ def run(
                 f"run.initial.from = {source!r} is also the directory of the new run; allowed: another name"
             )
     directory = common.command_directory(out, scene.name, "run")
+    from vibroplat.study.fingerprint import digest_of
+    from vibroplat.study.study import conditions
+
+    digest = digest_of(conditions(scene) | {"begins_from": start.origin})
+    if verbose and not check and (known := common.finished(directory, "run", digest, format_)) is not None:
+        return _print(known, directory, verbose=True, reused="computed before")
     common.announce_first_run(scene.solver.engine)
     from vibroplat.observe.tables import require_room
 
@@ -59,9 +65,16 @@ def run(
     with trajectory, events:
         result, found = _simulate(scene, start, (trajectory, events), check=check)
         summary = result.summary | {"notes": result.notes} | ({} if found is None else {"check": found.to_tree()})
-        origin = provenance(scene, summary["engine"], result.origin)
+        origin = provenance(scene, summary["engine"], result.origin) | {"conditions": digest}
         tables = {"trajectory": trajectory, "events": events}
         write_result(directory, "run", origin, tables, {"summary": summary}, form=format_)
+    return _print(result, directory, found, verbose=verbose)
+
+
+def _print(
+    result: RunResult, directory: Path, found: RunCheck | None = None, *, verbose: bool, reused: str = ""
+) -> None:
+    """Print the answer of a run; exit with 1 if it failed, or if two engines disagree."""
     failures = list(result.answer.failures)
     if ", state [" in result.summary["detail"]:
         failures[0] += f"; {directory / 'summary.json'} contains the state at that time"
@@ -74,6 +87,7 @@ def run(
         verbose=verbose,
         failures=failures,
         check=None if found is None else found.lines(),
+        reused=reused,
     )
     if failures:
         raise typer.Exit(1)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from vibroplat.config.digits import given, number, quantity, share
+from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
 from vibroplat.frames import pd
 from vibroplat.kernels.engines import uses_sundials
@@ -175,8 +176,8 @@ def stiffness(scene: Scene, engine: str, steps: int | None, restarts: int, secon
     if engine != "taylor" or not steps or steps <= STIFF * needed:
         return ""
     return (
-        f"engine taylor takes {number(steps / needed, 2)} times the steps that the excitation needs, because a layer, "
-        "a motor or the suspension is stiff: solver.engine = native is likely to be faster"
+        f"{HINT}engine taylor takes {number(steps / needed, 2)} times the steps that the excitation needs, because a "
+        "layer, a motor or the suspension is stiff: solver.engine = native is likely to be faster"
     )
 
 
@@ -199,7 +200,7 @@ def notes_on_samples(sampled: Mapping[str, float], measures: Mapping[str, Any], 
         missed = 1.0 - sampled[column] / largest if column in sampled and largest else 0.0
         if missed > MISSED:
             notes.append(
-                f"the trajectory table misses the largest {name}, {quantity(largest, unit)}, by {share(missed)}: "
+                f"{HINT}the trajectory table misses the largest {name}, {quantity(largest, unit)}, by {share(missed)}: "
                 f"output.sample_rate_hz = {given(rate)} is too low"
             )
     return notes
