@@ -23,6 +23,8 @@ from vibroplat.observe.data_sheet import steady_supply
 LARGE_ROTATION = 0.1
 #: Slip over critical slip above which a motor counts as captured: it gives more than 0.6 of its critical torque.
 CAPTURED = 1.0 / 3.0
+#: How the notes end on an exciter that stays far below its synchronous speed.
+HELPS_START = "more torque or a longer run may help"
 #: Change of the phase difference over the measured part (rad) above which it is noted.
 DRIFTING = 0.1
 #: Tolerance of SUNDIALS above which impacts that amplify errors make measures inaccurate: with a restitution of 0.99
@@ -155,8 +157,7 @@ def capture(exciter: int, speed: float, synchronous: float, critical_slip: float
         return ""
     return (
         f"exciter {exciter} turns at {quantity(speed, 'Hz')}, {share(slip)} below its synchronous speed "
-        f"{quantity(synchronous, 'Hz')}: captured by a resonance, overloaded or still running up, and more torque or a "
-        "longer run may help"
+        f"{quantity(synchronous, 'Hz')}: captured by a resonance, overloaded or still running up, and {HELPS_START}"
     )
 
 
@@ -225,8 +226,8 @@ def captures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
         return of_each([capture(i + 1, speeds[i], synchronous[i], slips[i]) for i in driven])
     seconds = measures["measured_to_s"] - measures["measured_from_s"]
     hardly = [
-        f"exciter {i + 1} hardly turns, although its synchronous speed is {quantity(synchronous[i], 'Hz')}: more "
-        "torque or a longer run may help"
+        f"exciter {i + 1} hardly turns, although its synchronous speed is {quantity(synchronous[i], 'Hz')}: "
+        f"{HELPS_START}"
         for i in driven
         if speeds[i] * seconds < 1.0 and capture(i + 1, 2.0 / seconds, synchronous[i], slips[i])
     ]
