@@ -232,9 +232,8 @@ class ThresholdStudy(Study):
             times, unit = search.start_times(passes, hangs), unit_of(self.plan.key)
             places = [self._rounded(passes.value), *(f"{number(at)} {unit}" for at in [*times][1:])]
             took = [f"{quantity(t, 's', digits=2)} at {at}" for t, at in zip(times.values(), places, strict=False)]
-            limit = (
-                f"{where} not within find.max_settle_s = {given(self.plan.max_settle_s)} s; more may move the threshold"
-            )
+            allowed = f"find.max_settle_s = {given(self.plan.max_settle_s)} s"
+            limit = f"{where} not within {allowed}; more may move the threshold"
             if hangs.row.get("multiplier_max") is not None and not hangs.leaving:
                 limit = f"{where} it hangs for ever, on a stable orbit"
             return [f"starts in {', '.join(took) or 'an unknown time'}; {limit}"]
@@ -340,13 +339,10 @@ class ThresholdStudy(Study):
             if zone.mixed:
                 place = "the mixed interval from {} to {}".format(*self._ends(zone))
                 if zone.fractal:
-                    told, apart = (
-                        " / ".join(f"{share * PAIRS:.0f}" for share in zone.shares),
-                        " / ".join(map(given, DISTANCES)),
-                    )
+                    told = " / ".join(f"{share * PAIRS:.0f}" for share in zone.shares)
                     yield (
-                        f"the boundary is fractal: of {PAIRS} pairs of values in {place}, {told} have different outcomes "
-                        f"at distances of {apart} of its width"
+                        f"the boundary is fractal: of {PAIRS} pairs of values in {place}, {told} have different "
+                        f"outcomes at distances of {' / '.join(map(given, DISTANCES))} of its width"
                     )
                 if zone.open_ended:
                     yield (
@@ -361,9 +357,8 @@ class ThresholdStudy(Study):
         unsettled = [value.value for value in every if value.unsettled and not value.failed]
         if unsettled and self.plan.expression is not None:
             yield (
-                f"at {len(unsettled)} of {len(every)} values, first at {self.plan.key} = {self._rounded(unsettled[0])}, "
-                "the motion was measured in a transient or has no clear class: a larger find.max_settle_s may "
-                "change the outcome"
+                f"at {len(unsettled)} of {len(every)} values, first at {self._rounded(unsettled[0])}, the motion was "
+                "measured in a transient or has no clear class: a larger find.max_settle_s may change the outcome"
             )
 
 
