@@ -17,8 +17,8 @@ def new(
         Literal["rig", "screen", "feeder", "inclined-screen", "heavy-screen"],
         typer.Option(
             "--template",
-            help="Machine: a small test rig, a 1.2 t screen, a feeder or an inclined screen that conveys, "
-            "or a 4.5 t screen.",
+            help="rig: 12.5 kg, 4-pole motors. screen: 1.2 t, 4-pole. feeder: 0.6 t, 6-pole, conveys. inclined-screen: "
+            "1.2 t, 4-pole, conveys. heavy-screen: 4.5 t, 6-pole.",
         ),
     ] = "rig",
     full: Annotated[bool, typer.Option("--full", help="Write all keys with their meanings.")] = False,

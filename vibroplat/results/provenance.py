@@ -13,7 +13,6 @@ from typing import Any
 
 import vibroplat
 from vibroplat.config.scene import Scene
-from vibroplat.integrate.sundials import UnavailableError, configuration
 from vibroplat.results.files import SCHEMA
 
 _LIBRARIES = ("scikit-sundae", "numpy", "numba", "llvmlite", "pandas", "pydantic", "pyarrow", "ruamel.yaml")
@@ -53,6 +52,8 @@ def _version(name: str) -> str | None:
 
 def sundials_version() -> str | None:
     """Version of SUNDIALS inside scikit-sundae, if it can be read."""
+    from vibroplat.integrate.sundials import UnavailableError, configuration  # noqa: PLC0415
+
     try:
         return configuration().get("SUNDIALS_VERSION")
     except UnavailableError:
