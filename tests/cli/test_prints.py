@@ -8,6 +8,7 @@ from common.places import ROOT
 
 from vibroplat import load_config
 from vibroplat.cli.common import print_answer
+from vibroplat.config.digits import quantity, spread
 from vibroplat.config.kinds import KINDS
 from vibroplat.config.plausibility import HINT, by_severity
 from vibroplat.plots.command import families
@@ -161,7 +162,7 @@ HEADLINES = {
     "runs at 25.74 Hz (1545 rpm), antiphase: vibrates along y": {},
     "STOPPED at 0.100 s: event-storm": {"outcome": "event-storm", "simulated_s": 0.1},
     "INACCURATE, runs at 25.74 Hz": {"outcome": "inaccurate"},
-    "CAPTURED by the resonance in y: 25.74 Hz, 25.75 Hz wanted": {"captured_by": "y"},
+    "CAPTURED by the resonance in y: 25.74 Hz, < 0.1 % below the synchronous speed 25.75 Hz": {"captured_by": "y"},
     "nothing measured, the run is too short": {"excitation_frequency_hz": None},
     "not a whole turn in the measured 0.0777 s: a longer run.duration_s helps": {"measured_turns": 0},
     "the exciters hardly turn": {"measured_turns": 0, "measured_to_s": 9.0, "excitation_frequency_hz": 0.01},
@@ -176,6 +177,7 @@ HEADLINES = {
     "runs at 25.74 Hz (1545 rpm), in-phase: vibrates along x and rocks; repeats every 3 turns": {
         "phase_difference_rad": 0.1,
         "period": 3,
+        "stroke_change": 0.0,
     },
 }
 
@@ -218,9 +220,40 @@ def test_an_exciter_1_without_motor_that_stands_still_does_not_stop_the_other_on
 
 def test_strokes_that_still_change_are_told_instead_of_turns_that_repeat(runs):
     run = runs["two layers"]
-    ends = {0.14: "; strokes still change by 14 %", 0.001: "; repeats every turn", None: "; repeats every turn"}
+    ends = {0.14: "; 14 % of the stroke is a transient", 0.001: "; repeats every turn", None: "; repeats every turn"}
     for change, end in ends.items():
         assert headline(run.scene, run.summary | {"period": 1, "stroke_change": change}).endswith(end)
+    assert headline(run.scene, run.summary | {"period": 0, "stroke_change": 0.14}).endswith(ends[0.14])
+
+
+def test_digits_of_strokes_and_forces_end_where_their_transient_begins(runs):
+    run = runs["two layers"]
+    stroke, stiffness = run.summary["stroke_y_m"], run.scene.machine.stiffness_y_n_per_m
+    left = {"transient_y_m": 0.3 * stroke, "foundation_force_y_amplitude_n": 0.5 * stiffness * stroke}
+    lines = short_lines(Sheet(run.scene, run.summary | left))
+    assert lines[0].split()[2] == quantity(stroke, "m", error=0.3 * stroke).split()[0]
+    assert f"decays to about {quantity(0.7 * stroke, 'm', error=0.03 * stroke)}; " in lines[0]
+    assert spread(156.1, 20.0, "N", 15.0) == "160 ± 20 N"
+    assert "most of it decays" in short_lines(Sheet(run.scene, run.summary | {"transient_y_m": 0.98 * stroke}))[0]
+
+
+def test_static_forces_are_the_weight_along_both_axes(runs):
+    """A mean over a part of a motion that is not steady is none; a deck that slopes has a static force along it."""
+    run = runs["two layers"]
+    weight = quantity(run.scene.gravity[1] * (run.scene.platform_mass + run.scene.material_mass), "N")
+    lines = short_lines(Sheet(run.scene, run.summary | {"foundation_force_y_mean_n": -1.0, "transient_y_m": 0.0}))
+    assert next(line for line in lines if line.startswith("foundation, y")).split()[2][:3] == weight[:3]
+    sloping = run.scene.replace({"transport": {"deck_height_m": 0.0, "deck_angle_deg": 15.0, "friction": 0.4}})
+    lines = short_lines(Sheet(sloping, run.summary | {"foundation_force_x_amplitude_n": 3.0}))
+    along = next(line for line in lines if line.startswith("foundation, x"))
+    assert "along the deck; static ± dynamic" in along
+
+
+def test_a_force_is_0_only_where_its_dynamic_part_is_small(runs):
+    run = runs["two layers"]
+    sizes = {"foundation_force_x_max_n": 5.0, "foundation_force_x_amplitude_n": 5.0, "transient_x_m": 0.0}
+    lines = short_lines(Sheet(run.scene, run.summary | sizes | {"foundation_force_y_amplitude_n": 1000.0}))
+    assert next(line for line in lines if line.startswith("foundation, x")).split()[2:4] == ["5.00", "N"]
 
 
 def test_what_is_nothing_is_0_and_what_is_missing_is_left_out(runs):

@@ -7,7 +7,10 @@ from common.places import QUICKSTART, ROOT
 
 from vibroplat import load_config, simulate
 from vibroplat.config.digits import share
-from vibroplat.observe.notes import capture, largest_samples, notes_on_samples
+from vibroplat.observe.data_sheet import whole_run
+from vibroplat.observe.notes import SlowMotor, largest_samples, notes_on_samples, slow_motors
+from vibroplat.results.run_answer import headline
+from vibroplat.results.sheet import Sheet
 
 #: Captured by the vertical resonance: with f_e = 66 Hz and b_y = 40 the motors turn at 30.493 Hz (Sommerfeld).
 CAPTURED = {
@@ -54,16 +57,17 @@ def test_only_a_motor_that_is_switched_on_can_be_captured(printed):
     assert not [note for note in notes if note.startswith("exciter 2")]
 
 
-def test_capture_begins_at_a_third_of_the_critical_slip():
-    for speed, synchronous, slip, noted in (
-        (31.4, 33.0, 0.15, False),  # the limit is 31.35 Hz
-        (31.3, 33.0, 0.15, True),
-        (31.3, 33.0, 0.3, False),
-        (34.0, 33.0, 0.15, False),
-        (0.0, 33.0, 0.15, True),
-        (0.0, 0.0, 0.15, False),
+def test_capture_begins_at_a_third_of_the_critical_slip(quickstart):
+    window = {"frequency_split_hz": 0.0, "measured_from_s": 1.0, "measured_to_s": 2.0, "impacts_per_period": 0.0}
+    for speed, slip, noted in (
+        (31.4, 0.15, False),  # the limit is 31.35 Hz
+        (31.3, 0.15, True),
+        (31.3, 0.3, False),
+        (34.0, 0.15, False),
+        (0.0, 0.15, True),
     ):
-        assert bool(capture(1, speed, synchronous, slip)) == noted
+        scene = quickstart.replace({"drive.supply_frequency_hz": 66.0, "motor.critical_slip": slip})
+        assert bool(slow_motors(scene, window | {"excitation_frequency_hz": speed})) == noted
 
 
 def test_a_motor_too_weak_to_turn_is_noted(printed):
@@ -125,7 +129,7 @@ def test_samples_of_the_measured_part_alone_are_compared(quickstart):
 
 
 def test_a_run_without_a_trajectory_has_the_notes_of_its_summary(quickstart):
-    run = simulate(quickstart.replace({"run.duration_s": 0.5, "output.sample_rate_hz": 1.0}), keep="events")
+    run = simulate(quickstart.replace({"run.duration_s": 2.0, "output.sample_rate_hz": 1.0}), keep="events")
     assert run.notes == run.summary["notes"] == []
 
 
@@ -157,9 +161,41 @@ def test_a_transient_left_in_strokes_that_repeat_is_noted():
     short, long = (simulate(scene.replace({"run.duration_s": end}), keep="summary").summary for end in (10.0, 40.0))
     assert short["period"] == long["period"] == 1
     assert short["stroke_change"] > 0.5
-    assert short["notes"][0].startswith(f"{share(short['stroke_change'])} of the stroke is a transient")
+    assert short["notes"][0].startswith(f"{share(short['stroke_change'])} of the stroke, ")
     assert long["stroke_change"] < 0.02
     assert not any("transient" in note for note in long["notes"])
+
+
+@pytest.mark.parametrize("damping", [100.0, 400.0])
+def test_what_a_start_leaves_in_the_strokes_is_estimated_though_nothing_repeats(damping):
+    """A long run tells what decays; here the machine is empty, as material only adds damping."""
+    scene = load_config(ROOT / "configs" / "templates" / "screen.yaml").replace(
+        {
+            "machine.damping_y_n_s_per_m": damping,
+            "material.mass_ratio": 0.0,
+        }
+    )
+    short, long = (simulate(scene.replace({"run.duration_s": end}), keep="summary").summary for end in (20.0, 200.0))
+    assert short["period"] == 0
+    decays = short["stroke_y_m"] - long["stroke_y_m"]
+    assert decays > 0.05 * long["stroke_y_m"]
+    assert short["transient_y_m"] - long["transient_y_m"] == pytest.approx(decays, rel=0.15)
+    told = Sheet(scene, short)
+    limit = long["stroke_y_m"] * 1e3
+    assert float(next(told.short())[2].split()[3]) == pytest.approx(limit, rel=0.05)
+
+
+def test_a_motor_that_hangs_far_below_a_resonance_is_captured_by_it(printed):
+    """The headline has no cliff: captured or not, it tells how far a motor is below its synchronous speed."""
+    run = simulate(printed.replace(CAPTURED))
+    scene, summary = run.scene, run.summary
+    assert headline(scene, summary).endswith(
+        "CAPTURED by the resonance in y: 30.49 Hz, 7.6 % below the synchronous speed 33.00 Hz"
+    )
+    assert ", 7.6 % below synchronous speed, " in headline(scene, summary | {"captured_by": ""})
+    slow = [SlowMotor(1, 24.0, 33.0)]
+    assert whole_run(run.measures, scene, 0.0, slow, locked=True)["captured_by"] == "y", "not within 10 % of 30.85 Hz"
+    assert whole_run(run.measures, scene, 0.0, [SlowMotor(1, 24.0, 28.0)], locked=True)["captured_by"] == ""
 
 
 def test_a_stop_that_nothing_disturbs_says_that_its_symmetry_hides_a_direction():

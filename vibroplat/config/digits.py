@@ -102,10 +102,10 @@ def quantity(
     return f"{decimal(scaled, decimals)} {name}".strip()
 
 
-def spread(value: float, around: float, unit: str) -> str:
+def spread(value: float, around: float, unit: str, error: float = 0.0) -> str:
     """Write a number and one to either side in one unit: two digits of the smaller, three or four of the larger.
 
-    What is not above 1/1000 of the number is nothing to either side.
+    What is not above 1/1000 of the number is nothing to either side. No digits are beyond the first one of an error.
     """
     if abs(around) <= NEGLIGIBLE * abs(value):
         return quantity(value, unit)
@@ -113,6 +113,7 @@ def spread(value: float, around: float, unit: str) -> str:
     small, large = sorted((abs(value) / factor, abs(around) / factor))
     first = _first_digit(large, 3) if large else 0
     decimals = min(max(1 - _first_digit(small, 2) if small else 0, 2 - first), 3 - first)
+    decimals = min(decimals, -_first_digit(error / factor, 1)) if error else decimals
     return f"{decimal(value / factor, decimals)} ± {decimal(around / factor, decimals)} {name}".strip()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
@@ -13,7 +14,7 @@ from pydantic import InstanceOf
 
 from vibroplat.columns import COUNT, TEXT, Column, Columns
 from vibroplat.config.arguments import TrueOrKeys, validated
-from vibroplat.config.digits import share
+from vibroplat.config.digits import given, quantity, share
 from vibroplat.config.plausibility import notes_on_input
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.loop import automaton
@@ -21,7 +22,7 @@ from vibroplat.hybrid.state import CUBIC, Automaton, empty_steps, force_noise, s
 from vibroplat.inspection.balance import all_balances, supply_at
 from vibroplat.integrate import make_engine
 from vibroplat.integrate.interface import WORK, Engine
-from vibroplat.kernels.compiled import FloatArray, compile_for
+from vibroplat.kernels.compiled import compile_for
 from vibroplat.kernels.engines import ENGINES, loop_of
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.initial_condition import Start, initial_condition
@@ -29,11 +30,12 @@ from vibroplat.motion.motion import Observer, Simulator
 from vibroplat.motion.recorder import Files, Keep, Recorder, Sink, SinkArgument
 from vibroplat.motion.variation import key_tuple, parameter_directions
 from vibroplat.observe.data_sheet import SHEET, WHOLE, columns, stays_synchronized, whole_run
-from vibroplat.observe.notes import captures, change, drift, notes_on_measures, stiffness, symmetry
-from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, section_rows, whole_periods
+from vibroplat.observe.notes import change, drift, notes_on_measures, slow_motors, stiffness, symmetry
+from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, whole_periods
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import INACCURATE, MEASURES, MeasuredInterval, inaccuracy, measure, synchronization
 from vibroplat.observe.tables import named_derivative, require_room
+from vibroplat.observe.transients import Transient, transients
 from vibroplat.observe.variation import Variation
 from vibroplat.results.run import RunResult
 from vibroplat.results.run_answer import SETTLED
@@ -63,9 +65,16 @@ SUMMARY: Columns = {
         kind=COUNT,
     ),
     "stroke_change": Column(
-        "transient in the strokes",
-        "largest distance along x or y of places at whole turns that repeat / larger stroke; empty if none repeat",
+        "transient in the strokes", "largest transient along x or y / larger stroke; empty without whole turns"
     ),
+    **{
+        f"transient_{axis}_{unit}": Column(
+            f"part of the range of {axis} that is a transient",
+            "range of places at whole turns that repeat, at the start of the measuring interval; if it does not "
+            "decay in the interval, at most what the damping leaves of the largest range of the run",
+        )
+        for axis, unit in (("x", "m"), ("y", "m"), ("phi", "rad"))
+    },
     **MEASURES,
     "contact_force_noise_n": Column("magnitude up to which contact forces are noise"),
     "engine": Column("integrator that was used"),
@@ -183,10 +192,12 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
     sheet = {name: measures.pop(name) for name in columns(scene)}
     doubt = inaccuracy(measures, scene) if motion.outcome == "ok" else ""
     locked = synchronization(measures) != "none" and stays_synchronized(part.measures, scene)
-    moved = _stroke_change(section_rows(part.measures)["state"][:, :2], repeats, sheet)
-    whole = whole_run(part.measures, scene, start, any(captures(scene, measures)), locked)
+    left = transients(part.measures, scene, max(start, scene.drive.last_change(motion.now)), repeats)
+    stroke = _stroke(sheet)
+    moved = max(left[0].size, left[1].size) / stroke if stroke > NO_STROKE else None
+    whole = whole_run(part.measures, scene, start, slow_motors(scene, measures), locked)
     notes = [
-        _settling(moved),
+        _settling(left, stroke, seconds),
         _unbalanced(scene, measures),
         *notes_on_measures(scene, measures),
         drift(measures) if all(scene.driven(measures["measured_from_s"], measures["measured_to_s"])) else "",
@@ -205,6 +216,7 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
         "static_sag_m": 0.0 - float(static_rest(scene)[1]),
         "period": repeats,
         "stroke_change": moved,
+        **dict(zip(("transient_x_m", "transient_y_m", "transient_phi_rad"), (one.size for one in left), strict=True)),
         **measures,
         "contact_force_noise_n": force_noise(scene) if scene.has_contact else None,
         "engine": engine.name,
@@ -218,23 +230,23 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
     }
 
 
-def _stroke_change(places: FloatArray, period: int, sheet: Mapping[str, Any]) -> float | None:
-    """Return how far places (m) a period of so many turns apart differ, over the largest stroke."""
-    stroke = max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)
-    turns = len(places) // period if period else 0
-    if stroke < NO_STROKE or not turns:
-        return None
-    alike = places[-turns * period :].reshape(turns, period, 2)
-    return float(np.ptp(alike, axis=0).max()) / stroke
+def _stroke(sheet: Mapping[str, Any]) -> float:
+    """Return the larger stroke (m), 0 if there is none."""
+    return max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)
 
 
-def _settling(change: float | None) -> str:
-    """Return the note on strokes that still change though the last turns repeat, or an empty text."""
-    if not change or change <= SETTLED:
+def _settling(left: Sequence[Transient], stroke: float, seconds: float) -> str:
+    """Return the note on transients along x and y in strokes (m) of a run of so many seconds, or an empty text."""
+    axis, most = max(zip("xy", left, strict=False), key=lambda one: one[1].size)
+    if stroke < NO_STROKE or most.size <= SETTLED * stroke:
         return ""
+    helps = "damping along it would let it decay"
+    if most.rate:
+        longer = seconds + 2.0 / most.rate * math.log(most.size / (0.5 * SETTLED * stroke))
+        helps = f"run.duration_s = {given(float(f'{longer:.2g}'))} leaves about {share(0.5 * SETTLED)}"
     return (
-        f"{share(change)} of the stroke is a transient that decays while it is measured, and is in the forces, too: a "
-        "longer run.duration_s avoids that"
+        f"{share(most.size / stroke)} of the stroke, {quantity(most.size, 'm')} along {axis}, is a transient that "
+        f"decays while it is measured, and is in the forces, too: {helps}"
     )
 
 

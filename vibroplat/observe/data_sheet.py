@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -30,7 +30,7 @@ from vibroplat.observe.extremes import (
     TORQUE_1,
     merge_extremes,
 )
-from vibroplat.observe.measures import BINS, FASTEST, SUMS, TIME, WHOLE_RUN, Accumulators, measured_extremes, require
+from vibroplat.observe.measures import BINS, FASTEST, SUMS, TIME, WHOLE_RUN, Accumulators, require
 from vibroplat.observe.section import section_rows
 
 #: Part of its mean by which a speed may differ from it while the motion has its measured speed.
@@ -50,7 +50,7 @@ REMAINING = 0.05
 #: Standard errors within which a fluctuating phase difference has no trend, and number of blocks for it. The trend and
 #: two standard errors, continued over so many measured parts, may make the last value (rad).
 TREND, TREND_BLOCKS, HORIZON, TREND_CHANGE = 3.0, 8, 20.0, 0.5
-#: Distance of a speed from a natural frequency, as a part of it, up to which they are near each other.
+#: How far the speed of a captured motor may be above a natural frequency, as a part of it, and may change.
 RESONANCE_WIDTH = 0.1
 
 #: Columns whose largest value in the whole run has a time and a speed, by the beginnings of their names: loads on the
@@ -58,6 +58,9 @@ RESONANCE_WIDTH = 0.1
 TIMED = ("foundation_", "stroke_", "motor_")
 
 _TURN = 2.0 * math.pi
+
+#: Sums of coordinates, and of their squares.
+_SQUARES = {"x": "xx", "y": "yy", "phi": "phi_phi"}
 
 #: Axes of the suspension: their names in columns, places in PEAKS, sums of force and its square, and units.
 _AXES = (
@@ -198,8 +201,9 @@ WHOLE: Columns = {
     "start_energy_j": Column("work of both motors until synchronized_at_s"),
     "captured_by": Column(
         "resonance that captures a motor (Sommerfeld effect)",
-        "x, y or phi: the motor slips by more than a third of its critical slip at a steady speed within 10 % of "
-        "that natural frequency; y with or without the material; empty if no motor is captured",
+        "x, y or phi: where most of the vibration is, if a motor slips by more than a third of its critical slip, the "
+        "vibration takes most of the power, and a natural frequency there (y: with or without the material) is at most "
+        "10 % below the speed, and below the synchronous one; empty otherwise, or if speeds change by more than 10 %",
     ),
 }
 
@@ -335,15 +339,16 @@ def _when(extremes: Any, column: Extreme, turn: FloatArray) -> tuple[float, floa
     return at, mean if now - turn_start <= 2.0 * (turn_start - before) else None
 
 
-def whole_run(ms: Accumulators, scene: Scene, start: float, captured: bool, locked: bool) -> dict[str, Any]:
+def whole_run(ms: Accumulators, scene: Scene, start: float, slow: Sequence[Any], locked: bool) -> dict[str, Any]:
     """Return what of a data sheet is of a whole run.
 
     Parameters
     ----------
     start
         When it began (s).
-    captured
-        Whether a motor slips as one does that is captured; see :data:`vibroplat.observe.notes.CAPTURED`.
+    slow
+        Motors that slip as captured ones do, each with its ``speed`` and the ``synchronous`` one (Hz); see
+        :func:`vibroplat.observe.notes.slow_motors`.
     locked
         Whether the exciters are synchronized in the measured part.
     """
@@ -362,7 +367,8 @@ def whole_run(ms: Accumulators, scene: Scene, start: float, captured: bool, lock
     numbers["synchronized_at_s"], numbers["start_energy_j"] = (
         synchronization_time(ms, scene, start) if locked and driven else (None, None)
     )
-    return numbers | {"captured_by": _capturing_axis(ms, scene) if captured else ""}
+    slowest = min(((motor.speed, motor.synchronous) for motor in slow), default=None)
+    return numbers | {"captured_by": _capturing_axis(ms, scene, slowest) if slowest else ""}
 
 
 def stays_synchronized(ms: Accumulators, scene: Scene) -> bool:
@@ -428,22 +434,27 @@ def synchronization_time(ms: Accumulators, scene: Scene, start: float) -> tuple[
     return (float(last), float(work)) if math.isfinite(last) else (start, 0.0)
 
 
-def _capturing_axis(ms: Accumulators, scene: Scene) -> str:
-    """Name the axis whose natural frequency is near the speed of the exciters, if that is steady; or ""."""
-    mean, machine, mass, extremes = means(ms), scene.machine, scene.platform_mass, measured_extremes(ms)
-    if not mean:
+def _capturing_axis(ms: Accumulators, scene: Scene, slowest: tuple[float, float]) -> str:
+    """Name the axis whose resonance takes the power of motors that turn too slowly, if that is what happens; or "".
+
+    ``slowest`` are the speed of the slowest motor and its synchronous one (Hz).
+    """
+    mean, rows = means(ms), section_rows(ms)
+    quarter, pair = len(rows) // 4, scene.exciter_pair
+    if not quarter:
         return ""
-    for i in (0, 1):
-        ripple = extremes["largest"][SPEED_1 + i] - extremes["least"][SPEED_1 + i]
-        if ripple > RESONANCE_WIDTH * abs(mean[f"speed_{i + 1}"]):
-            return ""
-    speed, carried = 0.5 * (abs(mean["speed_1"]) + abs(mean["speed_2"])), mass + sum(scene.layer_masses)
-    natural = [
-        ("x", machine.stiffness_x_n_per_m / mass),
-        ("y", machine.stiffness_y_n_per_m / mass),
-        ("y", machine.stiffness_y_n_per_m / carried),
-        ("phi", machine.stiffness_phi_n_m_per_rad / scene.body.inertia),
-    ]
-    apart = {axis: abs(speed / math.sqrt(square) - 1.0) for axis, square in natural if square > 0.0}
-    nearest = min(apart, key=lambda axis: apart[axis])
-    return nearest if apart[nearest] <= RESONANCE_WIDTH else ""
+    turned = np.diff(rows["state"][[0, quarter, -1 - quarter, -1], 3], axis=0)[[0, 2]]
+    paces = np.abs(turned / np.diff(rows["t"][[0, quarter, -1 - quarter, -1]])[[0, 2]])
+    speeds = [abs(mean[f"speed_{i}"]) for i in (1, 2)]
+    friction = sum(e.friction_radius_m * k * w**3 for e, k, w in zip(pair, scene.unbalances, speeds, strict=True))
+    if np.ptp(paces) > RESONANCE_WIDTH * paces.max() or friction > 0.5 * (mean["power_1"] + mean["power_2"]):
+        return ""
+    inertia, _, stiffness = scene.oscillators
+    squares = [[stiffness[i] / inertia[i]] for i in range(3)]
+    squares[1].append(stiffness[1] / (inertia[1] + sum(scene.layer_masses)))
+    low, high = slowest[0] / (1.0 + RESONANCE_WIDTH), slowest[1]
+    sizes = {}
+    for (axis, square), natural, weight in zip(_SQUARES.items(), squares, inertia, strict=True):
+        if any(low <= math.sqrt(value) / _TURN < high for value in natural):
+            sizes[axis] = weight * (mean[square] - mean[axis] ** 2)
+    return max(sizes, key=lambda axis: sizes[axis], default="")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -147,25 +147,10 @@ def symmetry(scene: Scene, strokes: Mapping[str, float | None], begin: float, en
     )
 
 
-def capture(exciter: int, speed: float, synchronous: float, critical_slip: float) -> str:
-    """Return the note on an exciter (1 or 2) that does not approach its synchronous speed, or an empty text.
-
-    Speeds are in Hz; at the critical slip its motor has the largest torque.
-    """
-    slip = 1.0 - speed / synchronous if synchronous > 0.0 else 0.0
-    if slip <= CAPTURED * critical_slip:
-        return ""
-    return (
-        f"exciter {exciter} turns at {quantity(speed, 'Hz')}, {share(slip)} below its synchronous speed "
-        f"{quantity(synchronous, 'Hz')}: captured by a resonance, overloaded or still running up, and {HELPS_START}"
-    )
-
-
 def of_each(notes: Sequence[str]) -> list[str]:
     """Return notes on exciters 1 and 2; where they say the same, as one note on each exciter."""
-    found = [note for note in notes if note]
-    alike = len(found) == EXCITERS and found[0].partition(" 1 ")[2] == found[1].partition(" 2 ")[2]
-    return [found[0].replace("exciter 1", "each exciter", 1)] if alike else found
+    alike = len(notes) == EXCITERS and notes[0].partition(" 1 ")[2] == notes[1].partition(" 2 ")[2]
+    return [notes[0].replace("exciter 1", "each exciter", 1)] if alike else list(notes)
 
 
 def stiffness(scene: Scene, engine: str, steps: int | None, restarts: int, seconds: float) -> str:
@@ -207,28 +192,59 @@ def notes_on_samples(sampled: Mapping[str, float], measures: Mapping[str, Any], 
     return notes
 
 
-def captures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
-    """List the notes on both exciters, unless their motors are off or their supply changes in the measured part."""
-    supply = steady_supply(scene, measures["measured_from_s"], measures["measured_to_s"])
-    if supply is None:
-        return []
-    motors = scene.exciter_pair
-    synchronous = [speed / (2.0 * math.pi) for speed in scene.synchronous_speeds_at(supply.frequency)]
-    critical = [exciter.critical_slip_speed(supply.frequency) / (2.0 * math.pi) for exciter in motors]
-    slips = [c / s if s > 0.0 else math.inf for c, s in zip(critical, synchronous, strict=True)]
-    on = scene.driven(measures["measured_from_s"], measures["measured_to_s"])
-    driven = [i for i in (0, 1) if on[i]]
+class SlowMotor(NamedTuple):
+    """A motor that is on and stays far below its synchronous speed: the exciter's number, and both speeds (Hz)."""
+
+    exciter: int
+    speed: float
+    synchronous: float
+
+    @property
+    def slip(self) -> float:
+        """Slip of the motor."""
+        return 1.0 - self.speed / self.synchronous
+
+
+def slow_motors(scene: Scene, measures: Mapping[str, Any]) -> list[SlowMotor]:
+    """List the motors that slip as a captured one does; none if their supply changes in the measured part.
+
+    Without a whole turn of exciter 1 these are the exciters that turn less than once.
+    """
     mean, split = measures["excitation_frequency_hz"], measures["frequency_split_hz"]
-    if mean is None:
+    begin, end = measures["measured_from_s"], measures["measured_to_s"]
+    supply = steady_supply(scene, begin, end)
+    if supply is None or mean is None:
         return []
-    speeds = mean + 0.5 * split, mean - 0.5 * split
-    if measures["impacts_per_period"] is not None:
-        return of_each([capture(i + 1, speeds[i], synchronous[i], slips[i]) for i in driven])
-    seconds = measures["measured_to_s"] - measures["measured_from_s"]
-    hardly = [
-        f"exciter {i + 1} hardly turns, although its synchronous speed is {quantity(synchronous[i], 'Hz')}: "
+    found, on, turned = [], scene.driven(begin, end), measures["impacts_per_period"] is not None
+    for i, exciter in enumerate(scene.exciter_pair):
+        speed, synchronous = (
+            mean + (0.5 - i) * split,
+            scene.synchronous_speeds_at(supply.frequency)[i] / (2.0 * math.pi),
+        )
+        critical = exciter.critical_slip_speed(supply.frequency) / (2.0 * math.pi)
+        highest = speed if turned else 2.0 / (end - begin)
+        slips = synchronous - highest > CAPTURED * critical and (turned or speed * (end - begin) < 1.0)
+        if on[i] and synchronous > 0.0 and slips:
+            found.append(SlowMotor(i + 1, speed, synchronous))
+    return found
+
+
+def captures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
+    """List the notes on motors that stay far below their synchronous speed."""
+    turned = measures["impacts_per_period"] is not None
+    return of_each([(_slow if turned else _still)(motor) for motor in slow_motors(scene, measures)])
+
+
+def _slow(motor: SlowMotor) -> str:
+    return (
+        f"exciter {motor.exciter} turns at {quantity(motor.speed, 'Hz')}, {share(motor.slip)} below its synchronous "
+        f"speed {quantity(motor.synchronous, 'Hz')}: captured by a resonance, overloaded or still running up, and "
         f"{HELPS_START}"
-        for i in driven
-        if speeds[i] * seconds < 1.0 and capture(i + 1, 2.0 / seconds, synchronous[i], slips[i])
-    ]
-    return of_each(hardly)
+    )
+
+
+def _still(motor: SlowMotor) -> str:
+    return (
+        f"exciter {motor.exciter} hardly turns, although its synchronous speed is {quantity(motor.synchronous, 'Hz')}: "
+        f"{HELPS_START}"
+    )

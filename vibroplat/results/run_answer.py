@@ -9,6 +9,7 @@ from typing import Any
 from vibroplat.columns import describe_sync
 from vibroplat.config.digits import quantity, share
 from vibroplat.config.scene import Scene
+from vibroplat.observe.notes import slow_motors
 from vibroplat.observe.summary import COHERENCE, INACCURATE, synchronization
 from vibroplat.results.answer import are_alike, of_both
 
@@ -17,7 +18,7 @@ STOPPING = 0.1
 #: Maximum ripple of an exciter at rest, relative to the largest synchronous speed. Minimum measuring interval, in turns
 #: at that speed, for the statement that an exciter hardly turns.
 AT_REST, ENOUGH = 1e-3, 10.0
-#: Change of places at whole turns, over the largest stroke, above which strokes include a transient.
+#: Transient over the largest stroke above which it is told.
 SETTLED = 0.02
 
 
@@ -37,8 +38,9 @@ def _motion(scene: Scene, summary: Mapping[str, Any]) -> str:
         return "nothing measured, the run is too short"
     pace, driven = quantity(frequency, "Hz"), scene.driven(summary["measured_from_s"], last)
     if summary.get("captured_by"):
-        wanted = [speed / (2.0 * math.pi) for speed in scene.synchronous_speeds_at(scene.drive.at(last).frequency)]
-        return f"CAPTURED by the resonance in {summary['captured_by']}: {pace}, {quantity(max(wanted), 'Hz')} wanted"
+        wanted = max(scene.synchronous_speeds_at(scene.drive.at(last).frequency)) / (2.0 * math.pi)
+        below = f"{share(1.0 - frequency / wanted)} below the synchronous speed {quantity(wanted, 'Hz')}"
+        return f"CAPTURED by the resonance in {summary['captured_by']}: {pace}, {below}"
     if not summary["measured_turns"] and driven != (False, True):
         return _without_turns(scene, summary, driven)
     off = [str(n) for n, on in enumerate(driven, 1) if not on]
@@ -54,13 +56,19 @@ def _operation(scene: Scene, summary: Mapping[str, Any], off: Sequence[str]) -> 
     pace = quantity(frequency, "Hz")
     runs = {0: "runs", 1: f"runs with motor {''.join(off)} off", 2: "coasts with the motors off"}[len(off)]
     speeds = speeds_of_both(summary)
+    slow = slow_motors(scene, summary)
+    below = [f", {share(motor.slip)} below synchronous speed" for motor in slow]
+    if len(slow) == 1:
+        below = [f", exciter {slow[0].exciter}{below[0].removeprefix(',')}"]
     if named == "none" and speeds and not are_alike(speeds):
-        return f"{runs}, not synchronized: exciters at {of_both(speeds, 'Hz')}{' in the mean' * bool(off[1:])}"
+        mean = " in the mean" * bool(off[1:])
+        return f"{runs}, not synchronized: exciters at {of_both(speeds, 'Hz')}{mean}{''.join(below[:1])}"
     phase = f"phase difference {phase_text(summary)}"
     told = phase if named == "intermediate" else sync_text(scene, summary)
     if off[1:]:
         return f"{runs}, at {pace} ({quantity(60.0 * frequency, 'rpm')}) in the mean, {told}"
-    return f"{runs} at {pace} ({quantity(60.0 * frequency, 'rpm')}), {told}{_period(summary)}"
+    pace += f" ({quantity(60.0 * frequency, 'rpm')}){''.join(below[:1])}"
+    return f"{runs} at {pace}, {told}{_period(summary)}"
 
 
 def _without_turns(scene: Scene, summary: Mapping[str, Any], driven: tuple[bool, bool]) -> str:
@@ -102,11 +110,11 @@ def sync_text(scene: Scene, summary: Mapping[str, Any]) -> str:
 
 
 def _period(summary: Mapping[str, Any]) -> str:
-    turns = summary.get("period")
+    turns, change = summary.get("period"), summary.get("stroke_change") or 0.0
+    if change > SETTLED:
+        return f"; {share(change)} of the stroke is a transient"
     if turns == 0:
         return "; does not repeat yet"
-    if (summary.get("stroke_change") or 0.0) > SETTLED:
-        return f"; strokes still change by {share(summary['stroke_change'])}"
     return "" if turns is None else f"; repeats every {'turn' if turns == 1 else f'{turns} turns'}"
 
 

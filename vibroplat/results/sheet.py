@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from typing import Any, NamedTuple
 
 from vibroplat.columns import display_name, split, unit_of
 from vibroplat.config.digits import NEGLIGIBLE, given, interval, number, quantity, share, spread, together
 from vibroplat.config.scene import Scene
+from vibroplat.hybrid.state import static_rest
 from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.section import MAX_PERIOD
 from vibroplat.observe.summary import synchronization
@@ -152,9 +154,18 @@ class Sheet:
         known = pace and all(all(supply.driven) for supply in self.scene.drive.intervals)
         return most, (quantity(at, "s") if at else "0 s") + (f", {quantity(pace, 'Hz', digits=3)}" if known else "")
 
-    def _row(self, label: str, column: str, largest: float | None = None) -> Row:
-        """Return the row of a column. A value that is negligible relative to ``largest`` is 0 and has no time."""
-        return Row(label, self._text(column, largest=largest), "", *self._peak(column, largest))
+    def _row(self, label: str, column: str, largest: float | None = None, error: float = 0.0) -> Row:
+        """Return the row of a column, whose value is so uncertain.
+
+        A value that is negligible relative to ``largest`` is 0 and has no time.
+        """
+        error = min(error, 0.5 * (self.numbers[column] or 0.0))
+        return Row(label, self._text(column, largest=largest, error=error), "", *self._peak(column, largest))
+
+    @cached_property
+    def _left(self) -> tuple[float, float]:
+        """How much of the strokes along x and y is a transient (m)."""
+        return self.numbers["transient_x_m"] or 0.0, self.numbers["transient_y_m"] or 0.0
 
     def _pair(self, column: str) -> str:
         """Return the numbers of both motors, shares without a unit; one if they are alike."""
@@ -170,14 +181,16 @@ class Sheet:
         larger = max((1, 2), key=lambda n: self.numbers[f"whole_{most.format(n)}"] or 0.0)
         return Row(label, self._pair(column), "", *self._peak(most.format(larger)))
 
-    def _force(self, label: str, name: str) -> Row:
-        """Return the row of a force: its static and dynamic parts if both are known, otherwise its maximum."""
-        row = self._row(label, name.format("max"))
-        mean, varies = (self.numbers[name.format(what)] for what in ("mean", "amplitude"))
-        if mean is None or varies is None or not self.scene.machine.gravity_m_per_s2:
+    def _force(self, label: str, name: str, static: float, error: float = 0.0, largest: float | None = None) -> Row:
+        """Return the row of a force: its static and dynamic parts if there are both, otherwise its maximum.
+
+        ``error`` is how much of the dynamic part decays; values that are negligible relative to ``largest`` are 0.
+        """
+        row, varies = self._row(label, name.format("max"), largest, error), self.numbers[name.format("amplitude")]
+        if varies is None or not static:
             return row
-        what = "static ± dynamic" if varies > NEGLIGIBLE * abs(mean) else "static"
-        return row._replace(label=f"{label}, {what}", now=spread(-mean, varies, "N"))
+        what = "static ± dynamic" if varies > NEGLIGIBLE * abs(static) else "static"
+        return row._replace(label=f"{label}, {what}", now=spread(static, varies, "N", min(error, 0.5 * varies)))
 
     # -- groups -------------------------------------------------------------------------------------
 
@@ -186,8 +199,11 @@ class Sheet:
         strokes = {axis: s[f"stroke_{axis}_m"] or 0.0 for axis in "xy"}
         main = max(strokes, key=lambda axis: strokes[axis])
         other, largest = "xy".replace(main, ""), strokes[main]
-        rows = {axis: self._row(f"stroke {axis}", f"stroke_{axis}_m", largest) for axis in "yx"}
-        rows[main] = rows[main].shortly(f"stroke {main}", f"{other} {rows[other].now}", rows[main].peak)
+        left = dict(zip("xy", self._left, strict=True))
+        rows = {axis: self._row(f"stroke {axis}", f"stroke_{axis}_m", largest, left[axis]) for axis in "yx"}
+        decays = _limit(largest, left[main]) if left[main] > SETTLED * largest else ""
+        rows[main] = rows[main]._replace(also=decays)
+        rows[main] = rows[main].shortly(f"stroke {main}", decays, f"{other} {rows[other].now}", rows[main].peak)
         rms = [s["rms_x_m"], s["rms_y_m"]]
         still = NEGLIGIBLE * max(rms) / arm if arm else None
         turned, most = (self._text(key, error=still) for key in ("rms_phi_rad", "phi_max_rad"))
@@ -237,13 +253,22 @@ class Sheet:
         ]
 
     def _loads(self) -> list[Row]:
-        names = {axis: f"foundation_force_{axis}_max_n" for axis in "yx"}
-        largest = max(self.numbers[f"{part}{name}"] or 0.0 for name in names.values() for part in ("", "whole_"))
-        y, x = self._force("y", "foundation_force_y_{}_n"), self._row("x", names["x"], largest)
+        scene, machine = self.scene, self.scene.machine
+        stiffness = machine.stiffness_x_n_per_m, machine.stiffness_y_n_per_m
+        weight = [(scene.platform_mass + sum(scene.layer_masses)) * part for part in scene.gravity]
+        names = [f"foundation_force_{axis}_{{}}_n" for axis in "xy"]
+        largest = max(self.numbers[name.format("amplitude")] or 0.0 for name in names)
+        x, y = (
+            self._force(axis, names[i], weight[i], 0.5 * stiffness[i] * self._left[i], largest)
+            for i, axis in enumerate("xy")
+        )
+        deck = ("along the deck", "normal to it") if weight[0] else ("", "")
         turning = self.numbers["whole_foundation_moment_max_n_m"]
         return [
-            y.shortly("foundation, y", y.label.partition(", ")[2], y.peak),
-            x.shortly("foundation, x", x.peak) if x.now != "0" or x.peak else x,
+            y.shortly("foundation, y", _joined(deck[1], y.label.partition(", ")[2]), y.peak),
+            x.shortly("foundation, x", _joined(deck[0], x.label.partition(", ")[2]), x.peak)
+            if x.now != "0" or x.peak
+            else x,
             self._row("moment", "foundation_moment_max_n_m", turning),
             Row("static sag", self._text("static_sag_m")),
         ]
@@ -311,7 +336,9 @@ class Sheet:
 
     def _spring(self, name: str) -> Row:
         """Return the force in each spring at a point."""
-        row = self._force(f"each spring at {name}", f"spring_force_{{}}_{name}_n")
+        rest, lever = static_rest(self.scene), self.scene.named_points[name][0]
+        static = -self.scene.spring_stiffness * float(rest[1] + lever * rest[2])
+        row = self._force(f"each spring at {name}", f"spring_force_{{}}_{name}_n", static)
         return row.shortly(f"spring at {name}", row.label.replace(f" spring at {name}", ""))
 
     def _material(self) -> list[Row]:
@@ -324,6 +351,12 @@ class Sheet:
             Row("impacts a turn", rate, f"impulse {impulse}" if impacts else ""),
             Row("contact force, largest", self._text("contact_force_max_n")),
         ]
+
+
+def _limit(stroke: float, transient: float) -> str:
+    """Say what a stroke (m) tends to of which so much is a transient, which is known to a tenth."""
+    limit = quantity(stroke - transient, "m", error=0.1 * transient)
+    return "most of it decays" if limit == "0" else f"decays to about {limit}"
 
 
 def _repeats(period: int | None) -> str:

@@ -1,0 +1,102 @@
+"""How much of the strokes of a run is a transient that still decays in its measured part.
+
+Places at whole turns of exciter 1 repeat in steady motion. What a start leaves swings about them at the natural
+frequencies and decays, of an axis with inertia M and damping b at the rate b / 2M; material adds to that. Its range at
+the beginning of the measured part is what a stroke, which is measured from then on, has too much.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from vibroplat.config.scene import Scene
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.observe.extremes import HEIGHT, ROTATION, SIDEWAYS, merge_extremes
+from vibroplat.observe.measures import Accumulators, measured_extremes
+from vibroplat.observe.section import section_rows
+
+#: Parts of the kept turns whose ranges show a decay, and the ratio of the last to the first range below which they do.
+PARTS, DECAYS = 4, 0.5
+
+
+class Transient(NamedTuple):
+    """A transient along an axis.
+
+    Attributes
+    ----------
+    size
+        Its range at the beginning of the measured part (m or rad), at most the stroke.
+    rate
+        Rate of its decay (1/s).
+    """
+
+    size: float
+    rate: float
+
+
+def transients(ms: Accumulators, scene: Scene, begin: float, period: int) -> list[Transient]:
+    """Estimate the transients along x, y and φ of a run.
+
+    Ranges of places that do not decrease in time may be the motion's own: they count as far as the largest stroke of
+    the run may have left them.
+
+    Parameters
+    ----------
+    ms
+        What was measured of it.
+    scene
+        What was simulated.
+    begin
+        When it began, or when its supply changed for the last time (s).
+    period
+        Turns after which places repeat; 0 if they do not.
+    """
+    rows, whole, measured = section_rows(ms), merge_extremes(ms.extremes), measured_extremes(ms)
+    since, turns = float(ms.marks["first"][0]), max(period, 1)
+    if len(rows) < 2 * turns:
+        return [Transient(0.0, 0.0)] * 3
+    inertia, damping, stiffness = scene.oscillators
+    found = []
+    for axis, k in enumerate((SIDEWAYS, HEIGHT, ROTATION)):
+        expected = 0.5 * float(damping[axis] / inertia[axis])
+        swing = 2.0 * math.pi * math.sqrt(inertia[axis] / stiffness[axis]) if stiffness[axis] else math.inf
+        size, seen = _range_at(since, rows["t"], rows["state"][:, axis], turns, (expected, swing))
+        left = 0.0
+        if not seen:  # the largest stroke was before the measured part, or this motion has been so from its beginning
+            last = max(float(whole["at_least"][k]), float(whole["at_largest"][k]))
+            left = since - (last if last < since else begin)
+            size = min(size, float(whole["largest"][k] - whole["least"][k]) * math.exp(-expected * max(left, 0.0)))
+        stroke = float(measured["largest"][k] - measured["least"][k])
+        found.append(Transient(min(size, stroke), seen or expected))
+    return found
+
+
+def _range_at(
+    since: float, times: FloatArray, places: FloatArray, turns: int, axis: tuple[float, float]
+) -> tuple[float, float]:
+    """Return the range of places so many turns apart at a time (s), and the rate of its decay; 0 if none is seen.
+
+    Of the axis are known the rate of decay (1/s) and the period (s) without material.
+    """
+    length, (expected, swing) = len(times) // (PARTS * turns) * turns, axis
+    if length < 2 * turns or times[length] - times[0] < swing:
+        size, rate = _range(places, turns), 0.0
+    else:
+        ranges = [_range(part, turns) for part in places[-PARTS * length :].reshape(PARTS, length)]
+        size, last = ranges[0], ranges[-1]
+        rate = (
+            math.log(size / last) / float(times[-length] - times[-PARTS * length])
+            if 0.0 < last < DECAYS * size
+            else 0.0
+        )
+    # the last turns are kept, and the measured part may have begun long before
+    earlier = (rate or expected) * float(times[0] - since)
+    return size * math.exp(min(earlier, 50.0)), rate
+
+
+def _range(places: FloatArray, turns: int) -> float:
+    """Return the largest range of places that are so many turns apart."""
+    return float(np.ptp(places[-(len(places) // turns) * turns :].reshape(-1, turns), axis=0).max())
