@@ -99,9 +99,10 @@ def cross_check(
         if worst[0] <= case.allowed:
             largest = max(largest, worst[0])
             continue
-        values = [row.get(worst[1]) for row in (known, record["row"])]
-        numbers = all(isinstance(value, float) for value in values)
-        one, two = pair(*values, unit_of(worst[1])) if numbers else map(str, values)
+        first, second = known.get(worst[1]), record["row"].get(worst[1])
+        one, two = str(first), str(second)
+        if isinstance(first, float) and isinstance(second, float):
+            one, two = pair(first, second, unit_of(worst[1]))
         disagreements.append(
             f"engines disagree {case.place}: {worst[1]} = {one} ({engines[0]}) and {two} ({engines[1]})"
         )
