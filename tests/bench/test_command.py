@@ -6,15 +6,15 @@ import pandas as pd
 import pytest
 from common.places import ROOT
 
-from vibroplat.bench import measure, scenes
+from vibroplat.bench import measure
 from vibroplat.cli.bench import DURATIONS
 
 
 @pytest.fixture
 def short(monkeypatch):
     """One short scene instead of all."""
-    scene = scenes.cases()["attached"].replace({"run.duration_s": 0.05})
-    monkeypatch.setattr(scenes, "cases", lambda: {"attached": scene})
+    scene = measure.cases()["attached"].replace({"run.duration_s": 0.05})
+    monkeypatch.setattr(measure, "cases", lambda: {"attached": scene})
 
 
 @pytest.mark.usefixtures("short", "kernels")

@@ -4,13 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from vibroplat.bench import measure, scenes
-from vibroplat.plots.bench import plot_precision
+from vibroplat.bench import measure
 
 
 @pytest.fixture(scope="module")
 def case():
-    return measure.truth("attached", scenes.cases()["attached"].replace({"run.duration_s": 0.1}))
+    return measure.truth("attached", measure.cases()["attached"].replace({"run.duration_s": 0.1}))
 
 
 def test_a_run_at_its_own_accuracy_has_no_error(case):
@@ -72,7 +71,7 @@ def test_ratios_are_to_engine_taylor():
 
 
 def test_run_time_is_drawn_over_error(tmp_path, figures):
-    plot_precision(TABLE, tmp_path, "work")
+    measure.plot_precision(TABLE, tmp_path, "work")
     coordinates, *others = figures["work"].axes
     assert [line.get_xydata().tolist() for line in coordinates.lines] == [
         [[1e-4, 1.0], [1e-8, 4.0]],

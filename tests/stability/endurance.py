@@ -7,7 +7,7 @@ import psutil
 from common.known import TURN
 
 from stability.checks import RESIDUAL, row, with_engine
-from vibroplat.bench.scenes import kinds
+from vibroplat.bench.measure import kinds
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
