@@ -20,7 +20,7 @@ from vibroplat.observe.measures import empty_accumulators
 from vibroplat.observe.section import MAX_PERIOD, period, section_points, section_rows, spreads
 from vibroplat.observe.summary import measure
 from vibroplat.study.branches import branches
-from vibroplat.study.coexisting import BLOCKS, AttractorClass, compare, negligible_differences
+from vibroplat.study.classification import BLOCKS, AttractorClass, compare, negligible_differences
 from vibroplat.study.point import ERRORS, measure_point
 from vibroplat.study.settling import BLOCK, TURNS, contraction_period, settle
 

@@ -18,7 +18,7 @@ from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.extensions import load_provided
 from vibroplat.hybrid.state import initial_state, perturb_state
-from vibroplat.study.coexisting import AttractorClass, SearchBeginning, compare
+from vibroplat.study.classification import AttractorClass, SearchBeginning, compare
 from vibroplat.study.point import on_orbit, settle_and_measure
 from vibroplat.study.settling import KnownOrbit, NearReturn, OrbitDetector
 from vibroplat.study.store import Record

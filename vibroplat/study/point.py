@@ -37,8 +37,7 @@ from vibroplat.observe.summary import (
     synchronization,
     wrap_angle,
 )
-from vibroplat.study.classification import MotionClass, classify
-from vibroplat.study.coexisting import BLOCKS, SearchBeginning, begin_search
+from vibroplat.study.classification import BLOCKS, MotionClass, SearchBeginning, begin_search, classify
 from vibroplat.study.pool import Task
 from vibroplat.study.settling import KnownOrbit, OrbitDetector, SettlingResult, settle
 from vibroplat.study.store import Record
@@ -221,17 +220,7 @@ def on_orbit(
 ) -> SweepPoint:
     """Tell what is known of the orbit that a motion comes to, which has settled for a time (s), with some events."""
     found = orbit.measures
-    row: dict[str, Any] = {
-        "rotation": scene.rotation,
-        "coexisting": "",
-        "settle_s": settled,
-        "outcome": "ok",
-        "detail": "",
-        "steps": work["steps"],
-        "residual_calls": work["residual_calls"],
-        "events": events + found["events"],
-        "simulated_s": settled + orbit.period * orbit.turn,
-    }
+    row = _row_of_work(scene, settled, settled + orbit.period * orbit.turn, events + found["events"], work)
     doubt = inaccuracy(found, scene)
     if doubt:
         row |= {"outcome": INACCURATE, "detail": doubt, "energy_residual": found["energy_residual"]}
@@ -261,17 +250,8 @@ def _measure_by_simulation(
         stiff = stiffness(scene, engine.name, work["steps"], motion.restarts, motion.now - began)
     if settling.orbit is not None:
         return on_orbit(scene, settling.orbit, settling.seconds, work, motion.events)
-    row: dict[str, Any] = {
-        "rotation": scene.rotation,
-        "coexisting": "",
-        "settle_s": settling.seconds,
-        "outcome": motion.outcome,
-        "detail": motion.detail,
-        "steps": work["steps"],
-        "residual_calls": work["residual_calls"],
-        "events": motion.events,
-        "simulated_s": motion.now,
-    }
+    row = _row_of_work(scene, settling.seconds, motion.now, motion.events, work)
+    row |= {"outcome": motion.outcome, "detail": motion.detail}
     final: list[float] | None = None
     heights: list[float] = []
     search: SearchBeginning | None = None
@@ -368,6 +348,23 @@ def _measure(
         return motion.advance(least, observers=observers, scope=WITH_EXTREMES)
     turns = settling.period * max(math.ceil(least / (settling.period * settling.turn)), MIN_PERIODS)
     return motion.advance_turns(turns, 2.0 * (turns + 1) * settling.turn, observers, scope=WITH_EXTREMES)
+
+
+def _row_of_work(
+    scene: Scene, settled: float, simulated: float, events: int, work: Mapping[str, int | None]
+) -> dict[str, Any]:
+    """Return the columns that do not depend on what was measured, of a motion that has not ended early."""
+    return {
+        "rotation": scene.rotation,
+        "coexisting": "",
+        "settle_s": settled,
+        "outcome": "ok",
+        "detail": "",
+        "steps": work["steps"],
+        "residual_calls": work["residual_calls"],
+        "events": events,
+        "simulated_s": simulated,
+    }
 
 
 def row_of(
