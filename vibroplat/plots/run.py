@@ -14,10 +14,9 @@ from vibroplat.columns import FORCES, PHASE, PHASE_COLUMN, split, unit_of
 from vibroplat.config import digits
 from vibroplat.errors import TableError
 from vibroplat.plots.headlines import headline
-from vibroplat.plots.histories import RATES, SPEEDS, Run, run_of, turns_of, whole_of
+from vibroplat.plots.histories import RATES, SPEEDS, Run, lines_of, peaks_of, run_of, spectrum_of, turns_of, whole_of
 from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.pictures import draw_picture
-from vibroplat.plots.spectra import lines_of, peaks_of, spectrum_of
 from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM
 from vibroplat.results import picture
 from vibroplat.results.files import directory_of
