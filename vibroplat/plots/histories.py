@@ -34,8 +34,8 @@ _LOG = logging.getLogger("vibroplat")
 POINTS = 20_000
 #: Most bins of an envelope; none is shorter than a turn, over which it would not be one.
 BINS = 400
-#: Turns of the exciters that stand beside a whole run; those that are known in detail if no interval is given, and are
-#: shown of motion that does not repeat so soon; and the fewest samples, for which there are more turns.
+#: Turns shown next to a whole run; turns kept in detail if no interval is given, which are shown if the motion does not
+#: repeat within them; and the minimum number of samples, which may need more turns.
 LAST_TURNS, SHOWN_TURNS, FEWEST = 3, 10, 10
 
 #: Speeds of both exciters, as in tables and as in figures.
@@ -44,7 +44,7 @@ _ANGLES = ("phi1_rad", "phi2_rad")
 _MOVING_RATES = ("x_rate_m_per_s", "y_rate_m_per_s")
 #: Range of accelerations along an axis, and of lines of a spectrum, over the largest one, from which they are shown.
 MATTERS = 1e-3
-#: Distance of points that move alike, over their accelerations, and the largest lines of a spectrum that are told.
+#: Relative difference of the accelerations of points that move alike, and number of spectral lines that are named.
 SAME, TOLD = 0.015, 3
 
 
@@ -59,7 +59,7 @@ class Run:
     whole
         The trajectory in that interval, thinned out.
     envelope
-        Its least and largest values in short intervals: columns ``t_s``, ``y_m:min``, ``y_m:max`` …
+        Its minimum and maximum in short intervals: columns ``t_s``, ``y_m:min``, ``y_m:max`` …
     shown
         The rows shown in detail: all in the interval if one was given, otherwise the last turns.
     events
@@ -97,7 +97,7 @@ class Run:
 
     @cached_property
     def last(self) -> pd.DataFrame:
-        """The rows of the last turns that stand beside the whole run; all that are shown if an interval was given."""
+        """Rows of the last turns, which are shown next to the whole run; all shown rows if an interval was given."""
         turns = (self.shown["phi1_rad"] - self.shown["phi1_rad"].iloc[-1]).abs() / (2.0 * math.pi)
         found = self.shown[turns <= shown_turns(self.summary)]
         return self.shown if self.chosen or len(found) < FEWEST else found
@@ -108,7 +108,7 @@ class Run:
         return self.scene.body.distance if self.scene else 0.1
 
     def range_of(self, column: str) -> float:
-        """Return the range of a coordinate over the whole interval (m); of a rotation, that of the exciters' axes."""
+        """Return the range of a coordinate over the whole interval (m); for a rotation, that of the exciters' axes."""
         low, high = (self.envelope.get(f"{column}:{end}") for end in ("min", "max"))
         found = 0.0 if low is None or high is None else float(high.max() - low.min())
         return (self.arm if column == "phi_rad" else 1.0) * found if np.isfinite(found) else 0.0
@@ -196,7 +196,7 @@ def _with_more(part: pd.DataFrame, scene: Scene | None, senses: Sequence[float])
 
 
 def _interval(first: float, last: float, given: Mapping[str, float], length: str) -> tuple[float, float]:
-    """Return the interval of the figures; say how long the run was where the one given lies outside, or in part."""
+    """Return the interval of the figures; log the length of the run if the given interval is not inside of it."""
     begin, end = given.get("start", first), given.get("stop", last)
     wrong = {name: at for name, at in given.items() if math.isnan(at) or (at > last if name == "start" else at < first)}
     for name, at in wrong.items():
