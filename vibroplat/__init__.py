@@ -62,7 +62,7 @@ _HOMES = {name: f"vibroplat.{module}" for module, names in _PUBLIC.items() for n
 __all__ = ["__version__", *_HOMES]  # noqa: PLE0604
 # lower subpackages reach higher ones only through these names
 PROVIDERS |= {
-    "figure_of": "vibroplat.plots.command",
+    "figure_of": "vibroplat.plots.display",
     "inspect": "vibroplat.inspection.values",
     "NewtonOrbitDetector": "vibroplat.continuation.orbit_detection",
     "sensitivities": "vibroplat.designs.sensitivities",

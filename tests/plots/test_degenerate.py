@@ -16,7 +16,8 @@ from vibroplat.bench import measure
 from vibroplat.config.kinds import KINDS
 from vibroplat.errors import TableError
 from vibroplat.plots import histories, paper, run
-from vibroplat.plots.command import draw_study, orbit_figure
+from vibroplat.plots.command import draw_study
+from vibroplat.plots.display import orbit_figure
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.style import styled
 from vibroplat.results.result import Answer, Result
