@@ -183,21 +183,17 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
     Point
         With outcome ``out-of-memory`` if there is not enough for it.
     """
+    began = time.perf_counter()
     try:
-        return _measure_point(scene, plan, state, key)
+        start = initial_state(scene) if state is None else np.array(state)
+        start = perturb_state(start, scene, plan.perturbation, (plan.seed, *key))
+        if plan.settle_by == "section" or scene.transport is not None:
+            point = _measure_by_simulation(scene, plan, start)
+        else:
+            with closing(load_provided("NewtonOrbitDetector")(scene)) as detector:
+                point = settle_and_measure(scene, plan, start, detector)
     except MemoryError:
         return SweepPoint(**failed_record(NO_MORE, "out-of-memory"))
-
-
-def _measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> SweepPoint:
-    began = time.perf_counter()
-    start = initial_state(scene) if state is None else np.array(state)
-    start = perturb_state(start, scene, plan.perturbation, (plan.seed, *key))
-    if plan.settle_by == "section" or scene.transport is not None:
-        point = _measure_by_simulation(scene, plan, start)
-    else:
-        with closing(load_provided("NewtonOrbitDetector")(scene)) as detector:
-            point = settle_and_measure(scene, plan, start, detector)
     point.row["wall_s"] = time.perf_counter() - began
     return point
 
@@ -310,7 +306,11 @@ def _settled_and_measured(
         settling = settle(motion, plan, longest, detector)
         if settling.orbit is not None:  # it is measured already
             return settling, motion.advance(0.0, scope=SECTION_POINTS), None
-        part = _measured_part(motion, plan, settling, observers, until)
+        if settling.reason == "maximum":
+            seconds = BLOCKS * plan.measure_s
+            part = motion.advance(seconds, blocks=BLOCKS, observers=observers, until=until, scope=WITH_EXTREMES)
+        else:
+            part = _measure(motion, plan.measure_s, settling, observers)
         if motion.outcome != "ok" or until(part.blocks):
             return settling, part, None
         points = section_points(part.measures, motion.scene)
@@ -329,15 +329,6 @@ def _settled_and_measured(
         turn = float(times[-1] - times[0]) / (len(times) - 1)
         part = _measure(motion, plan.measure_s, settling._replace(period=kind.period, turn=turn), observers)
     return settling, part, kind if motion.outcome == "ok" else None
-
-
-def _measured_part(
-    motion: Simulator, plan: SweepPlan, settling: SettlingResult, observers: Sequence[Observer], until: Until
-) -> MeasuredInterval:
-    """Measure a motion: in one part if it repeats; otherwise in blocks."""
-    if settling.reason != "maximum":
-        return _measure(motion, plan.measure_s, settling, observers)
-    return motion.advance(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers, scope=WITH_EXTREMES, until=until)
 
 
 def _measure(
