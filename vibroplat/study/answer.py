@@ -222,7 +222,12 @@ def sync_counts(table: pd.DataFrame) -> Iterable[tuple[str, str, int]]:
 
 def _legend(good: pd.DataFrame) -> Iterator[str]:
     """Yield what the machine does in each kind of synchronization."""
-    told = [describe_sync(sync, rotation) for rotation, sync, _ in sync_counts(good)]
+    told = []
+    for rotation, sync, _ in sync_counts(good):
+        phases = np.degrees(good.loc[good["sync"] == sync, "phase_difference_rad"].astype(float))
+        between = f"phase difference {interval(phases.min(), phases.max(), '°')}"
+        more = {"none": "not synchronized", "intermediate": between}.get(sync)
+        told.append(f"{sync}: {more}" if more else describe_sync(sync, rotation))
     if told:
         yield f"{'always ' if len(told) == 1 else ''}{'; '.join(told)}"
 
