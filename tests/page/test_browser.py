@@ -140,20 +140,6 @@ def test_the_data_sheet_of_three_runs_is_whole(visit, size):
     assert js(page, right, ".sheet td:last-child") <= js(page, right, "main")
 
 
-def test_columns_of_an_answer_are_no_broken_lines_on_a_telephone(visit):
-    page = visit("all", NARROW)
-    added = (
-        "document.querySelector('header').insertAdjacentHTML('beforeend', `<pre class=\"short\">${arguments[0]}</pre>`)"
-    )
-    page.execute_script(added, "\n".join(["word " * 20] * 3))
-    height, line = js(
-        page,
-        """(one => [one.clientHeight, parseFloat(getComputedStyle(one).lineHeight)])
-        ([...document.querySelectorAll('.short')].at(-1))""",
-    )
-    assert 2.5 < height / line < 4.5, "three lines, and perhaps a bar to scroll them"
-
-
 def test_all_figures_are_drawn(visit):
     page = visit("one")
     page.execute_script("document.querySelectorAll('details').forEach(one => { one.open = true; })")
@@ -197,7 +183,7 @@ def test_a_run_or_three_print_on_one_sheet(visit, of):
 
 
 def test_the_answer_of_a_study_is_read_on_a_telephone_without_a_swipe(visit):
-    page = visit("points", NARROW)
+    page = visit("orbits", NARROW)
     cut = "[...document.querySelectorAll('.short, .answer')].filter(one => one.scrollWidth > one.clientWidth).length"
     assert js(page, cut) == 0
     assert js(page, "document.querySelectorAll('.short td').length") > 0
