@@ -150,7 +150,7 @@ def test_run_prints_and_keeps_its_notes(command, kernels, here):
     done = command("run", QUICKSTART, *settings(*coarse), "-v")
     (note,) = read_json(here / "results/coarse/run", "summary")["notes"]
     assert note.startswith("hint: the trajectory table misses the largest gap, ")
-    assert f"\nnote: {note}\n" in done.out
+    assert f"\n{note}\n" in done.out
 
 
 def test_run_that_ends_early_exits_1_and_keeps_what_it_has(command, tmp_path):
