@@ -117,7 +117,7 @@ def test_run_writes_tables_summary_and_provenance(name, form, written):
 def test_run_prints_a_summary_and_where_the_tables_are(name, finished_commands):
     first, *_, last = finished_commands[0][name].out.splitlines()
     assert re.match(rf"{name}: runs at 25\.\d\d Hz \(15\d\d rpm\), antiphase: vibrates along y", first)
-    assert last == f"results/{name}/run: the same command with -v prints all; next: vibroplat report results/{name}"
+    assert last == f"results/{name}/run: again with -v: all; next: vibroplat report results/{name}"
     lines = load(finished_commands[1] / name).answer.lines
     assert (lines["outcome"], lines["simulated"]) == ("ok", "0.200 s")
     assert re.fullmatch(r"0\.1\d* s … 0\.1\d* s, [12] whole turns?", lines["measured"])

@@ -219,7 +219,7 @@ def print_answer(
         lines = [*answer.full(), *labelled(check or {})]
     else:
         lines = [*answer.brief(MAX_LINES - 1 - len(checked) - len(failures)), *checked]
-    again = "" if verbose else "the same command with -v prints all"
+    again = "" if verbose else "again with -v: all"
     last = filter(None, (reused, again, f"next: vibroplat {after}"))
     print(*lines, f"{directory}: {'; '.join(last)}", sep="\n", flush=True)
     for line in failures:
