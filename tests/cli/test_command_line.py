@@ -201,9 +201,10 @@ def test_provenance_says_where_a_result_came_from(written):
         read_json(written / "quickstart/run", "summary"),
     )
     told = (
-        "schema vibroplat git_commit created configuration_sha256 engine sundials tolerance python platform libraries"
+        "schema vibroplat git_commit source_files created configuration_sha256 engine sundials tolerance "
+        "python platform libraries"
     )
-    assert list(found) == [*told.split(), "configuration", "conditions", "command", "result", "files"]
+    assert list(found) == [*told.split(), "configuration", "command", "result", "files"]
     assert (found["schema"], found["vibroplat"]) == (2, __version__)
     assert found["git_commit"] is None or re.fullmatch(r"[0-9a-f]{40}\+?", found["git_commit"])
     age = datetime.now(UTC) - datetime.fromisoformat(found["created"])

@@ -163,14 +163,16 @@ def require_scheduler(address: str | None) -> None:
         cluster.require_scheduler(address)
 
 
-def finished(directory: Path, command: str, conditions: str, form: str) -> Result | None:
-    """Return the result in a command's directory if it has these conditions and this format; None otherwise."""
+def finished(
+    directory: Path, command: str, scene: Scene, form: str, origin: dict[str, Any] | None = None
+) -> Result | None:
+    """Return a command's result in its directory if the same code computed it from the same scene; None otherwise."""
     from vibroplat.results.files import commands_in
+    from vibroplat.results.provenance import is_current
     from vibroplat.results.run import load
 
-    found = load(directory, command) if command in commands_in(directory) else None
-    same = found is not None and found.provenance.get("conditions") == conditions
-    return found if same and any(directory.glob(f"*.{form}")) else None
+    found = load(directory, command) if command in commands_in(directory) and any(directory.glob(f"*.{form}")) else None
+    return found if found is not None and is_current(found.provenance, scene, origin) else None
 
 
 # -- what is printed ----------------------------------------------------------------------------------------

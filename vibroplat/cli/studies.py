@@ -79,10 +79,9 @@ def run_and_print(
     Finished tasks are stored, so that a killed command can be resumed.
     """
     from vibroplat.results.answer import first_failures
-    from vibroplat.study.fingerprint import digest_of
 
-    again = verbose and not (check or any(kept.values()))
-    result = common.finished(directory, study.kind, digest_of(study.conditions), form) if again else None
+    again = verbose and study.kind in KINDS and not (check or any(kept.values()))
+    result = common.finished(directory, study.kind, study.scene, form) if again else None
     lines, checked, reused = dict[str, str](), None, "computed before"
     if result is None:
         result, lines, checked, reused = _compute(study, directory, jobs, scheduler, wait, form, kept, check=check)
@@ -119,7 +118,6 @@ def _compute(
     from vibroplat.config.digits import quantity
     from vibroplat.config.plausibility import by_severity, notes_on_inputs, notes_on_plan
     from vibroplat.integrate import other_engine
-    from vibroplat.study.fingerprint import digest_of
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
     from vibroplat.study.study import MAX_CROSS_CHECKS
@@ -139,7 +137,6 @@ def _compute(
         store.finish()
         result.check = None if checked is None else checked.to_tree()
         result.answer = result.answer._replace(notes=by_severity([*result.answer.notes, *notes]))
-        result.facts["conditions"] = digest_of(study.conditions)
         result.save(directory, form)
     return result, {"wall time": quantity(seconds, "s")}, checked, f"{known} tasks from before" * bool(known)
 

@@ -107,11 +107,6 @@ def package() -> dict[str, str]:
     }
 
 
-def digest_of(conditions: Mapping[str, Any]) -> str:
-    """Digest what a result was computed from and by."""
-    return hashlib.sha256(json.dumps(conditions, sort_keys=True).encode()).hexdigest()[:16]
-
-
 @cache
 def arithmetic(engine: str = "auto") -> str:
     """Digest what this machine computes: a short motion by an engine, and the functions of libraries."""
