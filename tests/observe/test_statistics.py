@@ -233,7 +233,7 @@ def test_what_was_not_measured_is_refused_instead_of_0(parts, quickstart):
     asked = (
         lambda part: block_values(part.blocks),
         lambda part: measure(part, quickstart),
-        lambda part: whole_run(part.measures, quickstart, 0.0, False, False),
+        lambda part: whole_run(part.measures, quickstart, 0.0, [], False),
     )
     for needed, ask in enumerate(asked, SUMMED):
         ask(parts[needed])

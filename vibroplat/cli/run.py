@@ -57,12 +57,14 @@ def run(
 
     require_room(scene, directory, format_)
     common.load_kernels(scene.solver.engine)
+    from vibroplat.motion.seeds import peaks_of_seeds
     from vibroplat.results.files import write_result
     from vibroplat.results.provenance import provenance
 
     trajectory, events = (TableFile(directory, name, format_) for name in ("trajectory", "events"))
     with trajectory, events:
         result, found = _simulate(scene, start, (trajectory, events), check=check)
+        result.summary["peaks_of_seeds"] = peaks_of_seeds(result)
         summary = result.summary | {"notes": result.notes} | ({} if found is None else {"check": found.to_tree()})
         origin = provenance(scene, summary["engine"], result.origin)
         tables = {"trajectory": trajectory, "events": events}

@@ -178,6 +178,22 @@ class Drive(Section):
             found = before.start
         return -math.inf
 
+    def last_switch(self, begin: float, time: float) -> tuple[float, str] | None:
+        """When motors were last switched in a run that begins at a time (s) before another one, and how; None: never.
+
+        They are off at the beginning if they are so from there on, as in a run that stops a machine.
+        """
+        before, found = (True, True), None
+        for supply in self.intervals:
+            if supply.start > time:
+                break
+            changed = [n for n, (was, now) in enumerate(zip(before, supply.driven, strict=True), 1) if was != now]
+            if changed:
+                who = "the motors" if changed[1:] else f"motor {changed[0]}"
+                found = max(supply.start, begin), f"{who} went {'on' if supply.driven[changed[0] - 1] else 'off'}"
+            before = supply.driven
+        return found
+
     def at(self, time: float) -> SupplyInterval:
         """Interval of a time (s); at a corner the one that begins there."""
         return interval_at(self.intervals, time)

@@ -53,6 +53,7 @@ SUMMARY: Columns = {
     "name": Column("name of the scene", kind=TEXT),
     "outcome": Column("ok, or the reason why the run ended early or is inaccurate", kind=TEXT),
     "detail": Column("time, place and cause, unless the outcome is ok", kind=TEXT),
+    "begins_s": Column("time at which the run begins"),
     "simulated_s": Column("simulated time"),
     "rotation": Column("counter-rotating or co-rotating exciters", kind=TEXT),
     "perturbation": Column("random change of the initial rates", "scaled units"),
@@ -192,15 +193,19 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
     sheet = {name: measures.pop(name) for name in columns(scene)}
     doubt = inaccuracy(measures, scene) if motion.outcome == "ok" else ""
     locked = synchronization(measures) != "none" and stays_synchronized(part.measures, scene)
-    left = transients(part.measures, scene, max(start, scene.drive.last_change(motion.now)), repeats)
-    stroke = _stroke(sheet)
+    since, until = measures["measured_from_s"], measures["measured_to_s"]
+    changed = scene.drive.last_change(until)
+    left = [Transient(0.0, 0.0)] * 3
+    if changed <= since and any(scene.driven(since, until)):
+        left = transients(part.measures, scene, max(start, changed), repeats)
+    stroke = max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)
     moved = max(left[0].size, left[1].size) / stroke if stroke > NO_STROKE else None
     whole = whole_run(part.measures, scene, start, slow_motors(scene, measures), locked)
     notes = [
         _settling(left, stroke, seconds),
         _unbalanced(scene, measures),
         *notes_on_measures(scene, measures),
-        drift(measures) if all(scene.driven(measures["measured_from_s"], measures["measured_to_s"])) else "",
+        drift(measures) if all(scene.driven(since, until)) else "",
         change(scene, measures, start),
         symmetry(scene, {axis: whole[f"whole_stroke_{axis}_m"] for axis in "xy"}, start, motion.now),
         *notes_on_input(scene),
@@ -210,6 +215,7 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
         "name": scene.name,
         "outcome": INACCURATE if doubt else motion.outcome,
         "detail": doubt or motion.detail,
+        "begins_s": start,
         "simulated_s": seconds,
         "rotation": scene.rotation,
         "perturbation": scene.start_perturbation,
@@ -228,11 +234,6 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
         **sheet,
         **whole,
     }
-
-
-def _stroke(sheet: Mapping[str, Any]) -> float:
-    """Return the larger stroke (m), 0 if there is none."""
-    return max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)
 
 
 def _settling(left: Sequence[Transient], stroke: float, seconds: float) -> str:

@@ -190,7 +190,7 @@ class Report:
         if isinstance(one, RunResult):
             differ = (one.summary.get("check") or {}).get("agrees") is False
             failures = [*failures, *["engines disagree"] * differ]
-            facts = "; ".join(f"{label.replace(',', '')} {value}" for label, value, _ in self.sheets[one].short())
+            facts = "; ".join(self.sheets[one].facts())
             short = f'<p class="more">{escape(facts[:1].upper() + facts[1:])}</p>' if facts else ""
             bad = bool(failures or one.summary.get("captured_by"))
         if failures:
@@ -322,7 +322,7 @@ def _inputs(scene: Scene) -> str:
 def sheet_html(sheets: Sequence[Sheet], names: Sequence[str]) -> str:
     """Return the data sheet of one run, or of several with a column for each."""
     single = len(sheets) == 1
-    heads = ["", sheets[0].transient or "in operation", "largest, with start", "when"] if single else ["", *names]
+    heads = ["", sheets[0].window or "in operation", "largest of the run", "when"] if single else ["", *names]
     groups = ""
     for name in dict.fromkeys(name for one in sheets for name in one.groups if name != FURTHER):
         found = [{row.label: row for row in one.groups.get(name, [])} for one in sheets]
@@ -333,7 +333,7 @@ def sheet_html(sheets: Sequence[Sheet], names: Sequence[str]) -> str:
     if not groups:
         return ""
     head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
-    more = "" if single else hint("Pale: the largest value of the whole run, with its start.")
+    more = "" if single else hint("Pale: the largest value of the whole run.")
     return f'<table class="sheet{"" if single else " several"}"><thead><tr>{head}</tr></thead>{groups}</table>{more}'
 
 

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 from vibroplat.columns import display_name, split, unit_of
 from vibroplat.config.digits import NEGLIGIBLE, given, interval, number, quantity, share, spread, together
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.state import static_rest
 from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.section import MAX_PERIOD
 from vibroplat.observe.summary import synchronization
@@ -28,6 +27,8 @@ _CONVEYED = (
     *(("throughput", "kg_per_s"), ("residence time", "s"), ("friction power", "w")),
     *(("wear power", "w_per_m2"), ("friction work", "j")),
 )
+#: What a time has that counts from when motors were switched.
+AFTER = " after "
 #: Groups of rows: what was measured at named points, and numbers that no other row has.
 POINTS, FURTHER = "Points and springs", "Further numbers"
 
@@ -57,7 +58,8 @@ class Row(NamedTuple):
     @property
     def peak(self) -> str:
         """The largest value of the whole run, its time and speed, as far as they are known and not 0."""
-        return f"largest {self.most}{f' at {self.when}' * bool(self.when)}" if self.most not in ("", "0") else ""
+        when = self.when if AFTER in self.when else f"at {self.when}" * bool(self.when)
+        return f"largest {self.most} {when}".rstrip() if self.most not in ("", "0") else ""
 
     def shortly(self, label: str, *words: str) -> Row:
         """Return the row with a line in the short print."""
@@ -126,8 +128,24 @@ class Sheet:
         if self.transient:
             window = interval(s["measured_from_s"], s["measured_to_s"], "s")
             yield "no steady motion", window, f"values of this time, {self.transient}"
+        of_seeds = s.get("peaks_of_seeds")
         for name, rows in self.groups.items():
             yield from (row.short for row in rows[: MAX_POINTS if name == POINTS else None] if row.short and row.now)
+        if of_seeds:
+            told = "times are of the first; disturbances and phases of switching differ"
+            yield "largest values", f"of {of_seeds['seeds']} seeds", told
+
+    def facts(self) -> Iterator[str]:
+        """Yield labels and values of the short print; while nothing is steady, with the largest values of the run."""
+        for label, value, *more in self.short():
+            most = more[0][found:] if self.transient and (found := more[0].find("largest ")) >= 0 else ""
+            yield _joined(f"{label.replace(',', '')} {value}", most).replace("; ", ", ")
+
+    @property
+    def window(self) -> str:
+        """The measuring interval in words if nothing is steady then; "" otherwise."""
+        seconds = interval(self.numbers["measured_from_s"], self.numbers["measured_to_s"], "s")
+        return f"{self.transient}, {seconds}" if self.transient else ""
 
     # -- parts of rows ------------------------------------------------------------------------------
 
@@ -147,12 +165,22 @@ class Sheet:
     def _peak(self, column: str, largest: float | None = None) -> tuple[str, str]:
         """Return the largest value of the whole run, and its time with the speed then."""
         most, base = self._text(f"whole_{column}", largest=largest), f"whole_{split(column)[0]}_at"
+        of_seeds = (self.numbers.get("peaks_of_seeds") or {}).get(f"whole_{column}")
+        if of_seeds and of_seeds[1] > NEGLIGIBLE * (largest or 0.0):
+            most = interval(*of_seeds, unit_of(column))
         at, pace = (self.numbers[f"{base}_{end}"] for end in ("s", "hz"))
         if at is None or most in ("", "0"):
             return most, ""
         # with a motor off, exciters may have other speeds than their mean, or swing
         known = pace and all(all(supply.driven) for supply in self.scene.drive.intervals)
-        return most, (quantity(at, "s") if at else "0 s") + (f", {quantity(pace, 'Hz', digits=3)}" if known else "")
+        when = self._since(at) or (quantity(at, "s") if at else "0 s")
+        when += " in the start" * (AFTER not in when and self._since(self.numbers["measured_to_s"]) != "")
+        return most, when + (f", {quantity(pace, 'Hz', digits=3)}" if known else "")
+
+    def _since(self, time: float) -> str:
+        """Say how long after the last switch of motors a time (s) is; "" if there was none."""
+        switch = self.scene.drive.last_switch(self.numbers.get("begins_s") or 0.0, time)
+        return "" if switch is None else f"{quantity(time - switch[0], 's')}{AFTER}{switch[1]}"
 
     def _row(self, label: str, column: str, largest: float | None = None, error: float = 0.0) -> Row:
         """Return the row of a column, whose value is so uncertain.
@@ -257,18 +285,16 @@ class Sheet:
         stiffness = machine.stiffness_x_n_per_m, machine.stiffness_y_n_per_m
         weight = [(scene.platform_mass + sum(scene.layer_masses)) * part for part in scene.gravity]
         names = [f"foundation_force_{axis}_{{}}_n" for axis in "xy"]
+        labels = ("x along the deck", "y normal to the deck") if weight[0] else ("x", "y")
         largest = max(self.numbers[name.format("amplitude")] or 0.0 for name in names)
         x, y = (
-            self._force(axis, names[i], weight[i], 0.5 * stiffness[i] * self._left[i], largest)
-            for i, axis in enumerate("xy")
+            self._force(labels[i], names[i], weight[i], 0.5 * stiffness[i] * self._left[i], largest) for i in (0, 1)
         )
-        deck = ("along the deck", "normal to it") if weight[0] else ("", "")
+        told = x.label.partition(", ")[0].removeprefix("x ") if weight[0] else ""
         turning = self.numbers["whole_foundation_moment_max_n_m"]
         return [
-            y.shortly("foundation, y", _joined(deck[1], y.label.partition(", ")[2]), y.peak),
-            x.shortly("foundation, x", _joined(deck[0], x.label.partition(", ")[2]), x.peak)
-            if x.now != "0" or x.peak
-            else x,
+            y.shortly("foundation, y", y.label.partition(", ")[2], y.peak),
+            x.shortly("foundation, x", told, x.peak) if x.now != "0" or x.peak else x,
             self._row("moment", "foundation_moment_max_n_m", turning),
             Row("static sag", self._text("static_sag_m")),
         ]
@@ -307,6 +333,8 @@ class Sheet:
         s, frequency = self.numbers, self.numbers["excitation_frequency_hz"]
         if not frequency:
             return [Row("speed", "the exciters do not turn")]
+        if not s["measured_turns"] and not any(self.scene.driven(s["measured_from_s"], s["measured_to_s"])):
+            return [Row("speed", "no whole turn", "the exciters swing or rest")]
         speeds, name = speeds_of_both(s), synchronization(s)
         pace = Row("speed", quantity(frequency, "Hz"), quantity(60.0 * frequency, "rpm"))
         if speeds and name == "none":
@@ -318,6 +346,9 @@ class Sheet:
         )
         in_step = Row("in step", since, f"motor work {work}" * bool(at))
         started = ("start", quantity(at, "s"), f"until synchronized, {work} of motor work")
+        if at and AFTER in (switched := self._since(at)):
+            seconds, _, switch = switched.partition(AFTER)
+            started = ("in step again", seconds, f"after {switch}")
         return [
             Row("phase difference", phase_text(s) or "drifts", "not synchronized" if name == "none" else name),
             pace,
@@ -336,8 +367,7 @@ class Sheet:
 
     def _spring(self, name: str) -> Row:
         """Return the force in each spring at a point."""
-        rest, lever = static_rest(self.scene), self.scene.named_points[name][0]
-        static = -self.scene.spring_stiffness * float(rest[1] + lever * rest[2])
+        static = -(self.numbers[f"spring_force_mean_{name}_n"] or 0.0)
         row = self._force(f"each spring at {name}", f"spring_force_{{}}_{name}_n", static)
         return row.shortly(f"spring at {name}", row.label.replace(f" spring at {name}", ""))
 
@@ -356,7 +386,7 @@ class Sheet:
 def _limit(stroke: float, transient: float) -> str:
     """Say what a stroke (m) tends to of which so much is a transient, which is known to a tenth."""
     limit = quantity(stroke - transient, "m", error=0.1 * transient)
-    return "most of it decays" if limit == "0" else f"decays to about {limit}"
+    return "most of it decays" if limit == "0" else f"tends to {limit}"
 
 
 def _repeats(period: int | None) -> str:

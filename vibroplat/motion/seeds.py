@@ -1,0 +1,74 @@
+"""Largest values of a start or a stop with further seeds: they depend on phases and disturbances that nobody knows.
+
+The time at which motors are switched within a run is shifted by parts of a turn as well.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from vibroplat.columns import split
+from vibroplat.config.scene import Scene
+from vibroplat.motion.initial_condition import initial_condition
+from vibroplat.motion.run import simulate
+from vibroplat.observe.notes import DISTURBANCE
+from vibroplat.results.run import RunResult
+
+#: Runs with further seeds.
+MORE_SEEDS = 4
+#: Largest value of a run over that in steady operation from which on it is one of the start.
+START_PEAK = 1.05
+#: Relative difference of peaks that counts as none.
+ALIKE = 0.02
+#: How long they take: so many times as long as until the last peak, and so many turns more.
+LONGER, MORE_TURNS = 1.5, 20.0
+
+
+def peaks_of_seeds(run: RunResult) -> dict[str, Any]:
+    """Return the smallest and largest peaks of a run and of shorter ones with the next seeds.
+
+    Parameters
+    ----------
+    run
+        A run that was just simulated. One without a disturbance, ``run.perturbation`` = 0, has no further ones; one
+        that only continues another is disturbed by :data:`vibroplat.observe.notes.DISTURBANCE`.
+
+    Returns
+    -------
+    dict
+        ``seeds``: how many runs there are; two numbers for each ``whole_…`` column of the summary whose largest value
+        belongs to a start, a stop or a failure and depends on them. Empty if there is none.
+    """
+    scene, summary, times = run.scene, run.summary, {}
+    begin, since, until = (summary[name] for name in ("begins_s", "measured_from_s", "measured_to_s"))
+    if run.outcome != "ok" or scene.run.perturbation == 0.0 or summary["rms_y_m"] is None:
+        return {}
+    steady = scene.drive.last_change(until) <= since and all(scene.driven(since, until))
+    for column, value in summary.items():
+        at = summary.get(f"{split(column)[0]}_at_s") if column.startswith("whole_") else None
+        if at is not None and not (steady and value <= START_PEAK * summary[column.removeprefix("whole_")]):
+            times[column] = at
+    if not times:
+        return {}
+    seconds = LONGER * (max(times.values()) - begin) + MORE_TURNS * 2.0 * math.pi / scene.speed_scale
+    runs = [summary]
+    for k in range(1, MORE_SEEDS + 1):
+        another = _with_seed(scene, k, begin).replace({"run.duration_s": min(seconds, scene.run.duration_s)})
+        found = simulate(another, keep="summary", start=initial_condition(another))
+        if found.outcome == "ok":
+            runs.append(found.summary)
+    ends = {column: [choose(one[column] for one in runs) for choose in (min, max)] for column in times}
+    differ = {column: pair for column, pair in ends.items() if pair[1] - pair[0] > ALIKE * pair[1]}
+    return {"seeds": len(runs), **differ} if differ else {}
+
+
+def _with_seed(scene: Scene, k: int, begin: float) -> Scene:
+    """Return a scene with the k-th next seed, and with what is switched after a time (s) later by a part of a turn."""
+    changes = {"run.seed": scene.run.seed + k, "run.perturbation": scene.start_perturbation or DISTURBANCE}
+    later = k / (MORE_SEEDS + 1) * 2.0 * math.pi / scene.speed_scale
+    if scene.drive.program is not None:
+        entries = [entry.model_dump(exclude_none=True) for entry in scene.drive.program]
+        shifted = [entry | {"t_s": entry["t_s"] + later * (entry["t_s"] > begin)} for entry in entries]
+        return scene.replace({**changes, "drive.program": shifted})
+    return scene.replace(changes)
