@@ -27,6 +27,10 @@ def test_columns_of_accelerations_are_derivatives_of_the_velocities(quickstart, 
         assert at[f"acceleration_{axis}_m_per_s2"].tolist() == pytest.approx(rate[axis].tolist(), **close)
         tip = rate[axis] + more * rate["phi"]
         assert at[f"acceleration_{axis}_tip_m_per_s2"].tolist() == pytest.approx(tip.tolist(), **close)
+    machine, mass = scene.machine, scene.platform_mass + scene.material_mass
+    force = machine.stiffness_y_n_per_m * at["y_m"] + machine.damping_y_n_s_per_m * at["y_rate_m_per_s"]
+    assert at["foundation_force_y_n"].tolist() == pytest.approx(force.tolist(), rel=1e-12)
+    assert at["foundation_force_y_n"].mean() == pytest.approx(-mass * machine.gravity_m_per_s2, rel=0.3)
     last = run.trajectory.iloc[-1].to_dict()
     simulate(quickstart.replace({"run.initial": {"state": last}, "run.duration_s": 0.01}))
 

@@ -136,7 +136,7 @@ def test_a_run_with_motors_off_is_not_in_operation(moved, sheet):
     (result,) = find_results([moved["bare"]])
     assert '"col">in operation</th>' in sheet_html([sheet()], [""])
     off = result.scene.replace({"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}]})
-    assert '"col">while it coasts down, 0.155 … 0.233 s</th>' in sheet_html([Sheet(off, result.summary)], [""])
+    assert '"col">while it coasts down</th>' in sheet_html([Sheet(off, result.summary)], [""])
 
 
 def test_several_runs_have_a_column_each(moved):

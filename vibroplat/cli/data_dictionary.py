@@ -15,7 +15,7 @@ from vibroplat.inspection.values import INSPECTION
 from vibroplat.motion.run import SUMMARY
 from vibroplat.observe.conveying import CONVEYING
 from vibroplat.observe.data_sheet import point_columns, whole_columns
-from vibroplat.observe.tables import EVENTS, TRAJECTORY, acceleration_columns
+from vibroplat.observe.tables import EVENTS, FORCES, TRAJECTORY, acceleration_columns
 from vibroplat.paper.tables import TABLES as PAPER
 
 _POINTS = point_columns()
@@ -24,7 +24,7 @@ _POINTS = point_columns()
 TABLES: dict[str, tuple[str, Columns]] = {
     "trajectory": (
         "`vibroplat run`: one row per sample; two rows at an event, before and after it.",
-        {**TRAJECTORY, **acceleration_columns(["NAME"])},
+        {**TRAJECTORY, **acceleration_columns(["NAME"]), **FORCES},
     ),
     "events": ("`vibroplat run`: one row per event.", EVENTS),
     "summary.json": (

@@ -48,8 +48,9 @@ class Output(Section):
     sample_rate_hz: Positive = described(2000.0, "", "number of rows of the trajectory table per second")
     accelerations: bool = Field(
         False,
-        description="whether the trajectory table has the accelerations of the machine's centre of mass and of the "
-        "named points along x and y, by the equations of motion; impulses of impacts do not count",
+        description="whether the trajectory table has the forces into the foundation, and the accelerations of the "
+        "machine's centre of mass and of the named points along x and y, by the equations of motion; impulses of "
+        "impacts do not count",
     )
     points: Annotated[
         dict[

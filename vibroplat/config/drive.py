@@ -189,8 +189,8 @@ class Drive(Section):
                 break
             changed = [n for n, (was, now) in enumerate(zip(before, supply.driven, strict=True), 1) if was != now]
             if changed:
-                who = "the motors" if changed[1:] else f"motor {changed[0]}"
-                found = max(supply.start, begin), f"{who} went {'on' if supply.driven[changed[0] - 1] else 'off'}"
+                who = "" if changed[1:] else f"motor {changed[0]} "
+                found = max(supply.start, begin), f"{who}{'on' if supply.driven[changed[0] - 1] else 'off'}"
             before = supply.driven
         return found
 

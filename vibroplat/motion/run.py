@@ -69,12 +69,12 @@ SUMMARY: Columns = {
         "transient in the strokes", "largest transient along x or y / larger stroke; empty without whole turns"
     ),
     **{
-        f"transient_{axis}_{unit}": Column(
+        f"transient_{axis}_m": Column(
             f"part of the range of {axis} that is a transient",
             "range of places at whole turns that repeat, at the start of the measuring interval; if it does not "
             "decay in the interval, at most what the damping leaves of the largest range of the run",
         )
-        for axis, unit in (("x", "m"), ("y", "m"), ("phi", "rad"))
+        for axis in "xy"
     },
     **MEASURES,
     "contact_force_noise_n": Column("magnitude up to which contact forces are noise"),
@@ -195,7 +195,7 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
     locked = synchronization(measures) != "none" and stays_synchronized(part.measures, scene)
     since, until = measures["measured_from_s"], measures["measured_to_s"]
     changed = scene.drive.last_change(until)
-    left = [Transient(0.0, 0.0)] * 3
+    left = [Transient(0.0, 0.0)] * 2
     if changed <= since and any(scene.driven(since, until)):
         left = transients(part.measures, scene, max(start, changed), repeats)
     stroke = max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)
@@ -222,7 +222,8 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
         "static_sag_m": 0.0 - float(static_rest(scene)[1]),
         "period": repeats,
         "stroke_change": moved,
-        **dict(zip(("transient_x_m", "transient_y_m", "transient_phi_rad"), (one.size for one in left), strict=True)),
+        "transient_x_m": left[0].size,
+        "transient_y_m": left[1].size,
         **measures,
         "contact_force_noise_n": force_noise(scene) if scene.has_contact else None,
         "engine": engine.name,
@@ -238,17 +239,17 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
 
 def _settling(left: Sequence[Transient], stroke: float, seconds: float) -> str:
     """Return the note on transients along x and y in strokes (m) of a run of so many seconds, or an empty text."""
-    axis, most = max(zip("xy", left, strict=False), key=lambda one: one[1].size)
+    axis, most = max(zip("xy", left, strict=True), key=lambda one: one[1].size)
     if stroke < NO_STROKE or most.size <= SETTLED * stroke:
         return ""
-    helps = "damping along it would let it decay"
+    told = "is left from the start, for nothing damps it, and is in the forces, too"
     if most.rate:
         longer = seconds + 2.0 / most.rate * math.log(most.size / (0.5 * SETTLED * stroke))
-        helps = f"run.duration_s = {given(float(f'{longer:.2g}'))} leaves about {share(0.5 * SETTLED)}"
-    return (
-        f"{share(most.size / stroke)} of the stroke, {quantity(most.size, 'm')} along {axis}, is a transient that "
-        f"decays while it is measured, and is in the forces, too: {helps}"
-    )
+        told = (
+            "is a transient that decays while it is measured, and is in the forces, too: "
+            f"run.duration_s = {given(float(f'{longer:.2g}'))} leaves about {share(0.5 * SETTLED)}"
+        )
+    return f"{share(most.size / stroke)} of the stroke, {quantity(most.size, 'm')} along {axis}, {told}"
 
 
 def _unbalanced(scene: Scene, measures: Mapping[str, Any]) -> str:

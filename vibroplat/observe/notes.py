@@ -217,10 +217,8 @@ def slow_motors(scene: Scene, measures: Mapping[str, Any]) -> list[SlowMotor]:
         return []
     found, on, turned = [], scene.driven(begin, end), measures["impacts_per_period"] is not None
     for i, exciter in enumerate(scene.exciter_pair):
-        speed, synchronous = (
-            mean + (0.5 - i) * split,
-            scene.synchronous_speeds_at(supply.frequency)[i] / (2.0 * math.pi),
-        )
+        speed = mean + (0.5 - i) * split
+        synchronous = scene.synchronous_speeds_at(supply.frequency)[i] / (2.0 * math.pi)
         critical = exciter.critical_slip_speed(supply.frequency) / (2.0 * math.pi)
         highest = speed if turned else 2.0 / (end - begin)
         slips = synchronous - highest > CAPTURED * critical and (turned or speed * (end - begin) < 1.0)
@@ -231,20 +229,13 @@ def slow_motors(scene: Scene, measures: Mapping[str, Any]) -> list[SlowMotor]:
 
 def captures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
     """List the notes on motors that stay far below their synchronous speed."""
-    turned = measures["impacts_per_period"] is not None
-    return of_each([(_slow if turned else _still)(motor) for motor in slow_motors(scene, measures)])
-
-
-def _slow(motor: SlowMotor) -> str:
-    return (
-        f"exciter {motor.exciter} turns at {quantity(motor.speed, 'Hz')}, {share(motor.slip)} below its synchronous "
-        f"speed {quantity(motor.synchronous, 'Hz')}: captured by a resonance, overloaded or still running up, and "
-        f"{HELPS_START}"
-    )
-
-
-def _still(motor: SlowMotor) -> str:
-    return (
-        f"exciter {motor.exciter} hardly turns, although its synchronous speed is {quantity(motor.synchronous, 'Hz')}: "
-        f"{HELPS_START}"
-    )
+    notes = []
+    for exciter, speed, synchronous in slow_motors(scene, measures):
+        wanted = quantity(synchronous, "Hz")
+        still = f"exciter {exciter} hardly turns, although its synchronous speed is {wanted}: {HELPS_START}"
+        slow = (
+            f"exciter {exciter} turns at {quantity(speed, 'Hz')}, {share(1.0 - speed / synchronous)} below its "
+            f"synchronous speed {wanted}: captured by a resonance, overloaded or still running up, and {HELPS_START}"
+        )
+        notes.append(still if measures["impacts_per_period"] is None else slow)
+    return of_each(notes)

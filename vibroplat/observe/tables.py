@@ -52,6 +52,13 @@ TRAJECTORY: Columns = {
 }
 
 
+#: Columns of the forces into the foundation, positive along +x and +y; at rest that along y is minus the weight.
+FORCES: Columns = {
+    f"foundation_force_{axis}_n": Column(f"force into the foundation along {axis}", "springs and dampers")
+    for axis in ("x", "y")
+}
+
+
 def acceleration_columns(points: Iterable[str] = ()) -> Columns:
     """Return the columns of accelerations of the trajectory table: of the machine's centre of mass and named points."""
     whose = {"": "the machine's centre of mass"}
@@ -253,7 +260,13 @@ class Sampler:
             columns["contact_force_n"] = rows["force"]
         if self.scene.transport is not None:
             columns["friction_force_n"] = rows["friction"]
-        return ArrayTable(columns | self._supply(rows), {**TRAJECTORY, **self._accelerations})
+        columns |= self._supply(rows)
+        if self._accelerations:
+            machine, state = self.scene.machine, rows["state"]
+            stiffness = np.array([machine.stiffness_x_n_per_m, machine.stiffness_y_n_per_m])
+            damping = np.array([machine.damping_x_n_s_per_m, machine.damping_y_n_s_per_m])
+            columns |= dict(zip(FORCES, (stiffness * state[:, :2] + damping * state[:, 7:9]).T, strict=True))
+        return ArrayTable(columns, {**TRAJECTORY, **self._accelerations, **FORCES})
 
     def _supply(self, rows: Records) -> dict[str, FloatArray]:
         """Return the columns that depend on the supply of each row.

@@ -14,7 +14,7 @@ import numpy as np
 
 from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.observe.extremes import HEIGHT, ROTATION, SIDEWAYS, merge_extremes
+from vibroplat.observe.extremes import HEIGHT, SIDEWAYS, merge_extremes
 from vibroplat.observe.measures import Accumulators, measured_extremes
 from vibroplat.observe.section import section_rows
 
@@ -28,7 +28,7 @@ class Transient(NamedTuple):
     Attributes
     ----------
     size
-        Its range at the beginning of the measured part (m or rad), at most the stroke.
+        Its range at the beginning of the measured part (m), at most the stroke.
     rate
         Rate of its decay (1/s).
     """
@@ -38,7 +38,7 @@ class Transient(NamedTuple):
 
 
 def transients(ms: Accumulators, scene: Scene, begin: float, period: int) -> list[Transient]:
-    """Estimate the transients along x, y and φ of a run.
+    """Estimate the transients along x and y of a run.
 
     Ranges of places that do not decrease in time may be the motion's own: they count as far as the largest stroke of
     the run may have left them.
@@ -57,10 +57,10 @@ def transients(ms: Accumulators, scene: Scene, begin: float, period: int) -> lis
     rows, whole, measured = section_rows(ms), merge_extremes(ms.extremes), measured_extremes(ms)
     since, turns = float(ms.marks["first"][0]), max(period, 1)
     if len(rows) < 2 * turns:
-        return [Transient(0.0, 0.0)] * 3
+        return [Transient(0.0, 0.0)] * 2
     inertia, damping, stiffness = scene.oscillators
     found = []
-    for axis, k in enumerate((SIDEWAYS, HEIGHT, ROTATION)):
+    for axis, k in enumerate((SIDEWAYS, HEIGHT)):
         expected = 0.5 * float(damping[axis] / inertia[axis])
         swing = 2.0 * math.pi * math.sqrt(inertia[axis] / stiffness[axis]) if stiffness[axis] else math.inf
         size, seen = _range_at(since, rows["t"], rows["state"][:, axis], turns, (expected, swing))

@@ -322,7 +322,7 @@ def _inputs(scene: Scene) -> str:
 def sheet_html(sheets: Sequence[Sheet], names: Sequence[str]) -> str:
     """Return the data sheet of one run, or of several with a column for each."""
     single = len(sheets) == 1
-    heads = ["", sheets[0].window or "in operation", "largest of the run", "when"] if single else ["", *names]
+    heads = ["", sheets[0].transient or "in operation", "largest of the run", "when"] if single else ["", *names]
     groups = ""
     for name in dict.fromkeys(name for one in sheets for name in one.groups if name != FURTHER):
         found = [{row.label: row for row in one.groups.get(name, [])} for one in sheets]

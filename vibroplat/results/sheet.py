@@ -141,12 +141,6 @@ class Sheet:
             most = more[0][found:] if self.transient and (found := more[0].find("largest ")) >= 0 else ""
             yield _joined(f"{label.replace(',', '')} {value}", most).replace("; ", ", ")
 
-    @property
-    def window(self) -> str:
-        """The measuring interval in words if nothing is steady then; "" otherwise."""
-        seconds = interval(self.numbers["measured_from_s"], self.numbers["measured_to_s"], "s")
-        return f"{self.transient}, {seconds}" if self.transient else ""
-
     # -- parts of rows ------------------------------------------------------------------------------
 
     def _text(self, column: str, **how: Any) -> str:
@@ -167,7 +161,7 @@ class Sheet:
         most, base = self._text(f"whole_{column}", largest=largest), f"whole_{split(column)[0]}_at"
         of_seeds = (self.numbers.get("peaks_of_seeds") or {}).get(f"whole_{column}")
         if of_seeds and of_seeds[1] > NEGLIGIBLE * (largest or 0.0):
-            most = interval(*of_seeds, unit_of(column))
+            most = interval(of_seeds[0], of_seeds[1], unit_of(column))
         at, pace = (self.numbers[f"{base}_{end}"] for end in ("s", "hz"))
         if at is None or most in ("", "0"):
             return most, ""
@@ -229,7 +223,11 @@ class Sheet:
         other, largest = "xy".replace(main, ""), strokes[main]
         left = dict(zip("xy", self._left, strict=True))
         rows = {axis: self._row(f"stroke {axis}", f"stroke_{axis}_m", largest, left[axis]) for axis in "yx"}
-        decays = _limit(largest, left[main]) if left[main] > SETTLED * largest else ""
+        decays = (
+            _limit(largest, left[main], self.scene.oscillators[1]["xy".index(main)] > 0.0)
+            if left[main] > SETTLED * largest
+            else ""
+        )
         rows[main] = rows[main]._replace(also=decays)
         rows[main] = rows[main].shortly(f"stroke {main}", decays, f"{other} {rows[other].now}", rows[main].peak)
         rms = [s["rms_x_m"], s["rms_y_m"]]
@@ -383,10 +381,10 @@ class Sheet:
         ]
 
 
-def _limit(stroke: float, transient: float) -> str:
+def _limit(stroke: float, transient: float, damped: bool) -> str:
     """Say what a stroke (m) tends to of which so much is a transient, which is known to a tenth."""
     limit = quantity(stroke - transient, "m", error=0.1 * transient)
-    return "most of it decays" if limit == "0" else f"tends to {limit}"
+    return "most is transient" if limit == "0" else f"{'tends to' if damped else 'steady part'} {limit}"
 
 
 def _repeats(period: int | None) -> str:
