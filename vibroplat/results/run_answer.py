@@ -56,18 +56,16 @@ def _operation(scene: Scene, summary: Mapping[str, Any], off: Sequence[str]) -> 
     pace = quantity(frequency, "Hz")
     runs = {0: "runs", 1: f"runs with motor {''.join(off)} off", 2: "coasts with the motors off"}[len(off)]
     speeds = speeds_of_both(summary)
-    slow = slow_motors(scene, summary)
-    below = [f", {share(motor.slip)} below synchronous speed" for motor in slow]
-    if len(slow) == 1:
-        below = [f", exciter {slow[0].exciter}{below[0].removeprefix(',')}"]
+    slip = max((motor.slip for motor in slow_motors(scene, summary)), default=0.0)
+    below = f", {'up to ' * bool(speeds)}{share(slip)} below synchronous speed" * bool(slip)
     if named == "none" and speeds and not are_alike(speeds):
         mean = " in the mean" * bool(off[1:])
-        return f"{runs}, not synchronized: exciters at {of_both(speeds, 'Hz')}{mean}{''.join(below[:1])}"
+        return f"{runs}, not synchronized: exciters at {of_both(speeds, 'Hz')}{mean}{below}"
     phase = f"phase difference {phase_text(summary)}"
     told = phase if named == "intermediate" else sync_text(scene, summary)
     if off[1:]:
         return f"{runs}, at {pace} ({quantity(60.0 * frequency, 'rpm')}) in the mean, {told}"
-    pace += f" ({quantity(60.0 * frequency, 'rpm')}){''.join(below[:1])}"
+    pace += f" ({quantity(60.0 * frequency, 'rpm')}){below}"
     return f"{runs} at {pace}, {told}{_period(summary)}"
 
 

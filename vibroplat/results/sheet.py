@@ -223,11 +223,7 @@ class Sheet:
         other, largest = "xy".replace(main, ""), strokes[main]
         left = dict(zip("xy", self._left, strict=True))
         rows = {axis: self._row(f"stroke {axis}", f"stroke_{axis}_m", largest, left[axis]) for axis in "yx"}
-        decays = (
-            _limit(largest, left[main], self.scene.oscillators[1]["xy".index(main)] > 0.0)
-            if left[main] > SETTLED * largest
-            else ""
-        )
+        decays = _limit(largest, left[main], self.scene.oscillators[1]["xy".index(main)] > 0.0)
         rows[main] = rows[main]._replace(also=decays)
         rows[main] = rows[main].shortly(f"stroke {main}", decays, f"{other} {rows[other].now}", rows[main].peak)
         rms = [s["rms_x_m"], s["rms_y_m"]]
@@ -342,11 +338,12 @@ class Sheet:
             "" if time is None else f"after {quantity(time, 's', digits=2)}" if time else "from the start"
             for time in (at, self.steady)
         )
-        in_step = Row("in step", since, f"motor work {work}" * bool(at))
+        switched = self._since(at) if at else ""
+        in_step = Row("in step", switched or since, f"motor work {work}" * bool(at and not switched))
         started = ("start", quantity(at, "s"), f"until synchronized, {work} of motor work")
-        if at and AFTER in (switched := self._since(at)):
-            seconds, _, switch = switched.partition(AFTER)
-            started = ("in step again", seconds, f"after {switch}")
+        if switched:
+            seconds, after, switch = switched.partition(AFTER)
+            started = ("in step again", seconds, f"{after.strip()} {switch}")
         return [
             Row("phase difference", phase_text(s) or "drifts", "not synchronized" if name == "none" else name),
             pace,
@@ -382,7 +379,9 @@ class Sheet:
 
 
 def _limit(stroke: float, transient: float, damped: bool) -> str:
-    """Say what a stroke (m) tends to of which so much is a transient, which is known to a tenth."""
+    """Say what a stroke (m) tends to of which so much is a transient, known to a tenth; "" if that is little."""
+    if transient <= SETTLED * stroke:
+        return ""
     limit = quantity(stroke - transient, "m", error=0.1 * transient)
     return "most is transient" if limit == "0" else f"{'tends to' if damped else 'steady part'} {limit}"
 
