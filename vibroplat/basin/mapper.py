@@ -135,11 +135,6 @@ class AttractorMapper:
         """What searches for orbits; few blocks of starts need it."""
         return NewtonOrbitDetector(self.scene)
 
-    def _reset_detector(self) -> None:
-        """Be ready to search for the orbit of another motion."""
-        if self.scene.transport is None:
-            self._detector.reset()
-
     def map_states(self, starts: FloatArray) -> list[Record]:
         """Map full states, shape (starts, 14), to their attractors.
 
@@ -156,14 +151,14 @@ class AttractorMapper:
             number, fate = stopped
             motion.resume(runs[number], work.recent)
             turns, more = (int(followed[number][name]) for name in ("turns", "more"))
+            if "_detector" in vars(self):
+                self._detector.reset()
             if fate == ENDED:
                 ended = {"outcome": motion.outcome, "detail": motion.detail}
                 others[number] = {"attractor": None, "turns": turns, **ended}
             elif fate == UNCONVERGED:
-                self._reset_detector()
                 others[number] = self._measure_unconverged(turns)
             else:
-                self._reset_detector()
                 longest = 4.0 * (LATE_CHECK_TURNS + 1) * self._turn
                 part = motion.advance_turns(SEARCH_TURNS, longest, scope=SECTION_POINTS)
                 found = self._search_new_orbit(part)
@@ -285,7 +280,8 @@ class AttractorMapper:
     def _search_settled(self) -> int | None:
         """Return the number of the repeating motion to which this one soon settles, or None; add a new one."""
         longest = max(SETTLED_TURNS * self._turn, self._motion.now)
-        point = measure_point(self.scene, constant_plan(self.scene, longest), self._motion.state.tolist(), (0,))
+        plan = constant_plan(self.scene, max_settle_s=longest, measure_s=longest / BLOCKS, **CLOSELY)
+        point = measure_point(self.scene, plan, self._motion.state.tolist(), (0,))
         if not point.row.get("period") or point.row["settle_s"] >= longest:
             return None
         del point.row["wall_s"]
@@ -346,12 +342,11 @@ def map_alone(scene: Scene, plan: BasinsPlan, number: int) -> Record:
         return {"row": {"motion": None, "period": 0, **found.get("windows", [{"sync": None}])[-1]}}
 
 
-def constant_plan(scene: Scene, longest: float | None = None) -> SweepPlan:
-    """Return how a motion is followed as it is, or where it settles within a time (s)."""
+def constant_plan(scene: Scene, **more: float) -> SweepPlan:
+    """Return how a motion is followed as it is."""
     frequency = scene.drive.largest_frequency
     given: Record = {"supply_frequency_hz": {"start": frequency, "stop": frequency}, "perturbation": 0.0}
-    soon = {} if longest is None else {"max_settle_s": longest, "measure_s": longest / BLOCKS, **CLOSELY}
-    return SweepPlan.model_validate(given | soon)
+    return SweepPlan.model_validate(given | more)
 
 
 def classify_unconverged(scene: Scene, state: list[float]) -> Record:

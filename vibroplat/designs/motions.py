@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,8 +24,7 @@ from vibroplat.study.store import Record
 
 #: Change of keys, over their values, about motion that repeats and about other motion, whose measures scatter.
 STEP, WIDE_STEP = 5e-4, 2e-2
-#: What is said of such a motion, and of what was asked of it.
-BY_MOTION = "by settled motions"
+#: What is said of what was asked of such motions.
 NO_ORBITS = (
     "with transport there are no orbits: each scene was followed until it settled, derivatives are "
     "differences of settled motions (derivative_error in table sensitivities), stability has no margin"
@@ -71,10 +69,13 @@ class MotionNeighbourhood:
         Scene of the motion, dotted keys, and their values there, shape (keys,).
     measures, state
         Measures of a sweep, and the full state at its end.
+    errors
+        Those of the last gradients, of their shape.
     margin
         It has settled, so it is stable; how far its multipliers are inside the unit circle is not known.
     """
 
+    errors: FloatArray
     margin = math.inf
 
     def __init__(self, scene: Scene, keys: Sequence[str], known: Record) -> None:
@@ -84,16 +85,11 @@ class MotionNeighbourhood:
         if point.state is None:
             raise NoConvergenceError(f"{point.row['outcome']}: {point.row['detail']}")
         self.scene, self.keys, self.known = scene, tuple(keys), known | {"state": point.state}
-        self.values: FloatArray = np.array([value_of(scene, key) for key in keys], float)
+        self.state, self.values = np.array(point.state), np.array([value_of(scene, key) for key in keys], float)
         self.measures: dict[str, Any] = point.row
         regime, home = name_regime(point.row), name_regime(known)
         if regime != home:
             raise NoConvergenceError(f"the motion becomes {regime} instead of {home}")
-
-    @property
-    def state(self) -> FloatArray:
-        """Full state at the end."""
-        return np.array(self.known["state"])
 
     def close(self) -> None:
         """Do nothing: no engine is held."""
@@ -106,17 +102,6 @@ class MotionNeighbourhood:
         except ConfigError as error:
             raise NoConvergenceError(f"no scene has these values: {error}") from None
 
-    @cached_property
-    def tangents(self) -> list[list[list[MotionNeighbourhood]]]:
-        """For each key two pairs of motions above and below this one, which stands for one of another regime."""
-        step, found = STEP if self.known["period"] else WIDE_STEP, list[list[list[MotionNeighbourhood]]]()
-        for key in np.eye(len(self.keys)):
-            changes = [step * key, -step * key]
-            wide = [self._beside(self, change) for change in changes]
-            close = [self._beside(one, 0.5 * change) for one, change in zip(wide, changes, strict=True)]
-            found.append([wide, close])
-        return found
-
     def _beside(self, begin: MotionNeighbourhood, change: FloatArray) -> MotionNeighbourhood:
         """Find the motion after relative changes of keys from another one; this one if its regime is another there."""
         try:
@@ -124,18 +109,16 @@ class MotionNeighbourhood:
         except NoConvergenceError:
             return self
 
-    def slopes(self, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        """Differentiate measures by all keys: slopes and their errors, shape (names, keys); nan without one."""
-        found = np.empty((2, len(names), len(self.keys)))
-        for k, pairs in enumerate(self.tangents):
-            for n, (above, below) in enumerate(pairs):
+    def gradients(self, names: Sequence[str]) -> FloatArray:
+        """Differentiate measures by all keys, shape (names, keys); nan where that is not possible."""
+        step, found = STEP if self.known["period"] else WIDE_STEP, np.empty((2, len(names), len(self.keys)))
+        for k, key in enumerate(np.eye(len(self.keys))):
+            above = below = self
+            for n, change in enumerate((step * key, 0.5 * step * key)):
+                above, below = self._beside(above, change), self._beside(below, -change)
                 high, low = (np.array([one.measures[name] for name in names], float) for one in (above, below))
-                way = above.values[k] - below.values[k]
-                found[n, :, k] = (high - low) / (way or np.nan)
+                found[n, :, k] = (high - low) / ((above.values - below.values)[k] or np.nan)
         own, sizes = np.abs(found[0] - found[1]), np.abs(self.values)
         typical = np.nanmedian(own * sizes, axis=1, keepdims=True) / sizes
-        return found.mean(axis=0), np.hypot(own, typical)
-
-    def gradients(self, names: Sequence[str]) -> FloatArray:
-        """Differentiate measures by all keys, shape (names, keys); 0 where that is not possible."""
-        return np.nan_to_num(self.slopes(names)[0])
+        self.errors = np.hypot(own, typical)
+        return np.asarray(found.mean(axis=0))

@@ -29,13 +29,8 @@ from vibroplat.study.store import Record
 
 #: Measures that are told of each orbit, if its scene has them.
 PRINTED = (
-    "conveying_speed_m_per_s",
-    "rms_x_m",
-    "rms_y_m",
-    "excitation_frequency_hz",
-    "motor_power_w",
-    "contact_force_max_n",
-    "stability_margin",
+    *("conveying_speed_m_per_s", "rms_x_m", "rms_y_m", "excitation_frequency_hz", "motor_power_w"),
+    *("contact_force_max_n", "stability_margin"),
 )
 #: Residual of orbits whose measures are differentiated.
 ORBIT_TOLERANCE = 1e-9
@@ -228,14 +223,10 @@ def rows(local: Neighbourhood, names: Sequence[str]) -> list[dict[str, Any]]:
     """Make the rows of the table of sensitivities of an orbit."""
     names = [name for name in names if local.measures.get(name) is not None]
     try:
-        if isinstance(local, MotionNeighbourhood):
-            found, errors = local.slopes(names)
-        else:
-            found = local.gradients(names)
-            errors = np.full(found.shape, np.nan)
+        found = local.gradients(names)
     except NoConvergenceError as error:
         raise OrbitError(f"the measures cannot be differentiated: {error}") from None
-    found_rows = []
+    found_rows, errors = [], getattr(local, "errors", np.full(found.shape, np.nan))
     for name, by_key, off in zip(names, found.tolist(), errors.tolist(), strict=True):
         nominal = local.measures[name]
         kind = [

@@ -16,7 +16,7 @@ from vibroplat.designs import optimum
 from vibroplat.designs import samples as of_samples
 from vibroplat.designs import sensitivities as of_keys
 from vibroplat.designs.answer import label, measure_text, satisfied, short_answer, with_confidence
-from vibroplat.designs.motions import BY_MOTION, NO_ORBITS, name_regime
+from vibroplat.designs.motions import NO_ORBITS, name_regime
 from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of
@@ -248,7 +248,8 @@ class _Runner:
 
 def _stability(margin: float | None) -> str:
     """Say how far multipliers are inside the unit circle, or that the motion is no orbit."""
-    return BY_MOTION if margin is None else f"multipliers up to {decimal(1.0 - margin, max(DIGITS, places(margin, 1)))}"
+    known = "" if margin is None else decimal(1.0 - margin, max(DIGITS, places(margin, 1)))
+    return f"multipliers up to {known}" if known else "by settled motions"
 
 
 def _configuration_text(scene: Scene) -> str:

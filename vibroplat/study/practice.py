@@ -13,7 +13,7 @@ from vibroplat.inspection.conveying import ERROR, range_of_row
 from vibroplat.results import picture
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.curves import DISTINCT
-from vibroplat.study.sweeps import RESULT, Sweeps
+from vibroplat.study.sweeps import Sweeps
 
 #: What formulas tell of.
 CONVEYING = "conveying_speed_m_per_s"
@@ -30,28 +30,20 @@ def bands(sweeps: Sweeps, drawn: pd.DataFrame, colours: Mapping[str, str]) -> tu
     for rows in sweeps.branches if CONVEYING in drawn and len(colours) <= DISTINCT else ():
         first.setdefault(sweeps.label(rows.iloc[0]), rows)
     for label, rows in first.items():
-        ranges = np.array(_ranges(sweeps, rows))
-        if np.isfinite(ranges).any():
-            begin = sum(map(len, parts))
-            places = np.arange(begin, begin + len(rows))
-            broken = np.where(np.isfinite(ranges[:, 0]), places, picture.BROKEN)
+        low, high = np.array([_range(sweeps, rows.loc[[place]]) for place in rows.index]).T
+        if np.isfinite(low).any():
+            places = sum(map(len, parts)) + np.arange(len(rows))
             name = ": ".join(filter(None, (label, NAME)))
+            broken = np.where(np.isfinite(low), places, picture.BROKEN)
             series.append(picture.Series(name, broken, "", colours[label], "band", of=(CONVEYING,)))
-            low, high = ranges.T
             parts.append(drawn.loc[rows.index].assign(**{CONVEYING: high, f"{CONVEYING}{picture.LOW}": low}))
     return series, pd.concat(parts, ignore_index=True) if series else drawn
 
 
-def _ranges(sweeps: Sweeps, rows: pd.DataFrame) -> list[tuple[float, float]]:
-    """Return the range of each row of a branch, from its scene."""
-    first, key = rows.iloc[0], FREQUENCY if sweeps.key == SUPPLY else sweeps.key
-    result = sweeps.results[list(sweeps.names).index(first[RESULT]) if RESULT in rows else 0]
-    scene, grid = result.known_scene, [name for name in sweeps.grid if name != RESULT]
-    if scene is None:
-        return [(np.nan, np.nan)] * len(rows)
-    scene = scene.replace({name: rows[name].astype(object).iloc[0] for name in grid})
-    scenes = [scene.replace({key: value}) for value in rows[sweeps.key].tolist()]
-    return [
-        (np.nan, np.nan) if one.transport is None else range_of_row(one, row)
-        for one, (_, row) in zip(scenes, rows.iterrows(), strict=True)
-    ]
+def _range(sweeps: Sweeps, row: pd.DataFrame) -> tuple[float, float]:
+    """Return the range of a row, from its scene; NaN of several results."""
+    scene = sweeps.scene_of(row, sweeps.grid)
+    if scene is None or scene.transport is None:
+        return np.nan, np.nan
+    key = FREQUENCY if sweeps.key == SUPPLY else sweeps.key
+    return range_of_row(scene.replace({key: row[sweeps.key].tolist()[0]}), row.iloc[0])
