@@ -107,8 +107,8 @@ class AttractorMapper:
         self._motion = Simulator(scene, p, self._engine)
         self._group = group_for(self._engine, scene, p, lanes())
         self._follow, self._decide = same_types(follow), same_types(decide)
-        self._search = FIRST_SEARCH_TURNS
-        if len(history) >= MIN_HISTORY:
+        self._search, self._settled = FIRST_SEARCH_TURNS, 0  # turns until a search, and those that one takes itself
+        if len(history) >= MIN_HISTORY and scene.transport is None:
             after = min(int(SEARCH_TURNS_RATIO * np.median(history)), longest // 2)
             self._search = max(FIRST_SEARCH_TURNS, after)
         self._limits = Limits(
@@ -163,7 +163,7 @@ class AttractorMapper:
                 part = motion.advance_turns(SEARCH_TURNS, longest, scope=SECTION_POINTS)
                 found = self._search_new_orbit(part)
                 if found is not None:
-                    others[number] = {"attractor": found, "turns": turns}
+                    others[number] = {"attractor": found, "turns": min(turns + self._settled, self.longest)}
                     continue
                 followed[number]["turns"] += more + SEARCH_TURNS + 1
                 followed[number]["search"] *= 2
@@ -285,6 +285,7 @@ class AttractorMapper:
         if not point.row.get("period") or point.row["settle_s"] >= longest:
             return None
         del point.row["wall_s"]
+        self._settled = round(point.row["settle_s"] / self._turn)
         record = {"row": point.row, "state": point.state, "centres": [], "forms": [], "systems": []}
         return self._add(record | {"radius": 0.0, "ellipsoids": 0})
 
