@@ -8,7 +8,7 @@ import pytest
 from common.pages import page_of
 
 from vibroplat import load_config, sweep
-from vibroplat.inspection.conveying import ERROR
+from vibroplat.inspection.material import ERROR
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.results.picture import LOW
 from vibroplat.study.picture import pictures

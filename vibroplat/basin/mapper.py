@@ -49,7 +49,7 @@ from vibroplat.observe.measures import SECTION_POINTS, WITH_EXTREMES
 from vibroplat.observe.section import section_points
 from vibroplat.observe.summary import MeasuredInterval, measure
 from vibroplat.study.attractor_search import search_coexisting
-from vibroplat.study.coexisting import BLOCKS
+from vibroplat.study.classification import BLOCKS
 from vibroplat.study.point import measure_point, on_orbit, row_of
 from vibroplat.study.settling import KnownOrbit
 from vibroplat.study.store import Record

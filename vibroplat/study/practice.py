@@ -9,7 +9,7 @@ import numpy as np
 from vibroplat.config.digits import share
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.frames import pd
-from vibroplat.inspection.conveying import ERROR, range_of_row
+from vibroplat.inspection.material import ERROR, range_of_row
 from vibroplat.results import picture
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.curves import DISTINCT
