@@ -50,7 +50,7 @@ def test_samples_within_tolerances_keep_or_lose_the_regime():
     assert "stability_margin" not in found.samples
     assert found.samples["stable"].all()
     assert np.ptp(found.samples["conveying_speed_m_per_s"]) > 1e-3
-    assert "4 machines within the tolerances: 100 % keep the regime" in found.answer.headline
+    assert "4 machines within the tolerances: 100 % settle alike" in found.answer.headline
 
 
 def test_keys_of_transport_matter_and_a_margin_of_stability_cannot_be_had():

@@ -87,9 +87,8 @@ class MotionNeighbourhood:
         self.scene, self.keys, self.known = scene, tuple(keys), known | {"state": point.state}
         self.state, self.values = np.array(point.state), np.array([value_of(scene, key) for key in keys], float)
         self.measures: dict[str, Any] = point.row
-        regime, home = name_regime(point.row), name_regime(known)
-        if regime != home:
-            raise NoConvergenceError(f"the motion becomes {regime} instead of {home}")
+        if any(point.row[name] != known[name] for name in ("sync", "motion")):  # a small change may double its period
+            raise NoConvergenceError(f"the motion becomes {name_regime(point.row)} instead of {name_regime(known)}")
 
     def close(self) -> None:
         """Do nothing: no engine is held."""
