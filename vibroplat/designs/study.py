@@ -11,6 +11,7 @@ from ruamel.yaml import YAML
 
 from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.digits import DIGITS, decimal, number, places, quantity, share
+from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
 from vibroplat.designs import optimum
 from vibroplat.designs import samples as of_samples
@@ -74,7 +75,7 @@ class DesignStudy(Study):
         if scene.design is None:
             raise ConfigError("this configuration has no design section; add design: {}")
         tolerances, self.notes = of_keys.tolerances_of_keys(scene, scene.design.parameter_tolerances)
-        self.notes += [] if scene.transport is None else [NO_ORBITS]
+        self.notes += [] if scene.transport is None else [f"{HINT}{NO_ORBITS}"]
         self.plan = scene.design.model_copy(update={"parameter_tolerances": tolerances})
         self.scene = scene = scene.model_copy(update={"design": self.plan})
         of_keys.require_keys(scene, list(self.plan.keys), "design.keys")
