@@ -252,9 +252,13 @@ class SampledRun:
 
     @cached_property
     def events(self) -> pd.DataFrame:
-        """Liftoffs and impacts. A chatter stands for impacts, whose number depends on when it was found to be one."""
-        found = pd.concat(self._events)
-        return found[found["kind"].isin(["liftoff", "impact"])].reset_index(drop=True)
+        """Events but for chatters and corners of a program.
+
+        A chatter stands for impacts, whose number depends on when it was found to be one. A reversal is a slip after a
+        stick of no duration, and told as one.
+        """
+        found = pd.concat(self._events).replace({"kind": {"reversal": "slip"}})
+        return found[~found["kind"].isin(["chatter", "drive"])].reset_index(drop=True)
 
     @property
     def outcome(self) -> str:

@@ -15,7 +15,7 @@ from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
-from vibroplat.hybrid.modes import COUNTS, GUARDS, guard_value
+from vibroplat.hybrid.modes import GUARDS, Form, guard_form
 from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import MARGIN, MODES, ROUND_OFF, RUNNING, Automaton, Steps, end_at, rewind
 from vibroplat.integrate.multistep import (
@@ -176,18 +176,12 @@ def guard(t: float, y: int, yp: int, value: Any, data: Any) -> int:
     return _OK
 
 
-@callback("int32(float64, intp, intp, CPointer(float64), voidptr)")
-def sliding_guards(t: float, y: int, yp: int, value: Any, data: Any) -> int:
-    """Do as :func:`guard` with transport, for each guard."""
-    links = carray(data, (1,), dtype=LINKS)[0]
-    for which in range(COUNTS[links.system]):
-        value[which] = guard_value(links.system, which, _values(y, links), _parameters(links))
-    return _OK
+#: Residual and Jacobian of a mode.
+CALLBACKS = residual, jacobian
+SLIDING_CALLBACKS = sliding_residual, sliding_jacobian
 
-
-#: Residual, Jacobian and guards of a mode.
-CALLBACKS = residual, jacobian, guard
-SLIDING_CALLBACKS = sliding_residual, sliding_jacobian, sliding_guards
+#: The angle of exciter 1 as a form.
+ANGLE = (3, 1.0, 3, 0.0)
 
 IntArray = npt.NDArray[np.int64]
 Records = npt.NDArray[np.void]
@@ -312,6 +306,7 @@ def advance(h: Automaton, n: Native) -> int:
     mode, used = run.mode, h.steps.used
     system = run.systems[mode]
     guard, size, slides = GUARDS[system], SIZES[system], SLIDES[system]
+    forms = guard_form(system, 0, h.p), guard_form(system, 1, h.p)
     until, target, rows = run.until, run.target - run.turns[0], steps.start.size
     starts, lengths, c, ends = steps.start, steps.length, steps.c, steps.ends
     past_t, past_y, past_yp = n.past.t, n.past.y, n.past.yp
@@ -338,16 +333,23 @@ def advance(h: Automaton, n: Native) -> int:
         add_step(time[0], all_y, all_yp, row, starts, lengths, c, ends, past_t, past_y, past_yp)
         used.steps = row + 1
         root_found = flag == _ROOT_RETURN and not ended
-        dips = guard >= 0 and (y[guard] < 0.0 or c[row, 1, guard] < 0.0 < yp[guard])
-        if root_found or y[3] >= target or dips or slides:
+        if slides:
+            dips = may_fall(forms[0], c, row, y, yp) or may_fall(forms[1], c, row, y, yp)
+        else:
+            dips = guard >= 0 and (y[guard] < 0.0 or c[row, 1, guard] < 0.0 < yp[guard])
+        if root_found or y[3] >= target or dips:
             stop, share = any_stop(h, guard, root_found, target, y, yp)
             if stop == AT_TARGET:
-                end_at_angle(target, share, derivative, handles, steps, y, yp)
+                share = interpolate_where(ANGLE, target, share, steps, derivative, handles, y, yp)
+                y[3] = target
+            elif stop == AT_GUARD and slides:
+                share = interpolate_where(forms[run.fallen], 0.0, share, steps, derivative, handles, y, yp)
             elif stop == AT_GUARD and not root_found:
                 # the integrator's polynomial is smooth where slopes at the ends of a step carry errors of a stiff layer
                 interpolate_at(steps.start[row] + share * steps.length[row], derivative, handles)
-                end_at(steps, row, share, y)
             if stop >= 0:
+                if stop == AT_TARGET or not root_found:
+                    end_at(steps, row, share, y)
                 return stop
         if ended:
             return AT_TIME
@@ -362,26 +364,41 @@ def advance(h: Automaton, n: Native) -> int:
     return NOT_FINITE if status.flag == RESIDUAL_FAILURE else FAILED
 
 
+@inlined
+def may_fall(form: Form, c: FloatArray, row: int, y: FloatArray, yp: FloatArray) -> bool:
+    """Whether a guard, a linear form of unknowns, may fall in the last step, which ends with these and their rates."""
+    first, weight, second, other = form
+    if weight * y[first] + other * y[second] < 0.0:
+        return True
+    return weight * c[row, 1, first] + other * c[row, 1, second] < 0.0 < weight * yp[first] + other * yp[second]
+
+
 @compiled
-def end_at_angle(
-    target: float,
+def interpolate_where(
+    form: Form,
+    value: float,
     share: float,
+    steps: Steps,
     derivative: int,
     handles: tuple[int, int, int],
-    steps: Steps,
     y: FloatArray,
     yp: FloatArray,
-) -> None:
-    """Let the last step end where the integrator says that exciter 1 has an angle (rad), near a fraction of it."""
+) -> float:
+    """Go to where the integrator says that a linear form of unknowns has a value, near a fraction of the last step.
+
+    Returns the fraction there. The step's own polynomial has this value elsewhere, by as much as the tolerance allows.
+    """
+    first, weight, second, other = form
     row = steps.used.steps - 1
     start, length = steps.start[row], steps.length[row]
     interpolate_at(start + share * length, derivative, handles)
-    for _ in range(2):  # the polynomial has this angle elsewhere, by as much as the tolerance allows
-        if yp[3] > 0.0:
-            share = min(max(share - (y[3] - target) / (yp[3] * length), 0.0), 1.0)
+    for _ in range(2):
+        rate = weight * yp[first] + other * yp[second]
+        if rate != 0.0:
+            away = weight * y[first] + other * y[second] - value
+            share = min(max(share - away / (rate * length), 0.0), 1.0)
         interpolate_at(start + share * length, derivative, handles)
-    y[3] = target
-    end_at(steps, row, share, y)
+    return share
 
 
 @compiled
