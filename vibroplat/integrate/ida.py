@@ -338,18 +338,8 @@ def advance(h: Automaton, n: Native) -> int:
         else:
             dips = guard >= 0 and (y[guard] < 0.0 or c[row, 1, guard] < 0.0 < yp[guard])
         if root_found or y[3] >= target or dips:
-            stop, share = any_stop(h, guard, root_found, target, y, yp)
-            if stop == AT_TARGET:
-                share = interpolate_where(ANGLE, target, share, steps, derivative, handles, y, yp)
-                y[3] = target
-            elif stop == AT_GUARD and slides:
-                share = interpolate_where(forms[run.fallen], 0.0, share, steps, derivative, handles, y, yp)
-            elif stop == AT_GUARD and not root_found:
-                # the integrator's polynomial is smooth where slopes at the ends of a step carry errors of a stiff layer
-                interpolate_at(steps.start[row] + share * steps.length[row], derivative, handles)
+            stop = end_within(h, root_found, forms, derivative, handles, y, yp)
             if stop >= 0:
-                if stop == AT_TARGET or not root_found:
-                    end_at(steps, row, share, y)
                 return stop
         if ended:
             return AT_TIME
@@ -362,6 +352,34 @@ def advance(h: Automaton, n: Native) -> int:
     if status.flag >= 0:
         return _FULL
     return NOT_FINITE if status.flag == RESIDUAL_FAILURE else FAILED
+
+
+@compiled
+def end_within(
+    h: Automaton,
+    root_found: bool,
+    forms: tuple[Form, Form],
+    derivative: int,
+    handles: tuple[int, int, int],
+    y: FloatArray,
+    yp: FloatArray,
+) -> int:
+    """Let the last step end where a guard falls or exciter 1 has the run's target: AT_GUARD or AT_TARGET, or −1."""
+    run, steps = h.run, h.steps
+    target, row = run.target - run.turns[0], steps.used.steps - 1
+    system = run.systems[run.mode]
+    stop, share = any_stop(h, GUARDS[system], root_found, target, y, yp)
+    if stop == AT_TARGET:
+        share = interpolate_where(ANGLE, target, share, steps, derivative, handles, y, yp)
+        y[3] = target
+    elif stop == AT_GUARD and SLIDES[system]:
+        share = interpolate_where(forms[run.fallen], 0.0, share, steps, derivative, handles, y, yp)
+    elif stop == AT_GUARD and not root_found:
+        # the integrator's polynomial is smooth where slopes at the ends of a step carry errors of a stiff layer
+        interpolate_at(steps.start[row] + share * steps.length[row], derivative, handles)
+    if stop == AT_TARGET or (stop == AT_GUARD and not root_found):
+        end_at(steps, row, share, y)
+    return stop
 
 
 @inlined
