@@ -5,7 +5,9 @@ import math
 import numpy as np
 from common.random_scenes import random_scene
 
+from stability.campaign import are_apart, explained
 from stability.checks import NAMED, row, sound, with_engine
+from vibroplat.check import with_other_engine
 from vibroplat.hybrid.state import FORCE_ERROR
 from vibroplat.motion.run import simulate
 
@@ -16,7 +18,13 @@ AGAINST = 0.1
 
 
 def transport(count, engine):
-    """Run random scenes with friction: each ends by name, forces stay in Coulomb's cone, balances close."""
+    """Run random scenes with friction: each ends by name, forces stay in Coulomb's cone, balances close.
+
+    Those of ``native`` are also run by the other engine. Where sequences of events or ends differ, the check of a run
+    decides: it allows what repetitions with other tolerances and disturbed starts show errors to grow to, down to
+    tolerances of 1e-12, and events that such an error adds or removes (``vibroplat.check.events.marginal_events``).
+    What is left is a failure.
+    """
     return [judged_moving(number, engine) for number in range(count)]
 
 
@@ -49,4 +57,6 @@ def judged_moving(number, engine):
         for sign, mode in ((1.0, "slip+"), (-1.0, "slip-")) if friction else ():
             rates = sign * table.loc[table["mode"] == mode, "along_rate_m_per_s"]
             limits[f"against {mode}"] = (max(-float(rates.min()), 0.0) if len(rates) else 0.0, speed)
+    if engine == "native" and are_apart(run, simulate(with_other_engine(scene), keep="events")):
+        limits["disagreements"] = (float(not explained(scene).agrees), 0.0)
     return row(scene.name, run.outcome, limits, allowed=NAMED)

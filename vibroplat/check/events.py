@@ -47,6 +47,16 @@ class EventMatches(NamedTuple):
     why: tuple[str, str] = ("", "")
 
 
+def compared_events(events: pd.DataFrame) -> pd.DataFrame:
+    """Pick the events that runs are compared by: all but chatters and corners of a program.
+
+    A chatter stands for impacts, whose number depends on when it was found to be one. A reversal is told as a slip: it
+    is one after a stick of no duration.
+    """
+    found = events.replace({"kind": {"reversal": "slip"}})
+    return found[~found["kind"].isin(["chatter", "drive"])].reset_index(drop=True)
+
+
 def marginal_events(events: pd.DataFrame, errors: ErrorBound, scene: Scene) -> npt.NDArray[np.bool_]:
     """Tell which events an error of the motion may add or remove.
 

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.check import MAX_RATIO, MIN_ALLOWED, Other, with_other_engine, with_other_tolerance
-from vibroplat.check.events import ErrorBound, EventMatches, marginal_events, match_events
+from vibroplat.check.events import ErrorBound, EventMatches, compared_events, marginal_events, match_events
 from vibroplat.config.arguments import validated
 from vibroplat.config.coordinates import ALONG, COORDINATES
 from vibroplat.config.digits import given, number, quantity
@@ -252,13 +252,8 @@ class SampledRun:
 
     @cached_property
     def events(self) -> pd.DataFrame:
-        """Events but for chatters and corners of a program.
-
-        A chatter stands for impacts, whose number depends on when it was found to be one. A reversal is a slip after a
-        stick of no duration, and told as one.
-        """
-        found = pd.concat(self._events).replace({"kind": {"reversal": "slip"}})
-        return found[~found["kind"].isin(["chatter", "drive"])].reset_index(drop=True)
+        """Events that are compared."""
+        return compared_events(pd.concat(self._events))
 
     @property
     def outcome(self) -> str:
