@@ -109,7 +109,7 @@ def workers_of(study: str, engine: str | None, jobs: int | None, scheduler: str 
     """Let worker processes load a study while this command does."""
     if jobs == 1 or scheduler is not None:
         return nullcontext()
-    from vibroplat.study.loading import load_study
+    from vibroplat.study import load_study
     from vibroplat.system.workers import loading_workers
 
     return loading_workers(jobs, load_study, study, engine or "auto")

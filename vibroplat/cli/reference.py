@@ -1,4 +1,4 @@
-"""The commands ``new``, ``schema`` and ``columns``: a configuration to start from, and what keys and columns mean."""
+"""The commands ``new``, ``inspect``, ``schema`` and ``columns``: what needs no simulation."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from vibroplat.cli import common
 from vibroplat.errors import ConfigError, errors_about
 
 
@@ -64,3 +65,20 @@ def columns() -> None:
     from vibroplat.cli.data_dictionary import columns_page
 
     print(columns_page(), end="")
+
+
+def inspect(
+    config: Annotated[Path, typer.Argument(help="Configuration file (YAML).")], set_: common.Settings = None
+) -> None:
+    """Tell strokes, forces, resonances and starts before a run.
+
+    Formulas and averaged equations take a second; nothing is simulated or written. `vibroplat columns` has their
+    meanings, results/method.md how they compare with simulations.
+    """
+    from vibroplat.config.plausibility import notes_on_input
+    from vibroplat.results.answer import note_lines
+
+    scene = common.scene_of(config, set_, None)
+    print(scene.inspect())
+    for note in notes_on_input(scene):
+        print("\n".join(note_lines(note)))

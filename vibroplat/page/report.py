@@ -25,14 +25,13 @@ from vibroplat.page.orbits import MOST_SAMPLES, Motions, Mover, Progress
 from vibroplat.page.pictures import picture_html
 from vibroplat.page.results import differences, find_results, parameters
 from vibroplat.page.run import Course, course_of
-from vibroplat.page.sheet import sheet_html
 from vibroplat.page.tables import fold, hint, listing, parameters_html, table_html
 from vibroplat.results.answer import first_failures
 from vibroplat.results.picture import Picture, finite
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
 from vibroplat.results.run_answer import sync_text
-from vibroplat.results.sheet import Sheet
+from vibroplat.results.sheet import FURTHER, Row, Sheet
 from vibroplat.results.tables import replace_file, require_replaceable
 
 #: How a page begins, whatever wrote it.
@@ -317,3 +316,33 @@ def _inputs(scene: Scene) -> str:
     }
     lines = "".join(f"<li><span>{label}</span> {escape(text)}</li>" for label, text in rows.items())
     return f'<ul class="inputs">{lines}</ul>'
+
+
+def sheet_html(sheets: Sequence[Sheet], names: Sequence[str]) -> str:
+    """Return the data sheet of one run, or of several with a column for each."""
+    single = len(sheets) == 1
+    heads = ["", sheets[0].transient or "in operation", "largest, with start", "when"] if single else ["", *names]
+    groups = ""
+    for name in dict.fromkeys(name for one in sheets for name in one.groups if name != FURTHER):
+        found = [{row.label: row for row in one.groups.get(name, [])} for one in sheets]
+        labels = dict.fromkeys(label for rows in found for label in rows)
+        lines = "".join(_line(label, [rows.get(label, Row(label)) for rows in found]) for label in labels)
+        title = f'<tr class="group"><th scope="rowgroup" colspan="{len(heads)}">{escape(name)}</th></tr>'
+        groups += f"<tbody>{title}{lines}</tbody>"
+    if not groups:
+        return ""
+    head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
+    more = "" if single else hint("Pale: the largest value of the whole run, with its start.")
+    return f'<table class="sheet{"" if single else " several"}"><thead><tr>{head}</tr></thead>{groups}</table>{more}'
+
+
+def _line(label: str, rows: Sequence[Row]) -> str:
+    """Return a line: of a single run with what was largest and when, of several their values beside each other."""
+    cells = []
+    for row in rows:
+        cells.append(f"<b>{escape(row.now)}</b>" + (f" <small>{escape(row.also)}</small>" if row.also else ""))
+        if len(rows) == 1:
+            cells += [escape(row.most), escape(row.when)]
+        elif row.most:
+            cells[-1] += f' <small class="most">{escape(row.most)}</small>'
+    return f'<tr><th scope="row">{escape(label)}</th>{"".join(f"<td>{cell}</td>" for cell in cells)}</tr>'

@@ -9,7 +9,7 @@ from vibroplat.results.labels import plain
 from vibroplat.results.run_answer import headline as answer_of
 from vibroplat.results.sheet import Sheet
 
-#: Rows of the short data sheet that a figure tells, by how their labels begin.
+#: Rows of the short data sheet that the title of a figure shows, by the beginnings of their labels.
 _ROWS = {
     "motion": ("no steady", "stroke", "rotation", "throw index"),
     "conveying": ("no steady", "conveying"),
@@ -31,7 +31,7 @@ def headline(kind: str, runs: Sequence[Run]) -> str:
 
 
 def _told(kind: str, run: Run) -> Iterator[str]:
-    """Yield what a run does, or what its data sheet says of what a figure shows, with the largest of the whole run."""
+    """Yield the headline of a run, or the rows of its data sheet for a figure, with the maxima of the whole run."""
     if run.scene is None:
         return
     if kind not in _ROWS:

@@ -33,7 +33,7 @@ MOST_ENTRIES = 24
 TICK, TICK_ABOVE, LABEL = 0.65, 0.28, 13.5
 #: Lines of a legend that a figure has room for, and the height of another one (inch).
 LINES, LINE = 3, 0.2
-#: Letters of a legend, of a title and of what is told below it that an inch has room for; colour of the last.
+#: Characters per inch of a legend, of a title and of the text below the title; colour of this text.
 LETTERS, TITLE_LETTERS, TOLD_LETTERS, TOLD = 14.0, 11.5, 15.0, "#777777"
 
 _STYLE: Any = {
@@ -72,9 +72,9 @@ class Saving:
     form
         Format of the files.
     dpi
-        Dots per inch, also of what is drawn as dots in a PDF or SVG; that of the style if None.
+        Dots per inch, also of rasterized parts of a PDF or SVG. Default: that of the style.
     directory
-        Where they are saved; that of the result if None.
+        Where they are saved. Default: the directory of the result.
     """
 
     form: Form = "png"
@@ -133,7 +133,7 @@ def new_figure(
 
 
 def head(figure: Figure, title: str, told: str = "") -> None:
-    """Put what a figure shows above it, and below that, in grey, of what it is."""
+    """Put the title above a figure, and below the title, in grey, which result it shows."""
     _set_ticks(figure)
     for axis in figure.axes:
         room = axis.get_position().height * figure.get_figheight()
@@ -178,7 +178,7 @@ def _over(factor: float, value: float, _: int | None = None) -> str:
 
 
 def _wrapped(text: str, letters: float, least: int = 20) -> str:
-    """Break a text into lines of so many letters; a formula counts as one of them."""
+    """Break a text into lines of at most ``letters`` characters; a formula counts as one character."""
     formulas = iter(re.findall(_FORMULA, text))
     short = re.sub(_FORMULA, "\x00", text).replace("\x00 = ", "\x00\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}")
     short = short.replace(" … ", "\N{NO-BREAK SPACE}…\N{NO-BREAK SPACE}")
