@@ -180,6 +180,9 @@ def guard(t: float, y: int, yp: int, value: Any, data: Any) -> int:
 CALLBACKS = residual, jacobian
 SLIDING_CALLBACKS = sliding_residual, sliding_jacobian
 
+#: Addresses of IDAGetDky, of a solver's memory and of its vectors: what interpolates in its last step.
+Inside = tuple[int, int, int, int]
+
 #: The angle of exciter 1 as a form.
 ANGLE = (3, 1.0, 3, 0.0)
 
@@ -314,8 +317,8 @@ def advance(h: Automaton, n: Native) -> int:
     all_y, all_yp = n.y[mode], n.yp[mode]
     y, yp = all_y[:size], all_yp[:size]
     handle = n.handles[mode]
-    handles = (handle.memory, handle.y, handle.yp)
-    clock, solve, derivative = time.ctypes.data, n.functions.solve, n.functions.derivative
+    inside = (n.functions.derivative, handle.memory, handle.y, handle.yp)
+    clock, solve = time.ctypes.data, n.functions.solve
     while status.flag >= 0 and used.steps + MARGIN < rows:
         flag = call_int(solve, (handle.memory, until, clock, handle.y, handle.yp, np.int32(_ONE_STEP)))
         status.flag = flag
@@ -325,7 +328,7 @@ def advance(h: Automaton, n: Native) -> int:
             break
         ended = time[0] >= until
         if ended:  # ends never shorten steps: the last one goes beyond
-            interpolate_at(until, derivative, handles)
+            interpolate_at(until, inside)
             time[0] = until
         if not (finite(y) and finite(yp)):
             return NOT_FINITE
@@ -338,7 +341,7 @@ def advance(h: Automaton, n: Native) -> int:
         else:
             dips = guard >= 0 and (y[guard] < 0.0 or c[row, 1, guard] < 0.0 < yp[guard])
         if root_found or y[3] >= target or dips:
-            stop = end_within(h, root_found, forms, derivative, handles, y, yp)
+            stop = end_within(h, root_found, inside, y, yp)
             if stop >= 0:
                 return stop
         if ended:
@@ -355,28 +358,20 @@ def advance(h: Automaton, n: Native) -> int:
 
 
 @compiled
-def end_within(
-    h: Automaton,
-    root_found: bool,
-    forms: tuple[Form, Form],
-    derivative: int,
-    handles: tuple[int, int, int],
-    y: FloatArray,
-    yp: FloatArray,
-) -> int:
+def end_within(h: Automaton, root_found: bool, inside: Inside, y: FloatArray, yp: FloatArray) -> int:
     """Let the last step end where a guard falls or exciter 1 has the run's target: AT_GUARD or AT_TARGET, or −1."""
     run, steps = h.run, h.steps
     target, row = run.target - run.turns[0], steps.used.steps - 1
     system = run.systems[run.mode]
     stop, share = any_stop(h, GUARDS[system], root_found, target, y, yp)
     if stop == AT_TARGET:
-        share = interpolate_where(ANGLE, target, share, steps, derivative, handles, y, yp)
+        share = interpolate_where(ANGLE, target, share, steps, inside, y, yp)
         y[3] = target
     elif stop == AT_GUARD and SLIDES[system]:
-        share = interpolate_where(forms[run.fallen], 0.0, share, steps, derivative, handles, y, yp)
+        share = interpolate_where(guard_form(system, run.fallen, h.p), 0.0, share, steps, inside, y, yp)
     elif stop == AT_GUARD and not root_found:
         # the integrator's polynomial is smooth where slopes at the ends of a step carry errors of a stiff layer
-        interpolate_at(steps.start[row] + share * steps.length[row], derivative, handles)
+        interpolate_at(steps.start[row] + share * steps.length[row], inside)
     if stop == AT_TARGET or (stop == AT_GUARD and not root_found):
         end_at(steps, row, share, y)
     return stop
@@ -393,14 +388,7 @@ def may_fall(form: Form, c: FloatArray, row: int, y: FloatArray, yp: FloatArray)
 
 @compiled
 def interpolate_where(
-    form: Form,
-    value: float,
-    share: float,
-    steps: Steps,
-    derivative: int,
-    handles: tuple[int, int, int],
-    y: FloatArray,
-    yp: FloatArray,
+    form: Form, value: float, share: float, steps: Steps, inside: Inside, y: FloatArray, yp: FloatArray
 ) -> float:
     """Go to where the integrator says that a linear form of unknowns has a value, near a fraction of the last step.
 
@@ -409,19 +397,19 @@ def interpolate_where(
     first, weight, second, other = form
     row = steps.used.steps - 1
     start, length = steps.start[row], steps.length[row]
-    interpolate_at(start + share * length, derivative, handles)
+    interpolate_at(start + share * length, inside)
     for _ in range(2):
         rate = weight * yp[first] + other * yp[second]
         if rate != 0.0:
             away = weight * y[first] + other * y[second] - value
             share = min(max(share - away / (rate * length), 0.0), 1.0)
-        interpolate_at(start + share * length, derivative, handles)
+        interpolate_at(start + share * length, inside)
     return share
 
 
 @compiled
-def interpolate_at(t: float, derivative: int, handles: tuple[int, int, int]) -> None:
+def interpolate_at(t: float, inside: Inside) -> None:
     """Put unknowns and derivatives at a time inside the last step."""
-    memory, y, yp = handles
+    derivative, memory, y, yp = inside
     call_int(derivative, (memory, t, np.int32(0), y))
     call_int(derivative, (memory, t, np.int32(1), yp))
