@@ -52,6 +52,8 @@ BY_ROOM = [
         "run.zeros = 3 → run.zeros = 0",
         "if run.restarts >= max_restarts and run.now - h.recent[oldest] < run.period: → if run.restarts >= max_restarts:",
         "h.inelastic if -before < h.p.sticking_speed else h.p → h.p",
+        "if force <= run.force_error and rate < 0.0: → if force <= run.force_noise and rate < 0.0:",
+        "mode = SLIP_MINUS if run.fallen == 0 else SLIP_PLUS → mode = SLIP_PLUS if run.fallen == 0 else SLIP_MINUS",
     ]),
     # integrators
     ("integrate", [
@@ -60,6 +62,7 @@ BY_ROOM = [
         "form < max(e.bound[place] * followed.before, limits.near) → form < 1.0",
         "stop, status.resting = AT_TARGET, -1\n            length *= crossing(c, degree, 3, target, angle) → stop, status.resting = AT_TARGET, -1",
         "s.v[3 + status.resting, lane] = 0.0 → s.v[3 + status.resting, lane] = 1e-3",
+        "share - away / (rate * length) → share",
     ]),
     # what is observed
     ("observe motion", [
