@@ -37,9 +37,8 @@ def converges(scene):
     run show little.
     """
     exact = simulate(scene.replace({"solver": {"engine": "taylor", "tolerance": FINEST}}))
-    runs = [
-        simulate(scene.replace({"solver.tolerance": share * scene.solver.tolerance})) for share in (1.0, *FINER[:2])
-    ]
+    tolerances = [share * scene.solver.tolerance for share in (1.0, *FINER[:2])]
+    runs = [simulate(scene.replace({"solver.tolerance": tolerance})) for tolerance in tolerances]
     until = min(min(paired(run, exact).differ_s, run.summary["simulated_s"]) for run in runs)
     times = np.linspace(0.0, 0.9 * min(until, exact.summary["simulated_s"]), SAMPLES)
     there = [run(times)[["gap_m", "along_m", "y_m"]] for run in (exact, *runs)]
