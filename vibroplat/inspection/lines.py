@@ -205,7 +205,12 @@ def _synchronization(v: Numbers, load: str, synchronous: str) -> Iterator[str]:
     resting = [i for i in (1, 2) if not v[f"excitation_frequency_{i}_hz"]]
     yield f"exciter {resting[0]} comes to rest" if len(resting) == 1 else ""
     yield f"synchronous speeds {synchronous}" if none and not resting else ""
-    yield f"with material {v['loaded_expected']}" if v["loaded_expected"] and not none else ""
+    if v["loaded_expected"] and not none:
+        yield (
+            "with and without material"
+            if v["loaded_expected"] == v["expected"]
+            else f"with material {v['loaded_expected']}"
+        )
     yield v["coexisting"] and f"also {v['coexisting']}"
     yield f"holds torques {quantity(v['holding_torque_n_m'], 'N·m')} apart"
 

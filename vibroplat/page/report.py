@@ -18,6 +18,7 @@ import pandas as pd
 
 from vibroplat.config.digits import given, quantity, share
 from vibroplat.config.kinds import KINDS
+from vibroplat.config.plausibility import by_severity
 from vibroplat.config.scene import Scene
 from vibroplat.page.curves import Runs
 from vibroplat.page.machine import PLAY, as_json, drawing, machine_of
@@ -25,8 +26,8 @@ from vibroplat.page.orbits import MOST_SAMPLES, Motions, Mover, Progress
 from vibroplat.page.pictures import picture_html
 from vibroplat.page.results import differences, find_results, parameters
 from vibroplat.page.run import Course, course_of
-from vibroplat.page.tables import fold, hint, listing, parameters_html, table_html
-from vibroplat.results.answer import first_failures
+from vibroplat.page.tables import aligned, fold, hint, listing, parameters_html, table_html
+from vibroplat.results.answer import first_failures, noted
 from vibroplat.results.picture import Picture, finite
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
@@ -182,23 +183,23 @@ class Report:
         """Return the answer of a result, what failed before it."""
         answer, check, more = one.answer, one.provenance.get("check") or {}, ""
         headline = answer.headline.removeprefix(f"{one.scene.name}: ")
-        headline = headline[:1].upper() + headline[1:]
+        if "." not in headline.partition(" ")[0]:  # which would be a key
+            headline = headline[:1].upper() + headline[1:]
         failures = [*check.get("disagreements", ()), *answer.failures]
-        bad, look = bool(failures), "short"
+        bad, short = bool(failures), aligned(answer.short) if answer.short else ""
         if isinstance(one, RunResult):
             differ = (one.summary.get("check") or {}).get("agrees") is False
-            failures, look = [*failures, *["engines disagree"] * differ], "more"
-            short = "; ".join(f"{label.replace(',', '')} {value}" for label, value, _ in self.sheets[one].short())
-            short = short[:1].upper() + short[1:]
+            failures = [*failures, *["engines disagree"] * differ]
+            facts = "; ".join(f"{label.replace(',', '')} {value}" for label, value, _ in self.sheets[one].short())
+            short = f'<p class="more">{escape(facts[:1].upper() + facts[1:])}</p>' if facts else ""
             bad = bool(failures or one.summary.get("captured_by"))
-        else:
-            short = "\n".join(answer.short)
         if failures:
             more = f'<p class="more">{escape(headline)}</p>'
             headline = "; ".join(first_failures(failures))
-        more += f'<p class="{look}">{escape(short)}</p>' if short else ""
-        notes = "".join(f'<ul class="notes"><li><b>Note:</b> {escape(note)}</li></ul>' for note in answer.notes)
-        return f'<p class="answer{" bad" * bad}{" run" * (name != "")}">{name}{escape(headline)}</p>{more}{notes}'
+        told = [noted(note).partition(": ") for note in by_severity(answer.notes)]
+        notes = "".join(f"<li><b>{what.capitalize()}:</b> {escape(note)}</li>" for what, _, note in told)
+        more += short + f'<ul class="notes">{notes}</ul>' * bool(notes)
+        return f'<p class="answer{" bad" * bad}{" run" * (name != "")}">{name}{escape(headline)}</p>{more}'
 
     # -- runs ---------------------------------------------------------------------------------------
 
