@@ -33,10 +33,10 @@ BY_ROOM = [
         "response[5] = 1.0 / p.lower_mass - response[1] → response[5] = 1.0 / p.lower_mass + response[1]",
         "upper = p.upper_mass * damping[4] * squares → upper = damping[4] * squares",
         "heights - unbalance(0, state, p).x - unbalance(1, state, p).x → heights - unbalance(0, state, p).x",
-        "inertias[i] - acting[i] → inertias[i] + acting[i]",
+        "inertias[i] - acting[i]\n → inertias[i] + acting[i]\n",
         "- p.deck[1] * net_2 → + p.deck[1] * net_2",
         "jac[n + 2, row] += p.deck[i] * slope → jac[n + 2, row] -= p.deck[i] * slope",
-        "motor - held, truncated → motor, truncated",
+        "total(total(motor - held)) → total(total(motor))",
     ]),
     ("model config", [
         "exciters[1].position_m or (-x, y) → exciters[1].position_m or (x, y)",
@@ -49,17 +49,22 @@ BY_ROOM = [
         "speed * duration <= math.sqrt(tolerance) → speed * duration <= tolerance",
         "return ATTACH if pressed else FLY → return FLY",
         "before = min(run.state[GAP_RATE], 0.0) → before = run.state[GAP_RATE]",
-        "run.zeros = 3 → run.zeros = 0",
+        "run.zeros = 3  # gap, its rate and its acceleration\n    add_event → run.zeros = 0\n    add_event",
+        "run.zeros = 3  # gap, its rate and its acceleration\n    add_sliding_event → run.zeros = 0\n    add_sliding_event",
         "if run.restarts >= max_restarts and run.now - h.recent[oldest] < run.period: → if run.restarts >= max_restarts:",
-        "h.inelastic if -before < h.p.sticking_speed else h.p → h.p",
+        "h.inelastic if -before < h.p.sticking_speed else h.p\n    impulse → h.p\n    impulse",
+        "h.inelastic if -before < h.p.sticking_speed else h.p\n    blow → h.p\n    blow",
+        "if force <= run.force_error and rate < 0.0: → if force <= run.force_noise and rate < 0.0:",
+        "mode = SLIP_MINUS if run.fallen == 0 else SLIP_PLUS → mode = SLIP_PLUS if run.fallen == 0 else SLIP_MINUS",
     ]),
     # integrators
     ("integrate", [
-        "return greater(float(k) * largest(greater(first, second)) → return greater(largest(greater(first, second))",
+        "return greater(float(k) * largest(coordinates) → return greater(largest(coordinates)",
         "good = (worst <= greater(s.noise, MAX_DEFECT)) → good = (worst <= greater(s.noise, 1e9))",
         "form < max(e.bound[place] * followed.before, limits.near) → form < 1.0",
         "stop, status.resting = AT_TARGET, -1\n            length *= crossing(c, degree, 3, target, angle) → stop, status.resting = AT_TARGET, -1",
         "s.v[3 + status.resting, lane] = 0.0 → s.v[3 + status.resting, lane] = 1e-3",
+        "share - away / (rate * length) → share",
     ]),
     # what is observed
     ("observe motion", [
