@@ -1,15 +1,20 @@
 """What commands print: the answer in the first line, twelve lines at most, all with -v, for every configuration."""
 
+from pathlib import Path
+
+import pandas as pd
 import pytest
 from common.places import ROOT
 
 from vibroplat import load_config
 from vibroplat.cli.common import print_answer
 from vibroplat.config.kinds import KINDS
+from vibroplat.config.plausibility import HINT, by_severity
 from vibroplat.plots.command import families
 from vibroplat.results.answer import MAX_LINES, Answer, first_failures, of_both
 from vibroplat.results.run_answer import headline
 from vibroplat.results.sheet import FURTHER, POINTS, Sheet, all_lines, short_lines
+from vibroplat.study.sweep import notes_on_points
 
 #: Most characters of a line that is printed in the directory of the results.
 WIDEST = 110
@@ -90,6 +95,31 @@ def test_notes_take_the_room_that_is_left():
     assert answer.full()[-5:] == [f"note: {note}" for note in notes]
 
 
+def test_notes_that_put_no_number_in_doubt_come_last():
+    stiff, wrong = f"{HINT}another engine is faster", "5 % of the stroke is a transient"
+    assert by_severity([stiff, "an unusual mass", wrong]) == ["an unusual mass", wrong, stiff]
+    assert Answer(headline="what it is", notes=[wrong, stiff]).brief()[1:] == [f"  note: {wrong}", f"  {stiff}"]
+    table = pd.DataFrame({"mass": [1.0, 2.0], "notes": [stiff, f"{stiff}; {wrong}"], "motion": "x", "outcome": "ok"})
+    assert notes_on_points(table) == [
+        f"{HINT}2 points at mass 1 … 2, the first: another engine is faster",
+        f"1 point at mass 2: {wrong}",
+    ]
+
+
+def test_all_of_a_finished_result_is_printed_without_computing_it_anew(command, kernels, here):
+    file, short = ROOT / "configs/quickstart.yaml", ("--set", "run.duration_s=0.5")
+    command("run", file, *short)
+    made = Path("results/quickstart/run/provenance.json").read_bytes()
+    again = command("run", file, *short, "-v")
+    assert "results/quickstart/run: computed before; next: " in again.out
+    assert "\nliftoffs, impacts, chatters " in again.out
+    assert Path("results/quickstart/run/provenance.json").read_bytes() == made
+    assert "computed before" not in command("run", file, "--set", "run.duration_s=0.6", "-v").out
+    swept = ("--set", "sweep.supply_frequency_hz={start: 48, stop: 50, step: 1}", "--set", "sweep.grid={}")
+    assert "computed before" not in command("sweep", file, *swept, "-v").out
+    assert "results/quickstart/sweep: computed before; next: " in command("sweep", file, *swept, "-v").out
+
+
 def test_an_answer_of_a_former_version_is_printed_whole():
     former = Answer.from_tree({"lines": {"points": "8"}, "text": ["a band"], "notes": ["look"], "failures": []})
     assert former.brief(3) == [f"{'points':<28}8", "a band", "note: look"]
@@ -105,7 +135,7 @@ def test_a_print_with_failures_and_a_check_keeps_within_its_lines(capsys, here):
     assert brief.out.startswith("what it is\n  line\n")
     assert len(brief.out.splitlines()) + len(brief.err.splitlines()) == MAX_LINES
     assert "wall time" not in brief.out
-    print_answer(answer, here, "plot", verbose=True, reused=3)
+    print_answer(answer, here, "plot", verbose=True, reused="3 tasks from before")
     told = capsys.readouterr().out
     assert "wall time                   1 s\nmore\nnote: look\n" in told
     assert told.endswith(f"{here}: 3 tasks from before; next: vibroplat plot\n")
@@ -162,9 +192,7 @@ def test_a_motor_that_is_switched_off_and_stops_has_no_steady_numbers(runs):
     program = [{"t_s": 0.0, "supply_frequency_hz": 51.5}, {"t_s": 0.01, "exciter_2": "off"}]
     off = run.scene.replace({"drive.program": program})
     stops = run.summary | {"frequency_split_hz": 20.0, "speed_ripple_2_hz": 16.0, "phase_coherence": 0.1}
-    told = (
-        "quickstart: motor 2 is switched off and its exciter is stopping: exciters at 35.74 Hz and 15.74 Hz in the mean"
-    )
+    told = "quickstart: motor 2 is off, its exciter is stopping: exciters at 35.74 Hz and 15.74 Hz in the mean"
     assert headline(off, stops) == told
     first = short_lines(Sheet(off, stops))[0]
     assert first.startswith("no steady motion ")

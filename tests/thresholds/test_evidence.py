@@ -10,7 +10,7 @@ from common.commands import command as run_command
 from vibroplat import Scene, find, load_config
 from vibroplat.config.study_plans import FindPlan
 from vibroplat.study.point import SweepPoint, failed_record
-from vibroplat.thresholds import search
+from vibroplat.thresholds import picture, search
 from vibroplat.thresholds.evidence import (
     DISTANCES,
     PAIRS,
@@ -197,16 +197,16 @@ def test_the_answer_is_the_value_beyond_which_all_hold_then_the_mixed_interval(k
     assert row["tried_above"] > 40
     assert (tried["rms_y_m"] > 0.5).all()
     first, (mixed, below) = found.answer.headline, found.answer.short
-    assert first.startswith(f"{KEY}: above 66.")
-    assert (
-        f": rms_y_m > 0.5 is true at all {row['tried_above']} values tried up to {row['tried_up_to']:.6g}, with "
-        in first
+    assert first.startswith(
+        f"{KEY} above 66.5 N·m: rms_y_m > 0.5 at all {row['tried_above']} values tried up to 89.68; "
     )
-    assert " seeds; " in first
     assert first.endswith(" further values have no clear outcome")
-    assert mixed.startswith("mixed from 3")
-    assert below.startswith("below 3")
-    assert "rms_y_m > 0.5 is false at all" in below
+    assert mixed.startswith("mixed from 31.0 N·m to 66.5 N·m: ")
+    assert below.startswith("below 31.0 N·m: not rms_y_m > 0.5 at all")
+    assert " seeds" in found.answer.lines["values"]
+    (drawn,) = picture.pictures([found])
+    assert drawn.title == f"Mixed{mixed.removeprefix('mixed')}", "no sharp value"
+    assert [line.label for line in drawn.lines] == ["rms_y_m > 0.5"], "no line at a value in the mixed interval"
 
 
 def test_far_from_a_mixed_interval_another_engine_must_agree(known):

@@ -1,5 +1,6 @@
 """Thresholds of a key: starts through a resonance, stability that is lost, levels, and what is no threshold."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -40,7 +41,10 @@ def test_the_smallest_torque_that_passes_the_resonance_is_told_by_where_the_moti
     assert 0.0 < row["above"] - row["below"] <= 1e-4
     assert (row["below_sync"], row["above_sync"]) == ("antiphase", "in-phase")
     assert found.scan["motor.critical_torque_n_m"].is_monotonic_increasing
-    below, above = found.answer.short
+    below, above, takes = found.answer.short
+    assert re.fullmatch(
+        r"starts in \d\.\d s at 1.529\d+ N·m, 4.4 s at 1.68 N·m; below it hangs for ever, on a stable orbit", takes
+    )
     assert found.answer.headline.startswith("motor.critical_torque_n_m = 1.52954 ± ")
     assert found.answer.headline.endswith(" N·m: jump")
     assert below.startswith("below  antiphase, period 1: ")

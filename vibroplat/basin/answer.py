@@ -10,6 +10,7 @@ import pandas as pd
 from vibroplat.basin.attractors import AttractorSet
 from vibroplat.basin.rates import ALPHA, CHAOTIC, TRANSIENT_MOTIONS, clopper_pearson, shares_over
 from vibroplat.config.digits import number, share
+from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import BasinsPlan
 from vibroplat.results.answer import Answer, counted, in_columns
@@ -126,7 +127,7 @@ def _turns(number: float) -> str:
 def _notes(plan: BasinsPlan, table: pd.DataFrame, found: Sequence[AttractorSet]) -> list[str]:
     """Return warnings."""
     least = clopper_pearson(0, plan.number)[1]
-    notes = [f"attractors that attract less than {share(least)} of the initial conditions may have been missed"]
+    notes = [f"{HINT}attractors that attract less than {share(least)} of the initial conditions may have been missed"]
     if table["motion"].isin(TRANSIENT_MOTIONS).any():
         notes.append(
             f"motions that did not converge to an orbit within {plan.max_turns} turns were grouped by windows of "

@@ -18,6 +18,7 @@ from vibroplat.system.terminal import compilation_progress
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
     from vibroplat.results.answer import Answer
+    from vibroplat.results.result import Result
     from vibroplat.study.store import Store
 
 # -- options ----------------------------------------------------------------------------------------------
@@ -109,7 +110,7 @@ def workers_of(study: str, engine: str | None, jobs: int | None, scheduler: str 
     """Let worker processes load a study while this command does."""
     if jobs == 1 or scheduler is not None:
         return nullcontext()
-    from vibroplat.study.loading import load_study
+    from vibroplat.study import load_study
     from vibroplat.system.workers import loading_workers
 
     return loading_workers(jobs, load_study, study, engine or "auto")
@@ -162,6 +163,18 @@ def require_scheduler(address: str | None) -> None:
         cluster.require_scheduler(address)
 
 
+def finished(
+    directory: Path, command: str, scene: Scene, form: str, origin: dict[str, Any] | None = None
+) -> Result | None:
+    """Return a command's result in its directory if the same code computed it from the same scene; None otherwise."""
+    from vibroplat.results.files import commands_in
+    from vibroplat.results.provenance import is_current
+    from vibroplat.results.run import load
+
+    found = load(directory, command) if command in commands_in(directory) and any(directory.glob(f"*.{form}")) else None
+    return found if found is not None and is_current(found.provenance, scene, origin) else None
+
+
 # -- what is printed ----------------------------------------------------------------------------------------
 
 
@@ -180,7 +193,7 @@ def print_answer(
     verbose: bool,
     failures: Sequence[str] = (),
     check: Mapping[str, str] | None = None,
-    reused: int = 0,
+    reused: str = "",
 ) -> None:
     """Print the answer of a command, where its files are and what to do next; failures on standard error.
 
@@ -199,7 +212,7 @@ def print_answer(
     check
         What a cross-check found: labels and texts.
     reused
-        Number of tasks that were computed before.
+        What was computed before.
     """
     from vibroplat.results.answer import MAX_LINES, labelled
 
@@ -208,8 +221,8 @@ def print_answer(
         lines = [*answer.full(), *labelled(check or {})]
     else:
         lines = [*answer.brief(MAX_LINES - 1 - len(checked) - len(failures)), *checked]
-    last = [f"{reused} tasks from before"] if reused else []
-    last += [*([] if verbose else ["-v prints all"]), f"next: vibroplat {after}"]
+    again = "" if verbose else "again with -v: all"
+    last = filter(None, (reused, again, f"next: vibroplat {after}"))
     print(*lines, f"{directory}: {'; '.join(last)}", sep="\n", flush=True)
     for line in failures:
         print(f"vibroplat: {line}", file=sys.stderr)

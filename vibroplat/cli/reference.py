@@ -1,14 +1,19 @@
-"""The commands ``new``, ``schema`` and ``columns``: a configuration to start from, and what keys and columns mean."""
+"""The commands ``new``, ``inspect``, ``schema`` and ``columns``: what needs no simulation."""
 
 from __future__ import annotations
 
 import shlex
+import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
+from vibroplat.cli import common
 from vibroplat.errors import ConfigError, errors_about
+
+#: Most lines of notes below those of the inspection.
+MAX_NOTES = 4
 
 
 def new(
@@ -17,8 +22,8 @@ def new(
         Literal["rig", "screen", "feeder", "inclined-screen", "heavy-screen"],
         typer.Option(
             "--template",
-            help="Machine: a small test rig, a 1.2 t screen, a feeder or an inclined screen that conveys, "
-            "or a 4.5 t screen.",
+            help="rig: 12.5 kg, 4-pole motors. screen: 1.2 t, 4-pole. feeder: 0.6 t, 6-pole, conveys. inclined-screen: "
+            "1.2 t, 4-pole, conveys. heavy-screen: 4.5 t, 6-pole.",
         ),
     ] = "rig",
     full: Annotated[bool, typer.Option("--full", help="Write all keys with their meanings.")] = False,
@@ -64,3 +69,21 @@ def columns() -> None:
     from vibroplat.cli.data_dictionary import columns_page
 
     print(columns_page(), end="")
+
+
+def inspect(
+    config: Annotated[Path, typer.Argument(help="Configuration file (YAML).")],
+    set_: common.Settings = None,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print all notes.")] = False,
+) -> None:
+    """Tell strokes, forces, resonances and starts before a run.
+
+    Formulas and averaged equations take a second; nothing is simulated or written. `vibroplat columns` has their
+    meanings, results/method.md how they compare with simulations.
+    """
+    from vibroplat.config.plausibility import by_severity, notes_on_input
+    from vibroplat.results.answer import notes_within
+
+    scene = common.scene_of(config, set_, None)
+    notes = by_severity(notes_on_input(scene))
+    print(scene.inspect(), *notes_within(notes, sys.maxsize if verbose else MAX_NOTES), sep="\n")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
     from vibroplat.motion.initial_condition import Start
     from vibroplat.motion.recorder import Files
+    from vibroplat.results.result import Result
     from vibroplat.results.run import RunResult
 
 
@@ -47,6 +49,9 @@ def run(
                 f"run.initial.from = {source!r} is also the directory of the new run; allowed: another name"
             )
     directory = common.command_directory(out, scene.name, "run")
+    known = common.finished(directory, "run", scene, format_, start.origin) if verbose and not check else None
+    if known is not None:
+        return _print(known, known.documents["summary"], directory, verbose=True, reused="computed before")
     common.announce_first_run(scene.solver.engine)
     from vibroplat.observe.tables import require_room
 
@@ -62,8 +67,21 @@ def run(
         origin = provenance(scene, summary["engine"], result.origin)
         tables = {"trajectory": trajectory, "events": events}
         write_result(directory, "run", origin, tables, {"summary": summary}, form=format_)
+    return _print(result, summary, directory, found, verbose=verbose)
+
+
+def _print(
+    result: Result,
+    summary: Mapping[str, Any],
+    directory: Path,
+    found: RunCheck | None = None,
+    *,
+    verbose: bool,
+    reused: str = "",
+) -> None:
+    """Print the answer of a run; exit with 1 if it failed, or if two engines disagree."""
     failures = list(result.answer.failures)
-    if ", state [" in result.summary["detail"]:
+    if ", state [" in summary["detail"]:
         failures[0] += f"; {directory / 'summary.json'} contains the state at that time"
     if found is not None and not found.agrees:
         failures.append(f"engines disagree {found.disagreement}")
@@ -74,6 +92,7 @@ def run(
         verbose=verbose,
         failures=failures,
         check=None if found is None else found.lines(),
+        reused=reused,
     )
     if failures:
         raise typer.Exit(1)

@@ -23,6 +23,17 @@ def require_consistent(scene: Any) -> None:
     _require_possible_state(scene)
 
 
+def given_by_exciters(scene: Any) -> set[str]:
+    """Return the keys of the machine that the exciters give instead, each for itself."""
+    exciters = scene.exciters or ()
+    found = set(OF_EXCITERS) if exciters else set()
+    if exciters and all(exciter.unbalance_mass_kg for exciter in exciters):
+        found.add("unbalance_mass_kg")
+    if exciters and all(exciter.position_m for exciter in exciters):
+        found |= {"exciter_distance_m", "exciter_angle_deg"}
+    return found
+
+
 def _require_exciters_once(scene: Any) -> None:
     """Refuse numbers of exciters, or phases, that are given in two ways or do not go with the rotation."""
     for name in OF_EXCITERS if scene.exciters is not None else ():

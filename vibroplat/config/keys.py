@@ -12,8 +12,8 @@ from textwrap import wrap
 from typing import Any, NamedTuple
 
 from vibroplat.columns import unit_of
+from vibroplat.config.consistency import given_by_exciters
 from vibroplat.config.kinds import KINDS
-from vibroplat.config.plausibility import given_by_exciters
 from vibroplat.config.reader import configurations, load_tree
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import MAX_ANGLE, MAX_SIZE, MIN_SIZE, Node, in_lists, nodes

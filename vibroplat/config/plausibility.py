@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
+from vibroplat.config.consistency import given_by_exciters
 from vibroplat.config.digits import given, number, quantity
 from vibroplat.config.scene import Scene
-from vibroplat.config.sections import OF_EXCITERS, Exciter, Motor
+from vibroplat.config.sections import Exciter, Motor
 
 #: Torque over the weight's largest moment m r g that carries an unbalance which hangs past its upper position in one
 #: swing: the largest (1 - cos a)/a. With less it swings, more each time if the torque grows with the speed, or stays.
@@ -32,6 +33,14 @@ LARGE_PHASE, LARGE_DISTANCE = 6.3, 10.0
 INERTIA = "rotor_inertia_kg_m2"
 #: Most keys that were left out and are all named.
 MAX_NAMED = 3
+#: How notes begin that put no number in doubt: they come last.
+HINT = "hint: "
+#: Axes of the platform with the ends of the names of its springs and dampers.
+_AXES = (
+    ("x", "stiffness_x_n_per_m", "damping_x_n_s_per_m"),
+    ("y", "stiffness_y_n_per_m", "damping_y_n_s_per_m"),
+    ("phi", "stiffness_phi_n_m_per_rad", "damping_phi_n_m_s_per_rad"),
+)
 
 
 class UsualRange(NamedTuple):
@@ -60,10 +69,15 @@ class UsualRange(NamedTuple):
 def notes_on_input(scene: Scene) -> list[str]:
     """Say what is unusual in a scene, and which numbers of machine and motors it takes by default, in one line each."""
     found = [_note_if_unusual(quantity, scene) for quantity in quantities(scene)]
-    found.append(_note_on_defaults("machine", scene.machine, given_by_exciters(scene)))
-    found += [_note_on_defaults(name, motor, motor.replaced()) for name, motor in _motors(scene)]
-    found += [*_weak_motors(scene), _unequal_motors(scene), _steep_deck(scene)]
+    found += [*_weak_motors(scene), _unequal_motors(scene), _steep_deck(scene), _undamped(scene), _replaced(scene)]
+    motors = [(name, motor, motor.replaced()) for name, motor in _motors(scene)]
+    found += _notes_on_defaults([("machine", scene.machine, given_by_exciters(scene)), *motors])
     return [note for note in found if note]
+
+
+def by_severity(notes: Iterable[str]) -> list[str]:
+    """Return notes in their order, those last that put no number in doubt."""
+    return sorted(notes, key=lambda note: note.startswith(HINT))
 
 
 def notes_on_inputs(scenes: Iterable[Scene]) -> list[str]:
@@ -93,16 +107,11 @@ def notes_on_plan(scene: Scene, kind: str) -> list[str]:
 def quantities(scene: Scene) -> Iterator[UsualRange]:
     """Yield what of a scene has a usual range."""
     machine, material, drive, initial = scene.machine, scene.material, scene.drive, scene.run.initial
-    springs = (
-        ("x", "stiffness_x_n_per_m", "damping_x_n_s_per_m"),
-        ("y", "stiffness_y_n_per_m", "damping_y_n_s_per_m"),
-        ("phi", "stiffness_phi_n_m_per_rad", "damping_phi_n_m_s_per_rad"),
-    )
     oscillators = scene.oscillators.T.tolist()
-    for (axis, spring, _), (mass, _, stiffness) in zip(springs, oscillators, strict=True):
+    for (axis, spring, _), (mass, _, stiffness) in zip(_AXES, oscillators, strict=True):
         frequency = math.sqrt(stiffness / mass) / (2.0 * math.pi) if stiffness > 0.0 else None
         yield UsualRange(frequency, 1.0, 150.0, "Hz", (f"machine.{spring}",), f"natural frequency {{}} in {axis}")
-    for (axis, _, damper), (mass, damping, stiffness) in zip(springs, oscillators, strict=True):
+    for (axis, _, damper), (mass, damping, stiffness) in zip(_AXES, oscillators, strict=True):
         keys = (f"machine.{damper}", *(["contact.viscous_per_mass_per_s"] if axis == "y" else []))
         ratio = _damping_ratio(damping, stiffness, mass)
         yield UsualRange(ratio or None, SMALL_DAMPING, 1.0, "", keys, f"damping ratio {{}} in {axis}")
@@ -191,20 +200,33 @@ def _steep_deck(scene: Scene) -> str:
     )
 
 
+def _undamped(scene: Scene) -> str:
+    """Return the note on springs of the platform without any damping, or an empty text; material damps y."""
+    axes = zip(_AXES, scene.oscillators.T.tolist(), strict=True)
+    undamped = {
+        f"machine.{key}": 0.02 * math.sqrt(stiffness * mass)
+        for (axis, _, key), (mass, damping, stiffness) in axes
+        if stiffness and not damping and not (axis == "y" and scene.has_contact)
+    }
+    if not undamped:
+        return ""
+    keys, enough = ", ".join(undamped), ", ".join(map(number, undamped.values()))
+    return (
+        f"{keys} = 0: free vibrations hardly decay there, so all numbers contain what the start left of them; "
+        f"{enough} would be 1 % of critical damping"
+    )
+
+
+def _replaced(scene: Scene) -> str:
+    """Return the note on keys of the machine that are given and have no effect, or an empty text."""
+    keys = sorted(given_by_exciters(scene) & scene.machine.model_fields_set)
+    told = ", ".join(f"machine.{key} = {given(getattr(scene.machine, key))}" for key in keys)
+    return f"no effect of {told}: each exciter has its own value, which counts" if keys else ""
+
+
 def _damping_ratio(damping: float, stiffness: float, mass: float) -> float | None:
     """Damping ratio of a mass on a spring and a damper; None without a spring."""
     return 0.5 * damping / (math.sqrt(stiffness) * math.sqrt(mass)) if stiffness > 0.0 else None
-
-
-def given_by_exciters(scene: Scene) -> set[str]:
-    """Return the keys of the machine that the exciters give instead, each for itself."""
-    exciters = scene.exciters or ()
-    found = set(OF_EXCITERS) if exciters else set()
-    if exciters and all(exciter.unbalance_mass_kg for exciter in exciters):
-        found.add("unbalance_mass_kg")
-    if exciters and all(exciter.position_m for exciter in exciters):
-        found |= {"exciter_distance_m", "exciter_angle_deg"}
-    return found
 
 
 def _motors(scene: Scene) -> Iterator[tuple[str, Motor]]:
@@ -247,18 +269,21 @@ def _in_unit(value: float, unit: str) -> str:
     return f"{value:.2e} {unit}".rstrip() if abs(value) >= MAX_PLAIN else f"{number(value)} {unit}".rstrip()
 
 
-def _note_on_defaults(name: str, section: BaseModel, elsewhere: Collection[str] = ()) -> str:
-    """Return the note on keys of a section that are not given, or an empty text if there are none.
+def _notes_on_defaults(sections: Iterable[tuple[str, BaseModel, Collection[str]]]) -> list[str]:
+    """Return the notes on keys of sections that are not given; sections that lack the same have one note.
 
-    Optional keys need not be given, nor those that are given ``elsewhere``.
+    Optional keys need not be given, nor those that are given elsewhere, which come with each section.
     """
-    fields = type(section).model_fields.items()
-    keys = [key for key, field in fields if field.default is not None and key not in UNIVERSAL_KEYS | {*elsewhere}]
-    missing = [key for key in keys if key not in section.model_fields_set]
-    if not missing:
-        return ""
-    several = len(missing) > MAX_NAMED
-    *first, last = (missing[0], f"{len(missing) - 1} more keys") if several else missing
-    which = f"{', '.join(first)} and {last}" if first else last
-    what = "no key given" if not section.model_fields_set else f"{which} not given"
-    return f"{name}: {what}; taken from the paper's test rig"
+    found: dict[str, list[str]] = {}
+    for name, section, elsewhere in sections:
+        fields = type(section).model_fields.items()
+        keys = [key for key, field in fields if field.default is not None and key not in UNIVERSAL_KEYS | {*elsewhere}]
+        missing = [key for key in keys if key not in section.model_fields_set]
+        if not missing:
+            continue
+        several = len(missing) > MAX_NAMED
+        *first, last = (missing[0], f"{len(missing) - 1} more keys") if several else missing
+        which = f"{', '.join(first)} and {last}" if first else last
+        what = "no key given" if not section.model_fields_set else f"{which} not given"
+        found.setdefault(what, []).append(name)
+    return [f"{' and '.join(names)}: {what}; taken from the paper's test rig" for what, names in found.items()]

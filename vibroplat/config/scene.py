@@ -19,7 +19,7 @@ from pydantic import BaseModel, Field, ValidationError, ValidationInfo, model_va
 from vibroplat.config.arguments import instance_of
 from vibroplat.config.body import RigidBody, rigid_body
 from vibroplat.config.computation import Output, Solver
-from vibroplat.config.consistency import require_consistent
+from vibroplat.config.consistency import given_by_exciters, require_consistent
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.drive import Drive
 from vibroplat.config.plans import OrbitsPlan, SweepPlan
@@ -402,9 +402,8 @@ class Scene(Section):
         """Return all keys as nested plain values, including defaults; the inverse of :meth:`from_tree`."""
         tree = self.model_dump(mode="json", exclude_none=True, by_alias=True)
         self.leave_out_replaced(tree)
-        if self.exciters is not None:
-            for name in OF_EXCITERS:
-                del tree["machine"][name]
+        for name in given_by_exciters(self):
+            del tree["machine"][name]
         return tree
 
     @classmethod

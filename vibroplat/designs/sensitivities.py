@@ -11,6 +11,7 @@ import pandas as pd
 from vibroplat.columns import TEXT, Column, Columns
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import SweepPlan
+from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import did_you_mean, in_lists, nodes
 from vibroplat.continuation.newton import NoConvergenceError
@@ -101,7 +102,7 @@ def tolerances_of_keys(scene: Scene, given: Mapping[str, float]) -> tuple[dict[s
         known = found.keys() | given.keys() | {GRAVITY}
         left = [k for k in _given_keys(scene, name) if not {k, in_lists(k.split("."))} & known]
         if left:
-            notes.append(f"no tolerance: {', '.join(left)} (0, no number, unused, or no such values allowed)")
+            notes.append(f"{HINT}no tolerance: {', '.join(left)} (0, no number, unused, or no such values allowed)")
     return found | {key: share for key, share in given.items() if key not in SECTIONS}, notes
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from vibroplat.columns import unit_of
 from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, quantity, share, spread
 from vibroplat.config.plausibility import SWING_TORQUE_RATIO
-from vibroplat.inspection.conveying import BANDS, ERROR, STRAIGHT
+from vibroplat.inspection.material import BANDS, ERROR, STRAIGHT
 from vibroplat.results.answer import of_both
 
 Numbers = Mapping[str, Any]
@@ -205,7 +205,12 @@ def _synchronization(v: Numbers, load: str, synchronous: str) -> Iterator[str]:
     resting = [i for i in (1, 2) if not v[f"excitation_frequency_{i}_hz"]]
     yield f"exciter {resting[0]} comes to rest" if len(resting) == 1 else ""
     yield f"synchronous speeds {synchronous}" if none and not resting else ""
-    yield f"with material {v['loaded_expected']}" if v["loaded_expected"] and not none else ""
+    if v["loaded_expected"] and not none:
+        yield (
+            "with and without material"
+            if v["loaded_expected"] == v["expected"]
+            else f"with material {v['loaded_expected']}"
+        )
     yield v["coexisting"] and f"also {v['coexisting']}"
     yield f"holds torques {quantity(v['holding_torque_n_m'], 'N·m')} apart"
 

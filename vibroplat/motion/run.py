@@ -188,11 +188,11 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
     notes = [
         _settling(moved),
         _unbalanced(scene, measures),
-        *notes_on_input(scene),
         *notes_on_measures(scene, measures),
         drift(measures) if all(scene.driven(measures["measured_from_s"], measures["measured_to_s"])) else "",
         change(scene, measures, start),
         symmetry(scene, {axis: whole[f"whole_stroke_{axis}_m"] for axis in "xy"}, start, motion.now),
+        *notes_on_input(scene),
         stiffness(scene, engine.name, engine.work["steps"], motion.restarts, seconds),
     ]
     return {

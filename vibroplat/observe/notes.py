@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from vibroplat.config.digits import given, number, quantity, share
+from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
 from vibroplat.frames import pd
 from vibroplat.kernels.engines import uses_sundials
@@ -22,6 +23,8 @@ from vibroplat.observe.data_sheet import steady_supply
 LARGE_ROTATION = 0.1
 #: Slip over critical slip above which a motor counts as captured: it gives more than 0.6 of its critical torque.
 CAPTURED = 1.0 / 3.0
+#: How the notes end on an exciter that stays far below its synchronous speed.
+HELPS_START = "more torque or a longer run may help"
 #: Change of the phase difference over the measured part (rad) above which it is noted.
 DRIFTING = 0.1
 #: Tolerance of SUNDIALS above which impacts that amplify errors make measures inaccurate: with a restitution of 0.99
@@ -154,8 +157,7 @@ def capture(exciter: int, speed: float, synchronous: float, critical_slip: float
         return ""
     return (
         f"exciter {exciter} turns at {quantity(speed, 'Hz')}, {share(slip)} below its synchronous speed "
-        f"{quantity(synchronous, 'Hz')}: captured by a resonance, overloaded or still running up, and more torque or a "
-        "longer run may help"
+        f"{quantity(synchronous, 'Hz')}: captured by a resonance, overloaded or still running up, and {HELPS_START}"
     )
 
 
@@ -175,8 +177,8 @@ def stiffness(scene: Scene, engine: str, steps: int | None, restarts: int, secon
     if engine != "taylor" or not steps or steps <= STIFF * needed:
         return ""
     return (
-        f"engine taylor takes {number(steps / needed, 2)} times the steps that the excitation needs, because a layer, "
-        "a motor or the suspension is stiff: solver.engine = native is likely to be faster"
+        f"{HINT}engine taylor takes {number(steps / needed, 2)} times the steps that the excitation needs, because a "
+        "layer, a motor or the suspension is stiff: solver.engine = native is likely to be faster"
     )
 
 
@@ -199,7 +201,7 @@ def notes_on_samples(sampled: Mapping[str, float], measures: Mapping[str, Any], 
         missed = 1.0 - sampled[column] / largest if column in sampled and largest else 0.0
         if missed > MISSED:
             notes.append(
-                f"the trajectory table misses the largest {name}, {quantity(largest, unit)}, by {share(missed)}: "
+                f"{HINT}the trajectory table misses the largest {name}, {quantity(largest, unit)}, by {share(missed)}: "
                 f"output.sample_rate_hz = {given(rate)} is too low"
             )
     return notes
@@ -224,8 +226,8 @@ def captures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
         return of_each([capture(i + 1, speeds[i], synchronous[i], slips[i]) for i in driven])
     seconds = measures["measured_to_s"] - measures["measured_from_s"]
     hardly = [
-        f"exciter {i + 1} hardly turns, although its synchronous speed is {quantity(synchronous[i], 'Hz')}: more "
-        "torque or a longer run may help"
+        f"exciter {i + 1} hardly turns, although its synchronous speed is {quantity(synchronous[i], 'Hz')}: "
+        f"{HELPS_START}"
         for i in driven
         if speeds[i] * seconds < 1.0 and capture(i + 1, 2.0 / seconds, synchronous[i], slips[i])
     ]

@@ -12,7 +12,6 @@ from vibroplat.config.kinds import KINDS, noun_of
 from vibroplat.errors import VibroplatError
 from vibroplat.plots import run
 from vibroplat.plots.measured import Measured, read_data
-from vibroplat.plots.paper import paper_figures
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.style import Saving, save, styled
 from vibroplat.results.files import commands_in, directory_of
@@ -31,10 +30,10 @@ class Family(NamedTuple):
     command
         The command.
     kinds
-        Its figures that can be asked for by name.
+        Names of its figures.
     draw
-        Draws the figures of directories that are asked for by name, all by default, with these options; yields the
-        directory and the name of each.
+        Draws the named figures of directories, by default all, with these options; yields the directory and the name
+        of each.
     """
 
     command: str
@@ -43,7 +42,7 @@ class Family(NamedTuple):
 
     @property
     def options(self) -> Collection[str]:
-        """Options that it understands, besides kinds and saving."""
+        """Options that it accepts, besides kinds and saving."""
         own = {"paper": (), "run": ("start", "stop", "data")}
         return own[self.command] if self.command in own else KINDS[self.command].pictures.OPTIONS
 
@@ -55,10 +54,17 @@ _COMPARED = ("sweep", "run")
 def families() -> list[Family]:
     """Return all families in the order of drawing; the last one is tried if there is no result of any."""
     return [
-        Family("paper", (), paper_figures),
+        Family("paper", (), _draw_paper),
         *(Family(name, kind.figures.split(), partial(_draw, name)) for name, kind in KINDS.items()),
         Family("run", run.FIGURES, run.run_figures),
     ]
+
+
+def _draw_paper(directories: Sequence[Path], kinds: Sequence[str] = ()) -> Iterator[tuple[Path, str, Figure]]:
+    """Draw the figures of the paper, whose module other results do not need."""
+    from vibroplat.plots.paper import paper_figures  # noqa: PLC0415
+
+    yield from paper_figures(directories, kinds)
 
 
 def _draw(
@@ -94,7 +100,7 @@ def plot_results(
     Parameters
     ----------
     directories
-        Result directories; figures are saved beside the tables of the first one, those of branches in each.
+        Result directories; figures are saved next to the tables of the first one, those of branches in each.
     kinds
         Figures; all that the results have if empty.
     saving

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Self
 
 from vibroplat.config.digits import quantity
+from vibroplat.config.plausibility import HINT
 
 #: Most lines that a command prints without ``-v``, and their width (characters).
 MAX_LINES, WIDTH = 12, 100
@@ -70,12 +71,12 @@ class Answer(NamedTuple):
         if len(found) + bool(self.notes) > room:
             kept = room - 1
             return [*found[:kept], f"  … {len(found) - kept + len(self.notes)} more lines: -v prints them"]
-        return found + list(_fitted([note_lines(note) for note in self.notes], room - len(found)))
+        return found + notes_within(self.notes, room - len(found))
 
     def full(self) -> list[str]:
         """Return all of it but the failures."""
         begin = [self.headline, *(f"  {line}" for line in self.short), ""] if self.headline else []
-        return [*begin, *labelled(self.lines), *self.text, *(f"note: {note}" for note in self.notes)]
+        return [*begin, *labelled(self.lines), *self.text, *map(noted, self.notes)]
 
     def __str__(self) -> str:
         """Return what is printed without ``-v``."""
@@ -123,20 +124,24 @@ def of_both(values: Sequence[float], unit: str) -> str:
     return " and ".join(quantity(value, unit, largest=max(map(abs, values))) for value in values)
 
 
-def note_lines(note: str) -> list[str]:
-    """Return the lines of a note."""
-    return textwrap.wrap(f"  note: {note}", WIDTH, subsequent_indent=" " * 8, break_on_hyphens=False)
-
-
-def _fitted(notes: Sequence[list[str]], room: int) -> Iterator[str]:
-    """Yield the lines of as many notes as have room, then how many more there are."""
+def notes_within(told: Sequence[str], room: int) -> list[str]:
+    """Return the lines of as many notes as have room, then how many more there are."""
+    notes = [
+        textwrap.wrap(f"  {noted(note)}", WIDTH, subsequent_indent=" " * 8, break_on_hyphens=False) for note in told
+    ]
     fits = [notes[:count] for count in range(len(notes) + 1)]
     whole = [few for few in fits if sum(map(len, few)) + (len(few) < len(notes)) <= room]
     shown = whole[-1] if whole else []
-    yield from (line for note in shown for line in note)
+    lines = [line for note in shown for line in note]
     left = len(notes) - len(shown)
     if left and not shown:
         begin = textwrap.shorten(" ".join(notes[0]), WIDTH - 20, placeholder=" …")
-        yield f"  {begin} (-v)" if left == 1 else f"  {begin} ({left - 1} more: -v)"
+        lines.append(f"  {begin} (-v)" if left == 1 else f"  {begin} ({left - 1} more: -v)")
     elif left:
-        yield f"  {counted(left, 'more note')}: -v"
+        lines.append(f"  {counted(left, 'more note')}: -v")
+    return lines
+
+
+def noted(note: str) -> str:
+    """Return a note with what it is."""
+    return note if note.startswith(HINT) else f"note: {note}"

@@ -14,7 +14,6 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.extensions import figure_of
 from vibroplat.frames import pd
-from vibroplat.integrate import engine_name
 from vibroplat.results.answer import Answer
 from vibroplat.results.files import SCHEMA, STORE, SavedFiles, commands_in, directory_of, write_result
 from vibroplat.results.provenance import provenance
@@ -147,6 +146,8 @@ class Result:
         more: dict[str, Any] = {**self._facts, "answer": self.answer.to_tree()}
         if self.check is not None:
             more["check"] = self.check
+        from vibroplat.integrate import engine_name  # noqa: PLC0415  (of results that are read, no engine is needed)
+
         return provenance(self.scene, engine_name(self.scene)) | more
 
     @property

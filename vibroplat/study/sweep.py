@@ -12,6 +12,7 @@ import pandas as pd
 from vibroplat.columns import PHASE_COLUMN, VIBRATION_PATTERN, Column, Columns
 from vibroplat.config.digits import interval, quantity
 from vibroplat.config.plans import FREQUENCY
+from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
 from vibroplat.integrate.interface import WORK
 from vibroplat.observe.conveying import CONVEYING
@@ -32,7 +33,7 @@ from vibroplat.study.branches import (
     place_words,
     study_table,
 )
-from vibroplat.study.coexisting import SearchBeginning
+from vibroplat.study.classification import SearchBeginning
 from vibroplat.study.point import (
     ERRORS,
     LOAD_MEASURES,
@@ -401,7 +402,9 @@ def notes_on_points(table: pd.DataFrame) -> list[str]:
         count, low, high = rows.index.nunique(), rows[key].min(), rows[key].max()
         place = "1 point" if count == 1 else f"{count} points"
         first = ", the first" if count > 1 else ""
-        lines.append(f"{place} at {place_words(key, low, high)}{first}: {rows['note'].iloc[0]}")
+        note = rows["note"].iloc[0]
+        begin = HINT if note.startswith(HINT) else ""
+        lines.append(f"{begin}{place} at {place_words(key, low, high)}{first}: {note.removeprefix(HINT)}")
     undecided = table[(table["motion"] == "undecided") & (table["outcome"] == "ok")]
     for _, row in undecided.head(1).iterrows():
         several = len(undecided) > 1

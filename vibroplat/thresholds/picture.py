@@ -28,10 +28,14 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
     needed = (key, "rms_x_m", "rms_y_m", PHASE_COLUMN, *measure, *filter(None, [level]))
     table = picture.finite(content.rows_in(result, "scan", ("reason", "sync", "motion", "outcome"), needed))
     found = picture.finite(result.columns("thresholds", ("kind",), ("value", "below"), _MIXED))
-    mixed = found.reindex(columns=_MIXED).dropna().drop_duplicates().astype(float).itertuples(index=False)
-    ranges = [picture.Range(key, low, high, "mixed") for low, high in mixed]
+    found = found.reindex(columns=[*found, *(name for name in _MIXED if name not in found)])
+    mixed = found[_MIXED].dropna().drop_duplicates().astype(float)
+    ranges = [picture.Range(key, low, high, "mixed") for low, high in mixed.itertuples(index=False)]
+    sharp, told = found.loc[found[_MIXED[0]].isna(), "value"].tolist(), result.answer
+    # a mixed interval alone has no sharp value: its own line follows the headline
+    title = told.short[0] if ranges and not sharp and len(ranges) == 1 and told.short else told.headline
     lines = [
-        picture.Line(key, found["value"].tolist(), "threshold"),
+        *([picture.Line(key, sharp, "threshold")] if sharp else []),
         *([picture.Line(level, [number], dash=":", label=plan.expression or "")] if level else []),
     ]
     panels, left = content.measures(table, filter(None, (level, *content.DRAWN)), measure, stripped=True)
@@ -52,7 +56,7 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
     return picture.Picture(
         name="thresholds",
         heading="Thresholds",
-        title=titles.sentence(result.answer.headline.replace(plan.key, key_name(plan.key))),
+        title=titles.sentence(title.replace(plan.key, key_name(plan.key))),
         table=table,
         table_name="values",
         special=found,

@@ -37,6 +37,7 @@ from vibroplat.thresholds.values import (
     measures_meet,
     relative_difference,
     scale_of,
+    start_time,
     with_final_supply,
 )
 
@@ -46,6 +47,8 @@ CHECK_OFFSET = 0.02
 MAX_HALVINGS = 20
 #: Change of the measures beyond a special point where stability is lost that is no jump.
 MAX_GRADUAL = 0.1
+#: Relative change of the key from where a start just passes a resonance to where its time is told, too.
+BEYOND = 0.1
 #: Record of an orbit that cannot be followed.
 EMPTY_RECORD: Record = {"rows": [], "special": []}
 
@@ -318,6 +321,18 @@ class Search:
             zone._replace(shares=self._fractal_test(zone, number)) if zone.mixed else zone
             for number, zone in enumerate(found)
         ]
+
+    def start_times(self, passes: ScanPoint, other: ScanPoint) -> dict[float, float]:
+        """Return how long starts take (s) by values of the key: where one passes beside one that hangs, and beyond."""
+        values = [passes.value, passes.value + math.copysign(BEYOND * passes.value, passes.value - other.value)]
+        within = [at for at in values if self.plan.start <= at <= self.plan.stop]
+        times = self._run("start", [self._started(at, passes) for at in within])
+        return {at: seconds for at, seconds in zip(within, times, strict=True) if seconds is not None}
+
+    def _started(self, at: float, passes: ScanPoint) -> Tasks[tuple[float | None, list[ScanPoint]]]:
+        scene = self.scene.replace({self.plan.key: at, "run.seed": passes.seed})
+        record = yield Task(start_time, (scene, passes.row["settle_s"]), lambda reason: {"seconds": None})
+        return record["seconds"], []
 
     def _evaluate(self, stage: str, places: Sequence[float], number: int = 0) -> list[ScanPoint]:
         """Evaluate values of the key side by side; beyond a mixed interval every second one with another seed."""

@@ -20,7 +20,7 @@ from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import ConfigError, errors_about
 from vibroplat.observe.conveying import CONVEYING
 from vibroplat.observe.data_sheet import SHEET, more_columns, point_columns
-from vibroplat.results.answer import Answer
+from vibroplat.results.answer import Answer, counted
 from vibroplat.results.result import Result
 from vibroplat.study.branches import SUPPLY, column_of, measures_text, place_words, study_table
 from vibroplat.study.point import failed_record
@@ -131,8 +131,13 @@ class ThresholdStudy(Study):
         zones = search.evidence(scan, found)
         every = sorted([*scan, *search.evaluated], key=lambda value: value.value)
         tables = {"scan": self._scan(every), "thresholds": self._thresholds(zones)}
-        lines = {"values": f"{len(scan)} of the scan, {len(search.evaluated)} more", "thresholds": str(len(found))}
+        seeds = len({value.seed for value in every})
+        lines = {
+            "values": f"{len(scan)} of the scan, {len(search.evaluated)} more, with {counted(seeds, 'seed')}",
+            "thresholds": str(len(found)),
+        }
         headline, short = self._short(zones, scan)
+        short += self._starts(search, zones)
         failed = [self._failure(value) for value in every if value.failed]
         answer = Answer(lines, (), list(self._notes(every, zones)), failed, headline, short)
         return Result("find", self.scene, tables, answer)
@@ -208,12 +213,31 @@ class ThresholdStudy(Study):
         if not found:
             return self._unchanged(scan), []
         places = [line for zone in zones for line in self._lines_of(zone)]
-        if len(zones) == 1 and zones[0].mixed:
+        mixed = [zone for zone in zones if zone.mixed]
+        if len(zones) == len(mixed) == 1:
             return places[0], places[1:]
         if len(found) == 1:
             return self._threshold(found[0]), self._both_sides(found[0])
+        sharp = sum(len(zone.thresholds) for zone in zones if not zone.mixed)
+        counts = [(sharp, "threshold"), (len(mixed), "mixed interval")]
         ends = place_words(column_of(self.plan.key), self.plan.start, self.plan.stop)
-        return f"{len(found)} thresholds over {ends}", places
+        return f"{' and '.join(counted(n, noun) for n, noun in counts if n)} over {ends}", places
+
+    def _starts(self, search: Search, zones: Sequence[Zone]) -> list[str]:
+        """Return the line on how long starts take beside the first threshold where a motor hangs on one side."""
+        for below, above in ((zone.below.nearest, zone.above.nearest) for zone in zones):
+            if self.plan.from_ != "initial" or below is None or above is None or below.hangs == above.hangs:
+                continue
+            where, hangs, passes = ("below", below, above) if below.hangs else ("above", above, below)
+            times, unit = search.start_times(passes, hangs), unit_of(self.plan.key)
+            places = [self._rounded(passes.value), *(f"{number(at)} {unit}" for at in [*times][1:])]
+            took = [f"{quantity(t, 's', digits=2)} at {at}" for t, at in zip(times.values(), places, strict=False)]
+            allowed = f"find.max_settle_s = {given(self.plan.max_settle_s)} s"
+            limit = f"{where} not within {allowed}, more may move it"
+            if hangs.row.get("multiplier_max") is not None and not hangs.leaving:
+                limit = f"{where} it hangs for ever, on a stable orbit"
+            return [f"starts in {', '.join(took) or 'an unknown time'}; {limit}"]
+        return []
 
     def _lines_of(self, zone: Zone) -> list[str]:
         """Return a line for each threshold, or those of a mixed interval."""
@@ -249,30 +273,39 @@ class ThresholdStudy(Study):
 
     def _mixed(self, zone: Zone) -> Iterator[str]:
         """Yield the lines of a mixed interval, first the side where the expression holds, otherwise the upper side."""
-        assert zone.ends is not None
-        digits = 10.0 ** (self._digits + 1)
-        low, high = math.floor(zone.ends[0] * digits) / digits, math.ceil(zone.ends[1] * digits) / digits
-        sides = [
-            (f"above {self._number(high)}", zone.above, "up to"),
-            (f"below {self._number(low)}", zone.below, "down to"),
-        ]
+        low, high = self._ends(zone)
+        sides = [(f"above {high}", zone.above, "up to"), (f"below {low}", zone.below, "down to")]
         if is_wanted(zone, False, self.plan) and not is_wanted(zone, True, self.plan):
             sides.reverse()
         first, second = (self._clear(*side) for side in sides)
-        yield f"{self.plan.key}: {first}"
+        yield f"{self.plan.key} {first}"
         good = [value for value in zone.mixed if value.classified(self.plan)]
         outcomes = Counter(self._outcome(value) for value in good).most_common()
         counted = ", ".join(f"{outcome} at {count}" for outcome, count in outcomes)
-        yield f"mixed from {self._number(low)} to {self._number(high)}: of {len(good)} values tried, {counted}"
+        yield f"mixed from {low} to {high}: {counted} of {len(good)} values tried"
         yield second
+
+    def _ends(self, zone: Zone) -> tuple[str, str]:
+        """Return the ends of a mixed interval with their unit, rounded outward to three digits of its width."""
+        assert zone.ends is not None
+        decimals = min(self._digits + 1, places(max(zone.ends[1] - zone.ends[0], self.plan.narrow), 3))
+        step, unit = 10.0**-decimals, unit_of(self.plan.key)
+        low, high = math.floor(zone.ends[0] / step) * step, math.ceil(zone.ends[1] / step) * step
+        return f"{decimal(low, decimals)} {unit}".rstrip(), f"{decimal(high, decimals)} {unit}".rstrip()
+
+    def _rounded(self, end: float) -> str:
+        return f"{number(end, MOST_DECIMALS, 0.5 * self.plan.narrow)} {unit_of(self.plan.key)}".rstrip()
 
     def _clear(self, where: str, clear: ClearRange, way: str) -> str:
         if clear.nearest is None:
             return f"{where}: unknown, because the mixed interval reaches the end of the range"
         unknown = f"; {clear.unknown} further values have no clear outcome" if clear.unknown else ""
-        outcome = f"{self._expressed}{self._outcome(clear.nearest)}"
-        seeds = f", with {clear.seeds} seeds" if clear.seeds > 1 else ""
-        return f"{where}: {outcome} at all {clear.tried} values tried {way} {number(clear.last, 6)}{seeds}{unknown}"
+        outcome = self._outcome(clear.nearest)
+        if self.plan.expression is not None:
+            outcome = f"{'' if outcome == OUTCOME_TEXTS[True] else 'not '}{self.plan.expression}"
+        return (
+            f"{where}: {outcome} at all {clear.tried} values tried {way} {given(float(f'{clear.last:.4g}'))}{unknown}"
+        )
 
     def _outcome(self, value: ScanPoint) -> str:
         """Return the outcome at a value in words."""
@@ -304,14 +337,13 @@ class ThresholdStudy(Study):
     def _notes(self, every: Sequence[ScanPoint], zones: Sequence[Zone]) -> Iterator[str]:
         for zone in zones:
             if zone.mixed:
-                place = "the mixed interval from {} to {}".format(*(number(end, 6) for end in zone.ends or ()))
-                what = "the boundary is fractal" if zone.fractal else "the outcome alternates"
-                told = ", ".join(
-                    f"{share * PAIRS:.0f} at a distance of {given(d)}"
-                    for share, d in zip(zone.shares, DISTANCES, strict=False)
-                )
-                pairs = f": of {PAIRS} pairs of values, {told} of its width have different outcomes" if told else ""
-                yield f"{what} in {place}{pairs}"
+                place = "the mixed interval from {} to {}".format(*self._ends(zone))
+                if zone.fractal:
+                    told = " / ".join(f"{share * PAIRS:.0f}" for share in zone.shares)
+                    yield (
+                        f"the boundary is fractal: of {PAIRS} pairs of values in {place}, {told} have different "
+                        f"outcomes at distances of {' / '.join(map(given, DISTANCES))} of its width"
+                    )
                 if zone.open_ended:
                     yield (
                         f"{place} still grew in the last round of values: outcomes may be mixed beyond this interval"
@@ -325,9 +357,8 @@ class ThresholdStudy(Study):
         unsettled = [value.value for value in every if value.unsettled and not value.failed]
         if unsettled and self.plan.expression is not None:
             yield (
-                f"at {len(unsettled)} of {len(every)} values, first at {self.plan.key} = {number(unsettled[0], 6)}, "
-                "the motion was measured in a transient or has no clear class: a larger find.max_settle_s may "
-                "change the outcome"
+                f"at {len(unsettled)} of {len(every)} values, first at {self._rounded(unsettled[0])}, the motion was "
+                "measured in a transient or has no clear class: a larger find.max_settle_s may change the outcome"
             )
 
 

@@ -22,6 +22,9 @@ from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
+from vibroplat.motion.run import simulate
+from vibroplat.observe.data_sheet import STAYING_TURNS
+from vibroplat.observe.notes import HELPS_START
 from vibroplat.study.point import ERRORS, SweepPoint, failed_record, measure_point
 from vibroplat.study.store import Record
 
@@ -86,6 +89,11 @@ class ScanPoint(NamedTuple):
     def classified(self, plan: FindPlan) -> bool:
         """Whether it has an outcome: not if the run failed, or the motion is undecided and attractors are compared."""
         return not self.failed and not (plan.of_motion and self.row["motion"] == "undecided")
+
+    @property
+    def hangs(self) -> bool:
+        """Whether an exciter stays far below its synchronous speed."""
+        return HELPS_START in (self.row.get("notes") or "")
 
     @property
     def text(self) -> str:
@@ -192,6 +200,18 @@ def evaluate(scene: Scene, plan: FindPlan, state: list[float] | None, times: int
                 row["multiplier_max"] = float(abs(orbit.multipliers[0]))
     row["wall_s"] = time.perf_counter() - began
     return point
+
+
+def start_time(scene: Scene, seconds: float) -> Record:
+    """Return the time from which the exciters of a scene stay synchronized (s), if they do so within so many seconds.
+
+    Half of the run is needed to see whether they do.
+    """
+    turns = 2.0 * math.pi * STAYING_TURNS / scene.speed_scale
+    last = 0.0 if scene.drive.program is None else scene.drive.program[-1].t_s
+    run = simulate(scene.replace({"run.duration_s": 2.0 * (last + seconds + 2.0 * turns)}), keep="summary")
+    hangs = any(HELPS_START in note for note in run.notes)
+    return {"seconds": None if hangs else run.summary["synchronized_at_s"]}
 
 
 def _follow_program(scene: Scene, start: FloatArray) -> list[float] | SweepPoint:
