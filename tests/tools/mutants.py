@@ -75,7 +75,7 @@ BY_ROOM = [
         "gravity = before.gravity - after.gravity → gravity = after.gravity - before.gravity",
         'max(0.0, -float(whole["least"][FORCE])) → max(0.0, -float(late["least"][FORCE]))',
         "ms.closed[marks.turns % ms.closed.size] = → ms.closed[(marks.turns + 1) % ms.closed.size] =",
-        "start[1, j] *= cut - first → start[1, j] *= cut",
+        "degree, first, cut, piece.system, nodes → degree, 0.0, cut, piece.system, nodes",
     ]),
     ("observe study", [
         "total / (count - 1) / count * (1.0 + r) → total / (count - 1) * (1.0 + r)",
@@ -121,7 +121,7 @@ BY_ROOM = [
         "radii = [radius for _, radius in around if radius > 0.0] → radii = [radius for _, radius in around]",
     ]),
     ("continuation", [
-        "np.linalg.qr(np.vstack([norm.real, norm.imag]))[1] → np.eye(len(norm))",
+        "= self._root / self._scales → = np.eye(len(self._root)) / self._scales",
     ]),
     ("thresholds", [
         'one.kind != "level-crossing" or has_errors( → one.kind != "level-crossing" and has_errors(',
@@ -135,7 +135,7 @@ BY_ROOM = [
         "math.prod((1.0 + self.multipliers) → math.prod((2.0 + self.multipliers)",
         "(1.0 - 2.0 * away * steepness) → (1.0 + 2.0 * away * steepness)",
         "(np.abs(self.multipliers[nearest].imag) > MAX_IMAGINARY).all() → (np.abs(self.multipliers[nearest].imag) < MAX_IMAGINARY).all()",
-        "(away > MAX_MULTIPLIER_CHANGE * np.maximum → (away < MAX_MULTIPLIER_CHANGE * np.maximum",
+        "gone = away.min(axis=axis) > MAX → gone = away.min(axis=axis) < MAX",
     ]),
     # what is kept on disk
     ("faults", [
