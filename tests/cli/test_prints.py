@@ -268,6 +268,15 @@ def test_times_count_from_when_motors_were_switched(runs):
     assert "largest " in next(fact for fact in Sheet(stop, still).facts() if fact.startswith("stroke"))
 
 
+def test_torques_are_relative_to_the_rated_ones_of_motors_with_a_nameplate(runs):
+    run = runs["two layers"]
+    plate = {"rated_power_w": 3000.0, "rated_speed_rpm": 1455.0, "breakdown_ratio": 2.5, "rated_frequency_hz": 50.0}
+    motors = run.scene.replace({"motor": plate})
+    lines = short_lines(Sheet(motors, run.summary | {"torque_ratio_1": 0.2, "torque_ratio_2": 0.1}))
+    assert any(line.endswith("; 20 % of critical, 50 % of rated torque") for line in lines)
+    assert any(line.endswith(" % of critical torque") for line in short_lines(Sheet(run.scene, run.summary)))
+
+
 def test_peaks_of_several_seeds_are_ranges(runs):
     run = runs["two layers"]
     found = {"seeds": 5, "whole_stroke_y_m": [0.009, 0.018], "whole_foundation_force_x_max_n": [1.0, 400.0]}

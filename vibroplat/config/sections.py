@@ -380,7 +380,7 @@ class State(Section):
     def _without_accelerations(cls, tree: Any) -> Any:
         if not isinstance(tree, dict):
             return tree
-        return {key: value for key, value in tree.items() if not str(key).startswith("acceleration_")}
+        return {key: value for key, value in tree.items() if not str(key).startswith(("acceleration_", "foundation_"))}
 
 
 #: Keys of a start with rotating exciters.

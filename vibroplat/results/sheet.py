@@ -315,13 +315,20 @@ class Sheet:
             return ()
         words = [of_both(powers, "W") if powers[1:] else f"motor {driven[0]}"]
         words += [f"slip {share(max(slips, key=abs))}"] if slips else []
-        words += [f"{share(max(ratios, key=abs))} of critical torque"] if ratios else []
+        plates = [self.scene.exciter_pair[n - 1].breakdown_ratio for n in driven]
+        loads = [ratio * plate for ratio, plate in zip(ratios, plates, strict=False) if plate]
+        rated = f", {share(max(loads, key=abs))} of rated torque" if loads else " torque"
+        words += [f"{share(max(ratios, key=abs))} of critical{rated}"] if ratios else []
         return "motor power", quantity(sum(powers), "W"), _joined(*words)
 
     def _bearings(self) -> list[Row]:
         row = self._pair_row("centrifugal force", "bearing_force_{}_max_n", "bearing_force_{}_max_n")
         whose = "of exciters 1 and 2" if " / " in row.now else "each exciter"
-        return [row._replace(short=("bearing force", row.now.replace(" / ", " and "), f"{whose}, centrifugal"))]
+        return [
+            row._replace(
+                short=("bearing force", row.now.replace(" / ", " and "), f"{whose}, largest centrifugal one")
+            )
+        ]
 
     def _synchronization(self) -> list[Row]:
         s, frequency = self.numbers, self.numbers["excitation_frequency_hz"]
