@@ -202,9 +202,9 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
     moved = max(left[0].size, left[1].size) / stroke if stroke > NO_STROKE else None
     whole = whole_run(part.measures, scene, start, slow_motors(scene, measures), locked)
     notes = [
+        *notes_on_measures(scene, measures),
         _settling(left, stroke, seconds),
         _unbalanced(scene, measures),
-        *notes_on_measures(scene, measures),
         drift(measures) if all(scene.driven(since, until)) else "",
         change(scene, measures, start),
         symmetry(scene, {axis: whole[f"whole_stroke_{axis}_m"] for axis in "xy"}, start, motion.now),

@@ -325,9 +325,7 @@ class Sheet:
         row = self._pair_row("centrifugal force", "bearing_force_{}_max_n", "bearing_force_{}_max_n")
         whose = "of exciters 1 and 2" if " / " in row.now else "each exciter"
         return [
-            row._replace(
-                short=("bearing force", row.now.replace(" / ", " and "), f"{whose}, largest centrifugal one")
-            )
+            row._replace(short=("bearing force", row.now.replace(" / ", " and "), f"{whose}, largest centrifugal one"))
         ]
 
     def _synchronization(self) -> list[Row]:
