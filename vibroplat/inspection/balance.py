@@ -17,7 +17,15 @@ import numpy as np
 
 from vibroplat.config.drive import Drive, Entry
 from vibroplat.config.scene import Scene
-from vibroplat.inspection.linear import ComplexArray, FloatArray, natural_speeds, own_torques, platform_torques
+from vibroplat.inspection.linear import (
+    ComplexArray,
+    FloatArray,
+    couplings,
+    natural_speeds,
+    own_torques,
+    platform_torques,
+    receptances,
+)
 
 #: Number of lags and of evenly spaced speeds that are looked at, and of further speeds around each resonance.
 LAGS, SPEEDS, NEAR = 360, 500, 81
@@ -147,6 +155,17 @@ def speed_alone(scene: Scene, supply: Supply, exciter: int, near: float, carried
     at = np.flatnonzero((net[:-1] > 0.0) & (net[1:] <= 0.0))
     found = speeds[at] + net[at] / (net[at] - net[at + 1]) * (speeds[at + 1] - speeds[at])
     return min(found.tolist(), key=lambda speed: abs(speed - near), default=0.0)
+
+
+def holding_stiffness(scene: Scene, found: Balance) -> FloatArray:
+    """Return how much the vibration of each axis holds the lag of a balance (N·m/rad), shape (3,); below 0 it drives.
+
+    It is the difference of both torques by the platform, derived by the lag.
+    """
+    u, turn = couplings(scene), np.exp(-1j * found.lag)
+    answers = receptances(scene, np.array([found.speed]))[0]
+    both = np.conj(u[0]) * u[1] * turn + np.conj(u[1]) * u[0] / turn
+    return np.asarray(0.5 * found.speed**4 * np.real(answers * both))
 
 
 def holding_torque(scene: Scene, speed: float) -> float:

@@ -15,85 +15,163 @@ whose torque is constant; the passage in finite time, which takes less (Lewis 19
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import PERTURBATION
 from vibroplat.config.sections import Initial, Run
-from vibroplat.inspection.balance import final_supply, net_torques, supply_at
-from vibroplat.inspection.linear import FloatArray, couplings, natural_speeds
+from vibroplat.inspection.balance import final_supply, motor_torques, net_torques, supply_at
+from vibroplat.inspection.linear import ComplexArray, FloatArray, couplings, natural_speeds
 
-#: Factors of the motors' torques that are tried at first, and their number between a captured and a passing one.
-FACTORS, FINER = np.geomspace(0.02, 20.0, 40), 24
-#: Steps over the time scale of the fastest passage; decay times of the slowest axis after the supply's last change;
-#: most steps; a change of speed that gives a slope, over the synchronous speed.
-STEP, DECAYS, MAX_STEPS, SLIGHT = 0.04, 10.0, 20_000, 1e-4
+#: Factors of the motors' torques that are tried at first, rounds, and their number between a captured and a passing one
+#: in each further round.
+FACTORS, ROUNDS, FINER = np.geomspace(0.05, 20.0, 13), 3, 5
+#: What the lag of a start from rest may have become before a resonance (rad): unbalances swing, and the first turns
+#: take as long as chance has it.
+LAGS = 2.0 * math.pi * np.arange(12) / 12
+#: Steps over the time scale of the fastest passage; decay times of the slowest axis, and times to run up, after the
+#: supply's last change; most steps until all has settled, and until starts have passed; a change of speed that gives a
+#: slope, over the synchronous speed.
+STEP, DECAYS, RUN_UPS, MAX_STEPS, PASSING_STEPS, SLIGHT = 0.04, 10.0, 20.0, 20_000, 2_000, 1e-4
+#: Angle by which free vibration of the platform turns against the exciters in a step (rad), at most: it drives their
+#: phase, and with coarser steps it grows where less damping takes it away. By the damping ratio, and its ends.
+TURNED, TURNED_ENDS = 40.0, (0.3, 1.0)
+#: Steps between two looks at which exciters have passed or no longer change speed, and that change until the end over
+#: the synchronous speed.
+LOOK, SETTLED = 50, 0.01
 
 
-def averaged_start(scene: Scene, factors: FloatArray) -> FloatArray:
-    """Return the speeds to which a scene's start leads with its motors' torques times factors (rad/s), shape (n, 2)."""
-    u, (inertia, damping, stiffness) = couplings(scene), scene.oscillators
-    rotors, top, initial = np.array(scene.exciter_inertias), scene.speed_scale, scene.run.initial
-    speeds = np.tile(initial.speed_ratio * np.array(scene.synchronous_speeds), (factors.size, 1))
+class _Lanes(NamedTuple):
+    """Starts side by side: ω_i and their rates, δ, Q and its rate, factors of torques, and whether speeds were calm."""
+
+    speeds: FloatArray
+    rates: FloatArray
+    lag: FloatArray
+    amplitudes: ComplexArray
+    change: ComplexArray
+    factors: FloatArray
+    calm: NDArray[np.bool_]
+
+
+def averaged_start(
+    scene: Scene, factors: FloatArray, turned: FloatArray | float = 0.0, until: float = math.inf
+) -> FloatArray:
+    """Return the speeds to which a scene's start leads with its motors' torques times factors (rad/s), shape (n, 2).
+
+    The initial lag is changed by ``turned`` (rad), of the shape of the factors. Starts end early where both exciters
+    that are driven are faster than ``until``, or do not change speed any more.
+    """
+    initial, count, on = scene.run.initial, factors.size, list(final_supply(scene).driven)
+    speeds = np.tile(initial.speed_ratio * np.array(scene.synchronous_speeds), (count, 1))
     angles = np.multiply([e.direction for e in scene.exciter_pair], initial.angles(scene.phase_weights[1]))
-    lag = np.full(factors.size, angles[0] - angles[1] + PERTURBATION)
-    amplitudes, change = np.zeros((2, factors.size, 3), complex)
-    rates = np.zeros_like(speeds)
-    step, count = _steps(scene)
-    for time in np.arange(count) * step:
-        supply = supply_at(scene, time)
-        torque, ahead = net_torques(scene, supply, np.stack([speeds, speeds + SLIGHT * top]), factors[:, np.newaxis])
-        w, w_rate = speeds[:, :1], rates[:, :1]
-        felt = w * w * amplitudes - 2j * w * change - 1j * w_rate * amplitudes
-        phases = np.stack([np.ones_like(lag), np.exp(-1j * lag)], axis=-1)
-        platform = 0.5 * np.imag(np.conj(phases) * (felt @ np.conj(u).T))
-        slope = (ahead - torque) / (SLIGHT * top)
-        rates = (torque + platform) / rotors / np.maximum(1.0 - step * slope / rotors, 1.0)
-        speeds = np.clip(speeds + step * rates, 0.0, top)
-        lag = lag + step * (speeds[:, 0] - speeds[:, 1])
-        w, w_rate = speeds[:, :1], rates[:, :1]
-        mobility = 1.0 / (2j * w * inertia + damping + 1e-9 * top * inertia)
-        exponent = -mobility * (stiffness - inertia * w * w + 1j * w * damping + 1j * w_rate * inertia)
-        force = mobility * ((phases * (speeds**2 - 1j * rates)) @ u)
-        exponent = np.minimum(exponent.real, 1.0 / step) + 1j * (exponent.imag + 1e-9 * top)
-        grown = np.exp(exponent * step)
-        change = (grown - 1.0) * (amplitudes + force / exponent) / step
-        amplitudes = amplitudes + step * change
-    return speeds
+    lag = angles[0] - angles[1] + PERTURBATION + np.broadcast_to(turned, factors.shape)
+    nothing = np.zeros((2, count, 3), complex)
+    lanes = _Lanes(speeds, np.zeros_like(speeds), lag, *nothing, factors, np.zeros(count, bool))
+    ends, left = speeds.copy(), np.arange(count)
+    step, steps = _steps(scene, PASSING_STEPS if math.isfinite(until) else MAX_STEPS)
+    slow, last = SETTLED * scene.speed_scale / (steps * step), scene.drive.last_change(math.inf)
+    for number in range(steps):
+        lanes = _advanced(scene, lanes, number * step, step)
+        if number % LOOK == LOOK - 1 and number * step > last:
+            calm = np.abs(lanes.rates).max(axis=1) < slow
+            done = (lanes.speeds[:, on].min(axis=1) > until) | (calm & lanes.calm)
+            ends[left] = lanes.speeds
+            left = left[~done]
+            lanes = _Lanes(*(part[~done] for part in lanes._replace(calm=calm)))
+            if not left.size:
+                break
+    ends[left] = lanes.speeds
+    return ends
 
 
-def _steps(scene: Scene) -> tuple[float, int]:
-    """Return the length (s) and the number of the steps of a start."""
-    u, rotors = couplings(scene), sum(scene.exciter_inertias)
-    inertia, damping, _ = scene.oscillators
+def _advanced(scene: Scene, now: _Lanes, time: float, step: float) -> _Lanes:
+    """Return starts a step later."""
+    u, (inertia, damping, stiffness) = couplings(scene), scene.oscillators
+    rotors, top = np.array(scene.exciter_inertias), scene.speed_scale
+    speeds, rates, lag, amplitudes, change, factors, _ = now
+    beside = np.stack([speeds, speeds + SLIGHT * top])
+    torque, ahead = net_torques(scene, supply_at(scene, time), beside, factors[:, np.newaxis])
+    w, w_rate = speeds[:, :1], rates[:, :1]
+    felt = w * w * amplitudes - 2j * w * change - 1j * w_rate * amplitudes
+    phases = np.stack([np.ones_like(lag), np.exp(-1j * lag)], axis=-1)
+    platform = 0.5 * np.imag(np.conj(phases) * (felt @ np.conj(u).T))
+    slope = (ahead - torque) / (SLIGHT * top)
+    rates = (torque + platform) / rotors / np.maximum(1.0 - step * slope / rotors, 1.0)
+    speeds = np.clip(speeds + step * rates, 0.0, top)
+    lag = lag + step * (speeds[:, 0] - speeds[:, 1])
+    w, w_rate = speeds[:, :1], rates[:, :1]
+    mobility = 1.0 / (2j * w * inertia + damping + 1e-9 * top * inertia)
+    exponent = -mobility * (stiffness - inertia * w * w + 1j * w * damping + 1j * w_rate * inertia)
+    force = mobility * ((phases * (speeds**2 - 1j * rates)) @ u)
+    exponent = np.minimum(exponent.real, 1.0 / step) + 1j * (exponent.imag + 1e-9 * top)
+    grown = np.exp(exponent * step)
+    change = (grown - 1.0) * (amplitudes + force / exponent) / step
+    return _Lanes(speeds, rates, lag, amplitudes + step * change, change, factors, now.calm)
+
+
+def _steps(scene: Scene, most: int) -> tuple[float, int]:
+    """Return the length (s) and the number of the steps of a start, at most so many after the supply's last change."""
+    u, rotors, top = couplings(scene), sum(scene.exciter_inertias), scene.speed_scale
+    inertia, damping, stiffness = scene.oscillators
     scale = natural_speeds(scene) * (np.abs(u).sum(axis=0) ** 2 / (4.0 * inertia * rotors)) ** (1.0 / 3.0)
-    step = STEP / max(float(scale.max()), 1e-3 * scene.speed_scale)
-    slowest = float((0.5 * damping / inertia)[damping > 0.0].min(initial=math.inf))
-    end = max(scene.drive.last_change(math.inf), 0.0) + DECAYS / min(slowest, 1.0 / step)
-    return step, min(math.ceil(end / step), MAX_STEPS)
+    ratio = 0.5 * float((damping / np.sqrt(np.maximum(inertia * stiffness, 1e-300)))[stiffness > 0.0].min(initial=1.0))
+    step = min(STEP / max(float(scale.max()), 1e-3 * top), float(np.clip(TURNED * ratio, *TURNED_ENDS)) / top)
+    decay = float((0.5 * damping / inertia)[damping > 0.0].min(initial=math.inf))
+    torque = float(motor_torques(scene, final_supply(scene), np.array([0.5 * top, 0.5 * top])).sum())
+    times = DECAYS / min(decay, 1.0 / step) + RUN_UPS * rotors * top / max(torque, 1e-9 * rotors * top)
+    before = math.ceil(max(scene.drive.last_change(math.inf), 0.0) / step)
+    return step, min(before + min(math.ceil(times / step), most), MAX_STEPS)
 
 
 def least_factor(scene: Scene) -> tuple[float, float]:
     """Return the factor of the motors' torques above which both exciters pass all resonances below, and where else.
 
-    The second is the speed at which they stay with a little less (rad/s). Factor 0: with any of :data:`FACTORS` they
-    pass, or there is no resonance to pass; infinite: with none.
+    They pass if they do with every lag of :data:`LAGS`, as it depends on chance which motion the platform makes before
+    a resonance. The second is the speed at which they stay with a little less (rad/s). Factor 0: with any of
+    :data:`FACTORS` they pass, or there is no resonance to pass; infinite: with none.
     """
+    highest, last, on = _to_pass(scene)
+    factors, captured = FACTORS, (0.0, 0.0)
+    for _ in range(ROUNDS if highest else 0):
+        each, lags = np.repeat(factors, LAGS.size), np.tile(LAGS, factors.size)
+        ends = averaged_start(_from_rest(scene), each, lags, 0.5 * (highest + last))[:, on].min(axis=1)
+        ends = ends.reshape(-1, LAGS.size)
+        low = np.flatnonzero((ends <= highest).any(axis=1))
+        if not low.size:
+            break
+        stays = float(ends[low[-1]].min())
+        if low[-1] + 1 == factors.size:
+            return math.inf, stays
+        captured = float(factors[low[-1]]), stays
+        factors = np.geomspace(captured[0], float(factors[low[-1] + 1]), FINER)
+    return captured
+
+
+class Start(NamedTuple):
+    """The speeds of both exciters to which a start leads (rad/s), and whether a resonance captures it."""
+
+    speeds: tuple[float, float]
+    captured: bool
+
+
+def starts_from_rest(scene: Scene) -> list[Start]:
+    """Return to what starts from rest lead with each of :data:`LAGS`."""
+    highest, _, on = _to_pass(scene)
+    ends = averaged_start(_from_rest(scene), np.ones(LAGS.size), LAGS)
+    return [Start((float(end[0]), float(end[1])), bool((end[on] <= highest).any())) for end in ends]
+
+
+def _from_rest(scene: Scene) -> Scene:
+    """Return the scene with exciters at rest."""
+    return scene.model_copy(update={"run": Run(initial=Initial(speed_ratio=0.0))})
+
+
+def _to_pass(scene: Scene) -> tuple[float, float, list[int]]:
+    """Return the highest resonance below the synchronous speed (rad/s; 0: none), that speed, and which motors drive."""
     supply = final_supply(scene)
     on = [i for i in (0, 1) if supply.driven[i] and scene.exciter_pair[i].critical_torque_n_m]
     last = min((scene.synchronous_speeds_at(supply.frequency)[i] for i in on), default=0.0)
-    highest = max((w for w in natural_speeds(scene) if w < last), default=0.0)
-    if scene.run.initial.speed_ratio:
-        scene = scene.model_copy(update={"run": Run(initial=Initial(speed_ratio=0.0))})
-    factors, captured = FACTORS, (0.0, 0.0)
-    for _ in range(2 if highest else 0):
-        least = averaged_start(scene, factors)[:, on].min(axis=1)
-        low = np.flatnonzero(least <= highest)
-        if not low.size:
-            break
-        if low[-1] + 1 == factors.size:
-            return math.inf, float(least[-1])
-        captured = float(factors[low[-1]]), float(least[low[-1]])
-        factors = np.geomspace(captured[0], float(factors[low[-1] + 1]), FINER)
-    return captured
+    return max((w for w in natural_speeds(scene).tolist() if w < last), default=0.0), last, on
