@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from vibroplat.config.digits import interval, number, quantity, share, spread
+from vibroplat.config.digits import interval, number, pair, quantity, share, spread
 
 
 @pytest.mark.parametrize(
@@ -54,3 +54,9 @@ def test_an_interval_has_the_decimals_of_its_larger_end():
     assert interval(0.02, 9.231, "m") == "20 … 9230 mm"
     assert interval(42.0, 80.0, "Hz") == "42.00 … 80.00 Hz"
     assert interval(0.5, 0.5) == "0.500"
+
+
+def test_numbers_that_are_compared_have_two_digits_of_their_difference():
+    assert pair(1.2345678e-3, 1.2345999e-3, "m") == ("1.234568 mm", "1.234600 mm")
+    assert pair(0.5, 0.5, "Hz") == ("0.5000 Hz", "0.5000 Hz")
+    assert pair(0.0, float("inf")) == ("0", "–")

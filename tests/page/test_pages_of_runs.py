@@ -14,9 +14,9 @@ from vibroplat.errors import TableError
 from vibroplat.page import run
 from vibroplat.page.curves import Line, one_line
 from vibroplat.page.machine import drawing, machine_of, packed
+from vibroplat.page.report import sheet_html
 from vibroplat.page.results import find_results
 from vibroplat.page.run import windows_of
-from vibroplat.page.sheet import sheet_html
 from vibroplat.results.sheet import Sheet
 from vibroplat.results.tables import read_json, read_table, write_table
 

@@ -17,10 +17,9 @@ from vibroplat.config.plausibility import SWING_TORQUE_RATIO
 from vibroplat.config.scene import Scene
 from vibroplat.inspection import balance, linear
 from vibroplat.inspection.balance import Balance, Supply, motor_torques
-from vibroplat.inspection.conveying import expected_conveying, unique_friction
 from vibroplat.inspection.linear import ComplexArray
 from vibroplat.inspection.lines import twelve_lines
-from vibroplat.inspection.material import FOLLOWED, loaded_motion
+from vibroplat.inspection.material import FOLLOWED, expected_conveying, loaded_motion, unique_friction
 from vibroplat.inspection.start import Start, averaged_start, least_factor, starts_from_rest
 
 #: Radians of a turn.

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from html import escape
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -109,6 +111,18 @@ def _column(name: str, column: pd.Series, largest: float) -> tuple[str, list[str
         decimals -= 1
         cells = [cell if cell in "–0" else cell[:-1].removesuffix(".") for cell in cells]
     return (f"{words} ({told})" if told else words), cells
+
+
+def aligned(lines: Sequence[str]) -> str:
+    """Return printed lines: those in columns as tables, whose cells are broken where there is no room."""
+    found = ""
+    for columns, rows in groupby((re.split(" {2,}", line.rstrip()) for line in lines), key=len):
+        texts = [[escape(cell) for cell in row] for row in rows]
+        if columns == 1:
+            found += "".join(f"<p>{row[0]}</p>" for row in texts)
+        else:
+            found += "<table>" + "".join("<tr><td>" + "<td>".join(row) for row in texts) + "</table>"
+    return f'<div class="short">{found}</div>'
 
 
 def listing(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

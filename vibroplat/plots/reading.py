@@ -49,11 +49,11 @@ class Cut:
     shown
         Interval of which all rows are kept (s).
     whole
-        Interval that is thinned (s), and in how many bins of equal length extremes are looked for.
+        Interval that is thinned (s), and number of bins of equal length for which extremes are kept.
     columns
         Columns of which the extremes are kept.
     every
-        In the thinned interval one of so many rows of the trajectory is kept; 0: none.
+        In the thinned interval every n-th row of the trajectory is kept; 0: none.
 
     Attributes
     ----------
