@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from functools import reduce
-from itertools import zip_longest
+from itertools import repeat
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel
@@ -84,7 +84,7 @@ def by_severity(notes: Iterable[str]) -> list[str]:
 def notes_on_inputs(scenes: Iterable[Scene], places: Sequence[str] = ()) -> list[str]:
     """Say the same of several scenes, each note once, with the place of its scene if it does not hold at all places."""
     found: dict[str, list[str]] = {}
-    for scene, place in zip_longest(scenes, places, fillvalue=""):
+    for scene, place in zip(scenes, places or repeat(""), strict=False):
         for note in notes_on_input(scene):
             found.setdefault(note, []).append(place)
     everywhere = max(len(places), 1)

@@ -18,7 +18,7 @@ Numbers = Mapping[str, Any]
 WIDTH, NAME, VALUE, MACHINE = 110, 18, 22, 36
 #: Torque to pass a resonance over what there is from which on a start is tight, and ratio of frequencies that are far
 #: from each other.
-TIGHT, FAR = 0.7, 2.0
+TIGHT, FAR = 0.6, 2.0
 #: Change of ranges from which on material that jumps has not settled.
 UNSETTLED = 0.02
 #: Centrifugal forces of both exciters.

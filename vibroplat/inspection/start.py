@@ -15,7 +15,7 @@ whose torque is constant; the passage in finite time, which takes less (Lewis 19
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.config.schema import PERTURBATION
 from vibroplat.config.sections import Initial, Run
 from vibroplat.inspection.balance import final_supply, motor_torques, net_torques, supply_at
-from vibroplat.inspection.linear import ComplexArray, FloatArray, couplings, natural_speeds
+from vibroplat.inspection.linear import FloatArray, couplings, natural_speeds
 
 #: Factors of the motors' torques that are tried at first, rounds, and their number between a captured and a passing one
 #: in each further round.
@@ -44,16 +44,10 @@ TURNED, TURNED_ENDS = 40.0, (0.3, 1.0)
 LOOK, SETTLED = 50, 0.01
 
 
-class _Lanes(NamedTuple):
-    """Starts side by side: ω_i and their rates, δ, Q and its rate, factors of torques, and whether speeds were calm."""
-
-    speeds: FloatArray
-    rates: FloatArray
-    lag: FloatArray
-    amplitudes: ComplexArray
-    change: ComplexArray
-    factors: FloatArray
-    calm: NDArray[np.bool_]
+#: Starts side by side: ω_i and their rates, δ, Q and its rate, and factors of the motors' torques.
+_Lanes: TypeAlias = tuple[NDArray[Any], ...]
+#: Speeds of both exciters to which starts lead (rad/s), shape (n, 2), and which of them a resonance captures.
+Starts: TypeAlias = tuple[FloatArray, NDArray[np.bool_]]
 
 
 def averaged_start(
@@ -68,22 +62,21 @@ def averaged_start(
     speeds = np.tile(initial.speed_ratio * np.array(scene.synchronous_speeds), (count, 1))
     angles = np.multiply([e.direction for e in scene.exciter_pair], initial.angles(scene.phase_weights[1]))
     lag = angles[0] - angles[1] + PERTURBATION + np.broadcast_to(turned, factors.shape)
-    nothing = np.zeros((2, count, 3), complex)
-    lanes = _Lanes(speeds, np.zeros_like(speeds), lag, *nothing, factors, np.zeros(count, bool))
+    lanes: _Lanes = (speeds, np.zeros_like(speeds), lag, *np.zeros((2, count, 3), complex), factors)
     ends, left = speeds.copy(), np.arange(count)
     step, steps = _steps(scene, PASSING_STEPS if math.isfinite(until) else MAX_STEPS)
     slow, last = SETTLED * scene.speed_scale / (steps * step), scene.drive.last_change(math.inf)
     for number in range(steps):
         lanes = _advanced(scene, lanes, number * step, step)
         if number % LOOK == LOOK - 1 and number * step > last:
-            calm = np.abs(lanes.rates).max(axis=1) < slow
-            done = (lanes.speeds[:, on].min(axis=1) > until) | (calm & lanes.calm)
-            ends[left] = lanes.speeds
-            left = left[~done]
-            lanes = _Lanes(*(part[~done] for part in lanes._replace(calm=calm)))
+            speeds, rates, *_ = lanes
+            changes = np.maximum(np.abs(rates), np.abs(speeds - ends[left]) / (LOOK * step)).max(axis=1)
+            goes_on = (speeds[:, on].min(axis=1) <= until) & (changes > slow)
+            ends[left] = speeds
+            left, lanes = left[goes_on], tuple(part[goes_on] for part in lanes)
             if not left.size:
                 break
-    ends[left] = lanes.speeds
+    ends[left] = lanes[0]
     return ends
 
 
@@ -91,7 +84,7 @@ def _advanced(scene: Scene, now: _Lanes, time: float, step: float) -> _Lanes:
     """Return starts a step later."""
     u, (inertia, damping, stiffness) = couplings(scene), scene.oscillators
     rotors, top = np.array(scene.exciter_inertias), scene.speed_scale
-    speeds, rates, lag, amplitudes, change, factors, _ = now
+    speeds, rates, lag, amplitudes, change, factors = now
     beside = np.stack([speeds, speeds + SLIGHT * top])
     torque, ahead = net_torques(scene, supply_at(scene, time), beside, factors[:, np.newaxis])
     w, w_rate = speeds[:, :1], rates[:, :1]
@@ -109,7 +102,7 @@ def _advanced(scene: Scene, now: _Lanes, time: float, step: float) -> _Lanes:
     exponent = np.minimum(exponent.real, 1.0 / step) + 1j * (exponent.imag + 1e-9 * top)
     grown = np.exp(exponent * step)
     change = (grown - 1.0) * (amplitudes + force / exponent) / step
-    return _Lanes(speeds, rates, lag, amplitudes + step * change, change, factors, now.calm)
+    return speeds, rates, lag, amplitudes + step * change, change, factors
 
 
 def _steps(scene: Scene, most: int) -> tuple[float, int]:
@@ -150,18 +143,11 @@ def least_factor(scene: Scene) -> tuple[float, float]:
     return captured
 
 
-class Start(NamedTuple):
-    """The speeds of both exciters to which a start leads (rad/s), and whether a resonance captures it."""
-
-    speeds: tuple[float, float]
-    captured: bool
-
-
-def starts_from_rest(scene: Scene) -> list[Start]:
+def starts_from_rest(scene: Scene) -> Starts:
     """Return to what starts from rest lead with each of :data:`LAGS`."""
     highest, _, on = _to_pass(scene)
     ends = averaged_start(_from_rest(scene), np.ones(LAGS.size), LAGS)
-    return [Start((float(end[0]), float(end[1])), bool((end[on] <= highest).any())) for end in ends]
+    return ends, np.any(ends[:, on] <= highest, axis=1)
 
 
 def _from_rest(scene: Scene) -> Scene:

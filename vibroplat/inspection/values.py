@@ -20,7 +20,7 @@ from vibroplat.inspection.balance import Balance, Supply, motor_torques
 from vibroplat.inspection.linear import ComplexArray
 from vibroplat.inspection.lines import twelve_lines
 from vibroplat.inspection.material import FOLLOWED, expected_conveying, loaded_motion, unique_friction
-from vibroplat.inspection.start import Start, averaged_start, least_factor, starts_from_rest
+from vibroplat.inspection.start import Starts, averaged_start, least_factor, starts_from_rest
 
 #: Radians of a turn.
 TURN = 2.0 * math.pi
@@ -158,7 +158,9 @@ class Tone(NamedTuple):
 def inspect(scene: Scene) -> Inspection:
     """Find what follows from a scene without a run; its method :meth:`vibroplat.Scene.inspect` calls this."""
     supply = balance.final_supply(scene)
-    starts = starts_from_rest(balance.while_driven(scene)) if any(supply.driven) else []
+    starts = (
+        starts_from_rest(balance.while_driven(scene)) if any(supply.driven) else (np.zeros((0, 2)), np.zeros(0, bool))
+    )
     turning = _expected(scene, supply, starts)
     found, last = turning.balance, scene.drive.intervals[-1]
     values: dict[str, float | str] = {
@@ -182,7 +184,7 @@ def inspect(scene: Scene) -> Inspection:
     return Inspection(scene.name, values)
 
 
-def _expected(scene: Scene, supply: Supply, starts: Sequence[Start]) -> Turning:
+def _expected(scene: Scene, supply: Supply, starts: Starts) -> Turning:
     """Return how the exciters turn after a start that passes, if any does; before the motors go off in the end.
 
     Exciters that do not turn together have each its own balance; one without a driving motor comes to rest.
@@ -190,7 +192,7 @@ def _expected(scene: Scene, supply: Supply, starts: Sequence[Start]) -> Turning:
     if not any(supply.driven):
         return Turning((0.0, 0.0), None, [])
     known = balance.all_balances(scene, supply)
-    ends = min(starts, key=lambda start: start.captured).speeds
+    ends = starts[0][starts[1].argmin()].tolist()
     if scene.run.initial.speed_ratio:
         ends = averaged_start(balance.while_driven(scene), np.ones(1))[0].tolist()
     mean = 0.5 * sum(ends)
@@ -346,16 +348,16 @@ def _deciding(scene: Scene, turning: Turning) -> dict[str, float | str]:
     return found
 
 
-def _captured(scene: Scene, supply: Supply, starts: Sequence[Start]) -> dict[str, float | str]:
+def _captured(scene: Scene, supply: Supply, starts: Starts) -> dict[str, float | str]:
     """Find which starts from rest are captured, and how the fastest of them turn."""
-    speeds = [0.5 * sum(start.speeds) for start in starts if start.captured]
-    if not speeds:
+    ends, captured = starts
+    if not captured.any():
         return {"captured_share": 0.0}
-    fastest = max(speeds)
+    fastest = float(ends[captured].mean(axis=1).max())
     near = [one for one in balance.all_balances(scene, supply) if abs(one.speed - fastest) < TOGETHER * fastest]
     sync = min(near, key=lambda one: abs(one.speed - fastest), default=None)
     return {
-        "captured_share": len(speeds) / len(starts),
+        "captured_share": float(captured.mean()),
         "captured_frequency_hz": fastest / TURN,
         "captured_sync": "none" if sync is None else sync_name(sync.phase),
     }

@@ -130,7 +130,7 @@ class ThresholdStudy(Study):
 
     def places(self) -> list[str]:
         """Return the values of the key at both ends."""
-        return [place_words(self.plan.key, end) for end in (self.plan.start, self.plan.stop)]
+        return [f"{self.plan.key} = {given(end)}" for end in (self.plan.start, self.plan.stop)]
 
     def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
         """Scan the key, narrow each change, and make the tables."""
@@ -336,10 +336,6 @@ class ThresholdStudy(Study):
     @property
     def _digits(self) -> int:
         return max(math.ceil(-math.log10(self.plan.narrow)), 0)
-
-    def _number(self, at: float) -> str:
-        """Return a value of the key with its unit, and one digit more than the final width of the interval."""
-        return f"{at:.{self._digits + 1}f} {unit_of(self.plan.key)}".rstrip()
 
     def _unchanged(self, scan: Sequence[ScanPoint]) -> str:
         plan, good = self.plan, [value for value in scan if not value.failed]
