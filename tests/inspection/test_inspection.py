@@ -279,7 +279,7 @@ def test_command(tmp_path):
     file.write_text(
         "motor: {critical_torque_n_m: 2}\nmachine: {gravity_m_per_s2: 900}\nrun: {initial: {speed_ratio: 0}}\n"
     )
-    done = command("inspect", str(file), "--set", "drive.supply_frequency_hz=40")
+    done = command("inspect", str(file), "-v", "--set", "drive.supply_frequency_hz=40")
     assert done.code == 0
     assert done.out.startswith("mine: in-phase expected at 19.7")
     assert "note: machine: platform_mass_kg" in done.out
