@@ -138,8 +138,8 @@ def least_factor(scene: Scene) -> tuple[float, float]:
         stays = float(ends[low[-1]].min())
         if low[-1] + 1 == factors.size:
             return math.inf, stays
-        factors = np.geomspace(*factors[low[-1] : low[-1] + 2].tolist(), FINER)
-        captured = math.sqrt(factors[0] * factors[-1]), stays
+        held, passing = factors[low[-1] : low[-1] + 2].tolist()
+        factors, captured = np.geomspace(held, passing, FINER), (math.sqrt(held * passing), stays)
     return captured
 
 
