@@ -18,6 +18,7 @@ LONG = {
     "Start, operation, stop",
     "The least power for an amplitude",
     "Tolerances",
+    "The machine shakes sideways",
     "The smallest motor that starts",
     "Compare with measurements",
     "Acceleration and its spectrum",

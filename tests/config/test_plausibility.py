@@ -6,7 +6,7 @@ import pytest
 from common.places import QUICKSTART
 
 from vibroplat import Machine, Scene, load_config
-from vibroplat.config.plausibility import notes_on_input, notes_on_plan
+from vibroplat.config.plausibility import notes_on_input, notes_on_inputs, notes_on_plan
 
 SECTIONS = {"machine": load_config(QUICKSTART).machine, "motor": load_config(QUICKSTART).motor}
 
@@ -149,6 +149,9 @@ def test_a_motor_too_weak_to_lift_its_unbalance_is_noted():
         {"motor.critical_torque_n_m": 0.0},
     ):
         assert notes_on_input(weak.replace(changes)) == []
+    ends = [weak, weak.replace({"motor.critical_torque_n_m": 20.0})]
+    assert notes_on_inputs(ends, ["torque 0.02", "torque 20"]) == [f"at torque 0.02: {note}"]
+    assert notes_on_inputs([weak, weak], ["one", "other"]) == [note], "what holds at both ends has no place"
 
 
 # -- numbers taken by default ---------------------------------------------------------------------------

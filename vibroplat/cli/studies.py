@@ -123,7 +123,7 @@ def _compute(
     from vibroplat.study.study import MAX_CROSS_CHECKS
 
     scene = study.scene
-    notes = [*notes_on_inputs(study.scenes()), *notes_on_plan(scene, study.kind)]
+    notes = [*notes_on_inputs(study.scenes(), study.places()), *notes_on_plan(scene, study.kind)]
     common.print_notes_early(notes)
     with Store(directory, study.conditions, **kept) as store:
         common.prepare_store(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if check else []))

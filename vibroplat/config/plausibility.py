@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from functools import reduce
+from itertools import repeat
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel
@@ -80,9 +81,17 @@ def by_severity(notes: Iterable[str]) -> list[str]:
     return sorted(notes, key=lambda note: note.startswith(HINT))
 
 
-def notes_on_inputs(scenes: Iterable[Scene]) -> list[str]:
-    """Say the same of several scenes, each note once."""
-    return list(dict.fromkeys(note for scene in scenes for note in notes_on_input(scene)))
+def notes_on_inputs(scenes: Iterable[Scene], places: Sequence[str] = ()) -> list[str]:
+    """Say the same of several scenes, each note once, with the place of its scene if it does not hold at all places."""
+    found: dict[str, list[str]] = {}
+    for scene, place in zip(scenes, places or repeat(""), strict=False):
+        for note in notes_on_input(scene):
+            found.setdefault(note, []).append(place)
+    everywhere = max(len(places), 1)
+    return [
+        note if len(at) == everywhere or not at[0] or at[0] in note else f"at {', '.join(at)}: {note}"
+        for note, at in found.items()
+    ]
 
 
 def notes_on_plan(scene: Scene, kind: str) -> list[str]:

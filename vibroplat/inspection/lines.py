@@ -18,7 +18,7 @@ Numbers = Mapping[str, Any]
 WIDTH, NAME, VALUE, MACHINE = 110, 18, 22, 36
 #: Torque to pass a resonance over what there is from which on a start is tight, and ratio of frequencies that are far
 #: from each other.
-TIGHT, FAR = 0.7, 2.0
+TIGHT, FAR = 0.6, 2.0
 #: Change of ranges from which on material that jumps has not settled.
 UNSETTLED = 0.02
 #: Centrifugal forces of both exciters.
@@ -44,15 +44,25 @@ def _answer(v: Numbers) -> list[str]:
     sync, speeds = v[f"{load}expected"], [v[f"{load}excitation_frequency_{i}_hz"] for i in (1, 2)]
     if not any(speeds):
         return ["no motor drives, the exciters rest"]
-    ratio = max(speeds) / v["natural_frequency_y_hz"]
-    far = "far " if ratio > FAR or ratio < 1.0 / FAR else ""
-    resonance = quantity(v["natural_frequency_y_hz"], "Hz", digits=3)
-    where = f"{far}{'above' if ratio > 1.0 else 'below'} resonance ({resonance})"
     at = _speeds(v, load) if sync == "none" else quantity(speeds[0], "Hz")
-    expected = f"{'no synchronization' if sync == 'none' else sync} expected at {at}, {where}"
+    expected, where = f"{'no synchronization' if sync == 'none' else sync} expected at {at}", _where(v, max(speeds))
     empty = "without material" if v["loaded_expected"] and not load else ""
     off = f"until motors off at {quantity(v['motors_off_s'], 's')}" if math.isfinite(v["motors_off_s"]) else ""
-    return [expected, empty, off, f"a start {_verdict(v)}" if v["passage_axis"] else ""]
+    verdict = f"a start {_verdict(v)}" if v["passage_axis"] else ""
+    if v["captured_share"]:
+        return [expected, verdict, where, empty, off]
+    begin = [expected, where] if sync == "none" else [f"{expected}, {where}"]
+    return [*begin, empty, off, verdict]
+
+
+def _where(v: Numbers, speed: float) -> str:
+    """Return where a speed (Hz) lies beside the resonances of the axes along which the platform moves."""
+    axes = {axis: v[f"natural_frequency_{axis}_hz"] for axis in v["moving_axes"].split(", ")}
+    ratios = [speed / resonance if resonance else math.inf for resonance in axes.values()]
+    side = "above" if min(ratios) > 1.0 else "below" if max(ratios) < 1.0 else "between"
+    far = "far " if min(ratios) > FAR or max(ratios) < 1.0 / FAR else ""
+    names = ", ".join(f"{axis.replace('phi', 'φ')} {number(resonance)}" for axis, resonance in axes.items())
+    return f"{far}{side} resonance{'s' * (len(axes) > 1)} ({names} Hz)"
 
 
 def _load(v: Numbers) -> str:
@@ -75,9 +85,10 @@ def _verdict(v: Numbers) -> str:
     both = [(v[f"starting_torque_{i}_n_m"], v[f"lifting_torque_{i}_n_m"]) for i in (1, 2)]
     if any(0.0 < starting < SWING_TORQUE_RATIO * lifting for starting, lifting in both):
         return "may not leave rest"
-    if v["passage_ratio"] < TIGHT:
-        return "passes"
-    return "barely passes" if v["passage_ratio"] < 1.0 else "is captured"
+    if v["captured_share"]:
+        may = "is" if v["captured_share"] == 1.0 else "may be"
+        return f"{may} captured at {quantity(v['captured_frequency_hz'], 'Hz', digits=3)}"
+    return "passes" if v["passage_ratio"] < TIGHT else "barely passes"
 
 
 def _rows(v: Numbers) -> Iterator[tuple[str, ...]]:
@@ -122,7 +133,11 @@ def _rows(v: Numbers) -> Iterator[tuple[str, ...]]:
     yield "motor at rest", both("starting_torque_{}_n_m"), lifts, f"breakdown {both('critical_torque_{}_n_m')}"
     needed = f"{told['passage_torque_n_m']} of {told['passage_available_n_m']}"
     where = f"{v['passage_axis'].replace('phi', 'φ')} at {told['passage_frequency_hz']}"
-    passes = (needed, f"in {where}: a start {_verdict(v)}", f"{told['passage_steady_torque_n_m']} if infinitely slow")
+    slowly, ends = f"{told['passage_steady_torque_n_m']} if infinitely slow", f"in {where}: a start {_verdict(v)}"
+    if v["captured_share"]:
+        held = f"{v['captured_sync']} at {quantity(v['captured_frequency_hz'], 'Hz', digits=3)}"
+        ends = f"{where} captures {share(v['captured_share'])} of starts ({held})"
+    passes = (needed, ends, slowly)
     any_torque = ("any torque", "no resonance below holds the motors") if fastest else (MISSING, "no motor drives")
     yield "passing resonance", *(passes if v["passage_axis"] else any_torque)
     power, friction = f"power {told[f'{load}motor_power_w']}", f"friction {both('friction_torque_{}_n_m')}"
@@ -211,7 +226,10 @@ def _synchronization(v: Numbers, load: str, synchronous: str) -> Iterator[str]:
             if v["loaded_expected"] == v["expected"]
             else f"with material {v['loaded_expected']}"
         )
-    yield v["coexisting"] and f"also {v['coexisting']}"
+    if v["holding_axis"]:
+        resonance = quantity(v[f"natural_frequency_{v['holding_axis']}_hz"], "Hz", digits=3)
+        yield f"resonance of {v['holding_axis'].replace('phi', 'φ')} ({resonance}) decides"
+    yield v["coexisting"] and (f"{v['coexisting']} is stable, too" if none else f"also {v['coexisting']}")
     yield f"holds torques {quantity(v['holding_torque_n_m'], 'N·m')} apart"
 
 

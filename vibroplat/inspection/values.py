@@ -16,15 +16,18 @@ from vibroplat.config.digits import quantity
 from vibroplat.config.plausibility import SWING_TORQUE_RATIO
 from vibroplat.config.scene import Scene
 from vibroplat.inspection import balance, linear
-from vibroplat.inspection.balance import Balance, Supply, averaged_start, least_factor, motor_torques
+from vibroplat.inspection.balance import Balance, Supply, motor_torques
 from vibroplat.inspection.linear import ComplexArray
 from vibroplat.inspection.lines import twelve_lines
 from vibroplat.inspection.material import FOLLOWED, conveying_of, loaded_motion, unique_friction
+from vibroplat.inspection.start import Starts, averaged_start, least_factor, starts_from_rest
 
 #: Radians of a turn.
 TURN = 2.0 * math.pi
 #: Relative difference of both speeds up to which exciters that have started count as turning together.
 TOGETHER = 0.05
+#: Part of the largest velocity, in units of equal energy, from which on the platform moves along an axis.
+MOVES = 0.2
 #: Relative difference of speeds from which on two balances are two motions.
 DISTINCT = 0.002
 
@@ -62,10 +65,15 @@ INSPECTION: Columns = {
     "moving_fraction": Column("dynamic mass of the material divided by its mass", "below 0: it pushes"),
     "passage_axis": Column("axis of the resonance that takes the largest torque to pass", kind=TEXT),
     "passage_frequency_hz": Column("its natural frequency"),
-    "passage_torque_n_m": Column("torque of both motors there that just passes it from rest", "averaged start"),
+    "passage_torque_n_m": Column("torque of both motors there that passes it from rest", "averaged starts, any lag"),
     "passage_steady_torque_n_m": Column("torque to pass it infinitely slowly", "Sommerfeld's limit K² ω_n³ / 2b"),
     "passage_available_n_m": Column("torque of both motors there", "Kloss, with the final supply"),
-    "passage_ratio": Column("torque to pass divided by torque available", "from 1 on they are captured; 0: any passes"),
+    "passage_ratio": Column("torque to pass divided by torque available", "from 1 on some are captured; 0: any passes"),
+    "captured_share": Column("share of starts from rest that a resonance captures", "averaged starts, lags all around"),
+    "captured_frequency_hz": Column("speed at which the fastest of them stay"),
+    "captured_sync": Column("their synchronization", kind=TEXT),
+    "moving_axes": Column("axes along which the platform moves", "over a fifth of the largest velocity", kind=TEXT),
+    "holding_axis": Column("axis whose vibration holds the phase difference most", "integral criterion", kind=TEXT),
     **_each({"1": "1", "2": "2"}, {
         "synchronous_speed_{}_hz": Column("synchronous speed of motor {}", "f_e / P; empty if it is off"),
         "static_moment_{}_kg_m": Column("static moment of exciter {}", "k_i"),
@@ -150,7 +158,10 @@ class Tone(NamedTuple):
 def inspect(scene: Scene) -> Inspection:
     """Find what follows from a scene without a run; its method :meth:`vibroplat.Scene.inspect` calls this."""
     supply = balance.final_supply(scene)
-    turning = _expected(scene, supply)
+    starts = (
+        starts_from_rest(balance.while_driven(scene)) if any(supply.driven) else (np.zeros((0, 2)), np.zeros(0, bool))
+    )
+    turning = _expected(scene, supply, starts)
     found, last = turning.balance, scene.drive.intervals[-1]
     values: dict[str, float | str] = {
         "supply_frequency_hz": supply.frequency,
@@ -159,6 +170,8 @@ def inspect(scene: Scene) -> Inspection:
         **_of_motors(scene, supply, turning.speeds),
         **_vibration(scene, _tones(scene, turning)),
         **_passage(scene, supply),
+        **_captured(scene, supply, starts),
+        **_deciding(scene, turning),
         "phase_difference_rad": math.nan if found is None else found.phase,
         "expected": "none" if found is None else sync_name(found.phase),
         "coexisting": ", ".join(f"{sync_name(o.phase)} at {quantity(o.speed / TURN, 'Hz')}" for o in turning.others),
@@ -171,19 +184,25 @@ def inspect(scene: Scene) -> Inspection:
     return Inspection(scene.name, values)
 
 
-def _expected(scene: Scene, supply: Supply) -> Turning:
-    """Return how the exciters turn that start from rest; before the motors go off, if they do in the end.
+def _expected(scene: Scene, supply: Supply, starts: Starts) -> Turning:
+    """Return how the exciters turn after a start that passes, if any does; before the motors go off in the end.
 
     Exciters that do not turn together have each its own balance; one without a driving motor comes to rest.
     """
     if not any(supply.driven):
         return Turning((0.0, 0.0), None, [])
     known = balance.all_balances(scene, supply)
-    ends = averaged_start(balance.while_driven(scene), np.ones(1))[0].tolist()
+    ends = starts[0][starts[1].argmin()].tolist()
+    if scene.run.initial.speed_ratio:
+        ends = averaged_start(balance.while_driven(scene), np.ones(1))[0].tolist()
     mean = 0.5 * sum(ends)
     found = min(known, key=lambda one: abs(one.speed - mean), default=None)
     if found is None or abs(ends[0] - ends[1]) > TOGETHER * mean or abs(found.speed - mean) > 2.0 * TOGETHER * mean:
-        first, second = (balance.speed_alone(scene, supply, i, near) for i, near in enumerate(ends))
+        alone = [balance.speed_alone(scene, supply, i, near) for i, near in enumerate(ends)]
+        # exciters that keep each other's speed up, but not their phases, have no balance of their own
+        first, second = (
+            one if not one or abs(one - end) < TOGETHER * end else end for one, end in zip(alone, ends, strict=True)
+        )
         return Turning((first, second), None, known[:1])
     sync = sync_name(found.phase)
     others = [o for o in known if abs(o.speed - found.speed) > DISTINCT * mean or sync_name(o.phase) != sync]
@@ -307,6 +326,34 @@ def _loaded_balances(scene: Scene, supply: Supply, empty: Balance) -> list[Balan
     grid = np.linspace(0.8 * empty.speed, max(scene.synchronous_speeds_at(supply.frequency)), 200)
     known = balance.balances(scene, supply, grid, carried)
     return sorted(known, key=lambda one: abs(math.remainder(one.lag - empty.lag, TURN)))
+
+
+def _deciding(scene: Scene, turning: Turning) -> dict[str, float | str]:
+    """Find the axes along which the platform moves, and the one that holds the phase difference."""
+    roots = np.sqrt(scene.oscillators[0])
+    sizes = sum((tone.speed * roots * np.abs(tone.amplitudes) for tone in _tones(scene, turning)), np.zeros(3))
+    moving = np.flatnonzero(sizes > MOVES * sizes.max())
+    found: dict[str, float | str] = {"moving_axes": ", ".join(linear.AXES[i] for i in moving)}
+    if turning.balance is not None:
+        x, y, phi = balance.holding_stiffness(scene, turning.balance).tolist()
+        # far above their resonances x and y cancel but for a rest
+        found["holding_axis"] = "phi" if phi > x + y else "x" if x > y else "y"
+    return found
+
+
+def _captured(scene: Scene, supply: Supply, starts: Starts) -> dict[str, float | str]:
+    """Find which starts from rest are captured, and how the fastest of them turn."""
+    ends, captured = starts
+    if not captured.any():
+        return {"captured_share": 0.0}
+    fastest = float(ends[captured].mean(axis=1).max())
+    near = [one for one in balance.all_balances(scene, supply) if abs(one.speed - fastest) < TOGETHER * fastest]
+    sync = min(near, key=lambda one: abs(one.speed - fastest), default=None)
+    return {
+        "captured_share": float(captured.mean()),
+        "captured_frequency_hz": fastest / TURN,
+        "captured_sync": "none" if sync is None else sync_name(sync.phase),
+    }
 
 
 def _passage(scene: Scene, supply: Supply) -> dict[str, float | str]:

@@ -83,6 +83,10 @@ class Study(ABC):
         """Return the scenes whose input is checked for plausibility."""
         return [self.scene]
 
+    def places(self) -> Sequence[str]:
+        """Return what tells these scenes from each other in words, or nothing if their notes tell it."""
+        return ()
+
     @abstractmethod
     def chains(self, store: Store) -> int:
         """Return the largest number of unfinished chains of tasks that run side by side."""

@@ -18,12 +18,17 @@ from vibroplat.thresholds.values import ScanPoint
 #: the interval's width away: with the screen of the templates, outcomes that contradict are found there in windows of
 #: 0.3 % to 1.5 % of the width, ever sparser outward.
 VALUES_PER_ROUND, DENSE, EVEN_FRACTION = 20, 40, 0.5
+#: Most seeds that failed near an end and are tried beyond it.
+MOST_FAILING = 5
 #: Largest number of rounds. Screen and feeder of the templates, with 4 and 6 poles, take at most six.
 MAX_ROUNDS = 10
-#: Values near a threshold that show whether it is the only change: their number on each side, and the largest distance
-#: relative to the range. Their distances form a geometric series from the tolerance on, as mixed intervals have all
-#: widths.
-VALUES_NEAR, MAX_REACH = 12, 0.1
+#: Values near a threshold that show whether it is the only change: their number on each side of a jump and of another
+#: threshold, and the largest distance relative to the range. Their distances form a geometric series from the tolerance
+#: on, as mixed intervals have all widths.
+VALUES_NEAR, FEW_NEAR, MAX_REACH = 12, 2, 0.1
+#: Values all over the range that begin with other seeds, and where the first is in its part of the range: not in the
+#: middle, where one of the scan may be.
+VALUES_BETWEEN, OFF_MIDDLE = 8, 0.382
 #: Pairs of values in a mixed interval, and the distances of their values relative to the width of the interval.
 PAIRS, DISTANCES = 16, (1e-2, 1e-3, 1e-4)
 #: Minimum number of pairs that differ at the smallest distance where the border is fractal, and their minimum ratio to
@@ -229,11 +234,15 @@ class ScaledKey:
         start, stop = self.plan.start, self.plan.stop
         return float(start * (stop / start) ** place if self.plan.scale == "log" else start + place * (stop - start))
 
-    def near(self, threshold: Threshold) -> list[float]:
-        """Return values of the key near a threshold, on both sides, within the range."""
+    def between(self) -> list[float]:
+        """Return values of the key all over its range."""
+        return [self.value((k + OFF_MIDDLE) / VALUES_BETWEEN) for k in range(VALUES_BETWEEN)]
+
+    def near(self, threshold: Threshold, count: int = VALUES_NEAR) -> list[float]:
+        """Return so many values of the key near a threshold on each side, within the range."""
         low, high = self.place(threshold.low.value), self.place(threshold.high.value)
         nearest = min(high - low, 0.5 * MAX_REACH)
-        distances = [nearest * (MAX_REACH / nearest) ** (k / (VALUES_NEAR - 1)) for k in range(VALUES_NEAR)]
+        distances = [nearest * (MAX_REACH / nearest) ** (k / (count - 1)) for k in range(count)]
         found = [low - distance for distance in distances] + [high + distance for distance in distances]
         return [self.value(place) for place in found if 0.0 <= place <= 1.0]
 
@@ -271,6 +280,15 @@ def is_wanted(zone: Zone, upward: bool, plan: FindPlan) -> bool:
     """Return whether the asker wants the outcome above or below a mixed interval: where an expression holds."""
     nearest = (zone.above if upward else zone.below).nearest
     return nearest is not None and nearest.outcome(plan) is True
+
+
+def failing_seeds(zone: Zone, upward: bool, plan: FindPlan) -> list[int]:
+    """Return seeds with which the outcome beyond an end of a mixed interval is not found in it, nearest to it first."""
+    nearest = (zone.above if upward else zone.below).nearest
+    if nearest is None:
+        return []
+    failing = [one for one in zone.mixed if one.classified(plan) and one.outcome(plan) != nearest.outcome(plan)]
+    return list(dict.fromkeys(one.seed for one in (failing[::-1] if upward else failing)))[:MOST_FAILING]
 
 
 def open_ends(found: Sequence[Zone], tried: Collection[tuple[float, bool]]) -> Iterator[tuple[Zone, bool]]:

@@ -7,9 +7,9 @@ interval, and motion converges to it up to there, that point is the threshold. E
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise, repeat
+from itertools import chain, count, cycle, pairwise, repeat
 from typing import TypeVar
 
 import numpy as np
@@ -29,7 +29,18 @@ from vibroplat.study.point import failed_record
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.store import Record, Store
 from vibroplat.study.study import Progress
-from vibroplat.thresholds.evidence import MAX_ROUNDS, PAIRS, ScaledKey, Threshold, Zone, open_ends, zones
+from vibroplat.thresholds.evidence import (
+    FEW_NEAR,
+    MAX_ROUNDS,
+    PAIRS,
+    VALUES_NEAR,
+    ScaledKey,
+    Threshold,
+    Zone,
+    failing_seeds,
+    open_ends,
+    zones,
+)
 from vibroplat.thresholds.values import (
     ScanPoint,
     evaluate,
@@ -90,8 +101,17 @@ class Search:
         if self.plan.from_ == "neighbour":
             return self._scan_outward()
         scan = self._run("scan", [self._single(at, "scan") for at in self.plan.over.upward])
-        found = self._run("border", [self._bisect(low, high) for low, high in self._changes(scan)])
+        changes = self._changes(scan)
+        others = self._evaluate("seed", zip(self._places.between(), count(1))) if self.disturbed else []
+        if others and not changes:  # what the seed of the scene alone does not show
+            changes = self._changes(sorted([*scan, *others], key=lambda value: value.value))
+        found = self._run("border", [self._bisect(low, high) for low, high in changes])
         return scan, [threshold for threshold in found if threshold is not None]
+
+    @property
+    def disturbed(self) -> bool:
+        """Whether the seed decides how motion starts at each value."""
+        return self.plan.from_ == "initial" and self.scene.start_perturbation > 0.0
 
     def _run(self, name: str, chains: Sequence[Tasks[tuple[T, list[ScanPoint]]]]) -> list[T]:
         """Run chains side by side, and gather what they have seen in their order."""
@@ -290,22 +310,18 @@ class Search:
     def evidence(self, scan: Sequence[ScanPoint], thresholds: Sequence[Threshold]) -> list[Zone]:
         """Return what all values say about the thresholds, and look for values that contradict them.
 
-        They are searched for near each threshold at which measures jump, or meet within their standard errors: where a
-        measure of chaos scatters around a level, outcomes on both sides are mixed. Where they are, rounds of values
+        They are searched for near each threshold, with a seed of its own at each value: a sharp threshold must not
+        depend on the seed. At a jump, and where measures meet within their standard errors, many values are near: where
+        a measure of chaos scatters around a level, outcomes on both sides are mixed. Where they are, rounds of values
         follow beyond both ends of the mixed interval, until none in a round contradicts; then pairs of values in it.
-        Half of those rounds begin with other seeds: what holds beyond the interval must not depend on the seed.
-        Nothing is searched for with neighbours, where the outcome at a value depends on the way to it, or at special
-        points.
+        Every second value there has a seed that failed nearest to this end. Nothing is searched for with neighbours,
+        where the outcome at a value depends on the way to it.
         """
         if self.plan.from_ == "neighbour":
             return zones([*scan, *self.evaluated], thresholds, self.plan)
         places = self._places
-        doubtful = [
-            one
-            for one in thresholds
-            if not one.special and (one.kind != "level-crossing" or has_errors(one.low, one.high, self.plan))
-        ]
-        self._evaluate("near", [at for one in doubtful for at in places.near(one)])
+        near = [at for one in thresholds for at in places.near(one, self._values_near(one))]
+        self._evaluate("near", zip(near, count(1)))
         tried: set[tuple[float, bool]] = set()
         found = zones([*scan, *self.evaluated], thresholds, self.plan)
         for number in range(MAX_ROUNDS):
@@ -313,7 +329,8 @@ class Search:
             if not ends:
                 break
             tried |= {(zone.ends[upward], upward) for zone, upward in ends if zone.ends}
-            self._evaluate("beyond", [at for end in ends for at in places.beyond(*end)], number)
+            beyond = [value for end in ends for value in zip(places.beyond(*end), self._others(*end), strict=False)]
+            self._evaluate("beyond", beyond, number)
             found = zones([*scan, *self.evaluated], thresholds, self.plan)
         growing = [zone for zone, _ in open_ends(found, tried)]
         found = [zone._replace(open_ended=any(zone is one for one in growing)) for zone in found]
@@ -321,6 +338,13 @@ class Search:
             zone._replace(shares=self._fractal_test(zone, number)) if zone.mixed else zone
             for number, zone in enumerate(found)
         ]
+
+    def _values_near(self, one: Threshold) -> int:
+        """Return how many values on each side challenge a threshold: few where motion is not known to jump."""
+        jumps = one.kind != "level-crossing" or has_errors(one.low, one.high, self.plan)
+        if jumps and not one.special:
+            return VALUES_NEAR
+        return FEW_NEAR if self.disturbed else 0
 
     def start_times(self, passes: ScanPoint, other: ScanPoint) -> dict[float, float]:
         """Return how long starts take (s) by values of the key: where one passes beside one that hangs, and beyond."""
@@ -334,14 +358,19 @@ class Search:
         record = yield Task(start_time, (scene, passes.row["settle_s"]), lambda reason: {"seconds": None})
         return record["seconds"], []
 
-    def _evaluate(self, stage: str, places: Sequence[float], number: int = 0) -> list[ScanPoint]:
-        """Evaluate values of the key side by side; beyond a mixed interval every second one with another seed."""
-        others = [(place + 1) // 2 if stage == "beyond" and place % 2 else 0 for place in range(len(places))]
-        return self._run(f"{stage}-{number}", [self._single(*one) for one in zip(places, repeat(stage), others)])
+    def _others(self, zone: Zone, upward: bool) -> Iterator[int]:
+        """Yield which seeds after that of the scene challenge a clear range: new ones, and those that failed before."""
+        failing = [seed - self.scene.run.seed for seed in failing_seeds(zone, upward, self.plan)]
+        return chain.from_iterable(zip(count(1), cycle(failing))) if failing else count(1)
+
+    def _evaluate(self, stage: str, values: Iterable[tuple[float, int]], number: int = 0) -> list[ScanPoint]:
+        """Evaluate values of the key side by side, each with the so many-th seed after that of the scene."""
+        return self._run(f"{stage}-{number}", [self._single(at, stage, other) for at, other in values])
 
     def _fractal_test(self, zone: Zone, number: int) -> tuple[float, ...]:
         """Return the fractions of pairs in a mixed interval that differ, for each distance."""
         begins, *others = self._places.pairs(zone)
-        values = self._evaluate("pair", [*begins, *(at for ends in others for at in ends)], number)
+        pairs = [*begins, *(at for ends in others for at in ends)]
+        values = self._evaluate("pair", zip(pairs, repeat(0)), number)
         first, *rest = (values[k : k + PAIRS] for k in range(0, len(values), PAIRS))
         return tuple(sum(self._differ(a, b) for a, b in zip(first, ends, strict=True)) / PAIRS for ends in rest)

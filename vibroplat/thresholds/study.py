@@ -80,11 +80,15 @@ _POINT = tuple(name for name in COLUMNS if name not in ("direction", "branch"))
 VALUES: Columns = {
     "reason": Column(
         "reason for which the value was evaluated",
-        "scan; orbit: on a branch; beside a special point; bisection; extended: with twice the settling time; near "
-        "a threshold; beyond a mixed interval; pair: in a mixed interval",
+        "scan; seed: with another seed than the scan; orbit: on a branch; beside a special point; bisection; extended: "
+        "with twice the settling time; near a threshold; beyond a mixed interval; pair: in a mixed interval",
         kind=TEXT,
     ),
-    "seed": Column("seed of the initial perturbation", "run.seed; other seeds beyond a mixed interval", kind=COUNT),
+    "seed": Column(
+        "seed of the initial perturbation",
+        "run.seed; other seeds challenge it: seed, near, and most of beyond",
+        kind=COUNT,
+    ),
     **{name: SWEEP[name] for name in (*_POINT, *SHEET)},
 }
 
@@ -123,6 +127,10 @@ class ThresholdStudy(Study):
     def scenes(self) -> Iterator[Scene]:
         """Yield the scenes at both ends."""
         return (self.scene.replace({self.plan.key: end}) for end in (self.plan.start, self.plan.stop))
+
+    def places(self) -> list[str]:
+        """Return the values of the key at both ends."""
+        return [f"{self.plan.key} = {given(end)}" for end in (self.plan.start, self.plan.stop)]
 
     def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
         """Scan the key, narrow each change, and make the tables."""
@@ -252,7 +260,13 @@ class ThresholdStudy(Study):
         special = f", {one.special} of the orbit" if one.special else ""
         known = decimal(one.value, min(self._digits + 1, places(one.value, MOST_DECIMALS, half)))
         value = f"{known} ± {number(half, 1)} {unit_of(self.plan.key)}".rstrip()
-        return f"{self.plan.key} = {value}: {self._kind(one)}{special}"
+        return f"{self.plan.key} = {value}: {self._kind(one)}{special}{self._holds(one)}"
+
+    def _holds(self, one: Threshold) -> str:
+        """Return on which side of a threshold the expression holds, if there is one."""
+        sides = {"below": one.low, "above": one.high}
+        where = [side for side, value in sides.items() if value.outcome(self.plan) is True]
+        return f"; {self.plan.expression} {where[0]}" if len(where) == 1 else ""
 
     def _both_sides(self, one: Threshold) -> list[str]:
         """Return what motion there is below and above a threshold."""
@@ -304,7 +318,8 @@ class ThresholdStudy(Study):
         if self.plan.expression is not None:
             outcome = f"{'' if outcome == OUTCOME_TEXTS[True] else 'not '}{self.plan.expression}"
         return (
-            f"{where}: {outcome} at all {clear.tried} values tried {way} {given(float(f'{clear.last:.4g}'))}{unknown}"
+            f"{where}: {outcome} at all {clear.tried} values tried {way} {given(float(f'{clear.last:.4g}'))}"
+            f"{f' with {clear.seeds} seeds' if clear.seeds > 1 else ''}{unknown}"
         )
 
     def _outcome(self, value: ScanPoint) -> str:
@@ -321,10 +336,6 @@ class ThresholdStudy(Study):
     @property
     def _digits(self) -> int:
         return max(math.ceil(-math.log10(self.plan.narrow)), 0)
-
-    def _number(self, at: float) -> str:
-        """Return a value of the key with its unit, and one digit more than the final width of the interval."""
-        return f"{at:.{self._digits + 1}f} {unit_of(self.plan.key)}".rstrip()
 
     def _unchanged(self, scan: Sequence[ScanPoint]) -> str:
         plan, good = self.plan, [value for value in scan if not value.failed]
@@ -354,6 +365,8 @@ class ThresholdStudy(Study):
                         f"near {self.plan.key} = {number(one.value, 6)} the orbit is so weakly unstable that the "
                         "motion had not left it when it was measured"
                     )
+        if {value.seed for value in every} == {self.scene.run.seed} and self.scene.start_perturbation:
+            yield f"with seed {self.scene.run.seed} only: another run.seed disturbs each start otherwise"
         unsettled = [value.value for value in every if value.unsettled and not value.failed]
         if unsettled and self.plan.expression is not None:
             yield (
@@ -431,6 +444,6 @@ def find(scene: Scene, **options: Unpack[Options]) -> Result:
     >>> plan = {"key": "drive.supply_frequency_hz", "start": 40.0, "stop": 50.0, "scan": 5}
     >>> plan |= {"expression": "excitation_frequency_hz > 22", "tolerance": 0.01}
     >>> find(Scene().replace({"find": plan})).answer.headline
-    'drive.supply_frequency_hz = 44.009 ± 0.005 Hz: level-crossing'
+    'drive.supply_frequency_hz = 44.009 ± 0.005 Hz: level-crossing; excitation_frequency_hz > 22 above'
     """
     return run_study(ThresholdStudy, scene, **options)
