@@ -111,7 +111,8 @@ class Runs:
         """Return the curves that matter: the force into the foundation over the run, and the platform's last turns."""
         found = ""
         if force := self._lines(PANELS[0][1]):
-            plot = self._drawn("Force into the foundation, y: each turn of the run", force, "force_y_n")
+            shown = "whole run" if any(course.few for course in self.courses) else "each turn of the run"
+            plot = self._drawn(f"Force into the foundation, y: {shown}", force, "force_y_n")
             self._mark_largest(plot, force)
             found += plot.html()
         main = self.courses[0].main
@@ -214,8 +215,10 @@ def one_line(lines: list[Line]) -> list[Line]:
 
 
 def _coincide(one: Line, other: Line) -> bool:
-    if one.dash != other.dash or one.t.shape != other.t.shape or not np.array_equal(one.t, other.t):
+    """Whether two curves are one; turns of several runs need not end at the same times."""
+    if one.dash != other.dash or np.abs(one.t[[0, -1]] - other.t[[0, -1]]).max() > COINCIDE * np.ptp(one.t):
         return False
     span = float(np.nanmax(one.high) - np.nanmin(one.low))
-    away = np.nanmax(np.abs([one.low - other.low, one.high - other.high]))
+    beside = (np.interp(one.t, other.t, values) for values in (other.low, other.high))
+    away = np.nanmax(np.abs([a - b for a, b in zip((one.low, one.high), beside, strict=True)]))
     return bool(span > 0.0 and away < COINCIDE * span)
