@@ -57,7 +57,7 @@ class Runs:
     def __init__(self, courses: Sequence[Course], names: Sequence[str]) -> None:
         self.courses, self.names = courses, names if len(names) > 1 else [""]
         self.chosen = any(one.detail["t_s"].iloc[-1] < one.last - 1e-9 for one in courses)
-        known = all(one.frequency for one in courses)
+        known = all(one.detail["t_s"].iloc[0] > one.first for one in courses)
         #: What the detail is called.
         self.last = "interval" if self.chosen else f"last {LAST_TURNS} turns" if known else "whole run"
 

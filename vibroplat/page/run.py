@@ -161,7 +161,7 @@ def course_of(
         raise TableError(f"no data between {begin:g} and {end:g} s in {found.directory}; {allowed}")
     struck = events.loc[events["impulse_n_s"] > 0.0, ["t_s", "impulse_n_s"]]
     motion = _motion(found, struck, max(begin, first), min(end, last), frequency, ends.evenly)
-    shown = cut.shown.iloc[:: max(1, len(cut.shown) // ROWS)]
+    shown = cut.shown.iloc[np.unique([*range(0, len(cut.shown), max(1, len(cut.shown) // ROWS)), len(cut.shown) - 1])]
     return Course(found, first, last, frequency, few, cut.envelope(), shown, struck, motion)
 
 
