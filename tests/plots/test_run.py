@@ -250,7 +250,7 @@ def test_measured_data_are_laid_over_a_run(saved, tmp_path):
     pd.DataFrame({"t_s": [0.1, 0.2], "y_m": [1e-4, -2e-4]}).to_csv(file, index=False)
     top, gap = drawn(saved["two layers"], kinds=["motion"], data=read_data(file))["motion"].axes
     assert top.lines[-1].get_ydata() == pytest.approx([0.1, -0.2])
-    assert top.lines[-1].get_label().startswith("measured: rig.csv, differs by ")
+    assert top.lines[-1].get_label().startswith("measured: rig.csv, y differs by ")
     assert not any(line.get_marker() == "D" for line in gap.lines)
 
 

@@ -28,6 +28,7 @@ from vibroplat.page.run import Course, course_of
 from vibroplat.page.sheet import sheet_html
 from vibroplat.page.tables import fold, hint, listing, parameters_html, table_html
 from vibroplat.results.answer import first_failures
+from vibroplat.results.labels import capital
 from vibroplat.results.picture import Picture, finite
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
@@ -183,14 +184,14 @@ class Report:
         """Return the answer of a result, what failed before it."""
         answer, check, more = one.answer, one.provenance.get("check") or {}, ""
         headline = answer.headline.removeprefix(f"{one.scene.name}: ")
-        headline = headline[:1].upper() + headline[1:]
+        headline = capital(headline)
         failures = [*check.get("disagreements", ()), *answer.failures]
         bad, look = bool(failures), "short"
         if isinstance(one, RunResult):
             differ = (one.summary.get("check") or {}).get("agrees") is False
             failures, look = [*failures, *["engines disagree"] * differ], "more"
             short = "; ".join(f"{label.replace(',', '')} {value}" for label, value, _ in self.sheets[one].short())
-            short = short[:1].upper() + short[1:]
+            short = capital(short)
             bad = bool(failures or one.summary.get("captured_by"))
         else:
             short = "\n".join(answer.short)

@@ -48,7 +48,8 @@ BANDS: Columns = {
         "band: points of one synchronization; jump: synchronization, phase difference, excitation frequency or "
         "amplitude changes by more than 4 times the changes on either side. A jump needs two points on each side, "
         "but one where frequency and synchronization change; a finer sweep may turn it into a steep change. liftoff "
-        "and flight-end: from the last point before to the first point after, both with material that can lift off; largest: maximum RMS of y; failed: points that failed",
+        "and flight-end: from the last point before to the first point after, both with material that can lift off; "
+        "largest: maximum RMS of y; failed: points that failed",
         kind=TEXT,
     ),
     "name": Column(
