@@ -26,7 +26,7 @@ from vibroplat.page.pictures import picture_html
 from vibroplat.page.results import differences, find_results, parameters
 from vibroplat.page.run import Course, course_of
 from vibroplat.page.sheet import sheet_html
-from vibroplat.page.tables import fold, hint, listing, parameters_html, table_html
+from vibroplat.page.tables import columns_html, fold, hint, listing, parameters_html, table_html
 from vibroplat.results.answer import first_failures
 from vibroplat.results.labels import capital
 from vibroplat.results.picture import Picture, finite
@@ -186,19 +186,19 @@ class Report:
         headline = answer.headline.removeprefix(f"{one.scene.name}: ")
         headline = capital(headline)
         failures = [*check.get("disagreements", ()), *answer.failures]
-        bad, look = bool(failures), "short"
+        bad = bool(failures)
         if isinstance(one, RunResult):
             differ = (one.summary.get("check") or {}).get("agrees") is False
-            failures, look = [*failures, *["engines disagree"] * differ], "more"
+            failures = [*failures, *["engines disagree"] * differ]
             short = "; ".join(f"{label.replace(',', '')} {value}" for label, value, _ in self.sheets[one].short())
-            short = capital(short)
+            told = f'<p class="more">{escape(capital(short))}</p>'
             bad = bool(failures or one.summary.get("captured_by"))
         else:
-            short = "\n".join(answer.short)
+            told = columns_html(answer.short)
         if failures:
             more = f'<p class="more">{escape(headline)}</p>'
             headline = "; ".join(first_failures(failures))
-        more += f'<p class="{look}">{escape(short)}</p>' if short else ""
+        more += told
         notes = "".join(f'<ul class="notes"><li><b>Note:</b> {escape(note)}</li></ul>' for note in answer.notes)
         return f'<p class="answer{" bad" * bad}{" run" * (name != "")}">{name}{escape(headline)}</p>{more}{notes}'
 

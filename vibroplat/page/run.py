@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -97,6 +97,11 @@ class Course:
             return None
         values = self.detail[column].to_numpy(dtype=float)
         return self.detail["t_s"].to_numpy(dtype=float), values, values
+
+    def in_last(self, seconds: float) -> Course:
+        """Return it with the last part of its detail, so that several runs are seen beside each other."""
+        times = self.detail["t_s"]
+        return replace(self, detail=self.detail[times >= times.iloc[-1] - seconds * (1.0 + 1e-9)])
 
     def size(self, column: str) -> float:
         """Return the range of a curve over the whole run; 0 if it has none."""

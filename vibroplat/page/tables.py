@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from html import escape
+from itertools import groupby, pairwise
 from typing import Any
 
 import numpy as np
@@ -120,6 +122,23 @@ def listing(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         for row in rows
     )
     return f'<div class="wide"><table class="listing">{begin}<tbody>{lines}</tbody></table></div>'
+
+
+def columns_html(lines: Sequence[str]) -> str:
+    """Return the lines of an answer: those in columns, two blanks or more apart in all of them, as rows of a table."""
+    found = ""
+    for in_columns, group in groupby(lines, lambda line: "  " in line.rstrip()):
+        block = [*group]
+        if not in_columns:
+            found += "".join(f'<p class="short">{escape(line)}</p>' for line in block)
+            continue
+        wide = [line.ljust(max(map(len, block))) for line in block]
+        drawn = "".join(" " if {*column} == {" "} else "x" for column in zip(*wide, strict=True))
+        ends = [0, *(gap.end() for gap in re.finditer(" {2,}(?=x)", drawn) if gap.start()), len(drawn)]
+        rows = ([escape(line[a:b].strip()) for a, b in pairwise(ends)] for line in wide)
+        cells = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
+        found += f'<table class="short">{cells}</table>'
+    return found
 
 
 def value_text(value: Any) -> str:
