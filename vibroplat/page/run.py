@@ -157,7 +157,7 @@ def course_of(
     detail = begin
     if start is None and stop is None and frequency is not None:
         detail = max(first, last - LAST_TURNS / frequency)
-    few = bool(turned(ends.evenly)[-1] <= FEW_TURNS)
+    few = bool(turned(ends.evenly).max(initial=0.0) <= FEW_TURNS)
     edges = np.linspace(first, last, PARTS + 1) if few else turn_edges(ends.evenly, first, last, PARTS)
     columns = [column for _, panel in PANELS for column in panel]
     cut = Cut(curves_of(found), (detail, end), edges, (*columns, *accelerations(found.scene)))

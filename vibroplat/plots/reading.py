@@ -58,7 +58,7 @@ def ends_of(parts: Iterable[pd.DataFrame]) -> Ends | None:
         rows += len(part)
         while sum(map(len, kept)) > 2 * EVENLY:
             kept, every = [pd.concat(kept, ignore_index=True).iloc[::2]], 2 * every
-    return Ends(rows, kept[0].iloc[0], last, pd.concat(kept, ignore_index=True)) if kept else None
+    return Ends(rows, kept[0].iloc[0], last, finite(pd.concat(kept, ignore_index=True)).dropna()) if kept else None
 
 
 def turned(rows: pd.DataFrame) -> Floats:
