@@ -138,18 +138,13 @@ def test_the_data_sheet_of_three_runs_is_whole(visit, size):
     assert js(page, right, ".sheet td:last-child") <= js(page, right, "main")
 
 
-def test_columns_of_an_answer_are_no_broken_lines_on_a_telephone(visit):
+def test_columns_of_an_answer_stand_below_their_heads_on_a_telephone(visit):
     page = visit("all", NARROW)
-    added = (
-        "document.querySelector('header').insertAdjacentHTML('beforeend', `<pre class=\"short\">${arguments[0]}</pre>`)"
-    )
-    page.execute_script(added, "\n".join(["word " * 20] * 3))
-    height, line = js(
-        page,
-        """(one => [one.clientHeight, parseFloat(getComputedStyle(one).lineHeight)])
-        ([...document.querySelectorAll('.short')].at(-1))""",
-    )
-    assert 2.5 < height / line < 4.5, "three lines, and perhaps a bar to scroll them"
+    cells = "document.querySelectorAll('table.short tr:nth-child(2) td')"
+    right = js(page, f"Math.max(...[...{cells}].map(one => one.getBoundingClientRect().right))")
+    assert 0 < right <= NARROW[0]
+    left = "[...document.querySelectorAll(`table.short td:nth-child(2)`)].map(one => one.getBoundingClientRect().left)"
+    assert len({*js(page, left)}) == 1, "cells stand below their heads"
 
 
 def test_all_figures_are_drawn(visit):
