@@ -49,7 +49,7 @@ def test_the_range_of_a_turn_has_a_whole_turn_however_slow():
     """While exciters coast down turns grow longer; whatever shakes as they turn, shakes once in each part."""
     t = np.linspace(0.0, 18.0, 36_001)
     turns = 16.0 * 9.0 * (1.0 - np.exp(-t / 9.0))
-    table = pd.DataFrame({"t_s": t, "phi1_rad": -2.0 * np.pi * turns, "phi2_rad": 2.0 * np.pi * 0.99 * turns})
+    table = pd.DataFrame({"t_s": t, "phi1_rad": -2.0 * np.pi * turns, "phi2_rad": 2.0 * np.pi * 1.01 * turns})
     table["y_m"] = np.cos(2.0 * np.pi * turns)
     edges = turn_edges(table, 0.0, 18.0, 400)
     assert np.diff(edges).min() > 0.9 / 16.0
@@ -62,10 +62,12 @@ def test_the_range_of_a_turn_has_a_whole_turn_however_slow():
 def test_turns_are_counted_on_few_rows_of_a_long_run_and_a_rest_has_parts_as_well():
     t = np.linspace(0.0, 20.0, 450_001)
     turned = 2.0 * np.pi * 10.0 * np.minimum(t, 10.0)
-    table = pd.DataFrame({"t_s": t, "phi1_rad": 0.0 * t, "phi2_rad": turned})
+    table = pd.DataFrame({"t_s": t, "phi1_rad": -turned, "phi2_rad": turned})
     ends = ends_of(parts(table, 70_001))
     assert EVENLY < len(ends.evenly) <= 2 * EVENLY
     assert np.ptp(np.diff(ends.evenly["t_s"])) < 1e-9
+    one = turn_edges(ends.evenly.assign(phi1_rad=0.0), 0.0, 20.0, 50)
+    assert np.diff(one) == pytest.approx(SLOW, abs=1e-3), "an exciter that rests has no turns"
     edges = turn_edges(ends.evenly, 0.0, 20.0, 50)
     assert edges[:50] == pytest.approx(0.2 * np.arange(50), abs=1e-4)
     assert edges[50:] == pytest.approx(np.arange(10.0, 20.1, SLOW), abs=1e-3)

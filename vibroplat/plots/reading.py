@@ -62,19 +62,20 @@ def ends_of(parts: Iterable[pd.DataFrame]) -> Ends | None:
 
 
 def turned(rows: pd.DataFrame) -> Floats:
-    """Return how often the exciter that turns more has turned since the first one of some rows."""
+    """Return how often both exciters have turned since the first one of some rows: the slower one, then the faster."""
     angles = rows[["phi1_rad", "phi2_rad"]].to_numpy(dtype=float) / (2.0 * np.pi)
     grown = np.maximum.accumulate(np.abs(angles - angles[:1]), axis=0)
-    return np.asarray(grown[:, np.argmax(grown[-1])] if len(grown) else np.zeros(0))
+    return np.asarray(np.sort(grown, axis=1))
 
 
 def turn_edges(evenly: pd.DataFrame, begin: float, end: float, most: int) -> Floats:
-    """Return the ends (s) of about so many parts of an interval, in each of which the faster exciter turns whole times.
+    """Return the ends (s) of about so many parts of an interval, in each of which the slower exciter turns whole times.
 
-    The last part has what is left of a turn. Where turns take longer than ``SLOW`` seconds, parts are about that long.
+    The last part has what is left of a turn. Where turns take longer than ``SLOW`` seconds, parts are about that long:
+    what shakes as one exciter turns or swings is no range of a turn of the other one.
     """
     rows = evenly[evenly["t_s"].between(begin, end)]
-    turns, first = np.unique(turned(rows), return_index=True)
+    turns, first = np.unique(turned(rows)[:, 0], return_index=True)
     count = int(turns.max(initial=0.0) + 1e-6)
     wholes = np.arange(0, count + 1, max(1, -(-count // most)))[1:]
     ends = np.interp(wholes, turns, rows["t_s"].to_numpy()[first]) if count else []
