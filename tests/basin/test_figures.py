@@ -47,7 +47,7 @@ def test_a_figure_names_attractors_and_the_box_of_starts(kind, command, figures,
         name: one.get_color() if kind == "over" else to_hex(one.get_facecolor()).upper() for name, one in handles
     }
     assert colours == {name: SYNC[name.partition(",")[0]] for name in LEGEND}
-    assert ("phase difference -0.1 … 3 rad" in figure.axes[0].get_title("left")) == (kind == "over")
+    assert ("phase difference −0.1 … 3 rad" in figure.axes[0].get_title("left")) == (kind == "over")
 
 
 def test_colours_of_attractors_depend_on_no_order():

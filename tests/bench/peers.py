@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from vibroplat.bench.measure import Solver, of_engine, precision, show_precision, truth
-from vibroplat.bench.scenes import cases
+from vibroplat.bench.measure import Solver, cases, of_engine, precision, show_precision, truth
 from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, begin_segment, end_segment
 from vibroplat.hybrid.state import RUNNING, rewind, state_scales

@@ -1,16 +1,19 @@
-"""Errors, run times at equal errors, and their figure."""
+"""What ``vibroplat bench`` measures, writes and says: errors, run times at equal errors, and what studies cost."""
+
+import re
 
 import numpy as np
 import pandas as pd
 import pytest
+from common.places import ROOT
 
-from vibroplat.bench import measure, scenes
-from vibroplat.plots.bench import plot_precision
+from vibroplat.bench import measure, studies
+from vibroplat.cli.bench import DURATIONS
 
 
 @pytest.fixture(scope="module")
 def case():
-    return measure.truth("attached", scenes.cases()["attached"].replace({"run.duration_s": 0.1}))
+    return measure.truth("attached", measure.cases()["attached"].replace({"run.duration_s": 0.1}))
 
 
 def test_a_run_at_its_own_accuracy_has_no_error(case):
@@ -72,7 +75,7 @@ def test_ratios_are_to_engine_taylor():
 
 
 def test_run_time_is_drawn_over_error(tmp_path, figures):
-    plot_precision(TABLE, tmp_path, "work")
+    measure.plot_precision(TABLE, tmp_path, "work")
     coordinates, *others = figures["work"].axes
     assert [line.get_xydata().tolist() for line in coordinates.lines] == [
         [[1e-4, 1.0], [1e-8, 4.0]],
@@ -81,3 +84,68 @@ def test_run_time_is_drawn_over_error(tmp_path, figures):
     assert (coordinates.get_xscale(), coordinates.get_yscale(), coordinates.xaxis_inverted()) == ("log", "log", True)
     assert not any(axis.get_visible() for axis in others)  # errors that are zero, or not there
     assert [text.get_text() for text in figures["work"].legends[0].texts] == ["taylor", "other"]
+
+
+@pytest.mark.long
+def test_branches_are_as_exact_as_sweeps_that_settle_longest():
+    narrow = {"sweep.grid": {"material.mass_ratio": [0.1]}, "sweep.supply_frequency_hz.stop": 45.0}
+    table = studies.cost_of_orbits(1, narrow).set_index("what")
+    assert list(table.index) == ["branches", *(f"sweep, settled to {t:g}" for t in (1e-3, 1e-7, 1e-9))]
+    assert table["simulated_s"].iloc[1:].is_monotonic_increasing
+    assert (table["times_point"] > 0.0).all()
+    assert (table["error"] < [1e-8, 1e-2, 1e-6, 1e-8]).all()
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("kernels")
+def test_engines_assign_starts_alike():
+    table = studies.cost_of_basins(1, 4)
+    assert list(table["engine"]) == ["taylor", "native"]
+    assert list(table["unlike"]) == [0, 0]
+    assert table["over_taylor"].iloc[0] == 1.0
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """One short scene instead of all."""
+    scene = measure.cases()["attached"].replace({"run.duration_s": 0.05})
+    monkeypatch.setattr(measure, "cases", lambda: {"attached": scene})
+
+
+@pytest.mark.usefixtures("short", "kernels")
+def test_precision_is_a_table_and_a_figure(command, here, figures):
+    done = command("bench", "precision", "--repeats", 1, "--out", "out")
+    assert (done.code, done.err) == (0, "")
+    assert "results" not in {path.name for path in here.iterdir()}
+    table = pd.read_csv("out/benchmarks/precision.csv")
+    assert list(table["tolerance"]) == pytest.approx([10.0**-n for n in range(4, 11)])
+    assert set(table["engine"]) == {"native"}
+    assert table["coordinates"].iloc[-1] < 1e-3 * table["coordinates"].iloc[0]
+    assert (table["ms_per_s"] > 0.0).all()
+    assert figures["precision"].axes[0].get_title(loc="left").endswith("\nattached")
+
+
+@pytest.mark.usefixtures("short", "kernels", "figures")
+def test_engines_are_compared_at_equal_error(command, here):
+    assert command("bench", "--repeats", 1).code == 0
+    table = pd.read_csv("results/benchmarks/summary-equal.csv").set_index(["engine", "error"])
+    usual = table.xs(measure.LEVEL, level="error")
+    assert list(usual.index) == ["taylor", "native"]
+    assert usual.loc["taylor", "over_taylor"] == 1.0
+    assert (usual["ms_per_s"] > 0.0).all()
+
+
+def test_all_benchmarks_and_some_are_not_asked_for_at_once(command, here):
+    done = command("bench", "engines", "--long")
+    line = "engines --long: --long runs all benchmarks; allowed: names or --long"
+    assert (done.code, done.out, done.err) == (2, "", f"vibroplat: {line}\n")
+
+
+def test_durations_are_said_in_one_way(command):
+    """In the help of the command, and where its results are discussed."""
+    printed = " ".join(command("bench", "--help").out.split())
+    page = (ROOT / "results/benchmarks/README.md").read_text(encoding="utf-8")
+    for name, duration in DURATIONS.items():
+        assert f"{name} ({duration})" in printed if name else f"in {duration}" in printed
+        command_line = f"vibroplat bench {name}".strip()
+        assert re.findall(rf"^\| `{command_line}` \|.*\| (.*) \|$", page, re.MULTILINE) == [duration]

@@ -5,7 +5,7 @@ import pytest
 from bench import peers
 from common.references import load_reference
 
-from vibroplat.bench import measure, scenes
+from vibroplat.bench import measure
 
 #: Tolerance, and bounds of the errors of coordinates over their scales, event times (s) and F_c over its largest:
 #: those of "one impact a period" over 0.8 s, tripled.
@@ -21,7 +21,7 @@ SOLVERS = {
 
 @pytest.fixture(scope="module")
 def case():
-    return measure.truth("one", scenes.cases()["one impact a period"].replace({"run.duration_s": 0.8}))
+    return measure.truth("one", measure.cases()["one impact a period"].replace({"run.duration_s": 0.8}))
 
 
 @pytest.mark.peers
@@ -39,7 +39,7 @@ def test_solver_finds_the_motion(name, case):
 @pytest.mark.parametrize("name", ["bare run-up", "attached", "one impact a period"])
 def test_reference_is_the_motion_of_heyoka_at_round_off(name):
     pytest.importorskip("heyoka")
-    case = measure.truth(name, scenes.cases()[name])
+    case = measure.truth(name, measure.cases()[name])
     found = measure.precision([case], ["heyoka"], [1e-16], 1, peers.solver_of).iloc[0]
     assert found["coordinates"] < 1e-11
     assert found["event_time_s"] < 1e-13
@@ -50,7 +50,7 @@ def test_reference_is_the_motion_of_heyoka_at_round_off(name):
     [("attached", "attached-mu01-fe46"), ("one impact a period", "inelastic-mu02-fe51.5")],
 )
 def test_reference_is_the_motion_of_the_tables(name, table):
-    found, known = measure.truth(name, scenes.cases()[name]), load_reference(table)
+    found, known = measure.truth(name, measure.cases()[name]), load_reference(table)
     errors = measure.event_errors(found.events, known.events)
     assert errors["event_time_s"] < 1e-12
     rows = known.trajectory.set_index(known.trajectory["t_s"].round(9)).loc[found.trajectory["t_s"].round(9)]
@@ -64,6 +64,6 @@ def test_storm_of_a_peer_is_an_error(monkeypatch):
         return [t + 1e-9], end[np.newaxis], True
 
     monkeypatch.setitem(peers.PEERS, "bouncing", lambda *_: storm)
-    scene = scenes.cases()["attached"].replace({"contact.restitution": 0.5})
+    scene = measure.cases()["attached"].replace({"contact.restitution": 0.5})
     with pytest.raises(RuntimeError, match="event-storm: 5000 restarts within "):
         peers.solver_of("bouncing", scene, 1e-6).run([])

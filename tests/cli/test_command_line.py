@@ -117,7 +117,7 @@ def test_run_writes_tables_summary_and_provenance(name, form, written):
 def test_run_prints_a_summary_and_where_the_tables_are(name, finished_commands):
     first, *_, last = finished_commands[0][name].out.splitlines()
     assert re.match(rf"{name}: runs at 25\.\d\d Hz \(15\d\d rpm\), antiphase: vibrates along y", first)
-    assert last == f"results/{name}/run: -v prints all; next: vibroplat report results/{name}"
+    assert last == f"results/{name}/run: again with -v: all; next: vibroplat report results/{name}"
     lines = load(finished_commands[1] / name).answer.lines
     assert (lines["outcome"], lines["simulated"]) == ("ok", "0.200 s")
     assert re.fullmatch(r"0\.1\d* s … 0\.1\d* s, [12] whole turns?", lines["measured"])
@@ -149,8 +149,8 @@ def test_run_prints_and_keeps_its_notes(command, kernels, here):
     coarse = ("output.sample_rate_hz=1", "run.duration_s=1.0", "name=coarse")
     done = command("run", QUICKSTART, *settings(*coarse), "-v")
     (note,) = read_json(here / "results/coarse/run", "summary")["notes"]
-    assert note.startswith("the trajectory table misses the largest gap, ")
-    assert f"\nnote: {note}\n" in done.out
+    assert note.startswith("hint: the trajectory table misses the largest gap, ")
+    assert f"\n{note}\n" in done.out
 
 
 def test_run_that_ends_early_exits_1_and_keeps_what_it_has(command, tmp_path):
@@ -201,7 +201,8 @@ def test_provenance_says_where_a_result_came_from(written):
         read_json(written / "quickstart/run", "summary"),
     )
     told = (
-        "schema vibroplat git_commit created configuration_sha256 engine sundials tolerance python platform libraries"
+        "schema vibroplat git_commit source_files created configuration_sha256 engine sundials tolerance "
+        "python platform libraries"
     )
     assert list(found) == [*told.split(), "configuration", "command", "result", "files"]
     assert (found["schema"], found["vibroplat"]) == (2, __version__)

@@ -61,7 +61,7 @@ def test_engine_reaches_the_paper(command, kernels, here, monkeypatch):
             found.extend(trial.scene(name) for name in (*trial.names, reproduction.NON_IMPACT))
         raise _Caught
 
-    monkeypatch.setattr("vibroplat.cli.paper.run_and_print", caught)
+    monkeypatch.setattr("vibroplat.cli.studies.run_and_print", caught)
     with pytest.raises(_Caught):
         command("paper", "--machine", "calibrated", "--engine", "sundae", "--jobs", "1", "--seeds", "2")
     assert {conditions(scene)["engine"] for scene in found} == {"sundae"}

@@ -19,7 +19,6 @@ HEAD = f"extends: {MACHINE}\nname: c\nsolver: {{engine: taylor}}\n"
 KEY = "key: drive.supply_frequency_hz"
 STEP = "step: {first: 0.4, largest: 0.5}"
 ORBITS = f"orbits: {{{KEY}, start: 47.0, stop: 49.0, {STEP}, grid: {{material.mass_ratio: [0.0, 0.1]}}}}\n"
-SWEEP = "sweep: {supply_frequency_hz: {start: 47, stop: 48, step: 1}, measure_s: 0.5, lyapunov: false}\n"
 TABLES = ("branches", "special")
 
 
@@ -85,20 +84,6 @@ def test_writes_tables_and_prints_an_overview(followed):
     assert row.endswith("  stop of the key's range")
     (row,) = (line for line in answer.text if "liftoff" in line)
     assert row.split()[:4] == ["0.1", "0", "liftoff", "48.176451"]
-
-
-def test_a_sweep_and_orbits_of_one_name_keep_their_files_apart(command, config, figures):
-    path = config(ORBITS + SWEEP)
-    assert command("sweep", path).code == 0
-    before = results("results/c/sweep").keys()
-    assert command("orbits", path).code == 0
-    assert results("results/c/sweep").keys() == before
-    assert {"branches.parquet", "provenance.json"} <= set(results())
-    done = command("sweep", path, "--resume")
-    assert done.code == 0
-    assert "2 tasks from before" in done.out
-    done = command("plot", "results/c")
-    assert [Path(line).name for line in done.out.splitlines()] == ["response.png", "branches.png", "multipliers.png"]
 
 
 def test_a_branch_that_fails_keeps_its_points(command, config, monkeypatch):

@@ -192,9 +192,7 @@ def test_a_motor_that_is_switched_off_and_stops_has_no_steady_numbers(runs):
     program = [{"t_s": 0.0, "supply_frequency_hz": 51.5}, {"t_s": 0.01, "exciter_2": "off"}]
     off = run.scene.replace({"drive.program": program})
     stops = run.summary | {"frequency_split_hz": 20.0, "speed_ripple_2_hz": 16.0, "phase_coherence": 0.1}
-    told = (
-        "quickstart: motor 2 is switched off and its exciter is stopping: exciters at 35.74 Hz and 15.74 Hz in the mean"
-    )
+    told = "quickstart: motor 2 is off, its exciter is stopping: exciters at 35.74 Hz and 15.74 Hz in the mean"
     assert headline(off, stops) == told
     first = short_lines(Sheet(off, stops))[0]
     assert first.startswith("no steady motion ")

@@ -18,11 +18,11 @@ IDLE = Motor(critical_torque_n_m=0.0, friction_radius_m=0.0, pole_pairs=1)
 
 
 @contextmanager
-def motion_of(scene):
-    """A motion of a scene, whose engine is closed at the end."""
+def motion_of(scene, *start):
+    """A motion of a scene, from ``run.initial`` or another state; its engine is closed at the end."""
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        yield Simulator(scene, p, engine)
+        yield Simulator(scene, p, engine, *start)
 
 
 def ball_on_table(

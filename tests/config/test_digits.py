@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from vibroplat.config.digits import given, interval, number, quantity, share, spread
+from vibroplat.config.digits import given, interval, number, pair, quantity, share, spread
 
 
 @pytest.mark.parametrize(
@@ -59,3 +59,9 @@ def test_an_interval_has_the_decimals_of_its_larger_end():
 def test_a_number_stands_as_it_was_given_and_one_that_was_computed_has_six_digits():
     told = [given(v) for v in (50.0, 49.99975, 0.1, 0.3 - 0.1, 5e7, 1e-13, 12559432.1575, 1.0 / 3.0)]
     assert told == ["50", "49.99975", "0.1", "0.2", "50000000", "1e-13", "12559400", "0.333333"]
+
+
+def test_numbers_that_are_compared_have_two_digits_of_their_difference():
+    assert pair(1.2345678e-3, 1.2345999e-3, "m") == ("1.234568 mm", "1.234600 mm")
+    assert pair(0.5, 0.5, "Hz") == ("0.5000 Hz", "0.5000 Hz")
+    assert pair(0.0, float("inf")) == ("0", "–")

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from common.known import motion_of
 from common.orbits import traced
 from common.places import QUICKSTART
 
@@ -14,9 +15,6 @@ from vibroplat.continuation.newton import ANGLE_INDEX, Problem, correct
 from vibroplat.continuation.orbit import OrbitError, guesses, with_initial_state
 from vibroplat.continuation.shooting import Shooter
 from vibroplat.hybrid.state import state_scales
-from vibroplat.integrate import make_engine
-from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Simulator
 
 CALIBRATED = MACHINE.parents[2] / "configs" / "machines" / "calibrated.yaml"
 KEY, MASS, RESTITUTION = "drive.supply_frequency_hz", "material.mass_ratio", "contact.restitution"
@@ -140,9 +138,7 @@ def farthest(row, mass, seconds, restitution=0.0):
     begun = start.copy()
     begun[7:12] += 1e-3 * scales[7:12] * rates / np.linalg.norm(rates)
     turns = int(seconds / row["period_s"])
-    p = parameters(scene)
-    with closing(make_engine(scene, p)) as engine:
-        motion = Simulator(scene, p, engine, begun)
+    with motion_of(scene, begun) as motion:
         motion.to_time(seconds)
         motion.to_section(1, 1.0)
         disturbed = motion.state

@@ -8,7 +8,7 @@ import pytest
 
 from vibroplat import load_config
 from vibroplat.continuation.newton import NoConvergenceError, Problem, correct, fixed_border
-from vibroplat.continuation.returns import NEAREST_COUNT, RELATIVE_COUNT, is_apart, near_returns
+from vibroplat.continuation.orbit_detection import NEAREST_COUNT, RELATIVE_COUNT, is_apart, near_returns
 from vibroplat.continuation.shooting import TURN, Shooter
 
 from .helpers import MACHINE

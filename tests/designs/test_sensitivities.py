@@ -135,7 +135,7 @@ def test_a_section_stands_for_its_numbers(scene):
     assert len(found) == 13
     assert "machine.gravity_m_per_s2" not in found
     (note,) = study.notes
-    assert note.startswith("no tolerance: machine.damping_x_n_s_per_m (")
+    assert note.startswith("hint: no tolerance: machine.damping_x_n_s_per_m (")
     # a speed of 5 % more is above the synchronous speed, and a position has two numbers
     screen = load_config(
         CALIBRATED.parents[1] / "templates/screen.yaml", {"design.parameter_tolerances.exciters": 0.05}

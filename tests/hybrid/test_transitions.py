@@ -5,7 +5,7 @@ import pytest
 from common.known import ball_on_table, motion_of
 
 from vibroplat import simulate
-from vibroplat.bench.scenes import base
+from vibroplat.bench.measure import base
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.hybrid.resets import apply_impact
 from vibroplat.model.impact import impulse_response

@@ -9,7 +9,7 @@ import pytest
 
 from vibroplat import load_config
 from vibroplat.config.reader import configurations
-from vibroplat.inspection.conveying import expected_conveying, path, range_of_speed, unique_friction
+from vibroplat.inspection.material import expected_conveying, path, range_of_speed, unique_friction
 
 TEMPLATES = configurations() / "templates"
 

@@ -10,10 +10,17 @@ from common.commands import command
 from vibroplat import Scene, load_config
 from vibroplat.config.digits import quantity
 from vibroplat.config.reader import configurations
-from vibroplat.inspection.balance import balances, final_supply, holding_torque, speed_alone, speed_grid, while_driven
+from vibroplat.inspection.balance import (
+    averaged_start,
+    balances,
+    final_supply,
+    holding_torque,
+    speed_alone,
+    speed_grid,
+    while_driven,
+)
 from vibroplat.inspection.linear import amplitudes, amplitudes_alone, loaded_frequencies, platform_torques
 from vibroplat.inspection.material import loaded_motion
-from vibroplat.inspection.start import averaged_start
 from vibroplat.inspection.values import INSPECTION
 
 CONFIGS = configurations()

@@ -14,7 +14,7 @@ from vibroplat.observe.peaks import EIGHT, beyond_limits
 from vibroplat.observe.section import section_rows
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import measure, synchronization
-from vibroplat.study.coexisting import block_values
+from vibroplat.study.classification import block_values
 
 
 def test_statistics_agree_with_the_tables(quickstart):

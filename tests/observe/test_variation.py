@@ -6,6 +6,7 @@ from contextlib import closing
 import numpy as np
 import pytest
 from common.divergence import integral_of_divergence
+from common.known import motion_of
 
 from vibroplat import simulate, variation
 from vibroplat.config.coordinates import Mode
@@ -230,11 +231,10 @@ def test_impact_too_slow_to_rebound_after_which_flight_goes_on():
         state_scales(scene),
         1e-4,
     )
-    p, events, varied = parameters(scene), Recorder(scene, "events"), Variation()
+    events, varied = Recorder(scene, "events"), Variation()
 
     def end(state, observers=()):
-        with closing(make_engine(scene, p)) as engine:
-            motion = Simulator(scene, p, engine, state)
+        with motion_of(scene, state) as motion:
             motion.automaton.run["slowest"] = 10.0
             motion.to_time(0.05, observers)
             return varied.derivative(motion.automaton) if observers else motion.state

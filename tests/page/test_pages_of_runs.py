@@ -16,10 +16,9 @@ from vibroplat.errors import TableError
 from vibroplat.page import run
 from vibroplat.page.curves import Line, Runs, one_line
 from vibroplat.page.machine import drawing, machine_of, packed
+from vibroplat.page.report import sheet_html
 from vibroplat.page.results import find_results
 from vibroplat.page.run import course_of, windows_of
-from vibroplat.page.sheet import sheet_html
-from vibroplat.page.tables import columns_html
 from vibroplat.results.sheet import Sheet
 from vibroplat.results.tables import read_json, read_table, write_table
 
@@ -158,19 +157,6 @@ def test_of_several_runs_a_colour_is_a_run_and_their_last_seconds_stand_beside_e
     assert spans[0] <= spans[1] * (1.0 + 1e-6)
     assert re.findall("<em[^>]*>(.*?)</em>", drawn.key_figures())[-2:] == ["first", "second"]
     assert "dashed: underside of the material" in drawn.key_figures()
-
-
-def test_columns_of_an_answer_are_cells_of_a_table():
-    lines = [
-        "all repeat",
-        "at f_e (Hz)  jump        largest",
-        "             53 … 56 up  1.14 mm at 30",
-        "each ± 0.5 Hz",
-    ]
-    text = columns_html(lines)
-    assert re.findall("<p[^>]*>(.*?)</p>", text) == [lines[0], lines[3]]
-    cells = [re.findall("<td>(.*?)</td>", row) for row in text.split("</tr>")[:2]]
-    assert cells == [["at f_e (Hz)", "jump", "largest"], ["", "53 … 56 up", "1.14 mm at 30"]]
 
 
 # -- curves ---------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from vibroplat.continuation.rows import orbit_motion
 from vibroplat.errors import TableError, VibroplatError
 from vibroplat.page import orbits, tables
 from vibroplat.page.orbits import evenly
-from vibroplat.page.tables import rows_on_page, table_html
+from vibroplat.page.tables import aligned, rows_on_page, table_html
 from vibroplat.results.tables import read_json, read_table, write_table
 
 
@@ -362,6 +362,14 @@ def told_otherwise(source, place, **told):
     proof = read_json(copy, "provenance")
     (copy / "provenance.json").write_text(json.dumps(proof | {"answer": proof["answer"] | told}))
     return copy
+
+
+def test_lines_in_columns_are_tables_whose_cells_wrap_on_a_telephone():
+    lines = ["at f (Hz)  rises  falls", "m < 0.1    63 up", "           62", "each ± 0.25 Hz"]
+    assert aligned(lines) == (
+        '<div class="short"><table><tr><td>at f (Hz)<td>rises<td>falls</table>'
+        "<table><tr><td>m &lt; 0.1<td>63 up<tr><td><td>62</table><p>each ± 0.25 Hz</p></div>"
+    )
 
 
 def test_failures_come_first_and_notes_are_told(answered, tmp_path):

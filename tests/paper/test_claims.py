@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from study.helpers import swept
 
 from vibroplat.config.scene import Scene
 from vibroplat.paper import judges
@@ -9,7 +10,7 @@ from vibroplat.paper.claims import cut, expected, judge, scoreboard
 from vibroplat.paper.evidence import EDGE, BranchRecords, Evidence, F, Key
 from vibroplat.paper.judges import regime_intervals
 from vibroplat.paper.root_finding import JUMP_WIDTH, WIDTH
-from vibroplat.paper.scenes import claims
+from vibroplat.paper.scenes import claims, machine_numbers, paper_scene
 from vibroplat.study.branches import SweepBranch
 
 CLAIMS = {claim["id"]: claim for claim in claims()}
@@ -17,6 +18,7 @@ STEPS = np.arange(21.0, 40.01, 0.25)
 #: Where motion stops being periodic below the jump, by R.
 NON_PERIODIC = {0.0: 29.5, 0.3: 29.0, 0.5: 28.0, 0.7: 27.0, 1.0: 26.0}
 LAYERS = {"material.natural_frequency_hz": 30.0, "material.damping_ratio": 0.7}
+PRINTED = paper_scene("fig2", machine_numbers("printed"))
 
 
 def row(f, **changes):
@@ -376,3 +378,25 @@ def test_claims_are_told_in_words():
     assert expected(CLAIMS["R1-nonperiodic"]) == "μ 0.2, R 1, f 26 Hz ± 0.5: non-periodic above"
     assert expected(CLAIMS["sync-inphase"]) == "μ 0, f 31.5 … 34.5 Hz: in-phase"
     assert expected(CLAIMS["amp-rise"]) == "R 0, f 21 … 27.5 Hz: A_y grows with mu"
+
+
+def acceleration(scene, mass_ratio, frequency):
+    """Amplitude of the platform's vertical acceleration (m/s²) at a frequency (Hz), with a stiff layer on it."""
+    machine, omega = scene.machine, 2.0 * math.pi * frequency
+    stiffness = machine.stiffness_y_n_per_m - (1.0 + mass_ratio) * scene.body.mass * omega**2
+    return sum(scene.unbalances) * omega**4 / abs(stiffness + 1j * omega * machine.damping_y_n_s_per_m)
+
+
+def test_stiff_layer_leaves_the_platform_where_the_formula_says(tmp_path):
+    """A layer of 1 kHz is nearly stiff: attached just below, in flight just above."""
+    frequency, radius = 24.674, 0.0263
+    lighter = PRINTED.replace({"machine.unbalance_radius_m": radius})
+    assert acceleration(lighter, 0.1, frequency) == pytest.approx(9.81, rel=1e-3)
+    machine = tmp_path / "stiff.yaml"
+    machine.write_text(
+        f"machine: {{unbalance_radius_m: {radius}, damping_y_n_s_per_m: 40.0}}\n"
+        "material: {mass_ratio: 0.1, natural_frequency_hz: 1000.0, damping_ratio: 0.5}\n"
+    )
+    rows = [swept(machine, 2.0 * (frequency + off), perturbation=0.0).iloc[0] for off in (-0.1, 0.1)]
+    assert rows[0]["excitation_frequency_hz"] < frequency < rows[1]["excitation_frequency_hz"]
+    assert rows[0]["flight_fraction"] == 0.0 < rows[1]["flight_fraction"]

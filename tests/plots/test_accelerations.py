@@ -8,9 +8,8 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from vibroplat.errors import TableError
-from vibroplat.plots.histories import Run
+from vibroplat.plots.histories import Run, spectrum_of
 from vibroplat.plots.run import run_figures
-from vibroplat.plots.spectra import spectrum_of
 from vibroplat.results.tables import read_table
 
 TURN = 2.0 * np.pi

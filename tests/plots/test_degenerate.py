@@ -12,9 +12,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from vibroplat import load_config
+from vibroplat.bench import measure
 from vibroplat.config.kinds import KINDS
 from vibroplat.errors import TableError
-from vibroplat.plots import bench, histories, paper, run
+from vibroplat.plots import histories, paper, run
 from vibroplat.plots.command import draw_study
 from vibroplat.plots.display import orbit_figure
 from vibroplat.plots.pictures import draw_picture
@@ -284,8 +285,8 @@ def drawn_precision(change, _):
         raise TableError("a bench has rows")
     kept = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bench, "save", lambda figure, *_: kept.append(figure))
-        bench.plot_precision(change(table), None, "precision")
+        patch.setattr(measure, "save", lambda figure, *_: kept.append(figure))
+        measure.plot_precision(change(table), None, "precision")
     return kept[0]
 
 

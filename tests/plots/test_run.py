@@ -225,7 +225,13 @@ def test_titles_of_runs_that_coast_down_do_not_speak_of_operation(saved):
     off = {"program": [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}]}
     run = SimpleNamespace(summary=told, scene=scene.replace({"drive": off}), name=told["name"])
     assert headlines.headline("exciters", [run]).startswith("Coasts with the motors off, at ")
-    assert all(headlines.headline(kind, [run]).startswith("No steady motion ") for kind in ("motion", "loads"))
+    title = headlines.headline("motion", [run])
+    assert title.startswith("It coasts down; largest stroke y "), "nothing of a steady motion"
+    assert quantity(told["whole_stroke_y_m"], "m") in title
+    assert (
+        quantity(told["stroke_y_m"], "m") not in title.split(" at ")[0]
+        or told["stroke_y_m"] == told["whole_stroke_y_m"]
+    )
 
 
 def test_runs_are_laid_over_each_other_from_a_whole_turn_on(saved, tmp_path, figures):

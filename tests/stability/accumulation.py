@@ -6,7 +6,7 @@ import numpy as np
 from common.known import GRAVITY, OMEGA, TURN, accumulation_time, dropped_ball
 
 from stability.checks import NAMED, row, sound, with_engine
-from vibroplat.bench.scenes import base
+from vibroplat.bench.measure import base
 from vibroplat.motion.run import simulate
 
 TOLERANCE = 1e-10

@@ -7,7 +7,6 @@ where it was ended. Then it prints what all tables in the folder say; with ``--s
 """
 
 import argparse
-from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from multiprocessing import Pool
@@ -15,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from common.known import motion_of
 from common.random_scenes import STORM, random_scene
 
 from stability.checks import NAMED, row, sound, with_engine
@@ -24,11 +24,8 @@ from vibroplat.check.events import ErrorBound, EventMatches, match_events
 from vibroplat.check.runs import check_run
 from vibroplat.continuation.orbit import OrbitError, run_from
 from vibroplat.hybrid.state import state_scales
-from vibroplat.integrate import make_engine
 from vibroplat.integrate.native import MAX_STEPS
-from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP
-from vibroplat.motion.motion import Simulator
 from vibroplat.observe.summary import INACCURATE
 from vibroplat.study.fingerprint import package
 
@@ -102,10 +99,9 @@ def _scene(number, turns, engine):
 
 def _steps(scene, seconds):
     """How many steps a motion takes for a time."""
-    p = parameters(scene)
-    with closing(make_engine(scene, p)) as engine:
-        Simulator(scene, p, engine).to_time(seconds)
-        return engine.work["steps"]
+    with motion_of(scene) as motion:
+        motion.to_time(seconds)
+        return motion.engine.work["steps"]
 
 
 def _end(run):

@@ -1,15 +1,13 @@
 """Checks of the stability suite."""
 
 import math
-from contextlib import closing
 
 import numpy as np
+from common.known import motion_of
 
 from vibroplat.hybrid.state import FORCE_ERROR, force_spread, state_scales
-from vibroplat.integrate import make_engine
-from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP
-from vibroplat.motion.motion import OUTCOMES, Simulator
+from vibroplat.motion.motion import OUTCOMES
 from vibroplat.observe.summary import INACCURATE, measure
 
 #: Largest residuals of energy and vertical momentum over tolerance and steps: each step may be off by about the
@@ -57,12 +55,10 @@ def with_engine(scene, engine):
 
 def steady(scene, settle, seconds):
     """Let a scene settle (s) and then measure (s); return the measures with outcome and steps."""
-    p = parameters(scene)
-    with closing(make_engine(scene, p)) as engine:
-        motion = Simulator(scene, p, engine)
+    with motion_of(scene) as motion:
         motion.advance(settle)
         part = motion.advance(seconds)
-        work = {"outcome": motion.outcome, "detail": motion.detail, "steps": engine.work["steps"] or 0}
+        work = {"outcome": motion.outcome, "detail": motion.detail, "steps": motion.engine.work["steps"] or 0}
     return measure(part, scene) | work
 
 

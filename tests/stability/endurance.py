@@ -1,17 +1,12 @@
 """Very long runs: nothing may drift, grow or lose resolution."""
 
-from contextlib import closing
-
 import numpy as np
 import psutil
-from common.known import TURN
+from common.known import TURN, motion_of
 
 from stability.checks import RESIDUAL, row, with_engine
-from vibroplat.bench.scenes import kinds
+from vibroplat.bench.measure import kinds
 from vibroplat.hybrid.modes import IMPACT
-from vibroplat.integrate import make_engine
-from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Simulator
 from vibroplat.observe.summary import measure
 
 #: The scenes: one without events, one attached, one with an impact in each turn.
@@ -58,16 +53,15 @@ class Impacts:
 def _long(name, scene, turns):
     """Compare the parts of one run: energy, statistics, times of events, memory."""
     seconds = turns * TURN / scene.speed_scale / PARTS
-    p, parts, memory = parameters(scene), [], []
-    with closing(make_engine(scene, p)) as engine:
-        motion = Simulator(scene, p, engine)
+    parts, memory = [], []
+    with motion_of(scene) as motion:
         motion.advance(max(10.0, 0.1 * seconds))  # let it settle
-        steps = engine.work["steps"]
+        steps = motion.engine.work["steps"]
         for _ in range(PARTS):
             impacts = Impacts()
             parts.append(measure(motion.advance(seconds, observers=[impacts]), scene) | {"interval": impacts.spread})
             memory.append(psutil.Process().memory_info().rss / 1024.0)
-        steps = (engine.work["steps"] - steps) / PARTS
+        steps = (motion.engine.work["steps"] - steps) / PARTS
         outcome, state = motion.outcome, motion.automaton.run["state"]
     by = {key: np.array([found[key] or 0.0 for found in parts]) for key in (*STEADY, *OTHERS)}
     residuals = by["energy_residual"]

@@ -7,7 +7,7 @@ import numpy as np
 from common.known import GRAVITY, OMEGA, TURN
 
 from stability.checks import row, sound, spread_over, steady, with_engine
-from vibroplat.bench.scenes import base
+from vibroplat.bench.measure import base
 from vibroplat.hybrid.state import state_scales
 from vibroplat.motion.run import simulate
 

@@ -19,7 +19,7 @@ from stability.layers import layers
 from stability.transport import judged_moving, transport
 from stability.units import units
 from vibroplat import simulate
-from vibroplat.bench.scenes import base
+from vibroplat.bench.measure import base
 
 #: Engines whose figures stand side by side.
 ENGINES = ("native", "taylor")

@@ -3,7 +3,7 @@
 from itertools import product
 
 from stability.checks import off, row, sound, spread_over, with_engine
-from vibroplat.bench.scenes import kinds
+from vibroplat.bench.measure import kinds
 from vibroplat.config.scene import Scene
 from vibroplat.motion.run import simulate
 

@@ -1,16 +1,13 @@
 """What kind of motion a row tells: sections with known answers first, then rows whose truth was measured."""
 
 import math
-from contextlib import closing
 
 import numpy as np
 import pytest
+from common.known import motion_of
 from common.places import LOADED
 
 from vibroplat.hybrid.modes import CHATTER, IMPACT
-from vibroplat.integrate import make_engine
-from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Simulator
 from vibroplat.observe import measures as m
 from vibroplat.observe.summary import batch_means_error, block_errors, largest_values, wrap_angle
 from vibroplat.study.classification import MotionClass, classify
@@ -279,9 +276,8 @@ def test_errors_explain_the_scatter_over_seeds():
 
 def test_blocks_add_up_to_the_whole():
     scene = planned(MACHINE, 62.5, changes=CHAOTIC).replace(CHAOTIC)
-    p = parameters(scene)
-    with closing(make_engine(scene, p)) as engine:
-        part = Simulator(scene, p, engine).advance(2.0, blocks=BLOCKS)
+    with motion_of(scene) as motion:
+        part = motion.advance(2.0, blocks=BLOCKS)
     assert len(part.blocks) == BLOCKS
     differences = [m.block_difference(*pair) for pair in zip(part.blocks[:-1], part.blocks[1:], strict=True)]
     total = part.blocks[0].whole + sum(block.whole for block in differences)

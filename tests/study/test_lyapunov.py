@@ -2,21 +2,17 @@
 
 import itertools
 import math
-from contextlib import closing
 
 import numpy as np
 import pytest
 from common.divergence import integral_of_divergence
-from common.known import GRAVITY, OMEGA, TURN, ball_on_table
+from common.known import GRAVITY, OMEGA, TURN, ball_on_table, motion_of
 from common.shaken_table import jacobian
 
 from vibroplat import load_config, lyapunov, simulate, variation
 from vibroplat.errors import ConfigError, MotionError
 from vibroplat.hybrid.modes import ATTACHED
 from vibroplat.hybrid.state import initial_state
-from vibroplat.integrate import make_engine
-from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Simulator
 from vibroplat.observe.tables import state_places
 from vibroplat.study.lyapunov import (
     ALL_EXPONENTS,
@@ -228,9 +224,8 @@ def test_one_event_among_many_turns_says_how_many_directions_are_forgotten(monke
     assert np.isneginf(values).sum() == np.isneginf(values[len(values) - count :]).sum() == count
     kept = np.arange(len(numbers) - max(count, 1))
     assert values[kept] == pytest.approx(numbers[kept] / 0.04, rel=1e-12)
-    few = exponents(
-        Simulator(scene, parameters(scene), make_engine(scene, parameters(scene))), section[:, :3], ALL_EXPONENTS
-    )
+    with motion_of(scene) as motion:
+        few = exponents(motion, section[:, :3], ALL_EXPONENTS)
     assert np.isfinite([exponent.value for exponent in few]).all()  # what is forgotten may lie outside of these
 
 
@@ -239,9 +234,7 @@ def test_one_event_among_many_turns_says_how_many_directions_are_forgotten(monke
 
 def later_state(scene, state, turns):
     """Time passed and state some turns later."""
-    p = parameters(scene)
-    with closing(make_engine(scene, p)) as engine:
-        motion = Simulator(scene, p, engine, state)
+    with motion_of(scene, state) as motion:
         assert motion.to_section(turns, 10.0 * turns * TURN / scene.speed_scale)
         return motion.now, motion.state
 
@@ -272,9 +265,7 @@ def test_no_exponent_where_the_motion_ends_early():
 
 def spectrum(scene, state, effort=ALL_EXPONENTS):
     """All exponents but that along the motion, and the motion at the end."""
-    p = parameters(scene)
-    with closing(make_engine(scene, p)) as engine:
-        motion = Simulator(scene, p, engine, state)
+    with motion_of(scene, state) as motion:
         return exponents(motion, whole_section(scene), effort), motion
 
 
@@ -321,8 +312,8 @@ def test_what_directions_had_of_their_neighbours_is_not_counted(monkeypatch):
 
     monkeypatch.setattr("vibroplat.study.lyapunov._grow", Growing(growth))
     scene = load_config(MACHINE)
-    with closing(make_engine(scene, parameters(scene))) as engine:
-        found = exponents(Simulator(scene, parameters(scene), engine), whole_section(scene)[:, :2], ALL_EXPONENTS)
+    with motion_of(scene) as motion:
+        found = exponents(motion, whole_section(scene)[:, :2], ALL_EXPONENTS)
     assert [e.value * 0.04 for e in found] == pytest.approx([-1.0, -1.0 - gap], abs=3e-4)
     turns = np.arange(1, 313)[:, np.newaxis]
     for near, skipped in ((gap, 47), (0.05, 93), (0.04, 0), (0.0, 0)):

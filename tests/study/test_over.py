@@ -1,7 +1,5 @@
 """Sweeps over any key: the section ``sweep.over``, states carried from layers to others, tables and bands."""
 
-from contextlib import closing
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,9 +13,6 @@ from vibroplat.config.coordinates import Mode
 from vibroplat.config.plans import ParameterRange
 from vibroplat.errors import ConfigError
 from vibroplat.hybrid.state import static_rest
-from vibroplat.integrate import make_engine
-from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Simulator
 from vibroplat.results.tables import read_table
 from vibroplat.study.bands import band_lines, bands, find_jumps
 from vibroplat.study.branches import branches, convert_state
@@ -144,8 +139,7 @@ def test_layers_that_come_up_lie_on_the_platform_with_their_static_sag():
         motion.to_time(0.4)
         bare = motion.state.copy()
     state = convert_state(bare.tolist(), scene, loaded)
-    with closing(make_engine(loaded, parameters(loaded))) as engine:
-        motion = Simulator(loaded, parameters(loaded), engine, np.array(state))
+    with motion_of(loaded, np.array(state)) as motion:
         assert Mode(int(motion.automaton.run["mode"])) is Mode.ATTACHED
     bare[[5, 6, 12, 13]] = 0.0, static_rest(loaded)[6], 0.0, 0.0
     assert bare[6] < 0.0

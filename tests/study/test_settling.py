@@ -1,26 +1,24 @@
 """How long a point settles, and what is read off a Poincaré section; what does not repeat is known."""
 
 import math
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from common.known import motion_of
 from common.places import LOADED
 
 from vibroplat import Scene, load_config, sweep
 from vibroplat.continuation.orbit_detection import NewtonOrbitDetector
 from vibroplat.hybrid.state import state_scales
-from vibroplat.integrate import make_engine
-from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Simulator
 from vibroplat.observe import statistics as m
 from vibroplat.observe.measures import empty_accumulators
 from vibroplat.observe.section import MAX_PERIOD, period, section_points, section_rows, spreads
 from vibroplat.observe.summary import measure
 from vibroplat.study.branches import branches
-from vibroplat.study.coexisting import BLOCKS, AttractorClass, compare, negligible_differences
+from vibroplat.study.classification import BLOCKS, AttractorClass, compare, negligible_differences
 from vibroplat.study.point import ERRORS, measure_point
 from vibroplat.study.settling import BLOCK, TURNS, contraction_period, settle
 
@@ -37,14 +35,6 @@ SERIES = {**MATERIAL, "solver.engine": "taylor"}
 # -- auto -----------------------------------------------------------------------------------------------
 
 
-@contextmanager
-def moving(scene):
-    """A scene in motion."""
-    p = parameters(scene)
-    with closing(make_engine(scene, p)) as engine:
-        yield Simulator(scene, p, engine)
-
-
 @pytest.mark.parametrize(
     ("frequencies", "changes"),
     [((50.0, 52.0, 54.0), {}), pytest.param((50.0, 50.5, 51.0), BOUNCING, marks=pytest.mark.long)],
@@ -55,7 +45,7 @@ def test_a_settled_point_is_where_thirty_seconds_lead(how, frequencies, changes)
     for frequency in frequencies:
         row = swept(MACHINE, frequency, changes=changes, settle_by=how).iloc[0]
         scene = planned(MACHINE, frequency, changes=changes).replace({"drive.supply_frequency_hz": frequency})
-        with moving(scene) as motion:
+        with motion_of(scene) as motion:
             motion.advance(FIXED)
             late = measure(motion.advance(2.0), scene)
         tolerance = scene.sweep.settle_tolerance
@@ -88,7 +78,7 @@ def test_antiphase_that_is_left_slowly_is_not_taken_for_its_goal():
 def test_longest_settling_is_kept(longest, how):
     """Bare, in phase from the start, needs 8.13 s at 63 Hz."""
     scene = planned(MACHINE, 63.0, changes=IN_PHASE).replace({"drive.supply_frequency_hz": 63.0})
-    with moving(scene) as motion:
+    with motion_of(scene) as motion:
         settling = settle(motion, scene.sweep, longest)
     assert (settling.reason, settling.seconds) == (how, motion.now)
     if how == "maximum":
@@ -104,7 +94,7 @@ def test_a_motion_has_settled_if_it_draws_together_in_two_checks_that_follow_one
     answers = iter([1, 0, 1, 1])
     monkeypatch.setattr("vibroplat.study.settling.contraction_period", lambda *_: next(answers))
     scene = planned(MACHINE, 50.0)
-    with moving(scene) as motion:
+    with motion_of(scene) as motion:
         settling = settle(motion, scene.sweep, 150.0)
     assert (settling.reason, settling.period, list(answers)) == ("periodic", 1, [])
 
@@ -122,7 +112,7 @@ def test_a_section_draws_together_where_what_is_left_is_within_the_tolerance():
 def test_longest_settling_counts_from_the_beginning_of_the_motion():
     """What looked settled and was not goes on with it."""
     scene = planned(MACHINE, 62.5).replace(CHAOTIC)
-    with moving(scene) as motion:
+    with motion_of(scene) as motion:
         for longest in (2.0, 3.0, 3.0):
             settling = settle(motion, scene.sweep, longest)
             assert (settling.reason, settling.seconds) == ("maximum", pytest.approx(longest, abs=1e-9))
@@ -197,7 +187,7 @@ def test_stable_orbit_beside_chaos_of_minutes_is_found(config, frequency, restit
 def test_hunt_finds_the_orbit_near_a_motion_that_does_not_repeat():
     """Period 4, from a section of which only the last points are near to each other."""
     scene = planned(DAMPED, 57.5).replace(SERIES | {"drive.supply_frequency_hz": 57.5})
-    with closing(NewtonOrbitDetector(scene)) as detector, moving(scene) as motion:
+    with closing(NewtonOrbitDetector(scene)) as detector, motion_of(scene) as motion:
         measures = motion.advance(8.0).measures
         states, points = section_rows(measures)["state"][-30:], section_points(measures, scene)[-30:]
         points[:20] += np.random.default_rng(0).uniform(0.0, 9.0, (20, 1))
@@ -210,7 +200,7 @@ def test_hunt_finds_the_orbit_that_chaos_hardly_visits():
     """Period 6 at 57 Hz: nearly all returns after 6 turns are visits to period 2, and most others show a saddle."""
     changes = {"material.mass_ratio": 0.15, "contact.restitution": 0.5, "contact.sticking_speed_m_per_s": 0.0}
     scene = load_config(CALIBRATED, {**changes, "solver.engine": "taylor", "drive.supply_frequency_hz": 57.0})
-    with closing(NewtonOrbitDetector(scene)) as detector, moving(scene) as motion:
+    with closing(NewtonOrbitDetector(scene)) as detector, motion_of(scene) as motion:
         motion.advance(20.0)
         for _ in range(8):
             measures = motion.advance(40.0).measures
@@ -230,7 +220,7 @@ def test_motion_that_goes_round_an_orbit_is_not_taken_to_come_to_it():
     changes["contact"] = {"restitution": 0.5, "sticking_speed_m_per_s": 0.15}
     changes |= {"solver.engine": "taylor", "drive.supply_frequency_hz": 79.0, "run.initial.speed_ratio": 1.0}
     scene = planned(MACHINE, 79.0).replace(changes)
-    with closing(NewtonOrbitDetector(scene)) as detector, moving(scene) as motion:
+    with closing(NewtonOrbitDetector(scene)) as detector, motion_of(scene) as motion:
         motion.advance(10.0)
         seen = []
         for _ in range(24):
@@ -287,7 +277,7 @@ def test_motions_are_followed_until_one_has_a_block_in_the_class_of_the_other():
     changes = {**SERIES, "contact.restitution": 0.5, "drive.supply_frequency_hz": 62.0}
     scene = planned(CALIBRATED, 62.0).replace(changes)
     wide = AttractorClass.of(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]), np.zeros(3))
-    with closing(NewtonOrbitDetector(scene)) as detector, moving(scene) as motion, moving(scene) as followed:
+    with closing(NewtonOrbitDetector(scene)) as detector, motion_of(scene) as motion, motion_of(scene) as followed:
         motion.advance(5.0)
         found = compare(scene, scene.sweep, (motion.state, motion.state), wide, detector)
         ends = followed.advance(48.0, blocks=BLOCKS, until=wide.met).blocks
@@ -318,7 +308,7 @@ def test_motion_that_has_not_settled_has_no_errors_and_is_no_attractor():
 def test_settling_ends_where_the_motion_does():
     storm = {"contact.restitution": 1.0, "solver.max_events_per_period": 3}
     scene = planned(LOADED, 50.0, changes=storm)
-    with moving(scene) as motion:
+    with motion_of(scene) as motion:
         settling = settle(motion, scene.sweep, 150.0)
     assert motion.outcome == "event-storm"
     assert (settling.reason, settling.seconds) == ("unfinished", motion.now)

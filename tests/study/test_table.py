@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from common import commands
 from common.places import FLYING, LOADED
 from common.results import bits
 
@@ -285,35 +284,6 @@ def test_rows_and_diagrams_of_a_point_are_those_of_a_run():
 
 
 # -- the command ----------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def done(tmp_path_factory):
-    """A finished sweep of the command line, and its directory."""
-    place = tmp_path_factory.mktemp("place")
-    (place / "c.yaml").write_text(
-        f"{FLYING}"
-        "sweep:\n"
-        "  supply_frequency_hz: {start: 50.0, stop: 51.0, step: 1.0, direction: [up, down]}\n"
-        "  grid: {contact.restitution: [0.0, 0.3], material.layers: [2]}\n"
-    )
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(place)
-        return commands.command("sweep", "c.yaml"), place / "results/c/sweep"
-
-
-def test_command_writes_what_python_gives(done, table):
-    assert (done[0].code, done[0].err) == (0, "")
-    found = read_table(done[1], "sweep")
-    assert bits(found) == bits(table)
-    assert found.dtypes.equals(table.dtypes)
-    written = {path.name for path in done[1].iterdir()}
-    assert {"sweep.parquet", "provenance.json"} <= written
-    first, *_, last = done[0].out.splitlines()
-    assert first == "8 points, f_e 50 … 51 Hz in steps of 1, up and down; all repeat every turn"
-    assert "always antiphase: vibrates along y" in done[0].out
-    assert last == "results/c/sweep: -v prints all; next: vibroplat plot results/c"
-    assert not {name for name in written if name.startswith((".", "section", "impacts"))}
 
 
 def test_command_with_failed_points_exits_1_and_names_them(command, here, storming):

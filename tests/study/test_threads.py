@@ -6,7 +6,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from vibroplat.study.pool import pool
-from vibroplat.system.threads import one_thread
+from vibroplat.system.workers import one_thread
 
 
 def blas_threads(*modules):

@@ -197,10 +197,12 @@ def test_the_answer_is_the_value_beyond_which_all_hold_then_the_mixed_interval(k
     assert row["tried_above"] > 40
     assert (tried["rms_y_m"] > 0.5).all()
     first, (mixed, below) = found.answer.headline, found.answer.short
-    assert first.startswith(f"{KEY} above 67 N·m: rms_y_m > 0.5 at all {row['tried_above']} values tried up to 89.68; ")
+    assert first.startswith(
+        f"{KEY} above 66.5 N·m: rms_y_m > 0.5 at all {row['tried_above']} values tried up to 89.68; "
+    )
     assert first.endswith(" further values have no clear outcome")
-    assert mixed.startswith("mixed from 31 N·m to 67 N·m: ")
-    assert below.startswith("below 31 N·m: not rms_y_m > 0.5 at all")
+    assert mixed.startswith("mixed from 31.0 N·m to 66.5 N·m: ")
+    assert below.startswith("below 31.0 N·m: not rms_y_m > 0.5 at all")
     assert " seeds" in found.answer.lines["values"]
     (drawn,) = picture.pictures([found])
     assert drawn.title == f"Mixed{mixed.removeprefix('mixed')}", "no sharp value"

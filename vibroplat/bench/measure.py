@@ -1,4 +1,4 @@
-"""Run time against error: solvers by turns, on the same scenes, at several tolerances."""
+"""Run time against error: solvers by turns, on the same scenes, at several tolerances; tables, figure, and answer."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 import pandas as pd
 
+from vibroplat.config import digits
 from vibroplat.config.coordinates import COORDINATES
+from vibroplat.config.digits import number
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
@@ -25,6 +27,9 @@ from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.motion import Simulator
 from vibroplat.motion.run import SETTLE_FRACTION, simulate
 from vibroplat.observe.summary import INACCURATE, MeasuredInterval
+from vibroplat.plots.style import head, legend_below, new_figure, save, styled
+from vibroplat.results.answer import counted, in_columns
+from vibroplat.results.picture import CURVES, finite
 from vibroplat.results.run import RunResult
 from vibroplat.results.tables import write_table
 
@@ -44,6 +49,33 @@ TIMES = {"ms_per_s": False, "bare_ms_per_s": True}
 
 K = TypeVar("K")
 T = TypeVar("T")
+_SUPPLY, _MASS = "drive.supply_frequency_hz", "material.mass_ratio"
+_RESTITUTION, _SECONDS = "contact.restitution", "run.duration_s"
+_KINDS: dict[str, dict[str, Any]] = {
+    "attached, f_e 46": {_SUPPLY: 46.0},
+    "impacts, f_e 50": {_SUPPLY: 50.0},
+    "impacts, R 0.5, f_e 52": {_SUPPLY: 52.0, _RESTITUTION: 0.5},
+    "one layer, f_e 50": {_SUPPLY: 50.0, "material": {"mass_ratio": 0.1, "layers": 1}},
+    "non-impact, f_e 50": {_SUPPLY: 50.0, "contact.model": "non-impact"},
+    "bare, f_e 50": {_SUPPLY: 50.0, _MASS: 0.0},
+}
+_CASES: dict[str, dict[str, Any]] = {
+    "bare run-up": {_MASS: 0.0, _SUPPLY: 60.0, "run.initial.speed_ratio": 0.2, _SECONDS: 2.0},
+    "attached": {_SUPPLY: 46.0},
+    "one impact a period": {_MASS: 0.2, _SUPPLY: 51.5, _SECONDS: 1.5},
+    "chatters, R 0.5": {_MASS: 0.2, _SUPPLY: 51.5, _RESTITUTION: 0.5, _SECONDS: 0.6},
+    "flights of many periods": {_SUPPLY: 78.0, _RESTITUTION: 0.3, _SECONDS: 0.6},
+}
+#: Most rows that are printed.
+MAX_ROWS = 6
+#: Error of coordinates at which engines are compared in the title.
+ERROR = 1e-6
+#: Errors shown, by column.
+ERRORS = {
+    "coordinates": "coordinates (over their scales)",
+    "event_time_s": "event times (s)",
+    "contact_force": "contact force (relative)",
+}
 
 
 class Timed(NamedTuple):
@@ -249,8 +281,6 @@ def show_precision(table: pd.DataFrame, directory: Path, name: str, *, verbose: 
 
     With engine ``taylor`` there is also a table of run times at equal errors, which is returned.
     """
-    from vibroplat.plots.bench import plot_precision  # noqa: PLC0415  (half a second)
-
     show(table, directory, name, verbose=verbose)
     plot_precision(table, directory, name, processor_name())
     if "taylor" not in set(table["engine"]):
@@ -258,3 +288,105 @@ def show_precision(table: pd.DataFrame, directory: Path, name: str, *, verbose: 
     equal = at_equal_error(table)
     show(equal, directory, f"{name}-equal", verbose=verbose)
     return equal
+
+
+def base(tolerance: float, seconds: float) -> Scene:
+    """Return the paper's machine with ten times the printed b_y and a tenth of its mass in two layers."""
+    return Scene().replace(
+        {
+            "machine.damping_y_n_s_per_m": 400.0,
+            "material": {"mass_ratio": 0.1, "natural_frequency_hz": 18.5, "damping_ratio": 0.05},
+            "run": {"duration_s": seconds, "perturbation": 0.0},
+            "solver.tolerance": tolerance,
+        }
+    )
+
+
+def kinds(tolerance: float, seconds: float) -> dict[str, Scene]:
+    """Return one scene of each kind, by name."""
+    return {name: base(tolerance, seconds).replace(changes) for name, changes in _KINDS.items()}
+
+
+def cases() -> dict[str, Scene]:
+    """Return the scenes on which solvers are compared, by name; the last two amplify errors most."""
+    return {name: base(1e-8, 1.0).replace(changes) for name, changes in _CASES.items()}
+
+
+def brief_precision(table: pd.DataFrame, equal: pd.DataFrame | None) -> list[str]:
+    """Return the answer of a comparison: run times at equal error, or errors by tolerance of a single engine.
+
+    Parameters
+    ----------
+    table
+        Errors and run times, as of :func:`vibroplat.bench.measure.precision`.
+    equal
+        Run times at equal errors, as of :func:`vibroplat.bench.measure.at_equal_error`; None if ``taylor`` has none.
+    """
+    failed = int(table["failed"].astype(str).ne("").sum())
+    more = f"; {counted(failed, 'run')} FAILED" if failed else ""
+    if equal is None:
+        errors = table.pivot_table("coordinates", "case", "tolerance", sort=False).iloc[:, ::2]
+        head = f"{counted(len(errors), 'case')}: error of coordinates, over their scales, by tolerance{more}"
+        return [head, *_lines(errors.rename(columns="{:.0e}".format).map("{:.1e}".format))]
+    first = equal.groupby(["case", "engine"], sort=False).first().reset_index()
+    ratios = first.loc[first["engine"] != "taylor", "over_taylor"].dropna()
+    ends = f" {number(ratios.min(), 2)} to {number(ratios.max(), 2)} times that of taylor" if len(ratios) else ""
+    times = first.pivot_table("ms_per_s", "case", "engine", sort=False).map(number)
+    return [f"processor time at equal error{ends}; ms per s of motion{more}", *_lines(times)]
+
+
+def brief_costs(table: pd.DataFrame, name: str) -> list[str]:
+    """Return the answer of a comparison of costs: processor time of each way, and its multiple of the first one's."""
+    ratio = next(str(column) for column in table if str(column).startswith(("times_", "over_")))
+    costs = table.set_index(table.columns[0])[["processor_s", ratio]].map(number)
+    return [f"{name}: processor time, and multiples of it", *_lines(costs)]
+
+
+def _lines(table: pd.DataFrame) -> list[str]:
+    """Write the first rows of a table of texts."""
+    rows = [
+        ["", *map(str, table.columns)],
+        *([str(name), *row] for name, row in zip(table.index, table.to_numpy(), strict=True)),
+    ]
+    return [f"  {line}" for line in in_columns(rows[: MAX_ROWS + 1])]
+
+
+def plot_precision(table: pd.DataFrame, directory: Path, name: str, processor: str = "") -> Path:
+    """Draw run time against error, and return the file: a row for each case, a panel for each of its errors.
+
+    The name of the ``processor`` stands with the title.
+    """
+    table = finite(table)
+    engines, cases = (list(dict.fromkeys(table[column])) for column in ("engine", "case"))
+    with styled():
+        figure, axes, _ = new_figure(len(cases), len(ERRORS), (11.0, 2.6 * len(cases) + 1.0))
+        for row, case in zip(axes, cases, strict=True):
+            row[0].set(title=case, ylabel="ms per simulated second")
+            for axis, (column, label) in zip(row, ERRORS.items(), strict=True):
+                known = (table["ms_per_s"] > 0.0) & (table.get(column, pd.Series(0.0, table.index)) > 0.0)
+                runs = table[known & (table["case"] == case)]
+                for i, engine in enumerate(engines):
+                    of = runs[runs["engine"] == engine]
+                    axis.plot(of.get(column, []), of["ms_per_s"], ".-", lw=1.0, ms=4, color=CURVES[i % 7], label=engine)
+                scale = "log" if len(runs) else "linear"
+                axis.set(xscale=scale, yscale=scale, xlabel=f"largest error of {label}", visible=len(runs) > 0)
+                axis.invert_xaxis()
+        head(figure, fastest(table), f"run time over error; more accurate to the right, faster below; {processor}")
+        legend_below(figure, axes[0, 0].lines)
+        return save(figure, directory, name)
+
+
+def fastest(table: pd.DataFrame) -> str:
+    """Say which engine takes the least time in most cases, of runs whose coordinates are accurate to :data:`ERROR`."""
+    good = table[(table["ms_per_s"] > 0.0) & (table["coordinates"] <= ERROR)] if "coordinates" in table else table[:0]
+    best = good.groupby(["case", "engine"])["ms_per_s"].min()
+    firsts = [rows.nsmallest(2).droplevel("case") for _, rows in best.groupby("case", sort=False)]
+    names = pd.Series([str(rows.index[0]) for rows in firsts], dtype=object)
+    if names.empty:
+        return f"No run has an error of coordinates up to {ERROR:.0e}"
+    name = names.mode()[0]
+    ratios = [float(rows.iloc[1] / rows.iloc[0]) for rows in firsts if rows.index[0] == name and len(rows) > 1]
+    told = f"At errors up to {ERROR:.0e} {name} is the fastest in {(names == name).sum()} of {len(names)} cases"
+    return (
+        f"{told}, {digits.interval(min(ratios), max(ratios), digits=2)} times as fast as the next" if ratios else told
+    )

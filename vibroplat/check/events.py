@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from vibroplat.config.digits import given
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
 from vibroplat.kernels.compiled import FloatArray
@@ -92,7 +93,9 @@ def match_events(one: pd.DataFrame, two: pd.DataFrame, errors: ErrorBound, scene
         else:
             first = float(min(times[k][at[k]] for k in (0, 1) if left[k]))
             if first < until - apart:  # otherwise the other may have it after the end
-                has = [f"{kinds[k][at[k]]} at {times[k][at[k]]:.9g} s" if left[k] else "no more events" for k in (0, 1)]
+                has = [
+                    f"{kinds[k][at[k]]} at {given(times[k][at[k]])} s" if left[k] else "no more events" for k in (0, 1)
+                ]
                 differ, why = first, (has[0], has[1])
             break
     return EventMatches(np.array(rows, dtype=np.int64).reshape(-1, 2), differ, why)

@@ -15,7 +15,7 @@ from vibroplat.check import MAX_RATIO, MIN_ALLOWED, Other, with_other_engine, wi
 from vibroplat.check.events import ErrorBound, EventMatches, marginal_events, match_events
 from vibroplat.config.arguments import validated
 from vibroplat.config.coordinates import ALONG, COORDINATES
-from vibroplat.config.digits import given, number, quantity
+from vibroplat.config.digits import given, number, pair, quantity
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.kernels.compiled import FloatArray
@@ -126,11 +126,13 @@ class RunCheck:
         if states:
             worst = max(states, key=lambda d: d.difference)
             found["largest difference"] = (
-                f"{worst.quantity}, {worst.difference:.2g} of its scaled unit at {quantity(worst.t_s, 's')}; all "
-                f"within {given(AGREEMENT)} up to {quantity(self.agree_until_s, 's')}"
+                f"{worst.quantity}, {number(worst.difference, 2)} of its scaled unit at {quantity(worst.t_s, 's')}; "
+                f"all within {given(AGREEMENT)} up to {quantity(self.agree_until_s, 's')}"
             )
         for d in self.largest[len(states) :]:
-            found["events of both"] = f"{self.events}, their times within {abs(d.first - d.other):.2g} s"
+            found["events of both"] = (
+                f"{self.events}, their times within {quantity(abs(d.first - d.other), 's', digits=2)}"
+            )
         return found
 
 
@@ -339,10 +341,11 @@ class _Comparison:
             row = int(rows[0])
             beyond.append(self._sample(row, int(np.nanargmax(self._found[row] / self._allowed[row]))))
         for d in beyond:
+            one, two = pair(d.first, d.other)
             yield (
                 d.t_s,
-                f"at {d.t_s:.9g} s, {d.place}: {d.quantity} = {d.first:.12g} ({first.engine}) and {d.other:.12g} "
-                f"({other.engine}); allowed difference {d.allowed * d.scale:.2g}",
+                f"at {given(d.t_s)} s, {d.place}: {d.quantity} = {one} ({first.engine}) and {two} "
+                f"({other.engine}); allowed difference {number(d.allowed * d.scale, 2)}",
             )
         # another sequence of events, unless that of a repetition differs by then
         turn = 2.0 * math.pi / self._scene.speed_scale
@@ -350,13 +353,16 @@ class _Comparison:
             self._paired(*pair).differ_s <= pairs.differ_s + turn for pair in self._repeated
         ):
             one, two = (f"{why} ({c.engine})" for why, c in zip(pairs.why, (first, other), strict=True))
-            yield pairs.differ_s, f"at {pairs.differ_s:.9g} s: sequence of events, {one} and {two}; allowed: the same"
+            yield (
+                pairs.differ_s,
+                f"at {given(pairs.differ_s)} s: sequence of events, {one} and {two}; allowed: the same",
+            )
         # another end, unless a repetition of either ends as the other or nothing was compared so late
         ended = min(first.end, other.end)
         outcomes = {first.outcome, *(course.outcome for course in self._changed)}
         if other.outcome not in outcomes and self._again.outcome != first.outcome and self._lost > ended:
             ends = f"outcome {first.outcome} ({first.engine}) and {other.outcome} ({other.engine})"
-            yield ended, f"at {ended:.9g} s: {ends}; allowed: the same"
+            yield ended, f"at {given(ended)} s: {ends}; allowed: the same"
 
     def _sample(self, row: int, column: int) -> Difference:
         """Describe the difference of a quantity in a sample."""

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from vibroplat.check import Other, with_other_engine
-from vibroplat.columns import PHASE_COLUMN
+from vibroplat.columns import PHASE_COLUMN, unit_of
+from vibroplat.config.digits import pair, share
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.integrate import engine_name
@@ -53,7 +54,7 @@ class CrossCheck(NamedTuple):
     def lines(self) -> Iterator[tuple[str, str]]:
         """Yield lines that summarize it: label and text."""
         motions = f"{self.checked} motion{'s' * (self.checked != 1)}"
-        told = f"{motions}, measures within {self.largest:.1g}" if self.checked else "no motion can be repeated"
+        told = f"{motions}, measures within {share(self.largest)}" if self.checked else "no motion can be repeated"
         yield "checked by" if self.checked else "not checked by", f"engine {self.other}, {told}"
 
     def to_tree(self) -> dict[str, Any]:
@@ -98,7 +99,10 @@ def cross_check(
         if worst[0] <= case.allowed:
             largest = max(largest, worst[0])
             continue
-        one, two = (_text(row.get(worst[1])) for row in (known, record["row"]))
+        first, second = known.get(worst[1]), record["row"].get(worst[1])
+        one, two = str(first), str(second)
+        if isinstance(first, float) and isinstance(second, float):
+            one, two = pair(first, second, unit_of(worst[1]))
         disagreements.append(
             f"engines disagree {case.place}: {worst[1]} = {one} ({engines[0]}) and {two} ({engines[1]})"
         )
@@ -110,10 +114,6 @@ def _distance(one: Any, two: Any, scale: float) -> float:
     if isinstance(one, float) and isinstance(two, float):
         return abs(one - two) / (max(abs(one), scale) or 1.0)
     return float(one != two)
-
-
-def _text(value: Any) -> str:
-    return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
 def scales_of(scene: Scene) -> dict[str, float]:

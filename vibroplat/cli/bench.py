@@ -42,26 +42,26 @@ def bench(
     if names and long:
         raise VibroplatError(f"{names[0]} --long: --long runs all benchmarks; allowed: names or --long")
     announce_first_run()
-    from vibroplat.bench import answer, measure, scenes, studies
+    from vibroplat.bench import measure, studies
     from vibroplat.results.tables import result_directory
 
     load_kernels()
     directory = result_directory(out, "benchmarks")
-    both, cases, fine = ["taylor", "native"], scenes.cases(), [10.0**-n for n in range(4, 11)]
+    both, cases, fine = ["taylor", "native"], measure.cases(), [10.0**-n for n in range(4, 11)]
     plans: dict[str, tuple[dict[str, Scene], list[str], list[float]]] = {
         "summary": (cases, both, fine[::2]),
         "precision": (cases, ["auto"], fine),
-        "engines": (scenes.kinds(1e-6, 2.0), [*both, "sundae"], fine),
+        "engines": (measure.kinds(1e-6, 2.0), [*both, "sundae"], fine),
     }
     for name in (Benchmark if long else names) or ("summary",):
         if name in plans:
             chosen, engines, tolerances = plans[name]
             table = measure.precision(itertools.starmap(measure.truth, chosen.items()), engines, tolerances, repeats)
-            brief = answer.brief_precision(table, measure.show_precision(table, directory, name, verbose=verbose))
+            brief = measure.brief_precision(table, measure.show_precision(table, directory, name, verbose=verbose))
         else:
             cost = (studies.cost_of_orbits if name == "orbits" else studies.cost_of_basins)(min(repeats, 3))
             measure.show(cost, directory, f"{name}-cost", verbose=verbose)
-            brief = answer.brief_costs(cost, name)
+            brief = measure.brief_costs(cost, name)
         print(*brief, sep="\n", flush=True)
     print(f"  on {measure.processor_name()}, Python {platform.python_version()}, {platform.system()}")
     print(f"{directory}: tables{' and figures' if verbose else '; -v prints all'}")

@@ -114,7 +114,7 @@ def workers_of(study: str, engine: str | None, jobs: int | None, scheduler: str 
     """Let worker processes load a study while this command does."""
     if jobs == 1 or scheduler is not None:
         return nullcontext()
-    from vibroplat.study.loading import load_study
+    from vibroplat.study import load_study
     from vibroplat.system.workers import loading_workers
 
     return loading_workers(jobs, load_study, study, engine or "auto")
@@ -167,14 +167,16 @@ def require_scheduler(address: str | None) -> None:
         cluster.require_scheduler(address)
 
 
-def finished(directory: Path, command: str, conditions: str, form: str) -> Result | None:
-    """Return the result in a command's directory if it has these conditions and this format; None otherwise."""
+def finished(
+    directory: Path, command: str, scene: Scene, form: str, origin: dict[str, Any] | None = None
+) -> Result | None:
+    """Return a command's result in its directory if the same code computed it from the same scene; None otherwise."""
     from vibroplat.results.files import commands_in
+    from vibroplat.results.provenance import is_current
     from vibroplat.results.run import load
 
-    found = load(directory, command) if command in commands_in(directory) else None
-    same = found is not None and found.provenance.get("conditions") == conditions
-    return found if same and any(directory.glob(f"*.{form}")) else None
+    found = load(directory, command) if command in commands_in(directory) and any(directory.glob(f"*.{form}")) else None
+    return found if found is not None and is_current(found.provenance, scene, origin) else None
 
 
 # -- what is printed ----------------------------------------------------------------------------------------
@@ -223,7 +225,7 @@ def print_answer(
         lines = [*answer.full(), *labelled(check or {})]
     else:
         lines = [*answer.brief(MAX_LINES - 1 - len(checked) - len(failures)), *checked]
-    again = "" if verbose else "the same command with -v prints all"
+    again = "" if verbose else "again with -v: all"
     last = filter(None, (reused, again, f"next: vibroplat {after}"))
     print(*lines, f"{directory}: {'; '.join(last)}", sep="\n", flush=True)
     for line in failures:

@@ -13,7 +13,7 @@ import typer
 from typer.core import TyperGroup
 
 from vibroplat import __version__
-from vibroplat.cli import bench, figures, inspect, paper, reference, run, studies
+from vibroplat.cli import bench, figures, reference, run, studies
 from vibroplat.errors import VibroplatError
 from vibroplat.system.interrupts import offer_resume, records_kept
 from vibroplat.system.memory import is_short_of_memory, require_memory
@@ -26,10 +26,10 @@ OUTPUT = {errno.EPIPE, errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, getatt
 
 #: Commands by purpose.
 GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
-    "Begin": (reference.new, inspect.inspect),
+    "Begin": (reference.new, reference.inspect),
     "Simulate": (run.run, *studies.COMMANDS),
     "Show results": (figures.plot, figures.report, figures.film, figures.export),
-    "Verify": (paper.paper, bench.bench),
+    "Verify": (studies.paper, bench.bench),
     "Look up": (reference.schema, reference.columns),
 }
 

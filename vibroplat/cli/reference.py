@@ -1,14 +1,19 @@
-"""The commands ``new``, ``schema`` and ``columns``: a configuration to start from, and what keys and columns mean."""
+"""The commands ``new``, ``inspect``, ``schema`` and ``columns``: what needs no simulation."""
 
 from __future__ import annotations
 
 import shlex
+import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
+from vibroplat.cli import common
 from vibroplat.errors import ConfigError, errors_about
+
+#: Most lines of notes below those of the inspection.
+MAX_NOTES = 4
 
 
 def new(
@@ -64,3 +69,21 @@ def columns() -> None:
     from vibroplat.cli.data_dictionary import columns_page
 
     print(columns_page(), end="")
+
+
+def inspect(
+    config: Annotated[Path, typer.Argument(help="Configuration file (YAML).")],
+    set_: common.Settings = None,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print all notes.")] = False,
+) -> None:
+    """Tell strokes, forces, resonances and starts before a run.
+
+    Formulas and averaged equations take a second; nothing is simulated or written. `vibroplat columns` has their
+    meanings, results/method.md how they compare with simulations.
+    """
+    from vibroplat.config.plausibility import by_severity, notes_on_input
+    from vibroplat.results.answer import notes_within
+
+    scene = common.scene_of(config, set_, None)
+    notes = by_severity(notes_on_input(scene))
+    print(scene.inspect(), *notes_within(notes, sys.maxsize if verbose else MAX_NOTES), sep="\n")

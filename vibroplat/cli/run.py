@@ -49,11 +49,8 @@ def run(
                 f"run.initial.from = {source!r} is also the directory of the new run; allowed: another name"
             )
     directory = common.command_directory(out, scene.name, "run")
-    from vibroplat.study.fingerprint import digest_of
-    from vibroplat.study.study import conditions
-
-    digest = digest_of(conditions(scene) | {"begins_from": start.origin})
-    if verbose and not check and (known := common.finished(directory, "run", digest, format_)) is not None:
+    known = common.finished(directory, "run", scene, format_, start.origin) if verbose and not check else None
+    if known is not None:
         return _print(known, known.documents["summary"], directory, verbose=True, reused="computed before")
     common.announce_first_run(scene.solver.engine)
     from vibroplat.observe.tables import require_room
@@ -67,7 +64,7 @@ def run(
     with trajectory, events:
         result, found = _simulate(scene, start, (trajectory, events), check=check)
         summary = result.summary | {"notes": result.notes} | ({} if found is None else {"check": found.to_tree()})
-        origin = provenance(scene, summary["engine"], result.origin) | {"conditions": digest}
+        origin = provenance(scene, summary["engine"], result.origin)
         tables = {"trajectory": trajectory, "events": events}
         write_result(directory, "run", origin, tables, {"summary": summary}, form=format_)
     return _print(result, summary, directory, found, verbose=verbose)

@@ -1,4 +1,4 @@
-"""The commands of studies, one for each kind, all made by one function."""
+"""The commands of studies: one for each kind, all made by one function, and that of the paper."""
 
 from __future__ import annotations
 
@@ -79,10 +79,9 @@ def run_and_print(
     Finished tasks are stored, so that a killed command can be resumed.
     """
     from vibroplat.results.answer import first_failures
-    from vibroplat.study.fingerprint import digest_of
 
-    again = verbose and not (check or any(kept.values()))
-    result = common.finished(directory, study.kind, digest_of(study.conditions), form) if again else None
+    again = verbose and study.kind in KINDS and not (check or any(kept.values()))
+    result = common.finished(directory, study.kind, study.scene, form) if again else None
     lines, checked, reused = dict[str, str](), None, "computed before"
     if result is None:
         result, lines, checked, reused = _compute(study, directory, jobs, scheduler, wait, form, kept, check=check)
@@ -119,7 +118,6 @@ def _compute(
     from vibroplat.config.digits import quantity
     from vibroplat.config.plausibility import by_severity, notes_on_inputs, notes_on_plan
     from vibroplat.integrate import other_engine
-    from vibroplat.study.fingerprint import digest_of
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
     from vibroplat.study.study import MAX_CROSS_CHECKS
@@ -139,7 +137,6 @@ def _compute(
         store.finish()
         result.check = None if checked is None else checked.to_tree()
         result.answer = result.answer._replace(notes=by_severity([*result.answer.notes, *notes]))
-        result.facts["conditions"] = digest_of(study.conditions)
         result.save(directory, form)
     return result, {"wall time": quantity(seconds, "s")}, checked, f"{known} tasks from before" * bool(known)
 
@@ -150,3 +147,48 @@ def _check(study: Study, result: Result, store: Store, workers: Pool) -> CrossCh
 
     with points_progress(f"{study.scene.name}, check", "motions") as progress:
         return cross_check(study, result, store, workers, progress or (lambda done, known: None))
+
+
+def paper(
+    machine: Annotated[
+        list[str] | None, typer.Option(help="A machine from configs/machines. Default: printed and calibrated.")
+    ] = None,
+    check: common.Check = False,
+    set_: common.Settings = None,
+    engine: common.EngineName = None,
+    out: common.Out = Path("results"),
+    jobs: Annotated[int | None, typer.Option(min=1, help="Number of worker processes. Default: all cores.")] = None,
+    resume: common.Resume = False,
+    overwrite: common.Overwrite = False,
+    scheduler: common.Scheduler = None,
+    wait: common.Wait = WAIT,
+    format_: common.Format = "csv",
+    seeds: Annotated[int, typer.Option(min=1, help="Number of perturbation seeds for each claim.")] = 3,
+    seed: Annotated[int, typer.Option(min=0, help="First seed; figures are drawn with it.")] = 0,
+    verbose: common.Verbose = False,
+) -> None:
+    """Reproduce the figures and claims of the paper.
+
+    Computes figures 2-7 and their tables, and compares each claim of the paper with the simulation. Exit code 1 means
+    that with --check two engines disagree.
+    """
+    common.announce_first_run(engine)
+    from vibroplat.config.reader import parse_overrides
+    from vibroplat.paper.scenes import machine_numbers
+
+    changes = parse_overrides(set_ or [], engine)
+    chosen = {name: {**machine_numbers(name), **changes} for name in machine or ("printed", "calibrated")}
+    common.require_scheduler(scheduler)
+    from vibroplat.paper.reproduction import PaperStudy
+    from vibroplat.plots.command import plot_results
+    from vibroplat.results.tables import result_directory
+
+    good = True
+    for name, numbers in chosen.items():
+        study = PaperStudy(numbers, range(seed, seed + seeds), name)
+        directory = result_directory(out / "paper", name)
+        kept = common.store_options(resume, overwrite)
+        good &= run_and_print(study, directory, jobs, scheduler, wait, format_, kept, check=check, verbose=verbose)
+        plot_results([directory])
+    if not good:
+        raise typer.Exit(1)

@@ -107,7 +107,7 @@ def spread(value: float, around: float, unit: str) -> str:
 
     What is not above 1/1000 of the number is nothing to either side.
     """
-    if abs(around) <= NEGLIGIBLE * abs(value):
+    if abs(around) <= NEGLIGIBLE * abs(value) or not math.isfinite(value + around):
         return quantity(value, unit)
     factor, name = prefixed(max(abs(value), abs(around)), unit)
     small, large = sorted((abs(value) / factor, abs(around) / factor))
@@ -130,6 +130,15 @@ def together(values: Sequence[float], unit: str, between: str = ", ") -> str:
     name = f" {prefixed(size, unit)[1]}".rstrip()
     told = dict.fromkeys(quantity(value, unit, largest=size, size=size).removesuffix(name) for value in values)
     return between.join(told) + name
+
+
+def pair(one: float, other: float, unit: str = "") -> tuple[str, str]:
+    """Write two numbers that are to be compared: in one unit, with two digits of their difference."""
+    size, apart = max(abs(one), abs(other)), 0.1 * abs(one - other)
+    apart = apart if math.isfinite(apart) else 0.0
+    digits = MOST_DECIMALS if apart else None
+    first, second = (quantity(value, unit, digits=digits, error=apart, size=size) for value in (one, other))
+    return first, second
 
 
 def share(value: float | None) -> str:

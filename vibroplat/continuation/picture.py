@@ -25,7 +25,7 @@ from vibroplat.results.labels import (
 from vibroplat.results.result import Result
 from vibroplat.study import titles
 from vibroplat.study.branches import column_of
-from vibroplat.study.diagrams import boundary_series
+from vibroplat.study.picture import boundary_series
 from vibroplat.study.sweeps import Sweeps, abscissa
 
 OPTIONS = ("x",)

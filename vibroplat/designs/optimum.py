@@ -22,7 +22,7 @@ from vibroplat.designs.sensitivities import local_orbit, settling_plan
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.point import measure_point
 from vibroplat.study.store import Record
-from vibroplat.system.threads import one_thread
+from vibroplat.system.workers import one_thread
 
 #: Iterations of a search, fewer while a violation is made small, and its tolerance. Searches that came into the bounds,
 #: in five boxes, took 2 to 15.

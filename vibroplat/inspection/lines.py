@@ -9,7 +9,7 @@ from typing import Any
 from vibroplat.columns import unit_of
 from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, quantity, share, spread
 from vibroplat.config.plausibility import SWING_TORQUE_RATIO
-from vibroplat.inspection.conveying import BANDS, ERROR, STRAIGHT
+from vibroplat.inspection.material import BANDS, ERROR, STRAIGHT
 from vibroplat.results.answer import of_both
 
 Numbers = Mapping[str, Any]

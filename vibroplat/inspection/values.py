@@ -16,12 +16,10 @@ from vibroplat.config.digits import quantity
 from vibroplat.config.plausibility import SWING_TORQUE_RATIO
 from vibroplat.config.scene import Scene
 from vibroplat.inspection import balance, linear
-from vibroplat.inspection.balance import Balance, Supply, motor_torques
-from vibroplat.inspection.conveying import expected_conveying, unique_friction
+from vibroplat.inspection.balance import Balance, Supply, averaged_start, least_factor, motor_torques
 from vibroplat.inspection.linear import ComplexArray
 from vibroplat.inspection.lines import twelve_lines
-from vibroplat.inspection.material import FOLLOWED, loaded_motion
-from vibroplat.inspection.start import averaged_start, least_factor
+from vibroplat.inspection.material import FOLLOWED, expected_conveying, loaded_motion, unique_friction
 
 #: Radians of a turn.
 TURN = 2.0 * math.pi

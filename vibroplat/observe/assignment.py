@@ -1,7 +1,7 @@
 """Follows motions until each is in an ellipsoid around an orbit and comes nearer there, in compiled code.
 
-A motion stops on the Poincaré section, where :func:`decide` says what becomes of it. Motions by engine ``taylor`` go
-side by side: one that stops is decided on and goes on, or another one takes its lane.
+A motion stops on the Poincaré section, where :func:`decide` returns how to continue. Motions by engine ``taylor`` run
+side by side in lanes: after the decision a stopped motion continues, or another one takes its lane.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from vibroplat.observe.section import ON_SECTION, ellipsoid_of, form_of
 
 _TURN = 2.0 * math.pi
 
-# What becomes of a motion: it goes on; it is assigned to an ellipsoid; an orbit is to be searched for; it has converged
-# to none; it has ended early.
+# Decisions on a motion: it continues; it is assigned to an ellipsoid; an orbit is to be searched for; it has not
+# converged; it has ended early.
 GO_ON, ASSIGNED, SEARCH, UNCONVERGED, ENDED = range(5)
 
 #: A motion that is followed.
@@ -70,7 +70,7 @@ class Limits(NamedTuple):
 
 @inlined
 def go_on(run: Any, turns: int, longest: float) -> int:
-    """Let a motion stop after so many turns, or a time."""
+    """Let a motion stop after a number of turns, or after a time."""
     passed = math.floor((run.state[3] + run.turns[0]) / _TURN + ON_SECTION)
     run.target, run.end, run.outcome = _TURN * (passed + turns), run.now + longest, RUNNING
     return GO_ON

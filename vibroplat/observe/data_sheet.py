@@ -48,7 +48,7 @@ CONVERGING, BENDING = 0.05, 8.0
 #: Largest distance (rad) of a phase difference from its limit.
 REMAINING = 0.05
 #: Standard errors within which a fluctuating phase difference has no trend, and number of blocks for it. The trend and
-#: two standard errors, continued over so many measured parts, may make the last value (rad).
+#: two standard errors, extrapolated over HORIZON measured parts, may change the last value by TREND_CHANGE (rad).
 TREND, TREND_BLOCKS, HORIZON, TREND_CHANGE = 3.0, 8, 20.0, 0.5
 #: Distance of a speed from a natural frequency, as a part of it, up to which they are near each other.
 RESONANCE_WIDTH = 0.1
@@ -69,7 +69,7 @@ _SUSPENSION = "springs and dampers; impulses of impacts act only through these"
 
 
 def _motor_columns() -> Iterator[tuple[str, Column]]:
-    """Yield the columns of both motors, those of one kind side by side."""
+    """Yield the columns of both motors, equal quantities next to each other."""
     for what, unit, definition in (
         ("power", "w", "torque times speed"),
         ("torque", "n_m", "in the direction of the drive"),
@@ -307,7 +307,7 @@ def _columns_of_extremes(
 
 
 def _largest(extremes: Any, columns: Mapping[str, Extreme]) -> dict[str, float | None]:
-    """Return the values of columns that follow from extremes; None for what is not finite."""
+    """Return the values of columns that follow from extremes; None if a value is not finite."""
     least, largest = extremes["least"].tolist(), extremes["largest"].tolist()
     values: dict[str, float | None] = {}
     for name, (k, factor, difference, squared) in columns.items():

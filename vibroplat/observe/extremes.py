@@ -30,10 +30,10 @@ REACH = np.zeros(MAX_NODES + 1)
 for _n in range(1, MAX_NODES + 1):
     REACH[_n] = 3.0 / GAPS[_n, : _n + 1].min() ** 2
 
-#: What has extremes. The first have columns (:mod:`vibroplat.observe.peaks`), in which places without a name, or of
-#: what is found otherwise, have no number. Speeds are here twice, the second time since the supply has changed; the
-#: impulse is that of events. From POINTS on are x and y of each named point, from POINT_ACCELERATIONS on their
-#: accelerations. Integers of numpy, so that functions are compiled once.
+#: Quantities that have extremes. The first ones have columns (:mod:`vibroplat.observe.peaks`); places without a name,
+#: and quantities whose extremes are found otherwise, have no number there. Speeds occur twice, the second time since
+#: the last change of the supply; the impulse is that of events. From POINTS on follow x and y of each named point, from
+#: POINT_ACCELERATIONS on their accelerations. Integers of numpy, so that functions are compiled once.
 POINT_ACCELERATIONS = 35
 _PLACES: Any = np.arange(POINT_ACCELERATIONS)
 SIDEWAYS, HEIGHT, ROTATION, OPENING, FORCE, DRIVEN_1, _, IMPULSE = _PLACES[:8]
@@ -74,9 +74,9 @@ def merge_extremes(*groups: npt.NDArray[np.void]) -> Any:
 
 @compiled
 def merge(extremes: Any, merged: Any) -> None:
-    """Let a record have the extremes of some records where these go beyond its own; nan is no extreme.
+    """Merge the extremes of some records into one record; nan is no extreme.
 
-    One that goes beyond it by round-off was reached before: its time and pace stay those of the first.
+    An extreme that exceeds the known one by round-off only was reached before: time and pace stay those of the first.
     """
     for row in range(extremes.size):
         other = extremes[row]

@@ -17,7 +17,7 @@ from vibroplat.model.systems import ALGEBRAIC, SIZES
 
 @compiled
 def update_minima(owned_h: Automaton, least: FloatArray) -> None:
-    """Lower the least F_c (N) and gap in flight (m) at which they turn from falling to rising by the closed pieces'."""
+    """Update the smallest minima of F_c (N) and of the gap in flight (m) with those in the closed pieces."""
     h = borrow(owned_h)
     for k in range(h.steps.used.pieces):
         piece = h.steps.pieces[k]
@@ -30,9 +30,9 @@ def update_minima(owned_h: Automaton, least: FloatArray) -> None:
 
 @compiled
 def min_at_turn(steps: Steps, piece: Any, p: Parameters) -> float:
-    """Least value of a piece's guard where it turns from falling to rising; inf where it does not.
+    """Smallest minimum of a piece's guard inside of the piece; inf if there is none.
 
-    The contact force is that of the equations at the state there, which is more accurate than its own polynomial.
+    The contact force is evaluated by the equations at the state there, more accurately than by its own polynomial.
     """
     j, degree, least = GUARDS[piece.system], steps.c.shape[1] - 1, np.inf
     points = max(degree, 4)

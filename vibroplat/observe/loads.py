@@ -1,6 +1,6 @@
 """Largest loads over a run: forces into the foundation, accelerations, named points.
 
-Samples of what moves say which steps may hold a new extreme, and only such steps are searched.
+Samples of the motion show which steps may contain a new extreme; only such steps are searched.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ def update_acceleration_extremes(
 ) -> None:
     """Let extremes k cover the size of the acceleration of a point of the platform.
 
-    Means between samples say about where it is largest, the polynomials whether and where it is larger than before, and
-    the equations how large it is there: these are more accurate, and take longer.
+    Means between samples give the approximate place of its maximum, the polynomials give the place and whether it
+    exceeds the known maximum, and the equations give the value there: they are more accurate, and take longer.
 
     Parameters
     ----------
@@ -118,10 +118,9 @@ def steepest(
 ) -> tuple[float, float]:
     """Fraction of a step near s at which the square of a point's acceleration is largest, and that square (1/step⁴).
 
-    By Newton's iteration from s on, up to a way that three terms of its Taylor series cover, and never out of the
-    interval from ``low`` to ``high``. Accelerations are the derivatives of the rates, whose columns begin at n; so that
-    no division is needed they are by the step's fraction. Where the square is no maximum nearby, what was found largest
-    on the way is returned.
+    Newton's iteration from s, as far as three terms of the Taylor series hold, and inside of the interval from ``low``
+    to ``high``. Accelerations are the derivatives of the rates, whose columns begin at n, by the step's fraction, which
+    saves a division. If there is no maximum nearby, the largest value on the way is returned.
     """
     square, best = -1.0, s
     for _ in range(4):
@@ -168,11 +167,11 @@ GROUPS[[PULL_X, MOMENT]] = PULL_Y
 
 @compiled
 def put_limits(extremes: Any, room: Any, p: Parameters) -> None:
-    """Fill the limits beyond which a step has new extremes, and forget those of the supply before.
+    """Fill the limits beyond which a step has new extremes, and forget those of the previous supply.
 
-    Quantities of one kind share a margin, that of the largest of them: x and φ that are round-off beside y have no
-    extremes worth a search. While the supply changes, torque and power do not follow from the speed alone, and each
-    step is evaluated.
+    Quantities of one kind share a margin, that of the largest of them: if x and φ are round-off relative to y, their
+    extremes are not worth a search. While the supply changes, torque and power do not follow from the speed alone, and
+    each step is evaluated.
     """
     limits = room.limits
     for i in range(2):

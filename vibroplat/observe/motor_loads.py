@@ -32,7 +32,7 @@ def torque_and_power(i: int, speed: float, s: float, span: Span, p: Parameters) 
 
 @inlined
 def update_motor_at(extremes: Any, i: int, speed: float, s: float, span: Span, p: Parameters) -> None:
-    """Let the extremes of torque and power cover those of motor i at a speed."""
+    """Update the extremes of torque and power of motor i with their values at a speed."""
     torque, power = torque_and_power(i, speed, s, span, p)
     remember(extremes, TORQUE_1 + i, torque, s, span)
     remember(extremes, POWER_1 + i, power, s, span)
@@ -42,7 +42,7 @@ def update_motor_at(extremes: Any, i: int, speed: float, s: float, span: Span, p
 def update_motor_extremes(
     extremes: Any, i: int, known: tuple[float, float], samples: FloatArray, span: Span, p: Parameters
 ) -> None:
-    """Let the extremes of torque and power of motor i cover a step, and those of its speed over all supplies.
+    """Update the extremes of torque and power of motor i over a step, and those of its speed over all supplies.
 
     At a constant supply torque and power depend on the speed alone: they have extremes at new extremes of the speed
     since the supply has changed, at the critical slip, and for the power where u² + 2uΔ²/ω₀ = Δ², with slip speed u and
@@ -84,9 +84,9 @@ def pass_levels(
 
 @compiled
 def follow_ramp(extremes: Any, i: int, j: int, samples: FloatArray, span: Span, p: Parameters) -> None:
-    """Let the extremes of motor i cover torque and power at samples of its speed, in column j, and between them.
+    """Update the extremes of motor i with torque and power at samples of its speed, in column j, and between them.
 
-    Between three samples of which the middle one is largest or least, the extreme is at the vertex of a parabola.
+    If the middle one of three samples is the largest or smallest, the extreme is at the vertex of a parabola.
     """
     low, middle, before, here = 0.0, 0.0, (0.0, 0.0), (0.0, 0.0)
     for k in range(span.nodes + 2):

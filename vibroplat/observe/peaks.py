@@ -1,7 +1,7 @@
 """Extremes of quantities that are linear in the unknowns and their rates, in a part of a step.
 
-Their samples say, for all of them at once, which may have a new extreme. Of such alone polynomials are formed, and
-peaks are looked for side by side.
+Their samples show, for all quantities at once, which may have a new extreme. Only for these, polynomials are formed,
+and peaks are searched for side by side in lanes.
 """
 
 from __future__ import annotations
@@ -47,14 +47,13 @@ from vibroplat.observe.extremes import (
 
 #: How many quantities have columns, and how many of them are compared at once.
 COLUMNS, EIGHT = 32, 8
-#: Part of what an unknown goes beyond its samples that is left where an end of a step is beyond all nodes, the first
-#: and the last of which are next to the ends.
+#: Factor of the bound on how far an unknown exceeds its samples, for the ends of a step, which lie outside of all nodes
+#: but next to the first and the last one.
 AT_ENDS = 0.0625
-#: Peaks that are looked for side by side.
+#: Number of peaks that are searched for side by side.
 SIDE_BY_SIDE = 4
-#: Fields of a room for samples that may have a new extreme beside them: the polynomials, turned so that these are
-#: largest; the samples' values; where a peak is looked for, and between which places; its value; the sense; which
-#: quantity it is.
+#: Fields for samples near which there may be a new extreme: the polynomials, with the sign by which it is a maximum;
+#: the samples' values; place of the peak and interval of the search; the peak's value; the sign; the quantity.
 TOPS = [
     ("series", float, (MAX_DEGREE + 1, 1, SIDE_BY_SIDE)),
     *((name, float, SIDE_BY_SIDE) for name in ("top", "place", "low", "high", "peak", "sense")),
@@ -92,7 +91,7 @@ def beyond_limits(quantities: FloatArray, nodes: int, reach: float, limits: Floa
     Parameters
     ----------
     quantities, nodes
-        Quantities at the beginning, at so many nodes, and at the end.
+        Quantities at the beginning, at the nodes, and at the end; number of nodes.
     reach
         This part; see :data:`vibroplat.observe.extremes.REACH`.
     limits, first
@@ -135,7 +134,7 @@ def _squares(acceleration: Lanes) -> Lanes:
 
 @fused_inline
 def _peak(here: Lanes, way: Lanes, following: Lanes) -> Lanes:
-    """Bound what is reached beside a square: where the way turns, the longer of both ways is added to it."""
+    """Bound the values near a sample: where the differences change sign, the larger one is added to the sample."""
     return here + select(way * following <= 0.0, greater(size(way), size(following)), 0.0)
 
 
@@ -164,10 +163,10 @@ def cover(extremes: Any, above: int, below: int, room: Any, span: Span) -> None:
 
 @inlined
 def find_tops(extremes: Any, k: int, sense: float, room: Any, span: Span, count: int) -> int:
-    """Gather the samples of quantity k beside which an extreme may be new, behind ``count`` others; how many wait.
+    """Gather the samples of quantity k near which there may be a new extreme, after ``count`` others; return how many.
 
-    These are larger than their neighbours, and beyond them the quantity goes by less than they are on this side.
-    Polynomials of low degree have few samples and are looked through.
+    They are not below their neighbours, and exceed the limit if the larger difference from a neighbour is added.
+    Polynomials of low degree have few samples and are searched completely.
     """
     samples, known, last = room.quantities, sense * room.limits[1 if sense > 0.0 else 0, k], span.nodes + 1
     if span.degree <= FEW_SAMPLES:
@@ -221,7 +220,7 @@ def put_series(k: int, sense: float, room: Any, lane: int, span: Span) -> None:
 
 @compiled
 def polish(extremes: Any, room: Any, span: Span, count: int) -> None:
-    """Let extremes cover the peaks beside so many samples, all found at once."""
+    """Update the extremes with the peaks near a number of samples, all found at once."""
     r = as_lanes(room)
     r.peak, r.place = turning_point(r.series, span.degree, 0, r.place, r.low, r.high, r.top)
     for i in range(count):

@@ -1,4 +1,4 @@
-"""The Poincaré section of what was measured: points at whole turns of exciter 1, and after how many they repeat."""
+"""The Poincaré section of a motion: its points at whole turns of exciter 1, and the number of turns in a period."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ ON_SECTION = 1e-9
 #: Longest period, in turns of exciter 1, that is searched for while a motion settles.
 MAX_PERIOD = 16
 #: Of a run, in scaled units: largest distance of points that repeat, and the distance up to which they count
-#: as equal. A shorter period is refused if its distance is larger by the factor CLEARLY: what is left of a slow
-#: oscillation may come back to itself after some turns, and differs by less.
+#: as equal. A shorter period is refused if its distance is larger by DISTANCE_RATIO: the rest of a slow oscillation
+#: may repeat after some turns, but its distances differ by less.
 REPEAT_DISTANCE, EQUAL_DISTANCE, DISTANCE_RATIO = 1e-3, 1e-5, 30.0
 
 
@@ -34,7 +34,7 @@ def section_rows(ms: Accumulators) -> npt.NDArray[np.void]:
 
 
 def whole_periods(ms: Accumulators, turns: int) -> Accumulators:
-    """Cut what is of whole turns to whole periods of so many turns; where there is none, they stay as they are."""
+    """Cut the sums over whole turns to whole periods of ``turns`` turns; without a whole period they stay unchanged."""
     done = int(ms.marks["turns"]) - 1
     left = done % turns
     if not 0 < left < done:

@@ -65,8 +65,8 @@ from vibroplat.observe.room import ROOM
 #: Place of φ₁ among the unknowns. An integer of numpy, so that functions are compiled once for all.
 _ANGLE = np.array([3])[0]
 
-#: Change of the phase difference within a step (rad) up to which its mean and variance say cosine and sine: what they
-#: leave out, the third moment, is below 1e-7 there.
+#: Change of the phase difference within a step (rad) up to which its mean and variance determine cosine and sine: the
+#: neglected third moment is below 1e-7 there.
 STILL = 0.02
 
 _TURN = 2.0 * math.pi
@@ -84,13 +84,13 @@ class Statistics:
     window
         When the measured part begins (s).
     points
-        Points of the Poincaré section that are kept, the last ones; 0: what is measured is not cut to whole turns.
+        Number of the last points of the Poincaré section that are kept; 0: measures are not cut to whole turns.
     named
         Number of the scene's named points.
     blocks
         In how many parts a motion is measured, each with its own extremes; see :meth:`end_block`.
     scope
-        What is measured, from :data:`vibroplat.observe.measures.SECTION_POINTS` to ``WHOLE_RUN``: all that is asked.
+        Scope of the measures, from :data:`vibroplat.observe.measures.SECTION_POINTS` to ``WHOLE_RUN``.
     """
 
     def __init__(
@@ -101,12 +101,12 @@ class Statistics:
         self.begin(window, points, blocks, scope)
 
     def begin(self, window: float, points: int = SECTION_ROWS, blocks: int = 1, scope: int = WHOLE_RUN) -> Accumulators:
-        """Begin anew and return the empty sums; those of before stay as they are with those who hold them."""
+        """Begin with empty accumulators and return them; the previous ones stay unchanged for their holders."""
         self.measures = empty_accumulators(window, points, blocks, scope)
         return self.measures
 
     def end_block(self) -> Accumulators:
-        """Copy what was measured until now; from the next whole turn on, extremes are those of the next block."""
+        """Copy the accumulators; from the next whole turn on, extremes are those of the next block."""
         ms = self.measures
         copied = ms._replace(whole=ms.whole.copy(), marks=ms.marks.copy(), closed=last_closed(ms).copy())
         ms.marks["due"] = min(ms.marks["row"] + 1, len(ms.extremes) - 1)
@@ -128,7 +128,7 @@ class Statistics:
     def _constants(self, h: Automaton) -> tuple[Any, int, float, Equations]:
         """Room, number of nodes, fastest speed and equations.
 
-        A step has Gauss nodes in pairs: as many as keep the order of its polynomials, fewer where their degree is high.
+        A step has pairs of Gauss nodes: enough to keep the order of its polynomials, fewer if their degree is high.
         """
         degree = h.steps.degree
         nodes = (degree + 1) // 2 if degree <= 8 else (degree + 1) // 3
@@ -314,7 +314,7 @@ def add_part(
 
 @inlined
 def whole_turns(angle: float, turns: float) -> float:
-    """Whole turns of an exciter; one that a motion was stopped at is complete, though round-off may say less."""
+    """Whole turns of an exciter; a turn at whose end the motion was stopped counts, in spite of round-off."""
     return math.floor((angle + turns) / _TURN + _COMPLETE)
 
 
@@ -411,7 +411,7 @@ def add_phase(sums: FloatArray, room: Any, n: int, duration: float, nodes: int, 
 
 @compiled
 def close_turn(ms: Accumulators, now: float, turns: FloatArray, at: FloatArray, system: int, room: Any) -> None:
-    """Exciter 1 has completed a turn in the measured part, with unknowns ``at``: what was open is whole."""
+    """Close a turn of exciter 1 in the measured part, at the unknowns ``at``: its sums join those of whole turns."""
     marks, full, force = ms.marks, room.full, DIFFERENTIAL[system]
     for j in range(force):
         full[PLACES[system, j]] = at[j]

@@ -33,7 +33,7 @@ from vibroplat.observe.measures import (
     require,
 )
 
-#: Phase coherence below which exciters are not synchronous: their phase difference has no mean that says anything.
+#: Phase coherence below which exciters are not synchronous: the mean of their phase difference is meaningless.
 COHERENCE = 0.8
 #: Drift of the phase difference over the measured part (rad) above which exciters are not synchronous.
 MAX_DRIFT = math.pi / 2.0
@@ -41,10 +41,10 @@ MAX_DRIFT = math.pi / 2.0
 #: Outcome of a motion that reached its end but does not keep the balances.
 INACCURATE = "inaccurate"
 
-#: Largest energy residual over the root of the tolerance, and its least and largest value. The largest residuals of 35
-#: scenes (the paper's time histories, the reference runs, each kind of scene) in 2 to 60 s were 0.13, 0.027 and 0.0016
-#: at tolerances 1e-2, 1e-3 and 1e-4, and 7e-10 at 1e-12: a quarter of the limit or less. Of 560 random scenes, none
-#: exceeded it at 1e-6 (largest 0.037) and 2 % at 1e-2, where they had lost half of their energy and more.
+#: Limit of the energy residual divided by the root of the tolerance, and its minimum and maximum. The largest residuals
+#: of 35 scenes (the paper's time histories, the reference runs, each kind of scene) in 2 to 60 s were 0.13, 0.027 and
+#: 0.0016 at tolerances 1e-2, 1e-3 and 1e-4, and 7e-10 at 1e-12: a quarter of the limit or less. Of 560 random scenes,
+#: none exceeded it at 1e-6 (largest 0.037) and 2 % at 1e-2, where they had lost half of their energy and more.
 ENERGY, MIN_ENERGY_LIMIT, MAX_ENERGY_LIMIT = 5.0, 0.05, 0.5
 #: Largest momentum residual over the limit of the energy residual. In the same scenes it was at most 0.006 at
 #: tolerance 1e-2 and 7e-4 at 1e-3; of the random ones 0.072 and 0.0046.
@@ -153,7 +153,7 @@ class Energies(NamedTuple):
 
 
 class MeasuredInterval(NamedTuple):
-    """A part of a motion: what was summed over it, the energies at its ends, and the sums at the ends of its blocks."""
+    """A part of a motion: its accumulators, the energies at its ends, and the accumulators at the ends of blocks."""
 
     measures: Accumulators
     before: Energies
@@ -191,7 +191,7 @@ def statistics(ms: Accumulators, extremes: Any) -> dict[str, float | None]:
     return result
 
 
-#: Largest correlation of neighbouring blocks that is counted; 24 blocks cannot tell a larger one.
+#: Maximum correlation of neighbouring blocks that is used; 24 blocks cannot resolve a larger one.
 MAX_CORRELATION = 0.9
 #: Measures that are the largest of their values in blocks.
 MAXIMA = ("amplitude_y_m", "contact_force_max_n", "gap_max_m", "impulse_max_n_s")
@@ -204,10 +204,10 @@ COUNTED = ("impacts_per_period",)
 def block_errors(blocks: Sequence[Accumulators], names: Sequence[str]) -> dict[str, float | None]:
     """Estimate standard errors of measures from their scatter over blocks; None where a block has none.
 
-    What is COUNTED has none if there is chatter in any block: its scatter says nothing of what the tolerance changes.
-    Means of blocks scatter as :func:`batch_means_error` says. The error of an RMS follows from that of its squares, and
-    reaches down to 0 where one block outweighs the others: a remainder that still decays. The largest of several maxima
-    scatters as each of them does (Gumbel's law).
+    The measures COUNTED have none if any block has chatter: they depend on the tolerance more than they scatter. The
+    error of means of blocks is that of :func:`batch_means_error`. The error of an RMS follows from that of its squares,
+    and reaches down to 0 where one block outweighs the others: a remainder that still decays. The largest of several
+    maxima scatters as each of them does (Gumbel's law).
     """
     parts = [*blocks[:1], *(block_difference(a, b) for a, b in pairwise(blocks))]
     extremes = [measured_extremes(part) for part in parts]
@@ -237,7 +237,7 @@ def block_errors(blocks: Sequence[Accumulators], names: Sequence[str]) -> dict[s
 def batch_means_error(values: FloatArray) -> float:
     """Estimate the standard error of the mean of successive blocks' means (method of batch means).
 
-    Blocks need not be long against the memory of the motion: what comes in bursts goes on from block to block. With a
+    Blocks need not be long compared with the correlation time of the motion: bursts may last for several blocks. With a
     correlation r of neighbours, and rᵏ of blocks k apart, the variance of the mean is (1 + r)/(1 − r) times that of
     independent blocks. From n blocks r comes out too small by (1 + 3r)/n on average (Marriott and Pope 1954), which is
     added. An estimate below 0 counts as 0; above 0.6 it is still too small.
@@ -259,17 +259,17 @@ def largest_values(extremes: Any) -> dict[str, float | None]:
 
 
 def wrap_angle(angle: float, near: float = 1e-12) -> float:
-    """Put an angle into (−π, π]; what is no farther than ``near`` from −π is π."""
+    """Wrap an angle to (−π, π]; an angle within ``near`` of −π becomes π."""
     return min(angle + 2.0 * math.pi, math.pi) if angle <= -math.pi + near else angle
 
 
 def measure(part: MeasuredInterval, scene: Scene, *, brief: bool = False) -> dict[str, Any]:
-    """Gather what was measured over a part of a scene's motion. What has no finite value is None.
+    """Gather the measures of a part of a scene's motion; None for values that are not finite.
 
     Statistics, extremes of contact force and impulse, the largest gap, and counts that begin with ``measured_`` are of
     the ``measured_turns`` whole turns of exciter 1 in the measured part where there are any, from ``measured_from_s``
     to ``measured_to_s``. All else is of the whole: other counts, the sum of impulses, energies, the largest rotation
-    |φ|, and two checks, the least gap and how far the contact force fell below 0. A ``brief`` one has only the
+    |φ|, and two checks, the smallest gap and how far the contact force fell below 0. If ``brief``, only
     statistics and extremes.
     """
     require(part.measures, WITH_EXTREMES)

@@ -36,10 +36,10 @@ from vibroplat.system.memory import available, free_memory, size_text
 BLOCK = 2**15
 #: Memory that an array takes besides its numbers (bytes).
 OVERHEAD = 150
-#: Bytes of a number in memory, and about as many in files: exports of other formats are written beside Parquet.
+#: Bytes of a number in memory, and about as many in files: exports are written in addition to Parquet.
 NUMBER = 8
 FILED = {"parquet": 8, "csv": 20}
-#: Times that a table is in memory at most, when its parts are put together.
+#: Maximum number of copies of a table in memory, when its parts are put together.
 COPIES = 2
 
 #: Records, and fields of compiled records.
@@ -116,7 +116,7 @@ ROW = np.dtype(
 
 
 def state_places(scene: Scene) -> dict[str, int]:
-    """Places in the full state of what a scene has: its coordinates, then their rates, by their names."""
+    """Places in the full state of the coordinates of a scene, then of their rates, by their names."""
     places = {names[i]: half + i for half, names in ((0, COORDINATES), (7, RATES)) for i in scene.coordinates}
     return places if scene.transport is None else places | {name: ALONG_PLACE + i for i, name in enumerate(ALONG)}
 
@@ -256,10 +256,10 @@ class Sampler:
         return ArrayTable(columns | self._supply(rows), {**TRAJECTORY, **self._accelerations})
 
     def _supply(self, rows: Records) -> dict[str, FloatArray]:
-        """Return what needs the supply of each row.
+        """Return the columns that depend on the supply of each row.
 
-        Power of both motors (W), the supply frequency (Hz) where a program changes it, accelerations (m/s²) if they are
-        asked for.
+        These are the power of both motors (W), the supply frequency (Hz) if a program changes it, and accelerations
+        (m/s²) if the scene has them in its output.
         """
         program = self.scene.drive.program
         power, frequency, moved = np.empty((len(rows), 2)), np.empty(len(rows)), np.empty((len(rows), 3))
@@ -291,7 +291,7 @@ class Blocks:
     dtype
         Of the records.
     take
-        Is called with each block, which is overwritten afterwards; at least once, without records if need be.
+        Is called with each block, which is overwritten afterwards; at least once, without records if there are none.
     """
 
     def __init__(self, dtype: npt.DTypeLike, take: Callable[[Records], object]) -> None:

@@ -18,6 +18,7 @@ import pandas as pd
 
 from vibroplat.config.digits import given, quantity, share
 from vibroplat.config.kinds import KINDS
+from vibroplat.config.plausibility import by_severity
 from vibroplat.config.scene import Scene
 from vibroplat.page.curves import Runs
 from vibroplat.page.machine import PLAY, as_json, drawing, machine_of
@@ -25,15 +26,14 @@ from vibroplat.page.orbits import MOST_SAMPLES, Motions, Mover, Progress
 from vibroplat.page.pictures import picture_html
 from vibroplat.page.results import differences, find_results, parameters
 from vibroplat.page.run import Course, course_of
-from vibroplat.page.sheet import sheet_html
-from vibroplat.page.tables import columns_html, fold, hint, listing, parameters_html, table_html
-from vibroplat.results.answer import first_failures
+from vibroplat.page.tables import aligned, fold, hint, listing, parameters_html, table_html
+from vibroplat.results.answer import first_failures, noted
 from vibroplat.results.labels import capital
 from vibroplat.results.picture import Picture, finite
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
 from vibroplat.results.run_answer import sync_text
-from vibroplat.results.sheet import Sheet
+from vibroplat.results.sheet import FURTHER, Row, Sheet
 from vibroplat.results.tables import replace_file, require_replaceable
 
 #: How a page begins, whatever wrote it.
@@ -186,21 +186,20 @@ class Report:
         headline = answer.headline.removeprefix(f"{one.scene.name}: ")
         headline = capital(headline)
         failures = [*check.get("disagreements", ()), *answer.failures]
-        bad = bool(failures)
+        bad, short = bool(failures), aligned(answer.short) if answer.short else ""
         if isinstance(one, RunResult):
             differ = (one.summary.get("check") or {}).get("agrees") is False
             failures = [*failures, *["engines disagree"] * differ]
-            short = "; ".join(f"{label.replace(',', '')} {value}" for label, value, _ in self.sheets[one].short())
-            told = f'<p class="more">{escape(capital(short))}</p>'
+            facts = "; ".join(f"{label.replace(',', '')} {value}" for label, value, _ in self.sheets[one].short())
+            short = f'<p class="more">{escape(capital(facts))}</p>' if facts else ""
             bad = bool(failures or one.summary.get("captured_by"))
-        else:
-            told = columns_html(answer.short)
         if failures:
             more = f'<p class="more">{escape(headline)}</p>'
             headline = "; ".join(first_failures(failures))
-        more += told
-        notes = "".join(f'<ul class="notes"><li><b>Note:</b> {escape(note)}</li></ul>' for note in answer.notes)
-        return f'<p class="answer{" bad" * bad}{" run" * (name != "")}">{name}{escape(headline)}</p>{more}{notes}'
+        told = [noted(note).partition(": ") for note in by_severity(answer.notes)]
+        notes = "".join(f"<li><b>{what.capitalize()}:</b> {escape(note)}</li>" for what, _, note in told)
+        more += short + f'<ul class="notes">{notes}</ul>' * bool(notes)
+        return f'<p class="answer{" bad" * bad}{" run" * (name != "")}">{name}{escape(headline)}</p>{more}'
 
     # -- runs ---------------------------------------------------------------------------------------
 
@@ -318,3 +317,33 @@ def _inputs(scene: Scene) -> str:
     }
     lines = "".join(f"<li><span>{label}</span> {escape(text)}</li>" for label, text in rows.items())
     return f'<ul class="inputs">{lines}</ul>'
+
+
+def sheet_html(sheets: Sequence[Sheet], names: Sequence[str]) -> str:
+    """Return the data sheet of one run, or of several with a column for each."""
+    single = len(sheets) == 1
+    heads = ["", sheets[0].transient or "in operation", "largest, with start", "when"] if single else ["", *names]
+    groups = ""
+    for name in dict.fromkeys(name for one in sheets for name in one.groups if name != FURTHER):
+        found = [{row.label: row for row in one.groups.get(name, [])} for one in sheets]
+        labels = dict.fromkeys(label for rows in found for label in rows)
+        lines = "".join(_line(label, [rows.get(label, Row(label)) for rows in found]) for label in labels)
+        title = f'<tr class="group"><th scope="rowgroup" colspan="{len(heads)}">{escape(name)}</th></tr>'
+        groups += f"<tbody>{title}{lines}</tbody>"
+    if not groups:
+        return ""
+    head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
+    more = "" if single else hint("Pale: the largest value of the whole run, with its start.")
+    return f'<table class="sheet{"" if single else " several"}"><thead><tr>{head}</tr></thead>{groups}</table>{more}'
+
+
+def _line(label: str, rows: Sequence[Row]) -> str:
+    """Return a line: of a single run with what was largest and when, of several their values beside each other."""
+    cells = []
+    for row in rows:
+        cells.append(f"<b>{escape(row.now)}</b>" + (f" <small>{escape(row.also)}</small>" if row.also else ""))
+        if len(rows) == 1:
+            cells += [escape(row.most), escape(row.when)]
+        elif row.most:
+            cells[-1] += f' <small class="most">{escape(row.most)}</small>'
+    return f'<tr><th scope="row">{escape(label)}</th>{"".join(f"<td>{cell}</td>" for cell in cells)}</tr>'

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from html import escape
-from itertools import groupby, pairwise
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -113,6 +113,18 @@ def _column(name: str, column: pd.Series, largest: float) -> tuple[str, list[str
     return (f"{words} ({told})" if told else words), cells
 
 
+def aligned(lines: Sequence[str]) -> str:
+    """Return printed lines: those in columns as tables, whose cells are broken where there is no room."""
+    found = ""
+    for columns, rows in groupby((re.split(" {2,}", line.rstrip()) for line in lines), key=len):
+        texts = [[escape(cell) for cell in row] for row in rows]
+        if columns == 1:
+            found += "".join(f"<p>{row[0]}</p>" for row in texts)
+        else:
+            found += "<table>" + "".join("<tr><td>" + "<td>".join(row) for row in texts) + "</table>"
+    return f'<div class="short">{found}</div>'
+
+
 def listing(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a table of headings and rows of texts."""
     head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
@@ -122,23 +134,6 @@ def listing(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         for row in rows
     )
     return f'<div class="wide"><table class="listing">{begin}<tbody>{lines}</tbody></table></div>'
-
-
-def columns_html(lines: Sequence[str]) -> str:
-    """Return the lines of an answer: those in columns, two blanks or more apart in all of them, as rows of a table."""
-    found = ""
-    for in_columns, group in groupby(lines, lambda line: "  " in line.rstrip()):
-        block = [*group]
-        if not in_columns:
-            found += "".join(f'<p class="short">{escape(line)}</p>' for line in block)
-            continue
-        wide = [line.ljust(max(map(len, block))) for line in block]
-        drawn = "".join(" " if {*column} == {" "} else "x" for column in zip(*wide, strict=True))
-        ends = [0, *(gap.end() for gap in re.finditer(" {2,}(?=x)", drawn) if gap.start()), len(drawn)]
-        rows = ([escape(line[a:b].strip()) for a, b in pairwise(ends)] for line in wide)
-        cells = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
-        found += f'<table class="short">{cells}</table>'
-    return found
 
 
 def value_text(value: Any) -> str:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibroplat.config.digits import together
 from vibroplat.model.parameters import FloatArray
 from vibroplat.study.branches import EXCITATION, SUPPLY, SweepBranch
 from vibroplat.study.point import ERRORS
@@ -72,7 +73,7 @@ class RegimeChange(NamedTuple):
     @property
     def text(self) -> str:
         """Its excitation frequencies."""
-        return f"{self.before[F]:.2f} → {self.after[F]:.2f} Hz"
+        return together((self.before[F], self.after[F]), "Hz", " → ")
 
 
 class Step(NamedTuple):

@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibroplat.config import digits
+from vibroplat.config.digits import interval, number, quantity
 from vibroplat.model.parameters import FloatArray
 from vibroplat.paper.evidence import EDGE, IMPACT_KEY, MOTIONS, NON_IMPACT_KEY, REGIMES, Evidence, F, Key, Row, error_of
 from vibroplat.paper.root_finding import JUMP_WIDTH, WIDTH
@@ -77,10 +79,6 @@ def _join_findings(findings: Mapping[str, Finding]) -> Finding:
     return Finding(text, all(f.holds for f in of), float(np.mean([f.score for f in of])), least.margin, least.unit)
 
 
-def _interval(low: float, high: float) -> str:
-    return f"{low:.2f} … {high:.2f} Hz" if high > low else f"{low:.2f} Hz"
-
-
 def _closeness(off: float, tolerance: float) -> float:
     """Return 1 up to a tolerance; the value falls to 0 at four times the tolerance."""
     return float(np.clip((4.0 - off / tolerance) / 3.0, 0.0, 1.0))
@@ -100,18 +98,18 @@ def _band_of(claim: Claim, evidence: Evidence, key: Key) -> Finding:
     rows = _with_boundary(evidence, key, regime, low - EDGE)
     inside = [row for row in rows if low + margin <= row[F] <= high - margin]
     stretches = regime_intervals([row for row in rows if low - 1.0 <= row[F] <= high + 1.0], regime)
-    text = f"{regime} {', '.join(_interval(*run) for run in stretches) or 'nowhere'}; "
+    text = f"{regime} {', '.join(interval(*run, 'Hz') for run in stretches) or 'nowhere'}; "
     if not inside:
         return Finding(f"{text}no steady motion in the band")
     share = float(np.mean([REGIMES[regime](row) for row in inside]))
-    text += f"{share:.0%} of {len(inside)} points in the band"
+    text += f"{digits.share(share)} of {len(inside)} points in the band"
     undecided = sum(row["motion"] == "undecided" for row in inside) if regime in MOTIONS else 0
     if undecided:
         text += f", {undecided} undecided"
     frequencies = [row[F] for row in rows if low - EDGE <= row[F] <= high + EDGE]
     reached = low == high or (min(frequencies) <= low + EDGE and max(frequencies) >= high - EDGE)
     if not reached:
-        text += f"; points only {_interval(min(frequencies), max(frequencies))}"
+        text += f"; points only {interval(min(frequencies), max(frequencies), 'Hz')}"
     off = [max(low + margin - row[F], row[F] - high + margin) for row in rows if not REGIMES[regime](row)]
     ends = [low + EDGE - min(frequencies), max(frequencies) - high + EDGE] if low < high else []
     holds = share == 1.0 and reached
@@ -140,8 +138,8 @@ def second_resonance(claim: Claim, evidence: Evidence) -> Finding:
     off = abs(before[F] - claim["f"])
     ratio = after["rms_y_m"] / before["rms_y_m"]
     jumps = after[F] - before[F] > MIN_JUMP and ratio < 1.0 - MIN_FALL
-    phases = " → ".join(f"{abs(row['phase_difference_rad']):.2f}" for row in found)
-    text = f"{found.text} at supply {after[SUPPLY]:.2f} Hz, RMS y × {ratio:.2g}, Δφ {phases}"
+    phases = " → ".join(number(abs(row["phase_difference_rad"])) for row in found)
+    text = f"{found.text} at supply {quantity(after[SUPPLY], 'Hz')}, RMS y × {number(ratio, 2)}, Δφ {phases}"
     score = _closeness(off, claim["tol"]) * (1.0 if jumps else 0.5)
     margin = min(claim["tol"] - off, after[F] - before[F] - MIN_JUMP)
     return Finding(text, off <= claim["tol"] and jumps, score, margin)
@@ -158,7 +156,7 @@ def jump_left(claim: Claim, evidence: Evidence) -> Finding:
     margin = min(min(-0.5 * JUMP_WIDTH - f, f + MAX_SLIGHT_SHIFT) for f in shifts.values())
     holds = [-MAX_SLIGHT_SHIFT <= f < -0.5 * JUMP_WIDTH for f in shifts.values()]
     texts = [f"μ {mu:g}: {f:+.3f} Hz" for mu, f in shifts.items()]
-    return Finding("; ".join([f"μ 0: {bare[F]:.2f} Hz", *texts]), all(holds), float(np.mean(holds)), margin)
+    return Finding("; ".join([f"μ 0: {quantity(bare[F], 'Hz')}", *texts]), all(holds), float(np.mean(holds)), margin)
 
 
 def same_bands(claim: Claim, evidence: Evidence) -> Finding:
@@ -178,7 +176,8 @@ def same_bands(claim: Claim, evidence: Evidence) -> Finding:
         return Finding(f"antiphase does not end and begin again: {missing}")
     ends = np.array(list(found.values()))
     off = float(np.max(abs(ends - ends[0]) if over_mass else np.ptp(ends, axis=0)))
-    text = "; ".join(f"{key.text}: up to {a:.2f}, again from {b:.2f} Hz" for key, (a, b) in found.items())
+    told = {key.text: [quantity(f, "Hz") for f in ends] for key, ends in found.items()}
+    text = "; ".join(f"{name}: up to {a}, again from {b}" for name, (a, b) in told.items())
     return Finding(text, off <= EDGE, _closeness(off, EDGE), EDGE - off)
 
 
@@ -190,7 +189,7 @@ def attached_until(claim: Claim, evidence: Evidence) -> Finding:
     if not rows or rows[0][F] > begin + EDGE or not REGIMES["attached"](rows[0]):
         return Finding(f"not attached at {begin:g} Hz")
     if end is None:
-        return Finding(f"attached {_interval(rows[0][F], rows[-1][F])}, never left")
+        return Finding(f"attached {interval(rows[0][F], rows[-1][F], 'Hz')}, never left")
     off = abs(end.middle - claim["f"])
     tolerance = claim["tol"]
     return Finding(f"attached up to {end.text}", off <= tolerance, _closeness(off, tolerance), tolerance - off)
@@ -205,7 +204,7 @@ def non_periodic_from(claim: Claim, evidence: Evidence) -> Finding:
     rows = evidence.rows(key, found.middle + EDGE, 31.0)
     share = float(np.mean([REGIMES["non-periodic"](row) for row in rows])) if rows else 0.0
     off = abs(found.middle - claim["f"])
-    text = f"periodic up to {found.text}, then non-periodic at {share:.0%} of points up to 31 Hz"
+    text = f"periodic up to {found.text}, then non-periodic at {digits.share(share)} of points up to 31 Hz"
     score = 0.5 * (_closeness(off, claim["tol"]) + share)
     return Finding(text, off <= claim["tol"] and share == 1.0, score, claim["tol"] - off)
 
@@ -243,7 +242,7 @@ def periodic_from_over(claim: Claim, evidence: Evidence) -> Finding:
 
 
 def _by_restitution(starts: Mapping[float, float], nowhere: str) -> str:
-    return "; ".join(f"R {r:g}: " + (nowhere if math.isinf(f) else f"{f:.2f} Hz") for r, f in starts.items())
+    return "; ".join(f"R {r:g}: " + (nowhere if math.isinf(f) else quantity(f, "Hz")) for r, f in starts.items())
 
 
 def deviation(claim: Claim, evidence: Evidence) -> Finding:
@@ -260,8 +259,9 @@ def deviation(claim: Claim, evidence: Evidence) -> Finding:
     away, close = (max(np.pi - abs(r["phase_difference_rad"]) for r in part) for part in (far, near))
     x, phi = (max(r[c] for r in near) / max(1e-15, *(r[c] for r in far)) for c in ("rms_x_m", "rms_phi_rad"))
     text = (
-        f"|Δφ − π| {away:.2g} rad at 25 … 29 Hz, {close:.2g} rad within 0.5 Hz of the jump at {last:.2f} Hz; "
-        f"RMS x × {x:.2g} to {1e3 * max(r['rms_x_m'] for r in near):.2g} mm, RMS φ × {phi:.2g}"
+        f"|Δφ − π| {quantity(away, 'rad', digits=2)} at 25 … 29 Hz, {quantity(close, 'rad', digits=2)} within 0.5 Hz "
+        f"of the jump at {quantity(last, 'Hz')}; RMS x × {number(x, 2)} to "
+        f"{quantity(max(r['rms_x_m'] for r in near), 'm', digits=2)}, RMS φ × {number(phi, 2)}"
     )
     holds = close > 0.02 and close > 5.0 * away and min(x, phi) > 5.0
     margin = min(close - 0.02, close - 5.0 * away)
@@ -312,9 +312,10 @@ def _between(ratio: _Ratio, text: str, low: float = np.nextafter(1.0, 2.0), high
     violated = (values + errors < low) | (values - errors > high) | (~right & (errors == 0.0))
     undecided = ~violated & ((values - errors < low) | (values + errors > high))
     share = float(right.mean())
-    measured = f"{text} at {share:.0%} of {len(values)} frequencies, ratio {values.min():.3f} … {values.max():.3f}"
+    measured = f"{text} at {digits.share(share)} of {len(values)} frequencies, ratio "
+    measured += interval(values.min(), values.max())
     if violated.any():
-        measured += f", not at {_interval(ratio.f[violated].min(), ratio.f[violated].max())}"
+        measured += f", not at {interval(ratio.f[violated].min(), ratio.f[violated].max(), 'Hz')}"
     if undecided.any():
         measured += f", {undecided.sum()} undecided by their error"
     if ratio.covered < MIN_COVERED:
@@ -364,7 +365,8 @@ def restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:
             np.mean([reference[supply] == n for supply, n in found.items() if supply in reference] or [0.0])
         )
     share = float(np.mean(list(same.values()))) if same else 0.0
-    text = f"{amplitude.measured}; period as at R = 0: " + "; ".join(f"R {r:g}: {part:.0%}" for r, part in same.items())
+    alike = "; ".join(f"R {r:g}: {digits.share(part)}" for r, part in same.items())
+    text = f"{amplitude.measured}; period as at R = 0: {alike}"
     score = 0.5 * (amplitude.score + share)
     return Finding(text, amplitude.holds and share == 1.0, score, amplitude.margin, "%")
 
@@ -376,7 +378,7 @@ def non_impact_over(claim: Claim, evidence: Evidence) -> Finding:
     means = [ratio.mean for ratio in ratios.values()]
     growth = [b - a - SIGMAS * float(np.hypot(i, j)) for (a, i), (b, j) in pairwise(means)]
     grows = all(part > 0.0 for part in growth)
-    text = " → ".join(f"{mean:.3f}" + (f" ± {error:.1g}" if error else "") for mean, error in means)
+    text = " → ".join((digits.spread(mean, error, "") if error else number(mean)) for mean, error in means)
     score = 0.7 * larger.score + 0.3 * grows
     margin = min(larger.margin, *(100.0 * part for part in growth))
     return Finding(f"{larger.measured}; mean ratio {text}", larger.holds and grows, score, margin, "%")
@@ -391,12 +393,12 @@ def non_impact_shape(claim: Claim, evidence: Evidence) -> Finding:
         if row is None or abs(row[F] - claim["f"][0]) > EDGE:
             return Finding("30.7 Hz is not reached")
         period = f"period {row['period']}" if row["period"] else row["motion"]
-        nearest.append((row, f"{row[F]:.2f} Hz: {period}"))
+        nearest.append((row, f"{quantity(row[F], 'Hz')}: {period}"))
     (impact, its), (viscous, other) = nearest
     crest = viscous["amplitude_y_m"] / (np.sqrt(2.0) * viscous["rms_y_m"])
     harmonic = bool(viscous["period"] == 1 and abs(crest - 1.0) < 0.02)
     irregular = REGIMES["non-periodic"](impact)
-    text = f"impact at {its}; non-impact at {other}, A/(√2 RMS) = {crest:.4f}"
+    text = f"impact at {its}; non-impact at {other}, A/(√2 RMS) = {number(crest, 4)}"
     return Finding(text, harmonic and irregular, 0.5 * (harmonic + irregular), 2.0 - 100.0 * abs(crest - 1.0), "%")
 
 
@@ -415,7 +417,7 @@ def quoted_frequencies(claim: Claim, evidence: Evidence) -> Finding:
     for f, tolerance in claim["quoted"]:
         nearest, error = min(points, key=lambda point: abs(point[0] - f), default=(0.0, 0.0))
         margins.append(tolerance + 2.0 * error - abs(nearest - f))
-        nearby.append(f"{f:g}: {nearest:.2f} Hz")
+        nearby.append(f"{f:g}: {quantity(nearest, 'Hz')}")
     hits = [margin >= 0.0 for margin in margins]
     return Finding(f"nearest points {', '.join(nearby)}", all(hits), float(np.mean(hits)), min(margins))
 
@@ -434,6 +436,6 @@ def layer_damping(claim: Claim, evidence: Evidence) -> Finding:
     material, (stiffness, damping) = course.branch.scene.material, course.branch.scene.layer_spring
     ratio = material.damping_ratio or damping / (2.0 * math.sqrt(stiffness))
     low, high = claim["ratio"]
-    text = f"damping ratio {ratio:.3g}, {ratio / math.sqrt(material.lower_share):.3g} in flight"
+    text = f"damping ratio {number(ratio)}, {number(ratio / math.sqrt(material.lower_share))} in flight"
     score = min(ratio / low, high / ratio, 1.0) if ratio > 0.0 else 0.0
     return Finding(text, low <= ratio < high, score, min(ratio - low, high - ratio), "")

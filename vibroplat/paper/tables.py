@@ -89,16 +89,13 @@ def histories(numbers: Mapping[str, Any], beta: float | None, records: Store, wo
         for name in dict.fromkeys(curves.values())
     }
     tasks = {configuration_hash(scene): Task(history, (scene,)) for scene in scenes.values()}
-    shown = dict(zip(scenes, map(_history, run_tasks(tasks, records, workers)), strict=True))
+    shown = dict(zip(scenes, run_tasks(tasks, records, workers), strict=True))
+    columns = list(HISTORY)[2:]
     parts: dict[str, list[pd.DataFrame]] = {figure: [] for figure in PANELS}
     for (figure, panel, number), name in curves.items():
-        parts[figure].append(shown[name].assign(panel=float(panel), curve=number)[list(HISTORY)])
+        table = pd.DataFrame(shown[name], columns=columns).astype(dict.fromkeys(columns[1:], "float64"))
+        parts[figure].append(table.assign(panel=float(panel), curve=number)[list(HISTORY)])
     return {figure: pd.concat(tables, ignore_index=True) for figure, tables in parts.items()}
-
-
-def _history(record: Record) -> pd.DataFrame:
-    columns = list(HISTORY)[2:]
-    return pd.DataFrame(record, columns=columns).astype(dict.fromkeys(columns[1:], "float64"))
 
 
 def history(scene: Scene) -> Record:

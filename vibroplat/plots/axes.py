@@ -1,4 +1,4 @@
-"""Axes of figures: units and names of columns, phase differences, and ranges on which what is there is seen."""
+"""Axes of figures: units and names of columns, phase differences, and readable ranges."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ _SHOWN = COORDINATES | FORCES | {"t_s": Quantity("time", "s")}
 TURN, LOWEST_PHASE = 2.0 * np.pi, -0.5 * np.pi
 #: Distance from 0 and from π up to which phase differences are shaded as those of a synchronization (rad).
 NEAR = np.pi / 3.0
-#: Share of an axis beyond what is on it, so that markers are whole, and its least range over its largest number.
+#: Margin of an axis beyond its data, relative to its range, so that markers are whole; and the smallest range, relative
+#: to the largest number on it.
 MARGIN, LEAST_SHARE = 0.05, 1e-3
 #: Ratio of the ends of a logarithmic axis up to which there are ticks between its powers of ten.
 NEAR_DECADES = 300.0
@@ -44,7 +45,7 @@ def label_of(column: str) -> str:
 
 
 def name_axis(axis: Axes, column: str, label: str = "", rotation: str = "") -> None:
-    """Label the vertical axis of a column; that of phase differences says what a machine does in each synchronization.
+    """Label the vertical axis of a column; on that of phase differences, also what the machine does in each class.
 
     Phase differences lie on a circle that is cut at −π/2.
     """
@@ -69,7 +70,7 @@ def begin_at_zero(axis: Axes, end: float) -> None:
 
 
 def widen_ticks(axis: Axes, which: Literal["x", "y"], least: float = 0.0) -> None:
-    """Widen an axis to a range, and one whose numbers would differ in so many digits that there is no room for them."""
+    """Widen an axis to a range, and further if the numbers at its ticks would need too many digits to fit."""
     low, high = axis.get_xlim() if which == "x" else axis.get_ylim()
     missing = max(least, LEAST_SHARE * max(abs(low), abs(high))) - (high - low)
     if missing > 0.0:
@@ -105,7 +106,7 @@ def _size_at(place: Any) -> Any:
 
 
 def tick_sizes(axis: Axes) -> None:
-    """Give an axis ticks of sizes, those near 1 first, as many as there is room for."""
+    """Put ticks on an axis of magnitudes, those near 1 first, as far as there is room."""
     (low, high), kept = axis.get_ylim(), list[float]()
     room = 0.05 * (_placed_by_size(high) - _placed_by_size(low))
     for tick in _SIZE_TICKS:

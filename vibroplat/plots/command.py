@@ -30,10 +30,10 @@ class Family(NamedTuple):
     command
         The command.
     kinds
-        Its figures that can be asked for by name.
+        Names of its figures.
     draw
-        Draws the figures of directories that are asked for by name, all by default, with these options; yields the
-        directory and the name of each.
+        Draws the named figures of directories, by default all, with these options; yields the directory and the name
+        of each.
     """
 
     command: str
@@ -42,7 +42,7 @@ class Family(NamedTuple):
 
     @property
     def options(self) -> Collection[str]:
-        """Options that it understands, besides kinds and saving."""
+        """Options that it accepts, besides kinds and saving."""
         own = {"paper": (), "run": ("start", "stop", "data")}
         return own[self.command] if self.command in own else KINDS[self.command].pictures.OPTIONS
 
@@ -100,7 +100,7 @@ def plot_results(
     Parameters
     ----------
     directories
-        Result directories; figures are saved beside the tables of the first one, those of branches in each.
+        Result directories; figures are saved next to the tables of the first one, those of branches in each.
     kinds
         Figures; all that the results have if empty.
     saving

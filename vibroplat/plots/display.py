@@ -1,4 +1,4 @@
-"""Figures at a prompt and in a notebook: the one place between results and what draws them."""
+"""Figures at a prompt and in a notebook, from results and orbits; ``vibroplat plot`` does not load orbits."""
 
 from __future__ import annotations
 

@@ -35,12 +35,12 @@ FRAME = 50
 SIZE, DPI = (9.0, 3.8), 100
 #: Most pictures of a film.
 MOST = 200
-#: Colours of a GIF, chosen from so many of its pictures.
+#: Number of colours of a GIF, and number of its pictures from which they are chosen.
 COLOURS, SAMPLES = 64, 10
 #: Room for the largest displacement, over half the width of the platform.
 ROOM = 0.25
 
-#: Draws what is to be seen at a time (s).
+#: Draws the picture at a time (s).
 Painter = Callable[[float], None]
 
 
@@ -53,14 +53,14 @@ def write_film(
     turns: float = 2.0,
     frames: int = 40,
 ) -> Path:
-    """Film the machine of a run, with displacements magnified by a round number that the film tells.
+    """Film the machine of a run, with displacements magnified by a round number that the film shows.
 
     Parameters
     ----------
     directory
         Result directory of ``vibroplat run``.
     out
-        The film, ``.gif``. Default: ``machine.gif`` beside its tables.
+        The film, ``.gif``. Default: ``machine.gif`` in DIR.
     start, stop
         Interval that is filmed (s). Default: the last turns.
     turns, frames

@@ -9,14 +9,14 @@ from vibroplat.results.labels import capital, plain
 from vibroplat.results.run_answer import headline as answer_of
 from vibroplat.results.sheet import Sheet
 
-#: Rows of the short data sheet that a figure tells, by how their labels begin.
+#: Rows of the short data sheet that the title of a figure shows, by the beginnings of their labels.
 _ROWS = {
-    "motion": ("no steady", "stroke", "rotation", "throw index"),
-    "conveying": ("no steady", "conveying"),
-    "loads": ("no steady", "foundation", "stroke"),
-    "force": ("no steady", "throw index"),
-    "acceleration": ("no steady", "throw index", "acceleration"),
-    "spectrum": ("no steady", "throw index", "acceleration"),
+    "motion": ("stroke", "rotation", "throw index"),
+    "conveying": ("conveying",),
+    "loads": ("foundation", "stroke"),
+    "force": ("throw index",),
+    "acceleration": ("throw index", "acceleration"),
+    "spectrum": ("throw index", "acceleration"),
 }
 
 
@@ -31,15 +31,24 @@ def headline(kind: str, runs: Sequence[Run]) -> str:
 
 
 def _told(kind: str, run: Run) -> Iterator[str]:
-    """Yield what a run does, or what its data sheet says of what a figure shows, with the largest of the whole run."""
+    """Yield the headline of a run, or the rows of its data sheet for a figure, with the maxima of the whole run.
+
+    Without steady operation only the maxima are shown.
+    """
     if run.scene is None:
         return
     if kind not in _ROWS:
         yield plain(answer_of(run.scene, run.summary).removeprefix(f"{run.name}: "))
         return
-    for label, value, *words in Sheet(run.scene, run.summary).short():
-        if label.startswith(_ROWS[kind]):
-            more = [
-                part for part in "; ".join(words).split("; ") if part.startswith(("largest", "material in", "sticks"))
-            ]
+    sheet = Sheet(run.scene, run.summary)
+    if sheet.transient:
+        yield sheet.transient.removeprefix("while ")
+    for label, value, *words in sheet.short():
+        if not label.startswith(_ROWS[kind]):
+            continue
+        parts = "; ".join(words).split("; ")
+        if not sheet.transient:
+            more = [part for part in parts if part.startswith(("largest", "material in", "sticks"))]
             yield ", ".join([f"{label} {value}", *more])
+        elif parts[-1].startswith("largest "):
+            yield f"largest {label} {parts[-1].removeprefix('largest ')}"

@@ -1,4 +1,11 @@
-"""Tables of runs, prepared for figures: an interval of them, thinned out, and the range of values over time."""
+"""Tables of runs, prepared for figures: an interval of them, thinned out, the range of values over time, and spectra.
+
+The spectrum of accelerations is that of amplitudes: of the last whole turns of exciter 1 that are shown, at the times
+of the output grid, without the mean, weighted with Hann's window, it is the size of numpy's real FFT over half the sum
+of the weights. An oscillation that repeats within these turns so has its amplitude at its frequency, and nothing two
+lines beside it (Harris, On the use of windows for harmonic analysis, Proc. IEEE 66, 1978). Impacts make accelerations
+jump and have no upper frequency: amplitudes near half the sampling rate hold what lies above.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +20,11 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import COORDINATES, FORCES
+from vibroplat.config.digits import quantity
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.observe.tables import acceleration_columns
+from vibroplat.plots.axes import FloatArray
 from vibroplat.plots.reading import Cut, ends_of, rest_of, turn_edges, with_forces
 from vibroplat.results.run import RunResult
 
@@ -25,14 +34,18 @@ _LOG = logging.getLogger("vibroplat")
 POINTS = 20_000
 #: Most parts of an envelope, about; none is shorter than a turn, over which it would not be one.
 BINS = 400
-#: Turns of the exciters that stand beside a whole run; those that are known in detail if no interval is given, and are
-#: shown of motion that does not repeat so soon; and the fewest samples, for which there are more turns.
+#: Turns shown next to a whole run; turns kept in detail if no interval is given, which are shown if the motion does not
+#: repeat within them; and the minimum number of samples, which may need more turns.
 LAST_TURNS, SHOWN_TURNS, FEWEST = 3, 10, 10
 
 #: Speeds of both exciters, as in tables and as in figures.
 RATES, SPEEDS = ("phi1_rate_rad_per_s", "phi2_rate_rad_per_s"), ("speed_1_hz", "speed_2_hz")
 _ANGLES = ("phi1_rad", "phi2_rad")
 _MOVING_RATES = ("x_rate_m_per_s", "y_rate_m_per_s")
+#: Range of accelerations along an axis, and of lines of a spectrum, over the largest one, from which they are shown.
+MATTERS = 1e-3
+#: Relative difference of the accelerations of points that move alike, and number of spectral lines that are named.
+SAME, TOLD = 0.015, 3
 
 
 @dataclass(frozen=True)
@@ -84,7 +97,7 @@ class Run:
 
     @cached_property
     def last(self) -> pd.DataFrame:
-        """The rows of the last turns that stand beside the whole run; all that are shown if an interval was given."""
+        """Rows of the last turns, which are shown next to the whole run; all shown rows if an interval was given."""
         turns = (self.shown["phi1_rad"] - self.shown["phi1_rad"].iloc[-1]).abs() / (2.0 * math.pi)
         found = self.shown[turns <= shown_turns(self.summary)]
         return self.shown if self.chosen or len(found) < FEWEST else found
@@ -95,7 +108,7 @@ class Run:
         return self.scene.body.distance if self.scene else 0.1
 
     def range_of(self, column: str) -> float:
-        """Return the range of a coordinate over the whole interval (m); of a rotation, that of the exciters' axes."""
+        """Return the range of a coordinate over the whole interval (m); for a rotation, that of the exciters' axes."""
         low, high = (self.envelope.get(f"{column}:{end}") for end in ("min", "max"))
         found = 0.0 if low is None or high is None else float(high.max() - low.min())
         return (self.arm if column == "phi_rad" else 1.0) * found if np.isfinite(found) else 0.0
@@ -177,7 +190,7 @@ def _with_more(part: pd.DataFrame, scene: Scene | None, senses: Sequence[float])
 
 
 def _interval(first: float, last: float, given: Mapping[str, float], length: str) -> tuple[float, float]:
-    """Return the interval of the figures; say how long the run was where the one given lies outside, or in part."""
+    """Return the interval of the figures; log the length of the run if the given interval is not inside of it."""
     begin, end = given.get("start", first), given.get("stop", last)
     wrong = {name: at for name, at in given.items() if math.isnan(at) or (at > last if name == "start" else at < first)}
     for name, at in wrong.items():
@@ -188,3 +201,49 @@ def _interval(first: float, last: float, given: Mapping[str, float], length: str
         if not first <= at <= last:
             _LOG.warning("--%s %g: %s; the figures show what there is", name, at, length)
     return max(begin, first), min(end, last)
+
+
+def lines_of(runs: Sequence[Run], names: Sequence[str]) -> dict[str, list[tuple[Run, str, str]]]:
+    """Return runs, columns and names of lines for each axis that has any acceleration to speak of, the vertical first.
+
+    Axes are called by the column of the centre of mass. Points of a run that move alike have one line.
+    """
+    found: dict[str, list[tuple[Run, str, str]]] = {}
+    for axis in "yx":
+        for number, run in enumerate(runs):
+            begin = f"acceleration_{axis}_"
+            for column in (column for column in map(str, run.shown) if column.startswith(begin)):
+                point = column.removeprefix(begin).removesuffix("m_per_s2").rstrip("_")
+                who = f"point {point}" if point else "centre of mass"
+                of = found.setdefault(f"{begin}m_per_s2", [])
+                values = run.shown[column]
+                for k, (one, other, label) in enumerate(of):
+                    if one is run and (run.shown[other] - values).abs().max() <= SAME * values.abs().max():
+                        of[k] = (run, other, f"{label} = {who}")
+                        break
+                else:
+                    of.append((run, column, f"{names[number]}, {who}" if names else who))
+    sizes = {axis: max(float(run.shown[column].abs().max()) for run, column, _ in of) for axis, of in found.items()}
+    return {axis: of for axis, of in found.items() if sizes[axis] >= MATTERS * max(sizes.values())}
+
+
+def spectrum_of(run: Run, column: str) -> tuple[FloatArray, FloatArray]:
+    """Return frequencies (Hz) and amplitudes of a column over the last whole turns shown, or over all without one."""
+    rows = run.shown.drop_duplicates("t_s", keep="last")
+    step = float(np.median(np.diff(rows["t_s"])))
+    places = rows["t_s"] / step
+    grid = rows[(places - places.round()).abs() < 1e-3]
+    turns = math.floor(run.turns * (1.0 + 1e-9))
+    count = round(turns / run.turns * float(np.ptp(rows["t_s"])) / step) if turns else len(grid)
+    values = grid[column].tail(count).to_numpy(dtype=float)
+    weights = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(len(values)) / len(values))
+    sizes: FloatArray = np.abs(np.fft.rfft((values - values.mean()) * weights)) / (0.5 * weights.sum())
+    return np.asarray(np.fft.rfftfreq(len(values), step), dtype=float), sizes
+
+
+def peaks_of(frequencies: FloatArray, sizes: FloatArray) -> str:
+    """Say the largest local maxima of a spectrum."""
+    inner = sizes[1:-1]
+    tops = 1 + np.flatnonzero((inner >= sizes[:-2]) & (inner > sizes[2:]) & (inner > MATTERS * sizes.max()))
+    told = sorted(tops.tolist(), key=lambda place: -sizes[place])[:TOLD]
+    return ", ".join(f"{quantity(sizes[k], 'm/s²')} at {quantity(frequencies[k], 'Hz')}" for k in told)

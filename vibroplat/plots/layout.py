@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Panels beside each other at most, and dots in their order; panels that are wide enough for two columns.
+#: Maximum number of panels in a row, and dots in their order; panels that are wide enough for two columns.
 ACROSS, RANKS, TWO = 3, 4, 5
 
 

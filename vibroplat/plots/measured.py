@@ -1,4 +1,4 @@
-"""Measured data that are laid over figures: files as spreadsheets write them, mapped, shifted and compared.
+"""Measured data overlaid on figures: files as spreadsheets write them, mapped, shifted and compared.
 
 A file is given as ``FILE`` or ``FILE:OURS=THEIRS,…``: columns of results and the names that they have in the file, with
 a factor behind a star where units differ, as ``t=Zeit*0.001``. ``shift=S`` adds S seconds to the times in the file, and
@@ -44,11 +44,11 @@ MAX_BYTES = 2**26
 MOST_SAMPLES = 2**24
 #: Most measured points that are drawn large.
 MOST_LARGE = 100
-#: Short names of columns; ``ax`` and ``ay`` are accelerations, ``ay_inlet`` that of point ``inlet``.
+#: Short names of columns; ``ax`` and ``ay`` are accelerations, ``ay_inlet`` is that of the point ``inlet``.
 SHORT = {"t": "t_s", "x": "x_m", "y": "y_m", "phi": "phi_rad", "gap": "gap_m"}
 _ACCELERATION = re.compile(r"a([xy])(_\w+)?")
-#: Correlation less than the best one by so much is nearly as good, as of a motion that repeats; most values that are
-#: compared at all such places, and least of these; and what shifts that are found are whole numbers of (s).
+#: A correlation this much below the best one is nearly as good, as in periodic motion; maximum number of values that
+#: are compared at all such shifts, and minimum number of these; and the unit of fitted shifts (s).
 ALIKE, MOST_COMPARED, LEAST_TOPS, TICK = 2e-3, 10**7, 10, 1e-5
 
 
@@ -56,8 +56,8 @@ ALIKE, MOST_COMPARED, LEAST_TOPS, TICK = 2e-3, 10**7, 10, 1e-5
 class Measured:
     """Measured data: their file, and a table whose columns are named as in results.
 
-    ``given`` is that of the file, ``table`` that of the columns selected, in SI units with ``factors``. ``shift`` is
-    what is added to their times (s); None until :meth:`fit` has found it, and ``alike`` are shifts that are as good.
+    ``given`` is the table of the file, ``table`` has the selected columns in SI units, by ``factors``. ``shift`` is
+    added to their times (s); None until :meth:`fit` has found it, and ``alike`` are shifts that are as good.
     ``errors`` has the relative error of each column that was compared with a curve.
     """
 
@@ -122,11 +122,11 @@ class Measured:
             self.errors[column] = min((error for error in errors if error is not None), default=np.nan)
 
     def told(self, column: str) -> str:
-        """Say how much a column differs from what was computed; "" if it was not compared."""
+        """Return the error of a column as text; "" if it was not compared with a computed curve."""
         return f"differs by {share(error)}" if np.isfinite(error := self.errors.get(column, np.nan)) else ""
 
     def differences(self) -> list[str]:
-        """Say how much each column differs from what was computed."""
+        """Return the errors of all columns as text."""
         return [f"{display_name(column)} {self.told(column)}" for column in self.errors if self.told(column)]
 
     @property
@@ -151,7 +151,7 @@ class Measured:
     def draw(self, axis: Axes, x: str, column: str) -> None:
         """Draw a column over another where the data have both, in black diamonds, smaller ones if they are many.
 
-        Over time, what lies beside all that has been drawn is left out.
+        Over time, data outside of the range of all drawn curves are left out.
         """
         if {x, column} <= {*self.table.columns}:
             low, high = axis.dataLim.intervalx if x == "t_s" else (-np.inf, np.inf)
@@ -171,7 +171,7 @@ def curve_of(table: pd.DataFrame, column: str, x: str = "t_s") -> Curve:
 def relative_error(measured: Curve, computed: Curve) -> float | None:
     """Return the RMS of the difference of a curve and measured values divided by the RMS of these; None without two.
 
-    Between its points the curve is straight; what was measured beside it does not count.
+    The curve is interpolated linearly; measured values outside of its range do not count.
     """
     (x, values), (places, curve) = measured, computed
     inside = (x >= places[0]) & (x <= places[-1]) if len(places) else np.zeros(len(x), dtype=bool)
@@ -182,17 +182,17 @@ def relative_error(measured: Curve, computed: Curve) -> float | None:
 
 
 def best_shift(measured: Curve, computed: Curve) -> tuple[float, FloatArray]:
-    """Find what to add to the times of a measured curve so that it differs least from a computed one (s).
+    """Find the shift in time (s) at which a measured curve differs least from a computed one.
 
-    Both are taken at the median distance of the computed samples. The shorter one slides along the longer one, and
-    the coefficient of correlation is that of where both are. Of its maxima that are nearly the highest, each at the top
-    of the parabola through three samples, that of the least error is taken, and of those with no other error the
-    smallest shift. It is refined to the best correlation with the curve between its samples, to whole :data:`TICK`.
+    Both are sampled at the median interval of the computed samples. The shorter one slides along the longer one, and
+    the correlation coefficient is computed where they overlap. Its maxima are refined by a parabola through three
+    samples. Among those that are nearly the highest, the shift with the smallest error is chosen; among equal errors,
+    the smallest shift. It is refined to the best correlation with the interpolated curve, in units of :data:`TICK`.
 
     Returns
     -------
     shift, alike
-        The shift, and all shifts whose error is told with the same digits, in ascending order.
+        The shift, and all shifts whose error has the same printed digits, in ascending order.
 
     Raises
     ------
@@ -229,7 +229,7 @@ def _tops_of(measured: Curve, computed: Curve) -> tuple[FloatArray, FloatArray, 
 
 
 def _top(shifts: FloatArray, total: FloatArray, place: int) -> float:
-    """Return where the parabola through a sample and those beside it is highest."""
+    """Return where the parabola through a sample and its two neighbours is highest."""
     if not 0 < place < len(total) - 1:
         return float(shifts[place])
     before, here, after = total[place - 1 : place + 2]

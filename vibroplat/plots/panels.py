@@ -1,4 +1,4 @@
-"""What panels of pictures show in print besides curves: tiles, bars, stacked fractions, complex numbers, dots."""
+"""Contents of printed panels other than curves: tiles, bars, stacked fractions, complex numbers, dots."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 BARS, MANY, QUANTILES, SHARES = 10, 200, (5, 50, 95), (5, 25, 50, 75, 95)
 #: Hatch of tiles of points that failed, and most ticks of their vertical axis.
 HATCH, _TICKS = "xxxx", 12
-#: Largest real and imaginary part on the plane, and the least frame, just around the unit circle.
+#: Largest real and imaginary part on the plane, and the smallest frame, just around the unit circle.
 FARTHEST, NEAREST = 2.0, 1.1
 
 
@@ -46,7 +46,7 @@ def _tile(
 ) -> None:
     """Draw a tile of equal height for each point; failed points are hatched.
 
-    Rows are in the order of the key's values, evenly spaced whatever these are: their ticks say which.
+    Rows are in the order of the key's values and evenly spaced; their ticks show the values.
     """
     grid = _grid(table, key, x, values)
     if grid.empty:
@@ -133,7 +133,7 @@ def _bars(cell: Cell, picture: Picture, x: str, shown: Sequence[Series]) -> None
 
 
 def _stack(cell: Cell, picture: Picture, x: str, shown: Sequence[Series]) -> None:
-    """Stack fractions over a key; bars say how well each is known from so many starts."""
+    """Stack fractions over a key; bars show the confidence interval of each."""
     axis, panel = cell[:2]
     points, below = picture.points, pd.Series(0.0, np.unique(picture.points[x]))
     values = below.index.to_numpy(float)
@@ -154,7 +154,7 @@ def _stack(cell: Cell, picture: Picture, x: str, shown: Sequence[Series]) -> Non
 
 
 def _plane(cell: Cell, picture: Picture, _: str, shown: Sequence[Series]) -> None:
-    """Draw complex numbers and the unit circle; say how many lie farther away than the frame."""
+    """Draw complex numbers and the unit circle, and write how many lie outside of the frame."""
     axis, panel = cell[:2]
     points, angle = picture.points, np.linspace(0.0, 2.0 * np.pi, 361)
     axis.plot(np.cos(angle), np.sin(angle), color=REFERENCE, lw=1.0)

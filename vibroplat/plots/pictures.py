@@ -50,7 +50,7 @@ _CROSS: Mapping[str, Any] = {"marker": "x", "ls": "", "color": FAILED, "ms": 5.0
 #: Most entries of a legend in the place of a panel that is left empty, most dots that are drawn as such, and most wraps
 #: of a line of common width; of more, nothing but a drift is to be seen.
 MOST_WITHIN, MOST_DOTS, MOST_WRAPS = 11, 2000, 60
-#: Opacity of intervals that are shaded, of bands, and of what is pale.
+#: Opacity of shaded intervals, of bands, and of pale marks.
 _SHADE, _BAND, _HALF = 0.15, 0.25, 0.5
 
 
@@ -61,7 +61,7 @@ class _Pen:
     """Draws a series into axes: its places on the horizontal axis, states of its points, and how they look.
 
     Lines are added as such, which takes half as long as ``plot``: there may be thousands. They are clipped and take no
-    room beside the axes; to ask each of them takes a tenth of the time.
+    room outside of the axes; computing their extents would take a tenth of the time.
     """
 
     def __init__(self, axis: Axes, series: Series, x: FloatArray, states: Any) -> None:
@@ -81,7 +81,7 @@ class _Pen:
             self.markers(y)
 
     def markers(self, y: FloatArray) -> None:
-        """Draw markers whose fillings say what is known of each point."""
+        """Draw markers whose filling shows the class of each point."""
         symbol: dict[str, Any] = {"marker": self.series.symbol, "ms": 3.2 * self.series.size, "mew": 0.7, "ls": ""}
         for state in np.unique(self.states[self.series.places != BROKEN]):
             chosen = (self.states == state) & (self.series.places != BROKEN)
@@ -246,7 +246,7 @@ def _references(axis: Axes, picture: Picture, panel: Panel, x: str) -> None:
 
 
 def _limit(axis: Axes, panel: Panel) -> None:
-    """Begin axes of what is never negative at 0, and draw small quantities small, instead of magnified to noise."""
+    """Begin axes of non-negative quantities at 0, and draw small quantities small, instead of magnifying noise."""
     if panel.kind not in ("points", "stack") or panel.by:
         return
     if panel.scale == "log":
@@ -284,7 +284,7 @@ def legend_of(picture: Picture) -> list[Any]:
 
 
 def _labelled(one: Series) -> Any:
-    """Return the entry of what a colour means."""
+    """Return the legend entry of a colour."""
     if one.mode in ("band", "shade"):
         return Patch(color=one.colour, alpha=_BAND if one.mode == "band" else 1.0, lw=0.0, label=one.label)
     if one.mode in ("markers", "dots"):
@@ -307,7 +307,7 @@ def _of_classes(picture: Picture, panel: Panel) -> Iterator[Any]:
 
 
 def _looks(picture: Picture) -> Iterator[Line2D]:
-    """Yield entries of what lines and symbols mean, and of what is known of points."""
+    """Yield the legend entries of lines and symbols, and of classes of points."""
     for name, one in {one.look: one for one in picture.series if one.look}.items():
         colour = BEHIND if one.colour == BEHIND else REFERENCE
         line = {"ls": one.dash if one.mode in ("lines", "both") else "", "lw": 0.9 * one.width, "color": colour}

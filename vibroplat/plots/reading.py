@@ -101,7 +101,7 @@ class Cut:
     columns
         Columns of which the extremes are kept.
     every
-        In the thinned interval one of so many rows of the trajectory is kept; 0: none.
+        In the thinned interval every n-th row of the trajectory is kept; 0: none.
 
     Attributes
     ----------

@@ -14,10 +14,9 @@ from vibroplat.columns import FORCES, PHASE, PHASE_COLUMN, split, unit_of
 from vibroplat.config import digits
 from vibroplat.errors import TableError
 from vibroplat.plots.headlines import headline
-from vibroplat.plots.histories import RATES, SPEEDS, Run, run_of, turns_of, whole_of
+from vibroplat.plots.histories import RATES, SPEEDS, Run, lines_of, peaks_of, run_of, spectrum_of, turns_of, whole_of
 from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.pictures import draw_picture
-from vibroplat.plots.spectra import lines_of, peaks_of, spectrum_of
 from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM
 from vibroplat.results import picture
 from vibroplat.results.files import directory_of
@@ -34,9 +33,9 @@ MATTERS = 0.05
 MOST_TURNS = 60
 #: Times at which the synchronous speed is known, and distance of speeds that coincide, over their size.
 TIMES, SAME = 401, 0.015
-#: Largest lines of a spectrum over the least ones that are drawn, orders of an exciter shown, and those with a name.
+#: Ratio of the largest to the smallest drawn line of a spectrum, orders of an exciter shown, and those with a name.
 DEPTH, ORDERS, NAMED = 1e4, 20, 10
-#: Colours of columns of one run: what is along x is orange everywhere.
+#: Colours of columns of one run; quantities along x are orange in all figures.
 _COLOURS = {"gap_m": MATERIAL, "contact_force_n": FORCE, "x_m": ORANGE, "force_x_n": ORANGE}
 #: The platform's coordinates; and the name of the axis of y where it is counted from the static rest.
 _MOVING, FROM_REST = ("y_m", "x_m", "phi_rad"), "$y$ from rest (mm)"
@@ -53,9 +52,9 @@ _SPEEDS = Panel("speed_hz", label="speed (Hz)")
 
 @dataclass
 class Shown:
-    """The runs of a figure with measured data and what several runs are called; and what is drawn of them.
+    """The runs of a figure, measured data, the names of several runs, and the series that are drawn of them.
 
-    Series come with :meth:`draw`, which are those ``whole`` or ``last`` turns that stand beside each other.
+    :meth:`draw` adds series: of whole runs, whose numbers are in ``whole``, or of their last turns, shown next to them.
     """
 
     runs: Sequence[Run]
@@ -73,7 +72,7 @@ class Shown:
 
     @property
     def both(self) -> bool:
-        """Whether whole runs stand beside their last turns."""
+        """Whether whole runs and their last turns are shown next to each other."""
         return not any(run.chosen for run in self.runs) and any(run.is_long for run in self.runs)
 
     @property
@@ -113,7 +112,7 @@ class Shown:
         self.parts.append(table.reset_index(drop=True))
 
     def picture(self, kind: str, panels: Sequence[Panel], *lines: str, facets: int = 2, **more: Any) -> picture.Picture:
-        """Return the picture of all that was drawn, in so many parts: the whole run, and its last turns."""
+        """Return the picture of all drawn series, in up to two facets: the whole run, and its last turns."""
         last = [n for n in range(len(self.series)) if n not in self.whole]
         table = pd.concat(self.parts, ignore_index=True) if self.parts else pd.DataFrame()
         columns = [*more.get("axes", ["t_s"]), *(panel.column for panel in panels)]
@@ -168,11 +167,11 @@ def run_figures(
         ``motion`` (platform and gap: the whole run, and its last turns), ``conveying`` (place of the material along the
         deck, and its modes), ``force`` (contact force and impulses),
         ``exciters`` (speeds and phase difference), ``loads`` (force into the foundation, strokes and speeds),
-        ``acceleration`` and ``spectrum``, ``measured`` (measured data beside what was computed); all by default. Those
-        that need what there is not (contact, accelerations, data) are left out, and refused if nothing else is asked
-        for.
+        ``acceleration`` and ``spectrum``, ``measured`` (measured and computed curves). Default: all. Figures
+        without their data (contact, accelerations, measurements) are left out, and refused if no other figure is
+        named.
     start, stop
-        Interval shown (s). Default: the whole run, and beside it the last turns of the exciters.
+        Interval shown (s). Default: the whole run, and next to it the last turns of the exciters.
     data
         Measured data laid over the figures: y is counted from the static rest.
 

@@ -1,4 +1,4 @@
-"""Strips of what happens over an axis, arrows of jumps, and texts in panels."""
+"""Strips of classes along an axis, arrows of jumps, and texts in panels."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vibroplat.results.picture import BLACK, Panel, Picture, Strips
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Height of a strip, of one that is a bar without panels below, and of what is around them (inch).
+#: Height of a strip, of one that is a bar without panels below, and of the space around them (inch).
 STRIP, BAR, AROUND = 0.17, 0.36, 0.4
 #: Opacity of strips, and the share of an axis that a letter takes.
 PALE, LETTER = 0.75, 0.011
@@ -30,7 +30,7 @@ def height_of(picture: Picture) -> float:
 
 
 def draw_strips(axis: Axes, picture: Picture, x: str) -> None:
-    """Draw strips, one below the other, with their names beside them; ``x`` is the column of the axis."""
+    """Draw strips, one below the other, with their names next to them; ``x`` is the column of the axis."""
     strips = picture.strips
     assert strips is not None
     values, ends = picture.points[x], list[float]()
@@ -59,7 +59,7 @@ def draw_strips(axis: Axes, picture: Picture, x: str) -> None:
 
 
 def _tell(axis: Axes, strips: Strips, values: Any) -> None:
-    """Write the texts of intervals above them, as many as there is room for."""
+    """Write the texts of intervals above them, as far as there is room."""
     low, high = axis.get_xlim()
     for number, strip in enumerate(strips.rows):
         free = -np.inf
@@ -72,7 +72,7 @@ def _tell(axis: Axes, strips: Strips, values: Any) -> None:
 
 
 def entries_of(strips: Strips) -> Iterator[Any]:
-    """Yield the entries of a legend that say what colours, hatches and lines of strips mean."""
+    """Yield the legend entries of the colours, hatches and lines of strips."""
     for colour, told in strips.classes.values():
         yield Patch(facecolor=colour, alpha=PALE, label=told)
     for hatch, told in strips.hatches.items():
@@ -97,7 +97,7 @@ def draw_jumps(axis: Axes, picture: Picture, panel: Panel, x: str) -> None:
 
 
 def draw_words(axis: Axes, picture: Picture, column: str, x: str) -> None:
-    """Write the texts of a panel at their points or beside them; of tiles at their rows."""
+    """Write the texts of a panel at their points or next to them; of tiles at their rows."""
     levels = np.unique(picture.points[column]) if any(panel.kind == "tiles" for panel in picture.panels) else None
     low, high = axis.get_xlim()
     for word in (word for word in picture.words if word.column == column and x == picture.axes[0]):

@@ -16,7 +16,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import AutoLocator, FuncFormatter, MaxNLocator
+from matplotlib.ticker import AutoLocator, FuncFormatter, MaxNLocator, ScalarFormatter
 
 from vibroplat.config import digits
 from vibroplat.results.picture import BLUE, GREEN, VERMILION
@@ -31,9 +31,11 @@ CONTACT = "#e3eaf0"
 MOST_ENTRIES = 24
 #: Room for a tick of a horizontal and of a vertical axis (inch), and letters of a label of the latter that an inch has.
 TICK, TICK_ABOVE, LABEL = 0.65, 0.28, 13.5
+#: Largest numbers of axes between which their ticks have no power of ten.
+PLAIN = (1e-3, 1e5)
 #: Lines of a legend that a figure has room for, and the height of another one (inch).
 LINES, LINE = 3, 0.2
-#: Letters of a legend, of a title and of what is told below it that an inch has room for; colour of the last.
+#: Characters per inch of a legend, of a title and of the text below the title; colour of this text.
 LETTERS, TITLE_LETTERS, TOLD_LETTERS, TOLD = 14.0, 11.5, 15.0, "#777777"
 
 _STYLE: Any = {
@@ -73,9 +75,9 @@ class Saving:
     form
         Format of the files.
     dpi
-        Dots per inch, also of what is drawn as dots in a PDF or SVG; that of the style if None.
+        Dots per inch, also of rasterized parts of a PDF or SVG. Default: that of the style.
     directory
-        Where they are saved; that of the result if None.
+        Where they are saved. Default: the directory of the result.
     """
 
     form: Form = "png"
@@ -134,7 +136,7 @@ def new_figure(
 
 
 def head(figure: Figure, title: str, told: str = "") -> None:
-    """Put what a figure shows above it, and below that, in grey, of what it is."""
+    """Put the title above a figure, and below the title, in grey, which result it shows."""
     _set_ticks(figure)
     for axis in figure.axes:
         room = axis.get_position().height * figure.get_figheight()
@@ -159,18 +161,15 @@ def _set_ticks(figure: Figure) -> None:
         for along, room in ((axis.xaxis, across), (axis.yaxis, up)):
             if isinstance(along.get_major_locator(), AutoLocator):
                 along.set_major_locator(MaxNLocator(int(np.clip(room, 2, 9)), steps=[1, 2, 5, 10]))
-            unit = re.search(r"\(([^()]*)\)$", along.get_label_text())
-            if (
-                along.get_scale() != "linear"
-                or unit is None
-                or unit[1] not in digits.PREFIXES
-                or unit[1] in ("m", "rad")
-            ):
+            if along.get_scale() != "linear" or not isinstance(along.get_major_formatter(), ScalarFormatter):
                 continue
-            factor, name = digits.prefixed(float(np.abs(along.get_view_interval()).max()), unit[1])
-            if factor != 1.0:
-                along.set_major_formatter(FuncFormatter(partial(_over, factor)))
+            unit = re.search(r"\(([^()]*)\)$", along.get_label_text())
+            size, factor = float(np.abs(along.get_view_interval()).max()), 1.0
+            if unit and unit[1] in digits.PREFIXES and unit[1] not in ("m", "rad"):
+                factor, name = digits.prefixed(size, unit[1])
                 along.set_label_text(along.get_label_text().replace(unit[0], f"({name})"))
+            if factor != 1.0 or not PLAIN[0] <= size < PLAIN[1]:  # else a power of ten would stand in the titles
+                along.set_major_formatter(FuncFormatter(partial(_over, factor)))
 
 
 def _over(factor: float, value: float, _: int | None = None) -> str:
@@ -179,7 +178,7 @@ def _over(factor: float, value: float, _: int | None = None) -> str:
 
 
 def _wrapped(text: str, letters: float, least: int = 20) -> str:
-    """Break a text into lines of so many letters; a formula counts as one of them."""
+    """Break a text into lines of at most ``letters`` characters; a formula counts as one character."""
     formulas = iter(re.findall(_FORMULA, text))
     short = re.sub(_FORMULA, "\x00", text).replace("\x00 = ", "\x00\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}")
     short = short.replace(" … ", "\N{NO-BREAK SPACE}…\N{NO-BREAK SPACE}")

@@ -76,7 +76,7 @@ class Answer(NamedTuple):
     def full(self) -> list[str]:
         """Return all of it but the failures."""
         begin = [self.headline, *(f"  {line}" for line in self.short), ""] if self.headline else []
-        return [*begin, *labelled(self.lines), *self.text, *map(_noted, self.notes)]
+        return [*begin, *labelled(self.lines), *self.text, *map(noted, self.notes)]
 
     def __str__(self) -> str:
         """Return what is printed without ``-v``."""
@@ -127,7 +127,7 @@ def of_both(values: Sequence[float], unit: str) -> str:
 def notes_within(told: Sequence[str], room: int) -> list[str]:
     """Return the lines of as many notes as have room, then how many more there are."""
     notes = [
-        textwrap.wrap(f"  {_noted(note)}", WIDTH, subsequent_indent=" " * 8, break_on_hyphens=False) for note in told
+        textwrap.wrap(f"  {noted(note)}", WIDTH, subsequent_indent=" " * 8, break_on_hyphens=False) for note in told
     ]
     fits = [notes[:count] for count in range(len(notes) + 1)]
     whole = [few for few in fits if sum(map(len, few)) + (len(few) < len(notes)) <= room]
@@ -142,5 +142,6 @@ def notes_within(told: Sequence[str], room: int) -> list[str]:
     return lines
 
 
-def _noted(note: str) -> str:
+def noted(note: str) -> str:
+    """Return a note with what it is."""
     return note if note.startswith(HINT) else f"note: {note}"

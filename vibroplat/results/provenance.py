@@ -6,6 +6,7 @@ import hashlib
 import json
 import platform
 import subprocess
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -15,6 +16,8 @@ import vibroplat
 from vibroplat.config.scene import Scene
 from vibroplat.results.files import SCHEMA
 
+#: Entries of provenance on which the numbers of a result depend.
+_SAME = ("vibroplat", "source_files", "configuration_sha256", "python", "platform", "libraries", "begins_from")
 _LIBRARIES = ("scikit-sundae", "numpy", "numba", "llvmlite", "pandas", "pydantic", "pyarrow", "ruamel.yaml")
 
 
@@ -25,6 +28,7 @@ def provenance(scene: Scene, engine: str, origin: dict[str, Any] | None = None) 
         "schema": SCHEMA,
         "vibroplat": vibroplat.__version__,
         "git_commit": _commit(),
+        "source_files": _sources(),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "configuration_sha256": configuration_hash(scene),
         "engine": engine,
@@ -37,10 +41,24 @@ def provenance(scene: Scene, engine: str, origin: dict[str, Any] | None = None) 
     }
 
 
+def is_current(found: Mapping[str, Any], scene: Scene, origin: dict[str, Any] | None = None) -> bool:
+    """Return whether a result with this provenance is what the present code would compute from a scene."""
+    now = provenance(scene, "", origin)
+    return all(found.get(name) == now.get(name) for name in _SAME)
+
+
 def configuration_hash(scene: Scene) -> str:
     """SHA-256 of the resolved configuration, independent of how it was written."""
     text = json.dumps(scene.to_tree(), sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _sources() -> str:
+    """Digest names, sizes and times of the package's source files."""
+    package = Path(vibroplat.__file__).parent
+    stats = [(file.relative_to(package).as_posix(), file.stat()) for file in sorted(package.rglob("*.py"))]
+    told = [(name, one.st_size, one.st_mtime_ns) for name, one in stats]
+    return hashlib.sha256(repr(told).encode()).hexdigest()[:16]
 
 
 def _version(name: str) -> str | None:

@@ -47,8 +47,6 @@ class Result:
     ----------
     command
         Name of the command.
-    facts
-        Further entries of provenance, of a new result.
     check
         Result of the cross-check by another engine, as plain values; None without a cross-check.
     label
@@ -56,7 +54,6 @@ class Result:
     """
 
     check: Mapping[str, Any] | None = None
-    facts: dict[str, Any]
     label: str = ""
     #: Its files, if it was read from them.
     saved: SavedFiles | None = None
@@ -72,7 +69,7 @@ class Result:
         configurations: Mapping[str, str] | None = None,
         facts: Mapping[str, Any] | None = None,
     ) -> None:
-        self.command, self.facts = command, {**(facts or {})}
+        self.command, self._facts = command, facts or {}
         told = Answer.from_tree(answer.to_tree())
         known = {"scene": scene, "tables": Tables(tables), "answer": told, "documents": documents or {}}
         self.__dict__ |= known | {"configurations": configurations or {}}
@@ -146,7 +143,7 @@ class Result:
         """Provenance: versions, machine, configuration, printed answer and cross-check."""
         if self.saved is not None:
             return self.saved.provenance
-        more: dict[str, Any] = {**self.facts, "answer": self.answer.to_tree()}
+        more: dict[str, Any] = {**self._facts, "answer": self.answer.to_tree()}
         if self.check is not None:
             more["check"] = self.check
         from vibroplat.integrate import engine_name  # noqa: PLC0415  (of results that are read, no engine is needed)

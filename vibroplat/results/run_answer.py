@@ -44,7 +44,7 @@ def _motion(scene: Scene, summary: Mapping[str, Any]) -> str:
     off = [str(n) for n, on in enumerate(driven, 1) if not on]
     if len(off) == 1 and transient(scene, summary):
         paces = of_both(speeds_of_both(summary) or [frequency] * 2, "Hz")
-        return f"motor {off[0]} is switched off and its exciter is stopping: exciters at {paces} in the mean"
+        return f"motor {off[0]} is off, its exciter is stopping: exciters at {paces} in the mean"
     return _operation(scene, summary, off)
 
 

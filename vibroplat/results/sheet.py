@@ -232,7 +232,7 @@ class Sheet:
         return [
             told.shortly("conveying speed", carried, modes),
             *rows,
-            Row("sticks", sticks, f"slips {forth} towards +x, {back} towards -x"),
+            Row("sticks", sticks, f"slips {forth} towards +x, {back} towards −x"),
             Row("shear of layers", shear, "of their pressure" * bool(shear)),
         ]
 

@@ -5,5 +5,17 @@
   :mod:`~vibroplat.study.store`.
 """
 
+from importlib import import_module
+
 #: Seconds for which workers of a scheduler are waited for, unless the user says otherwise.
 WAIT = 60.0
+
+
+def load_study(study: str, engine: str) -> None:
+    """Load the module of a study, and an engine's kernels where they are compiled already: in a worker, at first."""
+    import_module(f"vibroplat.{study}")
+    from vibroplat.kernels import cache  # noqa: PLC0415  (these take long)
+    from vibroplat.motion import run  # noqa: PLC0415
+
+    if cache.is_compiled(engine):
+        run.load_kernels(engine)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import describe_sync, display_name, unit_of
+from vibroplat.columns import PHASE_COLUMN, describe_sync, display_name, unit_of
 from vibroplat.config.digits import MISSING, given, interval, number, quantity, share
 from vibroplat.results.answer import WIDTH, counted, in_columns
 from vibroplat.results.content import in_groups
@@ -222,7 +222,13 @@ def sync_counts(table: pd.DataFrame) -> Iterable[tuple[str, str, int]]:
 
 def _legend(good: pd.DataFrame) -> Iterator[str]:
     """Yield what the machine does in each kind of synchronization."""
-    told = [describe_sync(sync, rotation) for rotation, sync, _ in sync_counts(good)]
+    known = [*sync_counts(good)]
+    if [sync for _, sync, _ in known] == ["intermediate"]:
+        phases = np.degrees(good[PHASE_COLUMN].astype(float))
+        yield f"always intermediate: phase difference {interval(phases.min(), phases.max(), '°')}"
+        return
+    named = [describe_sync(sync, rotation) for rotation, sync, _ in known if sync != "intermediate"]
+    told = [f"{name}: not synchronized" if name == "none" else name for name in named]
     if told:
         yield f"{'always ' if len(told) == 1 else ''}{'; '.join(told)}"
 

@@ -18,9 +18,9 @@ from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.extensions import load_provided
 from vibroplat.hybrid.state import initial_state, perturb_state
-from vibroplat.study.coexisting import AttractorClass, SearchBeginning, compare
+from vibroplat.study.classification import AttractorClass, SearchBeginning, compare
 from vibroplat.study.point import on_orbit, settle_and_measure
-from vibroplat.study.settling import KnownOrbit, NearReturn, OrbitDetector
+from vibroplat.study.settling import NearReturn, OrbitDetector
 from vibroplat.study.store import Record
 from vibroplat.system.memory import NO_MORE
 
@@ -77,15 +77,10 @@ def _search(scene: Scene, plan: SweepPlan, beginning: SearchBeginning, detector:
                 orbits.append(found.orbit)
             elif found.apart_s:
                 told.add(f"{_attractor_text(other.row)}, apart for {quantity(found.apart_s, 's')}")
-    told |= {_orbit_text(scene, orbit, detector) for orbit in orbits}
+    told |= {_attractor_text(on_orbit(scene, orbit, 0.0, detector.work).row) for orbit in orbits}
     if told:
         return "; ".join(sorted(told))
     return f"not found: {hunt.trials} returns, {hunt.left} unstable orbits, {len(starts)} initial conditions tried"
-
-
-def _orbit_text(scene: Scene, orbit: KnownOrbit, detector: OrbitDetector) -> str:
-    """Say in a few words what a stable orbit is."""
-    return _attractor_text(on_orbit(scene, orbit, 0.0, detector.work).row)
 
 
 def _attractor_text(row: Mapping[str, Any]) -> str:

@@ -184,7 +184,7 @@ def axis_name(key: str) -> str:
 
 def place_words(key: str, *values: float) -> str:
     """Say where points are, by the column of the swept key and its values there."""
-    ends = " … ".join(dict.fromkeys(map(given, values)))
+    ends = " … ".join(dict.fromkeys(map(given, values))).replace("-", "−")
     name = "a supply of" if key == SUPPLY else indexed_name(key)
     return " ".join(part for part in (name, ends, unit_of(key)) if part)
 

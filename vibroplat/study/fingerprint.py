@@ -36,7 +36,7 @@ from vibroplat.motion.motion import Simulator
 from vibroplat.observe.measures import WITH_EXTREMES
 from vibroplat.observe.summary import measure
 from vibroplat.results.provenance import sundials_version
-from vibroplat.system.threads import one_thread
+from vibroplat.system.workers import one_thread
 
 Fingerprint = Mapping[str, str]
 
@@ -105,11 +105,6 @@ def package() -> dict[str, str]:
         "platform": f"{platform.system()} {platform.machine()}",
         **{name: importlib.metadata.version(name) for name in LIBRARIES},
     }
-
-
-def digest_of(conditions: Mapping[str, Any]) -> str:
-    """Digest what a result was computed from and by."""
-    return hashlib.sha256(json.dumps(conditions, sort_keys=True).encode()).hexdigest()[:16]
 
 
 @cache

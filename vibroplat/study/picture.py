@@ -2,19 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
+import numpy as np
+
+from vibroplat.columns import quantity_of
 from vibroplat.errors import TableError
+from vibroplat.frames import pd
+from vibroplat.hybrid.state import static_rest
 from vibroplat.results import content, picture
-from vibroplat.results.labels import ABSCISSAE
+from vibroplat.results.labels import ABSCISSAE, SPECIAL_POINTS, key_name
 from vibroplat.results.result import Result
 from vibroplat.study import titles
-from vibroplat.study.branches import EXCITATION
-from vibroplat.study.curves import DISTINCT, curves_of, placed, strips_of
-from vibroplat.study.diagrams import bifurcation, regimes
+from vibroplat.study.branches import EXCITATION, SUPPLY
+from vibroplat.study.curves import (
+    DISTINCT,
+    HATCHES,
+    PERIODS,
+    curves_of,
+    hatches_of,
+    period_kinds,
+    placed,
+    strips_of,
+    sync_classes,
+)
 from vibroplat.study.sweeps import Sweeps, read
 
 OPTIONS = ("x", "data", "measure")
+#: Colours of the directions of a bifurcation diagram.
+_COLOURS = {"up": picture.BLUE, "down": picture.VERMILION}
+#: Fewest values of the second key that make a map of tiles; fewer are bars.
+LEAST_ROWS = 5
+#: Shares of flight at which a map has lines.
+_FLIGHTS = {1e-6: ("-", "material flies"), 0.5: ("--", "half of the time"), 0.9: (":", "90 % of the time")}
+#: Lines of boundaries that have one colour, by the kinds of special points; what thin ones are.
+_DASHES: Sequence[Any] = ("-", "--", "-.", ":", (0, (7, 2)), (0, (1, 2, 1, 2, 5, 2)), (0, (9, 1, 2, 1)))
+UNREACHED = "thin: of unstable orbits"
 
 
 def pictures(
@@ -91,6 +115,176 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         meaning=f"Solid: up; dashed: down, seen where it differs; arrows: jumps; ×: failed.{sweeps.meaning}",
         orbits=picture.Orbits(table),
     )
+
+
+# -- bifurcation diagram -----------------------------------------------------------------------------------------------
+
+
+def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> picture.Picture:
+    """Return the Poincaré section and impact speeds, a facet for each combination of the grid's values.
+
+    The way down lies below the way up. Strips say after how many turns the motion repeats.
+    """
+    (result,), x = sweeps.results, sweeps.x
+    section, impacts = (
+        result.columns(name, ("direction",), (x, sweeps.key, "branch", column))
+        for name, column in (("section", "y_m"), ("impacts", "impact_speed_m_per_s"))
+    )
+    rest = _rests(sweeps, section)
+    table = pd.concat([section.assign(y_m=section["y_m"] - rest), impacts], ignore_index=True)
+    name = "y from rest" if sweeps.results[0].known_scene else "y"
+    panels = [picture.Panel("y_m", label=f"${name[0]}${name[1:]} at whole\nturns of exciter 1 (mm)")]
+    panels += [picture.Panel("impact_speed_m_per_s", least=0.0)] if len(impacts) else []
+    labels = list(dict.fromkeys(sweeps.label(rows.iloc[0]) for rows in sweeps.branches))
+    series, facets = list[picture.Series](), list[picture.Facet]()
+    for label in labels:
+        own = [rows for rows in sweeps.branches if sweeps.label(rows.iloc[0]) == label]
+        made = [*_dots(sweeps, table, own)]
+        facets.append(picture.Facet(label, range(len(series), len(series) + len(made))))
+        series += made
+    drawn, strips = _with_periods(sweeps, table, labels)
+    return picture.Picture(
+        name="bifurcation",
+        heading="Bifurcation diagram",
+        title=titles.sentence(titles.motions(sweeps.table)) or "Every point failed",
+        table=table,
+        table_name="section and impacts",
+        drawn=drawn,
+        axes=content.axes_of(table, (x, sweeps.key)),
+        panels=panels,
+        series=series,
+        facets=facets if len(facets) > 1 else (),
+        strips=strips,
+        choice="branch",
+        told=sweeps.told(),
+        meaning="Each dot is a point of the Poincaré section, or an impact; the way down lies below the way up.",
+        high=True,
+    )
+
+
+def _dots(sweeps: Sweeps, table: pd.DataFrame, own: Sequence[pd.DataFrame]) -> Iterator[picture.Series]:
+    """Yield the points of branches of one combination: small where the motion does not repeat."""
+    for rows in sorted(own, key=lambda rows: rows["direction"].iloc[0] != "down"):
+        direction = str(rows["direction"].iloc[0])
+        mine = (table["branch"] == rows["branch"].iloc[0]).to_numpy(dtype=bool)
+        steady = table[sweeps.key].isin(rows[sweeps.key][rows["period"].gt(0)]).to_numpy(dtype=bool)
+        for chosen, size in ((mine & steady, 1.5), (mine & ~steady, 1.0)):
+            label = f"{key_name(sweeps.key)} {direction}" if chosen.any() else ""
+            look: dict[str, Any] = {"size": size, "pale": size == 1.0}
+            yield picture.Series(
+                label, content.rows_of(chosen), "", _COLOURS.get(direction, picture.BLUE), "dots", **look
+            )
+
+
+def _with_periods(
+    sweeps: Sweeps, table: pd.DataFrame, labels: Sequence[str]
+) -> tuple[pd.DataFrame, picture.Strips | None]:
+    """Return the drawn points with those of the sweep behind them, and strips of the periods along each branch."""
+    begin, whole = len(table), sweeps.table.reset_index(drop=True)
+    strips = []
+    for rows in sweeps.branches:
+        kinds, period = period_kinds(rows), rows["period"].to_numpy(dtype=float, na_value=np.nan)
+        told = [f"{period[n]:g}" if kind == "n" else "" for n, kind in enumerate(kinds)]
+        first = rows.iloc[0]
+        name = " ".join(filter(None, (sweeps.label(first) if len(labels) > 1 else "", str(first["direction"]))))
+        colour = _COLOURS.get(str(first["direction"]), picture.BLUE)
+        strips.append(picture.Strip(name, colour, (begin + rows.index).tolist(), kinds, (), (), told))
+    drawn = pd.concat(
+        [table, whole[list(dict.fromkeys(name for name in (sweeps.x, sweeps.key) if name in whole))]], ignore_index=True
+    )
+    present = {kind for strip in strips for kind in strip.kinds}
+    classes = {name: told for name, told in PERIODS.items() if name in present}
+    return drawn, picture.Strips(strips, classes) if len(present) > 1 else None
+
+
+def _rests(sweeps: Sweeps, section: pd.DataFrame) -> list[float]:
+    """Return y at the static rest of the scene of each point (m); 0 where that is not known."""
+    scenes = {rows["branch"].iloc[0]: sweeps.scene_of(rows, sweeps.grid) for rows in sweeps.branches}
+    found = {}
+    for (branch, value), _ in section.groupby(["branch", sweeps.key]):
+        if (scene := scenes[branch]) is not None:
+            placed = scene if sweeps.key == SUPPLY else scene.replace({sweeps.key: value})
+            found[branch, value] = float(static_rest(placed)[1])
+    return [found.get(place, 0.0) for place in zip(section["branch"], section[sweeps.key], strict=True)]
+
+
+# -- map of regimes ----------------------------------------------------------------------------------------------------
+
+
+def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
+    """Return a map of what happens over the key and one of the grid, or maps of measures.
+
+    Few values of the second key are bars, one for each branch; of more there is a map for each way, in which colours
+    say how exciters synchronize, hatches where the motion does not repeat each turn, and lines where material flies.
+    """
+    key, table, (result,) = sweeps.scale, sweeps.table, sweeps.results
+    if not key:
+        raise TableError(f"{result.place} varies {sweeps.varied}; a map needs one grid key with several numbers")
+    curves = content.beside(result, "orbits", "boundaries")
+    if curves is None or not {sweeps.key, key} <= {*curves.columns}:
+        curves = pd.DataFrame()
+    few = table[key].nunique() < LEAST_ROWS and not columns and curves.empty
+    drawn = pd.concat([table.assign(hatch=hatches_of(table)), curves], ignore_index=True)
+    directions = list(dict.fromkeys(table["direction"]))
+    series = [picture.Series("", content.rows_of(table["direction"] == name), mode="dots") for name in directions]
+    lines = boundary_series(curves, len(table), [picture.BLACK]) if len(curves) else []
+    behind = [len(series) + number for number in range(len(lines))]
+    facets = [picture.Facet(str(name), [number, *behind]) for number, name in enumerate(directions)]
+    labels = dict.fromkeys((sweeps.label(rows.iloc[0]) for rows in sweeps.branches), picture.BLACK)
+    panels = [picture.Panel(key, kind="tiles", by=column, title=quantity_of(column).name) for column in columns]
+    return picture.Picture(
+        name="map",
+        heading="Map",
+        title=titles.regimes(sweeps),
+        table=table,
+        table_name="sweep",
+        special=curves if len(curves) else None,
+        special_name="boundaries",
+        drawn=drawn,
+        axes=[sweeps.key],
+        panels=panels or ([] if few else [_regimes_panel(sweeps, key)]),
+        series=[] if few else [*series, *lines],
+        facets=facets if len(facets) > 1 and not few else (),
+        strips=strips_of(sweeps, labels, flies=True) if few else None,
+        choice="direction",
+        rotation=sweeps.rotation,
+        states=content.motions_of(table),
+        told=sweeps.told(),
+        meaning="Each tile is a point of the sweep; white: failed.",
+        orbits=picture.Orbits(table) if not len(curves) else None,
+        high=True,
+    )
+
+
+def _regimes_panel(sweeps: Sweeps, key: str) -> picture.Panel:
+    """Return the panel in which colours, hatches and lines tell the regime."""
+    present, hatches = {*sweeps.table["sync"].dropna()}, {*hatches_of(sweeps.table)}
+    classes = {name: told for name, told in sync_classes(sweeps.rotation).items() if name in present}
+    flight = sweeps.table["flight_fraction"] if "flight_fraction" in sweeps.table else pd.Series(dtype=float)
+    levels = {level: told for level, told in _FLIGHTS.items() if flight.min() <= level < flight.max()}
+    contours = picture.Contours("flight_fraction", levels) if levels else None
+    meanings = {hatch: told for hatch, told in HATCHES.items() if hatch in hatches}
+    return picture.Panel(
+        key, kind="tiles", by="sync", classes=classes, hatch="hatch", hatches=meanings, contours=contours
+    )
+
+
+def boundary_series(curves: pd.DataFrame, begin: int, colours: Sequence[str]) -> list[picture.Series]:
+    """Return boundaries of orbits by kind, from a place on; those of orbits that no motion comes to are thin."""
+    reached = (curves.groupby("curve")["n_unstable"].transform("min") == 0).astype(bool)
+    kinds, series = list(SPECIAL_POINTS), []
+    for (kind, is_reached), rows in curves.groupby(["kind", reached], sort=False):
+        number = kinds.index(str(kind)) if kind in kinds else len(kinds)
+        places = [
+            place for own in content.in_groups(rows, ["curve"]) for place in [*(begin + own.index), picture.BROKEN]
+        ]
+        look: dict[str, Any] = {"colour": colours[number % len(colours)], "width": 1.4}
+        look |= {"dash": _DASHES[number % len(_DASHES)]} if len(colours) == 1 else {}
+        if not is_reached:
+            look |= {"width": 0.6, "look": UNREACHED} | ({"dash": ":"} if len(colours) > 1 else {})
+        label = ": ".join(filter(None, (str(kind), SPECIAL_POINTS.get(str(kind), ""))))
+        series.append(picture.Series(label, places[:-1], mode="lines", **look))
+    return series
 
 
 _MAKERS: Mapping[str, Callable[[Sweeps, Sequence[str]], picture.Picture]] = {

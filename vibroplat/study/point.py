@@ -37,8 +37,7 @@ from vibroplat.observe.summary import (
     synchronization,
     wrap_angle,
 )
-from vibroplat.study.classification import MotionClass, classify
-from vibroplat.study.coexisting import BLOCKS, SearchBeginning, begin_search
+from vibroplat.study.classification import BLOCKS, MotionClass, SearchBeginning, begin_search, classify
 from vibroplat.study.pool import Task
 from vibroplat.study.settling import KnownOrbit, OrbitDetector, SettlingResult, settle
 from vibroplat.study.store import Record
@@ -184,21 +183,17 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
     Point
         With outcome ``out-of-memory`` if there is not enough for it.
     """
+    began = time.perf_counter()
     try:
-        return _measure_point(scene, plan, state, key)
+        start = initial_state(scene) if state is None else np.array(state)
+        start = perturb_state(start, scene, plan.perturbation, (plan.seed, *key))
+        if plan.settle_by == "section" or scene.transport is not None:
+            point = _measure_by_simulation(scene, plan, start)
+        else:
+            with closing(load_provided("NewtonOrbitDetector")(scene)) as detector:
+                point = settle_and_measure(scene, plan, start, detector)
     except MemoryError:
         return SweepPoint(**failed_record(NO_MORE, "out-of-memory"))
-
-
-def _measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> SweepPoint:
-    began = time.perf_counter()
-    start = initial_state(scene) if state is None else np.array(state)
-    start = perturb_state(start, scene, plan.perturbation, (plan.seed, *key))
-    if plan.settle_by == "section" or scene.transport is not None:
-        point = _measure_by_simulation(scene, plan, start)
-    else:
-        with closing(load_provided("NewtonOrbitDetector")(scene)) as detector:
-            point = settle_and_measure(scene, plan, start, detector)
     point.row["wall_s"] = time.perf_counter() - began
     return point
 
@@ -221,17 +216,7 @@ def on_orbit(
 ) -> SweepPoint:
     """Tell what is known of the orbit that a motion comes to, which has settled for a time (s), with some events."""
     found = orbit.measures
-    row: dict[str, Any] = {
-        "rotation": scene.rotation,
-        "coexisting": "",
-        "settle_s": settled,
-        "outcome": "ok",
-        "detail": "",
-        "steps": work["steps"],
-        "residual_calls": work["residual_calls"],
-        "events": events + found["events"],
-        "simulated_s": settled + orbit.period * orbit.turn,
-    }
+    row = _row_of_work(scene, settled, settled + orbit.period * orbit.turn, events + found["events"], work)
     doubt = inaccuracy(found, scene)
     if doubt:
         row |= {"outcome": INACCURATE, "detail": doubt, "energy_residual": found["energy_residual"]}
@@ -261,17 +246,8 @@ def _measure_by_simulation(
         stiff = stiffness(scene, engine.name, work["steps"], motion.restarts, motion.now - began)
     if settling.orbit is not None:
         return on_orbit(scene, settling.orbit, settling.seconds, work, motion.events)
-    row: dict[str, Any] = {
-        "rotation": scene.rotation,
-        "coexisting": "",
-        "settle_s": settling.seconds,
-        "outcome": motion.outcome,
-        "detail": motion.detail,
-        "steps": work["steps"],
-        "residual_calls": work["residual_calls"],
-        "events": motion.events,
-        "simulated_s": motion.now,
-    }
+    row = _row_of_work(scene, settling.seconds, motion.now, motion.events, work)
+    row |= {"outcome": motion.outcome, "detail": motion.detail}
     final: list[float] | None = None
     heights: list[float] = []
     search: SearchBeginning | None = None
@@ -330,7 +306,11 @@ def _settled_and_measured(
         settling = settle(motion, plan, longest, detector)
         if settling.orbit is not None:  # it is measured already
             return settling, motion.advance(0.0, scope=SECTION_POINTS), None
-        part = _measured_part(motion, plan, settling, observers, until)
+        if settling.reason == "maximum":
+            seconds = BLOCKS * plan.measure_s
+            part = motion.advance(seconds, blocks=BLOCKS, observers=observers, until=until, scope=WITH_EXTREMES)
+        else:
+            part = _measure(motion, plan.measure_s, settling, observers)
         if motion.outcome != "ok" or until(part.blocks):
             return settling, part, None
         points = section_points(part.measures, motion.scene)
@@ -351,15 +331,6 @@ def _settled_and_measured(
     return settling, part, kind if motion.outcome == "ok" else None
 
 
-def _measured_part(
-    motion: Simulator, plan: SweepPlan, settling: SettlingResult, observers: Sequence[Observer], until: Until
-) -> MeasuredInterval:
-    """Measure a motion: in one part if it repeats; otherwise in blocks."""
-    if settling.reason != "maximum":
-        return _measure(motion, plan.measure_s, settling, observers)
-    return motion.advance(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers, scope=WITH_EXTREMES, until=until)
-
-
 def _measure(
     motion: Simulator, least: float, settling: SettlingResult, observers: Sequence[Observer]
 ) -> MeasuredInterval:
@@ -368,6 +339,23 @@ def _measure(
         return motion.advance(least, observers=observers, scope=WITH_EXTREMES)
     turns = settling.period * max(math.ceil(least / (settling.period * settling.turn)), MIN_PERIODS)
     return motion.advance_turns(turns, 2.0 * (turns + 1) * settling.turn, observers, scope=WITH_EXTREMES)
+
+
+def _row_of_work(
+    scene: Scene, settled: float, simulated: float, events: int, work: Mapping[str, int | None]
+) -> dict[str, Any]:
+    """Return the columns that do not depend on what was measured, of a motion that has not ended early."""
+    return {
+        "rotation": scene.rotation,
+        "coexisting": "",
+        "settle_s": settled,
+        "outcome": "ok",
+        "detail": "",
+        "steps": work["steps"],
+        "residual_calls": work["residual_calls"],
+        "events": events,
+        "simulated_s": simulated,
+    }
 
 
 def row_of(

@@ -25,8 +25,7 @@ from vibroplat.study.cluster import Cluster, WorkerLostError
 from vibroplat.study.store import Record, Store, aside_name, digest
 from vibroplat.system.interrupts import stop_if_asked, unwinding, watching
 from vibroplat.system.memory import is_short_of_memory
-from vibroplat.system.threads import one_thread
-from vibroplat.system.workers import Workers, core_count, worker_processes
+from vibroplat.system.workers import Workers, core_count, one_thread, worker_processes
 
 #: Seconds without a result after which the pool is checked for workers.
 CHECK_AFTER_S = 1.0

@@ -33,7 +33,7 @@ from vibroplat.study.branches import (
     place_words,
     study_table,
 )
-from vibroplat.study.coexisting import SearchBeginning
+from vibroplat.study.classification import SearchBeginning
 from vibroplat.study.point import (
     ERRORS,
     LOAD_MEASURES,

@@ -5,6 +5,8 @@ Starting takes a worker as long as the command itself: half a second, a third of
 A worker finds modules where its parent does and nowhere else: a file in the current directory may have the name of any
 module. Tasks and results pass through two pipes, and of its parent's streams it has that of errors alone. It ends with
 its parent, however that ends: by itself, as nobody is left to stop it, and also in the middle of a task.
+
+Linear algebra has one thread in workers and in the process that has them: libraries round sums otherwise in several.
 """
 
 from __future__ import annotations
@@ -36,6 +38,10 @@ PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUM
 LOOK_S = 0.2
 #: Program of a worker: its arguments are its parent, and where that finds modules.
 PROGRAM = "import sys; parent, *sys.path = sys.argv[1:]; from vibroplat.system.workers import serve; serve(int(parent))"
+_LOCK = threading.Lock()
+#: What is inside of :func:`one_thread`: how many blocks, and the limits that end with the last of them.
+_inside = 0
+_limits: list[Any] = []
 
 
 class _Kept(threading.local):
@@ -215,3 +221,25 @@ def loading_workers(jobs: int | None, function: Callable[..., Any], *arguments: 
         if _KEPT.workers is not None:
             _KEPT.workers.close()
             _KEPT.workers = None
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Let the linear algebra of all libraries that are loaded use one thread in the block.
+
+    A library that is loaded in the block needs another block inside. Blocks of several threads, as dask's workers have,
+    overlap; the last one that ends gives back the threads.
+    """
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415  (looks for all libraries of the process)
+
+    global _inside  # noqa: PLW0603
+    with _LOCK:
+        _limits.append(threadpool_limits(limits=1))
+        _inside += 1
+    try:
+        yield
+    finally:
+        with _LOCK:
+            _inside -= 1
+            while _limits and not _inside:
+                _limits.pop().restore_original_limits()

@@ -233,7 +233,7 @@ class ThresholdStudy(Study):
             places = [self._rounded(passes.value), *(f"{number(at)} {unit}" for at in [*times][1:])]
             took = [f"{quantity(t, 's', digits=2)} at {at}" for t, at in zip(times.values(), places, strict=False)]
             allowed = f"find.max_settle_s = {given(self.plan.max_settle_s)} s"
-            limit = f"{where} not within {allowed}; more may move the threshold"
+            limit = f"{where} not within {allowed}, more may move it"
             if hangs.row.get("multiplier_max") is not None and not hangs.leaving:
                 limit = f"{where} it hangs for ever, on a stable orbit"
             return [f"starts in {', '.join(took) or 'an unknown time'}; {limit}"]
@@ -286,9 +286,9 @@ class ThresholdStudy(Study):
         yield second
 
     def _ends(self, zone: Zone) -> tuple[str, str]:
-        """Return the ends of a mixed interval with their unit, rounded outward to two digits of its width."""
+        """Return the ends of a mixed interval with their unit, rounded outward to three digits of its width."""
         assert zone.ends is not None
-        decimals = min(self._digits + 1, places(max(zone.ends[1] - zone.ends[0], self.plan.narrow), 2))
+        decimals = min(self._digits + 1, places(max(zone.ends[1] - zone.ends[0], self.plan.narrow), 3))
         step, unit = 10.0**-decimals, unit_of(self.plan.key)
         low, high = math.floor(zone.ends[0] / step) * step, math.ceil(zone.ends[1] / step) * step
         return f"{decimal(low, decimals)} {unit}".rstrip(), f"{decimal(high, decimals)} {unit}".rstrip()
