@@ -7,14 +7,15 @@ import pandas as pd
 import pytest
 from common.places import QUICKSTART
 from common.random_scenes import random_scene
+from common.references import REFERENCES
 
 import vibroplat
 from vibroplat import check_run, load_config
 from vibroplat.check import with_other_engine, with_other_tolerance
-from vibroplat.check.events import ErrorBound, match_events
+from vibroplat.check.events import ErrorBound, compared_events, match_events
 from vibroplat.check.runs import EVENT_TIME, SampledRun, _Comparison, perturbed_scenes
 from vibroplat.config.reader import configurations
-from vibroplat.hybrid.state import state_scales
+from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.integrate import other_engine
 from vibroplat.model.systems import GAP_RATE
 
@@ -145,6 +146,39 @@ def test_events_are_paired_in_order():
     found = pairs(FLIGHTS, later)
     assert found.rows.tolist() == [[k, k] for k in range(4)]
     assert found.differ_s == np.inf
+
+
+def friction_events(*events):
+    kinds, times = zip(*events, strict=True)
+    return compared_events(pd.DataFrame({"t_s": times, "kind": kinds, "gap_rate_before_m_per_s": 0.0}))
+
+
+@pytest.mark.parametrize(("error", "differs"), [(1e-6, True), (1e-3, False)])
+def test_a_slip_that_only_one_run_has_is_found_unless_it_is_short(error, differs):
+    """A tenth of 1/w is short where an error of 1e-3 may move the force of friction out of its cone and back."""
+    scene = run_scene()
+    turn = 1.0 / scene.speed_scale
+    one = friction_events(("slip", turn), ("slip", 9.0 * turn), ("stick", 9.1 * turn))
+    bound = ErrorBound(np.zeros(1), np.array([error * scene.force_scale / force_spread(scene)]))
+    for pair in ((one, one[:1]), (one[:1], one)):
+        assert np.isfinite(match_events(*pair, bound, scene, 20.0 * turn).differ_s) == differs
+
+
+def test_a_reversal_is_a_slip_after_a_stick_of_no_duration():
+    scene = run_scene()
+    turn = 1.0 / scene.speed_scale
+    one = friction_events(("slip", turn), ("reversal", 9.0 * turn), ("chatter", 9.5 * turn))
+    two = friction_events(("slip", turn), ("stick", 9.0 * turn), ("slip", 9.001 * turn))
+    found = match_events(one, two, ErrorBound(np.zeros(1), np.array([1e-6])), scene, 20.0 * turn)
+    assert (found.differ_s, len(found.rows)) == (np.inf, 2)
+
+
+def test_a_wrong_friction_is_found():
+    scene = load_config(REFERENCES / "feeder-inclined-line.yaml", NATIVE | {"run.duration_s": 0.2})
+    found = check_run(scene)
+    assert (found.agrees, found.events) == (True, 14)
+    slippery = check_run(scene, other=lambda scene: scene.replace({"transport.friction": 0.4001}))
+    assert "allowed difference" in slippery.disagreement
 
 
 @pytest.mark.parametrize("swapped", [False, True])

@@ -103,6 +103,35 @@ def test_a_borrowed_shooter_is_as_a_new_one():
         assert other is not borrowed
 
 
+def test_a_shooter_with_keys_is_borrowed_for_the_same_scene_alone():
+    """It is as a new one then: no value of the key is known, and no turn is counted."""
+    scene, course = flying(), (48.0, 52.0)
+    borrowed = Shooter.borrowed(scene, [KEY], course)
+    borrowed.set([51.0])
+    borrowed.shot(initial_state(scene), 0.3, full=True)
+    borrowed.give_back()
+    for other in (
+        (scene, [KEY], (48.0, 53.0)),
+        (scene, [MASS], course),
+        (scene,),
+        (scene.replace({MASS: 0.12}), [KEY], course),
+    ):
+        with closing(Shooter.borrowed(*other)) as new:
+            assert new is not borrowed
+    assert Shooter.borrowed(scene, [KEY], course) is borrowed
+    assert np.isnan(borrowed.held[KEY])
+    assert borrowed.take_turns() == 0.0
+    with closing(Shooter(scene, [KEY], course)) as new:
+        for shooter in (new, borrowed):
+            shooter.set([50.0])
+        shots = [of.shot(initial_state(scene), 0.1, full=True) for of in (new, borrowed)]
+    for name in ("state", "derivative", "rates"):
+        np.testing.assert_array_equal(*(getattr(shot, name) for shot in shots))
+    extremes = [shot.part.measures.extremes.view(float) for shot in shots]
+    np.testing.assert_array_equal(*extremes)
+    borrowed.close()
+
+
 def test_parameters_over_a_key_are_those_of_its_scenes():
     """By polynomials within the course, and by scenes beyond it."""
     scene = flying()

@@ -10,22 +10,10 @@ from common.references import REFERENCES
 from vibroplat import load_config, simulate
 from vibroplat.errors import ConfigError
 
-NAMES = ("feeder-inclined-line", "stick-slip-no-flight")
+NAMES = ("feeder-inclined-line", "stick-slip-no-flight", "inclined-screen-two-layers")
 #: Tolerance of each engine, errors of coordinates and forces over their largest value, and errors of time (s).
-ENGINES = [("taylor", 1e-12, 1e-10, 1e-10), ("native", 1e-9, 1e-6, 1e-6)]
+ENGINES = [("taylor", 1e-12, 1e-10, 1e-10), ("native", 1e-9, 1e-6, 1e-6), ("sundae", 1e-9, 1e-6, 1e-6)]
 
-#: A platform that nothing but its springs moves, with a light block: what a deck with a prescribed motion does to it.
-BLOCK = {
-    "machine.platform_mass_kg": 1000.0,
-    "machine.platform_inertia_kg_m2": 1000.0,
-    "machine.unbalance_mass_kg": 1e-9,
-    "machine.stiffness_phi_n_m_per_rad": 1e9,
-    **dict.fromkeys((f"machine.damping_{what}" for what in ("x_n_s_per_m", "y_n_s_per_m", "phi_n_m_s_per_rad")), 0.0),
-    "motor.critical_torque_n_m": 0.0,
-    "material": {"mass_ratio": 1e-9, "layers": 1},
-    "solver": {"engine": "taylor", "tolerance": 1e-13},
-    "contact": {"restitution": 0.0},
-}
 GRAVITY = 9.81
 
 
@@ -40,13 +28,13 @@ def reference(name):
 def test_reference(name, engine, tolerance, error, seconds):
     scene, events, trajectory = reference(name)
     run = simulate(scene.replace({"solver": {"engine": engine, "tolerance": tolerance}}))
-    found = run.events
+    found, near = run.events, 3.0 * error  # an impact soon after a liftoff is moved by more than others
     assert found["kind"].to_list() == events["kind"].to_list()
     assert found["mode_after"].to_list() == events["mode_after"].to_list()
     assert np.abs(found["t_s"] - events["t_s"]).max() <= seconds
     for column in (c for c in events if c.endswith(("_n_s", "_n", "_m_per_s", "_j"))):
         size = trajectory["contact_force_n"].max() if column.endswith("_n") else max(events[column].abs().max(), 1e-3)
-        np.testing.assert_allclose(found[column], events[column], rtol=0.0, atol=error * size)
+        np.testing.assert_allclose(found[column], events[column], rtol=0.0, atol=near * size)
     there = run(trajectory["t_s"].to_numpy())
     for column in trajectory.columns.drop(["t_s", "mode"]):
         apart = np.abs(there[column] - trajectory[column]).max()
@@ -55,76 +43,29 @@ def test_reference(name, engine, tolerance, error, seconds):
     assert run.summary["momentum_along_residual"] <= 100.0 * tolerance
 
 
-def shaken(frequency, along, normal, friction):
-    """Return a block on a platform that swings with these amplitudes (m), a cos wt along and normal to the deck."""
-    scene = load_config(REFERENCES / f"{NAMES[0]}.yaml")
-    plain = scene.to_tree()
-    for section in ("exciters", "run"):
-        del plain[section]
-    plain["motor"] = {}
-    scene = type(scene).from_tree(plain).replace(BLOCK)
-    omega, mass = 2.0 * math.pi * frequency, scene.body.mass
-    stiffness = mass * omega**2
-    rest = -(1.0 + 1e-9) * mass * GRAVITY / stiffness
-    state = {"x_m": along, "y_m": rest + normal, "phi1_rad": 0.0, "phi2_rad": 0.0}
-    changes = {
-        "machine.stiffness_x_n_per_m": stiffness,
-        "machine.stiffness_y_n_per_m": stiffness,
-        "transport": {"friction": friction, "static_friction": friction, "deck_height_m": 0.0},
-        "run": {"duration_s": 4.0 / frequency, "initial": {"state": state}},
-    }
-    return scene.replace(changes)
-
-
-def test_a_block_slides_as_by_coulombs_law():
-    """Along the deck alone: it begins with -a w², and the block slips at -mu g until both speeds are equal."""
-    friction, amplitude, frequency = 0.3, 1e-3, 20.0
-    omega = 2.0 * math.pi * frequency
-    assert amplitude * omega**2 > friction * GRAVITY
-    run = simulate(shaken(frequency, amplitude, 0.0, friction))
-    times = np.linspace(0.0, 0.9 * run.events["t_s"].iloc[0], 20)
-    ground = -friction * GRAVITY * times
-    deck = -amplitude * omega * np.sin(omega * times)
-    np.testing.assert_allclose(run(times)["along_rate_m_per_s"], ground - deck, atol=1e-9 * amplitude * omega)
-    assert run.events["kind"].iloc[0] in ("stick", "reversal")
-    assert run.summary["energy_residual"] < 1e-9
-
-
-def test_a_gentle_deck_carries_the_block():
-    run = simulate(shaken(20.0, 1e-4, 0.0, 0.3))
-    assert run.events.empty
-    assert (run.trajectory["along_m"] == 0.0).all()
-    assert run.summary["stick_fraction"] == 1.0
-
-
-@pytest.mark.parametrize("throw", [math.sqrt(1.0 + math.pi**2), 2.0])
-def test_the_throw_of_a_sticky_block(throw):
-    """Lift-off where sin = 1/throw; with throw² = 1 + pi² the flight ends when the deck begins to throw again."""
-    frequency = 20.0
-    omega = 2.0 * math.pi * frequency
-    run = simulate(shaken(frequency, 0.0, -throw * GRAVITY / omega**2, 5.0))
-    flights = run.events[run.events["kind"].isin(["liftoff", "impact"])]
-    turns = (flights["t_s"] * omega / (2.0 * math.pi)).to_numpy()
-    kinds = flights["kind"].to_list()
-    k = kinds.index("liftoff", 1)
-    # y = -A cos wt moves up from its lowest place: y'' = A w² cos wt falls through -g
-    left = turns[k] % 1.0
-    assert math.cos(2.0 * math.pi * left) == pytest.approx(-1.0 / throw, abs=1e-8)
-    if throw > 3.0:
-        assert turns[k + 1] - turns[k] == pytest.approx(1.0, abs=1e-7)
-
-
-def test_symmetric_antiphase_conveys_nothing():
-    """Forces along y alone leave the material where it is, whatever the friction."""
+@pytest.mark.parametrize(("engine", "tolerance", "least"), [
+    ("taylor", 1e-12, 1e-12),
+    ("taylor", 1e-6, 1e-12),
+    ("native", 1e-9, 1e-9),
+    ("native", 1e-6, 1e-6),
+])  # fmt: skip
+@pytest.mark.parametrize("layers", [1, 2])
+def test_symmetric_antiphase_conveys_nothing(engine, tolerance, least, layers):
+    """Forces along y alone leave the material where it is, whatever the friction; it lifts off without a slip."""
     scene = load_config(REFERENCES / f"{NAMES[0]}.yaml")
     pair = scene.to_tree()["exciters"]
     for exciter, x in zip(pair, (0.1, -0.1), strict=True):
         exciter["position_m"] = [x, 0.02]
     start = {"phase_difference_rad": math.pi, "speed_ratio": 0.98}
     changes = {"exciters": pair, "run": {"duration_s": 0.5, "initial": start, "perturbation": 0.0}}
-    run = simulate(scene.replace(changes).replace({"solver.engine": "taylor"}))
+    changes["material"] = {"mass_ratio": 0.2, "layers": layers}
+    if layers == 2:
+        changes["material"] |= {"natural_frequency_hz": 30.0, "damping_ratio": 0.2}
+    run = simulate(scene.replace(changes).replace({"solver": {"engine": engine, "tolerance": tolerance}}))
     assert run.summary["impacts"] > 3
-    assert np.abs(run.trajectory["along_m"]).max() < 1e-12
+    assert set(run.events["kind"]) == {"liftoff", "impact"}
+    assert run.summary["contact_pull_n"] < 1e-3
+    assert np.abs(run.trajectory["along_m"]).max() < least
 
 
 def test_a_smooth_deck_leaves_the_motion_of_the_platform():

@@ -1,16 +1,20 @@
 """Statistics and the Poincaré section of a run."""
 
+import math
+
 import numpy as np
 import pytest
 from common.known import motion_of
 
 from vibroplat import simulate
+from vibroplat.hybrid.state import WIDTH
 from vibroplat.kernels.compiled import compiled
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.observe.data_sheet import whole_run
-from vibroplat.observe.extremes import HEIGHT, NODES, REACH
+from vibroplat.observe.extremes import HEIGHT, NODES, REACH, Equations, Span, empty_extremes
 from vibroplat.observe.measures import SECTION_POINTS, SUMMED, WHOLE_RUN, WITH_EXTREMES
-from vibroplat.observe.peaks import EIGHT, beyond_limits
+from vibroplat.observe.peaks import EIGHT, beyond_limits, polish
+from vibroplat.observe.room import ROOM
 from vibroplat.observe.section import section_rows
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import measure, synchronization
@@ -248,3 +252,21 @@ def test_what_nobody_asks_for_is_not_computed(parts):
     assert np.isinf(without_extremes.extremes["least"][:, HEIGHT]).all()
     assert not without_run.extremes["pace_least"].any()
     assert np.isinf(without_run.seen[..., 0]).all()
+
+
+def test_a_peak_hangs_on_nothing_that_is_looked_for_beside_it():
+    """The search in another lane goes on for longer, as it did for what an observer had found before."""
+    degree, peak = 12, (0.5 * math.pi - 0.5) / 3.0
+    sine = np.array([math.sin(0.5 + 0.5 * math.pi * k) * 3.0**k / math.factorial(k) for k in range(degree + 1)])
+    span = Span(0.0, 1.0, np.zeros((degree + 1, WIDTH)), degree, 0.0, 1.0, 0, 8, Equations(0, 0))
+    for start in np.linspace(peak - 0.15, peak + 0.15, 16):
+        found = []
+        for beside in (peak, 0.02):
+            room, extremes = in_lines((ROOM.itemsize // 8,)).view(ROOM)[0], empty_extremes(1)[0]
+            room["series"][: degree + 1, 0] = sine[:, np.newaxis]
+            room["place"], room["high"], room["sense"], room["quantity"] = beside, 1.0, 1.0, HEIGHT
+            room["place"][0] = start
+            polish(extremes, room, span, 1)
+            found.append((extremes["largest"][HEIGHT], extremes["at_largest"][HEIGHT]))
+        assert found[0] == found[1]
+        assert found[0] == pytest.approx((1.0, peak), abs=1e-6)

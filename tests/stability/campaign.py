@@ -20,7 +20,7 @@ from common.random_scenes import STORM, random_scene
 from stability.checks import NAMED, row, sound, with_engine
 from vibroplat import orbit, simulate
 from vibroplat.check import MIN_ALLOWED, with_other_engine
-from vibroplat.check.events import ErrorBound, EventMatches, match_events
+from vibroplat.check.events import ErrorBound, EventMatches, compared_events, match_events
 from vibroplat.check.runs import check_run
 from vibroplat.continuation.orbit import OrbitError, run_from
 from vibroplat.hybrid.state import state_scales
@@ -71,17 +71,15 @@ def judged(number, engine=ENGINES[0]):
         limits |= {f"{name}_{key}": limit for key, limit in found.items()}
         if run.outcome == "solver-failure":
             values["failure"] = summary["detail"]
-    ends = {_end(run) for run in runs}
-    pairs = _paired(*runs)
+    pairs, differ = paired(*runs), are_apart(*runs)
     values["events"] = len(pairs.rows)
-    differ = len(ends) > 1 or np.isfinite(pairs.differ_s)
-    if turns == LONG and ends == {"ok"}:
+    if turns == LONG and {end(run) for run in runs} == {"ok"}:
         errors = _errors(scene, *runs)
         values |= errors | _multipliers(scene, runs[0].final_state)
         limits["multipliers"] = (values["multipliers_off"], NEAR)
         differ |= max(errors.get(f"error_{name}", 0.0) for name in ENGINES) > SUSPECT
     if differ:
-        found = _explained(scene)
+        found = explained(scene)
         values["events"], limits["disagreements"] = found.events, (float(not found.agrees), 0.0)
     return row(scene.name, runs[0].outcome, limits, allowed=NAMED) | values
 
@@ -104,17 +102,17 @@ def _steps(scene, seconds):
         return motion.engine.work["steps"]
 
 
-def _end(run):
+def end(run):
     """How a run ended; energy that was lost is not what is compared."""
     return "ok" if run.outcome == INACCURATE else run.outcome
 
 
-def _paired(*runs):
-    """Pair liftoffs and impacts of two runs, but for those that an error of the tolerance may add or remove."""
+def paired(*runs):
+    """Pair events of two runs, but for those that an error of the tolerance may add or remove."""
     if not any(run.event_rows.size for run in runs):
         return EventMatches(np.zeros((0, 2), np.int64))
     scene, until = runs[0].scene, min(run.summary["simulated_s"] for run in runs)
-    tables = [run.events[run.events["kind"].isin(["liftoff", "impact"])] for run in runs]
+    tables = [compared_events(run.events) for run in runs]
     return match_events(
         *tables, ErrorBound(np.zeros(1), np.array([MIN_ALLOWED * scene.solver.tolerance])), scene, until
     )
@@ -163,7 +161,12 @@ def _missing(*arrays):
     return sum(int(np.isnan(column).sum()) for column in columns)
 
 
-def _explained(scene):
+def are_apart(*runs):
+    """Whether two runs end in different ways, or with other events."""
+    return len({end(run) for run in runs}) > 1 or bool(np.isfinite(paired(*runs).differ_s))
+
+
+def explained(scene):
     """Compare two engines, with repetitions that show what errors grow to.
 
     Where these do not explain a difference, the same run of the other engine is compared with finer runs of the first:

@@ -5,7 +5,9 @@ import math
 import numpy as np
 from common.random_scenes import random_scene
 
+from stability.campaign import FINER, FINEST, LESS, are_apart, explained, paired
 from stability.checks import NAMED, row, sound, with_engine
+from vibroplat.check import with_other_engine
 from vibroplat.hybrid.state import FORCE_ERROR
 from vibroplat.motion.run import simulate
 
@@ -13,11 +15,36 @@ from vibroplat.motion.run import simulate
 STEEPEST = 0.95
 #: Largest rate against the sense of slip, over the scale of speeds and the root of the tolerance.
 AGAINST = 0.1
+#: Times at which motions are compared with the accurate one.
+SAMPLES = 200
 
 
 def transport(count, engine):
-    """Run random scenes with friction: each ends by name, forces stay in Coulomb's cone, balances close."""
+    """Run random scenes with friction: each ends by name, forces stay in Coulomb's cone, balances close.
+
+    Those of ``native`` are also run by the other engine. Where sequences of events or ends differ, the check of a run
+    decides: it allows what repetitions with other tolerances and disturbed starts show errors to grow to, down to
+    tolerances of 1e-12, and events that such an error adds or removes (``vibroplat.check.events.marginal_events``).
+    What is left is a failure, unless finer runs come to the accurate motion (:func:`converges`).
+    """
     return [judged_moving(number, engine) for number in range(count)]
+
+
+def converges(scene):
+    """Whether finer runs come nearer to the accurate motion, at least as the root of their tolerance, until they part.
+
+    Errors of all steps add up where a hardly damped layer rings for hundreds of periods, of which repetitions of the
+    run show little.
+    """
+    exact = simulate(scene.replace({"solver": {"engine": "taylor", "tolerance": FINEST}}))
+    tolerances = [share * scene.solver.tolerance for share in (1.0, *FINER[:2])]
+    runs = [simulate(scene.replace({"solver.tolerance": tolerance})) for tolerance in tolerances]
+    until = min(min(paired(run, exact).differ_s, run.summary["simulated_s"]) for run in runs)
+    times = np.linspace(0.0, 0.9 * min(until, exact.summary["simulated_s"]), SAMPLES)
+    there = [run(times)[["gap_m", "along_m", "y_m"]] for run in (exact, *runs)]
+    errors = np.array([np.abs(found - there[0]).max() for found in there[1:]])
+    least = tolerances[0] * scene.length_scale
+    return bool((errors[1:] <= np.maximum(LESS * FINER[0] ** 0.5 * errors[:-1], least)).all())
 
 
 def moving(number):
@@ -49,4 +76,6 @@ def judged_moving(number, engine):
         for sign, mode in ((1.0, "slip+"), (-1.0, "slip-")) if friction else ():
             rates = sign * table.loc[table["mode"] == mode, "along_rate_m_per_s"]
             limits[f"against {mode}"] = (max(-float(rates.min()), 0.0) if len(rates) else 0.0, speed)
+    if engine == "native" and are_apart(run, simulate(with_other_engine(scene), keep="events")):
+        limits["disagreements"] = (float(not (explained(scene).agrees or converges(scene))), 0.0)
     return row(scene.name, run.outcome, limits, allowed=NAMED)

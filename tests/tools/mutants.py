@@ -33,10 +33,10 @@ BY_ROOM = [
         "response[5] = 1.0 / p.lower_mass - response[1] → response[5] = 1.0 / p.lower_mass + response[1]",
         "upper = p.upper_mass * damping[4] * squares → upper = damping[4] * squares",
         "heights - unbalance(0, state, p).x - unbalance(1, state, p).x → heights - unbalance(0, state, p).x",
-        "inertias[i] - acting[i] → inertias[i] + acting[i]",
+        "inertias[i] - acting[i]\n → inertias[i] + acting[i]\n",
         "- p.deck[1] * net_2 → + p.deck[1] * net_2",
         "jac[n + 2, row] += p.deck[i] * slope → jac[n + 2, row] -= p.deck[i] * slope",
-        "motor - held, truncated → motor, truncated",
+        "total(total(motor - held)) → total(total(motor))",
     ]),
     ("model config", [
         "exciters[1].position_m or (-x, y) → exciters[1].position_m or (x, y)",
@@ -49,17 +49,22 @@ BY_ROOM = [
         "speed * duration <= math.sqrt(tolerance) → speed * duration <= tolerance",
         "return ATTACH if pressed else FLY → return FLY",
         "before = min(run.state[GAP_RATE], 0.0) → before = run.state[GAP_RATE]",
-        "run.zeros = 3 → run.zeros = 0",
+        "run.zeros = 3  # gap, its rate and its acceleration\n    add_event → run.zeros = 0\n    add_event",
+        "run.zeros = 3  # gap, its rate and its acceleration\n    add_sliding_event → run.zeros = 0\n    add_sliding_event",
         "if run.restarts >= max_restarts and run.now - h.recent[oldest] < run.period: → if run.restarts >= max_restarts:",
-        "h.inelastic if -before < h.p.sticking_speed else h.p → h.p",
+        "h.inelastic if -before < h.p.sticking_speed else h.p\n    impulse → h.p\n    impulse",
+        "h.inelastic if -before < h.p.sticking_speed else h.p\n    blow → h.p\n    blow",
+        "if force <= run.force_error and rate < 0.0: → if force <= run.force_noise and rate < 0.0:",
+        "mode = SLIP_MINUS if run.fallen == 0 else SLIP_PLUS → mode = SLIP_PLUS if run.fallen == 0 else SLIP_MINUS",
     ]),
     # integrators
     ("integrate", [
-        "return greater(float(k) * largest(greater(first, second)) → return greater(largest(greater(first, second))",
+        "return greater(float(k) * largest(coordinates) → return greater(largest(coordinates)",
         "good = (worst <= greater(s.noise, MAX_DEFECT)) → good = (worst <= greater(s.noise, 1e9))",
         "form < max(e.bound[place] * followed.before, limits.near) → form < 1.0",
         "stop, status.resting = AT_TARGET, -1\n            length *= crossing(c, degree, 3, target, angle) → stop, status.resting = AT_TARGET, -1",
         "s.v[3 + status.resting, lane] = 0.0 → s.v[3 + status.resting, lane] = 1e-3",
+        "share - away / (rate * length) → share",
     ]),
     # what is observed
     ("observe motion", [
@@ -70,7 +75,7 @@ BY_ROOM = [
         "gravity = before.gravity - after.gravity → gravity = after.gravity - before.gravity",
         'max(0.0, -float(whole["least"][FORCE])) → max(0.0, -float(late["least"][FORCE]))',
         "ms.closed[marks.turns % ms.closed.size] = → ms.closed[(marks.turns + 1) % ms.closed.size] =",
-        "start[1, j] *= cut - first → start[1, j] *= cut",
+        "degree, first, cut, piece.system, nodes → degree, 0.0, cut, piece.system, nodes",
     ]),
     ("observe study", [
         "total / (count - 1) / count * (1.0 + r) → total / (count - 1) * (1.0 + r)",
@@ -116,7 +121,7 @@ BY_ROOM = [
         "radii = [radius for _, radius in around if radius > 0.0] → radii = [radius for _, radius in around]",
     ]),
     ("continuation", [
-        "np.linalg.qr(np.vstack([norm.real, norm.imag]))[1] → np.eye(len(norm))",
+        "= self._root / self._scales → = np.eye(len(self._root)) / self._scales",
     ]),
     ("thresholds", [
         'one.kind != "level-crossing" or has_errors( → one.kind != "level-crossing" and has_errors(',
@@ -130,7 +135,7 @@ BY_ROOM = [
         "math.prod((1.0 + self.multipliers) → math.prod((2.0 + self.multipliers)",
         "(1.0 - 2.0 * away * steepness) → (1.0 + 2.0 * away * steepness)",
         "(np.abs(self.multipliers[nearest].imag) > MAX_IMAGINARY).all() → (np.abs(self.multipliers[nearest].imag) < MAX_IMAGINARY).all()",
-        "(away > MAX_MULTIPLIER_CHANGE * np.maximum → (away < MAX_MULTIPLIER_CHANGE * np.maximum",
+        "gone = away.min(axis=axis) > MAX → gone = away.min(axis=axis) < MAX",
     ]),
     # what is kept on disk
     ("faults", [

@@ -128,6 +128,9 @@ def _notes(plan: BasinsPlan, table: pd.DataFrame, found: Sequence[AttractorSet])
     """Return warnings."""
     least = clopper_pearson(0, plan.number)[1]
     notes = [f"{HINT}attractors that attract less than {share(least)} of the initial conditions may have been missed"]
+    if "conveying_speed_m_per_s" in table:
+        told = "with transport a motion is assigned once it has settled, by its measures: there are no orbits"
+        notes.append(f"{HINT}{told}")
     if table["motion"].isin(TRANSIENT_MOTIONS).any():
         notes.append(
             f"motions that did not converge to an orbit within {plan.max_turns} turns were grouped by windows of "

@@ -14,22 +14,25 @@ from typing import Any
 import numpy as np
 
 from vibroplat.basin.mapper import AttractorMapper, same_orbit, window_length
-from vibroplat.basin.windows import MAX_DIFFERENCE, MEASURES, classify_windows, components, is_alike
+from vibroplat.basin.windows import classify_windows, components, is_alike, same_motion
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import NoConvergenceError
 from vibroplat.continuation.orbit import OrbitError
 from vibroplat.continuation.orbit_neighbourhood import OrbitNeighbourhood
 from vibroplat.hybrid.state import state_scales
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.study.classification import same_phase
 from vibroplat.study.store import Record
 
-#: Motions that repeat are the same if their measures are this near, over themselves; and a window of one, whose turns
-#: need not be a multiple of its period.
-PERIODIC_TOLERANCE, WINDOW_TOLERANCE = 1e-3, 0.02
+#: A window of a motion that repeats is of it if its measures are this near, over themselves, as its turns need not be a
+#: multiple of the period.
+WINDOW_TOLERANCE = 0.02
 #: A parameter step is divided into CONTINUATION_PARTS sub-steps. The orbit keeps its identity if its largest
 #: displacement in a sub-step is at most MAX_PART_RATIO times the smallest plus SMALL_PART (scaled units).
 CONTINUATION_PARTS, MAX_PART_RATIO, SMALL_PART = 4, 3.0, 0.05
+
+
+#: Errors of a conveying speed up to which it may be 0.
+SURE = 3.0
 
 
 @dataclass
@@ -83,7 +86,7 @@ class AttractorSet:
     def _number(self, record: Record) -> int:
         """Return the number of the attractor of a measured motion; a new one is added."""
         row, scales = record["row"], state_scales(self.scene)
-        same = (k for k, known in enumerate(self.attractors) if _same(known["row"], row, scales))
+        same = (k for k, known in enumerate(self.attractors) if same_motion(known["row"], row, scales))
         number = next(same, None)
         return self._add(record) if number is None else number
 
@@ -164,17 +167,6 @@ def _record(row: Mapping[str, Any], state: Sequence[float] | None = None) -> Rec
     return {"row": dict(row), "state": state, "centres": centres, "forms": [], "radius": None, "ellipsoids": None}
 
 
-def _same(one: Mapping[str, Any], other: Mapping[str, Any], scales: FloatArray) -> bool:
-    """Whether two measured motions are of one attractor."""
-    if any(one.get(name) != other.get(name) for name in ("motion", "period", "outcome")):
-        return False
-    if other.get("motion") is None:
-        return True
-    if not same_phase(one, other):
-        return False
-    return is_alike(one, other, scales, PERIODIC_TOLERANCE if other["period"] else MAX_DIFFERENCE)
-
-
 # -- over a key -------------------------------------------------------------------------------------------------------
 
 
@@ -216,7 +208,7 @@ def _location(local: OrbitNeighbourhood) -> list[float]:
     """Say where an orbit is, by its measures in scaled units."""
     scales, found = state_scales(local.scene), local.measures
     phase = found["phase_difference_rad"] or 0.0
-    lengths = (found[name] / scales[place] for place, name in enumerate(MEASURES))
+    lengths = (found[name] / scales[place] for place, name in enumerate(("rms_x_m", "rms_y_m", "rms_phi_rad")))
     return [*lengths, np.cos(phase), np.sin(phase)]
 
 
@@ -274,7 +266,17 @@ def _name(row: Mapping[str, Any]) -> str:
     if row.get("motion") is None:  # it may end early only where it is followed longer
         return str(row["outcome"])
     kind = f"period {row['period']}" if row["period"] else row["motion"]
-    return f"{'not synchronized' if row['sync'] == 'none' else row['sync']}, {kind}"
+    return f"{'not synchronized' if row['sync'] == 'none' else row['sync']}{_conveying(row)}, {kind}"
+
+
+def _conveying(row: Mapping[str, Any]) -> str:
+    """Say where material goes, if it may go along the deck."""
+    speed, error = row.get("conveying_speed_m_per_s"), row.get("conveying_speed_error_m_per_s") or 0.0
+    if speed is None:
+        return ""
+    if row.get("stick_fraction") == 1.0:
+        return ", material sticks"
+    return ", conveys nowhere" if abs(speed) <= SURE * error else f", conveys to {'+' if speed > 0.0 else '−'}x"
 
 
 def _phase(row: Mapping[str, Any]) -> str:

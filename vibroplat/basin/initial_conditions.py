@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import exciter_angles
 from vibroplat.config.study_plans import INITIAL_PREFIX, PHASES, BasinsPlan
@@ -16,7 +16,7 @@ from vibroplat.errors import ConfigError, errors_about
 from vibroplat.hybrid.state import initial_state, perturb_states
 from vibroplat.kernels.compiled import FloatArray
 
-_STATE = {f"{INITIAL_PREFIX}state.{name}": place for place, name in enumerate((*COORDINATES, *RATES))}
+_STATE = {f"{INITIAL_PREFIX}state.{name}": place for place, name in enumerate((*COORDINATES, *RATES, *ALONG))}
 
 
 def key_values(plan: BasinsPlan, numbers: Iterable[int]) -> FloatArray:
@@ -55,7 +55,7 @@ def _draw(seed: int, count: int, rows: npt.NDArray[np.int64]) -> FloatArray:
 
 
 def initial_states(scene: Scene, plan: BasinsPlan, numbers: Sequence[int]) -> FloatArray:
-    """Return the full states of some starts, shape (starts, 14)."""
+    """Return the full states of some starts, shape (starts, 14), with transport (starts, 16)."""
     initial, values = scene.run.initial, key_values(plan, numbers)
     states = np.tile(initial_state(scene, initial), (len(values), 1))
     if initial.state is None:

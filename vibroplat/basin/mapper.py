@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.basin.initial_conditions import initial_states
-from vibroplat.basin.windows import MEASURES
+from vibroplat.basin.windows import MEASURES, same_motion
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
@@ -49,6 +49,7 @@ from vibroplat.observe.measures import SECTION_POINTS, WITH_EXTREMES
 from vibroplat.observe.section import section_points
 from vibroplat.observe.summary import MeasuredInterval, measure
 from vibroplat.study.attractor_search import search_coexisting
+from vibroplat.study.classification import BLOCKS
 from vibroplat.study.point import measure_point, on_orbit, row_of
 from vibroplat.study.settling import KnownOrbit
 from vibroplat.study.store import Record
@@ -63,6 +64,12 @@ SEARCH_TURNS, RETURN_DISTANCE = 16, 0.05
 #: Periods in which a motion in an ellipsoid must come nearer to the orbit, unless it is this near already, over the
 #: radius.
 CONTRACTION_PERIODS, INNER_RADIUS_RATIO = 2, 0.1
+#: What is known of windows beside their measures; the last ones with transport.
+DESCRIBING = ("flight_fraction", "sync", PHASE_COLUMN, "stick_fraction", "conveying_speed_error_m_per_s")
+#: Turns within which a motion must settle that is assigned without an orbit, if it has not taken as many already.
+SETTLED_TURNS = 128
+#: How closely that is, in scaled units, as measures tell such motions apart; its exponent does not matter.
+CLOSELY: Record = {"settle_tolerance": 1e-4, "lyapunov": False}
 #: Distance of the same orbit found twice, in scaled units.
 SAME_ORBIT_DISTANCE = 1e-4
 #: Windows in which a motion that has converged to no orbit is measured, and whole turns of each, a multiple of many
@@ -71,7 +78,9 @@ WINDOWS, WINDOW_TURNS = 4, 240
 
 
 def same_orbit(one: Record, other: Record, scales: FloatArray) -> bool:
-    """Whether two records of attractors are of one orbit."""
+    """Whether two records of attractors are of one orbit, or of one motion that has settled."""
+    if "multiplier_max" not in one["row"]:
+        return same_motion(one["row"], other["row"], scales)
     if one["row"]["period"] != other["row"]["period"]:
         return False
     away = np.array(other["centres"]) - one["state"]
@@ -98,8 +107,8 @@ class AttractorMapper:
         self._motion = Simulator(scene, p, self._engine)
         self._group = group_for(self._engine, scene, p, lanes())
         self._follow, self._decide = same_types(follow), same_types(decide)
-        self._search = FIRST_SEARCH_TURNS
-        if len(history) >= MIN_HISTORY:
+        self._search, self._settled = FIRST_SEARCH_TURNS, 0  # turns until a search, and those that one takes itself
+        if len(history) >= MIN_HISTORY and scene.transport is None:
             after = min(int(SEARCH_TURNS_RATIO * np.median(history)), longest // 2)
             self._search = max(FIRST_SEARCH_TURNS, after)
         self._limits = Limits(
@@ -142,19 +151,19 @@ class AttractorMapper:
             number, fate = stopped
             motion.resume(runs[number], work.recent)
             turns, more = (int(followed[number][name]) for name in ("turns", "more"))
+            if "_detector" in vars(self):
+                self._detector.reset()
             if fate == ENDED:
                 ended = {"outcome": motion.outcome, "detail": motion.detail}
                 others[number] = {"attractor": None, "turns": turns, **ended}
             elif fate == UNCONVERGED:
-                self._detector.reset()
                 others[number] = self._measure_unconverged(turns)
             else:
-                self._detector.reset()
                 longest = 4.0 * (LATE_CHECK_TURNS + 1) * self._turn
                 part = motion.advance_turns(SEARCH_TURNS, longest, scope=SECTION_POINTS)
                 found = self._search_new_orbit(part)
                 if found is not None:
-                    others[number] = {"attractor": found, "turns": turns}
+                    others[number] = {"attractor": found, "turns": min(turns + self._settled, self.longest)}
                     continue
                 followed[number]["turns"] += more + SEARCH_TURNS + 1
                 followed[number]["search"] *= 2
@@ -213,9 +222,8 @@ class AttractorMapper:
         """Return the number of an orbit among the attractors; one that is not there yet is added."""
         row = on_orbit(self.scene, orbit, 0.0, self._detector.work).row
         record: Record = {"row": row, "state": orbit.state.tolist(), "centres": [], "forms": [], "systems": []}
-        for number, known in enumerate(self.attractors):
-            if same_orbit(record, known, self._scales):
-                return number
+        if (number := self._number(record)) < len(self.attractors):
+            return number
         try:
             around = self._detector.section_ellipsoids(orbit.state, orbit.period)
         except NoConvergenceError:
@@ -226,9 +234,19 @@ class AttractorMapper:
         for crossing, radius in around:
             record["forms"].append((crossing.form / max(radius, 1e-150) ** 2).tolist())
             record["systems"].append(crossing.system)
-        self.attractors.append(record)
-        self._pack()
-        return len(self.attractors) - 1
+        return self._add(record)
+
+    def _number(self, record: Record) -> int:
+        """Return the number of an attractor, or that of a new one."""
+        same = (n for n, known in enumerate(self.attractors) if same_orbit(record, known, self._scales))
+        return next(same, len(self.attractors))
+
+    def _add(self, record: Record) -> int:
+        """Add an attractor unless it is known, and return its number."""
+        if (number := self._number(record)) == len(self.attractors):
+            self.attractors.append(record)
+            self._pack()
+        return number
 
     def _pack(self) -> None:
         """Gather the ellipsoids of all attractors for compiled code, and whose they are."""
@@ -249,6 +267,8 @@ class AttractorMapper:
 
     def _search_new_orbit(self, part: MeasuredInterval) -> int | None:
         """Return the number of the orbit to which the motion converges after a part of it, or None; add a new one."""
+        if self.scene.transport is not None:
+            return self._search_settled()
         points = section_points(part.measures, self.scene)
         if self._motion.outcome != "ok" or len(points) <= MAX_PERIOD_TURNS:
             return None
@@ -256,6 +276,18 @@ class AttractorMapper:
             return None
         orbit = self._detector.detect(self._motion, points, 0)
         return None if orbit is None else self.register(orbit)
+
+    def _search_settled(self) -> int | None:
+        """Return the number of the repeating motion to which this one soon settles, or None; add a new one."""
+        longest = max(SETTLED_TURNS * self._turn, self._motion.now)
+        plan = constant_plan(self.scene, max_settle_s=longest, measure_s=longest / BLOCKS, **CLOSELY)
+        point = measure_point(self.scene, plan, self._motion.state.tolist(), (0,))
+        if not point.row.get("period") or point.row["settle_s"] >= longest:
+            return None
+        del point.row["wall_s"]
+        self._settled = round(point.row["settle_s"] / self._turn)
+        record = {"row": point.row, "state": point.state, "centres": [], "forms": [], "systems": []}
+        return self._add(record | {"radius": 0.0, "ellipsoids": 0})
 
     def _measure_unconverged(self, turns: int) -> Record:
         """Measure a motion that has converged to no orbit, in windows; it may still converge to one."""
@@ -272,7 +304,7 @@ class AttractorMapper:
                 return {"attractor": found, "turns": turns}
             turns += more
             row = row_of(measure(part, self.scene), self.scene)
-            rows.append({name: row[name] for name in (*MEASURES, "flight_fraction", "sync", PHASE_COLUMN)})
+            rows.append({name: row[name] for name in (*MEASURES, *DESCRIBING) if name in row})
         end = {"outcome": "ok", "detail": "", "state": motion.state.tolist(), "windows": rows}
         return {"attractor": None, "turns": self.longest, **end}
 
@@ -311,11 +343,16 @@ def map_alone(scene: Scene, plan: BasinsPlan, number: int) -> Record:
         return {"row": {"motion": None, "period": 0, **found.get("windows", [{"sync": None}])[-1]}}
 
 
+def constant_plan(scene: Scene, **more: float) -> SweepPlan:
+    """Return how a motion is followed as it is."""
+    frequency = scene.drive.largest_frequency
+    given: Record = {"supply_frequency_hz": {"start": frequency, "stop": frequency}, "perturbation": 0.0}
+    return SweepPlan.model_validate(given | more)
+
+
 def classify_unconverged(scene: Scene, state: list[float]) -> Record:
     """Measure and classify a motion that has converged to no orbit in the turns given."""
-    frequency = scene.drive.largest_frequency
-    given = {"supply_frequency_hz": {"start": frequency, "stop": frequency}, "perturbation": 0.0}
-    plan = SweepPlan.model_validate(given)
+    plan = constant_plan(scene)
     point = measure_point(scene, plan, state, (0,))
     if point.search is not None:
         point.row.update(search_coexisting(scene, plan, point.search))

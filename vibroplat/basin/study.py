@@ -25,7 +25,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import BasinsPlan
 from vibroplat.continuation.orbit import with_orbit_tolerance
 from vibroplat.errors import ConfigError, errors_about
-from vibroplat.observe.data_sheet import SHEET, point_columns
+from vibroplat.observe.data_sheet import SHEET, more_columns, point_columns
 from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of, study_table
 from vibroplat.study.point import ERRORS, MEASURED
@@ -120,12 +120,13 @@ class BasinsStudy(Study):
     counted = "starts"
 
     def __init__(self, scene: Scene) -> None:
-        scene.require_orbits("a basin of attraction")
         if scene.basins is None:
             raise ConfigError("this configuration has no basins section; add basins: {initial_conditions: …}")
         with_orbit_tolerance(scene, 1e-8)  # refuses a program of the drive
         self.scene, self.plan = scene, scene.basins
         over = self.plan.over
+        if over is not None:
+            scene.require_orbits("basins.over, a branch of each orbit,", "basins at each value, or sweep")
         self.key = None if over is None else over.key
         self.values: list[float] = [math.nan] if over is None else over.upward
         if over is not None and over.direction == ["down"]:
@@ -264,7 +265,7 @@ def _make_result(question: BasinsStudy, found: Sequence[AttractorSet]) -> Result
             | {"attractor": labels[f.starts[k]["attractor"]], "turns": f.starts[k]["turns"]}
             for k in question.order
         ]
-    more = point_columns(question.scene.output)
+    more = more_columns(question.scene)
     tables = {
         "attractors": study_table(attractors, [*column, *ATTRACTORS, *more], {**SWEEP, **ATTRACTORS, **more}),
         "starts": study_table(starts, [*column, *plan.initial_conditions, *STARTS_TABLE], {**SWEEP, **STARTS_TABLE}),
@@ -282,7 +283,7 @@ def _row(record: Record, label: str, count: int, rate: Rate | None, plan: Basins
     if rate is not None:
         names = ("rate_per_turn", "rate_low_per_turn", "rate_high_per_turn", "rate_constant_p")
         found |= dict(zip(names, rate, strict=True))
-    state = zip((*COORDINATES, *RATES), record["state"] or [None] * 14, strict=True)
+    state = zip((*COORDINATES, *RATES), record["state"] or [None] * 14, strict=False)
     own = {name: record[name] for name in ("radius", "ellipsoids")}
     return {**record["row"], **dict(state), **found, **own}
 

@@ -13,10 +13,13 @@ from typing import Any
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.systems import ALONG_RATE
 from vibroplat.study.classification import same_phase
 
-#: What tells motions apart that do not repeat.
-MEASURES = ("rms_x_m", "rms_y_m", "rms_phi_rad")
+#: What tells motions apart that do not repeat, with the places of their scales; the last one with transport.
+MEASURES = {"rms_x_m": 0, "rms_y_m": 1, "rms_phi_rad": 2, "conveying_speed_m_per_s": ALONG_RATE}
+#: Motions that repeat are the same if their measures are this near, over themselves.
+PERIODIC_TOLERANCE = 1e-3
 #: Windows are of one class if their measures are this near, over themselves.
 MAX_DIFFERENCE = 0.2
 
@@ -26,10 +29,20 @@ Window = Mapping[str, Any]
 
 def is_alike(one: Window, other: Window, scales: FloatArray, share: float = MAX_DIFFERENCE) -> bool:
     """Whether two motions are synchronized alike, with nearly the same RMS displacements and share of flight."""
-    sizes = np.array([[row[name] for name in MEASURES] for row in (one, other)]) / scales[: len(MEASURES)]
+    known = {name: place for name, place in MEASURES.items() if place < len(scales)}
+    sizes = np.array([[row[name] for name in known] for row in (one, other)]) / scales[[*known.values()]]
     near = np.linalg.norm(sizes[1] - sizes[0]) <= share * np.linalg.norm(sizes, axis=1).max()
     flying = abs((one["flight_fraction"] or 0.0) - (other["flight_fraction"] or 0.0)) <= share
     return bool(near) and flying and same_phase(one, other)
+
+
+def same_motion(one: Window, other: Window, scales: FloatArray) -> bool:
+    """Whether two measured motions are of one attractor."""
+    if any(one.get(name) != other.get(name) for name in ("motion", "period", "outcome")):
+        return False
+    if other.get("motion") is None:
+        return True
+    return is_alike(one, other, scales, PERIODIC_TOLERANCE if other["period"] else MAX_DIFFERENCE)
 
 
 def classify_windows(motions: Sequence[Sequence[Window]], scales: FloatArray) -> list[list[int]]:

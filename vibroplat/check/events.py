@@ -11,7 +11,7 @@ import pandas as pd
 
 from vibroplat.config.digits import given
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.state import state_scales
+from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP_RATE
 
@@ -48,13 +48,24 @@ class EventMatches(NamedTuple):
     why: tuple[str, str] = ("", "")
 
 
+def compared_events(events: pd.DataFrame) -> pd.DataFrame:
+    """Pick the events that runs are compared by: all but chatters and corners of a program.
+
+    A chatter stands for impacts, whose number depends on when it was found to be one. A reversal is told as a slip: it
+    is one after a stick of no duration.
+    """
+    found = events.replace({"kind": {"reversal": "slip"}})
+    return found[~found["kind"].isin(["chatter", "drive"])].reset_index(drop=True)
+
+
 def marginal_events(events: pd.DataFrame, errors: ErrorBound, scene: Scene) -> npt.NDArray[np.bool_]:
     """Tell which events an error of the motion may add or remove.
 
     With an error ε in scaled units, a gap that just misses 0 becomes an impact with √(2 ε) of the scale of
     speeds, and a contact force that just stays positive falls below 0 for √(8 ε) / ω₀. Impacts after shorter flights
     than that may be closed into contact in one run and followed in the other; how fast they are depends on what
-    presses, which may be a stiff layer.
+    presses, which may be a stiff layer. A force of friction that just leaves its cone, by ε of what the contact force
+    changes by, begins a slip of √(18 ε) / ω₀; slip that just ends begins a stick a third as long.
     """
     times = events["t_s"].to_numpy()
     errors_there = errors.at(times)
@@ -62,8 +73,13 @@ def marginal_events(events: pd.DataFrame, errors: ErrorBound, scene: Scene) -> n
     short = np.sqrt(8.0 * errors_there)
     before = scene.speed_scale * np.diff(times, prepend=-math.inf)
     after = scene.speed_scale * np.diff(times, append=math.inf)
-    liftoffs = (events["kind"] == "liftoff").to_numpy()
-    return np.where(liftoffs, after < short, (before < short) | (speeds < np.sqrt(2.0 * errors_there)))
+    brief = np.sqrt(18.0 * errors_there * force_spread(scene) / scene.force_scale)
+    kinds = events["kind"].to_numpy()
+    return np.select(
+        [kinds == "liftoff", kinds == "impact"],
+        [after < short, (before < short) | (speeds < np.sqrt(2.0 * errors_there))],
+        np.minimum(before, after) < brief,
+    )
 
 
 def match_events(one: pd.DataFrame, two: pd.DataFrame, errors: ErrorBound, scene: Scene, until: float) -> EventMatches:

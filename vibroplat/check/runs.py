@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.check import MAX_RATIO, MIN_ALLOWED, Other, with_other_engine, with_other_tolerance
-from vibroplat.check.events import ErrorBound, EventMatches, marginal_events, match_events
+from vibroplat.check.events import ErrorBound, EventMatches, compared_events, marginal_events, match_events
 from vibroplat.config.arguments import validated
 from vibroplat.config.coordinates import ALONG, COORDINATES
 from vibroplat.config.digits import given, number, pair, quantity
@@ -254,9 +254,8 @@ class SampledRun:
 
     @cached_property
     def events(self) -> pd.DataFrame:
-        """Liftoffs and impacts. A chatter stands for impacts, whose number depends on when it was found to be one."""
-        found = pd.concat(self._events)
-        return found[found["kind"].isin(["liftoff", "impact"])].reset_index(drop=True)
+        """Events that are compared."""
+        return compared_events(pd.concat(self._events))
 
     @property
     def outcome(self) -> str:

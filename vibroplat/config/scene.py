@@ -352,7 +352,7 @@ class Scene(Section):
             return self.machine.damping_y_n_s_per_m + self.contact.viscous_per_mass_per_s * self.material_mass
         return self.machine.damping_y_n_s_per_m
 
-    def require_orbits(self, what: str) -> None:
+    def require_orbits(self, what: str, instead: str = "run, sweep, find, basins and design") -> None:
         """Refuse what needs periodic orbits or derivatives of a motion where there are none.
 
         Raises
@@ -362,8 +362,8 @@ class Scene(Section):
         """
         if self.transport is not None:
             raise ConfigError(
-                f"{what} cannot be computed with transport: slip and stick have no derivatives yet; allowed: run, "
-                "sweep and find, or no section transport"
+                f"{what} cannot be computed with transport: slip and stick have no derivatives yet; allowed: "
+                f"{instead}, which follow motions, or no section transport"
             )
 
     def replace(self, changes: Mapping[str, Any] | None = None, /, **sections: Any) -> Scene:

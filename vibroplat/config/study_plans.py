@@ -9,14 +9,15 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
 from vibroplat.config.plans import Frequencies, OrbitsPlan, ParameterRange, SweepPlan, may_vary
 from vibroplat.config.schema import MAX_SIZE, Fraction, Positive, Real, Section, did_you_mean
 
 #: What keys of starts begin with, and those that there are.
 INITIAL_PREFIX = "run.initial."
 PHASES = ("phase_difference_rad", "phase_sum_rad", "phi1_rad", "speed_ratio")
-INITIAL_KEYS = tuple(INITIAL_PREFIX + name for name in (*PHASES, *(f"state.{name}" for name in (*COORDINATES, *RATES))))
+STATE_KEYS = tuple(f"state.{name}" for name in (*COORDINATES, *RATES, *ALONG))
+INITIAL_KEYS = tuple(INITIAL_PREFIX + name for name in (*PHASES, *STATE_KEYS))
 #: Pairs of them that say the same.
 EXCLUSIVE = (
     ("phase_difference_rad", "phase_sum_rad"),

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from contextlib import closing, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -31,7 +31,9 @@ from vibroplat.continuation.special_points import (
     tangent_of,
 )
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.observe.measures import measured_extremes
 from vibroplat.observe.orbits import ANGLE_INDEX
+from vibroplat.observe.summary import statistics
 from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
 
@@ -137,12 +139,13 @@ def compute_part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Kn
     new ``rows`` and ``special`` points, the ``last`` place, and why the branch ``ended``, or has ``failed``.
     """
     record: Record = {"rows": [], "special": [], "last": None, "ended": "", "failed": False}
-    with closing(Shooter(scene, [plan.key], plan.range)) as shooter:
+    shooter = Shooter.borrowed(scene, [plan.key], plan.range)
+    try:
         try:
             branch = _begin_branch(shooter, plan, begin)
         except (NoConvergenceError, OrbitError) as error:
             return record | {"ended": str(error), "failed": True}
-        rows, ends, step = record["rows"], list[SpecialPoint](), list[OrbitPoint]()
+        taken, ends, step = list[tuple[OrbitPoint, float]](), list[SpecialPoint](), list[OrbitPoint]()
         values = [*(_values(former) for _, former in known.others), _values(known.own)]
         most, own = min(POINTS_PER_TASK, plan.max_points - len(known.own)), [*known.own]
 
@@ -152,31 +155,33 @@ def compute_part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Kn
                 if not (plan.covers(special.value) or plan.covers(after.value)):
                     return  # beyond the end of the branch
                 found = branch.problem.describe(special.point) | {"kind": special.kind, "value": special.value}
-                found |= {"after": len(known.own) + len(rows), "branches": []}
+                found |= {"after": len(own), "branches": []}
                 old = any(same_special(found, other, plan) for other in (*known.special, *record["special"]))
                 if special.kind in plan.switch and not old and not (special.kind == DOUBLING and special.mirrors):
                     starts = new_branches(branch.problem, special, _steps(plan)[0], branch.largest)
                     found["branches"] = [_point_record(*start) for start in starts]
                 record["special"].append(found)
-                if special.mirrors and len(known.own) + len(rows) > 1:
+                if special.mirrors and len(own) > 1:
                     ends.append(special)
                     return
 
         def take() -> None:
-            """Add the row of the last point, unless it was passed before: then the branch ends."""
-            row = _row(branch.problem, branch.points[-1])
-            again = known.find_revisit(row, own, values)
+            """Take the last point, unless it was passed before: then the branch ends."""
+            point, turns = branch.points[-1], shooter.take_turns()
+            marks = _marks_of(branch.problem, point)
+            again = known.find_revisit(marks, own, values)
             record["ended"], record["failed"] = again or branch.ended, again == CAME_BACK
             if not again:
-                rows.append(row)
-                own.append(row)
-                values[-1] = np.append(values[-1], row["value"])
+                taken.append((point, turns))
+                own.append(marks)
+                values[-1] = np.append(values[-1], marks["value"])
 
         if begin is None or begin["new"]:
             take()
-        while len(rows) < most and not record["ended"]:
+        while len(taken) < most and not record["ended"]:
             if not branch.extend(look):
-                return record | {"ended": branch.ended, "failed": True}
+                record["ended"], record["failed"] = branch.ended, True
+                break
             if ends:
                 beyond = "half the period beyond" if ends[0].kind == DOUBLING else "mirror image beyond"
                 branch.points[-1], branch.ended = ends[0].point, beyond
@@ -184,7 +189,11 @@ def compute_part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Kn
                 _stop_at_end(branch, plan, *step)
             take()
         record["last"] = _point_record(branch.problem, branch.points[-1], branch.step, new=False)
-    return record
+        # one after the other, which takes two thirds of the time of each as its point is taken
+        record["rows"] = [_row(branch.problem, *each) for each in taken]
+        return record
+    finally:
+        shooter.give_back()
 
 
 def _steps(plan: OrbitsPlan) -> list[float]:
@@ -239,12 +248,12 @@ def _stop_at_end(branch: Branch, plan: OrbitsPlan, before: OrbitPoint, last: Orb
         branch.points[-1] = OrbitPoint.of(found, tangent_of(found.jacobian, last.tangent))
 
 
-def _row(problem: Problem, point: OrbitPoint) -> Record:
+def _row(problem: Problem, point: OrbitPoint, turns: float) -> Record:
     """Return the row of a point in the table of branches; ``turns`` are those since the point before."""
-    found, unstable, turns = problem.describe(point), n_unstable(point.multipliers), problem.shooter.take_turns()
+    unstable = n_unstable(point.multipliers)
     return {
-        **found,
-        "value": float(f"{found['value']:.15g}"),  # without what units leave of a round number
+        **problem.describe(point),
+        "value": _rounded(point.value),
         **measures_of_orbit(problem, point),
         "sequence": event_sequence_text(point.event_sequence),
         "stable": unstable == 0,
@@ -253,6 +262,26 @@ def _row(problem: Problem, point: OrbitPoint) -> Record:
         "residual": point.residuals[-1],
         "turns": turns,
     }
+
+
+def _marks_of(problem: Problem, point: OrbitPoint) -> Record:
+    """Return what tells a point from others, as :func:`_measures` does of rows."""
+    assert point.shot.part is not None
+    measures = point.shot.part.measures
+    found = statistics(measures, measured_extremes(measures))
+    return {
+        **{name: found[name] for name in ("phase_difference_rad", *MIRROR_INVARIANTS)},
+        "value": _rounded(point.value),
+        "period": abs(problem.turns[0]),
+        "period_s": point.chart.unpack(point.u)[1],
+        "sequence": event_sequence_text(point.event_sequence),
+        "multiplier_1_re": float(point.multipliers[0].real),
+    }
+
+
+def _rounded(value: float) -> float:
+    """Leave out what units leave of a round number."""
+    return float(f"{value:.15g}")
 
 
 # -- all parts of all branches -----------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.continuation.shooting import TURN, Shooter, Shot, canonical_sequence
+from vibroplat.continuation.shooting import TURN, Shooter, Shot
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.kernels.linear import eliminate
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
@@ -89,10 +89,10 @@ class NewtonResult:
         found = np.linalg.eigvals(self.chart.section_map(self.shot)).astype(complex)
         return found[np.lexsort((-found.imag, -np.abs(found).round(12)))]
 
-    @cached_property
+    @property
     def event_sequence(self) -> str:
         """Sequence of events, wherever the period begins."""
-        return canonical_sequence(self.shot.event_sequence)
+        return self.shot.canonical_sequence
 
     def newton_step(self, border: FloatArray) -> FloatArray:
         """Newton's last step in the directions that a border leaves free, which needs no further shot."""

@@ -45,6 +45,7 @@ def orbit_motion(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
     VibroplatError
         There is no such orbit, or it cannot be computed; the message says why.
     """
+    scene.require_orbits("a periodic orbit")
     period = int(row["period"])
     placed, state = read_guess(scene, row)
     if state is not None:

@@ -36,10 +36,11 @@ from vibroplat.observe.shots import (
     SET_DIRECTIONS,
     ShotRecords,
     contracts,
-    copied,
+    packed,
     set_parameters,
     shoot,
     shot_records,
+    unpacked,
 )
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import Energies, MeasuredInterval
@@ -96,6 +97,11 @@ class Shot:
     pieces: Sequence[tuple[int, float, float]] = ()
     least_force: float = math.inf
     least_gap: float = math.inf
+
+    @cached_property
+    def canonical_sequence(self) -> str:
+        """Sequence of events, wherever the period begins."""
+        return canonical_sequence(self.event_sequence)
 
     @cached_property
     def event_sequence(self) -> str:
@@ -205,9 +211,10 @@ _IDLE: list[Shooter] = []
 MAX_IDLE = 4
 
 
-def _likeness_of(scene: Scene) -> tuple[Any, ...]:
-    """Return what scenes have in common whose shots one shooter can take."""
-    return scene.solver, scene.modes, scene.coordinates, len(scene.output.points)
+def _likeness_of(scene: Scene, keys: Sequence[str], course: tuple[float, float] | None) -> tuple[Any, ...]:
+    """Return what scenes have in common whose shots one shooter can take: with keys, all of it."""
+    own = (scene, *keys, course) if keys else ()
+    return scene.solver, scene.modes, scene.coordinates, len(scene.output.points), *own
 
 
 class Shooter:
@@ -236,7 +243,7 @@ class Shooter:
         scene.require_orbits("a periodic orbit")
         self.scene = scene
         self.keys = tuple(keys)
-        self._likeness = _likeness_of(scene)
+        self._likeness = _likeness_of(scene, keys, course)
         self.scales = state_scales(scene)
         self.p = parameters(scene)
         self.engine = make_engine(scene, self.p)
@@ -248,6 +255,7 @@ class Shooter:
         }
         self._variation = Variation([self.p.copy()] * len(self.keys))
         self._statistics = Statistics(0.0, 0, len(scene.output.points), scope=WITH_EXTREMES)
+        self._statistics.measures, measured = packed(self._statistics.measures)
         answers = self.answers
         self._python = PythonFunction(lambda wish: answers[wish]())
         self.kernels = _kernels(type(self.engine))
@@ -258,26 +266,29 @@ class Shooter:
             self._python.address,
             self._variation,
             self._statistics,
+            measured,
             NO_COURSE if course is None or len(self.keys) != 1 else course_of(scene, self.keys[0], *course),
             self.motion.held_parameters,
         )
         self.records = self.kernels.with_address(records)
 
     @classmethod
-    def borrowed(cls, scene: Scene) -> Shooter:
-        """Return one without keys: one that was given back, if its scene was like this one, or a new one.
+    def borrowed(cls, scene: Scene, keys: Sequence[str] = (), course: tuple[float, float] | None = None) -> Shooter:
+        """Return one that was given back, if its scene was like this one, or the same with the same keys; or a new one.
 
         That saves two thirds of the time, and gives the same shots to the last bit.
         """
-        likeness = _likeness_of(scene)
+        likeness = _likeness_of(scene, keys, course)
         for idle in [one for one in _IDLE if one._likeness == likeness]:
             with suppress(ValueError):
                 _IDLE.remove(idle)  # unless another thread has taken it
                 idle.scene, idle.scales = scene, state_scales(scene)
                 idle.motion.take(scene, parameters(scene))
                 idle.records = idle.records._replace(statistics=idle._statistics.callee(idle.motion.automaton))
+                idle.records.held[:] = math.nan
+                idle.take_turns()
                 return idle
-        return cls(scene)
+        return cls(scene, keys, course)
 
     def give_back(self) -> None:
         """Take no more shots of this scene; it is kept for the next one that is borrowed, if its engine can be."""
@@ -386,7 +397,8 @@ class Shooter:
         found = Shot(state, begins, ends, duration, motion.outcome, motion.detail, happened, restitution)
         if measured:
             before, after = (Energies.of(at, h.p) for at in (start, h.run["state"]))
-            found.part = MeasuredInterval(copied(self._statistics.measures), before, after)
+            measures = unpacked(records.measured.copy(), self._statistics.measures)
+            found.part = MeasuredInterval(measures, before, after)
         if full:
             found.derivative, found.rates = self._variation.arrived, self._variation.rates
             found.pieces = records.pieces[:pieces].tolist()

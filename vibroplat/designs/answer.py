@@ -89,7 +89,7 @@ def _nearest(plan: DesignPlan, evaluations: pd.DataFrame) -> Iterator[str]:
 
 def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFrame) -> Iterator[str]:
     """Yield how many samples within the tolerances are good, the quantiles of measures, and what explains them."""
-    told = [f"{share(samples['stable'].mean())} stable"]
+    told = [f"{share(samples['stable'].mean())} {'stable' if 'stability_margin' in samples else 'settle alike'}"]
     together = [*satisfied(plan, samples).values()][:1]
     told += [f"{with_confidence(count, len(samples))} within bounds" for count in together]
     yield f"{counted(len(samples), 'machine')} within the tolerances: {', '.join(told)}"

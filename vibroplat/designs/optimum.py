@@ -16,9 +16,9 @@ from vibroplat.columns import COUNT, FLAG, Column, Columns
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import VIOLATION_TOLERANCE
 from vibroplat.continuation.newton import NoConvergenceError
-from vibroplat.continuation.orbit_neighbourhood import OrbitNeighbourhood
-from vibroplat.designs.samples import name_regime, sobol_points
-from vibroplat.designs.sensitivities import local_orbit, settling_plan
+from vibroplat.designs.motions import name_regime, settling_plan
+from vibroplat.designs.samples import sobol_points
+from vibroplat.designs.sensitivities import Neighbourhood, local_orbit
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.point import measure_point
 from vibroplat.study.store import Record
@@ -72,8 +72,9 @@ class DesignProblem:
             [(k, 1.0 + side * s) for k, s in plan.parameter_tolerances.items() for side in (-1.0, 1.0)],
         )
         self.factors = np.array([[f if key == k else 1.0 for key in self.local.keys] for k, f in [("", 1.0), *ends]])
-        bounds = {"stability_margin": (1.0, 0.0), **bounds}  # an unstable orbit is no design
-        self._signs, limits = np.array(list(bounds.values())).T
+        if "stability_margin" in self.names:  # an unstable orbit is no design
+            bounds = {"stability_margin": (1.0, 0.0), **bounds}
+        self._signs, limits = np.array(list(bounds.values()), float).reshape(-1, 2).T
         self._limits, self._bounded = limits, [self.names.index(name) for name in bounds]
         scales = np.abs(limits) + (limits == 0.0)
         self._scales = np.where(
@@ -81,8 +82,8 @@ class DesignProblem:
         )
         self._least, self._aims = self.names.index(plan.minimize), [self.names.index(plan.minimize), *self._bounded]
         self._unit = abs(self.local.measures[plan.minimize] or 0.0) or 1.0
-        self._known: list[OrbitNeighbourhood] = [self.local]
-        self._found: dict[bytes, list[OrbitNeighbourhood] | None] = {}
+        self._known: list[Neighbourhood] = [self.local]
+        self._found: dict[bytes, list[Neighbourhood] | None] = {}
         self._slopes: dict[int, FloatArray] = {}  # of those that are known, which stay
         self.rows: list[Record] = []
 
@@ -97,11 +98,11 @@ class DesignProblem:
         found = np.log(np.where(self.log, values, low) / low) / np.log(high / low)
         return np.clip(np.where(self.log, found, (values - self.low) / (self.high - self.low)), 0.0, 1.0)
 
-    def at(self, place: FloatArray) -> list[OrbitNeighbourhood] | None:
+    def at(self, place: FloatArray) -> list[Neighbourhood] | None:
         """Orbits at a place, one for each scene of the spread; None if one is lost or lacks a measure."""
         name = place.tobytes()
         if name not in self._found:
-            values, found = np.append(self.values(place), self.local.values[self.size :]), list[OrbitNeighbourhood]()
+            values, found = np.append(self.values(place), self.local.values[self.size :]), list[Neighbourhood]()
             try:
                 for factor in self.factors:
                     wanted = values * factor
@@ -120,7 +121,7 @@ class DesignProblem:
                 self.rows.append(own | self.measured(place) | told)
         return self._found[name]
 
-    def _measures(self, local: OrbitNeighbourhood) -> FloatArray:
+    def _measures(self, local: Neighbourhood) -> FloatArray:
         return np.array([local.measures[name] for name in self.names], float)
 
     def measured(self, place: FloatArray) -> Record:
@@ -138,7 +139,7 @@ class DesignProblem:
 
     def violation(self, place: FloatArray) -> float:
         """Largest violation of a bound."""
-        return max(float(-self.bounds(place).min()), 0.0)
+        return max(float(-self.bounds(place).min(initial=0.0)), 0.0)
 
     def objective(self, place: FloatArray) -> FloatArray:
         """Return the measure that is to be least, over its size in the scene as given, shape (scenes,)."""
@@ -163,9 +164,9 @@ class DesignProblem:
             objective.append(slopes[self._least] / self._unit)
         return np.concatenate(bounds), np.array(objective)
 
-    def _gradients(self, local: OrbitNeighbourhood) -> FloatArray:
+    def _gradients(self, local: Neighbourhood) -> FloatArray:
         if id(local) not in self._slopes:
-            self._slopes[id(local)] = local.gradients(self.names)[:, : self.size]
+            self._slopes[id(local)] = np.nan_to_num(local.gradients(self.names)[:, : self.size])
         return self._slopes[id(local)]
 
     def search(self, start: FloatArray) -> FloatArray | None:
@@ -268,5 +269,5 @@ def measure_design(scene: Scene, known: Record, values: dict[str, float]) -> Rec
     row = measure_point(other, settling_plan(other), None, (0,)).row
     if row["outcome"] != "ok":
         return {"row": {}, "regime": row["outcome"], "same": False}
-    told = name_regime(row["sync"], row["motion"], row["period"])
-    return {"row": row, "regime": told, "same": told == name_regime(known["sync"], "periodic", known["period"])}
+    told = name_regime(row)
+    return {"row": row, "regime": told, "same": told == name_regime(known)}

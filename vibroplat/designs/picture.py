@@ -112,7 +112,8 @@ def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
     shown = [name for name, text in told.items() if not text]
     nominal = _nominal(result, plan)
     panels, _ = content.measures(table, asked=shown) if shown else ([], "")
-    regimes = table["regime"].mask(~table["stable"].astype(bool), table["regime"] + ", orbit lost").fillna("lost")
+    lost = ~table["stable"].astype(bool) & ("stability_margin" in table)
+    regimes = table["regime"].mask(lost, table["regime"] + ", orbit lost").fillna("lost")
     colours = picture.attractor_colours(regimes)
     classes = {name: (colour, name) for name, colour in colours.items()}
     spread = [f"{key_name(key)} ±{100.0 * share:g} %" for key, share in plan.parameter_tolerances.items()]

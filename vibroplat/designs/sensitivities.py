@@ -6,27 +6,33 @@ from collections.abc import Mapping, Sequence
 from contextlib import closing
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from vibroplat.columns import TEXT, Column, Columns
 from vibroplat.config.keys import number_of
-from vibroplat.config.plans import SweepPlan
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import did_you_mean, in_lists, nodes
 from vibroplat.continuation.newton import NoConvergenceError
-from vibroplat.continuation.orbit import Orbit, OrbitError
+from vibroplat.continuation.orbit import Orbit, OrbitError, with_orbit_tolerance
 from vibroplat.continuation.orbit_neighbourhood import OrbitNeighbourhood
+from vibroplat.designs.motions import MotionNeighbourhood, settling_plan
 from vibroplat.errors import ConfigError, errors_about
-from vibroplat.model.parameters import parameters
-from vibroplat.model.sensitivity import SECTIONS, flat, value_of, with_value
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model import sensitivity
+from vibroplat.model.parameters import Parameters, parameters
+from vibroplat.model.sensitivity import CHOICES, flat, value_of, with_value
 from vibroplat.observe.data_sheet import columns
 from vibroplat.study.branches import study_table
 from vibroplat.study.point import MEASURED, measure_point
 from vibroplat.study.store import Record
 
 #: Measures that are told of each orbit, if its scene has them.
-PRINTED = ("rms_x_m", "rms_y_m", "excitation_frequency_hz", "motor_power_w", "contact_force_max_n", "stability_margin")
+PRINTED = (
+    *("conveying_speed_m_per_s", "rms_x_m", "rms_y_m", "excitation_frequency_hz", "motor_power_w"),
+    *("contact_force_max_n", "stability_margin"),
+)
 #: Residual of orbits whose measures are differentiated.
 ORBIT_TOLERANCE = 1e-9
 #: A measure over the largest of its kind that is round-off, as RMS x if the machine vibrates along y.
@@ -35,6 +41,13 @@ ROUND_OFF_RATIO = 1e-7
 _KEY_CHANGE = 1e-6
 #: The number of a section in which machines do not differ.
 GRAVITY = "machine.gravity_m_per_s2"
+#: Sections whose numbers enter the equations; those of ``transport`` have no derivatives along an orbit.
+SECTIONS = (*sensitivity.SECTIONS, "transport")
+#: Errors of a derivative up to which it may be 0.
+SURE = 2.0
+
+#: What is found at values of keys: an orbit, or where a scene has none a motion that has settled.
+Neighbourhood = OrbitNeighbourhood | MotionNeighbourhood
 
 SENSITIVITIES: Columns = {
     "measure": Column(
@@ -49,14 +62,18 @@ SENSITIVITIES: Columns = {
     ),
     "elasticity": Column(
         "relative change of the measure divided by the relative change of the key",
-        "derivative × key / measure; empty if the measure is 0",
+        "derivative × key / measure; empty if the measure is 0, or the derivative not above two of its errors",
+    ),
+    "derivative_error": Column(
+        "error of the derivative",
+        "with transport: difference of derivatives over two changes of the key; empty along an orbit",
     ),
 }
 
 
 def varied_keys(scene: Scene) -> list[str]:
     """List the keys of a scene with numbers other than 0 that its equations depend on."""
-    found, p = [], flat(parameters(scene))
+    found, p = [], _numbers(parameters(scene))
     for name, node in nodes(Scene).items():
         if node.is_section or name.partition(".")[0] not in SECTIONS:
             continue
@@ -65,12 +82,17 @@ def varied_keys(scene: Scene) -> list[str]:
             if not isinstance(value, float) or value == 0.0:
                 continue
             try:
-                changed = flat(parameters(with_value(scene, key.split("."), value * (1.0 + _KEY_CHANGE))))
+                changed = _numbers(parameters(with_value(scene, key.split("."), value * (1.0 + _KEY_CHANGE))))
             except ValueError:
                 continue
             if (changed != p).any():
                 found.append(key)
     return found
+
+
+def _numbers(p: Parameters) -> FloatArray:
+    """Return the numbers that enter the equations, those of transport too."""
+    return np.append(flat(p), [p[name] for name in CHOICES[2:]])
 
 
 def tolerances_of_keys(scene: Scene, given: Mapping[str, float]) -> tuple[dict[str, float], list[str]]:
@@ -140,31 +162,27 @@ def require_allowed(scene: Scene, what: str, key: str, value: float) -> None:
 
 def measured_names(scene: Scene) -> list[str]:
     """List the measures of a scene's orbits."""
-    return ["stability_margin", *MEASURED, *columns(scene)]
+    return [*(["stability_margin"] if scene.transport is None else []), *MEASURED, *columns(scene)]
 
 
 def require_measures(scene: Scene, names: Sequence[str], where: str) -> None:
     """Refuse names that are no measures of a scene's orbits (ConfigError)."""
     allowed = measured_names(scene)
     for name in names:
+        if name == "stability_margin" and name not in allowed:
+            raise ConfigError(f"{where}: {name} needs an orbit; allowed: another measure, or no section transport")
         if name not in allowed:
             hint = did_you_mean(name, allowed)
             raise ConfigError(f"{where}: {name} is not a measure of this scene; {hint}allowed: {', '.join(allowed)}")
 
 
-def settling_plan(scene: Scene) -> SweepPlan:
-    """How motion settles and is measured: as in the scene's sweep, if it has one."""
-    supply = scene.drive.largest_frequency
-    return scene.sweep or SweepPlan.model_validate({"supply_frequency_hz": {"start": supply, "stop": supply}})
-
-
 def settle_on_orbit(scene: Scene) -> Record:
-    """Find the motion that a scene's motion converges to, and refuse one that is no orbit.
+    """Find the motion that a scene's motion converges to, and refuse one that is no orbit; any goes with transport.
 
     Returns
     -------
     record
-        ``state``, ``period`` and ``sync``.
+        ``state``, ``motion``, ``period`` and ``sync``.
 
     Raises
     ------
@@ -173,16 +191,21 @@ def settle_on_orbit(scene: Scene) -> Record:
     """
     point = measure_point(scene, settling_plan(scene), None, (0,))
     row = point.row
-    if point.state is None or not row["period"]:
+    if point.state is None or not (row["period"] or scene.transport):
         what = row["motion"] if row["outcome"] == "ok" else f"{row['outcome']}: {row['detail']}"
         raise OrbitError(
             f"{scene.name} does not converge to a periodic orbit ({what}); allowed: a scene whose motion is periodic"
         )
-    return {"state": point.state, "period": row["period"], "sync": row["sync"]}
+    return {"state": point.state, "motion": row["motion"], "period": row["period"], "sync": row["sync"]}
 
 
-def local_orbit(scene: Scene, keys: Sequence[str], known: Record) -> OrbitNeighbourhood:
-    """Find the orbit that a scene's motion has come to, and its neighbourhood."""
+def local_orbit(scene: Scene, keys: Sequence[str], known: Record) -> Neighbourhood:
+    """Find the orbit that a scene's motion has come to, and its neighbourhood; that motion where it has no orbits."""
+    if scene.transport is not None:
+        try:
+            return MotionNeighbourhood(with_orbit_tolerance(scene, ORBIT_TOLERANCE), keys, known)
+        except NoConvergenceError as error:
+            raise OrbitError(f"{scene.name} does not stay as it settled: {error}") from None
     return OrbitNeighbourhood.near(scene, keys, known["state"], period=known["period"], tolerance=ORBIT_TOLERANCE)
 
 
@@ -198,25 +221,25 @@ def measure_at(scene: Scene, values: Mapping[str, float]) -> Record:
         return {"row": local.correct(list(values.values())).measures}
 
 
-def rows(local: OrbitNeighbourhood, names: Sequence[str]) -> list[dict[str, Any]]:
+def rows(local: Neighbourhood, names: Sequence[str]) -> list[dict[str, Any]]:
     """Make the rows of the table of sensitivities of an orbit."""
     names = [name for name in names if local.measures.get(name) is not None]
     try:
         found = local.gradients(names)
     except NoConvergenceError as error:
         raise OrbitError(f"the measures cannot be differentiated: {error}") from None
-    found_rows = []
-    for name, by_key in zip(names, found.tolist(), strict=True):
+    found_rows, errors = [], getattr(local, "errors", np.full(found.shape, np.nan))
+    for name, by_key, off in zip(names, found.tolist(), errors.tolist(), strict=True):
         nominal = local.measures[name]
         kind = [
             abs(v) for n, v in local.measures.items() if isinstance(v, float) and n.split("_")[0] == name.split("_")[0]
         ]
         told = nominal and abs(nominal) > ROUND_OFF_RATIO * max(kind)
-        for key, value, slope in zip(local.keys, map(float, local.values), by_key, strict=True):
-            elasticity = slope * value / nominal if told else None
-            found_rows.append(
-                {"measure": name, "key": key, "value": nominal, "derivative": slope, "elasticity": elasticity}
-            )
+        for key, value, slope, wrong in zip(local.keys, map(float, local.values), by_key, off, strict=True):
+            sure = told and not abs(slope) <= SURE * wrong  # nan of an orbit
+            numbers = (slope, slope * value / nominal if sure else np.nan, wrong)
+            words = (name, key, nominal, *(None if np.isnan(number) else number for number in numbers))
+            found_rows.append(dict(zip(SENSITIVITIES, words, strict=True)))
     return found_rows
 
 

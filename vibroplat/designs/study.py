@@ -11,14 +11,17 @@ from ruamel.yaml import YAML
 
 from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.digits import DIGITS, decimal, number, places, quantity, share
+from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
 from vibroplat.designs import optimum
 from vibroplat.designs import samples as of_samples
 from vibroplat.designs import sensitivities as of_keys
 from vibroplat.designs.answer import label, measure_text, satisfied, short_answer, with_confidence
+from vibroplat.designs.motions import NO_ORBITS, name_regime
 from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of
+from vibroplat.observe.data_sheet import more_columns
 from vibroplat.results.answer import Answer
 from vibroplat.results.result import Result
 from vibroplat.study.branches import study_table
@@ -69,10 +72,10 @@ class DesignStudy(Study):
     counted = "steps"
 
     def __init__(self, scene: Scene) -> None:
-        scene.require_orbits("a design")
         if scene.design is None:
             raise ConfigError("this configuration has no design section; add design: {}")
         tolerances, self.notes = of_keys.tolerances_of_keys(scene, scene.design.parameter_tolerances)
+        self.notes += [] if scene.transport is None else [f"{HINT}{NO_ORBITS}"]
         self.plan = scene.design.model_copy(update={"parameter_tolerances": tolerances})
         self.scene = scene = scene.model_copy(update={"design": self.plan})
         of_keys.require_keys(scene, list(self.plan.keys), "design.keys")
@@ -107,15 +110,15 @@ class DesignStudy(Study):
         run = _Runner(store, workers, progress)
         known = run.one("settled", of_keys.settle_on_orbit, self.scene)
         found = run.one("sensitivities", of_keys.orbit_sensitivities, self.scene, self.keys, self.names, known)
+        if self.plan.minimize is not None and not known["period"]:
+            raise ConfigError(f"design.minimize: {name_regime(known)} motion has no smooth measures; allowed: samples")
         for name in self.aims:
             if found["measures"][name] is None:
                 raise ConfigError(
                     f"design: {name} has no value for the motion of this scene; allowed: a measure that has one"
                 )
         tables = {"sensitivities": of_keys.table(found["rows"])}
-        home = of_samples.name_regime(known["sync"], "periodic", known["period"])
-        margin = found["measures"]["stability_margin"]
-        lines = {"motion": f"{home}, multipliers up to {decimal(1.0 - margin, max(DIGITS, places(margin, 1)))}"}
+        lines = {"motion": f"{name_regime(known)}, {_stability(found['measures'].get('stability_margin'))}"}
         text = list(_key_lines(found, self.names))
         if self.plan.minimize is None:
             return self._with_samples(run, self.scene, known, self._result(tables, Answer(lines, text, self.notes)))
@@ -189,13 +192,13 @@ class DesignStudy(Study):
     def _table(self, rows: Sequence[Record], meant: Columns, first: Sequence[str], last: Sequence[str]) -> pd.DataFrame:
         """Make a table of the plan's keys and measures, with the columns ``first`` before and ``last`` after them."""
         columns = [*first, *self.plan.keys, *self.names, *last]
-        return study_table(rows, columns, {**SWEEP, **of_samples.SAMPLES, **meant})
+        return study_table(rows, columns, {**SWEEP, **more_columns(self.scene), **of_samples.SAMPLES, **meant})
 
     def _with_samples(self, run: _Runner, scene: Scene, known: Record, result: Result) -> Result:
         """Add the samples of a scene's tolerances, if there are any."""
         if not (self.plan.parameter_tolerances and self.plan.samples):
             return result
-        plan, home = self.plan, of_samples.name_regime(known["sync"], "periodic", known["period"])
+        plan, home = self.plan, name_regime(known)
         keys, found = list(plan.parameter_tolerances), result.sensitivities.dropna(subset=["elasticity"])
         places = of_samples.sobol_points(plan.seed, len(keys), 0, plan.samples)
         table = self._samples(run, scene, known, places)
@@ -217,9 +220,9 @@ class DesignStudy(Study):
             for part in [places[first : first + of_samples.SAMPLES_PER_TASK]]
         }
         rows = [row for part in run.all(parts) for row in part["rows"]]
-        measures = [name for name in self.names if name != "stability_margin"]
-        columns = ["sample", *self.plan.parameter_tolerances, "stable", "regime", "stability_margin", *measures]
-        return study_table(rows, columns, {**SWEEP, **of_samples.SAMPLES})
+        names = sorted(self.names, key="stability_margin".__ne__)  # first, where there is one
+        columns = ["sample", *self.plan.parameter_tolerances, "stable", "regime", *names]
+        return study_table(rows, columns, {**SWEEP, **more_columns(scene), **of_samples.SAMPLES})
 
 
 class _Runner:
@@ -242,6 +245,12 @@ class _Runner:
             self._progress(self._done, self._known)
 
         return run_tasks(tasks, self._store, self._workers, tell)
+
+
+def _stability(margin: float | None) -> str:
+    """Say how far multipliers are inside the unit circle, or that the motion is no orbit."""
+    known = "" if margin is None else decimal(1.0 - margin, max(DIGITS, places(margin, 1)))
+    return f"multipliers up to {known}" if known else "by settled motions"
 
 
 def _configuration_text(scene: Scene) -> str:
@@ -268,11 +277,8 @@ def _key_lines(found: Record, names: Sequence[str]) -> Iterable[str]:
 def _lines_of_samples(table: pd.DataFrame, home: str) -> dict[str, str]:
     """Return the percentages of samples with a stable orbit and with the regime of the scene as given."""
     kept = float((table["regime"] == home).mean())
-    told = {
-        "samples": f"{len(table)}",
-        "orbit stable": share(table["stable"].mean()),
-        "regime kept": share(kept),
-    }
+    stable = {"orbit stable": share(table["stable"].mean())} if "stability_margin" in table else {}
+    told = {"samples": f"{len(table)}"} | stable | {"regime kept": share(kept)}
     others = table.loc[table["regime"] != home, "regime"].value_counts()
     if len(others):
         told["others"] = "; ".join(f"{name}: {count}" for name, count in others.items())

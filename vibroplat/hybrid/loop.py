@@ -52,6 +52,7 @@ from vibroplat.hybrid.state import (
     Steps,
     absolute_tolerances,
     end_at,
+    force_noise,
     gather_unknowns,
     initial_state,
     state_scales,
@@ -115,6 +116,8 @@ def beginning(
     runs["longest"] = turns_per_segment * period
     runs["tolerance"] = scene.solver.tolerance
     runs["force_noise"] = FORCE_NOISE * scene.force_scale
+    if scene.transport is not None:
+        runs["force_error"] = force_noise(scene)
     runs["gap_scale"] = scale = state_scales(scene)[GAP]
     runs["slowest"] = math.sqrt(ROUND_OFF) * scale * speed
     runs["target"] = math.nan

@@ -62,9 +62,13 @@ COUNTS = np.array([1 + (system.slides and system.algebraic) for system in SYSTEM
 MODES = np.array([int(system.mode) for system in SYSTEMS])
 
 
+#: A linear form of unknowns: two places with their weights.
+Form = tuple[int, float, int, float]
+
+
 @compiled
-def guard_form(system: int, which: int, p: Parameters) -> tuple[int, float, int, float]:
-    """Return a guard of a system with transport as a linear form: two places among the unknowns with their weights.
+def guard_form(system: int, which: int, p: Parameters) -> Form:
+    """Return a guard of a system with transport as a linear form.
 
     On a smooth deck slip has no sense, and the form of its rate is 0.
     """

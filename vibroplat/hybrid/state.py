@@ -154,6 +154,7 @@ RUN = np.dtype(
         ("speed", np.float64),  # the larger synchronous speed (rad/s)
         ("tolerance", np.float64),
         ("force_noise", np.float64),  # contact forces below this are round-off of larger ones (N)
+        ("force_error", np.float64),  # and below this errors of the state (N), see force_noise()
         ("gap_scale", np.float64),  # (m)
         ("slowest", np.float64),  # impact with a rebound (m/s)
         ("target", np.float64),  # angle of exciter 1 with all its turns at which the run ends, or nan (rad)

@@ -37,7 +37,8 @@ import numpy as np
 
 from vibroplat.config.digits import NEGLIGIBLE
 from vibroplat.config.scene import Scene
-from vibroplat.inspection.linear import ComplexArray, FloatArray, receptances
+from vibroplat.frames import pd
+from vibroplat.inspection.linear import ComplexArray, FloatArray, amplitudes, receptances
 
 #: Lags of the exciters at which the motion is followed, all once; steps of a turn.
 FOLLOWED, STEPS = np.linspace(-math.pi, math.pi, 36, endpoint=False), 80
@@ -217,6 +218,28 @@ def expected_conveying(scene: Scene, speed: float, along: complex, normal: compl
         "conveying_speed_low_m_per_s": low,
         "conveying_speed_high_m_per_s": high,
     }
+
+
+def conveying_of(scene: Scene, speed: float, amplitudes: ComplexArray, stroke: float, throw: float) -> dict[str, float]:
+    """Find the same from amplitudes of x, y, φ of the empty machine at a speed, and the stroke along y (m)."""
+    assert scene.transport is not None
+    x, y, phi = amplitudes
+    along, normal = x - scene.transport.deck_height_m * phi, y / (abs(y) or 1.0) * 0.5 * stroke
+    return expected_conveying(scene, speed, along, normal, throw)
+
+
+def range_of_row(scene: Scene, row: pd.Series) -> tuple[float, float]:
+    """Return the range of the conveying speed of a row of a sweep by the formulas; NaN where none holds.
+
+    The exciters turn as in the row, and stroke and throw index are its own.
+    """
+    names = ["excitation_frequency_hz", "phase_difference_rad", "stroke_y_m", "gamma"]
+    frequency, phase, stroke, throw = row[names].to_numpy(dtype=float, na_value=np.nan).tolist()
+    if not math.isfinite(frequency + phase + stroke + throw):
+        return math.nan, math.nan
+    speed, lag = 2.0 * math.pi * frequency, scene.exciter_pair[0].direction * phase
+    found = conveying_of(scene, speed, amplitudes(scene, speed, np.array([lag]))[0], stroke, throw)
+    return found["conveying_speed_low_m_per_s"], found["conveying_speed_high_m_per_s"]
 
 
 def unique_friction(scene: Scene) -> float:

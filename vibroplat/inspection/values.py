@@ -19,7 +19,7 @@ from vibroplat.inspection import balance, linear
 from vibroplat.inspection.balance import Balance, Supply, averaged_start, least_factor, motor_torques
 from vibroplat.inspection.linear import ComplexArray
 from vibroplat.inspection.lines import twelve_lines
-from vibroplat.inspection.material import FOLLOWED, expected_conveying, loaded_motion, unique_friction
+from vibroplat.inspection.material import FOLLOWED, conveying_of, loaded_motion, unique_friction
 
 #: Radians of a turn.
 TURN = 2.0 * math.pi
@@ -289,7 +289,8 @@ def _loaded(scene: Scene, supply: Supply, turning: Turning) -> dict[str, float |
         "throw_index": float(max(up * at["upward"], down * at["downward"])) / scene.gravity[1],
         "dynamic_force_y_n": float(at["force"]),
     }
-    moves = {} if scene.transport is None else _conveying(scene, tone, found)
+    stroke, throw = found["stroke_y_m"], found["throw_index"]
+    moves = {} if scene.transport is None else conveying_of(scene, tone.speed, tone.amplitudes, stroke, throw)
     return {
         **moves,
         **{f"loaded_{name}": value for name, value in found.items() if f"loaded_{name}" in INSPECTION},
@@ -297,14 +298,6 @@ def _loaded(scene: Scene, supply: Supply, turning: Turning) -> dict[str, float |
         "loaded_change": float(at["change"]),
         "moving_fraction": float(at["carried"].real) / sum(scene.layer_masses),
     }
-
-
-def _conveying(scene: Scene, tone: Tone, found: Mapping[str, float]) -> dict[str, float]:
-    """Find how material is conveyed, from the tone at the loaded machine's speed, and its own motion along y."""
-    assert scene.transport is not None
-    x, y, phi = tone.amplitudes
-    along, normal = x - scene.transport.deck_height_m * phi, y / (abs(y) or 1.0) * 0.5 * found["stroke_y_m"]
-    return expected_conveying(scene, tone.speed, along, normal, found["throw_index"])
 
 
 def _loaded_balances(scene: Scene, supply: Supply, empty: Balance) -> list[Balance]:

@@ -15,7 +15,7 @@ from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
-from vibroplat.hybrid.modes import COUNTS, GUARDS, guard_value
+from vibroplat.hybrid.modes import GUARDS, Form, guard_form
 from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import MARGIN, MODES, ROUND_OFF, RUNNING, Automaton, Steps, end_at, rewind
 from vibroplat.integrate.multistep import (
@@ -176,18 +176,15 @@ def guard(t: float, y: int, yp: int, value: Any, data: Any) -> int:
     return _OK
 
 
-@callback("int32(float64, intp, intp, CPointer(float64), voidptr)")
-def sliding_guards(t: float, y: int, yp: int, value: Any, data: Any) -> int:
-    """Do as :func:`guard` with transport, for each guard."""
-    links = carray(data, (1,), dtype=LINKS)[0]
-    for which in range(COUNTS[links.system]):
-        value[which] = guard_value(links.system, which, _values(y, links), _parameters(links))
-    return _OK
+#: Residual and Jacobian of a mode.
+CALLBACKS = residual, jacobian
+SLIDING_CALLBACKS = sliding_residual, sliding_jacobian
 
+#: Addresses of IDAGetDky, of a solver's memory and of its vectors: what interpolates in its last step.
+Inside = tuple[int, int, int, int]
 
-#: Residual, Jacobian and guards of a mode.
-CALLBACKS = residual, jacobian, guard
-SLIDING_CALLBACKS = sliding_residual, sliding_jacobian, sliding_guards
+#: The angle of exciter 1 as a form.
+ANGLE = (3, 1.0, 3, 0.0)
 
 IntArray = npt.NDArray[np.int64]
 Records = npt.NDArray[np.void]
@@ -312,6 +309,7 @@ def advance(h: Automaton, n: Native) -> int:
     mode, used = run.mode, h.steps.used
     system = run.systems[mode]
     guard, size, slides = GUARDS[system], SIZES[system], SLIDES[system]
+    forms = guard_form(system, 0, h.p), guard_form(system, 1, h.p)
     until, target, rows = run.until, run.target - run.turns[0], steps.start.size
     starts, lengths, c, ends = steps.start, steps.length, steps.c, steps.ends
     past_t, past_y, past_yp = n.past.t, n.past.y, n.past.yp
@@ -319,8 +317,8 @@ def advance(h: Automaton, n: Native) -> int:
     all_y, all_yp = n.y[mode], n.yp[mode]
     y, yp = all_y[:size], all_yp[:size]
     handle = n.handles[mode]
-    handles = (handle.memory, handle.y, handle.yp)
-    clock, solve, derivative = time.ctypes.data, n.functions.solve, n.functions.derivative
+    inside = (n.functions.derivative, handle.memory, handle.y, handle.yp)
+    clock, solve = time.ctypes.data, n.functions.solve
     while status.flag >= 0 and used.steps + MARGIN < rows:
         flag = call_int(solve, (handle.memory, until, clock, handle.y, handle.yp, np.int32(_ONE_STEP)))
         status.flag = flag
@@ -330,7 +328,7 @@ def advance(h: Automaton, n: Native) -> int:
             break
         ended = time[0] >= until
         if ended:  # ends never shorten steps: the last one goes beyond
-            interpolate_at(until, derivative, handles)
+            interpolate_at(until, inside)
             time[0] = until
         if not (finite(y) and finite(yp)):
             return NOT_FINITE
@@ -338,15 +336,12 @@ def advance(h: Automaton, n: Native) -> int:
         add_step(time[0], all_y, all_yp, row, starts, lengths, c, ends, past_t, past_y, past_yp)
         used.steps = row + 1
         root_found = flag == _ROOT_RETURN and not ended
-        dips = guard >= 0 and (y[guard] < 0.0 or c[row, 1, guard] < 0.0 < yp[guard])
-        if root_found or y[3] >= target or dips or slides:
-            stop, share = any_stop(h, guard, root_found, target, y, yp)
-            if stop == AT_TARGET:
-                end_at_angle(target, share, derivative, handles, steps, y, yp)
-            elif stop == AT_GUARD and not root_found:
-                # the integrator's polynomial is smooth where slopes at the ends of a step carry errors of a stiff layer
-                interpolate_at(steps.start[row] + share * steps.length[row], derivative, handles)
-                end_at(steps, row, share, y)
+        if slides:
+            dips = may_fall(forms[0], c, row, y, yp) or may_fall(forms[1], c, row, y, yp)
+        else:
+            dips = guard >= 0 and (y[guard] < 0.0 or c[row, 1, guard] < 0.0 < yp[guard])
+        if root_found or y[3] >= target or dips:
+            stop = end_within(h, root_found, inside, y, yp)
             if stop >= 0:
                 return stop
         if ended:
@@ -363,30 +358,58 @@ def advance(h: Automaton, n: Native) -> int:
 
 
 @compiled
-def end_at_angle(
-    target: float,
-    share: float,
-    derivative: int,
-    handles: tuple[int, int, int],
-    steps: Steps,
-    y: FloatArray,
-    yp: FloatArray,
-) -> None:
-    """Let the last step end where the integrator says that exciter 1 has an angle (rad), near a fraction of it."""
-    row = steps.used.steps - 1
-    start, length = steps.start[row], steps.length[row]
-    interpolate_at(start + share * length, derivative, handles)
-    for _ in range(2):  # the polynomial has this angle elsewhere, by as much as the tolerance allows
-        if yp[3] > 0.0:
-            share = min(max(share - (y[3] - target) / (yp[3] * length), 0.0), 1.0)
-        interpolate_at(start + share * length, derivative, handles)
-    y[3] = target
-    end_at(steps, row, share, y)
+def end_within(h: Automaton, root_found: bool, inside: Inside, y: FloatArray, yp: FloatArray) -> int:
+    """Let the last step end where a guard falls or exciter 1 has the run's target: AT_GUARD or AT_TARGET, or −1."""
+    run, steps = h.run, h.steps
+    target, row = run.target - run.turns[0], steps.used.steps - 1
+    system = run.systems[run.mode]
+    stop, share = any_stop(h, GUARDS[system], root_found, target, y, yp)
+    if stop == AT_TARGET:
+        share = interpolate_where(ANGLE, target, share, steps, inside, y, yp)
+        y[3] = target
+    elif stop == AT_GUARD and SLIDES[system]:
+        share = interpolate_where(guard_form(system, run.fallen, h.p), 0.0, share, steps, inside, y, yp)
+    elif stop == AT_GUARD and not root_found:
+        # the integrator's polynomial is smooth where slopes at the ends of a step carry errors of a stiff layer
+        interpolate_at(steps.start[row] + share * steps.length[row], inside)
+    if stop == AT_TARGET or (stop == AT_GUARD and not root_found):
+        end_at(steps, row, share, y)
+    return stop
+
+
+@inlined
+def may_fall(form: Form, c: FloatArray, row: int, y: FloatArray, yp: FloatArray) -> bool:
+    """Whether a guard, a linear form of unknowns, may fall in the last step, which ends with these and their rates."""
+    first, weight, second, other = form
+    if weight * y[first] + other * y[second] < 0.0:
+        return True
+    return weight * c[row, 1, first] + other * c[row, 1, second] < 0.0 < weight * yp[first] + other * yp[second]
 
 
 @compiled
-def interpolate_at(t: float, derivative: int, handles: tuple[int, int, int]) -> None:
+def interpolate_where(
+    form: Form, value: float, share: float, steps: Steps, inside: Inside, y: FloatArray, yp: FloatArray
+) -> float:
+    """Go to where the integrator says that a linear form of unknowns has a value, near a fraction of the last step.
+
+    Returns the fraction there. The step's own polynomial has this value elsewhere, by as much as the tolerance allows.
+    """
+    first, weight, second, other = form
+    row = steps.used.steps - 1
+    start, length = steps.start[row], steps.length[row]
+    interpolate_at(start + share * length, inside)
+    for _ in range(2):
+        rate = weight * yp[first] + other * yp[second]
+        if rate != 0.0:
+            away = weight * y[first] + other * y[second] - value
+            share = min(max(share - away / (rate * length), 0.0), 1.0)
+        interpolate_at(start + share * length, inside)
+    return share
+
+
+@compiled
+def interpolate_at(t: float, inside: Inside) -> None:
     """Put unknowns and derivatives at a time inside the last step."""
-    memory, y, yp = handles
+    derivative, memory, y, yp = inside
     call_int(derivative, (memory, t, np.int32(0), y))
     call_int(derivative, (memory, t, np.int32(1), yp))

@@ -163,12 +163,14 @@ def any_stop(
 def sliding_stop(h: Automaton, root_found: bool, target: float, y: FloatArray) -> tuple[int, float]:
     """Do as :func:`stop_within` for the guards of contact with friction; ``run.fallen`` says which has fallen.
 
-    A rate of slip begins with 0, and may be below it by an error: a guard can fall only after it has risen.
+    A rate of slip begins with 0, and may be below it by an error: a guard can fall only after it has risen, be that
+    in the segment's first step.
     """
     run, steps = h.run, h.steps
     c, system = steps.c[steps.used.steps - 1], run.systems[run.mode]
     form, fall, least = np.empty((CUBIC + 1, 1)), np.inf, np.inf
     passed = crossing(c, CUBIC, 3, target, y[3]) if y[3] >= target else np.inf
+    begins = steps.start[steps.used.steps - 1] == 0.0
     for which in range(COUNTS[system]):
         first, weight, second, other = guard_form(system, which, h.p)
         for k in range(CUBIC + 1):
@@ -178,9 +180,10 @@ def sliding_stop(h: Automaton, root_found: bool, target: float, y: FloatArray) -
             size = abs(end) / (abs(form[0, 0]) + abs(form[1, 0]) + abs(form[2, 0]))
             if size < least:
                 least, fall, run.fallen = size, 1.0, which
-        elif form[0, 0] > 0.0 and (end < 0.0 or form[1, 0] < 0.0 < slope(form, CUBIC, 0, 1.0)):
-            share = first_downcrossing(form, CUBIC, 0, 0)
-            if 0.0 <= share < fall:
+        elif (form[0, 0] > 0.0 or begins) and (end < 0.0 or form[1, 0] < 0.0 < slope(form, CUBIC, 0, 1.0)):
+            zeros = run.zeros if which == 0 else run.other_zeros
+            share = first_downcrossing(form, CUBIC, 0, zeros if begins else 0)
+            if 0.0 < share < fall:
                 fall, run.fallen = share, which
     if passed < fall:
         return AT_TARGET, passed

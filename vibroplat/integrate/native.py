@@ -19,7 +19,7 @@ from vibroplat.config.coordinates import Mode
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import automaton
-from vibroplat.hybrid.modes import COUNTS, GUARDS
+from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.state import CUBIC, OK, Automaton, empty_steps
 from vibroplat.integrate import ida
 from vibroplat.integrate.sundials import Library, UnavailableError, library
@@ -90,7 +90,7 @@ class NativeEngine:
         for name, function in ida.NAMES.items():
             self._n.functions[name] = library.address(function)
         self._n.status["max_steps"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
-        self._direction = np.array([-1, -1], dtype=np.int32)
+        self._direction = np.array([-1], dtype=np.int32)
         self._context = self._make_context()
         for mode, system in systems(scene).items():
             self._make_solver(mode, system)
@@ -168,7 +168,7 @@ class NativeEngine:
         y, yp = (self._vector(array[mode, : system.size]) for array in (n.y, n.yp))
         memory = self._made(lib.IDACreate(self._context), lib.IDAFree, by_reference=True)
         ours = ida.SLIDING_CALLBACKS if system.slides else ida.CALLBACKS
-        residual, jacobian, guard = (function.address for function in ours)
+        residual, jacobian = (function.address for function in ours)
         _check(lib.IDAInit(memory, residual, 0.0, y, yp))
         _check(lib.IDAWFtolerances(memory, ida.weights.address))
         _check(lib.IDASetUserData(memory, user))
@@ -184,8 +184,8 @@ class NativeEngine:
             _check(lib.IDASetId(memory, self._vector(differential)))
             # F_c stays in the Newton norm and leaves the error test: its error is that of the state
             _check(lib.IDASetSuppressAlg(memory, 1))
-        if GUARDS[system.index] >= 0:
-            _check(lib.IDARootInit(memory, int(COUNTS[system.index]), guard))
+        if GUARDS[system.index] >= 0 and not system.slides:  # linear forms are looked at after each step
+            _check(lib.IDARootInit(memory, 1, ida.guard.address))
             _check(lib.IDASetRootDirection(memory, self._direction.ctypes.data))
             _check(lib.IDASetNoInactiveRootWarn(memory))
         n.handles[mode] = (memory, y, yp)

@@ -274,12 +274,12 @@ def turning_point(
     By Halley's iteration between ``low`` and ``high``, up to a way that its Taylor polynomial covers to round-off; a
     step of Newton's iteration makes the slope of that 0. At the ends of the step there is nothing to look for. From the
     vertex of a parabola through three samples the first way mostly is that short. Several polynomials go side by side
-    where ``c`` is made of lanes.
+    where ``c`` is made of lanes; one that has come as near stays there, so that no other has a say in what it finds.
     """
     start, way, none = s, zero(s), zero(s)
     here = rate = half = third = fourth = fifth = none
     for _ in range(4):
-        s = s + way
+        s = s + select(size(way) > QUINTIC_RANGE, way, 0.0)
         here, rate, half, third, fourth, fifth = c[degree, j], none, none, none, none, none  # over factorials
         for k in range(degree - 1, -1, -1):
             fifth = fifth * s + fourth

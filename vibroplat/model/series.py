@@ -205,7 +205,7 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters, moving: Any) -> N
         rotation = Rotation(sums.centre + phi_1 * turning + both, sums.lifted + phi_1 * square + phi * both, weight)
         known, slope = tilted(k, from_lower_orders(k, twice, rotation, e, sense, f, sums), motion, f, none, moving)
         held = restoring((x0, x1, x2, x5, x6), (v0, v1, v2, v5, v6), p)
-        b = loads_of(held, known, f, sums.moment + phi_1 * unbalances, weight, slope, p, moving)
+        b = loads_of(held, known, f, (sums.moment, phi_1 * unbalances), weight, slope, p, moving)
         lower = p.upper_mass * held[4] - p.lower_mass * weight - held[3]
         upper = -weight - held[4]
         free = solve_rows(attached, motion.lower_share, b, lower, upper, inverse, p)
@@ -237,15 +237,18 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters, moving: Any) -> N
 
 @fused_inline
 def loads_of(
-    held: Five, known: Terms, f: Constants, moment: Lanes, weight: Any, slope: Lanes, p: Parameters, moving: Any
+    held: Five, known: Terms, f: Constants, moments: Any, weight: Any, slope: Lanes, p: Parameters, moving: Any
 ) -> Five:
-    """Return the right-hand sides of the rows of platform and exciters, from the forces that hold them."""
+    """Return the right-hand sides of the rows of platform and exciters, from the forces that hold them.
+
+    Two further moments on the platform are added one by one.
+    """
     moment_1, moment_2 = part(known.moment)
     turned = f.unbalance * (f.x * known.sine - f.y * known.cosine) + known.reaction  # k (X s″ − Y c″)
     return (
         pulled(-held[0] - total(f.unbalance * known.cosine), slope, p, moving),
         -(held[1] - held[3]) - total(f.unbalance * known.sine) - p.mass * weight,
-        -held[2] - total(turned) + moment,
+        -held[2] - total(turned) + moments[0] + moments[1],
         moment_1,
         moment_2,
     )

@@ -156,7 +156,7 @@ class Simulator:
     def beginnings(self, states: FloatArray) -> npt.NDArray[np.void]:
         """Return records of :data:`vibroplat.hybrid.state.RUN` of motions from full states, shape (motions, 14)."""
         runs = np.repeat(self.beginning.reshape(1), len(states))
-        runs["state"] = states
+        runs["state"], runs["along"][:, : states.shape[1] - FULL_SIZE] = np.split(states, [FULL_SIZE], axis=1)
         return runs
 
     def resume(self, run: np.void, recent: FloatArray) -> None:

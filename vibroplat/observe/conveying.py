@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -38,7 +37,7 @@ CONVEYING: Columns = {
     "slip_minus_fraction": Column("fraction of the time in which it slips towards -x"),
     "friction_power_w": Column("mean power of friction between material and deck", "without impacts"),
     "throughput_kg_per_s": Column("mass conveyed in a second", "if the deck's length is given"),
-    "residence_time_s": Column("time that the material takes along the deck", "if its length is given"),
+    "residence_time_s": Column("time that the material takes along the deck", "if its length is given and it travels"),
     "wear_power_w_per_m2": Column("power of friction over the deck's area", "if its length and width are given"),
     "shear_ratio": Column(
         "shear over pressure between the layers",
@@ -115,7 +114,7 @@ def conveying(ms: Accumulators, mean: dict[str, float], scene: Scene) -> dict[st
     }
     if length is not None and speed is not None:
         measured["throughput_kg_per_s"] = mass * speed / length
-        measured["residence_time_s"] = length / abs(speed) if speed else math.inf
+        measured["residence_time_s"] = length / abs(speed) if speed else None
     if length is not None and width is not None:
         measured["wear_power_w_per_m2"] = mean["friction_loss"] / (length * width)
     if scene.layers == 2 and mean["pressure"] > 0.0:

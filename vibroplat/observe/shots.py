@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.hybrid.loop import first_mode
 from vibroplat.hybrid.modes import FLIGHT, MODES
@@ -26,7 +25,6 @@ from vibroplat.kernels.compiled import (
     compiled,
     copy,
     inlined,
-    pointer,
 )
 from vibroplat.model.parameters import record_words
 from vibroplat.model.sensitivity import Course, go_along
@@ -80,9 +78,9 @@ class ShotRecords(NamedTuple):
         The derivative that is carried along, and addresses of its kernels.
     look, least
         Address of :func:`vibroplat.observe.guard_margins.update_minima`, and what it lowers.
-    statistics, blank, parts
-        Kernel and arguments of :class:`vibroplat.observe.statistics.Statistics`; its measures at the beginning as
-        numbers, one part after the other; and addresses of the parts with how many numbers each is, shape (parts, 2).
+    statistics, blank, measured
+        Kernel and arguments of :class:`vibroplat.observe.statistics.Statistics`; its measures at the beginning, and
+        now, as numbers, one part after the other.
     events, pieces
         Room for records of :data:`vibroplat.hybrid.state.EVENT` and of :data:`PART`.
     shot, end
@@ -107,7 +105,7 @@ class ShotRecords(NamedTuple):
     least: FloatArray
     statistics: Callee
     blank: FloatArray
-    parts: npt.NDArray[np.int64]
+    measured: FloatArray
     events: npt.NDArray[np.void]
     pieces: npt.NDArray[np.void]
     shot: Any
@@ -125,13 +123,16 @@ def shot_records(
     python: int,
     variation: Variation,
     statistics: Statistics,
+    measured: FloatArray,
     course: Course,
     parameters: tuple[FloatArray, FloatArray, FloatArray],
 ) -> ShotRecords:
-    """Gather what shots need of a motion that always has the same ``beginning``, a record of RUN, and its observers."""
+    """Gather what shots need of a motion that always has the same ``beginning``, a record of RUN, and its observers.
+
+    ``measured`` are the numbers of the measures of ``statistics``; see :func:`packed`.
+    """
     keys = variation.carried.directions.shape[0] - 1
     carried, least = variation.carried, np.empty(2)
-    parts: list[FloatArray] = [np.asarray(part).reshape(-1).view(float) for part in statistics.measures[:PARTS]]
     return ShotRecords(
         h=h,
         shoot=0,
@@ -145,8 +146,8 @@ def shot_records(
         look=address_of(update_minima, h, least),
         least=least,
         statistics=statistics.callee(h),
-        blank=np.concatenate(parts),
-        parts=np.array([(part.ctypes.data, part.size) for part in parts]),
+        blank=measured.copy(),
+        measured=measured,
         events=np.empty(ROOM, EVENT),
         pieces=np.empty(ROOM, PART),
         shot=np.zeros(1, SHOT)[0],
@@ -158,16 +159,21 @@ def shot_records(
     )
 
 
-def copied(measures: Accumulators) -> Accumulators:
-    """Copy what a shot has measured, without what belongs to a Poincaré section, which nobody reads."""
-    parts: Any = [_copied(part) for part in measures[:PARTS]]
-    return Accumulators(*parts, *measures[PARTS:])
+def packed(measures: Accumulators) -> tuple[Accumulators, FloatArray]:
+    """Put what a shot measures side by side into one array of numbers, which is copied at once: both."""
+    numbers = np.concatenate([np.asarray(part).reshape(-1).view(float) for part in measures[:PARTS]])
+    return unpacked(numbers, measures), numbers
 
 
-def _copied(part: Any) -> Any:
-    """Copy an array, or a record, as plain numbers: numpy copies records field by field."""
-    copied = np.asarray(part).reshape(-1).view(np.uint8).copy().view(part.dtype)
-    return copied.reshape(part.shape) if isinstance(part, np.ndarray) else copied[0]
+def unpacked(numbers: FloatArray, like: Accumulators) -> Accumulators:
+    """Read measures from such an array; those like them say of which types they are, and have the other parts."""
+    parts, begin = list[Any](), 0
+    for part in like[:PARTS]:
+        end = begin + part.nbytes // 8
+        found = numbers[begin:end].view(part.dtype)
+        parts.append(found.reshape(part.shape) if isinstance(part, np.ndarray) else found[0])
+        begin = end
+    return Accumulators(*parts, *like[PARTS:])
 
 
 @compiled
@@ -187,11 +193,8 @@ def shoot(owned_k: ShotRecords, state: FloatArray, duration: float, full: bool, 
         k.variation.rough[0] = 0 if measured else 1
         perturb(h, k.variation)
         begin_full(k.variation)
-    done = 0
-    for i in range(k.parts.shape[0] if measured else 0):
-        part = carray(pointer(k.parts[i, 0]), (k.parts[i, 1],))
-        copy(k.blank[done : done + part.size], part)
-        done += part.size
+    if measured:
+        copy(k.blank, k.measured)
     run.end, run.outcome = duration, RUNNING
     while run.outcome == RUNNING and advance(k):
         if full:

@@ -15,7 +15,7 @@ from vibroplat.config.digits import quantity
 from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
 from vibroplat.page.view import View, alone, axis_name, coloured, dashes, heading, places_of
 from vibroplat.results.labels import halfway, in_ratios
-from vibroplat.results.picture import BLACK, FULL, LOST, VERMILION, Facet, Panel, Series, Span, Strip
+from vibroplat.results.picture import BLACK, FULL, LOST, LOW, VERMILION, Facet, Panel, Series, Span, Strip
 
 #: Signs of matplotlib's markers.
 SIGNS = dict(zip("osD^vXP*", "○□◇△▽✕✚★", strict=True))
@@ -25,6 +25,8 @@ _CALLED = {"sync": "synchronization"}
 HATCHES = ("stripes", "bars", "dots")
 #: Samples up to which dots are large, and failed points that are marked.
 FEW = 400
+#: Width of a band of a single point.
+WIDE = 5.0
 
 
 def hatches_told(hatches: Mapping[str, str], more: str) -> str:
@@ -54,9 +56,13 @@ def points(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     own = [one for one in shown if not one.of or column in one.of]
     places = places_of(own)
     x_values, y_values = view.values(x_column), view.values(column)
-    y = Scale.of(view.reached(column, places), column, least=panel.least, log=panel.scale == "log")
+    bands = [one for one in own if one.mode == "band"]
+    low = view.values(f"{column}{LOW}")[places_of(bands)]
+    y = Scale.of(np.append(view.reached(column, places), low), column, least=panel.least, log=panel.scale == "log")
     plot = view.plot(panel, view.across(panel, shown), y)
-    for one in own:
+    for one in bands:
+        _band(view, plot, column, one, x_values)
+    for one in (one for one in own if one not in bands):
         if panel.by and one.mode == "dots":
             own_places = places_of([one])
             _classed(view, plot, panel, own_places, x_values[own_places], y_values[own_places])
@@ -73,6 +79,18 @@ def points(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     places = np.arange(len(x_values)) if whole else np.unique(places_of(own))
     view.hits(plot, x_values[places], y_values[places], places)
     return plot
+
+
+def _band(view: View, plot: Plot, column: str, series: Series, x: Floats) -> None:
+    """Draw what lies between a column and its lower ends, in parts; one of a single point is a bar."""
+    name, low, high = plain_text(series.label), view.values(f"{column}{LOW}"), view.values(column)
+    for places in np.split(series.places, np.flatnonzero(series.places < 0)):
+        part = places[places >= 0]
+        if len(part) == 1:
+            ends = [low[part[0]], high[part[0]]]
+            plot.curve(x[part].repeat(2), ends, name, series.colour, width=WIDE, pale=True)
+        else:
+            plot.band(x[part], low[part], high[part], name, series.colour)
 
 
 def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> None:

@@ -101,6 +101,8 @@ class _Pen:
         """Draw what lies between two curves, and these as thin lines."""
         if not self.series.pale:
             self.axis.fill_between(self.x, low, high, color=self.look["color"], lw=0.0, alpha=_BAND)
+            if np.isfinite(low).sum() == 1:  # which has no area
+                self.axis.vlines(self.x, low, high, self.look["color"], lw=4.0, alpha=_BAND)
         for edge in (low, high):
             self.axis.add_line(Line2D(self.x, edge, lw=0.7, ls=self.series.dash, **self.look))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -198,7 +199,10 @@ def measures_text(row: Mapping[str, Any], most: float) -> str:
     """Write frequency, RMS of both coordinates and power of a motion; ``most`` is the largest RMS beside it."""
     heights = [quantity(row.get(name), "m", largest=most) for name in ("rms_y_m", "rms_x_m")]
     pace, power = quantity(row.get("excitation_frequency_hz"), "Hz"), quantity(row.get("motor_power_w"), "W")
-    return f"{pace}, RMS y {heights[0]}, x {heights[1]}, power {power}"
+    speed = row.get("conveying_speed_m_per_s")
+    shaken = 2.0 * math.pi * (row.get("excitation_frequency_hz") or 0.0) * most
+    moves = "" if speed is None else f", along the deck {quantity(speed, 'm/s', largest=shaken)}"
+    return f"{pace}, RMS y {heights[0]}, x {heights[1]}, power {power}{moves}"
 
 
 def study_table(

@@ -27,6 +27,7 @@ from vibroplat.study.curves import (
     strips_of,
     sync_classes,
 )
+from vibroplat.study.practice import bands
 from vibroplat.study.sweeps import Sweeps, read
 
 OPTIONS = ("x", "data", "measure")
@@ -95,6 +96,8 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         table, asked=columns, kept=sweeps.kept, stripped=strips is not None or table["sync"].nunique() == 1
     )
     series, jumps, equal = curves_of(sweeps, [panel.column for panel in panels], colours, told=strips is None)
+    practice, drawn = bands(sweeps, drawn, colours)
+    formula = " Bands: conveying speed by formulas of practice, from the path of the platform." if practice else ""
     known = sweeps.x if drawn[sweeps.x].notna().any() else sweeps.key
     return picture.Picture(
         name="response",
@@ -105,14 +108,14 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         drawn=drawn,
         axes=list(dict.fromkeys([known, *content.axes_of(table, (sweeps.x, EXCITATION, sweeps.key, *sweeps.grid))])),
         panels=panels,
-        series=series,
+        series=[*practice, *series],
         jumps=jumps,
         strips=strips,
         states=content.motions_of(table),
         rotation=sweeps.rotation,
         scale=scale,
         told=sweeps.told(left, f"curves coincide: {'; '.join(equal)}" if equal else ""),
-        meaning=f"Solid: up; dashed: down, seen where it differs; arrows: jumps; ×: failed.{sweeps.meaning}",
+        meaning=f"Solid: up; dashed: down, seen where it differs; arrows: jumps; ×: failed.{formula}{sweeps.meaning}",
         orbits=picture.Orbits(table),
     )
 
