@@ -77,7 +77,8 @@ def turn_edges(evenly: pd.DataFrame, begin: float, end: float, most: int) -> Flo
     rows = evenly[evenly["t_s"].between(begin, end)]
     turns, first = np.unique(turned(rows)[:, 0], return_index=True)
     count = int(turns.max(initial=0.0) + 1e-6)
-    wholes = np.arange(0, count + 1, max(1, -(-count // most)))[1:]
+    every = max(1, -(-count // most))
+    wholes = float(every) * np.arange(1, count // every + 1)
     ends = np.interp(wholes, turns, rows["t_s"].to_numpy()[first]) if count else []
     edges = np.concatenate([[begin], ends, [end]])
     if len(edges) > 2 and edges[-1] - edges[-2] < edges[-2] - edges[-3]:
