@@ -116,8 +116,11 @@ def list_place(key: str) -> str:
 
 
 def indexed_name(key: str) -> str:
-    """Return a key as a person says it, with its place in a list: "critical slip (2)"."""
-    return f"{display_name(key)} ({list_place(key)})" if list_place(key) else display_name(key)
+    """Return a key as a person says it, with the exciter or the place in a list: "critical slip of exciter 2"."""
+    name, place, section = display_name(key), list_place(key), key.partition(".")[0]
+    if not place:
+        return name
+    return f"{name} of {section[:-1]} {place}" if section in ("exciters", "motors") else f"{name} ({place})"
 
 
 class Quantity(NamedTuple):

@@ -252,7 +252,7 @@ def test_bad_input_exits_2_with_one_line(command, here):
         "run good.yaml --set drive": "--set 'drive'; allowed: key.sub=value",
         "run good.yaml --out bad.yaml": "output bad.yaml/good is not writable: Not a directory",
         "plot nope": "nope is not a directory; allowed: a result directory of vibroplat",
-        "frobnicate": "No such command 'frobnicate'. Try 'vibroplat --help'.",
+        "frobnicate": "No such command 'frobnicate'. Try 'vibroplat -h'.",
     }.items():
         assert command(*line.split()) == (2, "", f"vibroplat: {told}\n")
     assert names(here) == ["bad.yaml", "good.yaml"]
@@ -273,7 +273,7 @@ def test_bad_option_exits_2_with_one_line(command):
         done = command(*line.split())
         assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
         assert [text for text in named if text not in done.err] == []
-        assert done.err.endswith(". Try 'vibroplat --help'.\n")
+        assert done.err.endswith(f". Try 'vibroplat {line.split()[0]} -h'.\n")
         assert ".." not in done.err
 
 

@@ -16,6 +16,7 @@ ANSWERS = {title: BLOCK.findall(rest) for title, _, rest in (section.partition("
 LONG = {
     "How fast does it convey, and how steeply?",
     "Start, operation, stop",
+    "One motor fails in operation",
     "The least power for an amplitude",
     "Tolerances",
     "The machine shakes sideways",

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from vibroplat.config.digits import interval, number, pair, quantity, share, spread
+from vibroplat.config.digits import given, interval, number, pair, quantity, share, spread
 
 
 @pytest.mark.parametrize(
@@ -54,6 +54,11 @@ def test_an_interval_has_the_decimals_of_its_larger_end():
     assert interval(0.02, 9.231, "m") == "20 … 9230 mm"
     assert interval(42.0, 80.0, "Hz") == "42.00 … 80.00 Hz"
     assert interval(0.5, 0.5) == "0.500"
+
+
+def test_a_number_stands_as_it_was_given_and_one_that_was_computed_has_six_digits():
+    told = [given(v) for v in (50.0, 49.99975, 0.1, 0.3 - 0.1, 5e7, 1e-13, 12559432.1575, 1.0 / 3.0)]
+    assert told == ["50", "49.99975", "0.1", "0.2", "50000000", "1e-13", "12559400", "0.333333"]
 
 
 def test_numbers_that_are_compared_have_two_digits_of_their_difference():

@@ -229,8 +229,16 @@ SETTINGS = [
     ("", "drive", "--set 'drive'; allowed: key.sub=value"),
     ("", "a=[1", "--set a: not valid YAML in line 1, column 3: expected ',' or ']', but got '<stream end>'"),
     ("", "drive.supply_frequency_hz.x=3", "c.yaml: drive.supply_frequency_hz = {'x': 3}; allowed: a number"),
-    ("", "exciters.2.critical_slip=0.1", "c.yaml: unknown key exciters.2; allowed: exciters.0 to exciters.1"),
-    ("", "exciters.-1.critical_slip=0.1", "c.yaml: unknown key exciters.-1; allowed: exciters.0 to exciters.1"),
+    (
+        "",
+        "exciters.2.critical_slip=0.1",
+        "c.yaml: unknown key exciters.2; allowed: exciters.0 to exciters.1: exciters.0 is motor 1",
+    ),
+    (
+        "",
+        "exciters.-1.critical_slip=0.1",
+        "c.yaml: unknown key exciters.-1; allowed: exciters.0 to exciters.1: exciters.0 is motor 1",
+    ),
     ("motors: [{}, {}]", "motors.0.pole_pairs='3'", "c.yaml: motors.0.pole_pairs = '3'; allowed: a whole number"),
     (program(), "drive.program.1.t_s=2", "c.yaml: unknown key drive.program.1; allowed: none"),
     (program(START), "drive.program.1.t_s=2", "c.yaml: unknown key drive.program.1; allowed: drive.program.0"),

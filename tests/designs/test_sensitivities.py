@@ -171,6 +171,13 @@ def test_a_key_of_both_exciters_has_the_sum_of_their_elasticities(command, tmp_p
         DesignStudy(unequal)
 
 
+def test_a_place_that_no_list_has_is_told_those_that_there_are():
+    plan = {"parameter_tolerances": {"exciters.2.critical_slip": 0.05}}
+    told = "cannot be varied; allowed: exciters.0.critical_slip, exciters.1.critical_slip$"
+    with pytest.raises(ConfigError, match=rf"^design.parameter_tolerances.exciters.2.critical_slip {told}"):
+        DesignStudy(load_config(CALIBRATED, {"exciters.N.critical_slip": 0.15, "design": plan}))
+
+
 @pytest.mark.parametrize("section", ["parameter_tolerances", "keys"])
 def test_a_key_that_holds_a_list_is_refused(section):
     own = {"exciters": [{"position_m": [-0.06, 0.0]}, {"position_m": [0.06, 0.0]}]}

@@ -2,7 +2,9 @@
 
 import itertools
 import json
+import re
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,11 +14,11 @@ from common.results import unproven
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.page import run
-from vibroplat.page.curves import Line, one_line
+from vibroplat.page.curves import Line, Runs, one_line
 from vibroplat.page.machine import drawing, machine_of, packed
 from vibroplat.page.report import sheet_html
 from vibroplat.page.results import find_results
-from vibroplat.page.run import windows_of
+from vibroplat.page.run import course_of, windows_of
 from vibroplat.results.sheet import Sheet
 from vibroplat.results.tables import read_json, read_table, write_table
 
@@ -147,6 +149,18 @@ def test_several_runs_have_a_column_each(moved):
     assert ">Material</th>" in text
 
 
+def test_of_several_runs_a_colour_is_a_run_and_their_last_seconds_stand_beside_each_other(moved):
+    """A long detail, as of a run that does not turn steadily, is cut to the shortest."""
+    runs = find_results([moved["two layers"], moved["bouncing"]])
+    layers, bouncing = (course_of(one, one.columns("events", ("kind",), ("t_s", "impulse_n_s"))) for one in runs)
+    whole = replace(layers, detail=layers.detail.assign(t_s=10.0 * layers.detail["t_s"]))
+    drawn = Runs([whole, bouncing], ["first", "second"])
+    spans = [np.ptp(course.detail["t_s"]) for course in drawn.courses]
+    assert spans[0] <= spans[1] * (1.0 + 1e-6)
+    assert re.findall("<em[^>]*>(.*?)</em>", drawn.key_figures())[-2:] == ["first", "second"]
+    assert "dashed: underside of the material" in drawn.key_figures()
+
+
 # -- curves ---------------------------------------------------------------------------------------------
 
 
@@ -158,7 +172,7 @@ def test_curves_have_the_extremes_of_all_of_the_run(moved):
     found = figures["Platform y from rest, whole run"]
     assert found.points("y")[:, 1].max() == pytest.approx(y.max(), abs=0.01 * np.ptp(y))
     assert found.points("y")[:, 1].min() == pytest.approx(y.min(), abs=0.01 * np.ptp(y))
-    (force,) = (one for title, one in figures.items() if title.startswith("Force into the foundation, y: each"))
+    (force,) = (one for title, one in figures.items() if title.startswith("Force into the foundation, y: "))
     whole = np.abs(force.points("force y")[:, 1]).max() * (1e3 if force.unit == "kN" else 1.0)
     assert whole == pytest.approx(summary["whole_foundation_force_y_max_n"], rel=0.02)
 

@@ -14,7 +14,17 @@ from vibroplat.columns import PHASE_COLUMN
 from vibroplat.page.results import differences
 from vibroplat.plots.axes import name_axis
 from vibroplat.plots.measured import Measured
-from vibroplat.results.labels import MOST, differing, distinct, key_label, legend_names, value_label
+from vibroplat.results.content import measures
+from vibroplat.results.labels import (
+    MOST,
+    capital,
+    differing,
+    distinct,
+    halfway,
+    key_label,
+    legend_names,
+    value_label,
+)
 
 PROGRAM = [{"t_s": 0.0, "supply_frequency_hz": 0.0}, {"t_s": 3.0, "supply_frequency_hz": 66.0}]
 
@@ -82,7 +92,7 @@ def test_a_phase_axis_tells_values_as_tables_do():
     axis = Figure().add_subplot()
     name_axis(axis, PHASE_COLUMN)
     told = {text.get_text(): place for place, text in zip(axis.get_yticks(), axis.get_yticklabels(), strict=True)}
-    assert told["±180°"] == pytest.approx(np.pi)
+    assert told["180°"] == pytest.approx(np.pi)
     assert told["−90°"] in (pytest.approx(-0.5 * np.pi), pytest.approx(1.5 * np.pi))
     table = pd.DataFrame({"supply_frequency_hz": [50.0, 51.0], PHASE_COLUMN: [-3.136, 3.136]})
     Measured(Path("measured"), table).draw(axis, "supply_frequency_hz", PHASE_COLUMN)
@@ -133,3 +143,21 @@ def test_keys_are_called_by_names_symbols_and_units(key, label, value):
 def test_values_that_are_no_numbers_are_called_by_themselves():
     assert value_label("contact.impact_law", "central") == "central"
     assert value_label("a.flag", True) == "flag: True"
+
+
+def test_a_sentence_has_a_capital_letter_and_a_key_stays_a_key():
+    told = ["runs at 16 Hz", "machine.stiffness_y_n_per_m: 2 jumps", "rms_y_m is 0", "no jump."]
+    assert [capital(text) for text in told] == ["Runs at 16 Hz", *told[1:3], "No jump."]
+
+
+def test_tiles_of_what_is_not_below_0_do_not_reach_below_it():
+    assert halfway(np.array([1e3, 2.5e4, 5e4]))[0] == 0.0
+    assert halfway(np.array([0.0, 1.0])).tolist() == [0.0, 0.5, 1.5]
+    assert halfway(np.array([-1.0, 1.0])).tolist() == [-2.0, 0.0, 2.0]
+
+
+def test_a_measure_of_one_point_is_told_and_has_no_panel():
+    table = pd.DataFrame({"rms_y_m": [1e-3, 2e-3, 4e-3], "lyapunov_per_s": [np.nan, 0.52, np.nan]})
+    panels, told = measures(table)
+    assert ([panel.column for panel in panels], told) == (["rms_y_m"], "not drawn: Lyapunov 0.520 1/s at one point")
+    assert [panel.column for panel in measures(table.iloc[1:2])[0]] == ["rms_y_m", "lyapunov_per_s"]

@@ -70,7 +70,7 @@ def test_axes_are_logarithmic_for_values_in_equal_ratios_alone():
 
 
 def test_a_key_of_an_exciter_says_of_which():
-    assert key_label("exciters.1.critical_slip") == "critical slip (2)"
+    assert key_label("exciters.1.critical_slip") == "critical slip of exciter 2"
 
 
 def test_points_that_failed_are_on_the_axis_of_either_column():

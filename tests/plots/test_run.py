@@ -178,11 +178,11 @@ def test_loads_are_forces_and_displacements_with_their_peaks(settled):
     table, summary = read_table(result, "trajectory"), read_json(result, "summary")
     machine = load_config(QUICKSTART).machine
     along_y = machine.stiffness_y_n_per_m * table["y_m"] + machine.damping_y_n_s_per_m * table["y_rate_m_per_s"]
-    for axis, values in ((force, along_y), (height, 1e3 * from_rest(table, result)["y_m"])):
+    for axis, values in ((force, -along_y), (height, 1e3 * from_rest(table, result)["y_m"])):
         low, high = (line.get_ydata() for line in axis.lines[:2])
         assert (low.min(), high.max()) == pytest.approx([values.min(), values.max()])
     size, at, pace = (summary[f"whole_foundation_force_y_max_{what}"] for what in ("n", "at_s", "at_hz"))
-    assert (force.lines[-1].get_xdata()[0], abs(force.lines[-1].get_ydata()[0])) == (at, size)
+    assert (force.lines[-1].get_xdata()[0], force.lines[-1].get_ydata()[0]) == (at, size), "downwards, as on the page"
     assert size == pytest.approx(along_y.abs().max(), rel=1e-3)
     assert force.texts[-1].get_text() == f"{quantity(size, 'N')} at {quantity(at, 's')}, {pace:.1f} Hz"
     assert height.texts[-1].get_text().startswith(f"stroke {1e3 * summary['whole_stroke_y_m']:.3g} mm at ")
@@ -256,7 +256,7 @@ def test_measured_data_are_laid_over_a_run(saved, tmp_path):
     pd.DataFrame({"t_s": [0.1, 0.2], "y_m": [1e-4, -2e-4]}).to_csv(file, index=False)
     top, gap = drawn(saved["two layers"], kinds=["motion"], data=read_data(file))["motion"].axes
     assert top.lines[-1].get_ydata() == pytest.approx([0.1, -0.2])
-    assert top.lines[-1].get_label().startswith("measured: rig.csv, differs by ")
+    assert top.lines[-1].get_label().startswith("measured: rig.csv, y differs by ")
     assert not any(line.get_marker() == "D" for line in gap.lines)
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+import pytest
 from common.handmade import after, branch
 
 from vibroplat.study.answer import short_answer
@@ -31,6 +32,18 @@ def test_a_jump_is_told_in_the_middle_of_its_points_and_how_far_it_is_known():
     assert row.endswith(" 0.125 mm at 52")
     assert known == "each change ± 0.25 Hz"
     assert legend == "in-phase: vibrates along x and rocks; antiphase: vibrates along y"
+
+
+def test_where_steps_differ_each_change_has_half_of_its_own():
+    values = np.geomspace(5e5, 5e7, 21)
+    table = branch(**SYNC).rename(columns={"supply_frequency_hz": "machine.stiffness_x_n_per_m"})
+    headline, lines = told(table.assign(**{"machine.stiffness_x_n_per_m": values}))
+    assert "500000 … 50000000 N/m at 21 values" in headline
+    assert values[7:9] == pytest.approx([2505936.2, 3154786.7])
+    assert "  2830000 ± 320000  " in lines[1]
+    assert not any("each change" in line for line in lines)
+    top = {"rms_y_m": after(12, 1e-3, np.where(np.arange(21) == 12, 2e-3, 1e-3))}
+    assert "2.00 mm at 7924470" in told(table.assign(**{"machine.stiffness_x_n_per_m": values}, **top))[1][1]
 
 
 def test_both_directions_stand_beside_each_other():

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from common.handmade import after, branch
 
+from vibroplat.results.picture import Strip
 from vibroplat.study.bands import band_lines, bands, find_jumps
 
 
@@ -44,6 +45,25 @@ def test_a_jump_takes_two_points_on_each_side(change):
     for first, last in ((7, 8), (6, 8), (7, 9), (0, 8), (7, 20)):
         assert not find_jumps(table[first : last + 1]).any()
     assert find_jumps(table[6:10]).tolist() == [False, True, False]
+
+
+def test_exciters_that_get_free_at_the_last_point_jump_there():
+    last = np.arange(21) == 20
+    free = branch(sync=np.where(last, "antiphase", "none"))
+    assert not find_jumps(free).any(), "one point with another synchronization alone says little"
+    free["excitation_frequency_hz"] += np.where(last, 6.0, 0.0)
+    assert np.flatnonzero(find_jumps(free)).tolist() == [19]
+    assert np.flatnonzero(find_jumps(free[::-1])).tolist() == [0]
+
+
+def test_strips_go_no_farther_from_a_point_than_points_are_apart():
+    """Beyond a jump of the excitation frequency nothing is known of what is between."""
+    at = np.array([20.0, 20.5, 21.0, 27.6])
+    strip = Strip("", "", range(4), ["in-phase", "in-phase", "none", "antiphase"])
+    ends = [(round(span.low, 3), round(span.high, 3)) for span in strip.spans(at)]
+    assert ends == [(19.75, 20.75), (20.75, 21.25), (27.35, 27.85)]
+    ratios = strip.spans(np.array([1.0, 10.0, 100.0, 1000.0]))
+    assert [span.high for span in ratios[:-1]] == [span.low for span in ratios[1:]]
 
 
 def test_a_key_that_hardly_changes_the_motion_has_no_jump_between_few_points():

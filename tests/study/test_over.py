@@ -208,4 +208,4 @@ def test_bands_and_notes_name_the_key_with_its_unit():
     table = pd.DataFrame({key: [40.0, 50.0], "notes": "loose", "motion": "periodic", "outcome": "ok"})
     assert notes_on_points(table) == ["2 points at damping y 40 … 50 N·s/m, the first: loose"]
     one = table.rename(columns={key: "exciters.1.critical_slip"}).head(1)
-    assert notes_on_points(one) == ["1 point at critical slip (2) 40: loose"]
+    assert notes_on_points(one) == ["1 point at critical slip of exciter 2 40: loose"]

@@ -32,7 +32,11 @@ def _offer(resume: bool) -> bool:
 
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Set a key, e.g. run.duration_s=2. May be repeated."),
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Set a key, e.g. run.duration_s=2. exciters.0 is motor 1, exciters.N both.",
+    ),
 ]
 EngineName = Annotated[
     str | None,

@@ -57,13 +57,14 @@ def configuration_page() -> str:
     lines = [
         "# Configuration",
         "",
-        "All keys of a configuration, in YAML 1.2. Names end with their unit. `N` is a place in a list. A key that is",
-        "not given has its default. If the default is empty, the meaning describes the default. `extends: FILE` takes",
-        "all keys from another file, whose name is relative to the extending file. Keys of the extending file override",
-        "them, and `--set` overrides both. If two keys exclude each other, the overriding key is used: `--set",
-        "exciters.1.unbalance_radius_m=0.06` replaces a static moment in the file. The symbols are those of",
-        "[the model](model.md). Typical values are from screens and feeders in industry; `vibroplat new FILE",
-        "--template screen` writes such a machine. Scaled units are defined in [How it works](method.md#scaled-units).",
+        "All keys of a configuration, in YAML 1.2. Names end with their unit. `N` is a place in a list, counted from",
+        "0: `exciters.0` is motor 1. A key that is not given has its default. If the default is empty, the meaning",
+        "describes the default. `extends: FILE` takes all keys from another file, whose name is relative to the",
+        "extending file. Keys of the extending file override them, and `--set` overrides both. If two keys exclude",
+        "each other, the overriding key is used: `--set exciters.1.unbalance_radius_m=0.06` replaces a static moment",
+        "in the file. The symbols are those of [the model](model.md). Typical values are from screens and feeders in",
+        "industry; `vibroplat new FILE --template screen` writes such a machine. Scaled units are defined in [How it",
+        "works](method.md#scaled-units).",
         "This page is written by `vibroplat schema --markdown`.",
     ]
     sections = groupby(keys().values(), key=lambda key: key.name.partition(".")[0] if "." in key.name else "")

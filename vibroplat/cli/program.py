@@ -85,7 +85,8 @@ def main() -> None:
         # typer's base class of usage errors is not public; this method identifies them
         if not hasattr(error, "format_message"):
             raise
-        sys.exit(_complain(f"{error.format_message().rstrip('.')}. Try 'vibroplat --help'.", 2))
+        command = getattr(getattr(error, "ctx", None), "command_path", "vibroplat")
+        sys.exit(_complain(f"{error.format_message().rstrip('.')}. Try '{command} -h'.", 2))
     sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -159,8 +159,9 @@ def share(value: float | None) -> str:
 
 
 def given(value: float) -> str:
-    """Write a number that a user gave as he gave it, up to twelve digits."""
-    return f"{value:.12g}"
+    """Write a number that a user gave as he gave it; one with more than ten digits was computed, and has six."""
+    is_given = f"{value:.10g}" == f"{value:.12g}"
+    return f"{value if is_given else float(f'{value:.6g}'):.12g}"
 
 
 def digits_of(unit: str) -> int:

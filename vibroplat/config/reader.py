@@ -306,8 +306,9 @@ def _merge_places(below: list[Any], places: Mapping[str, Any], section: str) -> 
     for place, value in places.items():
         chosen = [number for number in range(len(below)) if place in (str(number), "N")]
         if not chosen:
-            known = [f"{section}.{number}" for number in sorted({0, len(below) - 1})] if below else ["none"]
-            raise ConfigError(f"unknown key {section}.{place}; allowed: {' to '.join(known)}")
+            known = " to ".join(f"{section}.{number}" for number in sorted({0, len(below) - 1})) if below else "none"
+            counted = f": {section}.0 is motor 1" if section in ("exciters", "motors") else ""
+            raise ConfigError(f"unknown key {section}.{place}; allowed: {known}{counted}")
         for number in chosen:
             old = merged[number]
             both = isinstance(value, Mapping) and isinstance(old, Mapping)

@@ -96,14 +96,15 @@ def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFram
     asked = (plan.minimize, *plan.constraints, *plan.measures)
     names = [name for name in (*asked, *contributions["measure"].unique()) if name]
     shown = [name for name in dict.fromkeys(names) if name in samples and samples[name].notna().any()][:MAX_MEASURES]
-    rows = [["", *(f"{100.0 * of:.0f} %" for of in QUANTILES)]]
+    each = len(plan.constraints) > 1
+    rows = [["", *(f"{100.0 * of:.0f} %" for of in QUANTILES), *["keep its bound"] * each]]
     for name in shown:
         values = samples[name].quantile(list(QUANTILES)).tolist()
         factor, unit = prefixed(values[1], unit_of(name))
         digits = FREQUENCY_DIGITS if unit == "Hz" else DIGITS
-        rows.append(
-            [f"{label(name)} ({unit})" if unit else label(name), *(number(value / factor, digits) for value in values)]
-        )
+        told = [f"{label(name)} ({unit})" if unit else label(name)]
+        kept = share(plan.keeps(name, samples[name]).mean()) if name in plan.constraints else ""
+        rows.append([*told, *(number(value / factor, digits) for value in values), *[kept] * each])
     yield from in_columns(rows)
     own = contributions[contributions["measure"].isin(shown[:1])].sort_values("regression", ascending=False)
     for _, row in own.head(1).iterrows():

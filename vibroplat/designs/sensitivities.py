@@ -150,7 +150,8 @@ def require_keys(scene: Scene, keys: Sequence[str], where: str) -> None:
         if number_of(key) is float and first == 0.0:
             raise ConfigError(f"{where}.{key} is 0 in this scene; allowed: another value")
         if not own <= {*allowed}:
-            raise ConfigError(f"{where}.{key} cannot be varied; allowed: {', '.join(allowed)}")
+            alike = [one for one in allowed if in_lists(one.split(".")) == in_lists(key.split("."))]
+            raise ConfigError(f"{where}.{key} cannot be varied; allowed: {', '.join(alike or allowed)}")
 
 
 def require_allowed(scene: Scene, what: str, key: str, value: float) -> None:

@@ -20,6 +20,8 @@ COINCIDE = 0.015
 NARROW = 0.02
 #: The same of speeds, which change within a turn while exciters start.
 SPEEDING = 0.25
+#: What lines with these dashes are called.
+DASHES = {"6 3": "dashed", "2 3": "dotted"}
 #: Least time from the beginning of a run in which its start is shown (s).
 START = 1.0
 #: Colours of the curves of a panel: along y blue, along x orange.
@@ -55,11 +57,14 @@ class Runs:
     """
 
     def __init__(self, courses: Sequence[Course], names: Sequence[str]) -> None:
-        self.courses, self.names = courses, names if len(names) > 1 else [""]
+        self.names = names if len(names) > 1 else [""]
         self.chosen = any(one.detail["t_s"].iloc[-1] < one.last - 1e-9 for one in courses)
-        known = all(one.frequency for one in courses)
+        shortest = min(float(np.ptp(one.detail["t_s"])) for one in courses)
+        self.courses = courses if self.chosen else [one.in_last(shortest) for one in courses]
+        known = all(one.detail["t_s"].iloc[0] > one.first for one in courses)
         #: What the detail is called.
-        self.last = "interval" if self.chosen else f"last {LAST_TURNS} turns" if known else "whole run"
+        whole = "whole run" if len(names) == 1 else f"last {quantity(shortest, 's')}"
+        self.last = "interval" if self.chosen else f"last {LAST_TURNS} turns" if known else whole
 
     # -- drawings -----------------------------------------------------------------------------------
 
@@ -88,8 +93,9 @@ class Runs:
                     found.append(Line(called, CURVES[run % len(CURVES)] if name else own, dash, t, *parts[1:]))
         return one_line(found)
 
-    def _drawn(self, title: str, lines: Sequence[Line], column: str, *, detail: bool = False) -> Plot:
+    def _drawn(self, title: str, lines: Sequence[Line], columns: Mapping[str, str], *, detail: bool = False) -> Plot:
         """Return a drawing of curves over time; a wide range is a band."""
+        column = next(iter(columns))
         t = np.concatenate([line.t for line in lines])
         values = np.concatenate([part for line in lines for part in (line.low, line.high)])
         is_speed = column.startswith("speed")
@@ -103,6 +109,11 @@ class Runs:
             else:
                 plot.curve(line.t, 0.5 * (line.low + line.high), line.name, line.colour, dash=line.dash)
         plot.key = [(line.name, line.colour) for line in lines] if len(lines) > 1 or " = " in lines[0].name else []
+        if self.names[0] and len(columns) > 1:  # a colour is a run, and dashes tell its curves apart
+            solid, *others = columns.values()
+            plot.key = [(line.name.replace(f", {solid}", ""), line.colour) for line in lines if not line.dash]
+            dashes = {label: line.dash for line in lines for label in others if line.name.endswith(f", {label}")}
+            plot.note = "; ".join(f"{DASHES[dash]}: {label}" for label, dash in dashes.items() if dash)
         return plot
 
     # -- figures ------------------------------------------------------------------------------------
@@ -111,7 +122,8 @@ class Runs:
         """Return the curves that matter: the force into the foundation over the run, and the platform's last turns."""
         found = ""
         if force := self._lines(PANELS[0][1]):
-            plot = self._drawn("Force into the foundation, y: each turn of the run", force, "force_y_n")
+            shown = "whole run" if any(course.few for course in self.courses) else "each turn of the run"
+            plot = self._drawn(f"Force into the foundation, y: {shown}", force, PANELS[0][1])
             self._mark_largest(plot, force)
             found += plot.html()
         main = self.courses[0].main
@@ -120,7 +132,7 @@ class Runs:
             words = {"y_m": "Platform y", "x_m": "Platform x", "phi_rad": "Rotation"}[main]
             if main == "y_m" and any("underside_m" in one.detail for one in self.courses):
                 words = "Platform and material"
-            found += self._drawn(f"{words}, {self.last}", lines, main, detail=True).html()
+            found += self._drawn(f"{words}, {self.last}", lines, columns, detail=True).html()
         return found
 
     def starts(self) -> str:
@@ -130,7 +142,7 @@ class Runs:
             return ""
         until = math.inf if course.steady is None else max(course.steady, course.first + START)
         title = "Speed, whole run" if course.steady is None else "Speed until the stroke is steady"
-        plot = self._drawn(title, self._lines(EXCITERS, until=until), "speed_1_hz")
+        plot = self._drawn(title, self._lines(EXCITERS, until=until), EXCITERS)
         plot.height = "--h:150px"
         return plot.html()
 
@@ -153,14 +165,14 @@ class Runs:
         pairs, none = [], []
         measured = {column: label for one in self.courses for column, label in accelerations(one.result.scene).items()}
         for title, columns in (*PANELS, *[("Acceleration", measured)] * bool(self._lines(measured))):
-            whole, detail, column = self._lines(columns), self._lines(columns, detail=True), next(iter(columns))
+            whole, detail = self._lines(columns), self._lines(columns, detail=True)
             if not whole or not any(self._matters(one, column) for one in self.courses for column in columns):
                 none.append(title[0].lower() + title[1:])
                 continue
             right = hint(f"{self.last.capitalize()}: 0")
             if not self._rests(whole, detail):
-                right = self._drawn(self.last.capitalize(), detail, column, detail=True).html() if detail else ""
-            pairs.append(self._drawn(f"{title}, whole run", whole, column).html() + right)
+                right = self._drawn(self.last.capitalize(), detail, columns, detail=True).html() if detail else ""
+            pairs.append(self._drawn(f"{title}, whole run", whole, columns).html() + right)
         if any(len(one.impulses) for one in self.courses):
             pairs.append(self._impulses(detail=False) + self._impulses(detail=True))
         return "".join(pairs), len(pairs), none
@@ -214,8 +226,10 @@ def one_line(lines: list[Line]) -> list[Line]:
 
 
 def _coincide(one: Line, other: Line) -> bool:
-    if one.dash != other.dash or one.t.shape != other.t.shape or not np.array_equal(one.t, other.t):
+    """Whether two curves are one; turns of several runs need not end at the same times."""
+    if one.dash != other.dash or np.abs(one.t[[0, -1]] - other.t[[0, -1]]).max() > COINCIDE * np.ptp(one.t):
         return False
     span = float(np.nanmax(one.high) - np.nanmin(one.low))
-    away = np.nanmax(np.abs([one.low - other.low, one.high - other.high]))
+    beside = (np.interp(one.t, other.t, values) for values in (other.low, other.high))
+    away = np.nanmax(np.abs([a - b for a, b in zip((one.low, one.high), beside, strict=True)]))
     return bool(span > 0.0 and away < COINCIDE * span)

@@ -28,6 +28,7 @@ from vibroplat.page.results import differences, find_results, parameters
 from vibroplat.page.run import Course, course_of
 from vibroplat.page.tables import aligned, fold, hint, listing, parameters_html, table_html
 from vibroplat.results.answer import first_failures, noted
+from vibroplat.results.labels import capital
 from vibroplat.results.picture import Picture, finite
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
@@ -183,15 +184,14 @@ class Report:
         """Return the answer of a result, what failed before it."""
         answer, check, more = one.answer, one.provenance.get("check") or {}, ""
         headline = answer.headline.removeprefix(f"{one.scene.name}: ")
-        if "." not in headline.partition(" ")[0]:  # which would be a key
-            headline = headline[:1].upper() + headline[1:]
+        headline = capital(headline)
         failures = [*check.get("disagreements", ()), *answer.failures]
         bad, short = bool(failures), aligned(answer.short) if answer.short else ""
         if isinstance(one, RunResult):
             differ = (one.summary.get("check") or {}).get("agrees") is False
             failures = [*failures, *["engines disagree"] * differ]
             facts = "; ".join(self.sheets[one].facts())
-            short = f'<p class="more">{escape(facts[:1].upper() + facts[1:])}</p>' if facts else ""
+            short = f'<p class="more">{escape(capital(facts))}</p>' if facts else ""
             bad = bool(failures or one.summary.get("captured_by"))
         if failures:
             more = f'<p class="more">{escape(headline)}</p>'

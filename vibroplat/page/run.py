@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,16 +15,16 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.page.machine import FRAMES, MOVING, moving
 from vibroplat.page.svg import Floats
-from vibroplat.plots.reading import Cut, ends_of, rest_of
+from vibroplat.plots.reading import Cut, ends_of, rest_of, turn_edges, turned, with_forces
 from vibroplat.results.picture import finite
 from vibroplat.results.run import RunResult
 
 #: Turns that are shown in detail, turns of the run in which the machine moves, and most turns that are its last ones.
 LAST_TURNS, MOVING_TURNS, MOST_PERIODS = 3, 60, 4
-#: Parts of the run of which the smallest and largest values are kept, at most, and rows kept of the detail.
+#: Parts of the run of which the smallest and largest values are kept, about, and rows kept of the detail.
 PARTS, ROWS = 400, 4000
-#: Rows from which the turns of exciter 1 follow.
-ANGLES = 100_000
+#: Turns up to which the whole run shows its curves instead of the range of each turn.
+FEW_TURNS = 12
 #: Change of the stroke, over its last value, up to which it counts as steady.
 STEADY = 0.01
 
@@ -61,6 +61,8 @@ class Course:
         The run, and its ends (s).
     frequency
         Of the exciters in the measured part (Hz); None if that is not known.
+    few
+        Whether it has few turns: then its curves are shown instead of the range of each turn.
     range
         Smallest and largest value of each curve (``y_m:min``, ``y_m:max`` …) in parts of the run, and their middles.
     detail
@@ -75,6 +77,7 @@ class Course:
     first: float
     last: float
     frequency: float | None
+    few: bool
     range: pd.DataFrame
     detail: pd.DataFrame
     impulses: pd.DataFrame
@@ -94,6 +97,11 @@ class Course:
             return None
         values = self.detail[column].to_numpy(dtype=float)
         return self.detail["t_s"].to_numpy(dtype=float), values, values
+
+    def in_last(self, seconds: float) -> Course:
+        """Return it with the last part of its detail, so that several runs are seen beside each other."""
+        times = self.detail["t_s"]
+        return replace(self, detail=self.detail[times >= times.iloc[-1] - seconds * (1.0 + 1e-9)])
 
     def size(self, column: str) -> float:
         """Return the range of a curve over the whole run; 0 if it has none."""
@@ -139,7 +147,7 @@ def course_of(
     TableError
         A table is missing or of another run, or the interval is empty.
     """
-    ends = ends_of(found.column_parts("trajectory", (), ("t_s",)))
+    ends = ends_of(found.column_parts("trajectory", (), ("t_s", "phi1_rad", "phi2_rad")))
     if ends is None or ends.rows < 2 or ends.first["t_s"] == ends.last["t_s"]:
         return None
     first, last = float(ends.first["t_s"]), float(ends.last["t_s"])
@@ -149,41 +157,34 @@ def course_of(
     detail = begin
     if start is None and stop is None and frequency is not None:
         detail = max(first, last - LAST_TURNS / frequency)
-    turns = int((last - first) * (frequency or 0.0))
-    parts = turns // math.ceil(turns / PARTS) if turns > 12 else PARTS
+    few = bool(turned(ends.evenly).max(initial=0.0) <= FEW_TURNS)
+    edges = np.linspace(first, last, PARTS + 1) if few else turn_edges(ends.evenly, first, last, PARTS)
     columns = [column for _, panel in PANELS for column in panel]
-    cut = Cut(curves_of(found), (detail, end), (first, last, parts), (*columns, *accelerations(found.scene)))
+    cut = Cut(curves_of(found), (detail, end), edges, (*columns, *accelerations(found.scene)))
     if cut.shown["t_s"].nunique() < 2:
         allowed = f"allowed: an interval within {first:g} … {last:g} s"
         raise TableError(f"no data between {begin:g} and {end:g} s in {found.directory}; {allowed}")
     struck = events.loc[events["impulse_n_s"] > 0.0, ["t_s", "impulse_n_s"]]
-    motion = _motion(found, struck, max(begin, first), min(end, last), frequency, ends.rows)
-    shown = cut.shown.iloc[:: max(1, len(cut.shown) // ROWS)]
-    return Course(found, first, last, frequency, cut.envelope(), shown, struck, motion)
+    motion = _motion(found, struck, max(begin, first), min(end, last), frequency, ends.evenly)
+    shown = cut.shown.iloc[np.unique([*range(0, len(cut.shown), max(1, len(cut.shown) // ROWS)), len(cut.shown) - 1])]
+    return Course(found, first, last, frequency, few, cut.envelope(), shown, struck, motion)
 
 
 def curves_of(found: RunResult) -> Iterator[pd.DataFrame]:
-    """Read a trajectory in parts, with the curves that follow from its columns.
-
-    Forces are those of springs and dampers on the foundation, downwards positive.
-    """
+    """Read a trajectory in parts, with the curves that follow from its columns."""
     scene = found.scene
-    rest, machine = rest_of(scene), scene.machine
+    rest = rest_of(scene)
     forward = [exciter.direction / (2.0 * math.pi) for exciter in scene.exciter_pair]
     weights = scene.phase_weights
     optional = (*_OPTIONAL, *accelerations(scene))
     for part in map(finite, found.column_parts("trajectory", ("mode",), _NEEDED, optional)):
         angles = part[["phi1_rad", "phi2_rad"]].to_numpy(dtype=float)
-        table = part.assign(
+        table = with_forces(part, scene).assign(
             y_m=part["y_m"] - rest,
             speed_1_hz=forward[0] * part[SPEEDS[0]],
             speed_2_hz=forward[1] * part[SPEEDS[1]],
             **{PHASE_COLUMN: wrapped(angles @ np.asarray(weights))},
         )
-        if {"x_rate_m_per_s", "y_rate_m_per_s"} <= {*part}:
-            pull_x = machine.stiffness_x_n_per_m * part["x_m"] + machine.damping_x_n_s_per_m * part["x_rate_m_per_s"]
-            pull_y = machine.stiffness_y_n_per_m * part["y_m"] + machine.damping_y_n_s_per_m * part["y_rate_m_per_s"]
-            table = table.assign(force_x_n=pull_x, force_y_n=-pull_y)
         if "gap_m" in part:
             table["underside_m"] = table["y_m"] + part["gap_m"]
         if "supply_frequency_hz" in part:
@@ -207,15 +208,13 @@ def wrapped(phase: Any) -> Floats:
 
 
 def _motion(
-    found: RunResult, struck: pd.DataFrame, begin: float, end: float, frequency: float | None, rows: int
+    found: RunResult, struck: pd.DataFrame, begin: float, end: float, frequency: float | None, evenly: pd.DataFrame
 ) -> dict[str, Any]:
     """Return turns evenly over an interval, and the last ones, as what moves the machine.
 
     They begin where exciter 1 passes the same angle, so that one goes on where another one ends.
     """
-    every = math.ceil(rows / ANGLES)
-    thin = pd.concat([part.iloc[::every] for part in found.column_parts("trajectory", (), ("t_s", "phi1_rad"))])
-    thin = thin[thin["t_s"].between(begin, end)]
+    thin = evenly[evenly["t_s"].between(begin, end)]
     turns = found.scene.exciter_pair[0].direction * thin["phi1_rad"].to_numpy(dtype=float) / (2.0 * math.pi)
     period = found.summary.get("period")
     last = min(period, MOST_PERIODS) if isinstance(period, int) and period > 0 else MOST_PERIODS if period == 0 else 1

@@ -16,7 +16,7 @@ from vibroplat.columns import display_name, unit_of
 from vibroplat.config.digits import MISSING, NEGLIGIBLE, PREFIXES, decimal, digits_of, given, places
 from vibroplat.page.svg import power_of_ten, unit_for
 from vibroplat.results.answer import counted
-from vibroplat.results.labels import SUPPLY
+from vibroplat.results.labels import SUPPLY, capital
 from vibroplat.results.picture import finite
 
 #: Most cells and most rows of a table on the page.
@@ -34,7 +34,7 @@ def rows_on_page(table: pd.DataFrame) -> Any:
 def fold(title: str, more: str, body: str) -> str:
     """Return HTML that is folded below its title, with more told beside it."""
     small = f" <small>{escape(more)}</small>" if more else ""
-    return f"<details><summary>{escape(title[:1].upper() + title[1:])}{small}</summary>{body}</details>"
+    return f"<details><summary>{escape(capital(title))}{small}</summary>{body}</details>"
 
 
 def hint(text: str) -> str:

@@ -53,7 +53,7 @@ def name_axis(axis: Axes, column: str, label: str = "", rotation: str = "") -> N
     if column != PHASE_COLUMN:
         return
     axis.set_ylim(LOWEST_PHASE - 0.1, LOWEST_PHASE + TURN + 0.1)
-    ticks = {-0.5: "−90°", 0.0: "0°", 0.5: "90°", 1.0: "±180°", 1.5: "−90°"}
+    ticks = {-0.5: "−90°", 0.0: "0°", 0.5: "90°", 1.0: "180°", 1.5: "−90°"}
     axis.set_yticks([np.pi * tick for tick in ticks], list(ticks.values()))
     for angle, name in ((0.0, "in-phase"), (np.pi, "antiphase")):
         axis.axhspan(angle - NEAR, angle + NEAR, color=SYNC[name], alpha=0.1, lw=0.0, zorder=0.4)

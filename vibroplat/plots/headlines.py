@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from vibroplat.plots.histories import Run
-from vibroplat.results.labels import plain
+from vibroplat.results.labels import capital, plain
 from vibroplat.results.run_answer import headline as answer_of
 from vibroplat.results.sheet import Sheet
 
@@ -27,7 +27,7 @@ def headline(kind: str, runs: Sequence[Run]) -> str:
         named = [f"{plain(run.name)}: {parts[0]}" for run, parts in zip(runs, told, strict=True) if parts]
         return "; ".join(dict.fromkeys(named)) or ", ".join(plain(run.name) for run in runs)
     sentence = "; ".join(told[0]) or plain(runs[0].name)
-    return sentence[:1].upper() + sentence[1:]
+    return capital(sentence)
 
 
 def _told(kind: str, run: Run) -> Iterator[str]:

@@ -25,14 +25,14 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.observe.tables import acceleration_columns
 from vibroplat.plots.axes import FloatArray
-from vibroplat.plots.reading import Cut, ends_of, rest_of
+from vibroplat.plots.reading import Cut, ends_of, rest_of, turn_edges, with_forces
 from vibroplat.results.run import RunResult
 
 _LOG = logging.getLogger("vibroplat")
 
 #: Most points of a line, more than a figure can show.
 POINTS = 20_000
-#: Most bins of an envelope; none is shorter than a turn, over which it would not be one.
+#: Most parts of an envelope, about; none is shorter than a turn, over which it would not be one.
 BINS = 400
 #: Turns shown next to a whole run; turns kept in detail if no interval is given, which are shown if the motion does not
 #: repeat within them; and the minimum number of samples, which may need more turns.
@@ -59,7 +59,7 @@ class Run:
     whole
         The trajectory in that interval, thinned out.
     envelope
-        Its minimum and maximum in short intervals: columns ``t_s``, ``y_m:min``, ``y_m:max`` …
+        Its least and largest values in whole turns: columns ``t_s``, ``y_m:min``, ``y_m:max`` …
     shown
         The rows shown in detail: all in the interval if one was given, otherwise the last turns.
     events
@@ -151,8 +151,6 @@ def run_of(result: RunResult, start: float | None = None, stop: float | None = N
     chosen = start is not None or stop is not None
     sparse = 0.0 if scene is None else FEWEST / scene.output.sample_rate_hz
     detail = max(begin, end - max(SHOWN_TURNS / frequency, sparse)) if frequency and not chosen else begin
-    turns = int((end - begin) * (frequency or 0.0))
-    bins = min(turns, BINS) if turns else BINS
     sag = summary.get("static_sag_m") if scene is None else -rest_of(scene)
     moved = () if scene is None else acceleration_columns(scene.output.points)
     optional = {*COORDINATES, *_MOVING_RATES, *moved, *more} - {"t_s", "mode", "y_m", *_ANGLES, *RATES}
@@ -162,7 +160,8 @@ def run_of(result: RunResult, start: float | None = None, stop: float | None = N
         for part in result.column_parts("trajectory", ("mode",), ("t_s", "y_m", *_ANGLES, *RATES), optional)
     )
     columns = (*COORDINATES, *FORCES, *SPEEDS)
-    found = Cut(parts, (detail, end), (begin, end, bins), columns, every=math.ceil(ends.rows / POINTS))
+    edges = turn_edges(ends.evenly, begin, end, BINS)
+    found = Cut(parts, (detail, end), edges, columns, every=math.ceil(ends.rows / POINTS))
     if found.shown["t_s"].nunique() < 2:
         raise TableError(f"no data between {begin:g} and {end:g} s; {length}")
     events = result.column_parts("events", ("kind",), ("t_s", "impulse_n_s"))
@@ -187,12 +186,7 @@ def _with_more(part: pd.DataFrame, scene: Scene | None, senses: Sequence[float])
         name: sense * part[rate] / (2.0 * math.pi) for name, rate, sense in zip(SPEEDS, RATES, senses, strict=True)
     }
     part = part.assign(**speeds)
-    if scene is None or not {"x_m", "y_m", *_MOVING_RATES} <= {*part.columns}:
-        return part
-    machine = scene.machine
-    along_x = machine.stiffness_x_n_per_m * part["x_m"] + machine.damping_x_n_s_per_m * part["x_rate_m_per_s"]
-    along_y = machine.stiffness_y_n_per_m * part["y_m"] + machine.damping_y_n_s_per_m * part["y_rate_m_per_s"]
-    return part.assign(force_x_n=along_x, force_y_n=along_y)
+    return part if scene is None else with_forces(part, scene)
 
 
 def _interval(first: float, last: float, given: Mapping[str, float], length: str) -> tuple[float, float]:

@@ -158,7 +158,7 @@ class Measured:
             table = self.table[self.table[x].between(low, high)]
             size, edge = (4.0, 1.0) if len(table) <= MOST_LARGE else (2.0, 0.5)
             look: dict[str, Any] = {"color": BLACK, "mfc": "white", "ms": size, "mew": edge, "zorder": 5.0, "ls": ""}
-            label = ", ".join(filter(None, (f"measured: {plain(self.path.name)}", self.told(column))))
+            label = ", ".join([f"measured: {plain(self.path.name)}", *self.differences()])
             axis.plot(table[x], in_units(table[column], column), marker="D", label=label, **look)
 
 

@@ -5,6 +5,7 @@ Trajectories are read in parts: those of long runs do not fit into memory.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Iterable
 from typing import Any, NamedTuple
 
@@ -15,32 +16,80 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import static_rest
 from vibroplat.results.picture import finite
 
+Floats = np.ndarray[Any, np.dtype[np.float64]]
+
+#: Rows from which the turns of exciters follow, and the longest time that a turn is waited for (s).
+EVENLY, SLOW = 100_000, 0.5
+
 
 def rest_of(scene: Scene, place: int = 1) -> float:
     """Return y at the static rest (m), from where figures count it, or x or φ by their places in the state."""
     return float(static_rest(scene)[place])
 
 
+def with_forces(part: pd.DataFrame, scene: Scene) -> pd.DataFrame:
+    """Add the forces of springs and dampers on the foundation (N), downwards and along x, if a part has the rates.
+
+    Its y is as in a trajectory, from where springs are unloaded.
+    """
+    if not {"x_m", "y_m", "x_rate_m_per_s", "y_rate_m_per_s"} <= {*part.columns}:
+        return part
+    machine = scene.machine
+    along_x = machine.stiffness_x_n_per_m * part["x_m"] + machine.damping_x_n_s_per_m * part["x_rate_m_per_s"]
+    along_y = machine.stiffness_y_n_per_m * part["y_m"] + machine.damping_y_n_s_per_m * part["y_rate_m_per_s"]
+    return part.assign(force_x_n=along_x, force_y_n=-along_y)
+
+
 class Ends(NamedTuple):
-    """How many rows a trajectory has, and its first and last one."""
+    """How many rows a trajectory has, its first and last one, and rows evenly over it, at most twice ``EVENLY``."""
 
     rows: int
     first: pd.Series
     last: pd.Series
+    evenly: pd.DataFrame
 
 
 def ends_of(parts: Iterable[pd.DataFrame]) -> Ends | None:
     """Return the ends of a trajectory; None if it has no rows."""
-    found: Ends | None = None
-    for part in parts:
-        if len(part):
-            rows, first = (0, part.iloc[0]) if found is None else found[:2]
-            found = Ends(rows + len(part), first, part.iloc[-1])
-    return found
+    kept, rows, every = [], 0, 1
+    for part in (part for part in parts if len(part)):
+        last = part.iloc[-1]
+        kept.append(part.iloc[-rows % every :: every])
+        rows += len(part)
+        while sum(map(len, kept)) > 2 * EVENLY:
+            kept, every = [pd.concat(kept, ignore_index=True).iloc[::2]], 2 * every
+    return Ends(rows, kept[0].iloc[0], last, finite(pd.concat(kept, ignore_index=True)).dropna()) if kept else None
+
+
+def turned(rows: pd.DataFrame) -> Floats:
+    """Return how often both exciters have turned since the first one of some rows: the slower one, then the faster."""
+    angles = rows[["phi1_rad", "phi2_rad"]].to_numpy(dtype=float) / (2.0 * np.pi)
+    grown = np.maximum.accumulate(np.abs(angles - angles[:1]), axis=0)
+    return np.asarray(np.sort(grown, axis=1))
+
+
+def turn_edges(evenly: pd.DataFrame, begin: float, end: float, most: int) -> Floats:
+    """Return the ends (s) of about so many parts of an interval, in each of which the slower exciter turns whole times.
+
+    The last part has what is left of a turn. Where turns take longer than ``SLOW`` seconds, parts are about that long:
+    what shakes as one exciter turns or swings is no range of a turn of the other one.
+    """
+    rows = evenly[evenly["t_s"].between(begin, end)]
+    turns, first = np.unique(turned(rows)[:, 0], return_index=True)
+    count = int(turns.max(initial=0.0) + 1e-6)
+    every = max(1, -(-count // most))
+    wholes = float(every) * np.arange(1, count // every + 1)
+    ends = np.interp(wholes, turns, rows["t_s"].to_numpy()[first]) if count else []
+    edges = np.concatenate([[begin], ends, [end]])
+    if len(edges) > 2 and edges[-1] - edges[-2] < edges[-2] - edges[-3]:
+        edges = np.delete(edges, -2)
+    longest = max(SLOW, (end - begin) / most)
+    split = [np.linspace(a, b, max(1, int((b - a) / longest)), endpoint=False) for a, b in itertools.pairwise(edges)]
+    return np.append(np.concatenate(split), end)
 
 
 class Cut:
-    """What is shown of a trajectory: all rows of one interval, some of another one, and the extremes in its bins.
+    """What is shown of a trajectory: all rows of one interval, some of another one, and the extremes in its parts.
 
     Parameters
     ----------
@@ -48,8 +97,8 @@ class Cut:
         Parts of the trajectory in their order; they are read once.
     shown
         Interval of which all rows are kept (s).
-    whole
-        Interval that is thinned (s), and number of bins of equal length for which extremes are kept.
+    edges
+        Ends of the parts of the interval that is thinned in which extremes are looked for (s).
     columns
         Columns of which the extremes are kept.
     every
@@ -65,33 +114,30 @@ class Cut:
         self,
         parts: Iterable[pd.DataFrame],
         shown: tuple[float, float],
-        whole: tuple[float, float, int],
+        edges: Floats,
         columns: Collection[str],
         *,
         every: int = 0,
     ) -> None:
-        self._begin, self._end, self._bins = whole
+        self._edges = edges
         self._ranges: list[pd.DataFrame] = []
         kept, thinned, count = [], [], 0
         for part in parts:
             kept.append(part[part["t_s"].between(*shown)])
-            inside = part["t_s"].between(self._begin, self._end)
+            inside = part["t_s"].between(edges[0], edges[-1])
             if every:
                 thinned.append(part[inside & ((count + np.arange(len(part))) % every == 0)])
             known = finite(part.loc[inside, [column for column in columns if column in part]])
-            ranges = known.groupby(self._bins_of(part.loc[inside, "t_s"])).agg(["min", "max"])
+            places = np.searchsorted(edges[1:-1], part.loc[inside, "t_s"], side="right")
+            ranges = known.groupby(places).agg(["min", "max"])
             self._ranges.append(ranges.set_axis(ranges.columns.map(":".join), axis=1))
             count += len(part)
         self.shown = finite(pd.concat(kept, ignore_index=True))
         self.thinned = finite(pd.concat(thinned, ignore_index=True)) if thinned else self.shown.iloc[:0]
 
-    def _bins_of(self, times: pd.Series) -> Any:
-        width = (self._end - self._begin) / self._bins or 1.0
-        return ((times - self._begin) / width).clip(0, self._bins - 1).astype(int).to_numpy()
-
     def envelope(self) -> pd.DataFrame:
-        """Return the extremes in each bin (columns ``y_m:min``, ``y_m:max`` …) and the time in its middle (``t_s``)."""
+        """Return the extremes in each part (columns ``y_m:min``, ``y_m:max`` …) and the time in its middle."""
         ranges = pd.concat(self._ranges)
         table = ranges.groupby(level=0).agg({name: str(name)[-3:] for name in ranges}).dropna(how="all")
-        middle = self._begin + (table.index.to_numpy() + 0.5) * (self._end - self._begin) / self._bins
-        return table.assign(t_s=middle).reset_index(drop=True)
+        middles = 0.5 * (self._edges[1:] + self._edges[:-1])
+        return table.assign(t_s=middles[table.index]).reset_index(drop=True)

@@ -70,6 +70,11 @@ def plain(text: str) -> str:
     return text.replace("$", r"\$")
 
 
+def capital(text: str) -> str:
+    """Return a sentence with a capital letter, unless it begins with a key or a column."""
+    return text if {".", "_"} & {*text.partition(" ")[0].rstrip(".")} else text[:1].upper() + text[1:]
+
+
 def is_number(value: Any) -> bool:
     """Whether a value, or a column, holds numbers that can be ordered."""
     types = pd.api.types
@@ -88,13 +93,17 @@ def in_ratios(values: Any) -> bool:
 
 
 def halfway(values: Any) -> Any:
-    """Return the edges of tiles around ascending values: half way, of values in equal ratios by their logarithms."""
+    """Return the edges of tiles around ascending values: half way, of values in equal ratios by their logarithms.
+
+    Where no value is below 0, no edge is.
+    """
     if not len(values):
         return np.asarray(values, dtype=float)
     if in_ratios(values):
         return np.exp(halfway(np.log(values)))
     half = 0.5 * np.diff(values) if len(values) > 1 else 0.01 * np.abs(values) + 1e-9
-    return np.concatenate([[values[0] - half[0]], values[:-1] + half[: len(values) - 1], [values[-1] + half[-1]]])
+    first = values[0] - half[0] if values[0] < 0.0 else max(values[0] - half[0], 0.0)
+    return np.concatenate([[first], values[:-1] + half[: len(values) - 1], [values[-1] + half[-1]]])
 
 
 def key_name(key: str) -> str:

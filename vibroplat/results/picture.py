@@ -42,6 +42,8 @@ FULL, OPEN, HALF, LOST = range(4)
 MOTIONS = ("periodic", "not periodic", "undecided", "failed")
 #: The place at which a line is broken, and the end of the columns that have the lower ends of bands.
 BROKEN, LOW = -1, ":min"
+#: Distance of two points over that of others beside them, from which strips do not go from one to the other.
+FAR = 4.0
 #: What exciters do that are not synchronous.
 NOT_SYNCHRONOUS = "not synchronous"
 
@@ -213,20 +215,38 @@ class Strip(NamedTuple):
     texts: Sequence[str] = ()
 
     def spans(self, values: Any) -> list[Span]:
-        """Return its intervals for the values that points have on the axis, each as far as half way to the next."""
+        """Return its intervals for the values that points have on the axis, each as far as points reach."""
         at = np.asarray(values, dtype=float)[[*self.rows]]
         order = np.flatnonzero(np.isfinite(at))[np.argsort(at[np.isfinite(at)], kind="stable")]
         if not len(order):
             return []
-        edges, found = halfway(at[order]), list[Span]()
-        for number, place in enumerate(order):
+        found = list[Span]()
+        for low, high, place in zip(*_neighbourhoods(at[order]), order, strict=True):
             told: Any = ((self.hatches, ""), (self.lined, False), (self.texts, ""))
             flags = [of[place] if of else none for of, none in told]
-            span = Span(float(edges[number]), float(edges[number + 1]), self.kinds[place], *flags)
-            if found and found[-1][2:] == span[2:]:
+            span = Span(float(low), float(high), self.kinds[place], *flags)
+            if found and found[-1].high == low and found[-1][2:] == span[2:]:
                 span = found.pop()._replace(high=span.high)
             found.append(span)
         return found
+
+
+def _neighbourhoods(at: Any) -> tuple[Any, Any]:
+    """Return from where to where points at ascending values reach.
+
+    They reach half way to the next; where that is :data:`FAR` as far as usual and as beside it, as after a jump, as
+    far as usual there: nothing is known of what is between.
+    """
+    edges = halfway(at)
+    low, high = edges[:-1].copy(), edges[1:].copy()
+    if len(at) > 2 and not in_ratios(at):
+        half = 0.5 * np.diff(at)
+        usual = np.maximum(np.maximum(np.append(0.0, half[:-1]), np.append(half[1:], 0.0)), np.median(half))
+        far = np.flatnonzero(half > FAR * usual)
+        high[far], low[far + 1] = at[far] + usual[far], at[far + 1] - usual[far]
+        low[0] = at[0] - (usual[0] if 0 in far else half[0])
+        high[-1] = at[-1] + (usual[-1] if len(half) - 1 in far else half[-1])
+    return low, high
 
 
 @dataclass(frozen=True)

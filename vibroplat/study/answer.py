@@ -22,8 +22,8 @@ from vibroplat.study.sweeps import grid_of
 MAX_ROWS, MAX_JUMPS = 5, 2
 #: Kinds of synchronization between which others are left out.
 MAIN = {"antiphase", "in-phase"}
-#: Relative difference of amplitudes up to which both directions agree.
-AGREE = 0.01
+#: Relative difference of amplitudes up to which both directions agree, and of steps up to which they are the same.
+AGREE, EVEN = 0.01, 1e-6
 #: Column of the speed of material along the deck.
 CONVEYED = "conveying_speed_m_per_s"
 
@@ -35,21 +35,17 @@ def short_answer(points: pd.DataFrame, bands: pd.DataFrame) -> tuple[str, list[s
     first = f"{_counts(points)}, {range_text(key, points[key])}, {' and '.join(points['direction'].unique())}"
     if good[RMS].notna().sum() == 0:
         return first, []
-    lines = [*_rows(points, bands, key), *_agreement(good, bands, key), *_legend(good), *_coexisting(good)]
+    lines = [*_rows(points, bands, key), *_agreement(points, bands, key), *_legend(good), *_coexisting(good)]
     headline, motions = f"{first}; {motions_text(good)}", motions_text(good)
     return (headline, lines) if len(headline) <= WIDTH else (first, [motions, *lines])
 
 
 def range_text(key: str, values: pd.Series) -> str:
     """Return the name of a swept key, its range and its step, if that is the same throughout."""
-    known = np.unique(values.to_numpy(dtype=float))
-    steps = np.diff(known)
+    known, step = np.unique(values.to_numpy(dtype=float)), _step(values)
     unit, ends = unit_of(key), " … ".join(given(end) for end in dict.fromkeys((known[0], known[-1])))
-    even = steps.size > 0 and np.ptp(steps) <= 1e-6 * steps.max()
-    step = (
-        f" in steps of {given(float(f'{steps[0]:.6g}'))}" if even else f" at {len(known)} values" if steps.size else ""
-    )
-    return " ".join(filter(None, (axis_name(key), ends, unit))) + step
+    told = f" in steps of {given(step)}" if step else f" at {len(known)} values" if len(known) > 1 else ""
+    return " ".join(filter(None, (axis_name(key), ends, unit))) + told
 
 
 def motions_text(table: pd.DataFrame) -> str:
@@ -79,7 +75,7 @@ def _combinations(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
 
 def _rows(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
     """Yield a table: for each combination of the grid's values its jumps, lift-off and largest amplitude."""
-    groups, step = list(_combinations(points)), _step(points[key])
+    groups, values = list(_combinations(points)), points[key]
     parts = [bands[bands["branch"].isin(rows["branch"].unique())] for _, rows in groups]
     jumps = [_changes(own, key) for own in parts]
     kinds = list(dict.fromkeys(name for one in jumps for name in one))
@@ -87,7 +83,7 @@ def _rows(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
     height = RMS if points[RMS].max() >= points["rms_x_m"].max() else "rms_x_m"
     columns = {f"at {axis_label(key)}": [name for name, _ in groups]}
     for kind in kinds[:MAX_JUMPS]:
-        columns[kind] = [_cell(found.get(kind, {}), step, both_ways=both_ways) for found in jumps]
+        columns[kind] = [_cell(found.get(kind, {}), values, both_ways=both_ways) for found in jumps]
     if points["flight_fraction"].gt(0.0).any() or _has_material(points):
         columns["lifts off"] = [_liftoff(rows, own, key) for (_, rows), own in zip(groups, parts, strict=True)]
     columns[f"largest {display_name(height)}"] = [_largest(rows, height, key) for _, rows in groups]
@@ -143,22 +139,23 @@ def _pairs(rows: pd.DataFrame) -> Iterator[tuple[Any, Any]]:
     yield from itertools.pairwise(kept)
 
 
-def _cell(found: Mapping[str, list[tuple[float, float]]], step: float, *, both_ways: bool) -> str:
+def _cell(found: Mapping[str, list[tuple[float, float]]], values: pd.Series, *, both_ways: bool) -> str:
     """Write where a change is in each direction; once where they agree, or where there is one."""
-    told = {way: ", ".join(_place(*ends, step) for ends in found[way]) for way in found}
+    told = {way: ", ".join(_place(*ends, values) for ends in found[way]) for way in found}
     if len(set(told.values())) == 1 and (len(told) > 1 or not both_ways):
         return next(iter(told.values()))
     return ", ".join(f"{text} {way}" for way, text in told.items()) or MISSING
 
 
-def _place(low: float, high: float, step: float) -> str:
-    """Write where a change is: in the middle between two points a step apart, else between which ones."""
-    return middle_text(low, high) if high - low <= 1.001 * step else f"{given(low)} … {given(high)}"
+def _place(low: float, high: float, values: pd.Series) -> str:
+    """Write where a change is: in the middle of two values next to each other, else between which ones.
 
-
-def middle_text(low: float, high: float) -> str:
-    """Write the middle of an interval with a digit more than its half width has."""
-    return number(0.5 * (low + high), 12, error=0.05 * (high - low))
+    The middle has a digit more than half their distance, which stands beside it where that is not the same throughout.
+    """
+    if ((values > low) & (values < high)).any():
+        return f"{given(low)} … {given(high)}"
+    middle = number(0.5 * (low + high), 12, error=0.05 * (high - low))
+    return middle if _step(values) else f"{middle} ± {number(0.5 * (high - low), 2)}"
 
 
 def _has_material(points: pd.DataFrame) -> bool:
@@ -175,7 +172,7 @@ def _liftoff(rows: pd.DataFrame, bands: pd.DataFrame, key: str) -> str:
     ends = changes[[f"from_{key}", f"to_{key}"]].astype(float)
     grows = (changes["kind"] == "liftoff") == (ends.iloc[:, 0] < ends.iloc[:, 1])
     starts = sorted((float(row.min()), float(row.max())) for _, row in ends[grows].iterrows())
-    return middle_text(*starts[0]) if starts else "from the start"
+    return _place(*starts[0], rows[key]) if starts else "from the start"
 
 
 def _largest(rows: pd.DataFrame, column: str, key: str) -> str:
@@ -187,16 +184,19 @@ def _largest(rows: pd.DataFrame, column: str, key: str) -> str:
 
 
 def _step(values: pd.Series) -> float:
-    """Return the largest distance of successive values of a swept key."""
-    return float(np.diff(np.unique(values.to_numpy(dtype=float))).max(initial=0.0))
+    """Return the distance of successive values of a swept key; 0 if that is not the same throughout."""
+    steps = np.diff(np.unique(values.to_numpy(dtype=float)))
+    return float(steps[0]) if steps.size and np.ptp(steps) <= EVEN * steps.max() else 0.0
 
 
-def _agreement(good: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
+def _agreement(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
     """Yield how far jumps are known, and whether both directions agree."""
-    changes, unit, both_ways = _changes(bands, key), unit_of(key), len(good["direction"].unique()) > 1
-    if changes:
-        known = f"each change ± {given(float(f'{0.5 * _step(good[key]):.3g}'))} {unit}".rstrip()
-        yield f"{known}{'; where up and down differ, the start decides' if both_ways else ''}"
+    good = points[points["outcome"] == "ok"]
+    step, unit, both_ways = _step(points[key]), unit_of(key), len(good["direction"].unique()) > 1
+    if _changes(bands, key):
+        known = [f"each change ± {given(0.5 * step)} {unit}".rstrip()] if step else []
+        known += ["where up and down differ, the start decides"] if both_ways else []
+        yield from ["; ".join(known)] if known else []
         return
     if not both_ways:
         yield "no jump"

@@ -46,9 +46,10 @@ BANDS: Columns = {
     "kind": Column(
         "kind of band",
         "band: points of one synchronization; jump: synchronization, phase difference, excitation frequency or "
-        "amplitude changes by more than 4 times the changes on either side. A jump needs two points on each side; a "
-        "finer sweep may turn it into a steep change. liftoff and flight-end: from the last point before to the first "
-        "point after, both with material that can lift off; largest: maximum RMS of y; failed: points that failed",
+        "amplitude changes by more than 4 times the changes on either side. A jump needs two points on each side, "
+        "but one where frequency and synchronization change; a finer sweep may turn it into a steep change. liftoff "
+        "and flight-end: from the last point before to the first point after, both with material that can lift off; "
+        "largest: maximum RMS of y; failed: points that failed",
         kind=TEXT,
     ),
     "name": Column(
@@ -83,7 +84,8 @@ def _jump_rows(rows: pd.DataFrame | Rows) -> list[tuple[int, int]]:
 
     A jump is a discontinuity of the response. Its evidence is a change that is ISOLATION times both changes next to it:
     of synchronization that is lost or found, of the phase difference, of the excitation frequency or of the amplitude.
-    So it takes two points on each side. Points that failed are passed over, and points that jumped while they were
+    So it takes two points on each side; at an end of the branch one, where exciters that a resonance held get free, or
+    are captured, and synchronize otherwise. Points that failed are passed over, and points that jumped while they were
     measured: the standard error of their amplitude is as large as a jump.
     """
     key, along = (SUPPLY, rows[SUPPLY]) if SUPPLY in rows else next(iter(rows.items()))
@@ -111,21 +113,25 @@ def _jump_rows(rows: pd.DataFrame | Rows) -> list[tuple[int, int]]:
         (np.diff(height[known]), rise),
     )
     jump = np.any([(np.abs(change) > least) & _isolated(np.abs(change), steps) for change, least in changes], axis=0)
+    freed = (np.abs(changes[2][0]) > shift) & (sync[known][1:] != sync[known][:-1])
+    jump |= freed & _isolated(np.abs(changes[2][0]), steps, ends=True)
     return [(int(known[i]), int(known[i + 1])) for i in np.flatnonzero(jump)]
 
 
-def _isolated(change: FloatArray, steps: FloatArray) -> Flags:
+def _isolated(change: FloatArray, steps: FloatArray, *, ends: bool = False) -> Flags:
     """Return whether each change along a branch is far larger than both next to it, which are known.
 
     Where points are farther apart than those next to them, these changes count as if they had gone on. Where they are
-    more than ISOLATION times as far apart, nothing is known.
+    more than ISOLATION times as far apart, nothing is known. A change at an end has one beside it, which
+    is enough with ``ends``.
     """
-    alone = np.zeros(change.size, dtype=bool)
-    alone[1:-1] = True
-    for beside in (slice(None, -2), slice(2, None)):
+    alone = np.ones(change.size, dtype=bool)
+    alone[[0, -1]] = ends
+    beside, width = np.pad(change, 1), np.pad(steps, 1, mode="edge")
+    for side in (slice(None, -2), slice(2, None)):
         with np.errstate(divide="ignore", invalid="ignore"):
-            farther = np.maximum(steps[1:-1] / steps[beside], 1.0)
-            alone[1:-1] &= (change[1:-1] > ISOLATION * farther * change[beside]) & (farther <= ISOLATION)
+            farther = np.maximum(steps / width[side], 1.0)
+            alone &= (change > ISOLATION * farther * beside[side]) & (farther <= ISOLATION)
     return alone
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from vibroplat.columns import PHASE_COLUMN, display_name, unit_of
 from vibroplat.config import digits
 from vibroplat.frames import pd
-from vibroplat.results.labels import EXCITATION, SUPPLY, key_name
+from vibroplat.results.labels import EXCITATION, SUPPLY, capital, key_name
 from vibroplat.results.picture import sync_words
 from vibroplat.study.answer import motions_text
 from vibroplat.study.sweeps import Sweeps
@@ -41,8 +41,7 @@ def several(values: Any, unit: str) -> str:
 
 def sentence(*parts: str) -> str:
     """Join what is said, with a capital letter."""
-    told = "; ".join(filter(None, parts))
-    return told[:1].upper() + told[1:]
+    return capital("; ".join(filter(None, parts)))
 
 
 def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> str:
