@@ -138,62 +138,67 @@ def compute_part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Kn
     It begins at the start where ``begin`` is None, else at a place that :func:`_point_record` describes. The record has
     new ``rows`` and ``special`` points, the ``last`` place, and why the branch ``ended``, or has ``failed``.
     """
-    record: Record = {"rows": [], "special": [], "last": None, "ended": "", "failed": False}
     shooter = Shooter.borrowed(scene, [plan.key], plan.range)
     try:
-        try:
-            branch = _begin_branch(shooter, plan, begin)
-        except (NoConvergenceError, OrbitError) as error:
-            return record | {"ended": str(error), "failed": True}
-        taken, ends, step = list[tuple[OrbitPoint, float]](), list[SpecialPoint](), list[OrbitPoint]()
-        values = [*(_values(former) for _, former in known.others), _values(known.own)]
-        most, own = min(POINTS_PER_TASK, plan.max_points - len(known.own)), [*known.own]
-
-        def look(before: OrbitPoint, after: OrbitPoint, strictly: bool) -> None:
-            step[:] = before, after
-            for special in list(find_special_points(branch, before, after, strictly=strictly)):
-                if not (plan.covers(special.value) or plan.covers(after.value)):
-                    return  # beyond the end of the branch
-                found = branch.problem.describe(special.point) | {"kind": special.kind, "value": special.value}
-                found |= {"after": len(own), "branches": []}
-                old = any(same_special(found, other, plan) for other in (*known.special, *record["special"]))
-                if special.kind in plan.switch and not old and not (special.kind == DOUBLING and special.mirrors):
-                    starts = new_branches(branch.problem, special, _steps(plan)[0], branch.largest)
-                    found["branches"] = [_point_record(*start) for start in starts]
-                record["special"].append(found)
-                if special.mirrors and len(own) > 1:
-                    ends.append(special)
-                    return
-
-        def take() -> None:
-            """Take the last point, unless it was passed before: then the branch ends."""
-            point, turns = branch.points[-1], shooter.take_turns()
-            marks = _marks_of(branch.problem, point)
-            again = known.find_revisit(marks, own, values)
-            record["ended"], record["failed"] = again or branch.ended, again == CAME_BACK
-            if not again:
-                taken.append((point, turns))
-                own.append(marks)
-                values[-1] = np.append(values[-1], marks["value"])
-
-        if begin is None or begin["new"]:
-            take()
-        while len(taken) < most and not record["ended"]:
-            if not branch.extend(look):
-                record["ended"], record["failed"] = branch.ended, True
-                break
-            if ends:
-                beyond = "half the period beyond" if ends[0].kind == DOUBLING else "mirror image beyond"
-                branch.points[-1], branch.ended = ends[0].point, beyond
-            else:
-                _stop_at_end(branch, plan, *step)
-            take()
-        record["last"] = _point_record(branch.problem, branch.points[-1], branch.step, new=False)
-        # one after the other, which takes two thirds of the time of each as its point is taken
-        record["rows"] = [_row(branch.problem, *each) for each in taken]
-        return record
+        return _compute_with(shooter, plan, begin, known)
     finally:
         shooter.give_back()
+
+
+def _compute_with(shooter: Shooter, plan: OrbitsPlan, begin: Record | None, known: KnownPoints) -> Record:
+    """Make a part of a branch with a shooter (:func:`compute_part`)."""
+    record: Record = {"rows": [], "special": [], "last": None, "ended": "", "failed": False}
+    try:
+        branch = _begin_branch(shooter, plan, begin)
+    except (NoConvergenceError, OrbitError) as error:
+        return record | {"ended": str(error), "failed": True}
+    taken, ends, step = list[tuple[OrbitPoint, float]](), list[SpecialPoint](), list[OrbitPoint]()
+    values = [*(_values(former) for _, former in known.others), _values(known.own)]
+    most, own = min(POINTS_PER_TASK, plan.max_points - len(known.own)), [*known.own]
+
+    def look(before: OrbitPoint, after: OrbitPoint, strictly: bool) -> None:
+        step[:] = before, after
+        for special in list(find_special_points(branch, before, after, strictly=strictly)):
+            if not (plan.covers(special.value) or plan.covers(after.value)):
+                return  # beyond the end of the branch
+            found = branch.problem.describe(special.point) | {"kind": special.kind, "value": special.value}
+            found |= {"after": len(own), "branches": []}
+            old = any(same_special(found, other, plan) for other in (*known.special, *record["special"]))
+            if special.kind in plan.switch and not old and not (special.kind == DOUBLING and special.mirrors):
+                starts = new_branches(branch.problem, special, _steps(plan)[0], branch.largest)
+                found["branches"] = [_point_record(*start) for start in starts]
+            record["special"].append(found)
+            if special.mirrors and len(own) > 1:
+                ends.append(special)
+                return
+
+    def take() -> None:
+        """Take the last point, unless it was passed before: then the branch ends."""
+        point, turns = branch.points[-1], shooter.take_turns()
+        marks = _marks_of(branch.problem, point)
+        again = known.find_revisit(marks, own, values)
+        record["ended"], record["failed"] = again or branch.ended, again == CAME_BACK
+        if not again:
+            taken.append((point, turns))
+            own.append(marks)
+            values[-1] = np.append(values[-1], marks["value"])
+
+    if begin is None or begin["new"]:
+        take()
+    while len(taken) < most and not record["ended"]:
+        if not branch.extend(look):
+            record["ended"], record["failed"] = branch.ended, True
+            break
+        if ends:
+            beyond = "half the period beyond" if ends[0].kind == DOUBLING else "mirror image beyond"
+            branch.points[-1], branch.ended = ends[0].point, beyond
+        else:
+            _stop_at_end(branch, plan, *step)
+        take()
+    record["last"] = _point_record(branch.problem, branch.points[-1], branch.step, new=False)
+    # one after the other, which takes two thirds of the time of each as its point is taken
+    record["rows"] = [_row(branch.problem, *each) for each in taken]
+    return record
 
 
 def _steps(plan: OrbitsPlan) -> list[float]:

@@ -29,11 +29,12 @@ from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Observer, Simulator
 from vibroplat.motion.recorder import Files, Keep, Recorder, Sink, SinkArgument
 from vibroplat.motion.variation import key_tuple, parameter_directions
-from vibroplat.observe.data_sheet import SHEET, WHOLE, columns, stays_synchronized, whole_run
+from vibroplat.observe.data_sheet import SHEET, WHOLE, columns, whole_run
 from vibroplat.observe.notes import change, drift, notes_on_measures, slow_motors, stiffness, symmetry
 from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, whole_periods
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import INACCURATE, MEASURES, MeasuredInterval, inaccuracy, measure, synchronization
+from vibroplat.observe.synchronization import stays_synchronized
 from vibroplat.observe.tables import named_derivative, require_room
 from vibroplat.observe.transients import Transient, transients
 from vibroplat.observe.variation import Variation

@@ -23,8 +23,8 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
 from vibroplat.motion.run import simulate
-from vibroplat.observe.data_sheet import STAYING_TURNS
 from vibroplat.observe.notes import HELPS_START
+from vibroplat.observe.synchronization import STAYING_TURNS
 from vibroplat.study.point import ERRORS, SweepPoint, failed_record, measure_point
 from vibroplat.study.store import Record
 
