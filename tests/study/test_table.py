@@ -378,7 +378,7 @@ def test_a_sweep_prints_its_notes_and_keeps_those_of_points(command, kernels, he
     ]
     assert len(notes) == 4
     assert "rotor_inertia_kg_m2" in notes[3]
-    assert f"  note: {notes[0]}" in done.out.splitlines()
+    assert f"  note: {notes[1]}" in done.out.splitlines()
     table = read_table(here / "results/own/sweep", "sweep")
     assert table["notes"].notna().tolist() == [False, False, True, True]
 
