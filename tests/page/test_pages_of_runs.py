@@ -13,7 +13,6 @@ from common.results import unproven
 
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.page import run
 from vibroplat.page.curves import Line, Runs, one_line
 from vibroplat.page.machine import drawing, machine_of, packed
 from vibroplat.page.report import sheet_html
@@ -266,7 +265,6 @@ def test_the_interval_of_a_run_can_be_chosen(moved):
 def test_a_run_that_is_read_in_parts_is_the_same_run(moved, monkeypatch):
     whole = frames_of(page_of(moved["two layers"]))
     monkeypatch.setattr("vibroplat.results.tables.MAX_PART_ROWS", 37)
-    monkeypatch.setattr(run, "ANGLES", 200)
     assert frames_of(page_of(moved["two layers"]))[0]["windows"] == [
         [pytest.approx(value, abs=1e-3) for value in window] for window in whole[0]["windows"]
     ]

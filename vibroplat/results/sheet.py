@@ -132,7 +132,7 @@ class Sheet:
         for name, rows in self.groups.items():
             yield from (row.short for row in rows[: MAX_POINTS if name == POINTS else None] if row.short and row.now)
         if of_seeds:
-            told = "times are of the first; disturbances and phases of switching differ"
+            told = "times are of the first; disturbances and switching differ"
             yield "largest values", f"of {of_seeds['seeds']} seeds", told
 
     def facts(self) -> Iterator[str]:
