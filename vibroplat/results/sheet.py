@@ -225,7 +225,8 @@ class Sheet:
         rows = {axis: self._row(f"stroke {axis}", f"stroke_{axis}_m", largest, left[axis]) for axis in "yx"}
         decays = _limit(largest, left[main], self.scene.oscillators[1]["xy".index(main)] > 0.0)
         rows[main] = rows[main]._replace(also=decays)
-        rows[main] = rows[main].shortly(f"stroke {main}", decays, f"{other} {rows[other].now}", rows[main].peak)
+        peak = rows[main].peak.partition(",")[0] if decays else rows[main].peak  # a line has no room for the speed
+        rows[main] = rows[main].shortly(f"stroke {main}", decays, f"{other} {rows[other].now}", peak)
         rms = [s["rms_x_m"], s["rms_y_m"]]
         still = NEGLIGIBLE * max(rms) / arm if arm else None
         turned, most = (self._text(key, error=still) for key in ("rms_phi_rad", "phi_max_rad"))
