@@ -99,7 +99,7 @@ BY_ROOM = [
     # studies
     ("study", [
         "abs(self.value) > max(3.0 * self.error, MAX_ERROR_PER_TURN / self.turn) → abs(self.value) > 3.0 * self.error",
-        "kept and way <= max(tolerance → kept or way <= max(tolerance",
+        "same_extent and way <= max(tolerance → same_extent or way <= max(tolerance",
         "if close and was_close and not → if close and not",
         "now * ratio / (1.0 - ratio) → now * ratio",
     ]),
