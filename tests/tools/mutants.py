@@ -116,7 +116,7 @@ BY_ROOM = [
         "min(stride, limits.most - followed.turns) → stride",
         "stays = reached.diagonal().copy() → stays = np.ones(count, dtype=bool)",
         "points[:period]).max() < SAME_ORBIT_DISTANCE → points[:period]).max() < 10.0",
-        "begin = LATE_FRACTION * longest → begin = 0.0",
+        "begin = LATE_FRACTION * max_turns → begin = 0.0",
         "for k in orbits - unseen if → for k in orbits if",
         "radii = [radius for _, radius in around if radius > 0.0] → radii = [radius for _, radius in around]",
     ]),
