@@ -145,7 +145,7 @@ BY_ROOM = [
         "del node.body[0] → pass",
     ]),
     ("study", [
-        "wider = np.maximum(np.maximum(most - least → wider = 0.5 * np.maximum(np.maximum(most - least",
+        "wider = np.maximum(np.maximum(high - low → wider = 0.5 * np.maximum(np.maximum(high - low",
         "for i in {*before.coordinates} ^ {*scene.coordinates}: → for i in {*before.coordinates} - {*scene.coordinates}:",
     ]),
     # figures

@@ -80,10 +80,10 @@ class Branch:
     ended: str = ""
 
     def correct(
-        self, chart: Chart, u: FloatArray, direction: FloatArray, jacobian: FloatArray | None = None, most: int = 12
+        self, chart: Chart, u: FloatArray, direction: FloatArray, jacobian: FloatArray | None = None, steps: int = 12
     ) -> OrbitPoint:
         """Find a point near unknowns, orthogonally to a direction, with its tangent on the side of that direction."""
-        result = correct(self.problem, chart, u, direction[np.newaxis], jacobian, most)
+        result = correct(self.problem, chart, u, direction[np.newaxis], jacobian, steps)
         return OrbitPoint.of(result, tangent_of(result.jacobian, direction))
 
     def step_from(self, last: OrbitPoint, length: float, known: Sequence[OrbitPoint] = ()) -> OrbitPoint:

@@ -154,7 +154,7 @@ def _compute_with(shooter: Shooter, plan: OrbitsPlan, begin: Record | None, know
         return record | {"ended": str(error), "failed": True}
     taken, ends, step = list[tuple[OrbitPoint, float]](), list[SpecialPoint](), list[OrbitPoint]()
     values = [*(_values(former) for _, former in known.others), _values(known.own)]
-    most, own = min(POINTS_PER_TASK, plan.max_points - len(known.own)), [*known.own]
+    limit, own = min(POINTS_PER_TASK, plan.max_points - len(known.own)), [*known.own]
 
     def look(before: OrbitPoint, after: OrbitPoint, strictly: bool) -> None:
         step[:] = before, after
@@ -185,7 +185,7 @@ def _compute_with(shooter: Shooter, plan: OrbitsPlan, begin: Record | None, know
 
     if begin is None or begin["new"]:
         take()
-    while len(taken) < most and not record["ended"]:
+    while len(taken) < limit and not record["ended"]:
         if not branch.extend(look):
             record["ended"], record["failed"] = branch.ended, True
             break
@@ -208,7 +208,7 @@ def _steps(plan: OrbitsPlan) -> list[float]:
 
 def _begin_branch(shooter: Shooter, plan: OrbitsPlan, begin: Record | None) -> Branch:
     """Begin a branch towards the stop, or go on with one from one of its points."""
-    first, largest, least = _steps(plan)
+    first, largest, min_step = _steps(plan)
     if begin is None:
         initial = None if plan.from_ == "settled" else shooter.scene.run.initial.state
         shooter.set([float(plan.start)])
@@ -216,17 +216,17 @@ def _begin_branch(shooter: Shooter, plan: OrbitsPlan, begin: Record | None) -> B
         problem, result = first_orbit(shooter, state, plan.period, [plan.unit], plan.tolerance)
         towards = np.zeros(result.u.size)
         towards[-1] = np.sign(plan.stop - plan.start)
-        branch = Branch(problem, first, least, largest)
+        branch = Branch(problem, first, min_step, largest)
         point = OrbitPoint.of(result, tangent_of(result.jacobian, towards))
     else:
         state, full = np.array(begin["state"]), np.array(begin["tangent"])
         shooter.set([begin["value"]])
-        branch = Branch(Problem(shooter, begin["turns"], [plan.unit], plan.tolerance), begin["step"], least, largest)
+        branch = Branch(Problem(shooter, begin["turns"], [plan.unit], plan.tolerance), begin["step"], min_step, largest)
         chart = branch.problem.chart(state)
         tangent = np.append(full[chart.places], full[-1])
         tangent[chart.phase] = full[-2]
         u = chart.pack(state, begin["period_s"], [begin["value"]])
-        point = branch.correct(chart, u, tangent / np.linalg.norm(tangent), most=20)
+        point = branch.correct(chart, u, tangent / np.linalg.norm(tangent), steps=20)
     branch.points.append(branch.centre_section(point))
     return branch
 
@@ -356,22 +356,22 @@ def _measures(rows: Sequence[Record]) -> list[Record]:
     return [{n: row[n] for n in ("value", "period", "sequence", "phase_difference_rad", *DEVIATIONS)} for row in rows]
 
 
-def multiplier_columns(multipliers: NDArray[np.complex128], most: int) -> dict[str, float | None]:
+def multiplier_columns(multipliers: NDArray[np.complex128], count: int) -> dict[str, float | None]:
     """Return the columns of so many of the largest multipliers; the last is left out if it is half of a pair."""
-    whole = multipliers[:most]
-    if multipliers.size > most and multipliers[most] == multipliers[most - 1].conjugate() != multipliers[most - 1]:
+    whole = multipliers[:count]
+    if multipliers.size > count and multipliers[count] == multipliers[count - 1].conjugate() != multipliers[count - 1]:
         whole = whole[:-1]
     columns: dict[str, float | None] = {}
-    for i, multiplier in enumerate([*whole.tolist(), *[None] * (most - whole.size)], 1):
+    for i, multiplier in enumerate([*whole.tolist(), *[None] * (count - whole.size)], 1):
         columns[f"multiplier_{i}_re"] = None if multiplier is None else multiplier.real
         columns[f"multiplier_{i}_im"] = None if multiplier is None else multiplier.imag
     return columns
 
 
-def describe_multipliers(most: int) -> Columns:
+def describe_multipliers(count: int) -> Columns:
     """Describe the columns of :func:`multiplier_columns`."""
-    meanings = dict.fromkeys(range(1, most), "sorted by magnitude, the largest first")
-    meanings[most] = "empty if it is one half of a complex pair whose other half has no column"
+    meanings = dict.fromkeys(range(1, count), "sorted by magnitude, the largest first")
+    meanings[count] = "empty if it is one half of a complex pair whose other half has no column"
     return {
         f"multiplier_{i}_{part}": Column(f"{which} part of Floquet multiplier {i}", meaning)
         for i, meaning in meanings.items()

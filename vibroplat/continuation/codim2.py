@@ -59,7 +59,7 @@ class BoundaryTracer:
         # an orbit beside the last point: nearer to a discontinuity a multiplier may grow without bounds
         self.beside: OrbitPoint | None = None
 
-    def follow(self, chart: Chart, u: FloatArray, first: float, longest: float, least: float) -> Iterator[OrbitPoint]:
+    def follow(self, chart: Chart, u: FloatArray, first: float, largest: float, least: float) -> Iterator[OrbitPoint]:
         """Follow the curve from unknowns near it to the end of a key's range; yield its points with their tangents.
 
         The steps are changes of the second key, in units of the unknowns.
@@ -90,7 +90,7 @@ class BoundaryTracer:
             yield next_point
             tangent = self._tangent(next_point, way)
             scale = 1.0 if self.kind == BRANCH_POINT else max(abs(float(way[-1])) / float(np.linalg.norm(way)), FLAT)
-            step = min(step * GROWTH, longest / scale)
+            step = min(step * GROWTH, largest / scale)
             point = self._far_from_events(replace(next_point, tangent=tangent))
 
     def _tangent(self, near: NewtonResult, way: FloatArray) -> FloatArray:

@@ -233,7 +233,7 @@ def add_border(jacobian: FloatArray, border: FloatArray, column: FloatArray | No
     return bordered
 
 
-def solve(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:
+def solve(matrix: FloatArray, right: FloatArray, max_length: float) -> FloatArray:
     """Solve linear equations; where the solution is longer than is sensible, leave out what they hardly determine.
 
     Exciters without motors, or a platform without dampers, leave directions in which orbits are not isolated.
@@ -244,7 +244,7 @@ def solve(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:
         The matrix is not finite.
     """
     solution = right.copy()
-    if abs(eliminate(matrix.copy(), solution)) > 0.0 and math.sqrt(solution @ solution) <= longest:
+    if abs(eliminate(matrix.copy(), solution)) > 0.0 and math.sqrt(solution @ solution) <= max_length:
         return solution
     return solve_determined(matrix, right)
 

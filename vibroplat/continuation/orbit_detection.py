@@ -225,7 +225,7 @@ class NewtonOrbitDetector:
         self, state: FloatArray, system: int, turns: int, effort: tuple[int, Limits] = APPROACH
     ) -> tuple[Problem, NewtonResult]:
         """Find an orbit by Newton's method from a full state on the section; ``effort`` is one of both above."""
-        motion, here, (most, limits) = self._shooter.motion, state.copy(), effort
+        motion, here, (iterations, limits) = self._shooter.motion, state.copy(), effort
         here[3:5] -= TURN * np.round(here[3:5] / TURN)
         motion.reset(here)
         if not motion.to_section(turns, self._max_time(turns)):
@@ -234,7 +234,7 @@ class NewtonOrbitDetector:
         problem = Problem(self._shooter, both, (), TOLERANCE)
         chart = problem.chart(here, system)
         u = chart.pack(here, motion.now)
-        result = correct_moving_section(problem, chart, u, most, limits)
+        result = correct_moving_section(problem, chart, u, iterations, limits)
         if result.chart is not chart:  # back to the section
             motion.reset(result.chart.unpack(result.u)[0])
             motion.to_section(1, self._max_time(1))
@@ -242,7 +242,7 @@ class NewtonOrbitDetector:
             back[3:5] -= TURN * np.round(back[3:5] / TURN)
             chart = problem.chart(back)
             result = correct(
-                problem, chart, chart.pack(back, result.shot.duration), fixed_border(chart), max_iterations=most
+                problem, chart, chart.pack(back, result.shot.duration), fixed_border(chart), max_iterations=iterations
             )
         return problem, result
 
@@ -328,10 +328,10 @@ def is_apart(point: FloatArray, way: FloatArray, distance: float) -> bool:
     return bool(np.abs(point - way).max(axis=1).min() > MIN_SEPARATION * distance)
 
 
-def _distances(points: FloatArray, most: int) -> FloatArray:
-    """Distance of each point from the one a number of turns later, shape (most + 1, turns); inf beyond MAX_DISTANCE."""
-    distances = np.full((most + 1, len(points)), np.inf)
-    for turns in range(1, most + 1):
+def _distances(points: FloatArray, max_turns: int) -> FloatArray:
+    """Distance of each point from the one some turns later, shape (max_turns + 1, turns); inf beyond MAX_DISTANCE."""
+    distances = np.full((max_turns + 1, len(points)), np.inf)
+    for turns in range(1, max_turns + 1):
         distances[turns, :-turns] = np.abs(points[turns:] - points[:-turns]).max(axis=1)
     distances[distances > MAX_DISTANCE] = np.inf
     return distances

@@ -61,8 +61,8 @@ def _best(plan: DesignPlan, best: pd.Series) -> str:
 
 def _agreement(plan: DesignPlan, best: pd.Series, evaluations: pd.DataFrame) -> str:
     """Return how many searches came to the best design."""
-    least = evaluations[evaluations["feasible"].astype(bool)].groupby("start")["objective"].min()
-    same = int((least <= best["objective"] + OBJECTIVE_TOLERANCE * abs(best["objective"])).sum())
+    objectives = evaluations[evaluations["feasible"].astype(bool)].groupby("start")["objective"].min()
+    same = int((objectives <= best["objective"] + OBJECTIVE_TOLERANCE * abs(best["objective"])).sum())
     return f"found by {same} of {plan.starts} searches:"
 
 

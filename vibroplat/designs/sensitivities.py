@@ -260,7 +260,7 @@ def table(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     return study_table(rows, list(SENSITIVITIES), SENSITIVITIES)
 
 
-def largest_elasticities(table: Sequence[dict[str, Any]], measure: str, most: int) -> list[dict[str, Any]]:
+def largest_elasticities(table: Sequence[dict[str, Any]], measure: str, count: int) -> list[dict[str, Any]]:
     """Choose the rows of a measure with the largest elasticities."""
     own = [row for row in table if row["measure"] == measure and row["elasticity"] is not None]
-    return sorted(own, key=lambda row: -abs(row["elasticity"]))[:most]
+    return sorted(own, key=lambda row: -abs(row["elasticity"]))[:count]

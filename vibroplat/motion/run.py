@@ -240,17 +240,17 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
 
 def _settling(left: Sequence[Transient], stroke: float, seconds: float) -> str:
     """Return the note on transients along x and y in strokes (m) of a run of so many seconds, or an empty text."""
-    axis, most = max(zip("xy", left, strict=True), key=lambda one: one[1].size)
-    if stroke < MIN_STROKE or most.size <= SETTLED * stroke:
+    axis, largest = max(zip("xy", left, strict=True), key=lambda one: one[1].size)
+    if stroke < MIN_STROKE or largest.size <= SETTLED * stroke:
         return ""
     text = "is left from the start, for nothing damps it, and is in the forces, too"
-    if most.rate:
-        longer = seconds + 2.0 / most.rate * math.log(most.size / (0.5 * SETTLED * stroke))
+    if largest.rate:
+        longer = seconds + 2.0 / largest.rate * math.log(largest.size / (0.5 * SETTLED * stroke))
         text = (
             "is a transient that decays while it is measured, and is in the forces, too: "
             f"run.duration_s = {given(float(f'{longer:.2g}'))} leaves about {share(0.5 * SETTLED)}"
         )
-    return f"{share(most.size / stroke)} of the stroke, {quantity(most.size, 'm')} along {axis}, {text}"
+    return f"{share(largest.size / stroke)} of the stroke, {quantity(largest.size, 'm')} along {axis}, {text}"
 
 
 def _unbalanced(scene: Scene, measures: Mapping[str, Any]) -> str:

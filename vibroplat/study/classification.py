@@ -207,9 +207,9 @@ class AttractorClass(NamedTuple):
         Differences that are ``negligible``, shape (3,), say nothing: a motion that comes back to its symmetry, or
         leaves it, is not another one as long as it is nearer than that.
         """
-        least, most = values.min(axis=0), values.max(axis=0)
-        wider = np.maximum(np.maximum(most - least, MIN_CLASS_WIDTH * most), negligible)
-        return cls((least - wider).tolist(), (most + wider).tolist())
+        low, high = values.min(axis=0), values.max(axis=0)
+        wider = np.maximum(np.maximum(high - low, MIN_CLASS_WIDTH * high), negligible)
+        return cls((low - wider).tolist(), (high + wider).tolist())
 
     def holds(self, values: FloatArray) -> bool:
         """Whether any of some blocks, shape (n, 3), belongs to the class."""

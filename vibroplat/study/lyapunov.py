@@ -222,9 +222,9 @@ def count_mixed(growth: FloatArray) -> int:
     """
     later = growth[len(growth) // 2 :]
     gaps = np.diff(np.sort(np.where(np.isneginf(later), math.log(MIN_GROWTH_RATIO), later).mean(axis=0)))
-    most = min(len(growth) // MIXED_MEASUREMENTS, len(growth) - BLOCKS[-1])
+    limit = min(len(growth) // MIXED_MEASUREMENTS, len(growth) - BLOCKS[-1])
     waits = -math.log(MAX_MIXED_PART) / gaps[gaps > 0.0]
-    return math.ceil(float(waits[waits <= most].max(initial=0.0)))
+    return math.ceil(float(waits[waits <= limit].max(initial=0.0)))
 
 
 def exponents(

@@ -299,9 +299,9 @@ def _settle_then_measure(
     Motion that does not repeat is measured in blocks, from which the errors of its measures follow. A motion that
     ended early has no kind, also one that ended ``until`` a block.
     """
-    longest = plan.max_settle_s
+    limit = plan.max_settle_s
     while True:
-        settling = settle(motion, plan, longest, detector)
+        settling = settle(motion, plan, limit, detector)
         if settling.orbit is not None:  # it is measured already
             return settling, motion.advance(0.0, scope=SECTION_POINTS), None
         if settling.reason == "maximum":
@@ -312,11 +312,11 @@ def _settle_then_measure(
         if motion.outcome != "ok" or until(part.blocks):
             return settling, part, None
         points = section_points(part.measures, motion.scene)
-        kind = classify(motion.scene, plan, settling, points, motion.state, last=longest > plan.max_settle_s)
+        kind = classify(motion.scene, plan, settling, points, motion.state, last=limit > plan.max_settle_s)
         if kind is not None:
             break
         if settling.reason == "maximum":
-            longest = SETTLE_EXTENSION * plan.max_settle_s
+            limit = SETTLE_EXTENSION * plan.max_settle_s
     orbit = detector.detect(motion, points, kind.period) if kind.period and detector is not None else None
     if orbit is not None:
         return settling._replace(seconds=motion.now, orbit=orbit), part, kind
@@ -330,12 +330,12 @@ def _settle_then_measure(
 
 
 def _measure(
-    motion: Simulator, least: float, settling: SettlingResult, observers: Sequence[Observer]
+    motion: Simulator, min_seconds: float, settling: SettlingResult, observers: Sequence[Observer]
 ) -> MeasuredInterval:
     """Measure a motion for at least a time (s), and for whole periods if it repeats."""
     if settling.turn == 0.0:
-        return motion.advance(least, observers=observers, scope=WITH_EXTREMES)
-    turns = settling.period * max(math.ceil(least / (settling.period * settling.turn)), MIN_PERIODS)
+        return motion.advance(min_seconds, observers=observers, scope=WITH_EXTREMES)
+    turns = settling.period * max(math.ceil(min_seconds / (settling.period * settling.turn)), MIN_PERIODS)
     return motion.advance_turns(turns, 2.0 * (turns + 1) * settling.turn, observers, scope=WITH_EXTREMES)
 
 

@@ -54,8 +54,8 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> str:
     if column != PHASE_COLUMN:
         varied = [name for name in sweeps.varied if name in table]
         best = known.loc[known.groupby(varied or np.zeros(len(known)), sort=False)[column].idxmax()]
-        most = several(best[column], unit_of(column))
-        largest = f"{display_name(column)} at most {most} at {place(sweeps.x, best[sweeps.x])}"
+        maximum = several(best[column], unit_of(column))
+        largest = f"{display_name(column)} at most {maximum} at {place(sweeps.x, best[sweeps.x])}"
     return sentence(largest, motions(table), _failed(table))
 
 

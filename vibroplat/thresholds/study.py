@@ -271,10 +271,10 @@ class ThresholdStudy(Study):
     def _both_sides(self, one: Threshold) -> list[str]:
         """Return what motion there is below and above a threshold."""
         sides = {"below": one.low, "above": one.high}
-        most = max(value.row.get(name) or 0.0 for value in sides.values() for name in ("rms_x_m", "rms_y_m"))
+        largest = max(value.row.get(name) or 0.0 for value in sides.values() for name in ("rms_x_m", "rms_y_m"))
         compared = self.plan.compared is not None
         below, above = (
-            f"{self._side(value) + '; ' if compared else ''}{value.text}: {measures_text(value.row, most)}"
+            f"{self._side(value) + '; ' if compared else ''}{value.text}: {measures_text(value.row, largest)}"
             for value in sides.values()
         )
         return [f"on both sides  {below}"] if below == above else [f"below  {below}", f"above  {above}"]
