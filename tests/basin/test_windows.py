@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from vibroplat.basin.attractors import AttractorSet, Group
+from vibroplat.basin.attractors import AperiodicGroup, AttractorSet
 from vibroplat.basin.windows import classify_windows, components
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
@@ -89,7 +89,7 @@ def test_a_motion_that_escapes_to_an_orbit_takes_no_other_one_along():
     """It has left chaos by chance; the others are where they were."""
     found = AttractorSet(SCENE, [])
     found.starts = [start(window(1e-3)) for _ in range(3)]
-    group = Group(list(found.starts), [])
+    group = AperiodicGroup(list(found.starts), [])
     assert found.find_alike(group, record(6, 5e-3)) == []
     found.take_continued(group, record(6, 5e-3), [])
     assert [one["attractor"] for one in found.starts] == [None] * 3
@@ -103,7 +103,7 @@ def test_starts_that_are_on_an_orbit_of_many_turns_come_to_it():
     """A window that is like it is not enough: chaos beside it has one, too."""
     found = AttractorSet(SCENE, [])
     found.starts = [start(window(1e-3)), start(window(2e-3)), start(window(1.001e-3)), start(window(1.001e-3))]
-    group = Group(list(found.starts), [])
+    group = AperiodicGroup(list(found.starts), [])
     like = found.find_alike(group, record(12, 1e-3))
     assert like == [found.starts[0], *found.starts[2:]]
     found.take_continued(group, record(12, 1e-3), like[:2])
@@ -114,7 +114,7 @@ def test_starts_that_are_on_an_orbit_of_many_turns_come_to_it():
 def test_where_all_escape_the_motion_is_undecided_and_says_why():
     found = AttractorSet(SCENE, [])
     found.starts = [start(window(1e-3)) for _ in range(2)]
-    group = Group(list(found.starts), [])
+    group = AperiodicGroup(list(found.starts), [])
     for _ in range(2):
         found.take_continued(group, record(6, 5e-3), [])
     found.mark_undecided(group)

@@ -27,8 +27,8 @@ def test_tangents_are_those_of_orbits_at_other_values(local):
         step = np.zeros(len(KEYS))
         step[k] = 1e-4 * local.values[k]
         above, below = local.correct(local.values + step), local.correct(local.values - step)
-        assert above.found.chart is below.found.chart is local.found.chart
-        difference = (above.found.u - below.found.u) / (2.0 * step[k])
+        assert above.orbit.chart is below.orbit.chart is local.orbit.chart
+        difference = (above.orbit.u - below.orbit.u) / (2.0 * step[k])
         np.testing.assert_allclose(column, difference, rtol=0.0, atol=1e-5 * np.abs(difference).max())
 
 
@@ -37,7 +37,7 @@ def test_a_long_step_leads_to_the_orbit_that_settling_finds(local):
     values = local.values * (1.3, 0.75, 0.87, 2.5)
     there = local.correct(values)
     settled = orbit(there.scene)
-    assert there.found.chart is not local.found.chart
+    assert there.orbit.chart is not local.orbit.chart
     np.testing.assert_array_equal(there.values, values)
     for name in ("rms_y_m", "motor_power_w", "contact_force_max_n"):
         assert there.measures[name] == pytest.approx(settled.measures[name], rel=1e-6)

@@ -88,10 +88,10 @@ def test_values_without_a_scene_end_newtons_method(monkeypatch):
 def test_a_borrowed_shooter_is_as_a_new_one():
     """It has followed another scene, whose motion made it take steps back, and noted more events than it had room."""
     first, second = (flying().replace({KEY: at, "solver.tolerance": 1e-9}) for at in (63.0, 50.0))
-    borrowed = Shooter.borrowed(first)
+    borrowed = Shooter.borrow(first)
     borrowed.shot(initial_state(first), 0.5, full=True)
     borrowed.give_back()
-    assert Shooter.borrowed(second) is borrowed
+    assert Shooter.borrow(second) is borrowed
     with closing(Shooter(second)) as new:
         shots = [of.shot(initial_state(second), 0.3, full=True) for of in (new, borrowed)]
         assert new.engine.work == borrowed.engine.work
@@ -99,14 +99,14 @@ def test_a_borrowed_shooter_is_as_a_new_one():
         np.testing.assert_array_equal(*(getattr(shot, name) for shot in shots))
     np.testing.assert_array_equal(*(shot.part.measures.work for shot in shots))
     borrowed.give_back()
-    with closing(Shooter.borrowed(second.replace({"solver.tolerance": 1e-8}))) as other:
+    with closing(Shooter.borrow(second.replace({"solver.tolerance": 1e-8}))) as other:
         assert other is not borrowed
 
 
 def test_a_shooter_with_keys_is_borrowed_for_the_same_scene_alone():
     """It is as a new one then: no value of the key is known, and no turn is counted."""
     scene, course = flying(), (48.0, 52.0)
-    borrowed = Shooter.borrowed(scene, [KEY], course)
+    borrowed = Shooter.borrow(scene, [KEY], course)
     borrowed.set([51.0])
     borrowed.shot(initial_state(scene), 0.3, full=True)
     borrowed.give_back()
@@ -116,9 +116,9 @@ def test_a_shooter_with_keys_is_borrowed_for_the_same_scene_alone():
         (scene,),
         (scene.replace({MASS: 0.12}), [KEY], course),
     ):
-        with closing(Shooter.borrowed(*other)) as new:
+        with closing(Shooter.borrow(*other)) as new:
             assert new is not borrowed
-    assert Shooter.borrowed(scene, [KEY], course) is borrowed
+    assert Shooter.borrow(scene, [KEY], course) is borrowed
     assert np.isnan(borrowed.held[KEY])
     assert borrowed.take_turns() == 0.0
     with closing(Shooter(scene, [KEY], course)) as new:

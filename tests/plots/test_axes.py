@@ -11,7 +11,7 @@ from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.run import Shown, draw
 from vibroplat.results import content
 from vibroplat.results.picture import Panel, Picture
-from vibroplat.study.curves import curves_of, placed
+from vibroplat.study.curves import curves_of, fill_failed
 from vibroplat.study.sweeps import Sweeps
 
 
@@ -19,7 +19,7 @@ def drawn(rows, column="rms_y_m", x="excitation_frequency_hz"):
     """The axis of a column of a branch."""
     sweeps = Sweeps([], [], rows, "supply_frequency_hz", [], x)
     series, _, _ = curves_of(sweeps, [column], {"": "k"}, told=True)
-    table = rows.assign(**{x: placed(rows, x)})
+    table = rows.assign(**{x: fill_failed(rows, x)})
     look = {"panels": [Panel(column)], "states": content.motions_of(rows)}
     return draw_picture(Picture("", "", "", table, "", [x], series=series, **look)).axes[0]
 
@@ -80,9 +80,9 @@ def test_failed_points_have_a_marker_of_their_own_on_the_axis():
     assert crosses.get_xdata() == pytest.approx(0.5 * rows["supply_frequency_hz"][failed].to_numpy())
     assert crosses.get_transform() == axis.get_xaxis_transform()
     assert np.isfinite(lines(axis)[0].get_ydata()).sum() == 18
-    assert placed(rows, "supply_frequency_hz")[failed].tolist() == [51.0, 51.5, 52.0]
+    assert fill_failed(rows, "supply_frequency_hz")[failed].tolist() == [51.0, 51.5, 52.0]
     lost = rows.assign(outcome="event-storm", sync=None, **dict.fromkeys(columns[:4], np.nan))
-    assert np.isnan(placed(lost, "excitation_frequency_hz")).all()
+    assert np.isnan(fill_failed(lost, "excitation_frequency_hz")).all()
     assert len(points(drawn(lost, x="supply_frequency_hz"), marker="x")[-1].get_xdata()) == 21
 
 

@@ -13,7 +13,7 @@ from vibroplat.hybrid.state import static_rest
 from vibroplat.plots.command import plot_results
 from vibroplat.results.files import write_result
 from vibroplat.results.labels import in_ratios, key_label
-from vibroplat.study.curves import placed
+from vibroplat.study.curves import fill_failed
 
 from . import conftest
 from .conftest import diagram, sweep_table, texts
@@ -76,8 +76,8 @@ def test_a_key_of_an_exciter_says_of_which():
 def test_points_that_failed_are_on_the_axis_of_either_column():
     table = over(MASS, 0.1 * np.arange(8)).query("branch == 2")
     failed = (table["outcome"] != "ok").to_numpy()
-    assert placed(table, MASS)[failed].to_numpy() == pytest.approx([0.7])
-    assert placed(table, "excitation_frequency_hz")[failed].to_numpy() == pytest.approx([29.5])
+    assert fill_failed(table, MASS)[failed].to_numpy() == pytest.approx([0.7])
+    assert fill_failed(table, "excitation_frequency_hz")[failed].to_numpy() == pytest.approx([29.5])
 
 
 def test_heights_of_a_bifurcation_are_from_the_rest_of_each_value(write):

@@ -15,7 +15,7 @@ from vibroplat.thresholds import picture, search
 from vibroplat.thresholds.evidence import (
     DISTANCES,
     PAIRS,
-    VALUES_NEAR,
+    VALUES_NEAR_JUMP,
     ScaledKey,
     Threshold,
     is_fractal,
@@ -113,8 +113,8 @@ def test_further_values_lie_near_a_threshold_beyond_a_mixed_interval_and_in_it()
     places = ScaledKey(PLAN)
     threshold = between(value(50.0, 0), value(50.5, 1))
     near = sorted(places.near(threshold))
-    assert (len(near), near[0], near[-1]) == (2 * VALUES_NEAR, pytest.approx(40.0), pytest.approx(60.5))
-    assert near[VALUES_NEAR - 1 : VALUES_NEAR + 1] == pytest.approx([49.5, 51.0]), "a tolerance away"
+    assert (len(near), near[0], near[-1]) == (2 * VALUES_NEAR_JUMP, pytest.approx(40.0), pytest.approx(60.5))
+    assert near[VALUES_NEAR_JUMP - 1 : VALUES_NEAR_JUMP + 1] == pytest.approx([49.5, 51.0]), "a tolerance away"
     found = values(0, 0, 0, 1, 0, 1, 1, 1, 1, 1, 1)
     (zone,) = zones(found, [between(*found[2:4])], PLAN)
     assert zone.ends == (30.0, 40.0)
@@ -263,7 +263,7 @@ def test_a_sharp_jump_withstands_other_seeds(known, monkeypatch):
     monkeypatch.setattr(f"{__name__}.ISLANDS", ((), ()))
     found = find(Scene().replace({"find": ASKED | {"stop": 80.0}}))
     assert found.answer.headline == f"{KEY} = 45.2 ± 0.2 N·m: jump; rms_y_m > 0.5 above"
-    assert found.scan["seed"].nunique() > 2 * VALUES_NEAR
+    assert found.scan["seed"].nunique() > 2 * VALUES_NEAR_JUMP
     assert not any("only" in note for note in found.answer.notes)
 
 

@@ -99,7 +99,7 @@ BY_ROOM = [
     # studies
     ("study", [
         "abs(self.value) > max(3.0 * self.error, MAX_ERROR_PER_TURN / self.turn) → abs(self.value) > 3.0 * self.error",
-        "kept and way <= max(tolerance → kept or way <= max(tolerance",
+        "same_extent and way <= max(tolerance → same_extent or way <= max(tolerance",
         "if close and was_close and not → if close and not",
         "now * ratio / (1.0 - ratio) → now * ratio",
     ]),
@@ -116,7 +116,7 @@ BY_ROOM = [
         "min(stride, limits.most - followed.turns) → stride",
         "stays = reached.diagonal().copy() → stays = np.ones(count, dtype=bool)",
         "points[:period]).max() < SAME_ORBIT_DISTANCE → points[:period]).max() < 10.0",
-        "begin = LATE_FRACTION * longest → begin = 0.0",
+        "begin = LATE_FRACTION * max_turns → begin = 0.0",
         "for k in orbits - unseen if → for k in orbits if",
         "radii = [radius for _, radius in around if radius > 0.0] → radii = [radius for _, radius in around]",
     ]),
@@ -145,7 +145,7 @@ BY_ROOM = [
         "del node.body[0] → pass",
     ]),
     ("study", [
-        "wider = np.maximum(np.maximum(most - least → wider = 0.5 * np.maximum(np.maximum(most - least",
+        "wider = np.maximum(np.maximum(high - low → wider = 0.5 * np.maximum(np.maximum(high - low",
         "for i in {*before.coordinates} ^ {*scene.coordinates}: → for i in {*before.coordinates} - {*scene.coordinates}:",
     ]),
     # figures

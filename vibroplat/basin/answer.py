@@ -24,7 +24,7 @@ def answer_of(
     scene: Scene,
     tables: Mapping[str, pd.DataFrame],
     key: str | None,
-    found: Sequence[AttractorSet],
+    sets: Sequence[AttractorSet],
     escaped: Mapping[str, int],
 ) -> Answer:
     """Return what is printed of basins.
@@ -34,14 +34,14 @@ def answer_of(
     plan, attractors = scene.basins, tables["attractors"]
     assert plan is not None
     names = list(dict.fromkeys(attractors["attractor"]))
-    values = len(found)
+    values = len(sets)
     over = f" at each of {values} values of {plan.over.key}" if plan.over else ""
     starts = f"{plan.number} initial conditions{over}: {box_words(plan.initial_conditions)}"
     return Answer(
         lines=_lines(plan, tables, values),
         text=[*_text(attractors, escaped)] if key is None else (),
-        notes=_notes(plan, attractors, found),
-        failures=[line for f in found for line in _failures(f)],
+        notes=_notes(plan, attractors, sets),
+        failures=[line for one in sets for line in _failures(one)],
         headline=f"{counted(len(names), 'attractor')} from {starts}",
         short=[*_shares(attractors, key), *_neighbours(plan, tables["starts"])],
     )
@@ -100,9 +100,9 @@ def _text(table: pd.DataFrame, escaped: Mapping[str, int]) -> Iterator[str]:
     """
     for _, row in table.iterrows():
         stable = f"multiplier {number(row['multiplier_max'], 4)}" if pd.notna(row["multiplier_max"]) else ""
-        told = stable or _lifetime_text(row, escaped.get(str(row["attractor"]), 0))
-        if told:
-            yield f"{row['attractor']:<{max(map(len, table['attractor']))}}  {told}"
+        text = stable or _lifetime_text(row, escaped.get(str(row["attractor"]), 0))
+        if text:
+            yield f"{row['attractor']:<{max(map(len, table['attractor']))}}  {text}"
 
 
 def _lifetime_text(row: pd.Series, escaped: int) -> str:
@@ -124,28 +124,28 @@ def _turns(number: float) -> str:
     return f"{float(f'{number:.2g}'):,.0f}".replace(",", " ")
 
 
-def _notes(plan: BasinsPlan, table: pd.DataFrame, found: Sequence[AttractorSet]) -> list[str]:
+def _notes(plan: BasinsPlan, table: pd.DataFrame, sets: Sequence[AttractorSet]) -> list[str]:
     """Return warnings."""
     least = clopper_pearson(0, plan.number)[1]
     notes = [f"{HINT}attractors that attract less than {share(least)} of the initial conditions may have been missed"]
     if "conveying_speed_m_per_s" in table:
-        told = "with transport a motion is assigned once it has settled, by its measures: there are no orbits"
-        notes.append(f"{HINT}{told}")
+        hint = "with transport a motion is assigned once it has settled, by its measures: there are no orbits"
+        notes.append(f"{HINT}{hint}")
     if table["motion"].isin(TRANSIENT_MOTIONS).any():
         notes.append(
             f"motions that did not converge to an orbit within {plan.max_turns} turns were grouped by windows of "
             "their last turns; one motion of each group was classified"
         )
-    for f in found:
-        chaos = [k for k, record in enumerate(f.attractors) if record["row"]["motion"] == CHAOTIC and f.counts[k]]
+    for one in sets:
+        chaos = [k for k, record in enumerate(one.attractors) if record["row"]["motion"] == CHAOTIC and one.counts[k]]
         if len(chaos) > 1:
-            turns = f.unchanged(plan.max_turns)
+            turns = one.count_seen_turns(plan.max_turns)
             notes.append(
                 f"no change from one chaotic motion to another occurred in {_turns(turns)} turns: such changes "
                 f"occur less often than once in {_turns(turns / 3.0)} turns (95 %)"
             )
             break
-    escaped = sum(record.get("escaped", 0) for f in found for record in f.attractors)
+    escaped = sum(record.get("escaped", 0) for one in sets for record in one.attractors)
     if escaped:
         notes.append(
             f"{escaped} such motion{'s' * (escaped > 1)} converged to an orbit when continued: a larger "
@@ -154,9 +154,9 @@ def _notes(plan: BasinsPlan, table: pd.DataFrame, found: Sequence[AttractorSet])
     return notes
 
 
-def _failures(found: AttractorSet) -> Iterator[str]:
+def _failures(attractor_set: AttractorSet) -> Iterator[str]:
     """Yield a line for each failed simulation."""
-    for start in found.starts:
-        row = found.attractors[start["attractor"]]["row"]
+    for start in attractor_set.starts:
+        row = attractor_set.attractors[start["attractor"]]["row"]
         if row["outcome"] != "ok":
             yield f"{row['outcome']}: {(start.get('detail') or row['detail']).partition(', state [')[0]}"

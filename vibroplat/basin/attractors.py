@@ -32,11 +32,11 @@ CONTINUATION_PARTS, MAX_PART_RATIO, SMALL_PART = 4, 3.0, 0.05
 
 
 #: Errors of a conveying speed up to which it may be 0.
-SURE = 3.0
+SPEED_ERRORS = 3.0
 
 
 @dataclass
-class Group:
+class AperiodicGroup:
     """Starts whose motions have converged to no orbit, and are alike or change into each other.
 
     Attributes
@@ -96,35 +96,35 @@ class AttractorSet:
         counts = Counter(start["attractor"] for start in self.starts)
         return [counts[number] for number in range(len(self.attractors))]
 
-    def unchanged(self, longest: int) -> int:
+    def count_seen_turns(self, max_turns: int) -> int:
         """Return the turns in which motions without an orbit might have been seen to change into each other."""
         windows = [start["windows"] for start in self.starts if "windows" in start]
-        return sum(len(path) - 1 for path in windows) * (window_length(longest) + 1)
+        return sum(len(path) - 1 for path in windows) * (window_length(max_turns) + 1)
 
-    def groups(self) -> list[Group]:
+    def groups(self) -> list[AperiodicGroup]:
         """Group the starts that have converged to no orbit by the motions into which their windows change for good.
 
         Where a group was left for one other group alone, its starts join that one, behind the other's own starts.
         """
         left = [start for start in self.starts if start["attractor"] is None]
         ends, closed = components(classify_windows([start["windows"] for start in left], state_scales(self.scene)))
-        found: dict[int, Group] = {}
+        groups: dict[int, AperiodicGroup] = {}
         for start, end in zip(left, ends, strict=True):
-            group = found.setdefault(min(closed[end]) if len(closed[end]) == 1 else end, Group([], []))
+            group = groups.setdefault(min(closed[end]) if len(closed[end]) == 1 else end, AperiodicGroup([], []))
             group.starts.append(start)
-        for name, group in found.items():
+        for name, group in groups.items():
             own = {id(start) for start, end in zip(left, ends, strict=True) if end == name}
             group.starts.sort(key=lambda start: id(start) not in own)
-        return list(found.values())
+        return list(groups.values())
 
-    def find_alike(self, group: Group, record: Record) -> list[Record]:
+    def find_alike(self, group: AperiodicGroup, record: Record) -> list[Record]:
         """Return the starts of a group whose last windows are like a motion that repeats: they may be on its orbit."""
         scales, row = state_scales(self.scene), record["row"]
         if not row.get("period"):
             return []
         return [start for start in group.starts if is_alike(start["windows"][-1], row, scales, WINDOW_TOLERANCE)]
 
-    def take_continued(self, group: Group, record: Record, repeating: Sequence[Record]) -> None:
+    def take_continued(self, group: AperiodicGroup, record: Record, repeating: Sequence[Record]) -> None:
         """Take what the motion of the first start of a group is when it is followed longer.
 
         Where it repeats, ``repeating`` are the starts that were on its orbit already. If the first is none of them, it
@@ -141,15 +141,15 @@ class AttractorSet:
         self._assign(mine, number)
         group.starts = [start for start in group.starts if start["attractor"] is None and start is not first]
 
-    def mark_undecided(self, group: Group) -> None:
+    def mark_undecided(self, group: AperiodicGroup) -> None:
         """Call the motion of a group undecided, as all that were followed longer have escaped to orbits."""
         left = group.starts + group.escaped
         left = [start for start in left if start["attractor"] is None]
         if not left:
             return
         why = f"{len(group.escaped)} such motions were continued, and all converged to an orbit"
-        told = {"motion": "undecided", "period": 0, "outcome": "ok", "detail": why}
-        record = _record({**left[0]["windows"][-1], **told}, left[0]["state"])
+        undecided = {"motion": "undecided", "period": 0, "outcome": "ok", "detail": why}
+        record = _record({**left[0]["windows"][-1], **undecided}, left[0]["state"])
         self._assign(left, self._add(record | {"escaped": len(group.escaped)}))
 
     @staticmethod
@@ -171,21 +171,21 @@ def _record(row: Mapping[str, Any], state: Sequence[float] | None = None) -> Rec
 
 
 def continue_attractors(
-    before: Scene, scene: Scene, key: str, longest: int, ends: Sequence[float], attractors: Sequence[Record]
+    before: Scene, scene: Scene, key: str, max_turns: int, ends: Sequence[float], attractors: Sequence[Record]
 ) -> Record:
     """Continue the orbits of attractors from one value of a key to the next, in parts of the step.
 
     Those that stay stable are returned as attractors there, each with ``former``, its number among the given ones.
     """
-    with closing(AttractorMapper(scene, longest, ())) as follower:
+    with closing(AttractorMapper(scene, max_turns, ())) as follower:
         for number, attractor in enumerate(attractors):
             if not attractor["row"].get("period") or attractor["state"] is None:
                 continue
             try:
                 state = _continue_orbit(before, key, ends, attractor)
                 if state is not None:
-                    place = follower.register_near(state, attractor["row"]["period"])
-                    follower.attractors[place].setdefault("former", number)
+                    index = follower.register_near(state, attractor["row"]["period"])
+                    follower.attractors[index].setdefault("former", number)
             except (NoConvergenceError, OrbitError, ValueError):
                 continue
         return {"found": [record for record in follower.attractors if "former" in record]}
@@ -206,22 +206,22 @@ def _continue_orbit(scene: Scene, key: str, ends: Sequence[float], attractor: Re
 
 def _location(local: OrbitNeighbourhood) -> list[float]:
     """Say where an orbit is, by its measures in scaled units."""
-    scales, found = state_scales(local.scene), local.measures
-    phase = found["phase_difference_rad"] or 0.0
-    lengths = (found[name] / scales[place] for place, name in enumerate(("rms_x_m", "rms_y_m", "rms_phi_rad")))
+    scales, measures = state_scales(local.scene), local.measures
+    phase = measures["phase_difference_rad"] or 0.0
+    lengths = (measures[name] / scales[index] for index, name in enumerate(("rms_x_m", "rms_y_m", "rms_phi_rad")))
     return [*lengths, np.cos(phase), np.sin(phase)]
 
 
-def match_attractors(found: Sequence[AttractorSet]) -> list[list[int]]:
+def match_attractors(sets: Sequence[AttractorSet]) -> list[list[int]]:
     """Give each attractor a number at all values of a key; those that were carried, and motions of a class, keep it."""
     numbers: list[list[int]] = []
     count = 0
-    for place, now in enumerate(found):
+    for index, now in enumerate(sets):
         own: list[int] = []
         for record in now.attractors:
             former = record.get("former")
-            if former is None and place and not record["row"].get("period"):
-                former = _number_of_class(found[place - 1].attractors, record["row"])
+            if former is None and index and not record["row"].get("period"):
+                former = _number_of_class(sets[index - 1].attractors, record["row"])
             free = former is not None and numbers[-1][former] not in own
             own.append(numbers[-1][former] if free and former is not None else count)
             count += own[-1] == count
@@ -239,27 +239,27 @@ def _number_of_class(attractors: Sequence[Record], row: Mapping[str, Any]) -> in
 # -- names ------------------------------------------------------------------------------------------------------------
 
 
-def name_attractors(found: Sequence[AttractorSet]) -> Iterator[list[str]]:
+def name_attractors(sets: Sequence[AttractorSet]) -> Iterator[list[str]]:
     """Name attractors as a reader would, at each value: by synchronization and period, where these are alike by more.
 
     One that is continued over a key has the name that it has where it is first.
     """
-    numbers = match_attractors(found)
+    numbers = match_attractors(sets)
     first: dict[int, Mapping[str, Any]] = {}
-    for own, now in zip(numbers, found, strict=True):
+    for own, now in zip(numbers, sets, strict=True):
         for number, record in zip(own, now.attractors, strict=True):
             first.setdefault(number, record["row"])
     rows = [first[number] for number in range(len(first))]
-    told = [_name(row) for row in rows]
+    names = [_name(row) for row in rows]
     for more in (_phase, _height, _impacts):
-        different = Counter(name for name, _ in {(name, more(row)) for name, row in zip(told, rows, strict=True)})
-        told = [f"{name}{more(row)}" if different[name] > 1 else name for name, row in zip(told, rows, strict=True)]
-    counts, seen = Counter(told), Counter[str]()
-    for place, name in enumerate(told):
+        different = Counter(name for name, _ in {(name, more(row)) for name, row in zip(names, rows, strict=True)})
+        names = [f"{name}{more(row)}" if different[name] > 1 else name for name, row in zip(names, rows, strict=True)]
+    counts, seen = Counter(names), Counter[str]()
+    for index, name in enumerate(names):
         seen[name] += 1
-        told[place] = f"{name} ({seen[name]})" if counts[name] > 1 else name
+        names[index] = f"{name} ({seen[name]})" if counts[name] > 1 else name
     for own in numbers:
-        yield [told[number] for number in own]
+        yield [names[number] for number in own]
 
 
 def _name(row: Mapping[str, Any]) -> str:
@@ -276,7 +276,7 @@ def _conveying(row: Mapping[str, Any]) -> str:
         return ""
     if row.get("stick_fraction") == 1.0:
         return ", material sticks"
-    return ", conveys nowhere" if abs(speed) <= SURE * error else f", conveys to {'+' if speed > 0.0 else '−'}x"
+    return ", conveys nowhere" if abs(speed) <= SPEED_ERRORS * error else f", conveys to {'+' if speed > 0.0 else '−'}x"
 
 
 def _phase(row: Mapping[str, Any]) -> str:

@@ -16,7 +16,7 @@ from vibroplat.errors import ConfigError, errors_about
 from vibroplat.hybrid.state import initial_state, perturb_states
 from vibroplat.kernels.compiled import FloatArray
 
-_STATE = {f"{INITIAL_PREFIX}state.{name}": place for place, name in enumerate((*COORDINATES, *RATES, *ALONG))}
+_STATE = {f"{INITIAL_PREFIX}state.{name}": index for index, name in enumerate((*COORDINATES, *RATES, *ALONG))}
 
 
 def key_values(plan: BasinsPlan, numbers: Iterable[int]) -> FloatArray:
@@ -26,15 +26,15 @@ def key_values(plan: BasinsPlan, numbers: Iterable[int]) -> FloatArray:
     random are the same whatever their number is.
     """
     rows = np.fromiter(numbers, dtype=np.int64)
-    found = np.empty((rows.size, len(plan.initial_conditions)))
+    values = np.empty((rows.size, len(plan.initial_conditions)))
     places = np.unravel_index(rows * _stride(plan) % math.prod(plan.shape), plan.shape) if plan.shape else ()
     random = [key for key, ends in plan.initial_conditions.items() if len(ends) == 2]
     drawn = _draw(plan.seed, len(random), rows)
     grids, draws = iter(places), iter(drawn.T)
     for column, (low, high, *count) in enumerate(plan.initial_conditions.values()):
-        shares = next(grids) / (count[0] - 1.0) if count else next(draws)
-        found[:, column] = low + shares * (high - low)
-    return found
+        fractions = next(grids) / (count[0] - 1.0) if count else next(draws)
+        values[:, column] = low + fractions * (high - low)
+    return values
 
 
 def _stride(plan: BasinsPlan) -> int:

@@ -65,11 +65,11 @@ SEARCH_TURNS, RETURN_DISTANCE = 16, 0.05
 #: radius.
 CONTRACTION_PERIODS, INNER_RADIUS_RATIO = 2, 0.1
 #: What is known of windows beside their measures; the last ones with transport.
-DESCRIBING = ("flight_fraction", "sync", PHASE_COLUMN, "stick_fraction", "conveying_speed_error_m_per_s")
+DESCRIBING_COLUMNS = ("flight_fraction", "sync", PHASE_COLUMN, "stick_fraction", "conveying_speed_error_m_per_s")
 #: Turns within which a motion must settle that is assigned without an orbit, if it has not taken as many already.
 SETTLED_TURNS = 128
 #: How closely that is, in scaled units, as measures tell such motions apart; its exponent does not matter.
-CLOSELY: Record = {"settle_tolerance": 1e-4, "lyapunov": False}
+CLOSE_SETTLING: Record = {"settle_tolerance": 1e-4, "lyapunov": False}
 #: Distance of the same orbit found twice, in scaled units.
 SAME_ORBIT_DISTANCE = 1e-4
 #: Windows in which a motion that has converged to no orbit is measured, and whole turns of each, a multiple of many
@@ -93,14 +93,14 @@ class AttractorMapper:
 
     Parameters
     ----------
-    scene, longest
+    scene, max_turns
         The scene, and turns after which a motion is given up.
     known, history
         Records of attractors, to which it adds, and turns that motions have taken.
     """
 
-    def __init__(self, scene: Scene, longest: int, known: Sequence[Record], history: Sequence[int] = ()) -> None:
-        self.scene, self.longest, self.attractors = scene, longest, list(known)
+    def __init__(self, scene: Scene, max_turns: int, known: Sequence[Record], history: Sequence[int] = ()) -> None:
+        self.scene, self.max_turns, self.attractors = scene, max_turns, list(known)
         p = parameters(scene)
         self._scales, self._turn = state_scales(scene), TURN / scene.speed_scale
         self._engine = make_engine(scene, p)
@@ -109,14 +109,14 @@ class AttractorMapper:
         self._follow, self._decide = same_types(follow), same_types(decide)
         self._search, self._settled = FIRST_SEARCH_TURNS, 0  # turns until a search, and those that one takes itself
         if len(history) >= MIN_HISTORY and scene.transport is None:
-            after = min(int(SEARCH_TURNS_RATIO * np.median(history)), longest // 2)
+            after = min(int(SEARCH_TURNS_RATIO * np.median(history)), max_turns // 2)
             self._search = max(FIRST_SEARCH_TURNS, after)
         self._limits = Limits(
             early=CHECK_TURNS,
             later=LATE_CHECK_TURNS,
             late=FIRST_SEARCH_TURNS,
             unsearched=SEARCH_TURNS,
-            most=longest - WINDOWS * (window_length(longest) + 1),
+            most=max_turns - WINDOWS * (window_length(max_turns) + 1),
             turn=self._turn,
             longest=4.0 * self._turn,
             near=INNER_RADIUS_RATIO**2,
@@ -143,9 +143,9 @@ class AttractorMapper:
         count, motion = len(starts), self._motion
         runs, followed = motion.beginnings(starts), np.zeros(count, FOLLOWED)
         followed["place"], followed["fresh"], followed["search"] = -1, 1, self._search
-        waiting, taken, held = np.arange(count), np.array([0, count]), np.full(lanes(), -1)
+        waiting, taken, lane_motions = np.arange(count), np.array([0, count]), np.full(lanes(), -1)
         in_lanes = np.zeros((0, 0)) if self._group is None else numbers_of(self._group.runs)
-        arrays = (numbers_of(runs), in_lanes, followed, waiting, taken, held, self._never.copy())
+        arrays = (numbers_of(runs), in_lanes, followed, waiting, taken, lane_motions, self._never.copy())
         work, others = Followers(*arrays), dict[int, Record]()
         while (stopped := self._advance(work, runs))[0] >= 0:
             number, fate = stopped
@@ -159,11 +159,11 @@ class AttractorMapper:
             elif fate == UNCONVERGED:
                 others[number] = self._measure_unconverged(turns)
             else:
-                longest = 4.0 * (LATE_CHECK_TURNS + 1) * self._turn
-                part = motion.advance_turns(SEARCH_TURNS, longest, scope=SECTION_POINTS)
-                found = self._search_new_orbit(part)
-                if found is not None:
-                    others[number] = {"attractor": found, "turns": min(turns + self._settled, self.longest)}
+                until = 4.0 * (LATE_CHECK_TURNS + 1) * self._turn
+                part = motion.advance_turns(SEARCH_TURNS, until, scope=SECTION_POINTS)
+                orbit_number = self._search_new_orbit(part)
+                if orbit_number is not None:
+                    others[number] = {"attractor": orbit_number, "turns": min(turns + self._settled, self.max_turns)}
                     continue
                 followed[number]["turns"] += more + SEARCH_TURNS + 1
                 followed[number]["search"] *= 2
@@ -205,14 +205,14 @@ class AttractorMapper:
         motion, run, followed = self._motion, self._motion.automaton.run, np.zeros(1, FOLLOWED)[0]
         if motion.outcome != "ok":
             return None, 0
-        followed["place"], followed["stride"], followed["turns"], followed["search"] = -1, 1, self.longest, 2**62
+        followed["place"], followed["stride"], followed["turns"], followed["search"] = -1, 1, self.max_turns, 2**62
         turns = 0
         while (fate := self._decide(run, followed, self._limits, self._ellipsoids)) == GO_ON:
-            place = int(followed["place"])
-            turns = int(self._ellipsoids.turns[place])
+            index = int(followed["place"])
+            turns = int(self._ellipsoids.turns[index])
             motion.to_time(float(run["end"]))
         run["target"] = np.nan
-        return self._owners[place] if fate == ASSIGNED else None, turns
+        return self._owners[index] if fate == ASSIGNED else None, turns
 
     def register_near(self, state: FloatArray, period: int) -> int:
         """Return the number of the stable orbit near a full state; raises :class:`NoConvergenceError` without one."""
@@ -279,10 +279,10 @@ class AttractorMapper:
 
     def _search_settled(self) -> int | None:
         """Return the number of the repeating motion to which this one soon settles, or None; add a new one."""
-        longest = max(SETTLED_TURNS * self._turn, self._motion.now)
-        plan = constant_plan(self.scene, max_settle_s=longest, measure_s=longest / BLOCKS, **CLOSELY)
+        max_settle_s = max(SETTLED_TURNS * self._turn, self._motion.now)
+        plan = constant_plan(self.scene, max_settle_s=max_settle_s, measure_s=max_settle_s / BLOCKS, **CLOSE_SETTLING)
         point = measure_point(self.scene, plan, self._motion.state.tolist(), (0,))
-        if not point.row.get("period") or point.row["settle_s"] >= longest:
+        if not point.row.get("period") or point.row["settle_s"] >= max_settle_s:
             return None
         del point.row["wall_s"]
         self._settled = round(point.row["settle_s"] / self._turn)
@@ -293,33 +293,33 @@ class AttractorMapper:
         """Measure a motion that has converged to no orbit, in windows; it may still converge to one."""
         motion, rows = self._motion, list[dict[str, Any]]()
         for left in range(WINDOWS, 0, -1):
-            window = max((self.longest - turns) // left - 1, 1)
+            window = max((self.max_turns - turns) // left - 1, 1)
             part = motion.advance_turns(window, 2.0 * (window + 2) * self._turn, scope=WITH_EXTREMES)
             turns += window + 1
-            found, more = self._find_ellipsoid()
-            found = self._search_new_orbit(part) if found is None else found
+            orbit_number, more = self._find_ellipsoid()
+            orbit_number = self._search_new_orbit(part) if orbit_number is None else orbit_number
             if motion.outcome != "ok":
                 return {"attractor": None, "turns": turns, "outcome": motion.outcome, "detail": motion.detail}
-            if found is not None:
-                return {"attractor": found, "turns": turns}
+            if orbit_number is not None:
+                return {"attractor": orbit_number, "turns": turns}
             turns += more
             row = row_of(measure(part, self.scene), self.scene)
-            rows.append({name: row[name] for name in (*MEASURES, *DESCRIBING) if name in row})
+            rows.append({name: row[name] for name in (*MEASURES, *DESCRIBING_COLUMNS) if name in row})
         end = {"outcome": "ok", "detail": "", "state": motion.state.tolist(), "windows": rows}
-        return {"attractor": None, "turns": self.longest, **end}
+        return {"attractor": None, "turns": self.max_turns, **end}
 
     def repeats(self, state: Sequence[float], period: int) -> bool:
         """Whether the motion from a full state repeats after a period already."""
         self._motion.reset(np.array(state))
-        longest = 4.0 * (2 * period + 2) * self._turn
-        part = self._motion.advance_turns(2 * period, longest, scope=SECTION_POINTS)
+        until = 4.0 * (2 * period + 2) * self._turn
+        part = self._motion.advance_turns(2 * period, until, scope=SECTION_POINTS)
         points = section_points(part.measures, self.scene)[-2 * period :]
         return len(points) == 2 * period and bool(np.abs(points[period:] - points[:period]).max() < SAME_ORBIT_DISTANCE)
 
 
-def window_length(longest: int) -> int:
-    """Return the length of a window (turns) of motions that are followed for ``longest`` turns."""
-    return min(WINDOW_TURNS, longest // (2 * WINDOWS) - 1)
+def window_length(max_turns: int) -> int:
+    """Return the length of a window (turns) of motions that are followed for ``max_turns`` turns."""
+    return min(WINDOW_TURNS, max_turns // (2 * WINDOWS) - 1)
 
 
 def map_initial_conditions(
@@ -337,10 +337,10 @@ def map_initial_conditions(
 def map_alone(scene: Scene, plan: BasinsPlan, number: int) -> Record:
     """Follow a start without what others have found: the ``row`` of what it comes to."""
     with closing(AttractorMapper(scene, plan.max_turns, [])) as follower:
-        found = follower.map_states(initial_states(scene, plan, [number]))[0]
-        if found["attractor"] is not None:
-            return {"row": follower.attractors[found["attractor"]]["row"]}
-        return {"row": {"motion": None, "period": 0, **found.get("windows", [{"sync": None}])[-1]}}
+        record = follower.map_states(initial_states(scene, plan, [number]))[0]
+        if record["attractor"] is not None:
+            return {"row": follower.attractors[record["attractor"]]["row"]}
+        return {"row": {"motion": None, "period": 0, **record.get("windows", [{"sync": None}])[-1]}}
 
 
 def constant_plan(scene: Scene, **more: float) -> SweepPlan:

@@ -19,7 +19,7 @@ from vibroplat.study.titles import sentence
 
 OPTIONS = ()
 #: Share that is none.
-ROUNDING = 1e-9
+MIN_FRACTION = 1e-9
 
 
 def pictures(results: Sequence[Result], _: Sequence[str] = ()) -> list[picture.Picture]:
@@ -33,13 +33,13 @@ def _pictures(result: Result) -> list[picture.Picture]:
     numbers = (*keys, "count", "fraction", "fraction_low", "fraction_high", "rms_x_m", "rms_y_m")
     attractors = picture.finite(result.columns("attractors", ("attractor", "motion", "outcome"), numbers))
     starts = result.columns("starts", ("attractor",), (*keys, *plan["initial_conditions"], "turns"))
-    owned = dict(zip(_named(attractors, keys), range(len(attractors)), strict=True))
-    orbits = picture.Orbits(attractors, owner=[owned.get(name) for name in _named(starts, keys)])
+    owned = dict(zip(_names_of(attractors, keys), range(len(attractors)), strict=True))
+    orbits = picture.Orbits(attractors, owner=[owned.get(name) for name in _names_of(starts, keys)])
     shown = _starts(result, plan, keys, attractors, starts, orbits)
     return [_shares(result, plan, keys[0], attractors), shown] if keys else [shown]
 
 
-def _named(table: pd.DataFrame, keys: Sequence[str]) -> list[tuple[Any, ...]]:
+def _names_of(table: pd.DataFrame, keys: Sequence[str]) -> list[tuple[Any, ...]]:
     """Return what tells an attractor, or that of a start, from all others: the value of the key and its name."""
     return list(zip(*(table[name] for name in (*keys, "attractor")), strict=True))
 
@@ -52,12 +52,12 @@ def _motion(row: pd.Series) -> str:
 
 def _title(attractors: pd.DataFrame, count: int) -> str:
     """Say which share of the starts comes to each attractor, and how well that is known."""
-    told = []
-    for _, row in attractors[attractors["fraction"] > ROUNDING].sort_values("fraction", ascending=False).iterrows():
-        share, low, high = (100.0 * np.clip(row[f"fraction{end}"], 0.0, 1.0) for end in ("", "_low", "_high"))
-        known = digits.spread(share, 0.5 * (high - low), "%") if 0.0 < share < 100.0 else f"100 % (≥ {low:.0f} %)"
-        told.append(f"{_short(row['attractor'])} {known}")
-    return sentence(f"{', '.join(shortened(told))} of {count} starts")
+    texts = []
+    for _, row in attractors[attractors["fraction"] > MIN_FRACTION].sort_values("fraction", ascending=False).iterrows():
+        percent, low, high = (100.0 * np.clip(row[f"fraction{end}"], 0.0, 1.0) for end in ("", "_low", "_high"))
+        known = digits.spread(percent, 0.5 * (high - low), "%") if 0.0 < percent < 100.0 else f"100 % (≥ {low:.0f} %)"
+        texts.append(f"{_short(row['attractor'])} {known}")
+    return sentence(f"{', '.join(shortened(texts))} of {count} starts")
 
 
 def _short(attractor: object) -> str:
@@ -90,7 +90,7 @@ def _starts(
     facets = [picture.Facet(value_words(key, rows[key].iloc[0]), [n]) for key in keys for n, rows in enumerate(groups)]
     hidden = not keys and starts.duplicated([*ranges][:2]).any()
     box = "" if keys else box_words(dict([*ranges.items()][2:]))
-    told = (
+    lines = (
         box and f"starts: {box}",
         f"starts followed for {plan['max_turns']} turns",
         "where several starts have one place, the last is seen" if hidden else "",
@@ -108,7 +108,7 @@ def _starts(
         series=[picture.Series("", rows.index.to_numpy(), mode="dots") for rows in groups],
         facets=facets,
         choice=keys[0] if keys else "",
-        told=told_of([result.name], result.known_scene, keys, *told),
+        told=told_of([result.name], result.known_scene, keys, *lines),
         meaning="Each dot is a start, in the colour of the attractor to which its motion converges within "
         f"{plan['max_turns']} turns. A key drawn over itself shows how many starts come to each attractor.",
         orbits=picture.Orbits(attractors, (), [*(orbits.owner or ()), *range(0 if keys else len(attractors))]),
@@ -120,8 +120,8 @@ def _starts(
 def _shares(result: Result, plan: Any, key: str, attractors: pd.DataFrame) -> picture.Picture:
     """Return the shares of attractors over a key, and their motions."""
     colours, turns = picture.attractor_colours(attractors["attractor"]), f"within {plan['max_turns']} turns"
-    shared = attractors["attractor"][attractors["fraction"] > ROUNDING].nunique() > 1
-    panels, left = content.measures(attractors, stripped=not shared)
+    shared = attractors["attractor"][attractors["fraction"] > MIN_FRACTION].nunique() > 1
+    panels, omitted = content.measures(attractors, stripped=not shared)
     box = f"{box_words(plan['initial_conditions'])}, {turns}"
     return picture.Picture(
         name="basins",
@@ -139,7 +139,7 @@ def _shares(result: Result, plan: Any, key: str, attractors: pd.DataFrame) -> pi
             for name in colours
         ],
         states=content.motions_of(attractors),
-        told=told_of([result.name], result.known_scene, [key], f"starts: {box}", left),
+        told=told_of([result.name], result.known_scene, [key], f"starts: {box}", omitted),
         meaning=f"The share of the starts that converges to each attractor {turns}, and below it the motion of each.",
         orbits=picture.Orbits(attractors),
     )
@@ -147,6 +147,6 @@ def _shares(result: Result, plan: Any, key: str, attractors: pd.DataFrame) -> pi
 
 def _shares_title(attractors: pd.DataFrame, key: str) -> str:
     """Say between which shares each attractor varies over the key."""
-    told = [f"{_short(name)} {text}" for name, text in shares_over(attractors, key).items()]
+    texts = [f"{_short(name)} {text}" for name, text in shares_over(attractors, key).items()]
     count = attractors[key].nunique()
-    return sentence(f"{', '.join(shortened(told))} of the starts at {count} values of {key_name(key)}")
+    return sentence(f"{', '.join(shortened(texts))} of the starts at {count} values of {key_name(key)}")

@@ -83,7 +83,7 @@ def _is_constant(places: FloatArray) -> float:
     return float(min(2.0 * min(trend, shape), 1.0))
 
 
-def estimate_rates(attractors: Sequence[Record], starts: Sequence[Record], longest: int) -> list[Rate | None]:
+def estimate_rates(attractors: Sequence[Record], starts: Sequence[Record], max_turns: int) -> list[Rate | None]:
     """Estimate the rate at which motions converge to each orbit, and that at which each other motion is left for one.
 
     It is None where nothing was at risk, where a motion may take as long on a direct way to the orbit, where it is not
@@ -95,10 +95,10 @@ def estimate_rates(attractors: Sequence[Record], starts: Sequence[Record], longe
     ----------
     attractors, starts
         Records of attractors, and of starts with the number of each start's attractor.
-    longest
+    max_turns
         Turns after which motions were given up.
     """
-    begin = LATE_FRACTION * longest
+    begin = LATE_FRACTION * max_turns
     rows = [record["row"] for record in attractors]
     orbits = {k for k, row in enumerate(rows) if row["motion"] == "periodic"}
     unseen = {start["attractor"] for start in starts if "windows" in start}
@@ -115,16 +115,16 @@ def estimate_rates(attractors: Sequence[Record], starts: Sequence[Record], longe
         places = [(before[k] + (count[k] - 1) * turns) / before[-1] for k, turns in zip(passed, events, strict=True)]
         return estimate_rate(places, float(before[-1])) if total.size else None
 
-    found: list[Rate | None] = [None] * len(rows)
+    rates: list[Rate | None] = [None] * len(rows)
     for k in quick:
-        found[k] = rate([turns for number, turns in arrived if number == k], risk)
+        rates[k] = rate([turns for number, turns in arrived if number == k], risk)
     escaped = [(number, turns) for number, turns in late if number in orbits]
     for k in (k for k in restless if rows[k]["motion"] == CHAOTIC):
         own = [turns for number, turns in late if number == k]
         sure = arrived == escaped and (restless == {k} or not escaped)
-        left = rate([turns for _, turns in escaped], own + [turns for _, turns in escaped])
-        found[k] = left if left is None or sure else Rate(math.nan, 0.0, left.high, math.nan)
-    return found
+        escape_rate = rate([turns for _, turns in escaped], own + [turns for _, turns in escaped])
+        rates[k] = escape_rate if escape_rate is None or sure else Rate(math.nan, 0.0, escape_rate.high, math.nan)
+    return rates
 
 
 def _direct_turns(record: Record) -> float:
@@ -150,6 +150,6 @@ def clopper_pearson(count: int, number: int) -> tuple[float, float]:
 
 def shares_over(attractors: pd.DataFrame, key: str) -> dict[str, str]:
     """Return between which shares of the starts each attractor varies over a key, in words; 0 where it is not found."""
-    shares = attractors.pivot_table("fraction", key, "attractor", fill_value=0.0, sort=False)
-    ends = {str(name): dict.fromkeys((share(one.min()), share(one.max()))) for name, one in shares.items()}
+    fractions = attractors.pivot_table("fraction", key, "attractor", fill_value=0.0, sort=False)
+    ends = {str(name): dict.fromkeys((share(one.min()), share(one.max()))) for name, one in fractions.items()}
     return {name: " … ".join(both) for name, both in ends.items()}

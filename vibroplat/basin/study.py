@@ -152,35 +152,35 @@ class BasinsStudy(Study):
 
         Over a key, the attractors found at a value are continued to the next one.
         """
-        found: list[AttractorSet] = []
+        sets: list[AttractorSet] = []
         history: list[int] = []
-        for place, scene in enumerate(self._scenes):
-            now = AttractorSet(scene, self._continue(place, found, store, workers))
-            found.append(now)
+        for index, scene in enumerate(self._scenes):
+            now = AttractorSet(scene, self._continue(index, sets, store, workers))
+            sets.append(now)
             done = 0
             while done < len(self._blocks):
                 numbers = range(done, min(2 * done + 1, len(self._blocks)))
-                now.add(self._map_blocks(place, store, workers, progress, now.attractors, history, numbers))
+                now.add(self._map_blocks(index, store, workers, progress, now.attractors, history, numbers))
                 assigned = [start["turns"] for start in now.starts if "outcome" not in start]
                 history = history if done else assigned
                 done = numbers.stop
-            self._classify_groups(place, now, store, workers)
-        return _make_result(self, found)
+            self._classify_groups(index, now, store, workers)
+        return _make_result(self, sets)
 
-    def _classify_groups(self, place: int, now: AttractorSet, store: Store, workers: Pool) -> None:
+    def _classify_groups(self, index: int, now: AttractorSet, store: Store, workers: Pool) -> None:
         """Follow a motion of each group longer; where it converges to an orbit of its own, another one."""
         groups = now.groups()
         for attempt in range(MAX_FOLLOWED):
             open_ = [group for group in groups if group.starts]
             tasks = [Task(classify_unconverged, (now.scene, group.starts[0]["state"])) for group in open_]
-            records = run_tasks(tasks, store.namespace(f"{place} motion {attempt}"), workers)
+            records = run_tasks(tasks, store.namespace(f"{index} motion {attempt}"), workers)
             like = [now.find_alike(group, record) for group, record in zip(open_, records, strict=True)]
             tasks = [
                 Task(repeats, (now.scene, [start["state"] for start in starts], record["row"].get("period") or 1))
                 for starts, record in zip(like, records, strict=True)
             ]
-            told = run_tasks(tasks, store.namespace(f"{place} repeating {attempt}"), workers)
-            for group, record, starts, one in zip(open_, records, like, told, strict=True):
+            repeated = run_tasks(tasks, store.namespace(f"{index} repeating {attempt}"), workers)
+            for group, record, starts, one in zip(open_, records, like, repeated, strict=True):
                 now.take_continued(group, record, list(compress(starts, one["repeats"])))
         for group in groups:
             now.mark_undecided(group)
@@ -195,14 +195,14 @@ class BasinsStudy(Study):
         names = ["attractor"] if self.key is None else [column_of(self.key), "attractor"]
         joined = starts[[*names, "turns"]].merge(attractors, on=names, how="left")
         late = joined["period"].gt(0) & joined["turns"].gt(LATE_FRACTION * self.plan.max_turns)
-        kept = joined["period"].gt(0) | joined["rate_per_turn"].eq(0.0) | ~joined["motion"].isin(TRANSIENT_MOTIONS)
-        places = np.flatnonzero(kept & ~late & joined["outcome"].eq("ok"))
+        certain = joined["period"].gt(0) | joined["rate_per_turn"].eq(0.0) | ~joined["motion"].isin(TRANSIENT_MOTIONS)
+        places = np.flatnonzero(certain & ~late & joined["outcome"].eq("ok"))
         count, order, cases = self.plan.number, self.order, list[CrossCheckCase]()
-        for place in choose_evenly(places.tolist()):
-            value, start = divmod(place, count)
+        for index in choose_evenly(places.tolist()):
+            value, start = divmod(index, count)
             task = Task(map_alone, (other(self._scenes[value]), self.plan, int(order[start])))
-            known = {name: joined[name].iloc[place] for name in (*COMPARED, PHASE_COLUMN) if name != "motion"}
-            cases.append(CrossCheckCase(f"from start {place} of the table", task, known))
+            known = {name: joined[name].iloc[index] for name in (*COMPARED, PHASE_COLUMN) if name != "motion"}
+            cases.append(CrossCheckCase(f"from start {index} of the table", task, known))
         return cases
 
     @property
@@ -215,7 +215,7 @@ class BasinsStudy(Study):
 
     def _map_blocks(
         self,
-        place: int,
+        index: int,
         store: Store,
         workers: Pool,
         progress: Progress,
@@ -224,45 +224,45 @@ class BasinsStudy(Study):
         numbers: range,
     ) -> list[Record]:
         """Follow the starts of some blocks at a value of the key."""
-        given = self._scenes[place], self.plan
+        given = self._scenes[index], self.plan
         tasks = [Task(map_initial_conditions, (*given, *self._blocks[number], known, history)) for number in numbers]
-        before, all_ = place * self.plan.number, self.plan.number * len(self._scenes)
+        before, all_ = index * self.plan.number, self.plan.number * len(self._scenes)
 
         def tell(done: int) -> None:
             progress(before + min((numbers.start + done) * BLOCK, self.plan.number), all_)
 
-        return run_tasks(tasks, store.namespace(f"{place} from {numbers.start}"), workers, tell)
+        return run_tasks(tasks, store.namespace(f"{index} from {numbers.start}"), workers, tell)
 
-    def _continue(self, place: int, found: Sequence[AttractorSet], store: Store, workers: Pool) -> list[Record]:
+    def _continue(self, index: int, sets: Sequence[AttractorSet], store: Store, workers: Pool) -> list[Record]:
         """Return the attractors at a value of the key that are continued from the one before."""
-        if self.key is None or not found:
+        if self.key is None or not sets:
             return []
-        ends = self.values[place - 1 : place + 1]
-        attractors = [{name: a[name] for name in ("row", "state")} for a in found[-1].attractors]
-        arguments = (self._scenes[place - 1], self._scenes[place], self.key, self.plan.max_turns, ends, attractors)
-        [record] = run_tasks([Task(continue_attractors, arguments)], store.namespace(f"{place} carried"), workers)
+        ends = self.values[index - 1 : index + 1]
+        attractors = [{name: a[name] for name in ("row", "state")} for a in sets[-1].attractors]
+        arguments = (self._scenes[index - 1], self._scenes[index], self.key, self.plan.max_turns, ends, attractors)
+        [record] = run_tasks([Task(continue_attractors, arguments)], store.namespace(f"{index} carried"), workers)
         return list(record["found"])
 
 
 # -- tables -----------------------------------------------------------------------------------------------
 
 
-def _make_result(question: BasinsStudy, found: Sequence[AttractorSet]) -> Result:
+def _make_result(question: BasinsStudy, sets: Sequence[AttractorSet]) -> Result:
     """Make the tables and the printed answer."""
     plan, key = question.plan, question.key
     column = {} if key is None else {column_of(key): None}
     attractors, starts, places = [], [], key_values(plan, range(plan.number))
     escaped: dict[str, int] = {}
-    for value, f, labels in zip(question.values, found, name_attractors(found), strict=True):
-        escaped |= {label: a.get("escaped", 0) for label, a in zip(labels, f.attractors, strict=True)}
+    for value, one, labels in zip(question.values, sets, name_attractors(sets), strict=True):
+        escaped |= {label: a.get("escaped", 0) for label, a in zip(labels, one.attractors, strict=True)}
         at = dict.fromkeys(column, value)
-        counts, rates = f.counts, estimate_rates(f.attractors, f.starts, plan.max_turns)
+        counts, rates = one.counts, estimate_rates(one.attractors, one.starts, plan.max_turns)
         order = sorted(range(len(counts)), key=lambda k: (-counts[k], k))
-        attractors += [at | _row(f.attractors[k], labels[k], counts[k], rates[k], plan) for k in order]
+        attractors += [at | _row(one.attractors[k], labels[k], counts[k], rates[k], plan) for k in order]
         starts += [
             at
             | dict(zip(plan.initial_conditions, places[k].tolist(), strict=True))
-            | {"attractor": labels[f.starts[k]["attractor"]], "turns": f.starts[k]["turns"]}
+            | {"attractor": labels[one.starts[k]["attractor"]], "turns": one.starts[k]["turns"]}
             for k in question.order
         ]
     more = more_columns(question.scene)
@@ -272,20 +272,20 @@ def _make_result(question: BasinsStudy, found: Sequence[AttractorSet]) -> Result
     }
     if key is not None:
         tables["fractions"] = tables["attractors"][[*column, *FRACTIONS]]
-    return Result("basins", question.scene, tables, answer_of(question.scene, tables, key, found, escaped))
+    return Result("basins", question.scene, tables, answer_of(question.scene, tables, key, sets, escaped))
 
 
 def _row(record: Record, label: str, count: int, rate: Rate | None, plan: BasinsPlan) -> dict[str, Any]:
     """Return the row of an attractor to which a count of the starts converges, at a rate."""
     low, high = clopper_pearson(count, plan.number)
-    found: dict[str, Any] = {"attractor": label, "count": count, "fraction": count / plan.number}
-    found |= {"fraction_low": low, "fraction_high": high, "within_turns": plan.max_turns}
+    columns: dict[str, Any] = {"attractor": label, "count": count, "fraction": count / plan.number}
+    columns |= {"fraction_low": low, "fraction_high": high, "within_turns": plan.max_turns}
     if rate is not None:
         names = ("rate_per_turn", "rate_low_per_turn", "rate_high_per_turn", "rate_constant_p")
-        found |= dict(zip(names, rate, strict=True))
+        columns |= dict(zip(names, rate, strict=True))
     state = zip((*COORDINATES, *RATES), record["state"] or [None] * 14, strict=False)
     own = {name: record[name] for name in ("radius", "ellipsoids")}
-    return {**record["row"], **dict(state), **found, **own}
+    return {**record["row"], **dict(state), **columns, **own}
 
 
 STUDY = BasinsStudy

@@ -27,12 +27,12 @@ MAX_DIFFERENCE = 0.2
 Window = Mapping[str, Any]
 
 
-def is_alike(one: Window, other: Window, scales: FloatArray, share: float = MAX_DIFFERENCE) -> bool:
+def is_alike(one: Window, other: Window, scales: FloatArray, tolerance: float = MAX_DIFFERENCE) -> bool:
     """Whether two motions are synchronized alike, with nearly the same RMS displacements and share of flight."""
-    known = {name: place for name, place in MEASURES.items() if place < len(scales)}
+    known = {name: index for name, index in MEASURES.items() if index < len(scales)}
     sizes = np.array([[row[name] for name in known] for row in (one, other)]) / scales[[*known.values()]]
-    near = np.linalg.norm(sizes[1] - sizes[0]) <= share * np.linalg.norm(sizes, axis=1).max()
-    flying = abs((one["flight_fraction"] or 0.0) - (other["flight_fraction"] or 0.0)) <= share
+    near = np.linalg.norm(sizes[1] - sizes[0]) <= tolerance * np.linalg.norm(sizes, axis=1).max()
+    flying = abs((one["flight_fraction"] or 0.0) - (other["flight_fraction"] or 0.0)) <= tolerance
     return bool(near) and flying and same_phase(one, other)
 
 
@@ -48,7 +48,7 @@ def same_motion(one: Window, other: Window, scales: FloatArray) -> bool:
 def classify_windows(motions: Sequence[Sequence[Window]], scales: FloatArray) -> list[list[int]]:
     """Return the classes of the windows of some motions; a class is named after its first window."""
     first: list[Window] = []
-    found = []
+    all_classes = []
     for windows in motions:
         classes = []
         for window in windows:
@@ -56,8 +56,8 @@ def classify_windows(motions: Sequence[Sequence[Window]], scales: FloatArray) ->
             if number == len(first):
                 first.append(window)
             classes.append(number)
-        found.append(classes)
-    return found
+        all_classes.append(classes)
+    return all_classes
 
 
 def components(paths: Sequence[Sequence[int]]) -> tuple[list[int], dict[int, set[int]]]:

@@ -54,8 +54,8 @@ def compared_events(events: pd.DataFrame) -> pd.DataFrame:
     A chatter stands for impacts, whose number depends on when it was found to be one. A reversal is told as a slip: it
     is one after a stick of no duration.
     """
-    found = events.replace({"kind": {"reversal": "slip"}})
-    return found[~found["kind"].isin(["chatter", "drive"])].reset_index(drop=True)
+    renamed = events.replace({"kind": {"reversal": "slip"}})
+    return renamed[~renamed["kind"].isin(["chatter", "drive"])].reset_index(drop=True)
 
 
 def marginal_events(events: pd.DataFrame, errors: ErrorBound, scene: Scene) -> npt.NDArray[np.bool_]:

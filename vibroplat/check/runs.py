@@ -29,7 +29,7 @@ from vibroplat.results.run import RunResult
 from vibroplat.system.memory import MemoryBudget
 
 #: Difference, in scaled units, up to which engines are said to agree.
-AGREEMENT: Final = 1e-3
+MAX_AGREEING_DIFFERENCE: Final = 1e-3
 #: Allowed difference, in scaled units, from which on nothing is compared any more.
 MAX_ALLOWED_DIFFERENCE: Final = 0.3
 #: Most samples of a run that are compared; they are those of the trajectory table, or every second, third … of them.
@@ -85,7 +85,7 @@ class RunCheck:
     compared_until_s
         Until when they were compared: until a run ended, or until what is allowed had grown to MAX_ALLOWED_DIFFERENCE.
     agree_until_s
-        Until when no coordinate, and not the contact force, differed by more than AGREEMENT of its scale.
+        Until when no coordinate, and not the contact force, differed by more than MAX_AGREEING_DIFFERENCE of its scale.
     amplification
         Largest change under a repetition until then, over the tolerance, in scaled units.
     events
@@ -118,22 +118,22 @@ class RunCheck:
 
     def lines(self) -> dict[str, str]:
         """Summarize it in a few lines: label and text."""
-        found = {
+        lines = {
             "checked by": f"engine {self.other}, up to {quantity(self.compared_until_s, 's')}; by then, errors the "
             f"size of the tolerance are amplified {number(self.amplification, 2)} times"
         }
         states = [d for d in self.largest if d.quantity != EVENT_TIME]
         if states:
             worst = max(states, key=lambda d: d.difference)
-            found["largest difference"] = (
+            lines["largest difference"] = (
                 f"{worst.quantity}, {number(worst.difference, 2)} of its scaled unit at {quantity(worst.t_s, 's')}; "
-                f"all within {given(AGREEMENT)} up to {quantity(self.agree_until_s, 's')}"
+                f"all within {given(MAX_AGREEING_DIFFERENCE)} up to {quantity(self.agree_until_s, 's')}"
             )
         for d in self.largest[len(states) :]:
-            found["events of both"] = (
+            lines["events of both"] = (
                 f"{self.events}, their times within {quantity(abs(d.first - d.other), 's', digits=2)}"
             )
-        return found
+        return lines
 
 
 @validated(scene=SceneArgument, other=Callable[..., Any], progress=Callable[..., Any] | None)
@@ -173,9 +173,9 @@ def compare_run(first: SampledRun, *, other: Other = with_other_engine, progress
 
 def perturbed_scenes(scene: Scene) -> list[Scene]:
     """List the scenes that show what a motion makes of errors: another tolerance, and starts that are off by it."""
-    share, tolerance = scene.start_perturbation, scene.solver.tolerance
-    way = 1.0 if share < 0.5 else -1.0
-    starts = [scene.replace({"run.perturbation": share + way * n * tolerance}) for n in (1.0, 2.0)]
+    perturbation, tolerance = scene.start_perturbation, scene.solver.tolerance
+    way = 1.0 if perturbation < 0.5 else -1.0
+    starts = [scene.replace({"run.perturbation": perturbation + way * n * tolerance}) for n in (1.0, 2.0)]
     return [with_other_tolerance(scene), *starts]
 
 
@@ -248,9 +248,9 @@ class SampledRun:
     @cached_property
     def samples(self) -> pd.DataFrame:
         """Samples by time, one for each time, of quantities in their scales."""
-        found = pd.concat(self._samples).drop_duplicates("t_s", keep="last").set_index("t_s")
-        found[self.names] /= list(self.scales.values())
-        return found
+        samples = pd.concat(self._samples).drop_duplicates("t_s", keep="last").set_index("t_s")
+        samples[self.names] /= list(self.scales.values())
+        return samples
 
     @cached_property
     def events(self) -> pd.DataFrame:
@@ -279,11 +279,11 @@ def differences(one: SampledRun, two: SampledRun, times: pd.Index) -> FloatArray
     They are nan where the second has no sample, and those of the contact force where not both are in contact.
     """
     a, b = one.samples.reindex(times), two.samples.reindex(times)
-    found: FloatArray = np.abs(a[one.names].to_numpy() - b[one.names].to_numpy())
+    distances: FloatArray = np.abs(a[one.names].to_numpy() - b[one.names].to_numpy())
     if _FORCE in one.names:
         apart = ((a["mode"] == "flight") | (b["mode"] == "flight")).to_numpy()
-        found[apart, one.names.index(_FORCE)] = math.nan
-    return found
+        distances[apart, one.names.index(_FORCE)] = math.nan
+    return distances
 
 
 # -- the comparison ---------------------------------------------------------------------------------------
@@ -315,7 +315,7 @@ class _Comparison:
     def result(self) -> RunCheck:
         """Compare samples, events and ends."""
         pairs, moved = self._events() if self._times.size else (EventMatches(np.empty((0, 2), np.int64)), [])
-        apart = np.flatnonzero((self._found > AGREEMENT).any(axis=1))
+        apart = np.flatnonzero((self._found > MAX_AGREEING_DIFFERENCE).any(axis=1))
         columns = [k for k in range(self._found.shape[1]) if np.isfinite(self._found[:, k]).any()]
         largest = [self._sample(int(np.nanargmax(self._found[:, k])), k) for k in columns]
         largest += sorted(moved, key=lambda d: d.difference)[-1:]
@@ -349,7 +349,7 @@ class _Comparison:
         # another sequence of events, unless that of a repetition differs by then
         turn = 2.0 * math.pi / self._scene.speed_scale
         if math.isfinite(pairs.differ_s) and not any(
-            self._paired(*pair).differ_s <= pairs.differ_s + turn for pair in self._repeated
+            self._match(*pair).differ_s <= pairs.differ_s + turn for pair in self._repeated
         ):
             one, two = (f"{why} ({c.engine})" for why, c in zip(pairs.why, (first, other), strict=True))
             yield (
@@ -375,10 +375,10 @@ class _Comparison:
     def _events(self) -> tuple[EventMatches, list[Difference]]:
         """Pair the events of both, and compare their times."""
         one, two = self._first.events, self._other.events
-        pairs = self._paired(self._first, self._other)
+        pairs = self._match(self._first, self._other)
         i, j = pairs.rows.T
         speed = self._scene.speed_scale
-        change = np.fmax(self._moved(self._first, *self._changed)[i], self._moved(self._other, self._again)[j])
+        change = np.fmax(self._shifts(self._first, *self._changed)[i], self._shifts(self._other, self._again)[j])
         least = MIN_ALLOWED * self._tolerance * self._least(one["gap_rate_before_m_per_s"].to_numpy()[i])
         allowed = least + MAX_RATIO * _running_maximum(speed * change)
         clear = ~marginal_events(one.iloc[i], self._errors, self._scene)
@@ -388,14 +388,14 @@ class _Comparison:
             for a, b, kind, most in zip(*(column[clear].tolist() for column in columns), strict=True)
         ]
 
-    def _moved(self, one: SampledRun, *others: SampledRun) -> FloatArray:
+    def _shifts(self, one: SampledRun, *others: SampledRun) -> FloatArray:
         """Return how far repetitions move each event of a run in time (s); nan where none has it."""
-        found = np.full(len(one.events), math.nan)
+        shifts = np.full(len(one.events), math.nan)
         for course in others:
-            i, j = self._paired(one, course).rows.T
+            i, j = self._match(one, course).rows.T
             times = one.events["t_s"].to_numpy()[i], course.events["t_s"].to_numpy()[j]
-            found[i] = np.fmax(found[i], np.abs(times[0] - times[1]))
-        return found
+            shifts[i] = np.fmax(shifts[i], np.abs(times[0] - times[1]))
+        return shifts
 
     def _least(self, speeds: FloatArray) -> FloatArray:
         """Return how many times an error of the state, in its scales, moves an event in time, in 1/ω₀.
@@ -408,7 +408,7 @@ class _Comparison:
         force = force_spread(scene) / scene.force_scale if scene.has_contact else 1.0
         return np.where(relative > 0.0, 1.0 / np.clip(relative, 1e-12, 1.0), force)
 
-    def _paired(self, one: SampledRun, two: SampledRun) -> EventMatches:
+    def _match(self, one: SampledRun, two: SampledRun) -> EventMatches:
         return match_events(one.events, two.events, self._errors, self._scene, min(self._until, two.end))
 
 

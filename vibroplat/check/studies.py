@@ -54,8 +54,8 @@ class CrossCheck(NamedTuple):
     def lines(self) -> Iterator[tuple[str, str]]:
         """Yield lines that summarize it: label and text."""
         motions = f"{self.checked} motion{'s' * (self.checked != 1)}"
-        told = f"{motions}, measures within {share(self.largest)}" if self.checked else "no motion can be repeated"
-        yield "checked by" if self.checked else "not checked by", f"engine {self.other}, {told}"
+        text = f"{motions}, measures within {share(self.largest)}" if self.checked else "no motion can be repeated"
+        yield "checked by" if self.checked else "not checked by", f"engine {self.other}, {text}"
 
     def to_tree(self) -> dict[str, Any]:
         """Return it as plain values."""
@@ -86,10 +86,10 @@ def cross_check(
     """
     wanted, scene = study.cross_check_cases(result, store, other), study.scene
     tasks = [case.task for case in wanted]
-    found = run_tasks(tasks, store.namespace("check"), workers, lambda done: progress(done, len(wanted)))
+    records = run_tasks(tasks, store.namespace("check"), workers, lambda done: progress(done, len(wanted)))
     engines, scales = (engine_name(scene), engine_name(other(scene))), scales_of(scene)
     largest, disagreements = 0.0, list[str]()
-    for case, record in zip(wanted, found, strict=True):
+    for case, record in zip(wanted, records, strict=True):
         known = {name: None if pd.isna(value) else value for name, value in case.row.items()}
         names = [name for name in known if name != PHASE_COLUMN]
         if not known.get("period", 1):

@@ -12,7 +12,7 @@ import typer
 from vibroplat.cli import common
 from vibroplat.config.kinds import KINDS, Kind
 from vibroplat.errors import errors_about
-from vibroplat.study import WAIT
+from vibroplat.study import MAX_WAIT_S
 from vibroplat.system.terminal import points_progress
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def study_command(kind: Kind) -> Callable[..., None]:
         resume: common.Resume = False,
         overwrite: common.Overwrite = False,
         scheduler: common.Scheduler = None,
-        wait: common.Wait = WAIT,
+        wait: common.Wait = MAX_WAIT_S,
         format_: common.Format = "parquet",
         verbose: common.Verbose = False,
     ) -> None:
@@ -161,7 +161,7 @@ def paper(
     resume: common.Resume = False,
     overwrite: common.Overwrite = False,
     scheduler: common.Scheduler = None,
-    wait: common.Wait = WAIT,
+    wait: common.Wait = MAX_WAIT_S,
     format_: common.Format = "csv",
     seeds: Annotated[int, typer.Option(min=1, help="Number of perturbation seeds for each claim.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="First seed; figures are drawn with it.")] = 0,

@@ -44,10 +44,10 @@ def _headline(plan: OrbitsPlan, table: pd.DataFrame, summary: Mapping[str, Any])
     key, values = column_of(plan.key), table[column_of(plan.key)]
     unit, ends = unit_of(key), dict.fromkeys(number(end, 4) for end in (values.min(), values.max()))
     failed = [f"{summary['failed']} FAILED"] if summary["failed"] else []
-    told = [*failed, f"{counted(len(table), 'orbit')} over {axis_name(key)} {' … '.join(ends)} {unit}".rstrip()]
+    parts = [*failed, f"{counted(len(table), 'orbit')} over {axis_name(key)} {' … '.join(ends)} {unit}".rstrip()]
     count = len(summary["branches"])
     stable = f"{int(table['stable'].sum())} stable"
-    return f"{count} branch{'es' * (count != 1)}, {', '.join(told)}: {stable}"
+    return f"{count} branch{'es' * (count != 1)}, {', '.join(parts)}: {stable}"
 
 
 def _stable_lines(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Iterator[str]:
@@ -81,15 +81,15 @@ def _ranges(table: pd.DataFrame, special: pd.DataFrame, key: str, sync: str) -> 
     points = table[columns].to_numpy(float)
     losses = special.loc[special["kind"].isin(SMOOTH_LOSSES), columns].to_numpy(float)
     ends = 1 + np.flatnonzero((holds[1:] != holds[:-1]) | (points[1:, 0] != points[:-1, 0]))
-    found: list[list[float]] = []
-    for held, piece in zip(np.split(holds, ends), np.split(points, ends), strict=True):
-        if held.any():
+    intervals: list[list[float]] = []
+    for flags, piece in zip(np.split(holds, ends), np.split(points, ends), strict=True):
+        if flags.any():
             branch, first, last = piece[0, 0], piece[0, 1] - 1, piece[-1, 1]
             around = (losses[:, 0] == branch) & ((losses[:, 1] == first) | (losses[:, 1] == last))
             values = np.append(piece[:, 2], losses[around, 2])
-            found.append([float(values.min()), float(values.max())])
+            intervals.append([float(values.min()), float(values.max())])
     united: list[list[float]] = []
-    for low, high in sorted(found):
+    for low, high in sorted(intervals):
         if united and low <= united[-1][1]:
             united[-1][1] = max(united[-1][1], high)
         else:
@@ -97,9 +97,9 @@ def _ranges(table: pd.DataFrame, special: pd.DataFrame, key: str, sync: str) -> 
     least = NEGLIGIBLE * float(np.ptp(table[key]))
     united = [ends for ends in united if ends[1] - ends[0] > least] or united
     widest = sorted(united, key=lambda ends: ends[0] - ends[1])[:MAX_RANGES]
-    told = [" … ".join(dict.fromkeys(number(end, 4) for end in ends)) for ends in sorted(widest)]
-    left = len(united) - len(told)
-    return (", ".join(told) + (f" and {left} more" if left else "")) or MISSING
+    texts = [" … ".join(dict.fromkeys(number(end, 4) for end in ends)) for ends in sorted(widest)]
+    left = len(united) - len(texts)
+    return (", ".join(texts) + (f" and {left} more" if left else "")) or MISSING
 
 
 def _first_liftoff(special: pd.DataFrame, keys: Sequence[str], at: Sequence[Any], key: str) -> str:

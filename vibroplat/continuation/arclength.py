@@ -80,11 +80,11 @@ class Branch:
     ended: str = ""
 
     def correct(
-        self, chart: Chart, u: FloatArray, direction: FloatArray, jacobian: FloatArray | None = None, most: int = 12
+        self, chart: Chart, u: FloatArray, direction: FloatArray, jacobian: FloatArray | None = None, steps: int = 12
     ) -> OrbitPoint:
         """Find a point near unknowns, orthogonally to a direction, with its tangent on the side of that direction."""
-        found = correct(self.problem, chart, u, direction[np.newaxis], jacobian, most)
-        return OrbitPoint.of(found, tangent_of(found.jacobian, direction))
+        result = correct(self.problem, chart, u, direction[np.newaxis], jacobian, steps)
+        return OrbitPoint.of(result, tangent_of(result.jacobian, direction))
 
     def step_from(self, last: OrbitPoint, length: float, known: Sequence[OrbitPoint] = ()) -> OrbitPoint:
         """Find the point so far along the tangent at another one, which others precede, the nearest first."""
@@ -98,13 +98,13 @@ class Branch:
         return point
 
     def between(
-        self, known: Sequence[OrbitPoint], origin: OrbitPoint, direction: FloatArray, place: float, width: float
+        self, known: Sequence[OrbitPoint], origin: OrbitPoint, direction: FloatArray, distance: float, width: float
     ) -> OrbitPoint:
         """Find the point at a place along a direction from an origin, between two that are so far apart.
 
         The points that are known are given the nearest first.
         """
-        u, jacobian = predict(known, origin.u, direction, place)
+        u, jacobian = predict(known, origin.u, direction, distance)
         point = self.correct(origin.chart, u, direction, jacobian)
         if np.linalg.norm(point.u - u) > MAX_MIDDLE_DEVIATION * width:
             raise NoConvergenceError("another branch was found")
@@ -128,7 +128,7 @@ class Branch:
         Where impacts accumulate, a step is taken in the end over changes that cannot be located.
         """
         last, across, leapt = self.points[-1], None, False
-        begun = self.step = min(self.step, self._max_step(last))
+        first_step = self.step = min(self.step, self._max_step(last))
         while True:
             try:
                 point = self._take_step(last)
@@ -141,7 +141,7 @@ class Branch:
             if across is not None and self.step < across.step * SKIPPED_STEP_RATIO:
                 look(last, across, False)
                 return across
-            if not leapt and self.step < GRAZING_STEP_RATIO * begun and len(self.points) > 1:
+            if not leapt and self.step < GRAZING_STEP_RATIO * first_step and len(self.points) > 1:
                 leapt = True
                 with contextlib.suppress(NoConvergenceError):
                     point = step_over_grazing(self.problem, self.points[-2], last)
@@ -194,7 +194,7 @@ def orient_tangent(point: OrbitPoint, before: OrbitPoint, step: float) -> OrbitP
 
 
 def predict(
-    points: Sequence[OrbitPoint], origin: FloatArray, direction: FloatArray, place: float
+    points: Sequence[OrbitPoint], origin: FloatArray, direction: FloatArray, distance: float
 ) -> tuple[FloatArray, FloatArray]:
     """Predict the orbit at a place along a direction from an origin.
 
@@ -202,7 +202,7 @@ def predict(
     ----------
     points
         Of one branch, the nearest first; those in another chart or with other events than the first are left out.
-    origin, direction, place
+    origin, direction, distance
         Unknowns, a direction of length 1, and the distance along it, which the prediction has exactly.
 
     Returns
@@ -211,23 +211,23 @@ def predict(
         The polynomial through the points with their tangents (Hermite), and that through their Jacobians (Lagrange).
     """
     first = points[0]
-    used, places = [first], [float((first.u - origin) @ direction)]
-    apart = MIN_SPACING * abs(place - places[0])
+    used, distances = [first], [float((first.u - origin) @ direction)]
+    apart = MIN_SPACING * abs(distance - distances[0])
     for point in points[1:]:
         alike = point.chart is first.chart and point.event_sequence == first.event_sequence
         if len(used) == MAX_KNOWN_POINTS or not alike or point.tangent @ direction < MIN_COSINE:
             break
         here = float((point.u - origin) @ direction)
-        if min(abs(here - p) for p in places) > apart:
+        if min(abs(here - p) for p in distances) > apart:
             used.append(point)
-            places.append(here)
+            distances.append(here)
     weights, slopes = np.zeros((2, len(used)))
     jacobian = np.zeros(first.jacobian.shape)
-    for i, (point, here) in enumerate(zip(used, places, strict=True)):
-        away, weight, steepness = place - here, 1.0, 0.0
-        for other in places:
+    for i, (point, here) in enumerate(zip(used, distances, strict=True)):
+        away, weight, steepness = distance - here, 1.0, 0.0
+        for other in distances:
             if other != here:
-                weight *= (place - other) / (here - other)
+                weight *= (distance - other) / (here - other)
                 steepness += 1.0 / (here - other)
         weights[i] = weight**2 * (1.0 - 2.0 * away * steepness)
         slopes[i] = weight**2 * away / float(point.tangent @ direction)
@@ -243,8 +243,8 @@ def step_over_grazing(problem: Problem, before: OrbitPoint, last: OrbitPoint) ->
     for guesses, change in ((_without_impact(before, last), -1), (_with_impact(problem, before, last), 1)):
         for guess, direction, ahead in guesses:
             try:
-                found = correct(problem, last.chart, guess, direction[np.newaxis])
-                point = OrbitPoint.of(found, tangent_of(found.jacobian, direction))
+                result = correct(problem, last.chart, guess, direction[np.newaxis])
+                point = OrbitPoint.of(result, tangent_of(result.jacobian, direction))
             except NoConvergenceError:
                 continue
             near = np.linalg.norm(point.u - guess) < max(MAX_GRAZING_DEVIATION[0] * ahead, MAX_GRAZING_DEVIATION[1])
@@ -268,10 +268,10 @@ def _without_impact(before: OrbitPoint, last: OrbitPoint) -> Guesses:
     # J = A + B / w at both points
     growing = (last.jacobian - before.jacobian) / (1.0 / speeds[1] - 1.0 / speeds[0])
     tangent = _null(last.jacobian - growing / speeds[1])
-    for share in GRAZING_OFFSETS:
+    for offset in GRAZING_OFFSETS:
         for sense in (1.0, -1.0):
             direction = sense * tangent
-            yield last.u + ahead * last.tangent + max(share * ahead, MIN_GRAZING_OFFSET) * direction, direction, ahead
+            yield last.u + ahead * last.tangent + max(offset * ahead, MIN_GRAZING_OFFSET) * direction, direction, ahead
 
 
 def _with_impact(problem: Problem, before: OrbitPoint, last: OrbitPoint) -> Guesses:
@@ -292,8 +292,8 @@ def _with_impact(problem: Problem, before: OrbitPoint, last: OrbitPoint) -> Gues
     extended = _null(add_border(last.jacobian, normal, beyond.residual / speed))
     extended *= np.copysign(1.0, extended[-1]) / np.linalg.norm(extended[:-1])
     direction, growth = extended[:-1], extended[-1]
-    for share in GRAZING_OFFSETS:
-        away = max(share * ahead, MIN_GRAZING_OFFSET)
+    for offset in GRAZING_OFFSETS:
+        away = max(offset * ahead, MIN_GRAZING_OFFSET)
         yield grazing + away * direction - normal * (growth * away) ** 2 / kappa, direction, ahead
 
 

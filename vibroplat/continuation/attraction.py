@@ -66,11 +66,11 @@ class AttractionEllipsoid:
         What a period multiplies distances by, as far as the derivative is all that matters.
     """
 
-    def __init__(self, found: NewtonResult, turns: int) -> None:
-        chart, section_map = found.chart, found.chart.section_map(found.shot)
-        kept = np.arange(chart.places.size) != chart.phase
-        self.state, self.system, self.turns = chart.unpack(found.u)[0], chart.system, turns
-        self._places, self._scales, self._turn = chart.places[kept], chart.scales[kept], TURN / chart.speed
+    def __init__(self, result: NewtonResult, turns: int) -> None:
+        chart, section_map = result.chart, result.chart.section_map(result.shot)
+        free = np.arange(chart.places.size) != chart.phase
+        self.state, self.system, self.turns = chart.unpack(result.u)[0], chart.system, turns
+        self._places, self._scales, self._turn = chart.places[free], chart.scales[free], TURN / chart.speed
         values, right = self._eigen = np.linalg.eig(section_map)
         self._map = section_map
         largest = int(np.abs(values).argmax())
@@ -100,8 +100,8 @@ class AttractionEllipsoid:
         There are two, or one where motion goes from side to side, without those that lie within the platform.
         """
         away = self._slowest * (size / np.abs(self._slowest).max())
-        found = [self._displaced(way) for way in ((away,) if self._alternates else (away, -away))]
-        return [state for state in found if GAP not in self._places or state[GAP] > 0.0]
+        states = [self._displace(way) for way in ((away,) if self._alternates else (away, -away))]
+        return [state for state in states if GAP not in self._places or state[GAP] > 0.0]
 
     @cached_property
     def form(self) -> FloatArray:
@@ -130,7 +130,7 @@ class AttractionEllipsoid:
         for shell in range(SHELL_COUNT):
             size = max(radius * SHELL_RATIO**shell, NOISE_TOLERANCE_RATIO * shooter.scene.solver.tolerance)
             for way in (self._slowest, -self._slowest, *evenly[shell].T):
-                starts.append(self._displaced(way * (size / np.linalg.norm(self._root @ way))))
+                starts.append(self._displace(way * (size / np.linalg.norm(self._root @ way))))
         return self._contracts(shooter, np.array(starts), 1, bound, periods)
 
     def contracts_along_trajectory(self, shooter: Shooter, state: FloatArray) -> bool:
@@ -142,16 +142,16 @@ class AttractionEllipsoid:
         offset, bound = state - self.state, 1.0 - MIN_DECAY_RATIO_ON_WAY * (1.0 - self.spectral_radius)
         offset[_ANGLES] -= TURN * np.round(offset[_ANGLES] / TURN)
         several = max(PERIODS, math.ceil(TURNS / self.turns))
-        for place in range(MAX_PLACES):
-            start = self._displaced(SHELL_RATIO**place * offset[self._places] / self._scales)
+        for shell in range(MAX_PLACES):
+            start = self._displace(SHELL_RATIO**shell * offset[self._places] / self._scales)
             if self.distance(start, self.system) < NOISE_TOLERANCE_RATIO * shooter.scene.solver.tolerance:
                 break
-            looks, periods = (1, several) if place else (FIRST_PERIODS, 1)
+            looks, periods = (1, several) if shell else (FIRST_PERIODS, 1)
             if not self._contracts(shooter, start[np.newaxis], looks, bound**periods, periods):
                 return False
         return True
 
-    def _displaced(self, offset: FloatArray) -> FloatArray:
+    def _displace(self, offset: FloatArray) -> FloatArray:
         state = self.state.copy()
         state[self._places] += offset * self._scales
         return state

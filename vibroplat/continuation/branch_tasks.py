@@ -45,7 +45,7 @@ MAX_MULTIPLIERS = 4
 SAME_POINT = 1e-4
 #: Points back within which a branch that meets itself has not gone round, but come back from a corner.
 CORNER_POINTS = 8
-CAME_BACK = "lost at a corner: the continuation turned back along the branch"
+TURNED_BACK = "lost at a corner: the continuation turned back along the branch"
 #: Measures that tell points apart, and how far that of a point may lie from a former one, as a part of the step between
 #: its neighbours, to be the same. Where impacts accumulate, the parts of a branch between its folds differ in stability
 #: much more than in other measures.
@@ -94,7 +94,7 @@ class KnownPoints(NamedTuple):
             return ""
         last = own[-CORNER_POINTS:]
         back = not mirrored and _find_pass(row, last, _values(last)) is not None
-        return CAME_BACK if back else "mirror image" if mirrored else "loop"
+        return TURNED_BACK if back else "mirror image" if mirrored else "loop"
 
 
 def _values(rows: Sequence[Record]) -> FloatArray:
@@ -138,7 +138,7 @@ def compute_part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Kn
     It begins at the start where ``begin`` is None, else at a place that :func:`_point_record` describes. The record has
     new ``rows`` and ``special`` points, the ``last`` place, and why the branch ``ended``, or has ``failed``.
     """
-    shooter = Shooter.borrowed(scene, [plan.key], plan.range)
+    shooter = Shooter.borrow(scene, [plan.key], plan.range)
     try:
         return _compute_with(shooter, plan, begin, known)
     finally:
@@ -154,20 +154,20 @@ def _compute_with(shooter: Shooter, plan: OrbitsPlan, begin: Record | None, know
         return record | {"ended": str(error), "failed": True}
     taken, ends, step = list[tuple[OrbitPoint, float]](), list[SpecialPoint](), list[OrbitPoint]()
     values = [*(_values(former) for _, former in known.others), _values(known.own)]
-    most, own = min(POINTS_PER_TASK, plan.max_points - len(known.own)), [*known.own]
+    limit, own = min(POINTS_PER_TASK, plan.max_points - len(known.own)), [*known.own]
 
     def look(before: OrbitPoint, after: OrbitPoint, strictly: bool) -> None:
         step[:] = before, after
         for special in list(find_special_points(branch, before, after, strictly=strictly)):
             if not (plan.covers(special.value) or plan.covers(after.value)):
                 return  # beyond the end of the branch
-            found = branch.problem.describe(special.point) | {"kind": special.kind, "value": special.value}
-            found |= {"after": len(own), "branches": []}
-            old = any(same_special(found, other, plan) for other in (*known.special, *record["special"]))
+            special_record = branch.problem.describe(special.point) | {"kind": special.kind, "value": special.value}
+            special_record |= {"after": len(own), "branches": []}
+            old = any(same_special(special_record, other, plan) for other in (*known.special, *record["special"]))
             if special.kind in plan.switch and not old and not (special.kind == DOUBLING and special.mirrors):
                 starts = new_branches(branch.problem, special, _steps(plan)[0], branch.largest)
-                found["branches"] = [_point_record(*start) for start in starts]
-            record["special"].append(found)
+                special_record["branches"] = [_point_record(*start) for start in starts]
+            record["special"].append(special_record)
             if special.mirrors and len(own) > 1:
                 ends.append(special)
                 return
@@ -177,7 +177,7 @@ def _compute_with(shooter: Shooter, plan: OrbitsPlan, begin: Record | None, know
         point, turns = branch.points[-1], shooter.take_turns()
         marks = _marks_of(branch.problem, point)
         again = known.find_revisit(marks, own, values)
-        record["ended"], record["failed"] = again or branch.ended, again == CAME_BACK
+        record["ended"], record["failed"] = again or branch.ended, again == TURNED_BACK
         if not again:
             taken.append((point, turns))
             own.append(marks)
@@ -185,7 +185,7 @@ def _compute_with(shooter: Shooter, plan: OrbitsPlan, begin: Record | None, know
 
     if begin is None or begin["new"]:
         take()
-    while len(taken) < most and not record["ended"]:
+    while len(taken) < limit and not record["ended"]:
         if not branch.extend(look):
             record["ended"], record["failed"] = branch.ended, True
             break
@@ -208,25 +208,25 @@ def _steps(plan: OrbitsPlan) -> list[float]:
 
 def _begin_branch(shooter: Shooter, plan: OrbitsPlan, begin: Record | None) -> Branch:
     """Begin a branch towards the stop, or go on with one from one of its points."""
-    first, largest, least = _steps(plan)
+    first, largest, min_step = _steps(plan)
     if begin is None:
         initial = None if plan.from_ == "settled" else shooter.scene.run.initial.state
         shooter.set([float(plan.start)])
         _, state = read_guess(shooter.scene, None if initial is None else initial.model_dump())
-        problem, found = first_orbit(shooter, state, plan.period, [plan.unit], plan.tolerance)
-        towards = np.zeros(found.u.size)
+        problem, result = first_orbit(shooter, state, plan.period, [plan.unit], plan.tolerance)
+        towards = np.zeros(result.u.size)
         towards[-1] = np.sign(plan.stop - plan.start)
-        branch = Branch(problem, first, least, largest)
-        point = OrbitPoint.of(found, tangent_of(found.jacobian, towards))
+        branch = Branch(problem, first, min_step, largest)
+        point = OrbitPoint.of(result, tangent_of(result.jacobian, towards))
     else:
         state, full = np.array(begin["state"]), np.array(begin["tangent"])
         shooter.set([begin["value"]])
-        branch = Branch(Problem(shooter, begin["turns"], [plan.unit], plan.tolerance), begin["step"], least, largest)
+        branch = Branch(Problem(shooter, begin["turns"], [plan.unit], plan.tolerance), begin["step"], min_step, largest)
         chart = branch.problem.chart(state)
         tangent = np.append(full[chart.places], full[-1])
         tangent[chart.phase] = full[-2]
         u = chart.pack(state, begin["period_s"], [begin["value"]])
-        point = branch.correct(chart, u, tangent / np.linalg.norm(tangent), most=20)
+        point = branch.correct(chart, u, tangent / np.linalg.norm(tangent), steps=20)
     branch.points.append(branch.centre_section(point))
     return branch
 
@@ -249,8 +249,8 @@ def _stop_at_end(branch: Branch, plan: OrbitsPlan, before: OrbitPoint, last: Orb
     u = before.u + (end - before.value) / (last.value - before.value) * (last.u - before.u)
     u[-1] = end / plan.unit
     with suppress(NoConvergenceError):
-        found = correct(branch.problem, last.chart, u, np.eye(u.size)[-1:], last.jacobian)
-        branch.points[-1] = OrbitPoint.of(found, tangent_of(found.jacobian, last.tangent))
+        result = correct(branch.problem, last.chart, u, np.eye(u.size)[-1:], last.jacobian)
+        branch.points[-1] = OrbitPoint.of(result, tangent_of(result.jacobian, last.tangent))
 
 
 def _row(problem: Problem, point: OrbitPoint, turns: float) -> Record:
@@ -258,7 +258,7 @@ def _row(problem: Problem, point: OrbitPoint, turns: float) -> Record:
     unstable = n_unstable(point.multipliers)
     return {
         **problem.describe(point),
-        "value": _rounded(point.value),
+        "value": _round(point.value),
         **measures_of_orbit(problem, point),
         "sequence": event_sequence_text(point.event_sequence),
         "stable": unstable == 0,
@@ -273,10 +273,10 @@ def _marks_of(problem: Problem, point: OrbitPoint) -> Record:
     """Return what tells a point from others, as :func:`_measures` does of rows."""
     assert point.shot.part is not None
     measures = point.shot.part.measures
-    found = statistics(measures, measured_extremes(measures))
+    values = statistics(measures, measured_extremes(measures))
     return {
-        **{name: found[name] for name in ("phase_difference_rad", *MIRROR_INVARIANTS)},
-        "value": _rounded(point.value),
+        **{name: values[name] for name in ("phase_difference_rad", *MIRROR_INVARIANTS)},
+        "value": _round(point.value),
         "period": abs(problem.turns[0]),
         "period_s": point.chart.unpack(point.u)[1],
         "sequence": event_sequence_text(point.event_sequence),
@@ -284,7 +284,7 @@ def _marks_of(problem: Problem, point: OrbitPoint) -> Record:
     }
 
 
-def _rounded(value: float) -> float:
+def _round(value: float) -> float:
     """Leave out what units leave of a round number."""
     return float(f"{value:.15g}")
 
@@ -348,7 +348,7 @@ def follow_family(
         for special in branch.special:
             if special["branches"] and not any(same_special(special, other, plan) for other in switched):
                 switched.append(special)
-                waiting += [(branch.number, special, place) for place in special["branches"]]
+                waiting += [(branch.number, special, start) for start in special["branches"]]
 
 
 def _measures(rows: Sequence[Record]) -> list[Record]:
@@ -356,22 +356,22 @@ def _measures(rows: Sequence[Record]) -> list[Record]:
     return [{n: row[n] for n in ("value", "period", "sequence", "phase_difference_rad", *DEVIATIONS)} for row in rows]
 
 
-def multiplier_columns(multipliers: NDArray[np.complex128], most: int) -> dict[str, float | None]:
+def multiplier_columns(multipliers: NDArray[np.complex128], count: int) -> dict[str, float | None]:
     """Return the columns of so many of the largest multipliers; the last is left out if it is half of a pair."""
-    whole = multipliers[:most]
-    if multipliers.size > most and multipliers[most] == multipliers[most - 1].conjugate() != multipliers[most - 1]:
+    whole = multipliers[:count]
+    if multipliers.size > count and multipliers[count] == multipliers[count - 1].conjugate() != multipliers[count - 1]:
         whole = whole[:-1]
     columns: dict[str, float | None] = {}
-    for i, found in enumerate([*whole.tolist(), *[None] * (most - whole.size)], 1):
-        columns[f"multiplier_{i}_re"] = None if found is None else found.real
-        columns[f"multiplier_{i}_im"] = None if found is None else found.imag
+    for i, multiplier in enumerate([*whole.tolist(), *[None] * (count - whole.size)], 1):
+        columns[f"multiplier_{i}_re"] = None if multiplier is None else multiplier.real
+        columns[f"multiplier_{i}_im"] = None if multiplier is None else multiplier.imag
     return columns
 
 
-def describe_multipliers(most: int) -> Columns:
+def describe_multipliers(count: int) -> Columns:
     """Describe the columns of :func:`multiplier_columns`."""
-    meanings = dict.fromkeys(range(1, most), "sorted by magnitude, the largest first")
-    meanings[most] = "empty if it is one half of a complex pair whose other half has no column"
+    meanings = dict.fromkeys(range(1, count), "sorted by magnitude, the largest first")
+    meanings[count] = "empty if it is one half of a complex pair whose other half has no column"
     return {
         f"multiplier_{i}_{part}": Column(f"{which} part of Floquet multiplier {i}", meaning)
         for i, meaning in meanings.items()
@@ -382,7 +382,7 @@ def describe_multipliers(most: int) -> Columns:
 def find_orbit_again(scene: Scene, row: Record, tolerance: float) -> Record:
     """Find the orbit of a row of the table of branches anew; the ``row`` of the result is empty if there is none."""
     try:
-        found = orbit_near(scene, row, row["period"], tolerance)
+        orbit = orbit_near(scene, row, row["period"], tolerance)
     except OrbitError:
         return {"row": {}}
-    return {"row": {**found.measures, "period": found.period}}
+    return {"row": {**orbit.measures, "period": orbit.period}}

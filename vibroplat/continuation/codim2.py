@@ -59,7 +59,7 @@ class BoundaryTracer:
         # an orbit beside the last point: nearer to a discontinuity a multiplier may grow without bounds
         self.beside: OrbitPoint | None = None
 
-    def follow(self, chart: Chart, u: FloatArray, first: float, longest: float, least: float) -> Iterator[OrbitPoint]:
+    def follow(self, chart: Chart, u: FloatArray, first: float, largest: float, least: float) -> Iterator[OrbitPoint]:
         """Follow the curve from unknowns near it to the end of a key's range; yield its points with their tangents.
 
         The steps are changes of the second key, in units of the unknowns.
@@ -73,8 +73,8 @@ class BoundaryTracer:
         yield point
         while True:
             try:
-                found = self._correct_on_curve(point, point.u + step * point.tangent, point.tangent)
-                way = found.u - point.u
+                next_point = self._correct_on_curve(point, point.u + step * point.tangent, point.tangent)
+                way = next_point.u - point.u
                 if way @ point.tangent < MIN_TANGENT_COSINE * np.linalg.norm(way) * np.linalg.norm(point.tangent):
                     raise NoConvergenceError("the boundary turns too sharply")
             except NoConvergenceError:
@@ -82,16 +82,16 @@ class BoundaryTracer:
                 if step < least:
                     raise
                 continue
-            inside = np.clip(found.u[-2:], self.low, self.high)
-            for place in np.flatnonzero(inside != found.u[-2:])[:1] - 2:
-                if abs(point.u[place] - inside[place]) > ACCURACY:  # not there already
-                    yield self._at_end(point, found, place, inside[place])
+            inside = np.clip(next_point.u[-2:], self.low, self.high)
+            for index in np.flatnonzero(inside != next_point.u[-2:])[:1] - 2:
+                if abs(point.u[index] - inside[index]) > ACCURACY:  # not there already
+                    yield self._at_end(point, next_point, index, inside[index])
                 return
-            yield found
-            tangent = self._tangent(found, way)
+            yield next_point
+            tangent = self._tangent(next_point, way)
             scale = 1.0 if self.kind == BRANCH_POINT else max(abs(float(way[-1])) / float(np.linalg.norm(way)), FLAT)
-            step = min(step * GROWTH, longest / scale)
-            point = self._far_from_events(replace(found, tangent=tangent))
+            step = min(step * GROWTH, largest / scale)
+            point = self._far_from_events(replace(next_point, tangent=tangent))
 
     def _tangent(self, near: NewtonResult, way: FloatArray) -> FloatArray:
         """Direction of the curve: of length 1 in the surface of orbits, or of branch points over the second key."""
@@ -106,33 +106,33 @@ class BoundaryTracer:
         keys = np.eye(u.size)[-2:]
         if self.kind == BRANCH_POINT:
             jacobian = self.problem.shoot(chart, u).jacobian
-            point, beside = (
+            point, neighbour = (
                 branch_point(self.problem, chart, u + length * keys[1], jacobian, keys[1:])[0]
                 for length in (0.0, FIRST_OFFSET * self.sense)
             )
-            return OrbitPoint.of(point, self._tangent(point, beside.u - point.u))
-        begun = self._orbit_beside(chart, u, keys)
-        surface, slopes, test = _surface(begun), np.zeros(2), IN_TWO_KEYS[self.kind]
+            return OrbitPoint.of(point, self._tangent(point, neighbour.u - point.u))
+        first = self._orbit_beside(chart, u, keys)
+        surface, slopes, test = _surface(first), np.zeros(2), IN_TWO_KEYS[self.kind]
         for i, direction in enumerate(surface):
             for length in (0.5 * FIRST_OFFSET, -0.5 * FIRST_OFFSET):
                 with suppress(NoConvergenceError):
-                    beside = self._orbit(chart, begun.u + length * direction, surface, begun.jacobian)
-                    slopes[i] = (test(beside) - test(begun)) / length
+                    neighbour = self._orbit(chart, first.u + length * direction, surface, first.jacobian)
+                    slopes[i] = (test(neighbour) - test(first)) / length
                     break
         if not slopes.any():
             raise NoConvergenceError("the test function has no slope")
         self._across = surface.T @ slopes / np.linalg.norm(slopes)
         along = surface.T @ np.array([-slopes[1], slopes[0]]) / np.linalg.norm(slopes)
         along *= math.copysign(1.0, along[-1] * self.sense)
-        point = self._correct_on_curve(begun, u, along)
+        point = self._correct_on_curve(first, u, along)
         return replace(point, tangent=self._tangent(point, along))
 
     def _orbit_beside(self, chart: Chart, u: FloatArray, keys: FloatArray) -> OrbitPoint:
         """Find an orbit at the keys of unknowns, or beside them on the side where the test function is known."""
         missed = NoConvergenceError("no orbit beside the special point")
-        for beside in (0.0, FIRST_OFFSET, -FIRST_OFFSET, 5.0 * FIRST_OFFSET, -5.0 * FIRST_OFFSET):
+        for offset in (0.0, FIRST_OFFSET, -FIRST_OFFSET, 5.0 * FIRST_OFFSET, -5.0 * FIRST_OFFSET):
             try:
-                return self._orbit(chart, u + beside * keys[0], keys)
+                return self._orbit(chart, u + offset * keys[0], keys)
             except NoConvergenceError as error:
                 missed = error
         raise missed
@@ -157,47 +157,47 @@ class BoundaryTracer:
             It is not found.
         """
         if self.kind == BRANCH_POINT:
-            held = np.eye(u.size)[-1:]
-            return OrbitPoint.of(branch_point(self.problem, near.chart, u, near.jacobian, held)[0], along)
+            key_border = np.eye(u.size)[-1:]
+            return OrbitPoint.of(branch_point(self.problem, near.chart, u, near.jacobian, key_border)[0], along)
         surface, test = _surface(near), IN_TWO_KEYS[self.kind]
         within = surface @ along
         across = surface.T @ np.array([-within[1], within[0]])
         across *= math.copysign(1.0, across @ self._across) / np.linalg.norm(across)
         border = np.vstack([along, across])
 
-        def at(place: float, known: Sequence[TrialOrbit] = (), width: float = 0.0) -> OrbitPoint:
-            return self._orbit(near.chart, u + place * across, border, near.jacobian)
+        def at(offset: float, known: Sequence[TrialOrbit] = (), width: float = 0.0) -> OrbitPoint:
+            return self._orbit(near.chart, u + offset * across, border, near.jacobian)
 
-        known, place = list[TrialOrbit](), 0.0
+        known, offset = list[TrialOrbit](), 0.0
         while not known:
             try:
-                point = at(place)
-                known.append(TrialOrbit(place, test(point), point))
+                point = at(offset)
+                known.append(TrialOrbit(offset, test(point), point))
             except NoConvergenceError:
-                place = max(2.5 * place, FIRST_OFFSET)
-                if place > MAX_OFFSET:
+                offset = max(2.5 * offset, FIRST_OFFSET)
+                if offset > MAX_OFFSET:
                     raise
         close, sides = (
             (ZERO_DISTANCE, OneSidedSearch(APPROACH)) if self.kind in ONE_SIDED else (ACCURACY, TwoSidedSearch())
         )
         root = locate(at, test, known, close, sides, step=FIRST_OFFSET, most=MAX_TRIALS, reach=2.0 * MAX_OFFSET)
-        last = min(known, key=lambda k: abs(k.place - root))
-        if abs(last.place - root) >= close:
+        last = min(known, key=lambda k: abs(k.distance - root))
+        if abs(last.distance - root) >= close:
             raise NoConvergenceError("the search across the curve does not converge")
         self._across = across
         self.beside = known[0].point if self.kind in ONE_SIDED else last.point
         if self.kind in ONE_SIDED:
             return replace(last.point, u=extrapolate(known, [k.point.u + k.point.newton_step(border) for k in known]))
-        return replace(last.point, u=last.point.u + last.point.newton_step(border) + (root - last.place) * across)
+        return replace(last.point, u=last.point.u + last.point.newton_step(border) + (root - last.distance) * across)
 
-    def _at_end(self, before: OrbitPoint, after: OrbitPoint, place: int, end: float) -> OrbitPoint:
+    def _at_end(self, before: OrbitPoint, after: OrbitPoint, index: int, end: float) -> OrbitPoint:
         """Find the point of the curve at the end of a key's range, between two in one chart."""
-        one, other, key = before, after, np.eye(before.u.size)[place]
+        one, other, key = before, after, np.eye(before.u.size)[index]
         for _ in range(MAX_TRIALS):
             apart = other.u - one.u
-            guess = one.u + (end - one.u[place]) / apart[place] * apart
+            guess = one.u + (end - one.u[index]) / apart[index] * apart
             one, other = other, self._correct_on_curve(after, guess, key)
-            if abs(other.u[place] - end) < ACCURACY:
+            if abs(other.u[index] - end) < ACCURACY:
                 return other
         raise NoConvergenceError("the end of the range is not met")
 
@@ -211,13 +211,13 @@ class BoundaryTracer:
         try:
             if self.kind == BRANCH_POINT:
                 jacobian = self.problem.shoot(chart, u).jacobian
-                found = branch_point(self.problem, chart, u, jacobian, np.eye(u.size)[-1:])[0]
+                result = branch_point(self.problem, chart, u, jacobian, np.eye(u.size)[-1:])[0]
             else:
-                found = correct(self.problem, chart, u, np.vstack([along, across]))
+                result = correct(self.problem, chart, u, np.vstack([along, across]))
         except NoConvergenceError:
             return point
         self._across = across
-        return OrbitPoint.of(found, self._tangent(found, along))
+        return OrbitPoint.of(result, self._tangent(result, along))
 
 
 def _surface(orbit: NewtonResult) -> FloatArray:

@@ -59,9 +59,9 @@ MAX_HALVINGS = 5
 
 
 class TrialOrbit(NamedTuple):
-    """An orbit at a place of a line, and the value of a test function there."""
+    """An orbit at a distance along a line, and the value of a test function there."""
 
-    place: float
+    distance: float
     value: float
     point: OrbitPoint
 
@@ -78,49 +78,49 @@ class TwoSidedSearch:
 
     def root(self, known: Sequence[TrialOrbit]) -> float:
         """Where the inverse polynomial through the last three is zero; in the middle of an interval that it leaves."""
-        root = inverse_zero([k.place for k in known[-3:]], [k.value for k in known[-3:]])
-        last, other = known[-1].place, _other_side(known)
+        root = inverse_zero([k.distance for k in known[-3:]], [k.value for k in known[-3:]])
+        last, other = known[-1].distance, _other_side(known)
         if other is None or min(last, other) <= root <= max(last, other):
             return root
         return 0.5 * (last + other)
 
     def step(self, known: Sequence[TrialOrbit], root: float, close: float) -> float:
         """Where to look next, from the last orbit."""
-        return root - known[-1].place
+        return root - known[-1].distance
 
-    def take(self, known: list[TrialOrbit], found: TrialOrbit) -> bool:
+    def take(self, known: list[TrialOrbit], trial: TrialOrbit) -> bool:
         """Add an orbit to those that are known, if it serves; return whether it does."""
-        known.append(found)
+        known.append(trial)
         return True
 
 
 class OneSidedSearch(TwoSidedSearch):
     """The same of a function that does not exist beyond the zero, and is positive on this side.
 
-    ``share`` is the part of the way to the extrapolated zero that each step goes.
+    ``fraction`` is the part of the way to the extrapolated zero that each step goes.
     """
 
     least = 3
 
-    def __init__(self, share: float) -> None:
-        self.share = share
+    def __init__(self, fraction: float) -> None:
+        self.fraction = fraction
 
     def root(self, known: Sequence[TrialOrbit]) -> float:
         """Where the function is zero, as extrapolated."""
-        return float(extrapolate(known, [k.place for k in known]))
+        return float(extrapolate(known, [k.distance for k in known]))
 
     def step(self, known: Sequence[TrialOrbit], root: float, close: float) -> float:
         """Where to look next, from the last orbit; on this side of it while two do not tell how the function falls."""
-        step = self.share * (root - known[-1].place)
+        step = self.fraction * (root - known[-1].distance)
         if len(known) == 2 and abs(step) < close:
-            return 0.5 * (known[-2].place - known[-1].place)
+            return 0.5 * (known[-2].distance - known[-1].distance)
         return step
 
-    def take(self, known: list[TrialOrbit], found: TrialOrbit) -> bool:
+    def take(self, known: list[TrialOrbit], trial: TrialOrbit) -> bool:
         """Add an orbit, the nearest to the zero last, if its value lies between the largest known one and zero."""
-        if not 0.0 < found.value < (known[0].value if len(known) > 1 else math.inf):
+        if not 0.0 < trial.value < (known[0].value if len(known) > 1 else math.inf):
             return False
-        known.append(found)
+        known.append(trial)
         known.sort(key=lambda k: -k.value)
         return True
 
@@ -161,19 +161,19 @@ def locate(
     while True:
         if len(known) > 1:
             root = sides.root(known)
-            near = len(known) >= sides.least and min(abs(k.place - root) for k in known) < close
+            near = len(known) >= sides.least and min(abs(k.distance - root) for k in known) < close
             if near or len(known) > most or tries == 2 * most:
                 return root
             if abs(root) > reach:
                 raise NoConvergenceError("the test function has no zero nearby")
             step = sides.step(known, root, close)
-        for place, width in itertools.islice(_trials(known, step, close), 2 * most - tries):
+        for distance, width in itertools.islice(_trials(known, step, close), 2 * most - tries):
             tries += 1
             try:
-                point = at(place, known, width)
+                point = at(distance, known, width)
             except NoConvergenceError:
                 continue
-            if sides.take(known, TrialOrbit(place, test(point), point)):
+            if sides.take(known, TrialOrbit(distance, test(point), point)):
                 break
         else:
             if len(known) < 2:
@@ -186,11 +186,11 @@ def _trials(known: Sequence[TrialOrbit], step: float, close: float) -> Iterator[
 
     The tangent at a discontinuity does not tell on which side it is: the first step is tried both ways.
     """
-    last, other = known[-1].place, _other_side(known)
+    last, other = known[-1].distance, _other_side(known)
     if other is not None:
         low, high = sorted((last, other))
-        places = [last + step + beside * (high - low) for beside in TRIAL_OFFSETS]
-        yield from ((place, high - low) for place in places if low < place < high)
+        distances = [last + step + offset * (high - low) for offset in TRIAL_OFFSETS]
+        yield from ((distance, high - low) for distance in distances if low < distance < high)
         return
     while abs(step) >= MIN_STEP_RATIO * close:
         yield last + step, abs(step)
@@ -199,20 +199,20 @@ def _trials(known: Sequence[TrialOrbit], step: float, close: float) -> Iterator[
 
 def _other_side(known: Sequence[TrialOrbit]) -> float | None:
     """Place of the latest whose value has not the sign of the last; None if there is none."""
-    return next((k.place for k in reversed(known[:-1]) if k.value * known[-1].value <= 0.0), None)
+    return next((k.distance for k in reversed(known[:-1]) if k.value * known[-1].value <= 0.0), None)
 
 
-def extrapolate(known: Sequence[TrialOrbit], found: npt.ArrayLike) -> FloatArray:
+def extrapolate(known: Sequence[TrialOrbit], results: npt.ArrayLike) -> FloatArray:
     """Extrapolate what was found at the last places to the zero of a test function that is known on one side only.
 
     By a polynomial in the function. As it may fall linearly, or as a root where the orbits' slope grows without bounds,
     the polynomial has a linear term only where that makes up most of the way.
     """
-    last, there = known[-SIDES:], np.asarray(found, dtype=float)[-SIDES:]
+    last, there = known[-SIDES:], np.asarray(results, dtype=float)[-SIDES:]
     values = np.array([k.value for k in last]) / last[-1].value
     if len(set(values.tolist())) < len(last):
         raise NoConvergenceError("the test function has no zero nearby")
-    places, powers = np.array([k.place for k in last]), np.arange(len(last))
+    places, powers = np.array([k.distance for k in last]), np.arange(len(last))
     terms = values[:, np.newaxis] ** powers
     zero, linear = np.linalg.solve(terms, places)[:2]
     if len(last) < 3 or not 0.0 < LINEAR * (places[-1] - zero) / linear < 1.0:
@@ -268,20 +268,20 @@ def find_special_points(
         yield from part
 
 
-def _between(branch: Branch, near: OrbitPoint, far: OrbitPoint, share: float, forth: bool = True) -> OrbitPoint | None:
+def _between(branch: Branch, near: OrbitPoint, far: OrbitPoint, part: float, forth: bool = True) -> OrbitPoint | None:
     """Find an orbit between two, at a part of the way; None if there is none."""
     chord = (far.u - near.u) * (1.0 if forth else -1.0)
     whole = float(np.linalg.norm(chord))
     try:
-        return branch.between([near, far], near, chord / whole, (share if forth else -share) * whole, whole)
+        return branch.between([near, far], near, chord / whole, (part if forth else -part) * whole, whole)
     except NoConvergenceError:
         return None
 
 
 def _beyond(branch: Branch, last: OrbitPoint, far: OrbitPoint, forth: bool) -> OrbitPoint | None:
     """Find an orbit next to a discontinuity that has the events of the far side."""
-    found = _between(branch, last, far, FAR_SIDE_OFFSET, forth)
-    return found if found is not None and found.event_sequence == far.event_sequence else None
+    point = _between(branch, last, far, FAR_SIDE_OFFSET, forth)
+    return point if point is not None and point.event_sequence == far.event_sequence else None
 
 
 def _fold_beside(branch: Branch, there: SpecialPoint, beyond: OrbitPoint, forth: bool) -> SpecialPoint:
@@ -301,11 +301,11 @@ def _smooth(
     """
     if not forth:
         before, after = after, before
-    place, passed = find_turns(before, after), _sign_changes(before, after)
-    if place is None and (_has_unexplained_change(before, after, passed) or _far(before, after)):
-        place = 0.5
-    if place is not None and depth < MAX_DEPTH:
-        middle = _between(branch, before, after, place)
+    part, passed = find_turns(before, after), _sign_changes(before, after)
+    if part is None and (_has_unexplained_change(before, after, passed) or _far(before, after)):
+        part = 0.5
+    if part is not None and depth < MAX_DEPTH:
+        middle = _between(branch, before, after, part)
         if middle is not None and middle.event_sequence == before.event_sequence:
             yield from _smooth(branch, before, middle, depth + 1)
             yield from _smooth(branch, middle, after, depth + 1)
@@ -317,9 +317,9 @@ def _smooth(
     if passed[DOUBLING]:
         yield _locate_zero(branch, before, after, DOUBLING)
     if passed[NEIMARK_SACKER] and (before.complex_pair or after.complex_pair):
-        found = _locate_zero(branch, before, after, NEIMARK_SACKER)
-        if found.point.complex_pair:
-            yield found
+        special = _locate_zero(branch, before, after, NEIMARK_SACKER)
+        if special.point.complex_pair:
+            yield special
 
 
 def _sign_changes(before: OrbitPoint, after: OrbitPoint) -> dict[str, bool]:
@@ -359,8 +359,8 @@ def find_turns(before: OrbitPoint, after: OrbitPoint) -> float | None:
     bend, bow = -4.0 * one - 2.0 * other + 6.0 * mean, 3.0 * one + 3.0 * other - 6.0 * mean
     if one * other <= 0.0 or bow == 0.0 or not 0.0 < -0.5 * bend / bow < 1.0:
         return None
-    place = -0.5 * bend / bow
-    return place if one * (one + 0.5 * bend * place) < 0.0 else None
+    part = -0.5 * bend / bow
+    return part if one * (one + 0.5 * bend * part) < 0.0 else None
 
 
 def _locate_zero(branch: Branch, before: OrbitPoint, after: OrbitPoint, kind: str) -> SpecialPoint:
@@ -371,15 +371,15 @@ def _locate_zero(branch: Branch, before: OrbitPoint, after: OrbitPoint, kind: st
     enough = INTERPOLATION_DISTANCE if kind != BRANCH_POINT else BRANCH_POINT_DISTANCE
     known = [TrialOrbit(0.0, test(before), before), TrialOrbit(whole, test(after), after)]
 
-    def at(place: float, known: Sequence[TrialOrbit], width: float) -> OrbitPoint:
-        nearest = [k.point for k in sorted(known, key=lambda k: abs(k.place - place))]
-        return branch.between(nearest, before, direction, place, width)
+    def at(distance: float, known: Sequence[TrialOrbit], width: float) -> OrbitPoint:
+        nearest = [k.point for k in sorted(known, key=lambda k: abs(k.distance - distance))]
+        return branch.between(nearest, before, direction, distance, width)
 
     root = locate(at, test, known, enough, TwoSidedSearch())
-    near = min(known, key=lambda k: abs(k.place - root))
-    clear = [k for k in known if kind != BRANCH_POINT or abs(k.place - root) > enough] or known[:2]
-    points = [k.point for k in sorted(clear, key=lambda k: abs(k.place - root))]
-    there, here = (predict(points, before.u, direction, place)[0] for place in (root, near.place))
+    near = min(known, key=lambda k: abs(k.distance - root))
+    clear = [k for k in known if kind != BRANCH_POINT or abs(k.distance - root) > enough] or known[:2]
+    points = [k.point for k in sorted(clear, key=lambda k: abs(k.distance - root))]
+    there, here = (predict(points, before.u, direction, distance)[0] for distance in (root, near.distance))
     point = replace(near.point, u=near.point.u + near.point.newton_step(direction) + there - here)
     return SpecialPoint(kind, point, point.value, direction)
 
@@ -389,12 +389,12 @@ def _locate_branch_point(branch: Branch, before: OrbitPoint, after: OrbitPoint) 
     chord = after.u - before.u
     whole = float(np.linalg.norm(chord))
     direction = chord / whole
-    share = before.branching / (before.branching - after.branching)
-    nearest = (before, after) if share < 0.5 else (after, before)
-    u, jacobian = predict(nearest, before.u, direction, share * whole)
+    fraction = before.branching / (before.branching - after.branching)
+    nearest = (before, after) if fraction < 0.5 else (after, before)
+    u, jacobian = predict(nearest, before.u, direction, fraction * whole)
     try:
-        found, ways = branch_point(branch.problem, before.chart, u, jacobian)
-        if not 0.0 < (found.u - before.u) @ direction < whole:
+        result, ways = branch_point(branch.problem, before.chart, u, jacobian)
+        if not 0.0 < (result.u - before.u) @ direction < whole:
             raise NoConvergenceError("it lies elsewhere")
     except NoConvergenceError:
         rough = _locate_zero(branch, before, after, BRANCH_POINT)
@@ -403,7 +403,7 @@ def _locate_branch_point(branch: Branch, before: OrbitPoint, after: OrbitPoint) 
         across = null.T @ np.array([-along[1], along[0]])
         return replace(rough, across=across / np.linalg.norm(across))
     across, along = sorted(ways, key=lambda way: abs(float(way @ direction)))
-    point = OrbitPoint.of(found, along if along @ direction > 0.0 else -along)
+    point = OrbitPoint.of(result, along if along @ direction > 0.0 else -along)
     mirrors = before.along_key * after.along_key < 0.0  # a pitchfork
     if branch.problem.repeats_after_half(point):
         return SpecialPoint(DOUBLING, point, point.value, direction, mirrors=mirrors)
@@ -418,9 +418,9 @@ def find_discontinuity(branch: Branch, before: OrbitPoint, after: OrbitPoint) ->
             continue
         known = [TrialOrbit(0.0, ONE_SIDED[kind](near), near)]
 
-        def at(place: float, known: Sequence[TrialOrbit], width: float) -> OrbitPoint:
+        def at(distance: float, known: Sequence[TrialOrbit], width: float) -> OrbitPoint:
             last, *others = reversed(known)
-            point = branch.step_from(last.point, place - last.place, [k.point for k in others])
+            point = branch.step_from(last.point, distance - last.distance, [k.point for k in others])
             if point.event_sequence != last.point.event_sequence:
                 raise NoConvergenceError("beyond the discontinuity")
             return point

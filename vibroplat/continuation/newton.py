@@ -38,7 +38,7 @@ from vibroplat.observe.orbits import (
 from vibroplat.observe.shots import SOLVE
 
 #: Singular values below which directions are not determined by the equations.
-SINGULAR = 1e-8
+RANK_LIMIT = 1e-8
 #: Distance of a multiplier from the unit circle that counts: its own error is far smaller.
 UNIT_CIRCLE_DISTANCE = 1e-6
 #: Residual after half of the period, over the tolerance, within which an orbit repeats there.
@@ -86,8 +86,8 @@ class NewtonResult:
     @cached_property
     def multipliers(self) -> npt.NDArray[np.complex128]:
         """Floquet multipliers but the 1 along the motion, the largest first; of a pair that above the real axis."""
-        found = np.linalg.eigvals(self.chart.section_map(self.shot)).astype(complex)
-        return found[np.lexsort((-found.imag, -np.abs(found).round(12)))]
+        multipliers = np.linalg.eigvals(self.chart.section_map(self.shot)).astype(complex)
+        return multipliers[np.lexsort((-multipliers.imag, -np.abs(multipliers).round(12)))]
 
     @property
     def event_sequence(self) -> str:
@@ -96,8 +96,8 @@ class NewtonResult:
 
     def newton_step(self, border: FloatArray) -> FloatArray:
         """Newton's last step in the directions that a border leaves free, which needs no further shot."""
-        held = np.zeros(self.u.size - self.residual.size)
-        return solve(add_border(self.jacobian, border), -np.append(self.residual, held), MAX_STEP)
+        zeros = np.zeros(self.u.size - self.residual.size)
+        return solve(add_border(self.jacobian, border), -np.append(self.residual, zeros), MAX_STEP)
 
     @property
     def value(self) -> float:
@@ -226,14 +226,14 @@ class Problem:
 def add_border(jacobian: FloatArray, border: FloatArray, column: FloatArray | None = None) -> FloatArray:
     """Put a row or several under a Jacobian and, where one is given, a column beside it with zeros below."""
     m, free = jacobian.shape
-    found = np.zeros((m + border.size // free, free + (column is not None)))
-    found[:m, :free], found[m:, :free] = jacobian, border
+    bordered = np.zeros((m + border.size // free, free + (column is not None)))
+    bordered[:m, :free], bordered[m:, :free] = jacobian, border
     if column is not None:
-        found[:m, free] = column
-    return found
+        bordered[:m, free] = column
+    return bordered
 
 
-def solve(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:
+def solve(matrix: FloatArray, right: FloatArray, max_length: float) -> FloatArray:
     """Solve linear equations; where the solution is longer than is sensible, leave out what they hardly determine.
 
     Exciters without motors, or a platform without dampers, leave directions in which orbits are not isolated.
@@ -243,9 +243,9 @@ def solve(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:
     NoConvergenceError
         The matrix is not finite.
     """
-    found = right.copy()
-    if abs(eliminate(matrix.copy(), found)) > 0.0 and math.sqrt(found @ found) <= longest:
-        return found
+    solution = right.copy()
+    if abs(eliminate(matrix.copy(), solution)) > 0.0 and math.sqrt(solution @ solution) <= max_length:
+        return solution
     return solve_determined(matrix, right)
 
 
@@ -260,8 +260,8 @@ def solve_determined(matrix: FloatArray, right: FloatArray) -> FloatArray:
     if not np.isfinite(matrix).all():
         raise NoConvergenceError("the Jacobian is not finite")
     left, sizes, turned = np.linalg.svd(matrix)
-    kept = sizes > SINGULAR
-    least: FloatArray = turned[kept].T @ ((left.T @ right)[kept] / sizes[kept])
+    determined = sizes > RANK_LIMIT
+    least: FloatArray = turned[determined].T @ ((left.T @ right)[determined] / sizes[determined])
     return least
 
 

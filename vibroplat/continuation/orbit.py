@@ -207,15 +207,15 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
     ('none', True)
     """
     try:
-        found = orbit_near(scene, guess, period, tolerance)
+        result = orbit_near(scene, guess, period, tolerance)
     except OrbitError:
         if not isinstance(guess, Orbit) or guess.scene.drive == scene.drive:
             raise
-        found = _continue_over_supply(scene, guess, period, tolerance)
-    if not found.stable:
-        size = abs(found.multipliers[0])
+        result = _continue_over_supply(scene, guess, period, tolerance)
+    if not result.stable:
+        size = abs(result.multipliers[0])
         _LOG.warning("the orbit is unstable: its largest Floquet multiplier has magnitude %.4g", size)
-    return found
+    return result
 
 
 def _continue_over_supply(scene: Scene, guess: Orbit, period: int, tolerance: float) -> Orbit:
@@ -239,9 +239,9 @@ def _continue_over_supply(scene: Scene, guess: Orbit, period: int, tolerance: fl
     else:
         return reached
     begin = _scale_speeds(guess.state, guess.scene, scene)
-    found = orbit_near(with_initial_state(scene, begin), None, period, tolerance)
+    result = orbit_near(with_initial_state(scene, begin), None, period, tolerance)
     _LOG.warning("Newton's method did not converge from the guess; the motion settled from it to this orbit")
-    return replace(found, scene=with_orbit_tolerance(scene, tolerance))
+    return replace(result, scene=with_orbit_tolerance(scene, tolerance))
 
 
 def orbit_near(scene: Scene, guess: Any, period: int, tolerance: float) -> Orbit:
@@ -249,19 +249,19 @@ def orbit_near(scene: Scene, guess: Any, period: int, tolerance: float) -> Orbit
     scene, begin = read_guess(scene, guess)
     scene = with_orbit_tolerance(scene, tolerance)
     with closing(Shooter(scene)) as shooter:
-        problem, found = first_orbit(shooter, begin, period, (), tolerance)
-        state, seconds, _ = found.chart.unpack(found.u)
+        problem, result = first_orbit(shooter, begin, period, (), tolerance)
+        state, seconds, _ = result.chart.unpack(result.u)
         return Orbit(
             scene=scene,
             state=state,
             period=abs(problem.turns[0]),
             period_s=seconds,
-            multipliers=found.multipliers,
-            residual=found.residuals[-1],
-            sequence=event_sequence_text(found.event_sequence),
-            measures=measures_of_orbit(problem, found),
-            residuals=found.residuals,
-            distance=float(np.abs((state - found.chart.base) / shooter.scales).max()),
+            multipliers=result.multipliers,
+            residual=result.residuals[-1],
+            sequence=event_sequence_text(result.event_sequence),
+            measures=measures_of_orbit(problem, result),
+            residuals=result.residuals,
+            distance=float(np.abs((state - result.chart.base) / shooter.scales).max()),
         )
 
 
@@ -284,16 +284,16 @@ def first_orbit(
 ) -> tuple[Problem, NewtonResult]:
     """Find an orbit near a full state, or the motion that settles, at the values that the shooter has."""
     missed = NoConvergenceError("")
-    for tried, state in enumerate(chain(guesses(shooter, guess), shooter.returns(period) if guess is None else ())):
+    for tries, state in enumerate(chain(guesses(shooter, guess), shooter.returns(period) if guess is None else ())):
         try:
-            problem, found = _from_state(shooter, state, period, units, tolerance)
+            problem, result = _from_state(shooter, state, period, units, tolerance)
         except NoConvergenceError as error:
             missed = error
             continue
-        turns = smallest_period(problem, found, period)
+        turns = smallest_period(problem, result, period)
         if turns == period:
-            return problem, found
-        if tried < len(SETTLING_TURNS):  # or a return, and the next one may be another orbit
+            return problem, result
+        if tries < len(SETTLING_TURNS):  # or a return, and the next one may be another orbit
             raise OrbitError(f"orbits.period = {period} but the motion repeats after {turns}; allowed: {turns}")
     last = ", ".join(f"{r:.1e}" for r in missed.residuals[-4:]) or "none"
     reason = _describe_slip(shooter, state, period)
@@ -392,8 +392,8 @@ def read_guess(scene: Scene, guess: Any) -> tuple[Scene, FloatArray | None]:
 
 def _scale_speeds(state: FloatArray, source: Scene, scene: Scene) -> FloatArray:
     """Return the state of a scene with its rates scaled to the synchronous speed of another."""
-    share = 1.0 if source.drive.program else scene.speed_scale / source.speed_scale
-    return np.concatenate([state[:7], share * state[7:]])
+    ratio = 1.0 if source.drive.program else scene.speed_scale / source.speed_scale
+    return np.concatenate([state[:7], ratio * state[7:]])
 
 
 def _from_state(
@@ -414,23 +414,23 @@ def _from_state(
     return problem, correct_moving_section(problem, chart, u, 20)
 
 
-def smallest_period(problem: Problem, found: NewtonResult, period: int) -> int:
+def smallest_period(problem: Problem, result: NewtonResult, period: int) -> int:
     """Return the turns of exciter 1 after which an orbit repeats that closes after a period."""
-    state, seconds, _ = found.chart.unpack(found.u)
+    state, seconds, _ = result.chart.unpack(result.u)
     for turns in range(1, period):
         if period % turns == 0:
             difference = problem.shooter.shot(state, seconds * turns / period).state - state
             difference[3:5] -= np.round(difference[3:5] / TURN) * TURN
-            scaled = (difference / problem.shooter.scales)[found.chart.places]
+            scaled = (difference / problem.shooter.scales)[result.chart.places]
             if np.abs(scaled).max() < REPEAT_RATIO * problem.tolerance:
                 return turns
     return period
 
 
-def measures_of_orbit(problem: Problem, found: NewtonResult) -> dict[str, Any]:
+def measures_of_orbit(problem: Problem, result: NewtonResult) -> dict[str, Any]:
     """Return the measures of a sweep over the period of an orbit, as in its rows."""
-    shooter, values = problem.shooter, found.chart.unpack(found.u)[2]
-    return measures_of(problem, found.shot, shooter.scene_at(dict(zip(shooter.keys, values, strict=True))))
+    shooter, values = problem.shooter, result.chart.unpack(result.u)[2]
+    return measures_of(problem, result.shot, shooter.scene_at(dict(zip(shooter.keys, values, strict=True))))
 
 
 def measures_of(problem: Problem, shot: Shot, scene: Scene) -> dict[str, Any]:

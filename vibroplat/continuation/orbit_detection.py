@@ -39,7 +39,7 @@ from vibroplat.study.settling import BLOCK, KnownOrbit, NearReturn, NearReturnOr
 #: which a search is worthwhile.
 MAX_PERIOD_TURNS, MAX_SEARCH_DISTANCE = 8, 0.5
 #: Least distance of the largest multiplier from the unit circle at which motion leaves an orbit in a time that counts.
-MARGIN = 1e-4
+UNSTABLE_MARGIN = 1e-4
 #: Multiplier above which decay is slow. How far beyond the motion an orbit must attract where it is not.
 SLOW_DECAY, ATTRACTION_RADIUS_RATIO = 0.9, 1.25
 #: Largest multiplier of unstable orbits that are left to their sides, and of how many at most; how far from an orbit
@@ -76,7 +76,7 @@ class NewtonOrbitDetector:
     """Searches for the orbit to which a motion of a scene converges; see :class:`.OrbitDetector`."""
 
     def __init__(self, scene: Scene) -> None:
-        self._shooter, self._turn = Shooter.borrowed(with_orbit_tolerance(scene, TOLERANCE)), TURN / scene.speed_scale
+        self._shooter, self._turn = Shooter.borrow(with_orbit_tolerance(scene, TOLERANCE)), TURN / scene.speed_scale
         self.end_state: tuple[FloatArray, float] | None = None
         self.near = self.near_unstable_orbit = False
         self._doubling, self._until = 0.0, 0.0  # of a distance, and until when it is not worth another look (s)
@@ -122,8 +122,8 @@ class NewtonOrbitDetector:
         motion = self._shooter.motion
         motion.reset(state)
         motion.to_section(1, self._max_time(1))
-        problem, found = self._orbit_near(motion.state, motion.system.index, period)
-        return self._known(problem, found, AttractionEllipsoid(found, period))
+        problem, result = self._orbit_near(motion.state, motion.system.index, period)
+        return self._known(problem, result, AttractionEllipsoid(result, period))
 
     def section_ellipsoids(self, state: FloatArray, period: int) -> list[tuple[AttractionEllipsoid, float]]:
         """Return the surroundings of a stable orbit, one for each turn, and the radii from which they surely attract.
@@ -133,20 +133,20 @@ class NewtonOrbitDetector:
         NoConvergenceError
             There is none of this period near the full state on the section.
         """
-        found, motion = list[tuple[AttractionEllipsoid, float]](), self._shooter.motion
+        ellipsoids, motion = list[tuple[AttractionEllipsoid, float]](), self._shooter.motion
         motion.reset(state)
         for _ in range(period):
             around = AttractionEllipsoid(self._orbit_near(motion.state, motion.system.index, period)[1], period)
-            found.append((around, around.radius(self._shooter)))
+            ellipsoids.append((around, around.radius(self._shooter)))
             motion.reset(around.state)
             motion.to_section(1, self._max_time(1))
-        return found
+        return ellipsoids
 
     def near_returns(self, points: FloatArray, states: FloatArray) -> list[NearReturn]:
         """Choose near returns of a section: its points, in scaled units, and full states, each shape (turns, 14)."""
         return [
-            NearReturn(turns, float(np.abs(points[place + turns] - points[place]).max()), states[place].tolist())
-            for turns, place in near_returns(points, MAX_PERIOD_TURNS)
+            NearReturn(turns, float(np.abs(points[index + turns] - points[index]).max()), states[index].tolist())
+            for turns, index in near_returns(points, MAX_PERIOD_TURNS)
         ]
 
     def search_near_returns(self, returns: Sequence[NearReturn]) -> NearReturnOrbits:
@@ -165,17 +165,17 @@ class NewtonOrbitDetector:
             trials += 1
             self._shooter.motion.reset(state)
             try:
-                problem, found = self._orbit_near(state, self._shooter.motion.system.index, turns, RETURN)
+                problem, result = self._orbit_near(state, self._shooter.motion.system.index, turns, RETURN)
             except NoConvergenceError:
                 continue
-            around, period = AttractionEllipsoid(found, turns), smallest_period(problem, found, turns)
+            around, period = AttractionEllipsoid(result, turns), smallest_period(problem, result, turns)
             if around.spectral_radius < 1.0 - UNIT_CIRCLE_DISTANCE:
                 orbit = (
-                    self.known_orbit(around.state, period) if period < turns else self._known(problem, found, around)
+                    self.known_orbit(around.state, period) if period < turns else self._known(problem, result, around)
                 )
                 return NearReturnOrbits(orbit, trials, 0)
             known.append((period, self._section(around.state, period)))
-            if period == turns and 1.0 + MARGIN < around.spectral_radius < MAX_SADDLE:
+            if period == turns and 1.0 + UNSTABLE_MARGIN < around.spectral_radius < MAX_SADDLE:
                 mild[turns, round(around.spectral_radius, 6)] = around
         left = sorted(mild.values(), key=lambda around: around.spectral_radius)[:SADDLES]
         orbits = (self._leave_saddle(state, around) for around in left for state in around.sides(OFFSET))
@@ -202,30 +202,30 @@ class NewtonOrbitDetector:
         self.near = self.near_unstable_orbit = False
         for turns in _periods(points, period):
             try:
-                problem, found = self._orbit_near(state, system, turns)
+                problem, result = self._orbit_near(state, system, turns)
             except NoConvergenceError:
                 continue
-            if smallest_period(problem, found, turns) < turns:
+            if smallest_period(problem, result, turns) < turns:
                 continue
-            around, self.near = AttractionEllipsoid(found, turns), True
+            around, self.near = AttractionEllipsoid(result, turns), True
             if around.spectral_radius > 1.0 - UNIT_CIRCLE_DISTANCE:
-                self.near_unstable_orbit = around.spectral_radius > 1.0 + MARGIN
+                self.near_unstable_orbit = around.spectral_radius > 1.0 + UNSTABLE_MARGIN
                 self._doubling = (
-                    math.log(2.0) / math.log(max(around.spectral_radius, 1.0 + MARGIN)) * found.shot.duration
+                    math.log(2.0) / math.log(max(around.spectral_radius, 1.0 + UNSTABLE_MARGIN)) * result.shot.duration
                 )
             elif (
                 around.contracts_along_trajectory(self._shooter, state)
                 if around.spectral_radius > SLOW_DECAY
                 else around.contracts_on_shells(self._shooter, ATTRACTION_RADIUS_RATIO * around.distance(state, system))
             ):
-                return self._known(problem, found, around)
+                return self._known(problem, result, around)
         return None
 
     def _orbit_near(
         self, state: FloatArray, system: int, turns: int, effort: tuple[int, Limits] = APPROACH
     ) -> tuple[Problem, NewtonResult]:
         """Find an orbit by Newton's method from a full state on the section; ``effort`` is one of both above."""
-        motion, here, (most, limits) = self._shooter.motion, state.copy(), effort
+        motion, here, (iterations, limits) = self._shooter.motion, state.copy(), effort
         here[3:5] -= TURN * np.round(here[3:5] / TURN)
         motion.reset(here)
         if not motion.to_section(turns, self._max_time(turns)):
@@ -234,32 +234,32 @@ class NewtonOrbitDetector:
         problem = Problem(self._shooter, both, (), TOLERANCE)
         chart = problem.chart(here, system)
         u = chart.pack(here, motion.now)
-        found = correct_moving_section(problem, chart, u, most, limits)
-        if found.chart is not chart:  # back to the section
-            motion.reset(found.chart.unpack(found.u)[0])
+        result = correct_moving_section(problem, chart, u, iterations, limits)
+        if result.chart is not chart:  # back to the section
+            motion.reset(result.chart.unpack(result.u)[0])
             motion.to_section(1, self._max_time(1))
             back = motion.state
             back[3:5] -= TURN * np.round(back[3:5] / TURN)
             chart = problem.chart(back)
-            found = correct(
-                problem, chart, chart.pack(back, found.shot.duration), fixed_border(chart), max_iterations=most
+            result = correct(
+                problem, chart, chart.pack(back, result.shot.duration), fixed_border(chart), max_iterations=iterations
             )
-        return problem, found
+        return problem, result
 
-    def _known(self, problem: Problem, found: NewtonResult, around: AttractionEllipsoid) -> KnownOrbit:
+    def _known(self, problem: Problem, result: NewtonResult, around: AttractionEllipsoid) -> KnownOrbit:
         """Gather what a sweep tells of an orbit."""
         motion, heights = self._shooter.motion, [float(around.state[1])]
         motion.reset(around.state)
         for _ in range(1, around.turns):
             motion.to_section(1, self._max_time(1))
             heights.append(float(motion.state[1]))
-        events = found.shot.events
+        events = result.shot.events
         return KnownOrbit(
             state=around.state,
             period=around.turns,
-            turn=found.shot.duration / around.turns,
+            turn=result.shot.duration / around.turns,
             multiplier=around.spectral_radius,
-            measures=measure_period(problem, found.shot, self._shooter.scene),
+            measures=measure_period(problem, result.shot, self._shooter.scene),
             section_y=heights,
             impact_speeds=(-events["rate_before"][events["kind"] == IMPACT]).tolist(),
         )
@@ -328,27 +328,27 @@ def is_apart(point: FloatArray, way: FloatArray, distance: float) -> bool:
     return bool(np.abs(point - way).max(axis=1).min() > MIN_SEPARATION * distance)
 
 
-def _distances(points: FloatArray, most: int) -> FloatArray:
-    """Distance of each point from the one a number of turns later, shape (most + 1, turns); inf beyond MAX_DISTANCE."""
-    found = np.full((most + 1, len(points)), np.inf)
-    for turns in range(1, most + 1):
-        found[turns, :-turns] = np.abs(points[turns:] - points[:-turns]).max(axis=1)
-    found[found > MAX_DISTANCE] = np.inf
-    return found
+def _distances(points: FloatArray, max_turns: int) -> FloatArray:
+    """Distance of each point from the one some turns later, shape (max_turns + 1, turns); inf beyond MAX_DISTANCE."""
+    distances = np.full((max_turns + 1, len(points)), np.inf)
+    for turns in range(1, max_turns + 1):
+        distances[turns, :-turns] = np.abs(points[turns:] - points[:-turns]).max(axis=1)
+    distances[distances > MAX_DISTANCE] = np.inf
+    return distances
 
 
 def _relative(away: FloatArray) -> FloatArray:
     """Distances relative to the least after a divisor of as many turns, or to MAX_DISTANCE; inf if beyond MAX_RATIO."""
-    found = np.full_like(away, np.inf)
+    relative = np.full_like(away, np.inf)
     for turns in range(1, len(away)):
         shorter = [away[n] for n in range(1, turns) if turns % n == 0]
         least = np.minimum(np.min(shorter, axis=0), MAX_DISTANCE) if shorter else MAX_DISTANCE
-        found[turns] = away[turns] / np.maximum(least, np.finfo(float).tiny)
-    found[found > MAX_RATIO] = np.inf
-    return found
+        relative[turns] = away[turns] / np.maximum(least, np.finfo(float).tiny)
+    relative[relative > MAX_RATIO] = np.inf
+    return relative
 
 
 def _nearest(away: FloatArray, lengths: Iterable[int]) -> Iterator[tuple[int, int]]:
     """Yield turns and places of some lengths, the nearest first."""
-    found = [(away[n, k], n, int(k)) for n in lengths for k in np.argsort(away[n])[:MAX_CANDIDATES]]
-    yield from ((turns, place) for distance, turns, place in sorted(found) if distance < np.inf)
+    candidates = [(away[n, k], n, int(k)) for n in lengths for k in np.argsort(away[n])[:MAX_CANDIDATES]]
+    yield from ((turns, index) for distance, turns, index in sorted(candidates) if distance < np.inf)

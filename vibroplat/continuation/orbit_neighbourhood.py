@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.newton import SINGULAR, NewtonResult, NoConvergenceError, Problem, correct, fixed_border
+from vibroplat.continuation.newton import RANK_LIMIT, NewtonResult, NoConvergenceError, Problem, correct, fixed_border
 from vibroplat.continuation.orbit import (
     Orbit,
     first_orbit,
@@ -57,7 +57,7 @@ class OrbitNeighbourhood:
 
     Parameters
     ----------
-    problem, found
+    problem, result
         Of a shooter without keys, at the values of the keys.
     keys, values
         Dotted keys with continuous values, and their values here; those of the shooter's scene by default.
@@ -66,18 +66,18 @@ class OrbitNeighbourhood:
     ----------
     keys, values
         As given, the values as an array, shape (keys,).
-    found
+    orbit
         The orbit as Newton's method leaves it; its section is as it was found.
     """
 
     def __init__(
         self,
         problem: Problem,
-        found: NewtonResult,
+        result: NewtonResult,
         keys: Sequence[str],
         values: Sequence[float] | FloatArray | None = None,
     ) -> None:
-        self.problem, self.found, self.keys = problem, found, tuple(keys)
+        self.problem, self.orbit, self.keys = problem, result, tuple(keys)
         scene = problem.shooter.scene
         self.values: FloatArray = np.array([value_of(scene, k) for k in keys] if values is None else values, float)
 
@@ -97,7 +97,7 @@ class OrbitNeighbourhood:
         try:
             if isinstance(guess, Orbit):
                 period = guess.period
-            return cls(*first_orbit(shooter, begin, period, (), tolerance), keys).centred()
+            return cls(*first_orbit(shooter, begin, period, (), tolerance), keys).recentre()
         except BaseException:
             shooter.close()
             raise
@@ -114,17 +114,17 @@ class OrbitNeighbourhood:
     @property
     def state(self) -> FloatArray:
         """Full state on the orbit, where the section is, shape (14,)."""
-        return self.found.chart.unpack(self.found.u)[0]
+        return self.orbit.chart.unpack(self.orbit.u)[0]
 
     @property
     def period_s(self) -> float:
         """(s)."""
-        return self.found.shot.duration
+        return self.orbit.shot.duration
 
     @property
     def multipliers(self) -> npt.NDArray[np.complex128]:
         """Floquet multipliers but the 1 along the motion, the largest first."""
-        return self.found.multipliers
+        return self.orbit.multipliers
 
     @property
     def margin(self) -> float:
@@ -134,24 +134,24 @@ class OrbitNeighbourhood:
     @cached_property
     def measures(self) -> dict[str, Any]:
         """Measures of a sweep over the period, and ``margin``."""
-        return measures_of(self.problem, self.found.shot, self.scene) | {"stability_margin": self.margin}
+        return measures_of(self.problem, self.orbit.shot, self.scene) | {"stability_margin": self.margin}
 
     @cached_property
     def tangents(self) -> FloatArray:
-        """Derivatives of the unknowns ``found.u`` by all keys, shape (m, keys)."""
-        return self._along([(flat(above.p) - flat(below.p)) / (2.0 * step) for step, above, below in self._beside])
+        """Derivatives of the unknowns ``orbit.u`` by all keys, shape (m, keys)."""
+        return self._along([(flat(above.p) - flat(below.p)) / (2.0 * step) for step, above, below in self._scenes])
 
     def predict(self, values: Sequence[float] | FloatArray) -> FloatArray:
         """Unknowns of the orbit at other values of the keys, along the tangent, shape (m,)."""
         change = np.asarray(values, float) - self.values
         if not change.any():
-            return self.found.u
+            return self.orbit.u
         if "tangents" in vars(self):
-            return np.asarray(self.found.u + self.tangents @ change)
+            return np.asarray(self.orbit.u + self.tangents @ change)
         # one direction costs parameters twice, all keys cost them twice each
         step = KEY_STEP_RATIO / float(np.abs(change / np.where(self.values == 0.0, 1.0, self.values)).max())
         above, below = (parameters(self._scene(self.values + side * step * change)) for side in (1.0, -1.0))
-        return np.asarray(self.found.u + self._along([(flat(above) - flat(below)) / (2.0 * step)])[:, 0])
+        return np.asarray(self.orbit.u + self._along([(flat(above) - flat(below)) / (2.0 * step)])[:, 0])
 
     def correct(self, values: Sequence[float] | FloatArray) -> OrbitNeighbourhood:
         """Find the same orbit at other values of the keys: in one step, or in parts of it where that fails.
@@ -166,7 +166,7 @@ class OrbitNeighbourhood:
             part = min(part, 1.0 - done)
             there = goal if done + part == 1.0 else self.values + (done + part) * (goal - self.values)
             try:
-                here = here._step(there).centred()
+                here = here._step(there).recentre()
             except NoConvergenceError:
                 part *= 0.5
                 if part < MIN_STEP_PART:
@@ -176,17 +176,17 @@ class OrbitNeighbourhood:
             part *= 2.0
         return here
 
-    def centred(self) -> OrbitNeighbourhood:
+    def recentre(self) -> OrbitNeighbourhood:
         """Return the orbit with its section far from events: steps are long, and move them."""
         self.problem.shooter.motion.set_parameters(self._p)
-        moved = self.problem.move_from_events(self.found, longest=True)
+        moved = self.problem.move_from_events(self.orbit, longest=True)
         if moved is None:
             return self
         try:
-            found = correct(self.problem, *moved[:2], fixed_border(moved[0]), max_iterations=MAX_ITERATIONS)
+            result = correct(self.problem, *moved[:2], fixed_border(moved[0]), max_iterations=MAX_ITERATIONS)
         except NoConvergenceError:
             return self
-        return self._at(found, self.values, self.scene, self._p)
+        return self._at(result, self.values, self.scene, self._p)
 
     def gradients(self, names: Sequence[str]) -> FloatArray:
         """Differentiate measures of the orbit, ``margin`` among them, by all keys, shape (names, keys).
@@ -199,35 +199,35 @@ class OrbitNeighbourhood:
         NoConvergenceError
             A shot does not end.
         """
-        found = np.empty((len(names), self.values.size))
-        for k, (step, *sides) in enumerate(self._beside):
+        slopes = np.empty((len(names), self.values.size))
+        for k, (step, *sides) in enumerate(self._scenes):
             change = step * self.tangents[:, k]
             above, below = (
-                self._measured(near, self.found.u + way, names)
+                self._measure(near, self.orbit.u + way, names)
                 for near, way in zip(sides, (change, -change), strict=True)
             )
-            found[:, k] = (above - below) / (2.0 * step)
-        return found
+            slopes[:, k] = (above - below) / (2.0 * step)
+        return slopes
 
     @cached_property
     def _p(self) -> Parameters:
         return parameters(self.scene)
 
     @cached_property
-    def _beside(self) -> list[tuple[float, _NearScene, _NearScene]]:
+    def _scenes(self) -> list[tuple[float, _NearScene, _NearScene]]:
         """For each key a step, and scenes so far above and below this one."""
-        found = []
+        scenes = []
         for k, value in enumerate(self.values.tolist()):
             change = np.zeros_like(self.values)
             change[k] = step = KEY_STEP_RATIO * abs(value) or KEY_STEP_RATIO
             above, below = (self._scene(self.values + side * change) for side in (1.0, -1.0))
-            found.append((step, _NearScene(above, parameters(above)), _NearScene(below, parameters(below))))
-        return found
+            scenes.append((step, _NearScene(above, parameters(above)), _NearScene(below, parameters(below))))
+        return scenes
 
     @cached_property
     def _weights(self) -> FloatArray:
         """Weights of the section map's entries in the size of its largest multiplier, to first order in them."""
-        values, right = np.linalg.eig(self.found.chart.section_map(self.found.shot))
+        values, right = np.linalg.eig(self.orbit.chart.section_map(self.orbit.shot))
         k = int(np.abs(values).argmax())
         slope = np.outer(np.linalg.inv(right)[k], right[:, k]) * (values[k].conj() / (abs(values[k]) or 1.0))
         return np.asarray(slope.real)
@@ -237,18 +237,18 @@ class OrbitNeighbourhood:
         """Measures that take the data sheet or the audit."""
         return {"energy_residual", *columns(self.problem.shooter.scene)}
 
-    def _measured(self, near: _NearScene, u: FloatArray, names: Sequence[str]) -> FloatArray:
+    def _measure(self, near: _NearScene, u: FloatArray, names: Sequence[str]) -> FloatArray:
         """Measure a period from unknowns on this section in a scene beside this one; the margin but for a constant."""
-        shooter, chart, margin = self.problem.shooter, self.found.chart, "stability_margin" in names
+        shooter, chart, margin = self.problem.shooter, self.orbit.chart, "stability_margin" in names
         shooter.motion.set_parameters(near.p)
         state, seconds, _ = chart.unpack(u)
         shot = shooter.shot(state, seconds, full=margin, measured=True, events=False)
         if shot.outcome != "ok":
             raise NoConvergenceError(f"{shot.outcome}: {shot.detail}")
-        found = measure_period(self.problem, shot, near.scene, brief=self._sheet.isdisjoint(names))
+        measures = measure_period(self.problem, shot, near.scene, brief=self._sheet.isdisjoint(names))
         if margin:
-            found["stability_margin"] = -float((self._weights * chart.section_map(shot)).sum())
-        return np.array([found[name] for name in names], float)
+            measures["stability_margin"] = -float((self._weights * chart.section_map(shot)).sum())
+        return np.array([measures[name] for name in names], float)
 
     def _scene(self, values: FloatArray) -> Scene:
         """Change the values of the keys that are not those here."""
@@ -263,21 +263,21 @@ class OrbitNeighbourhood:
         except ValueError as error:
             raise NoConvergenceError(f"no scene has these values: {error}") from None
         self.problem.shooter.motion.set_parameters(p)
-        chart, jacobian = self.found.chart, self.found.jacobian
-        found = correct(self.problem, chart, u, fixed_border(chart), jacobian, max_iterations=MAX_ITERATIONS)
-        if np.abs(found.u - u).max() > max(MAX_PREDICTION_ERROR * np.abs(u - self.found.u).max(), MAX_DISTANCE):
-            raise NoConvergenceError("Newton's method converged to another orbit", found.residuals)
-        return self._at(found, values, scene, p)
+        chart, jacobian = self.orbit.chart, self.orbit.jacobian
+        result = correct(self.problem, chart, u, fixed_border(chart), jacobian, max_iterations=MAX_ITERATIONS)
+        if np.abs(result.u - u).max() > max(MAX_PREDICTION_ERROR * np.abs(u - self.orbit.u).max(), MAX_DISTANCE):
+            raise NoConvergenceError("Newton's method converged to another orbit", result.residuals)
+        return self._at(result, values, scene, p)
 
-    def _at(self, found: NewtonResult, values: FloatArray, scene: Scene, p: Parameters) -> OrbitNeighbourhood:
+    def _at(self, result: NewtonResult, values: FloatArray, scene: Scene, p: Parameters) -> OrbitNeighbourhood:
         """Make one of an orbit whose scene and parameters are known."""
-        there = OrbitNeighbourhood(self.problem, found, self.keys, values)
+        there = OrbitNeighbourhood(self.problem, result, self.keys, values)
         there.scene, there._p = scene, p
         return there
 
     def _along(self, directions: Sequence[FloatArray]) -> FloatArray:
         """Differentiate the unknowns along directions of the parameters, shape (count, directions), by one shot."""
-        variation, motion, chart = Variation([self._p] * len(directions)), self.problem.shooter.motion, self.found.chart
+        variation, motion, chart = Variation([self._p] * len(directions)), self.problem.shooter.motion, self.orbit.chart
         variation.begin(np.eye(FULL_SIZE), directions)
         motion.set_parameters(self._p)
         motion.reset(self.state)
@@ -285,4 +285,4 @@ class OrbitNeighbourhood:
         if motion.outcome != "ok":
             raise NoConvergenceError(f"{motion.outcome}: {motion.detail}")
         by_keys = variation.derivative(motion.automaton)[chart.places, FULL_SIZE:] / chart.scales[:, np.newaxis]
-        return np.asarray(np.linalg.lstsq(self.found.jacobian, -by_keys, rcond=SINGULAR)[0])
+        return np.asarray(np.linalg.lstsq(self.orbit.jacobian, -by_keys, rcond=RANK_LIMIT)[0])

@@ -71,15 +71,15 @@ def pictures(results: Sequence[Result], kinds: Sequence[str] = (), *, x: str | N
     TableError
         Tables are missing, or lack data that a picture needs.
     """
-    found = []
+    made = []
     for result in results:
         branches, has_curves = read(result, None if x is None else ABSCISSAE[x]), "boundaries" in result.tables
         if branches.x not in branches.table:
             raise TableError(f"--x {x}: the branches table in {result.place} has no column {branches.x}")
         if "boundaries" in kinds and not has_curves:
             raise TableError(f"{result.place} holds no boundaries; add orbits.boundaries to its configuration")
-        found += [_MAKERS[kind](branches) for kind in kinds or [*_MAKERS][: 3 if has_curves else 2]]
-    return found
+        made += [_MAKERS[kind](branches) for kind in kinds or [*_MAKERS][: 3 if has_curves else 2]]
+    return made
 
 
 def read(result: Result, x: str | None = None) -> Branches:
@@ -100,58 +100,58 @@ def read(result: Result, x: str | None = None) -> Branches:
 # -- branches ----------------------------------------------------------------------------------------------------------
 
 
-def branches(found: Branches) -> picture.Picture:
+def branches(data: Branches) -> picture.Picture:
     """Return measures of branches over a column, with special points at their exact places."""
-    table, special = found.table, found.special
+    table, special = data.table, data.special
     everything = pd.concat([table, special], ignore_index=True)
     if "period" in everything:
         seconds = everything["period"] / everything[EXCITATION]
         everything["period_s"] = everything.get("period_s", seconds).fillna(seconds)
-    drawn, series, first = _lines(found)
+    drawn, series, first = _lines(data)
     panels, left = content.measures(table)
     marks = []
     for kind, rows in special.groupby("kind", sort=False):
         name, places = str(kind), (len(table) + rows.index).tolist()
         marks.append(picture.Mark(name, SPECIAL_POINTS.get(name, ""), MARKERS.get(name, "*"), places))
-    behind = content.beside(found.results[0], "sweep", "sweep")
+    behind = content.beside(data.results[0], "sweep", "sweep")
     if behind is not None:
         drawn = pd.concat([drawn, behind[[name for name in behind if name in table]]], ignore_index=True)
-        series = [*_behind(found, behind.reset_index(drop=True)), *series]
+        series = [*_behind(data, behind.reset_index(drop=True)), *series]
     return picture.Picture(
         name="branches",
         heading="Orbits",
-        title=found.results[0].answer.headline,
+        title=data.results[0].answer.headline,
         table=table,
         table_name="branches",
         special=special,
         special_name="special points",
         drawn=drawn,
-        axes=list(dict.fromkeys([found.x, *content.axes_of(table, [found.x, found.key, EXCITATION])])),
+        axes=list(dict.fromkeys([data.x, *content.axes_of(table, [data.x, data.key, EXCITATION])])),
         panels=panels,
         series=series,
         marks=marks,
         states=content.states_of(~table["stable"].astype(bool)),
         meanings=_STABLE,
-        rotation=found.rotation,
-        told=found.told(left),
+        rotation=data.rotation,
+        told=data.told(left),
         meaning="Solid: stable orbits; dashed: unstable ones. White marks: special points of "
-        f"branches, at their exact frequency.{found.meaning}",
+        f"branches, at their exact frequency.{data.meaning}",
         orbits=picture.Orbits(everything, [*range(len(table), len(everything)), *first]),
     )
 
 
-def _lines(found: Branches) -> tuple[pd.DataFrame, list[picture.Series], list[int]]:
+def _lines(data: Branches) -> tuple[pd.DataFrame, list[picture.Series], list[int]]:
     """Return all points with special ones behind them, stable and unstable parts of branches, and rows at their ends.
 
     Measures of special points are those between the points of their branch. Phase differences are followed beyond their
     range; a liftoff begins the flight.
     """
-    table, special, parts = found.table, found.special, dict[tuple[str, bool], list[int]]()
+    table, special, parts = data.table, data.special, dict[tuple[str, bool], list[int]]()
     drawn, ends = pd.concat([table, special], ignore_index=True), list[int]()
     numbers = [name for name in content.DRAWN if name in table]
     drawn[numbers] = drawn[numbers].astype(float)
-    for rows in found.branches:
-        own = found.special_of(rows.iloc[0])
+    for rows in data.branches:
+        own = data.special_of(rows.iloc[0])
         shares = _shares(rows, own)
         drawn.loc[rows.index, PHASE_COLUMN] = np.unwrap(drawn.loc[rows.index, PHASE_COLUMN])
         along = np.concatenate([np.arange(len(rows)), shares])
@@ -161,9 +161,9 @@ def _lines(found: Branches) -> tuple[pd.DataFrame, list[picture.Series], list[in
         drawn.loc[len(table) + own.index, numbers] = between.loc[len(table) + own.index]
         ends += [int(rows.index[0]), int(rows.index[-1]), *(rows.index[np.round(shares).astype(int)])]
         for is_stable, part in _stretches(own_places, len(table), table["stable"].to_numpy(dtype=bool)):
-            parts.setdefault((found.curve(rows), is_stable), []).extend([*part, picture.BROKEN])
+            parts.setdefault((data.curve(rows), is_stable), []).extend([*part, picture.BROKEN])
     drawn.loc[len(table) + special.index[special["kind"] == LIFTOFF], [n for n in _OF_FLIGHT if n in drawn]] = 0.0
-    colours, series = found.colours, list[picture.Series]()
+    colours, series = data.colours, list[picture.Series]()
     for (name, is_stable), places in parts.items():
         look: dict[str, Any] = {"look": "stable"} if is_stable else {"look": "unstable", "dash": "--"}
         label = name if len(colours) > 1 else ""
@@ -196,11 +196,11 @@ def _stretches(places: Any, count: int, stable: Any) -> Iterator[tuple[bool, lis
         yield bool(pieces[first]), places[first : last + 1].tolist()
 
 
-def _behind(found: Branches, table: pd.DataFrame) -> Iterator[picture.Series]:
+def _behind(data: Branches, table: pd.DataFrame) -> Iterator[picture.Series]:
     """Yield the points of a sweep, which stand behind all others, in the colours of their combinations."""
-    varied, begin = found.varied if {*found.varied} <= {*table} else [], len(found.table) + len(found.special)
+    varied, begin = data.varied if {*data.varied} <= {*table} else [], len(data.table) + len(data.special)
     for own in content.in_groups(table, [*varied, "direction"]):
-        colour = found.colours.get(found.label(own.iloc[0]), picture.BEHIND) if varied else picture.BEHIND
+        colour = data.colours.get(data.label(own.iloc[0]), picture.BEHIND) if varied else picture.BEHIND
         look, places = f"sweep, {own['direction'].iloc[0]}", begin + own.index.to_numpy()
         yield picture.Series("", places, look, colour, "markers", pale=True, size=0.8)
 
@@ -208,14 +208,14 @@ def _behind(found: Branches, table: pd.DataFrame) -> Iterator[picture.Series]:
 # -- multipliers -------------------------------------------------------------------------------------------------------
 
 
-def multipliers(found: Branches) -> picture.Picture:
+def multipliers(data: Branches) -> picture.Picture:
     """Return the leading multipliers on the plane, and the largest one over a column, a facet for each combination."""
-    table = found.table
+    table = data.table
     names = [str(name)[:-3] for name in table if str(name).startswith("multiplier_") and str(name).endswith("_re")]
-    columns = [found.x, "stable", "real", "imaginary", "size"]
+    columns = [data.x, "stable", "real", "imaginary", "size"]
     parts, facets, series = list[pd.DataFrame](), dict[str, list[int]](), list[picture.Series]()
-    for rows in found.branches:
-        label, begin = found.label(rows.iloc[0]), sum(map(len, parts))
+    for rows in data.branches:
+        label, begin = data.label(rows.iloc[0]), sum(map(len, parts))
         colour = picture.CURVES[[*facets, label].index(label) % len(picture.CURVES)]
         largest = rows["multiplier_1_re"].astype(float), rows["multiplier_1_im"].astype(float)
         parts.append(rows.assign(size=np.hypot(*largest)).reindex(columns=columns))
@@ -234,15 +234,15 @@ def multipliers(found: Branches) -> picture.Picture:
         title=f"{unstable} of {len(table)} orbits unstable; largest |multiplier| {digits.number(melted['size'].max())}",
         table=melted,
         table_name="multipliers",
-        axes=[found.x],
+        axes=[data.x],
         panels=[
-            picture.Panel("imaginary", "real", "plane", by=found.x, label="imaginary part"),
+            picture.Panel("imaginary", "real", "plane", by=data.x, label="imaginary part"),
             picture.Panel("size", label="largest |multiplier|", scale="one"),
         ],
         series=series,
         lines=[picture.Line("size", [1.0], dash="-")],
         facets=[picture.Facet(label, numbers) for label, numbers in facets.items()],
-        told=found.told(),
+        told=data.told(),
         places=("print",),  # the page has them beside each point
     )
 
@@ -250,19 +250,19 @@ def multipliers(found: Branches) -> picture.Picture:
 # -- boundaries --------------------------------------------------------------------------------------------------------
 
 
-def boundaries(found: Branches) -> picture.Picture:
+def boundaries(data: Branches) -> picture.Picture:
     """Return curves of special points over two keys: the second one over the first; a colour for each kind."""
-    table = picture.finite(found.results[0].columns("boundaries", ("kind",), ("curve", "n_unstable")))
-    if not all(key in table and is_number(table[key]) for key in (found.key, found.second)):
-        raise TableError(f"the boundaries table in {found.results[0].place} has no numbers of two keys")
-    groups = [*content.in_groups(table, found.varied)] if found.varied else [table]
-    over = found.x if found.x in table else found.key
+    table = picture.finite(data.results[0].columns("boundaries", ("kind",), ("curve", "n_unstable")))
+    if not all(key in table and is_number(table[key]) for key in (data.key, data.second)):
+        raise TableError(f"the boundaries table in {data.results[0].place} has no numbers of two keys")
+    groups = [*content.in_groups(table, data.varied)] if data.varied else [table]
+    over = data.x if data.x in table else data.key
     limits = [f"{kind} at {titles.place(over, rows[over])}" for kind, rows in table.groupby("kind", sort=False)]
     series, facets = list[picture.Series](), list[picture.Facet]()
     for rows in groups:
         own = boundary_series(rows, 0, picture.CURVES)
         facets.append(
-            picture.Facet(found.label(rows.iloc[0]) if found.varied else "", range(len(series), len(series) + len(own)))
+            picture.Facet(data.label(rows.iloc[0]) if data.varied else "", range(len(series), len(series) + len(own)))
         )
         series += own
     return picture.Picture(
@@ -271,12 +271,12 @@ def boundaries(found: Branches) -> picture.Picture:
         title=titles.sentence(", ".join(shortened(limits)) or "No boundaries"),
         table=table,
         table_name="boundaries",
-        axes=content.axes_of(table, (found.x, found.key)),
-        panels=[picture.Panel(found.second)],
+        axes=content.axes_of(table, (data.x, data.key)),
+        panels=[picture.Panel(data.second)],
         series=series,
         facets=facets if len(facets) > 1 else (),
         choice="grid",
-        told=found.told(beside=found.second),
+        told=data.told(beside=data.second),
         meaning="Curves of special points over two keys.",
         high=True,
     )

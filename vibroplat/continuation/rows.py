@@ -61,12 +61,12 @@ def orbit_motion(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
                 f"the state of this row is not on an orbit of period {period}: its end is {apart:.2g} away"
             )
     else:  # another motion may exist beside that of the row
-        found = orbit_near(scene, row, period, TOLERANCE)
-        own, other = (np.array([of["rms_x_m"], of["rms_y_m"]]) for of in (row, found.measures))
+        orbit = orbit_near(scene, row, period, TOLERANCE)
+        own, other = (np.array([of["rms_x_m"], of["rms_y_m"]]) for of in (row, orbit.measures))
         if np.abs(other - own).max() > MAX_RMS_DIFFERENCE * np.hypot(*own):
             height = quantity(other[1], "m")
             raise OrbitError(f"from the phase difference of this row another motion settles, with RMS y {height}")
-        run = found.run
+        run = orbit.run
     times, last = run.events["t_s"].to_numpy()[:MAX_EVENTS], run.segments[-1].end
     grid = [np.linspace(0.0, last, SAMPLES_PER_TURN * period + 1), times, np.minimum(np.nextafter(times, np.inf), last)]
     return OrbitMotion(run.scene, run(np.unique(np.concatenate(grid))), run.events)

@@ -112,7 +112,7 @@ class Shot:
                 letters += "L"
             elif kind in (IMPACT, CHATTER):
                 letters += "S" if mode == Mode.ATTACHED else "I"
-        return _shortened(letters, self.restitution)
+        return _shorten(letters, self.restitution)
 
     @property
     def landing_force(self) -> float:
@@ -136,17 +136,17 @@ class Shot:
         """
         if not self.events.size:
             return 0.0
-        pieces = self._joined()
+        pieces = self._join_pieces()
         system, begin, end = pieces[0]
-        share = math.inf if longest else MIN_CONTACT_FRACTION
-        contact = [p for p in pieces if SYSTEMS[p[0]].algebraic and p[2] - p[1] >= share * self.duration]
+        fraction = math.inf if longest else MIN_CONTACT_FRACTION
+        contact = [p for p in pieces if SYSTEMS[p[0]].algebraic and p[2] - p[1] >= fraction * self.duration]
         best = max(contact or pieces, key=lambda p: p[2] - p[1])
         far = min(-begin, end) > MIN_SECTION_MARGIN * (end - begin) and end - begin > 0.5 * (best[2] - best[1])
         if far and (SYSTEMS[system].algebraic or not contact) and not elsewhere:
             return 0.0
         return float((0.5 * (best[1] + best[2])) % self.duration)
 
-    def _joined(self) -> list[tuple[int, float, float]]:
+    def _join_pieces(self) -> list[tuple[int, float, float]]:
         """Join the pieces between events; the first begins before 0, where the last piece of the period does."""
         times = set(self.events["t"].tolist())
         pieces: list[tuple[int, float, float]] = []
@@ -167,11 +167,11 @@ def canonical_sequence(word: str, restitution: float = 0.0) -> str:
     With a restitution the period may begin between impacts that accumulate.
     """
     begin = word.rfind("S") + 1
-    word = _shortened(word[begin:] + word[:begin], restitution)
+    word = _shorten(word[begin:] + word[:begin], restitution)
     return min((word[k:] + word[:k] for k in range(len(word))), default="")
 
 
-def _shortened(word: str, restitution: float) -> str:
+def _shorten(word: str, restitution: float) -> str:
     """Let impacts before one that sticks belong to it.
 
     They are infinitely many, and how many of them are followed one by one depends on the tolerance.
@@ -273,7 +273,7 @@ class Shooter:
         self.records = self.kernels.with_address(records)
 
     @classmethod
-    def borrowed(cls, scene: Scene, keys: Sequence[str] = (), course: tuple[float, float] | None = None) -> Shooter:
+    def borrow(cls, scene: Scene, keys: Sequence[str] = (), course: tuple[float, float] | None = None) -> Shooter:
         """Return one that was given back, if its scene was like this one, or the same with the same keys; or a new one.
 
         That saves two thirds of the time, and gives the same shots to the last bit.
@@ -316,9 +316,9 @@ class Shooter:
         """Change the values of the keys for the shots to come."""
         if not self.keys or self.kernels.set_parameters(self.records, values[0]):
             return
-        held = dict(zip(self.keys, values, strict=True))
-        if held != self.held:
-            self.motion.set_parameters(parameters(self.scene_at(held)))
+        wanted = dict(zip(self.keys, values, strict=True))
+        if wanted != self.held:
+            self.motion.set_parameters(parameters(self.scene_at(wanted)))
             self.records.held[:] = values
 
     @property
@@ -331,8 +331,8 @@ class Shooter:
         value = self.held[key]
         step = KEY_STEP_RATIO * abs(value) or KEY_STEP_RATIO
         above, below = (parameters(self.scene_at(self.held | {key: value + s})) for s in (step, -step))
-        found: FloatArray = (flat(above) - flat(below)) / (2.0 * step)
-        return found
+        slope: FloatArray = (flat(above) - flat(below)) / (2.0 * step)
+        return slope
 
     def _set_with_directions(self) -> None:
         """Change the values of the keys, and the directions in which the next shot is varied."""
@@ -353,10 +353,10 @@ class Shooter:
         while len(states) < RETURN_TURNS and self.motion.to_section(1, 4.0 * TURN / self.scene.speed_scale):
             states.append(self.motion.state)
         if len(states) > turns:
-            found = np.array(states)
-            away = found[turns:] - found[:-turns]
+            points = np.array(states)
+            away = points[turns:] - points[:-turns]
             away[:, 3:5] -= TURN * np.round(away[:, 3:5] / TURN)
-            yield from found[np.abs(away / self.scales).max(axis=1).argsort()[:MAX_RETURNS]]
+            yield from points[np.abs(away / self.scales).max(axis=1).argsort()[:MAX_RETURNS]]
 
     def shot(
         self, start: FloatArray, duration: float, *, full: bool = False, measured: bool = False, events: bool = True
@@ -394,16 +394,16 @@ class Shooter:
         begins, ends, events, pieces, _ = records.shot.item()
         h, state, happened = motion.automaton, records.end.copy(), records.events[:events].copy()
         restitution = float(h.p["restitution"])
-        found = Shot(state, begins, ends, duration, motion.outcome, motion.detail, happened, restitution)
+        shot = Shot(state, begins, ends, duration, motion.outcome, motion.detail, happened, restitution)
         if measured:
             before, after = (Energies.of(at, h.p) for at in (start, h.run["state"]))
             measures = unpacked(records.measured.copy(), self._statistics.measures)
-            found.part = MeasuredInterval(measures, before, after)
+            shot.part = MeasuredInterval(measures, before, after)
         if full:
-            found.derivative, found.rates = self._variation.arrived, self._variation.rates
-            found.pieces = records.pieces[:pieces].tolist()
-            found.least_force, found.least_gap = records.least.tolist()
-        return found
+            shot.derivative, shot.rates = self._variation.arrived, self._variation.rates
+            shot.pieces = records.pieces[:pieces].tolist()
+            shot.least_force, shot.least_gap = records.least.tolist()
+        return shot
 
     def take_turns(self) -> float:
         """Return the turns of exciter 1 in all shots since the last call."""

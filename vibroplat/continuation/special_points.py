@@ -95,8 +95,8 @@ class OrbitPoint(NewtonResult):
     @cached_property
     def _products(self) -> npt.NDArray[np.complex128]:
         one, other = _pairs(self.multipliers.size)
-        found: npt.NDArray[np.complex128] = self.multipliers[one] * self.multipliers[other]
-        return found
+        products: npt.NDArray[np.complex128] = self.multipliers[one] * self.multipliers[other]
+        return products
 
     @property
     def complex_pair(self) -> bool:
@@ -184,8 +184,8 @@ def tangent_of(jacobian: FloatArray, near: FloatArray) -> FloatArray:
     """Direction of length 1 in which the residual does not change, on the side of a given one."""
     right = np.zeros(near.size)
     right[-1] = 1.0
-    found = solve(add_border(jacobian, near), right, MAX_TANGENT_RATIO)
-    return np.asarray(found / math.sqrt(found @ found))
+    tangent = solve(add_border(jacobian, near), right, MAX_TANGENT_RATIO)
+    return np.asarray(tangent / math.sqrt(tangent @ tangent))
 
 
 def approaching_event(near: OrbitPoint, far: OrbitPoint) -> str | None:
@@ -209,7 +209,7 @@ def others_outside(kind: str, multipliers: npt.NDArray[np.complex128]) -> int:
 
 
 def branch_point(
-    problem: Problem, chart: Chart, u: FloatArray, jacobian: FloatArray, held: FloatArray | None = None
+    problem: Problem, chart: Chart, u: FloatArray, jacobian: FloatArray, fixed: FloatArray | None = None
 ) -> tuple[NewtonResult, tuple[FloatArray, FloatArray]]:
     """Find the branch point over the first key near some unknowns, from nearly the Jacobian there.
 
@@ -220,38 +220,38 @@ def branch_point(
     left, _, right = np.linalg.svd(jacobian[:, : m + 1])
     slack, plane = left[:, -1], np.zeros((2, u.size))
     plane[:, : m + 1] = right[-2:]
-    border = plane if held is None else np.vstack([plane, held])
+    border = plane if fixed is None else np.vstack([plane, fixed])
 
-    def at(place: FloatArray, near: FloatArray) -> tuple[NewtonResult, FloatArray]:
-        found = correct(problem, chart, u + place @ plane, border, near, slack=slack)
-        return found, _slopes(found, border, slack)
+    def at(offset: FloatArray, near: FloatArray) -> tuple[NewtonResult, FloatArray]:
+        result = correct(problem, chart, u + offset @ plane, border, near, slack=slack)
+        return result, _slopes(result, border, slack)
 
-    place = np.zeros(2)
-    found, slopes = at(place, jacobian)
-    beside = [at(place + SLOPE_DISTANCE * way, found.jacobian)[1] for way in np.eye(2)]
-    bends = np.array([slope - slopes for slope in beside]) / SLOPE_DISTANCE
+    offset = np.zeros(2)
+    result, slopes = at(offset, jacobian)
+    nearby = [at(offset + SLOPE_DISTANCE * way, result.jacobian)[1] for way in np.eye(2)]
+    bends = np.array([slope - slopes for slope in nearby]) / SLOPE_DISTANCE
     for _ in range(MAX_STEPS):
         step = np.linalg.lstsq(bends, -slopes, rcond=None)[0]
         way = float(np.linalg.norm(step))
         if not way < MAX_STEP:
             break
         if way < min(STEP_TOLERANCE, STEP_TOLERANCE_RATIO * problem.tolerance):
-            if abs(found.slack) > MAX_BRANCHING:
+            if abs(result.slack) > MAX_BRANCHING:
                 raise NoConvergenceError("branches pass each other without crossing")
-            return replace(found, u=found.u + step @ plane), _directions(bends, plane)
-        place, before = place + step, slopes
-        found, slopes = at(place, found.jacobian)
+            return replace(result, u=result.u + step @ plane), _directions(bends, plane)
+        offset, before = offset + step, slopes
+        result, slopes = at(offset, result.jacobian)
         bends += np.outer(slopes - before - bends @ step, step) / (step @ step)
     raise NoConvergenceError("no branch point nearby")
 
 
-def _slopes(found: NewtonResult, border: FloatArray, slack: FloatArray) -> FloatArray:
+def _slopes(result: NewtonResult, border: FloatArray, slack: FloatArray) -> FloatArray:
     """Differentiate b by the place in the plane, shape (2,)."""
-    m, free = found.jacobian.shape
+    m, free = result.jacobian.shape
     last = np.zeros(free + 1)
     last[-1] = 1.0
     try:
-        return np.asarray(np.linalg.solve(add_border(found.jacobian, border, slack).T, last)[m : m + 2])
+        return np.asarray(np.linalg.solve(add_border(result.jacobian, border, slack).T, last)[m : m + 2])
     except np.linalg.LinAlgError:
         raise NoConvergenceError("the bordered Jacobian is singular") from None
 
@@ -282,8 +282,8 @@ def new_branches(
     assert special.across is not None
     ahead, back = (_leave_branch(problem, special, sign * special.across, largest) for sign in (1.0, -1.0))
     if ahead is None or back is None or _are_mirrored(problem, ahead, back):
-        found = [ahead] if ahead is not None else [back]
-        yield from ((problem, point, first, True) for point in found if point is not None)
+        points = [ahead] if ahead is not None else [back]
+        yield from ((problem, point, first, True) for point in points if point is not None)
     else:  # from the point behind both ways, over the special point and away from it
         yield problem, replace(back, tangent=-back.tangent), float(np.linalg.norm(ahead.u - back.u)), True
         yield problem, back, first, False
@@ -294,10 +294,10 @@ def _leave_branch(problem: Problem, origin: SpecialPoint, direction: FloatArray,
     chart, u = origin.point.chart, origin.point.u.copy()
     if origin.kind == DOUBLING:
         u[chart.phase] *= 2.0
-    for share in FIRST_STEP_RATIOS:
+    for ratio in FIRST_STEP_RATIOS:
         try:
-            found = correct(problem, chart, u + share * largest * direction, direction[np.newaxis], max_iterations=20)
-            point = OrbitPoint.of(found, tangent_of(found.jacobian, direction))
+            result = correct(problem, chart, u + ratio * largest * direction, direction[np.newaxis], max_iterations=20)
+            point = OrbitPoint.of(result, tangent_of(result.jacobian, direction))
         except NoConvergenceError:
             continue
         way = point.u - u

@@ -128,8 +128,8 @@ class OrbitsStudy(Study):
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
         """Choose points of branches, as far from each other as they can be; their orbits are found anew."""
         cases = []
-        for place in choose_evenly(range(len(result.branches))):
-            (whole,) = result.branches.iloc[[place]].to_dict("records")
+        for index in choose_evenly(range(len(result.branches))):
+            (whole,) = result.branches.iloc[[index]].to_dict("records")
             row: Record = {str(name): value for name, value in whole.items() if pd.notna(value)}
             task = Task(find_orbit_again, (other(self.scene), row, self.plan.tolerance))
             swept = ", ".join(f"{key} = {row[key]}" for key in map(column_of, (*self.plan.grid, self.plan.key)))
@@ -188,19 +188,19 @@ def _required_plan(scene: Scene) -> OrbitsPlan:
         raise ConfigError("orbits.from = state but run.initial.state is not given; allowed: give it, or settled")
     if plan.boundaries is not None and plan.boundaries.key in plan.grid:
         raise ConfigError(f"orbits.grid.{plan.boundaries.key} is the key of boundaries; allowed: another key")
-    for place, of in (("orbits", plan), ("orbits.boundaries", plan.boundaries)):
+    for section, of in (("orbits", plan), ("orbits.boundaries", plan.boundaries)):
         if of is not None:
             for value in (of.start, of.stop):
-                _require_continuous(scene, f"{place}.key", of.key, value)
+                _require_continuous(scene, f"{section}.key", of.key, value)
     return plan
 
 
-def _require_continuous(scene: Scene, place: str, key: str, value: float) -> None:
+def _require_continuous(scene: Scene, section: str, key: str, value: float) -> None:
     """Refuse a key that does not vary continuously, or has no such value."""
-    held = value_of(scene, key)
-    if held is not None and not isinstance(held, float):
-        raise ConfigError(f"{place} = {key} does not vary continuously; allowed: a key that does")
-    with errors_about(place):
+    own = value_of(scene, key)
+    if own is not None and not isinstance(own, float):
+        raise ConfigError(f"{section} = {key} does not vary continuously; allowed: a key that does")
+    with errors_about(section):
         parameter_direction(scene.replace({key: float(value)}), key)
 
 

@@ -104,7 +104,7 @@ def make_tables(
     ]
     keys = [key] if plan.boundaries is None else [key, column_of(plan.boundaries.key)]
     rows = [
-        _named(curve.grid)
+        _grid_columns(curve.grid)
         | {"curve": number, "kind": curve.kind, "branch": curve.branch}
         | {**row, "n_unstable": row["others_outside"]}
         | dict(zip(keys, (row["value"], row["second"]), strict=True))
@@ -122,7 +122,7 @@ def make_tables(
     return {name: tables[name] for name in order}
 
 
-def _named(grid: Mapping[str, Any]) -> Record:
+def _grid_columns(grid: Mapping[str, Any]) -> Record:
     """Return the grid's values by their columns."""
     return {column_of(key): value for key, value in grid.items()}
 
@@ -135,12 +135,12 @@ def _columns(branch: ComputedBranch, row: Record, key: str) -> Record:
         for names, at in ((COORDINATES, 0), (RATES, half))
         for i in branch.family.scene.coordinates
     }
-    return _named(branch.family.grid) | {"branch": branch.number} | row | {key: row["value"]} | state
+    return _grid_columns(branch.family.grid) | {"branch": branch.number} | row | {key: row["value"]} | state
 
 
 def _table(rows: list[Record], plan: OrbitsPlan, columns: Sequence[str], meant: Columns) -> pd.DataFrame:
     """Make a table with the grid's keys first."""
-    grid = _named(plan.grid)
+    grid = _grid_columns(plan.grid)
     return study_table(rows, [*grid, *columns], {SUPPLY: SWEEP[SUPPLY], **meant}, grid)
 
 

@@ -15,11 +15,11 @@ from vibroplat.designs.samples import QUANTILES
 from vibroplat.results.answer import counted, in_columns
 
 #: Most keys, measures, and keys of a measure that have a line or a place.
-MAX_KEYS, MAX_MEASURES, MAX_TOLD = 4, 3, 3
+MAX_KEYS, MAX_MEASURES, MAX_ELASTICITIES = 4, 3, 3
 #: Distance of a best value from an end of its range, over the range, at which it lies at the end.
-AT_END = 1e-3
+END_DISTANCE = 1e-3
 #: Relative difference of objectives up to which searches agree.
-AGREE = 1e-4
+OBJECTIVE_TOLERANCE = 1e-4
 
 
 def short_answer(plan: DesignPlan, tables: Mapping[str, pd.DataFrame], motion: str) -> tuple[str, list[str]]:
@@ -27,12 +27,12 @@ def short_answer(plan: DesignPlan, tables: Mapping[str, pd.DataFrame], motion: s
     evaluations, samples = tables.get("evaluations"), tables.get("samples")
     tolerances = [] if samples is None else list(_samples(plan, samples, tables["variance_contributions"]))
     if evaluations is not None:
-        found = evaluations[evaluations["best"].astype(bool)]
+        best_rows = evaluations[evaluations["best"].astype(bool)]
         if evaluations.empty:
             return "unknown: the orbit was lost on the way to every starting point of the search", []
-        if found.empty:
+        if best_rows.empty:
             return "no design in this box satisfies all constraints", list(_nearest(plan, evaluations))
-        best = found.iloc[0]
+        best = best_rows.iloc[0]
         return _best(plan, best), [_agreement(plan, best, evaluations), *_values(plan, best), *tolerances]
     if tolerances:
         return tolerances[0], tolerances[1:]
@@ -52,17 +52,17 @@ def label(name: str) -> str:
 def _best(plan: DesignPlan, best: pd.Series) -> str:
     assert plan.minimize is not None
     bounds = [measure_text(name, best[name]) for name in plan.constraints]
-    told = f"best: {measure_text(plan.minimize, best[plan.minimize])}"
-    told += f" with {', '.join(bounds)}" if bounds else ""
+    text = f"best: {measure_text(plan.minimize, best[plan.minimize])}"
+    text += f" with {', '.join(bounds)}" if bounds else ""
     if plan.parameter_tolerances:
-        told += f"; up to {quantity(best['objective'], unit_of(plan.minimize))} within the tolerances"
-    return told
+        text += f"; up to {quantity(best['objective'], unit_of(plan.minimize))} within the tolerances"
+    return text
 
 
 def _agreement(plan: DesignPlan, best: pd.Series, evaluations: pd.DataFrame) -> str:
     """Return how many searches came to the best design."""
-    least = evaluations[evaluations["feasible"].astype(bool)].groupby("start")["objective"].min()
-    same = int((least <= best["objective"] + AGREE * abs(best["objective"])).sum())
+    objectives = evaluations[evaluations["feasible"].astype(bool)].groupby("start")["objective"].min()
+    same = int((objectives <= best["objective"] + OBJECTIVE_TOLERANCE * abs(best["objective"])).sum())
     return f"found by {same} of {plan.starts} searches:"
 
 
@@ -70,7 +70,7 @@ def _values(plan: DesignPlan, best: pd.Series) -> Iterator[str]:
     """Yield the best values of the keys, and which of them lie at an end of their range."""
     for key in [*plan.keys][:MAX_KEYS]:
         low, high = plan.keys[key]
-        room = AT_END * (high - low)
+        room = END_DISTANCE * (high - low)
         end = "lower" if best[key] - low < room else "upper" if high - best[key] < room else ""
         more = f"at the {end} end of its range in design.keys" if end else ""
         value = f"{number(best[key], 4)} {unit_of(key)}".rstrip()
@@ -89,10 +89,10 @@ def _nearest(plan: DesignPlan, evaluations: pd.DataFrame) -> Iterator[str]:
 
 def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFrame) -> Iterator[str]:
     """Yield how many samples within the tolerances are good, the quantiles of measures, and what explains them."""
-    told = [f"{share(samples['stable'].mean())} {'stable' if 'stability_margin' in samples else 'settle alike'}"]
-    together = [*satisfied(plan, samples).values()][:1]
-    told += [f"{with_confidence(count, len(samples))} within bounds" for count in together]
-    yield f"{counted(len(samples), 'machine')} within the tolerances: {', '.join(told)}"
+    texts = [f"{share(samples['stable'].mean())} {'stable' if 'stability_margin' in samples else 'settle alike'}"]
+    together = [*count_satisfied(plan, samples).values()][:1]
+    texts += [f"{with_confidence(count, len(samples))} within bounds" for count in together]
+    yield f"{counted(len(samples), 'machine')} within the tolerances: {', '.join(texts)}"
     asked = (plan.minimize, *plan.constraints, *plan.measures)
     names = [name for name in (*asked, *contributions["measure"].unique()) if name]
     shown = [name for name in dict.fromkeys(names) if name in samples and samples[name].notna().any()][:MAX_MEASURES]
@@ -102,20 +102,20 @@ def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFram
         values = samples[name].quantile(list(QUANTILES)).tolist()
         factor, unit = prefixed(values[1], unit_of(name))
         digits = FREQUENCY_DIGITS if unit == "Hz" else DIGITS
-        told = [f"{label(name)} ({unit})" if unit else label(name)]
-        kept = share(plan.keeps(name, samples[name]).mean()) if name in plan.constraints else ""
-        rows.append([*told, *(number(value / factor, digits) for value in values), *[kept] * each])
+        texts = [f"{label(name)} ({unit})" if unit else label(name)]
+        within = share(plan.keeps(name, samples[name]).mean()) if name in plan.constraints else ""
+        rows.append([*texts, *(number(value / factor, digits) for value in values), *[within] * each])
     yield from in_columns(rows)
     own = contributions[contributions["measure"].isin(shown[:1])].sort_values("regression", ascending=False)
     for _, row in own.head(1).iterrows():
         yield f"{row['key']} explains {share(row['regression'])} of the variance of {label(shown[0])}"
 
 
-def satisfied(plan: DesignPlan, samples: pd.DataFrame) -> dict[str, int]:
+def count_satisfied(plan: DesignPlan, samples: pd.DataFrame) -> dict[str, int]:
     """Count the samples that satisfy all constraints, and each of several; tolerances together may violate one."""
-    kept = {f"  {name} {bound}": plan.keeps(name, samples[name]) for name, bound in plan.constraints.items()}
-    together = {"constraints satisfied": pd.DataFrame(kept).all(axis=1)} if kept else {}
-    return {label: int(inside.sum()) for label, inside in (together | (kept if len(kept) > 1 else {})).items()}
+    within = {f"  {name} {bound}": plan.keeps(name, samples[name]) for name, bound in plan.constraints.items()}
+    together = {"constraints satisfied": pd.DataFrame(within).all(axis=1)} if within else {}
+    return {label: int(inside.sum()) for label, inside in (together | (within if len(within) > 1 else {})).items()}
 
 
 def with_confidence(count: int, number_of_samples: int) -> str:
@@ -135,19 +135,19 @@ def _elasticities(table: pd.DataFrame) -> Iterator[str]:
     for name, own in list(known.groupby("measure", sort=False))[: 2 * MAX_MEASURES]:
         first = own.reindex(own["elasticity"].abs().sort_values(ascending=False, kind="stable").index)
         first = first[first["elasticity"].abs() > NEGLIGIBLE * first["elasticity"].abs().max()]
-        told = _of_keys(dict(zip(first["key"], first["elasticity"], strict=True)))[:MAX_TOLD]
-        rows.append([label(str(name)), quantity(own["value"].iloc[0], unit_of(str(name))), ", ".join(told)])
+        texts = _of_keys(dict(zip(first["key"], first["elasticity"], strict=True)))[:MAX_ELASTICITIES]
+        rows.append([label(str(name)), quantity(own["value"].iloc[0], unit_of(str(name))), ", ".join(texts)])
     yield from in_columns(rows) if rows else ()
 
 
 def _of_keys(elasticities: Mapping[str, float]) -> list[str]:
     """Write elasticities by the last parts of their keys: equal ones of both exciters once, others with its number."""
-    places: dict[tuple[str, str], list[str]] = {}
+    indices_of: dict[tuple[str, str], list[str]] = {}
     for key, elasticity in elasticities.items():
-        place, _, name = key.rpartition(".")
-        places.setdefault((name, number(elasticity, 2)), []).append(place.rpartition(".")[2])
-    told = []
-    for (name, text), found in places.items():
-        which = f" ({int(found[0]) + 1})" if found[0].isdigit() and not found[1:] else ""
-        told.append(f"{name}{which} {text}{' each' if found[1:] else ''}")
-    return told
+        prefix, _, name = key.rpartition(".")
+        indices_of.setdefault((name, number(elasticity, 2)), []).append(prefix.rpartition(".")[2])
+    texts = []
+    for (name, text), indices in indices_of.items():
+        which = f" ({int(indices[0]) + 1})" if indices[0].isdigit() and not indices[1:] else ""
+        texts.append(f"{name}{which} {text}{' each' if indices[1:] else ''}")
+    return texts

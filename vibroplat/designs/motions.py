@@ -44,10 +44,10 @@ def settling_plan(scene: Scene) -> SweepPlan:
     return scene.sweep or SweepPlan.model_validate({"supply_frequency_hz": {"start": supply, "stop": supply}})
 
 
-def brief_plan(scene: Scene, settling: float = 1.0, measured: float = 1.0, **more: float) -> SweepPlan:
+def brief_plan(scene: Scene, settling: float = 1.0, measures_at: float = 1.0, **more: float) -> SweepPlan:
     """Return how a motion settles that begins near, and is measured, for so many times the time."""
     turn = 2.0 * math.pi / scene.speed_scale
-    times = {"max_settle_s": settling * MAX_SETTLING_TURNS * turn, "measure_s": measured * MEASURED_TURNS * turn}
+    times = {"max_settle_s": settling * MAX_SETTLING_TURNS * turn, "measure_s": measures_at * MEASURED_TURNS * turn}
     how = {"settle_by": "section", "perturbation": START_DISTANCE, "lyapunov": False}
     return settling_plan(scene).model_copy(update=times | how | more)
 
@@ -101,7 +101,7 @@ class MotionNeighbourhood:
         except ConfigError as error:
             raise NoConvergenceError(f"no scene has these values: {error}") from None
 
-    def _beside(self, begin: MotionNeighbourhood, change: FloatArray) -> MotionNeighbourhood:
+    def _step_to(self, begin: MotionNeighbourhood, change: FloatArray) -> MotionNeighbourhood:
         """Find the motion after relative changes of keys from another one; this one if its regime is another there."""
         try:
             return begin.correct(self.values * (1.0 + change))
@@ -110,14 +110,14 @@ class MotionNeighbourhood:
 
     def gradients(self, names: Sequence[str]) -> FloatArray:
         """Differentiate measures by all keys, shape (names, keys); nan where that is not possible."""
-        step, found = STEP if self.known["period"] else WIDE_STEP, np.empty((2, len(names), len(self.keys)))
+        step, slopes = STEP if self.known["period"] else WIDE_STEP, np.empty((2, len(names), len(self.keys)))
         for k, key in enumerate(np.eye(len(self.keys))):
             above = below = self
             for n, change in enumerate((step * key, 0.5 * step * key)):
-                above, below = self._beside(above, change), self._beside(below, -change)
+                above, below = self._step_to(above, change), self._step_to(below, -change)
                 high, low = (np.array([one.measures[name] for name in names], float) for one in (above, below))
-                found[n, :, k] = (high - low) / ((above.values - below.values)[k] or np.nan)
-        own, sizes = np.abs(found[0] - found[1]), np.abs(self.values)
+                slopes[n, :, k] = (high - low) / ((above.values - below.values)[k] or np.nan)
+        own, sizes = np.abs(slopes[0] - slopes[1]), np.abs(self.values)
         typical = np.nanmedian(own * sizes, axis=1, keepdims=True) / sizes
         self.errors = np.hypot(own, typical)
-        return np.asarray(found.mean(axis=0))
+        return np.asarray(slopes.mean(axis=0))

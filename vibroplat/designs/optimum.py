@@ -87,78 +87,78 @@ class DesignProblem:
         self._slopes: dict[int, FloatArray] = {}  # of those that are known, which stay
         self.rows: list[Record] = []
 
-    def values(self, place: FloatArray) -> FloatArray:
+    def values(self, point: FloatArray) -> FloatArray:
         """Values of the keys at a place."""
         low, high = self._ends
-        return np.where(self.log, low * (high / low) ** place, self.low + place * (self.high - self.low))
+        return np.where(self.log, low * (high / low) ** point, self.low + point * (self.high - self.low))
 
     def place(self, values: FloatArray) -> FloatArray:
         """Place of values of the keys, in the box."""
         low, high = self._ends
-        found = np.log(np.where(self.log, values, low) / low) / np.log(high / low)
-        return np.clip(np.where(self.log, found, (values - self.low) / (self.high - self.low)), 0.0, 1.0)
+        log_fraction = np.log(np.where(self.log, values, low) / low) / np.log(high / low)
+        return np.clip(np.where(self.log, log_fraction, (values - self.low) / (self.high - self.low)), 0.0, 1.0)
 
-    def at(self, place: FloatArray) -> list[Neighbourhood] | None:
+    def at(self, point: FloatArray) -> list[Neighbourhood] | None:
         """Orbits at a place, one for each scene of the spread; None if one is lost or lacks a measure."""
-        name = place.tobytes()
+        name = point.tobytes()
         if name not in self._found:
-            values, found = np.append(self.values(place), self.local.values[self.size :]), list[Neighbourhood]()
+            values, orbits = np.append(self.values(point), self.local.values[self.size :]), list[Neighbourhood]()
             try:
                 for factor in self.factors:
                     wanted = values * factor
                     near = min(self._known, key=lambda k: float(np.abs((wanted - k.values) / self.local.values).max()))
-                    found.append(near.correct(wanted))
-                    self._known.append(found[-1])
-                    if not np.isfinite(self._measures(found[-1])[self._aims]).all():
+                    orbits.append(near.correct(wanted))
+                    self._known.append(orbits[-1])
+                    if not np.isfinite(self._measures(orbits[-1])[self._aims]).all():
                         raise NoConvergenceError("a measure has no value there")
             except NoConvergenceError:
-                found.clear()
-            self._found[name] = found or None
-            if found:
+                orbits.clear()
+            self._found[name] = orbits or None
+            if orbits:
                 own = {key: float(v) for key, v in zip(self.local.keys[: self.size], values, strict=False)}
-                excess = self.violation(place)
-                told = {"objective": self.worst(place), "violation": excess, "feasible": excess <= VIOLATION_TOLERANCE}
-                self.rows.append(own | self.measured(place) | told)
+                excess = self.violation(point)
+                marks = {"objective": self.worst(point), "violation": excess, "feasible": excess <= VIOLATION_TOLERANCE}
+                self.rows.append(own | self.measures_at(point) | marks)
         return self._found[name]
 
     def _measures(self, local: Neighbourhood) -> FloatArray:
         return np.array([local.measures[name] for name in self.names], float)
 
-    def measured(self, place: FloatArray) -> Record:
+    def measures_at(self, point: FloatArray) -> Record:
         """Measures of the scene without tolerances at a place."""
-        found = self.at(place)
-        assert found is not None
-        return {name: found[0].measures[name] for name in self.names}
+        orbits = self.at(point)
+        assert orbits is not None
+        return {name: orbits[0].measures[name] for name in self.names}
 
-    def bounds(self, place: FloatArray) -> FloatArray:
+    def bounds(self, point: FloatArray) -> FloatArray:
         """How far inside the bounds each scene is, in scales: shape (scenes · bounds,)."""
-        found = self.at(place)
-        assert found is not None
-        inside = [self._signs * (self._measures(k)[self._bounded] - self._limits) / self._scales for k in found]
+        orbits = self.at(point)
+        assert orbits is not None
+        inside = [self._signs * (self._measures(k)[self._bounded] - self._limits) / self._scales for k in orbits]
         return np.concatenate(inside)
 
-    def violation(self, place: FloatArray) -> float:
+    def violation(self, point: FloatArray) -> float:
         """Largest violation of a bound."""
-        return max(float(-self.bounds(place).min(initial=0.0)), 0.0)
+        return max(float(-self.bounds(point).min(initial=0.0)), 0.0)
 
-    def objective(self, place: FloatArray) -> FloatArray:
+    def objective(self, point: FloatArray) -> FloatArray:
         """Return the measure that is to be least, over its size in the scene as given, shape (scenes,)."""
-        found = self.at(place)
-        assert found is not None
-        return np.array([self._measures(k)[self._least] for k in found]) / self._unit
+        orbits = self.at(point)
+        assert orbits is not None
+        return np.array([self._measures(k)[self._least] for k in orbits]) / self._unit
 
-    def worst(self, place: FloatArray) -> float:
+    def worst(self, point: FloatArray) -> float:
         """Return the measure that is to be least, in the worst scene."""
-        return float(self.objective(place).max()) * self._unit
+        return float(self.objective(point).max()) * self._unit
 
-    def gradients(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def gradients(self, point: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Differentiate bounds and objective by the place."""
-        found = self.at(place)
-        assert found is not None
+        orbits = self.at(point)
+        assert orbits is not None
         low, high = self._ends
-        stretched = np.where(self.log, self.values(place) * np.log(high / low), self.high - self.low)
+        stretched = np.where(self.log, self.values(point) * np.log(high / low), self.high - self.low)
         bounds, objective = [], []
-        for local, factor in zip(found, self.factors, strict=True):
+        for local, factor in zip(orbits, self.factors, strict=True):
             slopes = self._gradients(local) * stretched * factor[: self.size]
             bounds.append((self._signs / self._scales)[:, np.newaxis] * slopes[self._bounded])
             objective.append(slopes[self._least] / self._unit)
@@ -195,8 +195,8 @@ class DesignProblem:
             lost = self.at(u[:-1]) is None
             good = good if lost else u[:-1].copy()
             bounds, objective = self.bounds(good), self.objective(good)
-            found = bounds + u[-1] if first else np.append(bounds, u[-1] - objective)
-            return np.asarray(found - LOST_PENALTY * lost)
+            inside_by = bounds + u[-1] if first else np.append(bounds, u[-1] - objective)
+            return np.asarray(inside_by - LOST_PENALTY * lost)
 
         def slopes(u: FloatArray) -> FloatArray:
             bounds, objective = self.gradients(u[:-1] if self.at(u[:-1]) is not None else good)
@@ -208,7 +208,7 @@ class DesignProblem:
         last = np.eye(start.size + 1)[-1]
         begin = self.violation(start) if first else float(self.objective(start).max())
         with one_thread():  # of the LAPACK of scipy, which has just been loaded
-            found = minimize(
+            solution = minimize(
                 lambda u: u[-1],
                 np.append(start, begin),
                 jac=lambda _: last,
@@ -217,11 +217,11 @@ class DesignProblem:
                 method="SLSQP",
                 options={"maxiter": MAX_VIOLATION_ITERATIONS if first else MAX_ITERATIONS, "ftol": SEARCH_TOLERANCE},
             ).x[:-1]
-        ends = [place for place in (np.clip(found, 0.0, 1.0), start) if self.at(place) is not None]
+        ends = [point for point in (np.clip(solution, 0.0, 1.0), start) if self.at(point) is not None]
         if first:
             return min(ends, key=self.violation)
-        kept = [place for place in ends if self.violation(place) <= VIOLATION_TOLERANCE * 10.0]
-        return min(kept or ends, key=lambda place: float(self.objective(place).max()))
+        feasible = [point for point in ends if self.violation(point) <= VIOLATION_TOLERANCE * 10.0]
+        return min(feasible or ends, key=lambda point: float(self.objective(point).max()))
 
 
 def run_search(
@@ -250,10 +250,10 @@ def run_search(
             start = model.place(model.local.values[: model.size])
         else:
             start = 0.5 * (sobol_points(plan.seed, model.size, number, number + 1)[0] + 1.0)
-        place, best = model.search(start), None
-        if place is not None:
-            values = dict(zip(plan.keys, model.values(place).tolist(), strict=True))
-            best = {"objective": model.worst(place), "values": values, "measures": model.measured(place)}
+        point, best = model.search(start), None
+        if point is not None:
+            values = dict(zip(plan.keys, model.values(point).tolist(), strict=True))
+            best = {"objective": model.worst(point), "values": values, "measures": model.measures_at(point)}
         return {"rows": [{"start": number, **row} for row in model.rows], "best": best}
 
 
@@ -269,5 +269,5 @@ def measure_design(scene: Scene, known: Record, values: dict[str, float]) -> Rec
     row = measure_point(other, settling_plan(other), None, (0,)).row
     if row["outcome"] != "ok":
         return {"row": {}, "regime": row["outcome"], "same": False}
-    told = name_regime(row)
-    return {"row": row, "regime": told, "same": told == name_regime(known)}
+    regime = name_regime(row)
+    return {"row": row, "regime": regime, "same": regime == name_regime(known)}

@@ -21,29 +21,29 @@ from vibroplat.study import titles
 #: Pictures by their names, which are those of the tables that they show.
 OPTIONS = ()
 #: Tolerances that are told, at most, and letters of a line above the first panel, whose middle must lie above it.
-MOST, LETTERS = 10, 88
+MAX_LISTED, LINE_WIDTH = 10, 88
 #: Ratio of values from which on an axis is logarithmic: searches begin far away.
-WIDE = 5.0
+LOG_SCALE_RATIO = 5.0
 #: What is said of designs that keep all bounds.
-KEEPS = "keeps all bounds"
+FEASIBLE = "keeps all bounds"
 #: Distance of a bound from samples up to which it is drawn, over their range.
-NEAR = 0.3
+BOUND_DISTANCE = 0.3
 
 
 def pictures(results: Sequence[Result], kinds: Sequence[str] = ()) -> list[picture.Picture]:
     """Return the pictures of each result: those that its tables have, or these kinds."""
-    found = []
+    made = []
     for result in results:
         plan = DesignPlan.model_validate(result.given("design"))
-        held = [kind for kind in ("sensitivities", "samples", "evaluations") if kind in result.tables]
-        for kind in kinds or held:
-            if kind not in held:
-                raise TableError(f"{result.name} holds no table {kind}; allowed: {', '.join(held)}")
-            found.append(_MAKERS[kind](result, plan))
-    return found
+        available = [kind for kind in ("sensitivities", "samples", "evaluations") if kind in result.tables]
+        for kind in kinds or available:
+            if kind not in available:
+                raise TableError(f"{result.name} holds no table {kind}; allowed: {', '.join(available)}")
+            made.append(_MAKERS[kind](result, plan))
+    return made
 
 
-def _told(result: Result, plan: DesignPlan, told: str = "") -> str:
+def _caption(result: Result, plan: DesignPlan, told: str = "") -> str:
     """Return names, the parameters of a scene without keys whose best values are not those of the scene, and more."""
     varied = [] if plan.minimize is None else list(plan.keys)
     return "\n".join(filter(None, (named([result.name], sweep_parameters(result.known_scene, varied)), told)))
@@ -88,7 +88,7 @@ def _sensitivities(result: Result, plan: DesignPlan) -> picture.Picture:
         series=series,
         facets=facets,
         choice="measure",
-        told=_told(result, plan),
+        told=_caption(result, plan),
         meaning="Relative change of the measure over that of a key. Blue: both grow together, orange: one falls as the "
         "other grows.",
     )
@@ -96,39 +96,39 @@ def _sensitivities(result: Result, plan: DesignPlan) -> picture.Picture:
 
 def _strongest(known: pd.DataFrame) -> str:
     """Say which key moves the first measures most."""
-    told, sizes = list[str](), known["elasticity"].astype(float).abs()
+    texts, sizes = list[str](), known["elasticity"].astype(float).abs()
     largest = known.loc[sizes.groupby(known["measure"]).idxmax()].sort_values("elasticity", key=abs, ascending=False)
     for _, row in largest.head(2).iterrows():
         change = digits.number(float(row["elasticity"]))
-        told.append(f"{indexed_name(str(row['measure']))} {change} % for 1 % of {key_name(str(row['key']))}")
-    return titles.sentence(*told) or "No measure depends on a key"
+        texts.append(f"{indexed_name(str(row['measure']))} {change} % for 1 % of {key_name(str(row['key']))}")
+    return titles.sentence(*texts) or "No measure depends on a key"
 
 
 def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
     """Return samples in the order of each measure that varies, in the colours of their regimes, with bounds."""
     table = picture.finite(content.rows_in(result, "samples", ("regime",)))
     asked = [m for m in _elasticities(result).dropna(subset=["elasticity"])["measure"].unique() if m in table]
-    told = content.content_of(table, [*asked, *(name for name in plan.constraints if name in table)])
-    shown = [name for name, text in told.items() if not text]
+    texts = content.content_of(table, [*asked, *(name for name in plan.constraints if name in table)])
+    shown = [name for name, text in texts.items() if not text]
     nominal = _nominal(result, plan)
     panels, _ = content.measures(table, asked=shown) if shown else ([], "")
     lost = ~table["stable"].astype(bool) & ("stability_margin" in table)
     regimes = table["regime"].mask(lost, table["regime"] + ", orbit lost").fillna("lost")
     colours = picture.attractor_colours(regimes)
     classes = {name: (colour, name) for name, colour in colours.items()}
-    spread = [f"{key_name(key)} ±{100.0 * share:g} %" for key, share in plan.parameter_tolerances.items()]
-    spread[MOST:] = [f"{len(spread) - MOST} more"] if spread[MOST:] else []
-    left = ", ".join(filter(None, told.values()))
+    spread = [f"{key_name(key)} ±{100.0 * tolerance:g} %" for key, tolerance in plan.parameter_tolerances.items()]
+    spread[MAX_LISTED:] = [f"{len(spread) - MAX_LISTED} more"] if spread[MAX_LISTED:] else []
+    omitted = ", ".join(filter(None, texts.values()))
     lines = [picture.Line(name, [nominal[name]], "nominal") for name in shown if pd.notna(nominal.get(name))]
     notes = dict[str, str]()
     for name in (name for name in plan.constraints if name in shown):
         notes[name] = f"{bound_of(plan, name)}: {digits.share(float(plan.keeps(name, table[name]).mean()))} keep it"
         bound, low, high = plan.bound(name)[1], float(table[name].min()), float(table[name].max())
-        if low - NEAR * (high - low) <= bound <= high + NEAR * (high - low):
+        if low - BOUND_DISTANCE * (high - low) <= bound <= high + BOUND_DISTANCE * (high - low):
             lines.append(picture.Line(name, [bound], "bound", "-", picture.VERMILION))
     more = (
-        fill(", ".join(part.replace(" ", "\N{NO-BREAK SPACE}") for part in spread), LETTERS),
-        left and f"hardly varies: {left}",
+        fill(", ".join(part.replace(" ", "\N{NO-BREAK SPACE}") for part in spread), LINE_WIDTH),
+        omitted and f"hardly varies: {omitted}",
     )
     return picture.Picture(
         name="samples",
@@ -145,7 +145,7 @@ def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
         or [picture.Panel("sample", title="no measure varies")],
         series=[picture.Series("", np.arange(len(table)) if panels else np.zeros(0, dtype=int), mode="dots")],
         lines=lines,
-        told=_told(result, plan, "\n".join(filter(None, more))),
+        told=_caption(result, plan, "\n".join(filter(None, more))),
         meaning="Each dot is a scene within the spread, in the colour of its regime; rings: 5, 50 and 95 %.",
     )
 
@@ -153,9 +153,9 @@ def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
 def _within(plan: DesignPlan, table: pd.DataFrame, shown: Sequence[str]) -> str:
     """Say how many samples keep all bounds, or how far most samples spread."""
     if bounds := [name for name in plan.constraints if name in table]:
-        kept = np.logical_and.reduce([plan.keeps(name, table[name]) for name in bounds])
+        inside = np.logical_and.reduce([plan.keeps(name, table[name]) for name in bounds])
         words = " and ".join(bound_of(plan, name) for name in bounds)
-        return f"{int(kept.sum())} of {len(table)} samples keep {words}"
+        return f"{int(inside.sum())} of {len(table)} samples keep {words}"
     if not shown:
         return f"No measure varies among {len(table)} samples"
     low, high = np.percentile(table[shown[0]].dropna().astype(float), (5.0, 95.0))
@@ -180,14 +180,14 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
     lost = ~front["feasible"].astype(bool)
     special = pd.concat([best, front], ignore_index=True) if len(front) else best
     bounded = sorted(plan.constraints, key=lambda name: (name not in plan.pareto, name == "stability_margin"))
-    panels, left = _measures(table, aims)
+    panels, omitted = _measures(table, aims)
     shown = [panel.column for panel in panels]
     reasons = _reasons(plan, table)
     series = [
         picture.Series(
             f"{why} ({(reasons == why).sum()})", content.rows_of(reasons == why), colour=colour, mode="markers"
         )
-        for why, colour in zip(dict.fromkeys(sorted(reasons, key=KEEPS.__ne__)), picture.CURVES, strict=False)
+        for why, colour in zip(dict.fromkeys(sorted(reasons, key=FEASIBLE.__ne__)), picture.CURVES, strict=False)
     ]
     mark = picture.Mark("best", "the least that keeps all bounds", "*", [len(table)], picture.VERMILION)
     begin = len(table) + len(best)
@@ -219,7 +219,7 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
         ],
         states=np.array(states, dtype=int),
         meanings=("", "", "", "bound that nothing keeps"),
-        told=_told(result, plan, left),
+        told=_caption(result, plan, omitted),
         meaning="Filled: all bounds are kept, open: they are not.",
         orbits=picture.Orbits(everything, range(len(table), len(everything)), words="Orbit of this design."),
     )
@@ -228,12 +228,12 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
 def _reasons(plan: DesignPlan, table: pd.DataFrame) -> pd.Series:
     """Say of each evaluation that it keeps all bounds, or the first one that it violates."""
     drawn = "only as drawn, not at the ends of tolerances" if plan.parameter_tolerances else "not feasible"
-    found = pd.Series(drawn, table.index)
+    reasons = pd.Series(drawn, table.index)
     if "stability_margin" in table:
-        found = found.mask(table["stability_margin"].astype(float) <= 0.0, "unstable")
+        reasons = reasons.mask(table["stability_margin"].astype(float) <= 0.0, "unstable")
     for name in reversed(plan.constraints):
-        found = found.where(plan.keeps(name, table[name]), f"violates {bound_of(plan, name)}")
-    return found.mask(table["feasible"].astype(bool), KEEPS)
+        reasons = reasons.where(plan.keeps(name, table[name]), f"violates {bound_of(plan, name)}")
+    return reasons.mask(table["feasible"].astype(bool), FEASIBLE)
 
 
 def _measures(table: pd.DataFrame, aims: Sequence[str]) -> tuple[list[picture.Panel], str]:
@@ -243,10 +243,10 @@ def _measures(table: pd.DataFrame, aims: Sequence[str]) -> tuple[list[picture.Pa
     others = [
         str(name) for name in table if name not in {"start", "objective", "violation", "period", "feasible", "best"}
     ]
-    shown, left = content.measures(table, [*aims, *others])
+    shown, omitted = content.measures(table, [*aims, *others])
     least, largest = table.min(numeric_only=True), table.max(numeric_only=True)
-    wide = (least > 0.0) & (largest > WIDE * least)
-    return [replace(panel, scale="log" if wide[panel.column] else "linear") for panel in shown], left
+    wide = (least > 0.0) & (largest > LOG_SCALE_RATIO * least)
+    return [replace(panel, scale="log" if wide[panel.column] else "linear") for panel in shown], omitted
 
 
 _MAKERS: Mapping[str, Callable[[Result, DesignPlan], picture.Picture]] = {

@@ -57,7 +57,7 @@ def sobol_points(seed: int, count: int, first: int, stop: int) -> FloatArray:
 
 
 def measure_samples(
-    scene: Scene, names: Sequence[str], known: Record, first: int, places: Sequence[Sequence[float]]
+    scene: Scene, names: Sequence[str], known: Record, first: int, points: Sequence[Sequence[float]]
 ) -> Record:
     """Measure samples of a scene with a plan, from a number on, at places from −1 to 1; ``rows`` of the table."""
     plan = scene.design
@@ -65,8 +65,8 @@ def measure_samples(
     spread, rows = np.array(list(plan.parameter_tolerances.values())), []
     with closing(local_orbit(scene, list(plan.parameter_tolerances), known)) as local:
         _ = getattr(local, "tangents", None)  # all samples are predicted by them, where there are any
-        for number, place in enumerate(np.array(places), first):
-            values = local.values * (1.0 + spread * place)
+        for number, point in enumerate(np.array(points), first):
+            values = local.values * (1.0 + spread * point)
             row = {"sample": number, **dict(zip(local.keys, values.tolist(), strict=True))}
             state = local.state
             try:
@@ -75,14 +75,14 @@ def measure_samples(
             except NoConvergenceError:
                 there = None
             if there is not None and there.margin > 0.0:
-                found = there.measures
-                row |= {"stable": True, "regime": name_regime({**known, **found})}
+                measures = there.measures
+                row |= {"stable": True, "regime": name_regime({**known, **measures})}
             else:
                 with errors_about("design.parameter_tolerances"):  # which may be impossible together
                     other = scene.replace(dict(zip(local.keys, values.tolist(), strict=True)))
-                found = measure_point(other, brief_plan(other), state.tolist(), (number,)).row
-                row |= {"stable": False, "regime": name_regime(found)}
-            rows.append(row | {name: found.get(name) for name in names if name != "stability_margin"})
+                measures = measure_point(other, brief_plan(other), state.tolist(), (number,)).row
+                row |= {"stable": False, "regime": name_regime(measures)}
+            rows.append(row | {name: measures.get(name) for name in names if name != "stability_margin"})
     return {"rows": rows}
 
 
@@ -94,8 +94,8 @@ def variance_contributions(table: pd.DataFrame, keys: Sequence[str], measures: S
             continue
         own, explained = _regression(table, keys, name)
         rows += [
-            dict(zip(VARIANCE_CONTRIBUTIONS, (name, key, share, explained), strict=True))
-            for key, share in zip(keys, own.tolist(), strict=True)
+            dict(zip(VARIANCE_CONTRIBUTIONS, (name, key, fraction, explained), strict=True))
+            for key, fraction in zip(keys, own.tolist(), strict=True)
         ]
     return study_table(rows, list(VARIANCE_CONTRIBUTIONS), VARIANCE_CONTRIBUTIONS)
 

@@ -44,7 +44,7 @@ GRAVITY = "machine.gravity_m_per_s2"
 #: Sections whose numbers enter the equations; those of ``transport`` have no derivatives along an orbit.
 SECTIONS = (*sensitivity.SECTIONS, "transport")
 #: Errors of a derivative up to which it may be 0.
-SURE = 2.0
+MIN_SLOPE_ERRORS = 2.0
 
 #: What is found at values of keys: an orbit, or where a scene has none a motion that has settled.
 Neighbourhood = OrbitNeighbourhood | MotionNeighbourhood
@@ -73,7 +73,7 @@ SENSITIVITIES: Columns = {
 
 def varied_keys(scene: Scene) -> list[str]:
     """List the keys of a scene with numbers other than 0 that its equations depend on."""
-    found, p = [], _numbers(parameters(scene))
+    keys, p = [], _numbers(parameters(scene))
     for name, node in nodes(Scene).items():
         if node.is_section or name.partition(".")[0] not in SECTIONS:
             continue
@@ -86,8 +86,8 @@ def varied_keys(scene: Scene) -> list[str]:
             except ValueError:
                 continue
             if (changed != p).any():
-                found.append(key)
-    return found
+                keys.append(key)
+    return keys
 
 
 def _numbers(p: Parameters) -> FloatArray:
@@ -101,8 +101,8 @@ def tolerances_of_keys(scene: Scene, given: Mapping[str, float]) -> tuple[dict[s
     Left out are 0, gravity, other values than numbers, and numbers that may not be as much larger or smaller. A key
     that is given has its own tolerance. A section without numbers is a ConfigError.
     """
-    found, notes = dict[str, float](), list[str]()
-    for name, share in given.items():
+    tolerances, notes = dict[str, float](), list[str]()
+    for name, size in given.items():
         if name not in SECTIONS:
             continue
         varied = [key for key in varied_keys(scene) if key.startswith(f"{name}.")]
@@ -110,22 +110,22 @@ def tolerances_of_keys(scene: Scene, given: Mapping[str, float]) -> tuple[dict[s
             if key == GRAVITY or in_lists(key.split(".")) in given:  # of no machine; both exciters alike
                 continue
             try:
-                for end in (-share, share):
+                for end in (-size, size):
                     require_allowed(scene, name, key, value_of(scene, key) * (1.0 + end))
             except ConfigError:
                 continue
-            found[key] = share
-        if not found.keys() & varied:
+            tolerances[key] = size
+        if not tolerances.keys() & varied:
             sections = [one for one in SECTIONS if any(key.startswith(f"{one}.") for key in varied_keys(scene))]
             raise ConfigError(
-                f"design.parameter_tolerances.{name} = {share}: the motion depends on no number of this section that "
+                f"design.parameter_tolerances.{name} = {size}: the motion depends on no number of this section that "
                 f"may vary so; allowed: {', '.join(sections)}, or a key"
             )
-        known = found.keys() | given.keys() | {GRAVITY}
+        known = tolerances.keys() | given.keys() | {GRAVITY}
         left = [k for k in _given_keys(scene, name) if not {k, in_lists(k.split("."))} & known]
         if left:
             notes.append(f"{HINT}no tolerance: {', '.join(left)} (0, no number, unused, or no such values allowed)")
-    return found | {key: share for key, share in given.items() if key not in SECTIONS}, notes
+    return tolerances | {key: size for key, size in given.items() if key not in SECTIONS}, notes
 
 
 def _given_keys(scene: Scene, section: str) -> list[str]:
@@ -141,7 +141,7 @@ def require_keys(scene: Scene, keys: Sequence[str], where: str) -> None:
         raise ConfigError("drive.program is given, but designs have a constant supply; allowed: supply_frequency_hz")
     allowed = varied_keys(scene)
     for key in keys:
-        own = {key.replace(".N.", f".{place}.") for place in (0, 1)}
+        own = {key.replace(".N.", f".{index}.") for index in (0, 1)}
         first, *others = (value_of(scene, one) for one in own)
         if any(other != first for other in others):
             raise ConfigError(f"{where}.{key} has two values; allowed: equal ones, or a place instead of N")
@@ -225,22 +225,22 @@ def rows(local: Neighbourhood, names: Sequence[str]) -> list[dict[str, Any]]:
     """Make the rows of the table of sensitivities of an orbit."""
     names = [name for name in names if local.measures.get(name) is not None]
     try:
-        found = local.gradients(names)
+        slopes = local.gradients(names)
     except NoConvergenceError as error:
         raise OrbitError(f"the measures cannot be differentiated: {error}") from None
-    found_rows, errors = [], getattr(local, "errors", np.full(found.shape, np.nan))
-    for name, by_key, off in zip(names, found.tolist(), errors.tolist(), strict=True):
+    table_rows, errors = [], getattr(local, "errors", np.full(slopes.shape, np.nan))
+    for name, by_key, off in zip(names, slopes.tolist(), errors.tolist(), strict=True):
         nominal = local.measures[name]
         kind = [
             abs(v) for n, v in local.measures.items() if isinstance(v, float) and n.split("_")[0] == name.split("_")[0]
         ]
-        told = nominal and abs(nominal) > ROUND_OFF_RATIO * max(kind)
+        significant = nominal and abs(nominal) > ROUND_OFF_RATIO * max(kind)
         for key, value, slope, wrong in zip(local.keys, map(float, local.values), by_key, off, strict=True):
-            sure = told and not abs(slope) <= SURE * wrong  # nan of an orbit
+            sure = significant and not abs(slope) <= MIN_SLOPE_ERRORS * wrong  # nan of an orbit
             numbers = (slope, slope * value / nominal if sure else np.nan, wrong)
             words = (name, key, nominal, *(None if np.isnan(number) else number for number in numbers))
-            found_rows.append(dict(zip(SENSITIVITIES, words, strict=True)))
-    return found_rows
+            table_rows.append(dict(zip(SENSITIVITIES, words, strict=True)))
+    return table_rows
 
 
 def sensitivities(
@@ -260,7 +260,7 @@ def table(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     return study_table(rows, list(SENSITIVITIES), SENSITIVITIES)
 
 
-def largest_elasticities(table: Sequence[dict[str, Any]], measure: str, most: int) -> list[dict[str, Any]]:
+def largest_elasticities(table: Sequence[dict[str, Any]], measure: str, count: int) -> list[dict[str, Any]]:
     """Choose the rows of a measure with the largest elasticities."""
     own = [row for row in table if row["measure"] == measure and row["elasticity"] is not None]
-    return sorted(own, key=lambda row: -abs(row["elasticity"]))[:most]
+    return sorted(own, key=lambda row: -abs(row["elasticity"]))[:count]

@@ -16,7 +16,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.designs import optimum
 from vibroplat.designs import samples as of_samples
 from vibroplat.designs import sensitivities as of_keys
-from vibroplat.designs.answer import label, measure_text, satisfied, short_answer, with_confidence
+from vibroplat.designs.answer import count_satisfied, label, measure_text, short_answer, with_confidence
 from vibroplat.designs.motions import NO_ORBITS, name_regime
 from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
@@ -34,7 +34,7 @@ from vibroplat.study.sweep import SWEEP
 #: Maximum number of keys printed for each measure.
 MAX_PRINTED_KEYS = 4
 #: Smallest share of a variance that is printed.
-LEAST_SHARE = 0.005
+MIN_PRINTED_FRACTION = 0.005
 
 
 _VARIED: Columns = {"…": Column("values of the keys that vary, under their dotted names", "see configuration.md")}
@@ -109,27 +109,27 @@ class DesignStudy(Study):
         """Find the orbit, differentiate it, search for the optimum, and measure samples around it."""
         run = _Runner(store, workers, progress)
         known = run.one("settled", of_keys.settle_on_orbit, self.scene)
-        found = run.one("sensitivities", of_keys.orbit_sensitivities, self.scene, self.keys, self.names, known)
+        sensitivities = run.one("sensitivities", of_keys.orbit_sensitivities, self.scene, self.keys, self.names, known)
         if self.plan.minimize is not None and not known["period"]:
             raise ConfigError(f"design.minimize: {name_regime(known)} motion has no smooth measures; allowed: samples")
         for name in self.aims:
-            if found["measures"][name] is None:
+            if sensitivities["measures"][name] is None:
                 raise ConfigError(
                     f"design: {name} has no value for the motion of this scene; allowed: a measure that has one"
                 )
-        tables = {"sensitivities": of_keys.table(found["rows"])}
-        lines = {"motion": f"{name_regime(known)}, {_stability(found['measures'].get('stability_margin'))}"}
-        text = list(_key_lines(found, self.names))
+        tables = {"sensitivities": of_keys.table(sensitivities["rows"])}
+        lines = {"motion": f"{name_regime(known)}, {_stability(sensitivities['measures'].get('stability_margin'))}"}
+        text = list(_key_lines(sensitivities, self.names))
         if self.plan.minimize is None:
             return self._with_samples(run, self.scene, known, self._result(tables, Answer(lines, text, self.notes)))
-        best, found = self._best(run, known, tables)
-        lines |= found
+        best, best_lines = self._best(run, known, tables)
+        lines |= best_lines
         if best is None:
             return self._result(tables, Answer(lines, text))
         scene = self.scene.replace(best["values"])
         row = run.one("confirmed", optimum.measure_design, self.scene, known, best["values"])
-        told = [measure_text(name, row["row"][name]) for name in self.aims if row["row"].get(name) is not None]
-        lines |= {"from rest": ", ".join([row["regime"], *told])}
+        texts = [measure_text(name, row["row"][name]) for name in self.aims if row["row"].get(name) is not None]
+        lines |= {"from rest": ", ".join([row["regime"], *texts])}
         other = f"started from rest, the best design converges to {row['regime']}, not to the optimized orbit"
         notes = self.notes + ([] if row["same"] else [other])
         if not row["same"] and self.plan.parameter_tolerances and self.plan.samples:
@@ -143,20 +143,18 @@ class DesignStudy(Study):
         self, tables: Mapping[str, pd.DataFrame], answer: Answer, configurations: Mapping[str, str] | None = None
     ) -> Result:
         headline, short = short_answer(self.plan, tables, answer.lines["motion"])
-        told = answer._replace(headline=headline, short=short)
-        return Result("design", self.scene, tables, told, configurations=configurations)
+        answer = answer._replace(headline=headline, short=short)
+        return Result("design", self.scene, tables, answer, configurations=configurations)
 
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
         """Choose the orbit of the scene as given and the orbit of the best evaluated design."""
-        told = result.sensitivities.dropna(subset=["elasticity"])  # others are round-off
-        nominal: Record = dict(zip(told["measure"], told["value"].tolist(), strict=True))
-        found = [("at the values of the scene", Record(), nominal)]
-        tried = result.tables.get("evaluations")
-        for _, best in () if tried is None else tried[tried["best"]].iterrows():
-            found.append(("at the best design", {k: best[k] for k in self.plan.keys}, {n: best[n] for n in nominal}))
-        return [
-            CrossCheckCase(place, Task(of_keys.measure_at, (other(self.scene), at)), row) for place, at, row in found
-        ]
+        significant = result.sensitivities.dropna(subset=["elasticity"])  # others are round-off
+        nominal: Record = dict(zip(significant["measure"], significant["value"].tolist(), strict=True))
+        cases = [("at the values of the scene", Record(), nominal)]
+        evaluations = result.tables.get("evaluations")
+        for _, best in () if evaluations is None else evaluations[evaluations["best"]].iterrows():
+            cases.append(("at the best design", {k: best[k] for k in self.plan.keys}, {n: best[n] for n in nominal}))
+        return [CrossCheckCase(name, Task(of_keys.measure_at, (other(self.scene), at)), row) for name, at, row in cases]
 
     def _best(
         self, run: _Runner, known: Record, tables: dict[str, pd.DataFrame]
@@ -164,9 +162,9 @@ class DesignStudy(Study):
         """Search for the optimum and the Pareto front; add their tables, and return the optimum and printed lines."""
         bounds = {name: self.plan.bound(name) for name in self.plan.constraints}
         search, asked = optimum.run_search, (self.scene, self.names, known)
-        found = run.all({f"start {n}": Task(search, (*asked, bounds, n, None)) for n in range(self.plan.starts)})
-        rows = [row | {"best": False, "period": known["period"]} for part in found for row in part["rows"]]
-        bests = [part["best"] for part in found if part["best"] is not None]
+        parts = run.all({f"start {n}": Task(search, (*asked, bounds, n, None)) for n in range(self.plan.starts)})
+        rows = [row | {"best": False, "period": known["period"]} for part in parts for row in part["rows"]]
+        bests = [part["best"] for part in parts if part["best"] is not None]
         best = min(bests, key=lambda best: best["objective"], default=None)
         if best is not None:
             next(row for row in rows if best["values"].items() <= row.items())["best"] = True
@@ -186,8 +184,8 @@ class DesignStudy(Study):
             return None, {} if nearest is None else {"closest": self._values(nearest)}
         return best, {"best": self._values(best["values"])}
 
-    def _values(self, found: Mapping[str, float]) -> str:
-        return ", ".join(f"{key} {number(found[key], 6)} {unit_of(key)}".rstrip() for key in self.plan.keys)
+    def _values(self, values: Mapping[str, float]) -> str:
+        return ", ".join(f"{key} {number(values[key], 6)} {unit_of(key)}".rstrip() for key in self.plan.keys)
 
     def _table(self, rows: Sequence[Record], meant: Columns, first: Sequence[str], last: Sequence[str]) -> pd.DataFrame:
         """Make a table of the plan's keys and measures, with the columns ``first`` before and ``last`` after them."""
@@ -199,14 +197,14 @@ class DesignStudy(Study):
         if not (self.plan.parameter_tolerances and self.plan.samples):
             return result
         plan, home = self.plan, name_regime(known)
-        keys, found = list(plan.parameter_tolerances), result.sensitivities.dropna(subset=["elasticity"])
+        keys, elasticities = list(plan.parameter_tolerances), result.sensitivities.dropna(subset=["elasticity"])
         places = of_samples.sobol_points(plan.seed, len(keys), 0, plan.samples)
         table = self._samples(run, scene, known, places)
-        shares = of_samples.variance_contributions(table, keys, found["measure"].unique().tolist())
+        shares = of_samples.variance_contributions(table, keys, elasticities["measure"].unique().tolist())
         lines = dict(result.answer.lines) | _lines_of_samples(table, home)
-        kept = {of: with_confidence(count, len(table)) for of, count in satisfied(plan, table).items()}
+        counts = {of: with_confidence(count, len(table)) for of, count in count_satisfied(plan, table).items()}
         answer = result.answer._replace(
-            lines=kept | lines if plan.minimize is None else lines | kept,
+            lines=counts | lines if plan.minimize is None else lines | counts,
             text=[*result.answer.text, *_distribution_lines(table, shares)],
         )
         tables = {**result.tables, "samples": table, "variance_contributions": shares}
@@ -264,25 +262,25 @@ def _configuration_text(scene: Scene) -> str:
     return text.getvalue()
 
 
-def _key_lines(found: Record, names: Sequence[str]) -> Iterable[str]:
+def _key_lines(sensitivities: Record, names: Sequence[str]) -> Iterable[str]:
     """Yield a line for each measure: its value and its largest elasticities."""
     yield "elasticities of the scene as given (relative change of a measure / that of a key), largest first"
     for name in names:
-        own = of_keys.largest_elasticities(found["rows"], name, MAX_PRINTED_KEYS)
+        own = of_keys.largest_elasticities(sensitivities["rows"], name, MAX_PRINTED_KEYS)
         if own:
-            told = ", ".join(f"{row['key']} {number(row['elasticity'])}" for row in own)
-            yield f"  {measure_text(name, found['measures'][name])}: {told}"
+            text = ", ".join(f"{row['key']} {number(row['elasticity'])}" for row in own)
+            yield f"  {measure_text(name, sensitivities['measures'][name])}: {text}"
 
 
 def _lines_of_samples(table: pd.DataFrame, home: str) -> dict[str, str]:
     """Return the percentages of samples with a stable orbit and with the regime of the scene as given."""
-    kept = float((table["regime"] == home).mean())
+    fraction = float((table["regime"] == home).mean())
     stable = {"orbit stable": share(table["stable"].mean())} if "stability_margin" in table else {}
-    told = {"samples": f"{len(table)}"} | stable | {"regime kept": share(kept)}
+    lines = {"samples": f"{len(table)}"} | stable | {"regime kept": share(fraction)}
     others = table.loc[table["regime"] != home, "regime"].value_counts()
     if len(others):
-        told["others"] = "; ".join(f"{name}: {count}" for name, count in others.items())
-    return told
+        lines["others"] = "; ".join(f"{name}: {count}" for name, count in others.items())
+    return lines
 
 
 def _distribution_lines(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[str]:
@@ -292,10 +290,10 @@ def _distribution_lines(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[s
         low, middle, high = table[name].quantile(of_samples.QUANTILES)
         first = own.sort_values("regression", ascending=False, kind="stable").head(MAX_PRINTED_KEYS)
         by = zip(first["key"], first["regression"], strict=True)
-        told = ", ".join(f"{key} {share(part)}" for key, part in by if part >= LEAST_SHARE)
-        explained = f" (of {share(own['explained'].iloc[0])} explained)" if told else ""
+        contributions = ", ".join(f"{key} {share(part)}" for key, part in by if part >= MIN_PRINTED_FRACTION)
+        explained = f" (of {share(own['explained'].iloc[0])} explained)" if contributions else ""
         quantiles = ", ".join(quantity(value, unit_of(str(name)), size=middle) for value in (low, middle, high))
-        yield f"  {label(str(name))} {quantiles}: {told or 'no variance'}{explained}"
+        yield f"  {label(str(name))} {quantiles}: {contributions or 'no variance'}{explained}"
 
 
 STUDY = DesignStudy

@@ -58,10 +58,10 @@ def initial_condition(scene: Scene) -> Start:
     ConfigError
         ``run.initial.from`` names no finished run, or one whose end this scene cannot continue from.
     """
-    source, share = scene.run.initial.from_, scene.start_perturbation
+    source, perturbation = scene.run.initial.from_, scene.start_perturbation
     start = Start(initial_state(scene)) if source is None else end_of(Path(source), scene)
     key = (scene.run.seed, 0, round(1e6 * scene.drive.largest_frequency))  # as the first point of a sweep
-    start = start._replace(state=perturb_state(start.state, scene, share, key))
+    start = start._replace(state=perturb_state(start.state, scene, perturbation, key))
     if scene.drive.program is not None and scene.drive.program[0].t_s > start.time:
         raise ConfigError(
             f"drive.program.0.t_s = {scene.drive.program[0].t_s} but the run starts at {start.time:g} s; allowed: "

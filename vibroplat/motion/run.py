@@ -44,7 +44,7 @@ from vibroplat.results.run_answer import SETTLED
 #: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
 SETTLE_FRACTION = 0.5
 #: Strokes (m) that are round-off.
-NO_STROKE = 1e-9
+MIN_STROKE = 1e-9
 #: Measured turns from which a motion has shown itself whether it stays; distance (rad) of its phase difference from one
 #: that the mean torques hold.
 MANY_TURNS, OTHER_PHASE = 2000, 1.0
@@ -200,7 +200,7 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
     if changed <= since and any(scene.driven(since, until)):
         left = transients(part.measures, scene, max(start, changed), repeats)
     stroke = max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)
-    moved = max(left[0].size, left[1].size) / stroke if stroke > NO_STROKE else None
+    moved = max(left[0].size, left[1].size) / stroke if stroke > MIN_STROKE else None
     whole = whole_run(part.measures, scene, start, slow_motors(scene, measures), locked)
     notes = [
         *notes_on_measures(scene, measures),
@@ -240,17 +240,17 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
 
 def _settling(left: Sequence[Transient], stroke: float, seconds: float) -> str:
     """Return the note on transients along x and y in strokes (m) of a run of so many seconds, or an empty text."""
-    axis, most = max(zip("xy", left, strict=True), key=lambda one: one[1].size)
-    if stroke < NO_STROKE or most.size <= SETTLED * stroke:
+    axis, largest = max(zip("xy", left, strict=True), key=lambda one: one[1].size)
+    if stroke < MIN_STROKE or largest.size <= SETTLED * stroke:
         return ""
-    told = "is left from the start, for nothing damps it, and is in the forces, too"
-    if most.rate:
-        longer = seconds + 2.0 / most.rate * math.log(most.size / (0.5 * SETTLED * stroke))
-        told = (
+    text = "is left from the start, for nothing damps it, and is in the forces, too"
+    if largest.rate:
+        longer = seconds + 2.0 / largest.rate * math.log(largest.size / (0.5 * SETTLED * stroke))
+        text = (
             "is a transient that decays while it is measured, and is in the forces, too: "
             f"run.duration_s = {given(float(f'{longer:.2g}'))} leaves about {share(0.5 * SETTLED)}"
         )
-    return f"{share(most.size / stroke)} of the stroke, {quantity(most.size, 'm')} along {axis}, {told}"
+    return f"{share(largest.size / stroke)} of the stroke, {quantity(largest.size, 'm')} along {axis}, {text}"
 
 
 def _unbalanced(scene: Scene, measures: Mapping[str, Any]) -> str:
@@ -302,8 +302,8 @@ def load_kernels(engine: str = "auto") -> None:
 def compile_loop(engine: str) -> None:
     """Compile the loop of an engine that has a compiled one, in a process that calls no kernel."""
     if engine == "auto" or ENGINES[engine].loop:
-        place, _, name = loop_of(engine).rpartition(".")
-        module = import_module(f"vibroplat.{place}")
+        module_name, _, name = loop_of(engine).rpartition(".")
+        module = import_module(f"vibroplat.{module_name}")
         compile_for(getattr(module, name), *module.loop_arguments(_any_automaton(engine)[-1]))
 
 

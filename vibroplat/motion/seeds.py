@@ -20,7 +20,7 @@ MORE_SEEDS = 4
 #: Largest value of a run over that in steady operation from which on it is one of the start.
 START_PEAK = 1.05
 #: Relative difference of peaks that counts as none.
-ALIKE = 0.02
+MAX_SPREAD = 0.02
 #: How long they take: so many times as long as until the last peak, and so many turns more.
 LONGER, MORE_TURNS = 1.5, 20.0
 
@@ -55,11 +55,11 @@ def peaks_of_seeds(run: RunResult) -> dict[str, Any]:
     runs = [summary]
     for k in range(1, MORE_SEEDS + 1):
         another = _with_seed(scene, k, begin).replace({"run.duration_s": min(seconds, scene.run.duration_s)})
-        found = simulate(another, keep="summary", start=initial_condition(another))
-        if found.outcome == "ok":
-            runs.append(found.summary)
+        other = simulate(another, keep="summary", start=initial_condition(another))
+        if other.outcome == "ok":
+            runs.append(other.summary)
     ends = {column: [choose(one[column] for one in runs) for choose in (min, max)] for column in times}
-    differ = {column: pair for column, pair in ends.items() if pair[1] - pair[0] > ALIKE * pair[1]}
+    differ = {column: pair for column, pair in ends.items() if pair[1] - pair[0] > MAX_SPREAD * pair[1]}
     return {"seeds": len(runs), **differ} if differ else {}
 
 

@@ -8,7 +8,7 @@
 from importlib import import_module
 
 #: Seconds for which workers of a scheduler are waited for, unless the user says otherwise.
-WAIT = 60.0
+MAX_WAIT_S = 60.0
 
 
 def load_study(study: str, engine: str) -> None:

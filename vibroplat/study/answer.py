@@ -21,11 +21,11 @@ from vibroplat.study.sweeps import grid_of
 #: Most combinations of the grid's values, and kinds of jumps, that have a row and a column.
 MAX_ROWS, MAX_JUMPS = 5, 2
 #: Kinds of synchronization between which others are left out.
-MAIN = {"antiphase", "in-phase"}
+MAIN_SYNCS = {"antiphase", "in-phase"}
 #: Relative difference of amplitudes up to which both directions agree, and of steps up to which they are the same.
 AGREE, EVEN = 0.01, 1e-6
 #: Column of the speed of material along the deck.
-CONVEYED = "conveying_speed_m_per_s"
+CONVEYING_SPEED = "conveying_speed_m_per_s"
 
 
 def short_answer(points: pd.DataFrame, bands: pd.DataFrame) -> tuple[str, list[str]]:
@@ -44,8 +44,8 @@ def range_text(key: str, values: pd.Series) -> str:
     """Return the name of a swept key, its range and its step, if that is the same throughout."""
     known, step = np.unique(values.to_numpy(dtype=float)), _step(values)
     unit, ends = unit_of(key), " … ".join(given(end) for end in dict.fromkeys((known[0], known[-1])))
-    told = f" in steps of {given(step)}" if step else f" at {len(known)} values" if len(known) > 1 else ""
-    return " ".join(filter(None, (axis_name(key), ends, unit))) + told
+    steps = f" in steps of {given(step)}" if step else f" at {len(known)} values" if len(known) > 1 else ""
+    return " ".join(filter(None, (axis_name(key), ends, unit))) + steps
 
 
 def motions_text(table: pd.DataFrame) -> str:
@@ -53,9 +53,9 @@ def motions_text(table: pd.DataFrame) -> str:
     several = ("of period " + table["period"].astype(str)).where(table["period"].gt(1).fillna(False), "")
     names = table["motion"].where(table["motion"] != "periodic", several)
     odd = names[names != ""].value_counts()
-    told = [f"{count} {name}" for name, count in odd.head(MAX_ROWS).items()]
+    texts = [f"{count} {name}" for name, count in odd.head(MAX_ROWS).items()]
     others = ["the others repeat every turn"] if odd.sum() < len(table) else []
-    return ", ".join([*told, *others]) if told else "all repeat every turn"
+    return ", ".join([*texts, *others]) if texts else "all repeat every turn"
 
 
 def _counts(points: pd.DataFrame) -> str:
@@ -83,12 +83,12 @@ def _rows(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
     height = RMS if points[RMS].max() >= points["rms_x_m"].max() else "rms_x_m"
     columns = {f"at {axis_label(key)}": [name for name, _ in groups]}
     for kind in kinds[:MAX_JUMPS]:
-        columns[kind] = [_cell(found.get(kind, {}), values, both_ways=both_ways) for found in jumps]
+        columns[kind] = [_cell(changes.get(kind, {}), values, both_ways=both_ways) for changes in jumps]
     if points["flight_fraction"].gt(0.0).any() or _has_material(points):
         columns["lifts off"] = [_liftoff(rows, own, key) for (_, rows), own in zip(groups, parts, strict=True)]
     columns[f"largest {display_name(height)}"] = [_largest(rows, height, key) for _, rows in groups]
-    if CONVEYED in points and points[CONVEYED].notna().any():
-        speed = [rows[CONVEYED] for _, rows in groups]
+    if CONVEYING_SPEED in points and points[CONVEYING_SPEED].notna().any():
+        speed = [rows[CONVEYING_SPEED] for _, rows in groups]
         columns["conveying speed"] = [interval(one.min(), one.max(), "m/s") for one in speed]
     if not kinds:
         power = [rows["motor_power_w"] for _, rows in groups]
@@ -117,7 +117,7 @@ def _changes(bands: pd.DataFrame, key: str) -> dict[str, dict[str, list[tuple[fl
 
     These are changes of synchronization, whether the amplitude jumps there or not, and further jumps.
     """
-    found: dict[str, dict[str, list[tuple[float, float]]]] = {}
+    ends_of: dict[str, dict[str, list[tuple[float, float]]]] = {}
     for _, rows in bands.groupby("branch", sort=False):
         way, ends = str(rows["direction"].iloc[0]), (f"from_{key}", f"to_{key}")
         changes = [(one["name"], one[ends[1]], other["name"], other[ends[0]]) for one, other in _pairs(rows)]
@@ -126,25 +126,25 @@ def _changes(bands: pd.DataFrame, key: str) -> dict[str, dict[str, list[tuple[fl
         for before, begin, after, end in changes:
             names = (before, after) if begin < end else (after, before)
             name = " → ".join(names) if before else "jump"
-            found.setdefault(name, {}).setdefault(way, []).append((min(begin, end), max(begin, end)))
-    return found
+            ends_of.setdefault(name, {}).setdefault(way, []).append((min(begin, end), max(begin, end)))
+    return ends_of
 
 
 def _pairs(rows: pd.DataFrame) -> Iterator[tuple[Any, Any]]:
     """Yield the bands on both sides of each change of synchronization; short of those between the two main ones."""
-    found = [band for _, band in rows[rows["kind"] == "band"].iterrows()]
-    names = [str(band["name"]) for band in found]
-    between = [{*names[i - 1 : i + 2 : 2]} == MAIN for i in range(1, len(names) - 1)]
-    kept = [band for band, skipped in zip(found, [False, *between, False][: len(found)], strict=True) if not skipped]
-    yield from itertools.pairwise(kept)
+    bands = [band for _, band in rows[rows["kind"] == "band"].iterrows()]
+    names = [str(band["name"]) for band in bands]
+    between = [{*names[i - 1 : i + 2 : 2]} == MAIN_SYNCS for i in range(1, len(names) - 1)]
+    chosen = [band for band, skipped in zip(bands, [False, *between, False][: len(bands)], strict=True) if not skipped]
+    yield from itertools.pairwise(chosen)
 
 
-def _cell(found: Mapping[str, list[tuple[float, float]]], values: pd.Series, *, both_ways: bool) -> str:
+def _cell(changes: Mapping[str, list[tuple[float, float]]], values: pd.Series, *, both_ways: bool) -> str:
     """Write where a change is in each direction; once where they agree, or where there is one."""
-    told = {way: ", ".join(_place(*ends, values) for ends in found[way]) for way in found}
-    if len(set(told.values())) == 1 and (len(told) > 1 or not both_ways):
-        return next(iter(told.values()))
-    return ", ".join(f"{text} {way}" for way, text in told.items()) or MISSING
+    texts = {way: ", ".join(_place(*ends, values) for ends in changes[way]) for way in changes}
+    if len(set(texts.values())) == 1 and (len(texts) > 1 or not both_ways):
+        return next(iter(texts.values()))
+    return ", ".join(f"{text} {way}" for way, text in texts.items()) or MISSING
 
 
 def _place(low: float, high: float, values: pd.Series) -> str:
@@ -210,8 +210,8 @@ def _agreement(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[
         yield "no jump; up and down agree within 1 %"
     else:
         value = apart.index.get_level_values(key)[int(apart.argmax())]
-        place = f"at {axis_name(key)} {given(value)} {unit_of(key)}".rstrip()
-        yield f"no jump; up and down differ by up to {share(apart.max())}, {place}"
+        where = f"at {axis_name(key)} {given(value)} {unit_of(key)}".rstrip()
+        yield f"no jump; up and down differ by up to {share(apart.max())}, {where}"
 
 
 def sync_counts(table: pd.DataFrame) -> Iterable[tuple[str, str, int]]:
@@ -228,13 +228,13 @@ def _legend(good: pd.DataFrame) -> Iterator[str]:
         yield f"always intermediate: phase difference {interval(phases.min(), phases.max(), '°')}"
         return
     named = [describe_sync(sync, rotation) for rotation, sync, _ in known if sync != "intermediate"]
-    told = [f"{name}: not synchronized" if name == "none" else name for name in named]
-    if told:
-        yield f"{'always ' if len(told) == 1 else ''}{'; '.join(told)}"
+    texts = [f"{name}: not synchronized" if name == "none" else name for name in named]
+    if texts:
+        yield f"{'always ' if len(texts) == 1 else ''}{'; '.join(texts)}"
 
 
 def _coexisting(good: pd.DataFrame) -> Iterator[str]:
     known = good["coexisting"].fillna("").astype(str)
-    found = int((known.ne("") & ~known.str.startswith("not ")).sum())
-    if found:
-        yield f"at {counted(found, 'point')} other attractors coexist: column coexisting"
+    number = int((known.ne("") & ~known.str.startswith("not ")).sum())
+    if number:
+        yield f"at {counted(number, 'point')} other attractors coexist: column coexisting"

@@ -26,7 +26,7 @@ from vibroplat.system.memory import NO_MORE
 
 #: Longest settling of motion from other initial conditions (s). In 161 rows of Figs. 3 and 6, what converges to an
 #: orbit does so within 1.2 s; what has not settled is followed until it has a block in the known class, and no longer.
-BRIEF = 5.0
+MAX_OTHER_SETTLE_S = 5.0
 
 
 def search_coexisting(scene: Scene, plan: SweepPlan, beginning: SearchBeginning) -> Record:
@@ -55,31 +55,31 @@ def failed_search(reason: str) -> Record:
 def _search(scene: Scene, plan: SweepPlan, beginning: SearchBeginning, detector: OrbitDetector) -> str:
     """Describe other attractors, or how far the search for them went."""
     near, class_of, end = beginning
-    returns, known = [NearReturn(*found) for found in near], AttractorClass(*class_of)
-    brief = plan.model_copy(update={"max_settle_s": min(BRIEF, plan.max_settle_s), "lyapunov": False})
+    returns, known = [NearReturn(*one) for one in near], AttractorClass(*class_of)
+    brief = plan.model_copy(update={"max_settle_s": min(MAX_OTHER_SETTLE_S, plan.max_settle_s), "lyapunov": False})
     turned = initial_state(scene)
     turned[4] += math.pi
     starts = [initial_state(scene), turned]
     hunt = detector.search_near_returns(returns)
     orbits = [] if hunt.orbit is None else [hunt.orbit]
-    told = set[str]()
+    texts = set[str]()
     for number, start in enumerate(starts):
-        begun = perturb_state(start, scene, plan.perturbation, (plan.seed, number))
-        other = settle_and_measure(scene, brief, begun, detector, known.met)
+        perturbed = perturb_state(start, scene, plan.perturbation, (plan.seed, number))
+        other = settle_and_measure(scene, brief, perturbed, detector, known.met)
         if other.state is None or other.row["period"] is None:
             continue
         if other.row["period"]:
             if other.row.get("multiplier_max") is not None or other.row["settle_s"] < brief.max_settle_s:
-                told.add(_attractor_text(other.row))
+                texts.add(_attractor_text(other.row))
         else:
-            found = compare(scene, plan, (np.array(end), np.array(other.state)), known, detector)
-            if found.orbit is not None:
-                orbits.append(found.orbit)
-            elif found.apart_s:
-                told.add(f"{_attractor_text(other.row)}, apart for {quantity(found.apart_s, 's')}")
-    told |= {_attractor_text(on_orbit(scene, orbit, 0.0, detector.work).row) for orbit in orbits}
-    if told:
-        return "; ".join(sorted(told))
+            comparison = compare(scene, plan, (np.array(end), np.array(other.state)), known, detector)
+            if comparison.orbit is not None:
+                orbits.append(comparison.orbit)
+            elif comparison.apart_s:
+                texts.add(f"{_attractor_text(other.row)}, apart for {quantity(comparison.apart_s, 's')}")
+    texts |= {_attractor_text(on_orbit(scene, orbit, 0.0, detector.work).row) for orbit in orbits}
+    if texts:
+        return "; ".join(sorted(texts))
     return f"not found: {hunt.trials} returns, {hunt.left} unstable orbits, {len(starts)} initial conditions tried"
 
 

@@ -73,10 +73,10 @@ def find_jumps(rows: pd.DataFrame | Rows) -> Flags:
     array
         One value less than there are points. All values between the two points of a jump are true.
     """
-    found = np.zeros(max(len(rows["sync"]) - 1, 0), dtype=bool)
+    jumps = np.zeros(max(len(rows["sync"]) - 1, 0), dtype=bool)
     for before, after in _jump_rows(rows):
-        found[before:after] = True
-    return found
+        jumps[before:after] = True
+    return jumps
 
 
 def _jump_rows(rows: pd.DataFrame | Rows) -> list[tuple[int, int]]:
@@ -89,27 +89,27 @@ def _jump_rows(rows: pd.DataFrame | Rows) -> list[tuple[int, int]]:
     measured: the standard error of their amplitude is as large as a jump.
     """
     key, along = (SUPPLY, rows[SUPPLY]) if SUPPLY in rows else next(iter(rows.items()))
-    found, x, y, phase = (
+    frequency, x, y, phase = (
         np.asarray(rows[column], dtype=float) for column in (EXCITATION, "rms_x_m", RMS, "phase_difference_rad")
     )
     places, height = np.asarray(along, dtype=float), np.hypot(x, y)
     rise = AMPLITUDE_JUMP * np.nanmax(height, initial=0.0)
-    steady = np.isfinite(found)
+    steady = np.isfinite(frequency)
     if ERROR in rows:
         steady &= ~(np.asarray(rows[ERROR], dtype=float) > rise)
     known = np.flatnonzero(steady)
     if len(known) < MIN_POINTS:
         return []
     sync = np.asarray(rows["sync"], dtype=object)
-    held = np.where(pd.isna(sync), np.nan, sync != "none").astype(float)
-    turned = np.angle(np.exp(1j * np.diff(np.where(held == 1.0, phase, np.nan)[known])))
-    steps, shift = np.abs(np.diff(places[known])), RELATIVE_FREQUENCY_JUMP * found[known][1:]
+    synchronized = np.where(pd.isna(sync), np.nan, sync != "none").astype(float)
+    turned = np.angle(np.exp(1j * np.diff(np.where(synchronized == 1.0, phase, np.nan)[known])))
+    steps, shift = np.abs(np.diff(places[known])), RELATIVE_FREQUENCY_JUMP * frequency[known][1:]
     if key == SUPPLY:
-        shift = FREQUENCY_JUMP * steps * np.median(found[known] / places[known])
+        shift = FREQUENCY_JUMP * steps * np.median(frequency[known] / places[known])
     changes = (
-        (np.diff(held[known]), 0.0),
+        (np.diff(synchronized[known]), 0.0),
         (turned, PHASE_JUMP),
-        (np.diff(found[known]), shift),
+        (np.diff(frequency[known]), shift),
         (np.diff(height[known]), rise),
     )
     jump = np.any([(np.abs(change) > least) & _isolated(np.abs(change), steps) for change, least in changes], axis=0)
@@ -127,11 +127,11 @@ def _isolated(change: FloatArray, steps: FloatArray, *, ends: bool = False) -> F
     """
     alone = np.ones(change.size, dtype=bool)
     alone[[0, -1]] = ends
-    beside, width = np.pad(change, 1), np.pad(steps, 1, mode="edge")
+    neighbours, width = np.pad(change, 1), np.pad(steps, 1, mode="edge")
     for side in (slice(None, -2), slice(2, None)):
         with np.errstate(divide="ignore", invalid="ignore"):
             farther = np.maximum(steps / width[side], 1.0)
-            alone &= (change > ISOLATION * farther * beside[side]) & (farther <= ISOLATION)
+            alone &= (change > ISOLATION * farther * neighbours[side]) & (farther <= ISOLATION)
     return alone
 
 
@@ -140,13 +140,13 @@ def bands(table: pd.DataFrame) -> pd.DataFrame:
 
     Over another key than the supply, which is the first column of the table, the ends are in its columns.
     """
-    key, *place = table.columns[: list(table.columns).index("branch") + 1]
-    needed = (key, *place, EXCITATION, RMS, "rms_x_m", "phase_difference_rad", "flight_fraction", "outcome", "sync")
+    key, *group = table.columns[: list(table.columns).index("branch") + 1]
+    needed = (key, *group, EXCITATION, RMS, "rms_x_m", "phase_difference_rad", "flight_fraction", "outcome", "sync")
     columns = {name: table[name].to_numpy() for name in (*needed, *(name for name in (ERROR, FORCE) if name in table))}
     order = np.argsort(columns["branch"], kind="stable")
     ends = np.flatnonzero(np.diff(columns["branch"][order])) + 1
-    found = [
-        {key: rows[key][0] for key in place} | band
+    records = [
+        {key: rows[key][0] for key in group} | band
         for branch in (np.split(order, ends) if len(table) else [])
         for rows in [{name: values[branch] for name, values in columns.items()}]
         for band in _bands_of(rows, key)
@@ -159,7 +159,7 @@ def bands(table: pd.DataFrame) -> pd.DataFrame:
         for name, column in BANDS.items()
     }
     return study_table(
-        found, [*place, *meant], {**meanings, **BRANCH, **meant}, {key: table[key] for key in place[:-2]}
+        records, [*group, *meant], {**meanings, **BRANCH, **meant}, {key: table[key] for key in group[:-2]}
     )
 
 
@@ -214,9 +214,9 @@ def band_lines(table: pd.DataFrame) -> Iterator[str]:
 def _cells(row: pd.Series, key: str) -> list[str]:
     """Return what a band is, where it begins and ends, and the motion there."""
     across = " → " if row["kind"] in ("jump", "liftoff", "flight-end") else " … "
-    over, found, height = ((row[f"from_{name}"], row[f"to_{name}"]) for name in (key, EXCITATION, RMS))
+    over, frequency, height = ((row[f"from_{name}"], row[f"to_{name}"]) for name in (key, EXCITATION, RMS))
     name = " ".join(filter(None, (_LABELS.get(row["kind"], ""), row["name"])))
-    told = [f"  {name}", f"{axis_name(key)} {across.join(dict.fromkeys(map(given, over)))} {unit_of(key)}".rstrip()]
-    if not np.isfinite(found).all():
-        return [*told, "", ""]
-    return [*told, f"f {together(found, 'Hz', across)}", f"RMS y {together(height, 'm', across)}"]
+    cells = [f"  {name}", f"{axis_name(key)} {across.join(dict.fromkeys(map(given, over)))} {unit_of(key)}".rstrip()]
+    if not np.isfinite(frequency).all():
+        return [*cells, "", ""]
+    return [*cells, f"f {together(frequency, 'Hz', across)}", f"RMS y {together(height, 'm', across)}"]

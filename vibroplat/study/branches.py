@@ -122,7 +122,7 @@ def branches(scene: Scene) -> list[SweepBranch]:
         )
     upward = _values(scene, plan.swept)
     along = {"up": upward, "down": upward[::-1]}  # all branches share them
-    found: list[SweepBranch] = []
+    planned: list[SweepBranch] = []
     for combination in itertools.product(*plan.grid.values()):
         values = dict(zip(plan.grid, combination, strict=True))
         placed = _replace_keys(scene, "grid", values)
@@ -130,8 +130,8 @@ def branches(scene: Scene) -> list[SweepBranch]:
             _replace_keys(placed, "over", {plan.swept.key: value})
         for direction in plan.swept.direction:
             first = placed.replace({plan.swept.key: along[direction][0]})
-            found.append(SweepBranch(len(found), direction, values, first, along[direction]))
-    return found
+            planned.append(SweepBranch(len(planned), direction, values, first, along[direction]))
+    return planned
 
 
 def convert_state(state: Sequence[float], before: Scene, scene: Scene) -> list[float]:
@@ -139,10 +139,10 @@ def convert_state(state: Sequence[float], before: Scene, scene: Scene) -> list[f
 
     Layers that only this scene has lie on the platform with their static sag; what it does not have is 0.
     """
-    begun, rest = list(state), static_rest(scene).tolist()
+    converted, rest = list(state), static_rest(scene).tolist()
     for i in {*before.coordinates} ^ {*scene.coordinates}:
-        begun[i], begun[i + FULL_SIZE // 2] = rest[i], 0.0
-    return begun
+        converted[i], converted[i + FULL_SIZE // 2] = rest[i], 0.0
+    return converted
 
 
 def _values(scene: Scene, over: ParameterRange) -> tuple[float, ...]:
@@ -154,17 +154,17 @@ def _values(scene: Scene, over: ParameterRange) -> tuple[float, ...]:
         It is a key without numbers, or would put aside how the scene gives its motors; or values are too close.
     """
     key, section, numbers = over.key, over.key.partition(".")[0], number_of(over.key)
-    found = tuple(over.upward)
+    values = tuple(over.upward)
     if numbers is None:
         if key not in keys():
-            _replace_keys(scene, "over", {key: found[0]})
+            _replace_keys(scene, "over", {key: values[0]})
         raise ConfigError(f"sweep.over.key = {key} has no numbers; allowed: a key of numbers, as material.mass_ratio")
     given = next(name for name in ("exciters", "motors", "motor") if getattr(scene, name) is not None)
     if section in ("motor", "motors") and section != given != "motor":
         raise ConfigError(f"sweep.over.key = {key} but the scene has {given}; allowed: {given}.0.… or {given}.1.…")
-    if len(set(found)) < len(found):
-        raise ConfigError(f"sweep.over: {len(found)} values of {key} from {found[0]} to {found[-1]}; allowed: fewer")
-    return tuple(int(v) if v.is_integer() else v for v in found) if numbers is int else found
+    if len(set(values)) < len(values):
+        raise ConfigError(f"sweep.over: {len(values)} values of {key} from {values[0]} to {values[-1]}; allowed: fewer")
+    return tuple(int(v) if v.is_integer() else v for v in values) if numbers is int else values
 
 
 def _replace_keys(scene: Scene, section: str, changes: Mapping[str, Any]) -> Scene:
@@ -195,12 +195,12 @@ def box_words(conditions: Mapping[str, Sequence[float]]) -> str:
     return ", ".join(place_words(key, *(float(f"{end:.4g}") for end in ends[:2])) for key, ends in conditions.items())
 
 
-def measures_text(row: Mapping[str, Any], most: float) -> str:
+def measures_text(row: Mapping[str, Any], largest: float) -> str:
     """Write frequency, RMS of both coordinates and power of a motion; ``most`` is the largest RMS beside it."""
-    heights = [quantity(row.get(name), "m", largest=most) for name in ("rms_y_m", "rms_x_m")]
+    heights = [quantity(row.get(name), "m", largest=largest) for name in ("rms_y_m", "rms_x_m")]
     pace, power = quantity(row.get("excitation_frequency_hz"), "Hz"), quantity(row.get("motor_power_w"), "W")
     speed = row.get("conveying_speed_m_per_s")
-    shaken = 2.0 * math.pi * (row.get("excitation_frequency_hz") or 0.0) * most
+    shaken = 2.0 * math.pi * (row.get("excitation_frequency_hz") or 0.0) * largest
     moves = "" if speed is None else f", along the deck {quantity(speed, 'm/s', largest=shaken)}"
     return f"{pace}, RMS y {heights[0]}, x {heights[1]}, power {power}{moves}"
 

@@ -142,8 +142,8 @@ def _is_steady(points: FloatArray, tolerance: float, least: float = MIN_EXTENT_R
     halves = points[: len(points) // 2], points[len(points) // 2 :]
     first, second = (float(np.ptp(half, axis=0).max()) for half in halves)
     way = float(np.abs(halves[1].mean(axis=0) - halves[0].mean(axis=0)).max())
-    kept = abs(second - first) <= tolerance or min(first, second) >= least * max(first, second)
-    return kept and way <= max(tolerance, drift * float(np.ptp(points, axis=0).max()))
+    same_extent = abs(second - first) <= tolerance or min(first, second) >= least * max(first, second)
+    return same_extent and way <= max(tolerance, drift * float(np.ptp(points, axis=0).max()))
 
 
 def _by_exponent(exponent: Exponent, points: FloatArray) -> MotionClass:
@@ -162,10 +162,10 @@ def _by_exponent(exponent: Exponent, points: FloatArray) -> MotionClass:
 
 
 def _undecided(exponent: Exponent, why: str) -> MotionClass:
-    told = f"exponent {exponent.value:.3g} ± {exponent.error:.2g} per s, {why}"
+    detail = f"exponent {exponent.value:.3g} ± {exponent.error:.2g} per s, {why}"
     if math.isnan(exponent.value):
-        told = "no exponent: the motion ended early or exciter 1 stopped turning"
-    return MotionClass("undecided", 0, exponent, told, drifts=True)
+        detail = "no exponent: the motion ended early or exciter 1 stopped turning"
+    return MotionClass("undecided", 0, exponent, detail, drifts=True)
 
 
 def same_phase(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
@@ -207,9 +207,9 @@ class AttractorClass(NamedTuple):
         Differences that are ``negligible``, shape (3,), say nothing: a motion that comes back to its symmetry, or
         leaves it, is not another one as long as it is nearer than that.
         """
-        least, most = values.min(axis=0), values.max(axis=0)
-        wider = np.maximum(np.maximum(most - least, MIN_CLASS_WIDTH * most), negligible)
-        return cls((least - wider).tolist(), (most + wider).tolist())
+        low, high = values.min(axis=0), values.max(axis=0)
+        wider = np.maximum(np.maximum(high - low, MIN_CLASS_WIDTH * high), negligible)
+        return cls((low - wider).tolist(), (high + wider).tolist())
 
     def holds(self, values: FloatArray) -> bool:
         """Whether any of some blocks, shape (n, 3), belongs to the class."""
@@ -222,15 +222,15 @@ class AttractorClass(NamedTuple):
 
 def negligible_differences(scene: Scene, plan: SweepPlan) -> FloatArray:
     """Return differences of CLASS_MEASURES that may be left of settling, shape (3,)."""
-    found: FloatArray = plan.settle_tolerance * state_scales(scene)[: len(CLASS_MEASURES)]
-    return found
+    differences: FloatArray = plan.settle_tolerance * state_scales(scene)[: len(CLASS_MEASURES)]
+    return differences
 
 
 def block_values(blocks: Sequence[Accumulators]) -> FloatArray:
     """CLASS_MEASURES of each block, shape (blocks, 3), from the sums at their ends."""
     parts = [*blocks[:1], *(block_difference(a, b) for a, b in pairwise(blocks))]
-    found = [statistics(part, measured_extremes(part)) for part in parts]
-    return np.array([[values[name] for name in CLASS_MEASURES] for values in found], dtype=float)
+    measures = [statistics(part, measured_extremes(part)) for part in parts]
+    return np.array([[values[name] for name in CLASS_MEASURES] for values in measures], dtype=float)
 
 
 class SearchBeginning(NamedTuple):
@@ -271,9 +271,9 @@ def compare(
         ]
         classes = [known]
         for _ in range(WINDOWS):
-            for place, motion in enumerate(motions):
-                part = motion.advance(length, blocks=BLOCKS, scope=SUMMED, until=classes[place].met)
-                if motion.outcome != "ok" or classes[place].met(part.blocks):
+            for index, motion in enumerate(motions):
+                part = motion.advance(length, blocks=BLOCKS, scope=SUMMED, until=classes[index].met)
+                if motion.outcome != "ok" or classes[index].met(part.blocks):
                     return Comparison()
                 orbit = detector.detect(motion, section_points(part.measures, scene), 0)
                 if orbit is not None:

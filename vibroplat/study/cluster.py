@@ -15,7 +15,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 from vibroplat.errors import ConfigError, VibroplatError
-from vibroplat.study import WAIT
+from vibroplat.study import MAX_WAIT_S
 from vibroplat.system.interrupts import resume_is_offered
 
 #: Seconds without a worker after which the user is told what is waited for.
@@ -87,7 +87,7 @@ class Cluster:
         dask.distributed is not installed, or no scheduler answers.
     """
 
-    def __init__(self, address: str, wait: float = WAIT) -> None:
+    def __init__(self, address: str, wait: float = MAX_WAIT_S) -> None:
         require_scheduler(address)
         if math.isnan(wait) or wait < 0.0:
             raise ConfigError(f"--wait {wait}; allowed: a number of seconds, at least 0")
@@ -153,12 +153,12 @@ class Cluster:
             answer.set_exception(error)
         elif error is not None:  # an error of the function would have been an answer
             self._client.loop.add_callback(self._explain, error, answer)
-        elif "refused" in (found := done.result()):
-            answer.set_exception(IncompatibleWorkerError(found["refused"]))
-        elif "error" in found:
-            answer.set_exception(found["error"])
+        elif "refused" in (reply := done.result()):
+            answer.set_exception(IncompatibleWorkerError(reply["refused"]))
+        elif "error" in reply:
+            answer.set_exception(reply["error"])
         else:
-            answer.set_result(found["result"])
+            answer.set_result(reply["result"])
 
     async def _explain(self, error: Exception, answer: Future[Any]) -> None:
         """Find the worker that cannot load what it is sent, and say why."""
@@ -265,8 +265,8 @@ async def _kind(address: str) -> str:
 
     options = Security().get_connection_args("client")
     async with rpc(address, timeout=FIRST_ANSWER_S, connection_args=options) as remote:
-        found = await asyncio.wait_for(remote.identity(), FIRST_ANSWER_S + 1.0)  # rpc knows better why it failed
-    return str(found["type"])
+        identity = await asyncio.wait_for(remote.identity(), FIRST_ANSWER_S + 1.0)  # rpc knows better why it failed
+    return str(identity["type"])
 
 
 def _no_scheduler(address: str, error: Exception) -> ConfigError:

@@ -20,11 +20,11 @@ from vibroplat.study.branches import EXCITATION, SUPPLY
 from vibroplat.study.sweeps import Sweeps, key_of
 
 #: Most values of a key that have colours of their own; more of them follow a colour scale.
-DISTINCT = 5
+MAX_COLOURS = 5
 #: Distance of curves that coincide, and height of a jump that has an arrow, over the range of a panel.
-SAME, VISIBLE = 0.015, 0.05
+SAME_DISTANCE, MIN_ARROW_HEIGHT = 0.015, 0.05
 #: Most strips of a picture.
-MOST_STRIPS = 12
+MAX_STRIPS = 12
 #: Classes of periods of a bifurcation diagram, their colours and meanings.
 PERIODS = {
     "1": ("#cfe3f1", "period 1"),
@@ -74,12 +74,12 @@ def curves_of(
     spans = {column: _range_of(sweeps.table, column) for column in columns}
     places = sweeps.table[sweeps.x].dropna().astype(float)
     across = {} if places.empty else {sweeps.x: float(np.ptp(places))}
-    kept = dict[str, list[str]]()
+    drawn = dict[str, list[str]]()
     for label, group in groups.items():
-        alike = (one for one in kept if len(groups) <= DISTINCT and _coincide(groups[one], group, spans | across))
-        kept.setdefault(next(alike, label), []).append(label)
-    shown = {label: columns if label in kept else () for label in groups}
-    equal = [_equal(labels) for labels in kept.values() if len(labels) > 1]
+        alike = (one for one in drawn if len(groups) <= MAX_COLOURS and _coincide(groups[one], group, spans | across))
+        drawn.setdefault(next(alike, label), []).append(label)
+    shown = {label: columns if label in drawn else () for label in groups}
+    equal = [_equal(labels) for labels in drawn.values() if len(labels) > 1]
     branches = sorted((one for group in groups.values() for one in group), key=lambda one: one.direction != "down")
     series = [made for one in branches for made in _series_of(one, shown[one.label], told=told)]
     jumps = [jump for one in branches for jump in _jumps_of(one, groups[one.label][0], shown[one.label], sweeps.table)]
@@ -119,8 +119,8 @@ def _coincide(first: Sequence[_Branch], others: Sequence[_Branch], spans: Mappin
         a, b = (branch.values(column).dropna() for branch in (one, other))
         if {*a.index} != {*b.index}:
             return False
-        beside = b[~b.index.duplicated()].reindex(a.index)
-        if (_size_of(a.to_numpy() - beside.to_numpy(), column) > SAME * span).any():
+        aligned = b[~b.index.duplicated()].reindex(a.index)
+        if (_size_of(a.to_numpy() - aligned.to_numpy(), column) > SAME_DISTANCE * span).any():
             return False
     return any(not failed_of(one.rows).all() for one in first)
 
@@ -133,13 +133,13 @@ def _equal(labels: Sequence[str]) -> str:
 def _jumps_of(one: _Branch, first: _Branch, columns: Sequence[str], table: pd.DataFrame) -> Iterator[picture.Jump]:
     """Yield the jumps of a branch in the columns in which they are seen, but those that another way has as well."""
     places, over = one.rows.index.to_numpy(), one.rows[key_of(one.rows)].to_numpy(dtype=float)
-    beside = first.rows[key_of(first.rows)].to_numpy(dtype=float)
-    known = {frozenset((beside[i], beside[i + 1])) for i in np.flatnonzero(first.jumps)}
+    values = first.rows[key_of(first.rows)].to_numpy(dtype=float)
+    known = {frozenset((values[i], values[i + 1])) for i in np.flatnonzero(first.jumps)}
     for before, after in np.flatnonzero(np.diff(np.pad(one.jumps.astype(int), 1))).reshape(-1, 2):
         if one is not first and {over[before], over[after]} in known:
             continue
         rise = {column: np.diff(one.values(column).iloc[[before, after]])[0] for column in columns}
-        of = [name for name in columns if _size_of(rise[name], name) > VISIBLE * _range_of(table, name) > 0.0]
+        of = [name for name in columns if _size_of(rise[name], name) > MIN_ARROW_HEIGHT * _range_of(table, name) > 0.0]
         if of:
             yield picture.Jump(int(places[before]), int(places[after]), one.colour, tuple(of))
 
@@ -149,14 +149,14 @@ def _jumps_of(one: _Branch, first: _Branch, columns: Sequence[str], table: pd.Da
 
 def sync_classes(rotation: str) -> dict[str, tuple[str, str]]:
     """Return colours of synchronizations and what a machine does in each."""
-    found = {name: (colour, describe_sync(name, rotation)) for name, colour in picture.SYNC.items()}
-    return found | {"none": (picture.SYNC["none"], picture.NOT_SYNCHRONOUS)}
+    classes = {name: (colour, describe_sync(name, rotation)) for name, colour in picture.SYNC.items()}
+    return classes | {"none": (picture.SYNC["none"], picture.NOT_SYNCHRONOUS)}
 
 
 def hatches_of(rows: pd.DataFrame) -> list[str]:
     """Return the hatch of each point: of a motion that does not repeat, or after several turns."""
-    told = {"": "", "1": "", "n": SEVERAL}
-    return [told.get(kind, APERIODIC) for kind in period_kinds(rows)]
+    hatches = {"": "", "1": "", "n": SEVERAL}
+    return [hatches.get(kind, APERIODIC) for kind in period_kinds(rows)]
 
 
 def strips_of(sweeps: Sweeps, colours: Mapping[str, str], *, flies: bool = False) -> picture.Strips | None:
@@ -174,16 +174,16 @@ def strips_of(sweeps: Sweeps, colours: Mapping[str, str], *, flies: bool = False
         )
         key = (label, *strip.spans(sweeps.table[sweeps.key]))
         made[key] = (made[key][0] + way, made[key][1]) if key in made else (way, strip)
-    found = [strip._replace(label=f"{_short(strip.label, [*colours])} {way}".strip()) for way, strip in made.values()]
-    kinds = {(kind, hatch) for strip in found for kind, hatch in zip(strip.kinds, strip.hatches, strict=True) if kind}
-    if not flies and (len(found) > MOST_STRIPS or (len(kinds) < 2 and not any(hatch for _, hatch in kinds))):
+    strips = [strip._replace(label=f"{_short(strip.label, [*colours])} {way}".strip()) for way, strip in made.values()]
+    kinds = {(kind, hatch) for strip in strips for kind, hatch in zip(strip.kinds, strip.hatches, strict=True) if kind}
+    if not flies and (len(strips) > MAX_STRIPS or (len(kinds) < 2 and not any(hatch for _, hatch in kinds))):
         return None
-    line = "material flies" if any(any(strip.lined) for strip in found) else ""
-    hatched = {hatch for strip in found for hatch in strip.hatches}
-    hatches = {hatch: told for hatch, told in HATCHES.items() if hatch in hatched}
-    present = {kind for strip in found for kind in strip.kinds}
-    classes = {name: told for name, told in sync_classes(sweeps.rotation).items() if name in present}
-    return picture.Strips(found, classes, hatches, line, common_words([*colours]))
+    line = "material flies" if any(any(strip.lined) for strip in strips) else ""
+    hatched = {hatch for strip in strips for hatch in strip.hatches}
+    hatches = {hatch: text for hatch, text in HATCHES.items() if hatch in hatched}
+    present = {kind for strip in strips for kind in strip.kinds}
+    classes = {name: text for name, text in sync_classes(sweeps.rotation).items() if name in present}
+    return picture.Strips(strips, classes, hatches, line, common_words([*colours]))
 
 
 def common_words(labels: Sequence[str]) -> str:
@@ -220,21 +220,21 @@ def period_kinds(rows: pd.DataFrame) -> list[str]:
     return [str(kind) for kind in np.where(failed_of(rows), "", kinds)]
 
 
-def placed(rows: pd.DataFrame, x: str) -> pd.Series:
+def fill_failed(rows: pd.DataFrame, x: str) -> pd.Series:
     """Return a column along a branch; excitation frequencies of points that failed follow from their neighbours."""
-    found, failed, key = rows[x].astype(float), failed_of(rows), key_of(rows)
+    values, failed, key = rows[x].astype(float), failed_of(rows), key_of(rows)
     over = rows[key].to_numpy(dtype=float)
     expected = over if key == SUPPLY else np.ones(len(over))
-    known = np.argsort(over)[np.isfinite(found.to_numpy())[np.argsort(over)]]
+    known = np.argsort(over)[np.isfinite(values.to_numpy())[np.argsort(over)]]
     if x != key and failed.any() and len(known):
-        ratios = np.interp(over, over[known], found.to_numpy()[known] / expected[known])
-        found = found.where(~failed, expected * ratios)
-    return found
+        ratios = np.interp(over, over[known], values.to_numpy()[known] / expected[known])
+        values = values.where(~failed, expected * ratios)
+    return values
 
 
 def _size(number: int, count: int) -> float:
     """Return the size of a curve, from large to small: where curves lie on each other, the first ones stand out."""
     if count == 1:
         return 1.0
-    largest = 1.4 if count <= DISTINCT else 1.1
+    largest = 1.4 if count <= MAX_COLOURS else 1.1
     return largest - (largest - 0.8) * number / (count - 1)

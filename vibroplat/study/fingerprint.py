@@ -50,7 +50,7 @@ REFERENCE: Final = {
     "contact.restitution": 0.3,
     "drive.supply_frequency_hz": 55.0,
 }
-FOLLOWED = 0.5
+REFERENCE_S = 0.5
 #: How many numbers each function is tried with.
 TRIAL_COUNT = 2000
 #: Rows of the matrix that LAPACK is tried with.
@@ -80,10 +80,10 @@ def fingerprint() -> Fingerprint:
     return code() | {"arithmetic": arithmetic(), "LAPACK": lapack()}
 
 
-def difference(expected: Fingerprint, found: Fingerprint) -> str:
+def difference(expected: Fingerprint, actual: Fingerprint) -> str:
     """Say what differs among the names that both have; "" where nothing does."""
-    differing = [name for name in expected if name in found and found[name] != expected[name]]
-    return ", ".join(f"{name} {found[name]} (here {expected[name]})" for name in differing)
+    differing = [name for name in expected if name in actual and actual[name] != expected[name]]
+    return ", ".join(f"{name} {actual[name]} (here {expected[name]})" for name in differing)
 
 
 @cache
@@ -121,18 +121,18 @@ def lapack() -> str:
 
     a = np.random.default_rng(0).uniform(0.0, 1.0, (LAPACK_SIZE, LAPACK_SIZE))
     with one_thread():
-        found = [linalg.solve(a, a[0]), linalg.lstsq(a[:, ::2], a[0])[0], linalg.qr(a)[1]]
-    return hashlib.sha256(b"".join(part.tobytes() for part in found)).hexdigest()[:16]
+        results = [linalg.solve(a, a[0]), linalg.lstsq(a[:, ::2], a[0])[0], linalg.qr(a)[1]]
+    return hashlib.sha256(b"".join(part.tobytes() for part in results)).hexdigest()[:16]
 
 
 def _sources() -> str:
     """Digest of the package's source files."""
     package = Path(vibroplat.__file__).parent
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for source in sorted(package.rglob("*.py")):
         text = source.read_bytes()
-        found.update(f"{source.relative_to(package).as_posix()} {len(text)} ".encode() + text)
-    return found.hexdigest()
+        digest.update(f"{source.relative_to(package).as_posix()} {len(text)} ".encode() + text)
+    return digest.hexdigest()
 
 
 def _motion(engine: str) -> list[Any]:
@@ -141,7 +141,7 @@ def _motion(engine: str) -> list[Any]:
     p = parameters(scene)
     with closing(make_engine(scene, p)) as integrator:
         motion = Simulator(scene, p, integrator)
-        part = motion.advance(FOLLOWED, scope=WITH_EXTREMES)
+        part = motion.advance(REFERENCE_S, scope=WITH_EXTREMES)
         return [motion.outcome, motion.events, motion.state.tolist(), measure(part, scene)]
 
 

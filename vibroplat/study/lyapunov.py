@@ -57,7 +57,7 @@ MAX_MIXED_PART = 0.01
 #: a complex pair of multipliers, whose directions exchange their growth for good.
 MIXED_MEASUREMENTS = 3
 #: Directions that are followed for the largest exponent: more than one, as two may be nearly as large.
-FOLLOWED = 3
+N_FOLLOWED = 3
 #: Directions that a motion forgets where contact begins, and in an inelastic impact after which it does not.
 CONTACT_DIRECTIONS, INELASTIC_DIRECTIONS = 2, 1
 
@@ -159,19 +159,19 @@ def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
         )
         if state is None:
             motion.to_time(motion.now + scene.run.duration_s)
-        found = exponents(motion, whole_section(scene), ALL_EXPONENTS)
-        if math.isnan(found[0].value):
+        spectrum = exponents(motion, whole_section(scene), ALL_EXPONENTS)
+        if math.isnan(spectrum[0].value):
             why = f"the motion ended early ({motion.outcome}): {motion.detail}" if motion.outcome != "ok" else ""
             raise MotionError(why or f"no Lyapunov exponents: exciter 1 stopped turning before {motion.now:.6g} s")
-    found.append(Exponent(0.0, 0.0, found[0].turn))
+    spectrum.append(Exponent(0.0, 0.0, spectrum[0].turn))
     table = pd.DataFrame(
         {
-            "exponent_per_s": [exponent.value for exponent in found],
-            "error_per_s": [exponent.error for exponent in found],
-            "growth_per_turn": [math.exp(exponent.value * exponent.turn) for exponent in found],
+            "exponent_per_s": [exponent.value for exponent in spectrum],
+            "error_per_s": [exponent.error for exponent in spectrum],
+            "growth_per_turn": [math.exp(exponent.value * exponent.turn) for exponent in spectrum],
         },
     ).sort_values("exponent_per_s", ascending=False, kind="stable")
-    return table.set_index(pd.RangeIndex(1, len(found) + 1, name="number"))
+    return table.set_index(pd.RangeIndex(1, len(spectrum) + 1, name="number"))
 
 
 def largest_exponent(
@@ -186,17 +186,17 @@ def largest_exponent(
     state
         Full state on the attractor, shape (14,).
     directions
-        Directions whose growth is followed, in scaled units, shape (14, m). Default: FOLLOWED of the section.
+        Directions whose growth is followed, in scaled units, shape (14, m). Default: N_FOLLOWED of the section.
     effort
         How long it is followed.
     """
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
         motion = Simulator(scene, p, engine, state)
-        found = exponents(
-            motion, whole_section(scene)[:, :FOLLOWED] if directions is None else directions, effort, largest=True
+        estimates = exponents(
+            motion, whole_section(scene)[:, :N_FOLLOWED] if directions is None else directions, effort, largest=True
         )
-    return max(found, key=lambda exponent: exponent.value)
+    return max(estimates, key=lambda exponent: exponent.value)
 
 
 def whole_section(scene: Scene) -> FloatArray:
@@ -205,11 +205,11 @@ def whole_section(scene: Scene) -> FloatArray:
     A direction that keeps to the symmetry of a motion cannot grow out of it before round-off has: the calibrated
     machine at 55 Hz, with mass ratio 0.2, took 150 turns.
     """
-    places = [place for place in state_places(scene).values() if place != _ANGLE]
-    found, random = np.zeros((FULL_SIZE, len(places))), np.random.default_rng(0)
-    start = np.column_stack([np.ones(len(places)), random.standard_normal((len(places), len(places) - 1))])
-    found[places] = np.linalg.qr(start)[0]
-    return found
+    indices = [index for index in state_places(scene).values() if index != _ANGLE]
+    basis, random = np.zeros((FULL_SIZE, len(indices))), np.random.default_rng(0)
+    start = np.column_stack([np.ones(len(indices)), random.standard_normal((len(indices), len(indices) - 1))])
+    basis[indices] = np.linalg.qr(start)[0]
+    return basis
 
 
 def count_mixed(growth: FloatArray) -> int:
@@ -222,9 +222,9 @@ def count_mixed(growth: FloatArray) -> int:
     """
     later = growth[len(growth) // 2 :]
     gaps = np.diff(np.sort(np.where(np.isneginf(later), math.log(MIN_GROWTH_RATIO), later).mean(axis=0)))
-    most = min(len(growth) // MIXED_MEASUREMENTS, len(growth) - BLOCKS[-1])
+    limit = min(len(growth) // MIXED_MEASUREMENTS, len(growth) - BLOCKS[-1])
     waits = -math.log(MAX_MIXED_PART) / gaps[gaps > 0.0]
-    return math.ceil(float(waits[waits <= most].max(initial=0.0)))
+    return math.ceil(float(waits[waits <= limit].max(initial=0.0)))
 
 
 def exponents(
@@ -256,12 +256,12 @@ def exponents(
         followed = np.array(growth)
         skipped = max(effort.skipped, count_mixed(followed[:, :2] if largest else followed))
         counted = np.array(seconds[skipped:])
-        found = [_estimate(g, counted, effort.turns) for g in followed[skipped:].T]
-        for place in range(1, 1 + max(forgotten[effort.skipped :]) - spare):  # the last directions grow least
-            found[-place] = Exponent(-math.inf, 0.0, found[-place].turn)
-        asked = [max(found, key=lambda exponent: exponent.value)] if largest else found
+        estimates = [_estimate(g, counted, effort.turns) for g in followed[skipped:].T]
+        for index in range(1, 1 + max(forgotten[effort.skipped :]) - spare):  # the last directions grow least
+            estimates[-index] = Exponent(-math.inf, 0.0, estimates[-index].turn)
+        asked = [max(estimates, key=lambda exponent: exponent.value)] if largest else estimates
         if all(e.error <= e.enough for e in asked) or len(growth) >= effort.skipped + effort.most:
-            return found
+            return estimates
 
 
 def _max_time(motion: Simulator, turns: int) -> float:
@@ -271,9 +271,9 @@ def _max_time(motion: Simulator, turns: int) -> float:
 
 def _on_section(directions: FloatArray) -> FloatArray:
     """Return directions without their part in the angle of exciter 1."""
-    found = directions.copy()
-    found[_ANGLE] = 0.0
-    return found
+    projected = directions.copy()
+    projected[_ANGLE] = 0.0
+    return projected
 
 
 def _grow(
@@ -287,7 +287,7 @@ def _grow(
         The time passed (s), the directions made orthogonal again, the logarithms of their growth, −inf where it is
         lost, and how many directions were forgotten; None if the motion does not get there.
     """
-    forgetting, begun = _LostRank(), motion.now
+    forgetting, begin = _LostRank(), motion.now
     variation.begin(basis * scales)
     if not motion.to_section(turns, _max_time(motion, turns), (variation, forgetting)):
         return None
@@ -297,7 +297,7 @@ def _grow(
     size = np.abs(np.diag(r))
     size[size <= MIN_GROWTH_RATIO * max(1.0, size.max())] = 0.0
     with np.errstate(divide="ignore"):
-        return motion.now - begun, basis, np.log(size), forgetting.count
+        return motion.now - begin, basis, np.log(size), forgetting.count
 
 
 class _LostRank:
@@ -347,5 +347,5 @@ def _places(total: int, count: int) -> list[int]:
 
 def _bump(count: int) -> FloatArray:
     """Return weights for so many values, which begin and end with all derivatives 0."""
-    place = (np.arange(count) + 0.5) / count
-    return np.asarray(np.exp(-1.0 / (place * (1.0 - place))))
+    position = (np.arange(count) + 0.5) / count
+    return np.asarray(np.exp(-1.0 / (position * (1.0 - position))))

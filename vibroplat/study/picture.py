@@ -17,13 +17,13 @@ from vibroplat.results.result import Result
 from vibroplat.study import titles
 from vibroplat.study.branches import EXCITATION, SUPPLY
 from vibroplat.study.curves import (
-    DISTINCT,
     HATCHES,
+    MAX_COLOURS,
     PERIODS,
     curves_of,
+    fill_failed,
     hatches_of,
     period_kinds,
-    placed,
     strips_of,
     sync_classes,
 )
@@ -34,12 +34,12 @@ OPTIONS = ("x", "data", "measure")
 #: Colours of the directions of a bifurcation diagram.
 _COLOURS = {"up": picture.BLUE, "down": picture.VERMILION}
 #: Fewest values of the second key that make a map of tiles; fewer are bars.
-LEAST_ROWS = 5
+MIN_ROWS = 5
 #: Shares of flight at which a map has lines.
 _FLIGHTS = {1e-6: ("-", "material flies"), 0.5: ("--", "half of the time"), 0.9: (":", "90 % of the time")}
 #: Lines of boundaries that have one colour, by the kinds of special points; what thin ones are.
 _DASHES: Sequence[Any] = ("-", "--", "-.", ":", (0, (7, 2)), (0, (1, 2, 1, 2, 5, 2)), (0, (9, 1, 2, 1)))
-UNREACHED = "thin: of unstable orbits"
+UNSTABLE_LOOK = "thin: of unstable orbits"
 
 
 def pictures(
@@ -85,12 +85,12 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     table = sweeps.table
     drawn = table.astype({sweeps.x: float})
     for rows in sweeps.branches:
-        drawn.loc[rows.index, sweeps.x] = placed(rows, sweeps.x)
+        drawn.loc[rows.index, sweeps.x] = fill_failed(rows, sweeps.x)
     names = list(dict.fromkeys(sweeps.label(rows.iloc[0]) for rows in sweeps.branches))
-    scale = sweeps.scale if len(names) > DISTINCT else ""
+    scale = sweeps.scale if len(names) > MAX_COLOURS else ""
     shown = table.groupby([*sweeps.varied], sort=False)[scale].first() if scale else ()
-    found = picture.shades(list(map(float, shown))) if scale else picture.palette(len(names))
-    colours = dict(zip(names, found, strict=True))
+    shades = picture.shades(list(map(float, shown))) if scale else picture.palette(len(names))
+    colours = dict(zip(names, shades, strict=True))
     strips = strips_of(sweeps, colours)
     panels, left = content.measures(
         table, asked=columns, kept=sweeps.kept, stripped=strips is not None or table["sync"].nunique() == 1
@@ -187,28 +187,28 @@ def _with_periods(
     strips = []
     for rows in sweeps.branches:
         kinds, period = period_kinds(rows), rows["period"].to_numpy(dtype=float, na_value=np.nan)
-        told = [f"{period[n]:g}" if kind == "n" else "" for n, kind in enumerate(kinds)]
+        texts = [f"{period[n]:g}" if kind == "n" else "" for n, kind in enumerate(kinds)]
         first = rows.iloc[0]
         name = " ".join(filter(None, (sweeps.label(first) if len(labels) > 1 else "", str(first["direction"]))))
         colour = _COLOURS.get(str(first["direction"]), picture.BLUE)
-        strips.append(picture.Strip(name, colour, (begin + rows.index).tolist(), kinds, (), (), told))
+        strips.append(picture.Strip(name, colour, (begin + rows.index).tolist(), kinds, (), (), texts))
     drawn = pd.concat(
         [table, whole[list(dict.fromkeys(name for name in (sweeps.x, sweeps.key) if name in whole))]], ignore_index=True
     )
     present = {kind for strip in strips for kind in strip.kinds}
-    classes = {name: told for name, told in PERIODS.items() if name in present}
+    classes = {name: texts for name, texts in PERIODS.items() if name in present}
     return drawn, picture.Strips(strips, classes) if len(present) > 1 else None
 
 
 def _rests(sweeps: Sweeps, section: pd.DataFrame) -> list[float]:
     """Return y at the static rest of the scene of each point (m); 0 where that is not known."""
     scenes = {rows["branch"].iloc[0]: sweeps.scene_of(rows, sweeps.grid) for rows in sweeps.branches}
-    found = {}
+    rests = {}
     for (branch, value), _ in section.groupby(["branch", sweeps.key]):
         if (scene := scenes[branch]) is not None:
             placed = scene if sweeps.key == SUPPLY else scene.replace({sweeps.key: value})
-            found[branch, value] = float(static_rest(placed)[1])
-    return [found.get(place, 0.0) for place in zip(section["branch"], section[sweeps.key], strict=True)]
+            rests[branch, value] = float(static_rest(placed)[1])
+    return [rests.get(point, 0.0) for point in zip(section["branch"], section[sweeps.key], strict=True)]
 
 
 # -- map of regimes ----------------------------------------------------------------------------------------------------
@@ -226,7 +226,7 @@ def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     curves = content.beside(result, "orbits", "boundaries")
     if curves is None or not {sweeps.key, key} <= {*curves.columns}:
         curves = pd.DataFrame()
-    few = table[key].nunique() < LEAST_ROWS and not columns and curves.empty
+    few = table[key].nunique() < MIN_ROWS and not columns and curves.empty
     drawn = pd.concat([table.assign(hatch=hatches_of(table)), curves], ignore_index=True)
     directions = list(dict.fromkeys(table["direction"]))
     series = [picture.Series("", content.rows_of(table["direction"] == name), mode="dots") for name in directions]
@@ -262,11 +262,11 @@ def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
 def _regimes_panel(sweeps: Sweeps, key: str) -> picture.Panel:
     """Return the panel in which colours, hatches and lines tell the regime."""
     present, hatches = {*sweeps.table["sync"].dropna()}, {*hatches_of(sweeps.table)}
-    classes = {name: told for name, told in sync_classes(sweeps.rotation).items() if name in present}
+    classes = {name: text for name, text in sync_classes(sweeps.rotation).items() if name in present}
     flight = sweeps.table["flight_fraction"] if "flight_fraction" in sweeps.table else pd.Series(dtype=float)
-    levels = {level: told for level, told in _FLIGHTS.items() if flight.min() <= level < flight.max()}
+    levels = {level: text for level, text in _FLIGHTS.items() if flight.min() <= level < flight.max()}
     contours = picture.Contours("flight_fraction", levels) if levels else None
-    meanings = {hatch: told for hatch, told in HATCHES.items() if hatch in hatches}
+    meanings = {hatch: text for hatch, text in HATCHES.items() if hatch in hatches}
     return picture.Panel(
         key, kind="tiles", by="sync", classes=classes, hatch="hatch", hatches=meanings, contours=contours
     )
@@ -279,12 +279,12 @@ def boundary_series(curves: pd.DataFrame, begin: int, colours: Sequence[str]) ->
     for (kind, is_reached), rows in curves.groupby(["kind", reached], sort=False):
         number = kinds.index(str(kind)) if kind in kinds else len(kinds)
         places = [
-            place for own in content.in_groups(rows, ["curve"]) for place in [*(begin + own.index), picture.BROKEN]
+            index for own in content.in_groups(rows, ["curve"]) for index in [*(begin + own.index), picture.BROKEN]
         ]
         look: dict[str, Any] = {"colour": colours[number % len(colours)], "width": 1.4}
         look |= {"dash": _DASHES[number % len(_DASHES)]} if len(colours) == 1 else {}
         if not is_reached:
-            look |= {"width": 0.6, "look": UNREACHED} | ({"dash": ":"} if len(colours) > 1 else {})
+            look |= {"width": 0.6, "look": UNSTABLE_LOOK} | ({"dash": ":"} if len(colours) > 1 else {})
         label = ": ".join(filter(None, (str(kind), SPECIAL_POINTS.get(str(kind), ""))))
         series.append(picture.Series(label, places[:-1], mode="lines", **look))
     return series

@@ -215,13 +215,13 @@ def on_orbit(
     scene: Scene, orbit: KnownOrbit, settled: float, work: Mapping[str, int | None], events: int = 0
 ) -> SweepPoint:
     """Tell what is known of the orbit that a motion comes to, which has settled for a time (s), with some events."""
-    found = orbit.measures
-    row = _row_of_work(scene, settled, settled + orbit.period * orbit.turn, events + found["events"], work)
-    doubt = inaccuracy(found, scene)
+    measures = orbit.measures
+    row = _row_of_work(scene, settled, settled + orbit.period * orbit.turn, events + measures["events"], work)
+    doubt = inaccuracy(measures, scene)
     if doubt:
-        row |= {"outcome": INACCURATE, "detail": doubt, "energy_residual": found["energy_residual"]}
+        row |= {"outcome": INACCURATE, "detail": doubt, "energy_residual": measures["energy_residual"]}
         return SweepPoint(row, None)
-    row |= row_of(found, scene, near=ANTIPHASE_OF_ORBITS) | columns_of(MotionClass("periodic", orbit.period))
+    row |= row_of(measures, scene, near=ANTIPHASE_OF_ORBITS) | columns_of(MotionClass("periodic", orbit.period))
     row["multiplier_max"] = orbit.multiplier
     return SweepPoint(row, orbit.state.tolist(), orbit.section_y, orbit.impact_speeds)
 
@@ -239,9 +239,7 @@ def _measure_by_simulation(
     impacts = _Impacts() if plan.kind == "bifurcation" else None
     with closing(make_engine(scene, p)) as engine:
         motion = Simulator(scene, p, engine, start, began)
-        settling, part, kind = _settled_and_measured(
-            motion, plan, [] if impacts is None else [impacts], detector, until
-        )
+        settling, part, kind = _settle_then_measure(motion, plan, [] if impacts is None else [impacts], detector, until)
         work = engine.work
         stiff = stiffness(scene, engine.name, work["steps"], motion.restarts, motion.now - began)
     if settling.orbit is not None:
@@ -252,17 +250,17 @@ def _measure_by_simulation(
     heights: list[float] = []
     search: SearchBeginning | None = None
     measures = whole_periods(part.measures, (kind and kind.period) or 1)
-    found = measure(part._replace(measures=measures), scene)
-    doubt = inaccuracy(found, scene) if kind is not None else ""
+    values = measure(part._replace(measures=measures), scene)
+    doubt = inaccuracy(values, scene) if kind is not None else ""
     if doubt:
-        row |= {"outcome": INACCURATE, "detail": doubt, "energy_residual": found["energy_residual"]}
+        row |= {"outcome": INACCURATE, "detail": doubt, "energy_residual": values["energy_residual"]}
     elif kind is not None:
         end = motion.state.copy()
         end[3:5] %= 2.0 * math.pi
         final = end.tolist()
         blocks = () if kind.drifts else part.blocks
         errors = {ERRORS[name]: error for name, error in block_errors(blocks, tuple(ERRORS)).items()}
-        row |= row_of(found, scene, errors, settling.slip) | columns_of(kind)
+        row |= row_of(values, scene, errors, settling.slip) | columns_of(kind)
         row["notes"] = "; ".join(note for note in (row["notes"], stiff) if note)
         if (
             plan.find_coexisting
@@ -289,7 +287,7 @@ class _Impacts:
         self.speeds.extend((-events["rate_before"][events["kind"] == IMPACT]).tolist())
 
 
-def _settled_and_measured(
+def _settle_then_measure(
     motion: Simulator,
     plan: SweepPlan,
     observers: Sequence[Observer],
@@ -301,9 +299,9 @@ def _settled_and_measured(
     Motion that does not repeat is measured in blocks, from which the errors of its measures follow. A motion that
     ended early has no kind, also one that ended ``until`` a block.
     """
-    longest = plan.max_settle_s
+    limit = plan.max_settle_s
     while True:
-        settling = settle(motion, plan, longest, detector)
+        settling = settle(motion, plan, limit, detector)
         if settling.orbit is not None:  # it is measured already
             return settling, motion.advance(0.0, scope=SECTION_POINTS), None
         if settling.reason == "maximum":
@@ -314,11 +312,11 @@ def _settled_and_measured(
         if motion.outcome != "ok" or until(part.blocks):
             return settling, part, None
         points = section_points(part.measures, motion.scene)
-        kind = classify(motion.scene, plan, settling, points, motion.state, last=longest > plan.max_settle_s)
+        kind = classify(motion.scene, plan, settling, points, motion.state, last=limit > plan.max_settle_s)
         if kind is not None:
             break
         if settling.reason == "maximum":
-            longest = SETTLE_EXTENSION * plan.max_settle_s
+            limit = SETTLE_EXTENSION * plan.max_settle_s
     orbit = detector.detect(motion, points, kind.period) if kind.period and detector is not None else None
     if orbit is not None:
         return settling._replace(seconds=motion.now, orbit=orbit), part, kind
@@ -332,12 +330,12 @@ def _settled_and_measured(
 
 
 def _measure(
-    motion: Simulator, least: float, settling: SettlingResult, observers: Sequence[Observer]
+    motion: Simulator, min_seconds: float, settling: SettlingResult, observers: Sequence[Observer]
 ) -> MeasuredInterval:
     """Measure a motion for at least a time (s), and for whole periods if it repeats."""
     if settling.turn == 0.0:
-        return motion.advance(least, observers=observers, scope=WITH_EXTREMES)
-    turns = settling.period * max(math.ceil(least / (settling.period * settling.turn)), MIN_PERIODS)
+        return motion.advance(min_seconds, observers=observers, scope=WITH_EXTREMES)
+    turns = settling.period * max(math.ceil(min_seconds / (settling.period * settling.turn)), MIN_PERIODS)
     return motion.advance_turns(turns, 2.0 * (turns + 1) * settling.turn, observers, scope=WITH_EXTREMES)
 
 
@@ -359,7 +357,7 @@ def _row_of_work(
 
 
 def row_of(
-    found: dict[str, Any],
+    measures: dict[str, Any],
     scene: Scene,
     errors: Mapping[str, float | None] = MappingProxyType({}),
     slip: float = 0.0,
@@ -370,14 +368,14 @@ def row_of(
     ``slip`` is the change of the phase difference while the motion settled (rad), if it has not become periodic. What
     is no farther than ``near`` from −π (rad) is π.
     """
-    row: dict[str, Any] = {name: found[name] for name in (*MEASURED, *columns(scene))} | dict(errors)
+    row: dict[str, Any] = {name: measures[name] for name in (*MEASURED, *columns(scene))} | dict(errors)
     if scene.has_contact and row["gap_max_m"] is None:
         row["gap_max_m"] = 0.0  # it never flew
     if row["phase_difference_rad"] is not None:
         error = errors.get(ERRORS["phase_difference_rad"]) or 0.0
         row["phase_difference_rad"] = wrap_angle(row["phase_difference_rad"], max(near, 2.0 * error))
-    row["notes"] = "; ".join(notes_on_measures(scene, found))
-    row["sync"] = "none" if abs(slip) > MAX_DRIFT else synchronization(found)
+    row["notes"] = "; ".join(notes_on_measures(scene, measures))
+    row["sync"] = "none" if abs(slip) > MAX_DRIFT else synchronization(measures)
     return row
 
 

@@ -20,7 +20,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 from pydantic import BaseModel
 
-from vibroplat.study import WAIT
+from vibroplat.study import MAX_WAIT_S
 from vibroplat.study.cluster import Cluster, WorkerLostError
 from vibroplat.study.store import Record, Store, aside_name, digest
 from vibroplat.system.interrupts import stop_if_asked, unwinding, watching
@@ -328,7 +328,7 @@ class Processes:
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
         self.slots = jobs + 1  # one task waits while results are received
-        self._workers = _started(jobs)
+        self._workers = _start_workers(jobs)
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Start a task; if the workers have just died it fails like the tasks that they had."""
@@ -337,7 +337,7 @@ class Processes:
     def renew(self) -> None:
         """Start new workers, as one of the old ones has died."""
         self._workers.close()
-        self._workers = _started(self._jobs)
+        self._workers = _start_workers(self._jobs)
 
     def check(self) -> None:
         """Nothing to look for: the futures of workers that die fail by themselves."""
@@ -347,7 +347,7 @@ class Processes:
         self._workers.close()
 
 
-def _started(jobs: int) -> Workers:
+def _start_workers(jobs: int) -> Workers:
     """Start worker processes; an error of the system says that it is about them."""
     try:
         return worker_processes(jobs)
@@ -359,7 +359,7 @@ def _started(jobs: int) -> Workers:
 
 @contextmanager
 def pool(
-    jobs: int | None = 1, scheduler: str | None = None, *, wait: float = WAIT, chains: int | None = None
+    jobs: int | None = 1, scheduler: str | None = None, *, wait: float = MAX_WAIT_S, chains: int | None = None
 ) -> Iterator[Pool]:
     """Open a pool: this process for one job, worker processes for more, or the workers of a dask scheduler.
 

@@ -12,7 +12,7 @@ from vibroplat.frames import pd
 from vibroplat.inspection.material import ERROR, range_of_row
 from vibroplat.results import picture
 from vibroplat.study.branches import SUPPLY
-from vibroplat.study.curves import DISTINCT
+from vibroplat.study.curves import MAX_COLOURS
 from vibroplat.study.sweeps import Sweeps
 
 #: What formulas tell of.
@@ -27,10 +27,10 @@ def bands(sweeps: Sweeps, drawn: pd.DataFrame, colours: Mapping[str, str]) -> tu
     Its points are those of the branch with the upper ends of the ranges, and the lower ones in a column of their own.
     """
     series, parts, first = list[picture.Series](), [drawn], dict[str, pd.DataFrame]()
-    for rows in sweeps.branches if CONVEYING in drawn and len(colours) <= DISTINCT else ():
+    for rows in sweeps.branches if CONVEYING in drawn and len(colours) <= MAX_COLOURS else ():
         first.setdefault(sweeps.label(rows.iloc[0]), rows)
     for label, rows in first.items():
-        low, high = np.array([_range(sweeps, rows.loc[[place]]) for place in rows.index]).T
+        low, high = np.array([_range(sweeps, rows.loc[[index]]) for index in rows.index]).T
         if np.isfinite(low).any():
             places = sum(map(len, parts)) + np.arange(len(rows))
             name = ": ".join(filter(None, (label, NAME)))

@@ -159,26 +159,26 @@ class SettlingResult(NamedTuple):
         return self.reason == "periodic" and self.turn > 0.0 and self.seconds > EARLY_CHECKS * BLOCK * self.turn
 
 
-def settle(motion: Simulator, plan: SweepPlan, longest: float, detector: OrbitDetector | None = None) -> SettlingResult:
+def settle(motion: Simulator, plan: SweepPlan, limit: float, detector: OrbitDetector | None = None) -> SettlingResult:
     """Advance a motion until it has settled as the plan says, or reaches an orbit that a detector knows, or ends early.
 
-    ``longest`` limits the settling (s). It is counted from the beginning of the motion, so that one that
+    ``limit`` limits the settling (s). It is counted from the beginning of the motion, so that one that
     turns out not to have settled can settle for the remaining time.
     """
     turn = 2.0 * math.pi / motion.scene.speed_scale
     points, times = np.empty((0, motion.state.size)), np.empty(0)
     phases: list[float] = []  # differences
     close = 0
-    while (left := longest - motion.now) > 1e-9 * longest:
+    while (remaining := limit - motion.now) > 1e-9 * limit:
         block = BLOCK if motion.now < EARLY_CHECKS * BLOCK * turn else LATE_BLOCK
         if detector is not None and len(points) == 2 * TURNS and not close:
             block = 2 * TURNS + BLOCK
-            unseen = min(UNCHECKED_FRACTION * motion.now, left - DRIFT_TURNS * turn)
+            unseen = min(UNCHECKED_FRACTION * motion.now, remaining - DRIFT_TURNS * turn)
             if unseen > 0.0:
                 motion.to_time(motion.now + unseen)
                 points, times, phases = points[:0], times[:0], [phase_difference(motion)]
-                left -= unseen
-        part = motion.advance(min(block * turn, left), scope=SECTION_POINTS)
+                remaining -= unseen
+        part = motion.advance(min(block * turn, remaining), scope=SECTION_POINTS)
         if motion.outcome != "ok":
             return SettlingResult("unfinished", motion.now)
         points = np.concatenate([points, section_points(part.measures, motion.scene)])[-2 * TURNS :]
@@ -210,6 +210,6 @@ def contraction_period(points: FloatArray, scene: Scene, plan: SweepPlan) -> int
     now, before = spreads(points[-half:]), spreads(points[-2 * half : -half])
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = now / before
-        left = np.where(ratio < 1.0, now * ratio / (1.0 - ratio), np.inf)
-    near = np.flatnonzero((now <= noise) | ((now <= EXTRAPOLATION_LIMIT * tolerance) & (left <= tolerance)))
+        remaining = np.where(ratio < 1.0, now * ratio / (1.0 - ratio), np.inf)
+    near = np.flatnonzero((now <= noise) | ((now <= EXTRAPOLATION_LIMIT * tolerance) & (remaining <= tolerance)))
     return int(near[0]) + 1 if near.size else 0

@@ -104,12 +104,12 @@ class Store:
                 self._require_sound()
             else:
                 self._create()
-            found, finished = map(self._about, ("conditions", "finished"))
-        if found is None and len(self) and not overwrite:
+            stored, finished = map(self._about, ("conditions", "finished"))
+        if stored is None and len(self) and not overwrite:
             raise self._corrupt_error("it does not contain the conditions of its records")
-        if found is not None:
+        if stored is not None:
             if resume:
-                self._require_same(found, wanted)
+                self._require_same(stored, wanted)
             elif not (finished or overwrite) and len(self):
                 raise ConfigError(
                     f"{Path(self._path).parent} holds {len(self)} tasks of unfinished work; allowed: --resume to "
@@ -142,26 +142,26 @@ class Store:
                 f"{self._path} cannot be used: its format is {form}, this version reads {FORMAT}; "
                 "remove it to start again"
             )
-        (found,) = self._base.execute("PRAGMA integrity_check(1)").fetchone()
-        if found != b"ok":
-            raise self._corrupt_error(_text(found))
+        (verdict,) = self._base.execute("PRAGMA integrity_check(1)").fetchone()
+        if verdict != b"ok":
+            raise self._corrupt_error(_text(verdict))
 
     def _drop_corrupt(self, finished: int) -> None:
         """Delete damaged records, and say how many are damaged or missing.
 
         ``finished`` is how many records there were when the work was finished.
         """
-        places: dict[Any, list[int]] = defaultdict(list)
+        indices_of: dict[Any, list[int]] = defaultdict(list)
         spoiled = []
         rows = self._base.execute("SELECT rowid, first, second, task, record, digest FROM records NOT INDEXED")
-        for row, chain, place, *content in rows:
-            if _is_sound(chain, place, *content):
-                places[chain].append(place)
+        for row, chain, index, *content in rows:
+            if _is_sound(chain, index, *content):
+                indices_of[chain].append(index)
             else:
                 spoiled.append((row,))
         self._base.executemany("DELETE FROM records WHERE rowid = ?", spoiled)
-        stored = sum(map(len, places.values())) + len(spoiled)
-        gaps = sum(max(found) + 1 - len(found) for found in places.values())
+        stored = sum(map(len, indices_of.values())) + len(spoiled)
+        gaps = sum(max(indices) + 1 - len(indices) for indices in indices_of.values())
         missing = max(gaps - len(spoiled), finished - stored, 0)
         if missing or spoiled:
             lost, total = missing + len(spoiled), stored + missing
@@ -181,24 +181,24 @@ class Store:
         with self._complaints():
             return dict(self._base.execute("SELECT first, COUNT(*) FROM records GROUP BY first"))
 
-    def write(self, chain: int | str, place: int, record: Record, task: str = "") -> None:
+    def write(self, chain: int | str, index: int, record: Record, task: str = "") -> None:
         """Store the record of a task at a place of a chain; numbers that are not finite are refused (ValueError)."""
-        chain, text = self._named(chain), _plain(record)
+        chain, text = self._chain_name(chain), _plain(record)
         if b"NaN" in text or b"Infinity" in text:
             json.dumps(record, allow_nan=False)  # unless these are words
-        row = (chain, place, task, text.decode(), digest(chain, place, task, text))
+        row = (chain, index, task, text.decode(), digest(chain, index, task, text))
         with self._complaints(), self._base:
             self._base.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?, ?, ?)", row)
 
-    def get(self, chain: int | str, place: int, task: str) -> Record | None:
+    def get(self, chain: int | str, index: int, task: str) -> Record | None:
         """Return the record at a place of a chain; None if there is none, or if it is the record of another task.
 
         Records were found sound when the store was opened.
         """
-        chain = self._named(chain)
+        chain = self._chain_name(chain)
         with self._complaints():
             row = self._base.execute(
-                "SELECT task, record FROM records WHERE first = ? AND second = ?", (chain, place)
+                "SELECT task, record FROM records WHERE first = ? AND second = ?", (chain, index)
             ).fetchone()
         if row is None:
             return None
@@ -212,19 +212,19 @@ class Store:
 
     def read(self, chain: int | str) -> Iterator[tuple[int, Record]]:
         """Yield places and records of a chain in their order; raises :class:`CorruptRecordError` at a damaged one."""
-        chain = self._named(chain)
+        chain = self._chain_name(chain)
         with self._complaints():
             rows = self._base.execute(
                 "SELECT second, task, record, digest FROM records WHERE first = ? ORDER BY second", (chain,)
             )
-            for place, *content in rows:
-                if not _is_sound(chain, place, *content):
+            for index, *content in rows:
+                if not _is_sound(chain, index, *content):
                     raise CorruptRecordError(f"{self._path}: a record is damaged; --resume computes it again")
-                yield place, _record(content[1])
+                yield index, _record(content[1])
 
-    def read_aside(self, chain: int | str, place: int) -> Record | None:
+    def read_aside(self, chain: int | str, index: int) -> Record | None:
         """Return the record of the task aside after that of a place of a chain; None if there is none."""
-        return next((record for _, record in self.read(aside_name(chain, place))), None)
+        return next((record for _, record in self.read(aside_name(chain, index))), None)
 
     def namespace(self, name: str) -> Store:
         """Return the same store with names of chains of its own, for one purpose."""
@@ -232,7 +232,7 @@ class Store:
         part._prefix = f"{self._prefix}{name}/"
         return part
 
-    def _named(self, chain: int | str) -> int | str:
+    def _chain_name(self, chain: int | str) -> int | str:
         return f"{self._prefix}{chain}" if self._prefix else chain
 
     def require(self, condition: str, value: Any) -> None:
@@ -244,14 +244,14 @@ class Store:
             Work is resumed that began under another value.
         """
         with self._complaints(), self._base:
-            found = self._about(condition)
-            if found is not None:
-                self._require_same({condition: found}, {condition: value})
+            stored = self._about(condition)
+            if stored is not None:
+                self._require_same({condition: stored}, {condition: value})
             self._tell(condition, value)
 
-    def _require_same(self, found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+    def _require_same(self, stored: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
         """Refuse to resume under other conditions, and name the first that differs, code and arithmetic last."""
-        old, new = flat(found), flat(wanted)
+        old, new = flat(stored), flat(wanted)
         differing = [key for key in {**old, **new} if old.get(key) != new.get(key)]
         if not differing:
             return
@@ -284,8 +284,8 @@ class Store:
         row = self._base.execute("SELECT value, digest FROM about WHERE key = ?", (key,)).fetchone()
         if row is None:
             return None
-        value, found = map(_text, row)
-        if digest(key, value) != found:
+        value, stored_digest = map(_text, row)
+        if digest(key, value) != stored_digest:
             raise self._corrupt_error("the conditions of its records are damaged")
         return json.loads(value)
 
@@ -311,9 +311,9 @@ class Store:
             raise self._corrupt_error("its names are no text") from None
 
 
-def aside_name(chain: int | str, place: int) -> str:
+def aside_name(chain: int | str, index: int) -> str:
     """Name the chain of the task aside that comes after the task of a place of a chain; there is one at most."""
-    return f"{chain} aside {place}"
+    return f"{chain} aside {index}"
 
 
 def _is_of_code(key: str) -> bool:
@@ -344,9 +344,9 @@ def _plain(value: Any) -> bytes:
     return to_json(value, inf_nan_mode="constants")
 
 
-def _is_sound(chain: Any, place: Any, task: Any, record: Any, found: Any) -> bool:
+def _is_sound(chain: Any, index: Any, task: Any, record: Any, stored_digest: Any) -> bool:
     """Whether a row is as it was written."""
-    return digest(chain, place, task, record) == _text(found)
+    return digest(chain, index, task, record) == _text(stored_digest)
 
 
 def _record(text: bytes) -> Record:

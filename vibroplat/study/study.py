@@ -15,7 +15,7 @@ from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.config.schema import NonNegative
 from vibroplat.integrate import engine_name
 from vibroplat.results.result import Result
-from vibroplat.study import WAIT
+from vibroplat.study import MAX_WAIT_S
 from vibroplat.study.fingerprint import package
 from vibroplat.study.pool import Pool, Task, pool
 from vibroplat.study.store import Record, Store
@@ -113,7 +113,7 @@ def conditions(scene: Scene) -> dict[str, Any]:
 def choose_evenly(places: Sequence[int], max_count: int = MAX_CROSS_CHECKS) -> list[int]:
     """Choose some of the places of a table, as far from each other as they can be."""
     chosen = np.linspace(0, max(len(places) - 1, 0), min(max_count, len(places))).round().astype(int)
-    return [places[place] for place in np.unique(chosen).tolist()]
+    return [places[index] for index in np.unique(chosen).tolist()]
 
 
 #: What is allowed for :class:`Options`.
@@ -160,7 +160,7 @@ def run_study(kind: Callable[[Scene], Study], scene: Scene, **options: Unpack[Op
         A worker would give other bits than this process.
     """
     study, progress = kind(scene), options.pop("progress", lambda done, known: None)
-    jobs, scheduler, wait = options.get("jobs", 1), options.get("scheduler"), options.get("wait", WAIT)
+    jobs, scheduler, wait = options.get("jobs", 1), options.get("scheduler"), options.get("wait", MAX_WAIT_S)
     with Store(None, {}) as store, pool(jobs, scheduler, wait=wait, chains=study.chains(store)) as workers:
         result = study.run(store, workers, progress)
         result.tables.make_all()  # while there is a store

@@ -223,8 +223,8 @@ def branch_points(branch: SweepBranch, take: Callable[[Record], object]) -> Task
     ``take`` is called with the record of each point. Searches for attractors that coexist with a point are tasks aside.
     """
     state: list[float] | None = None
-    for place, value in enumerate(branch.key_values):
-        state = branch.begin(state, place)
+    for index, value in enumerate(branch.key_values):
+        state = branch.begin(state, index)
         record = yield Task(point_along, (branch.scene, value, state, branch.perturbation_key(value)), failed_record)
         state = record["state"] or state
         take(record)
@@ -257,19 +257,19 @@ def branch_records(branch: SweepBranch, store: Store) -> Iterator[Record]:
     CorruptRecordError
         One is missing or damaged.
     """
-    found = 0
-    for place, record in store.read(branch.chain):
-        if place != found or found == len(branch.key_values):
+    count = 0
+    for index, record in store.read(branch.chain):
+        if index != count or count == len(branch.key_values):
             break
         if record["search"] is not None:
-            searched = store.read_aside(branch.chain, place)
+            searched = store.read_aside(branch.chain, index)
             if searched is None:
                 break
             record["row"] |= searched
         yield record
-        found += 1
-    if found < len(branch.key_values):
-        raise CorruptRecordError(f"point {found} of branch {branch.number} is not stored; --resume computes it")
+        count += 1
+    if count < len(branch.key_values):
+        raise CorruptRecordError(f"point {count} of branch {branch.number} is not stored; --resume computes it")
 
 
 def point_cases(planned: Sequence[SweepBranch], store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
@@ -281,10 +281,10 @@ def point_cases(planned: Sequence[SweepBranch], store: Store, other: Callable[[S
     decided = [n for n, row in rows if row.get("motion") not in (None, "undecided") and not row["coexisting"]]
     chosen = {*choose_evenly(decided)}
     cases = []
-    for number, (branch, place, state, row) in enumerate(_starts(planned, store)):
+    for number, (branch, index, state, row) in enumerate(_starts(planned, store)):
         if number in chosen:
-            value, plan = branch.key_values[place], branch.plan.model_copy(update={"find_coexisting": False})
-            task = point_task(other(branch.at(place)), plan, state, branch.perturbation_key(value))
+            value, plan = branch.key_values[index], branch.plan.model_copy(update={"find_coexisting": False})
+            task = point_task(other(branch.at(index)), plan, state, branch.perturbation_key(value))
             keys = {column_of(branch.swept): value, **branch.grid}
             swept = ", ".join(f"{key} = {at}" for key, at in keys.items())
             known = {name: row[name] for name in (*COMPARED, PHASE_COLUMN)}
@@ -301,9 +301,9 @@ def _starts(
     """Yield each point of a finished sweep: its branch and place, the state with which it began, and its row."""
     for branch in planned:
         state: list[float] | None = None
-        for place, record in enumerate(branch_records(branch, store)):
-            state = branch.begin(state, place)
-            yield branch, place, state, record["row"]
+        for index, record in enumerate(branch_records(branch, store)):
+            state = branch.begin(state, index)
+            yield branch, index, state, record["row"]
             state = record["state"] or state
 
 
@@ -400,11 +400,11 @@ def notes_on_points(table: pd.DataFrame) -> list[str]:
     )
     for _, rows in notes.groupby(notes["note"].str.replace(r"\d[\d.e+-]*", "", regex=True), sort=False):
         count, low, high = rows.index.nunique(), rows[key].min(), rows[key].max()
-        place = "1 point" if count == 1 else f"{count} points"
+        count_text = "1 point" if count == 1 else f"{count} points"
         first = ", the first" if count > 1 else ""
         note = rows["note"].iloc[0]
         begin = HINT if note.startswith(HINT) else ""
-        lines.append(f"{begin}{place} at {place_words(key, low, high)}{first}: {note.removeprefix(HINT)}")
+        lines.append(f"{begin}{count_text} at {place_words(key, low, high)}{first}: {note.removeprefix(HINT)}")
     undecided = table[(table["motion"] == "undecided") & (table["outcome"] == "ok")]
     for _, row in undecided.head(1).iterrows():
         several = len(undecided) > 1

@@ -64,11 +64,11 @@ class Sweeps:
     def rotation(self) -> str:
         """How the exciters rotate; "" if that varies or is not known."""
         if "rotation" in self.table:
-            found = {*self.table["rotation"].dropna()}
+            rotations = {*self.table["rotation"].dropna()}
         else:
             scenes = [] if any("rotation" in key for key in self.grid) else [one.known_scene for one in self.results]
-            found = {scene.rotation for scene in scenes if scene is not None}
-        return str(found.pop()) if len(found) == 1 else ""
+            rotations = {scene.rotation for scene in scenes if scene is not None}
+        return str(rotations.pop()) if len(rotations) == 1 else ""
 
     @cached_property
     def branches(self) -> list[pd.DataFrame]:
@@ -92,12 +92,12 @@ class Sweeps:
     @property
     def meaning(self) -> str:
         """A sentence on what the machine does in each synchronization, or ""."""
-        found = [
+        texts = [
             describe_sync(str(sync), self.rotation)
             for sync in self.table.get("sync", pd.Series(dtype=str)).dropna().unique()
         ]
-        told = "; ".join(text for text in found if ": " in text)
-        return told and f" {told[0].upper()}{told[1:]}."
+        joined = "; ".join(text for text in texts if ": " in text)
+        return joined and f" {joined[0].upper()}{joined[1:]}."
 
 
 def read(
@@ -121,11 +121,11 @@ def read(
     if len(tables) > 1:
         tables = [table.assign(**{RESULT: name}) for name, table in zip(names, tables, strict=True)]
     table = picture.finite(pd.concat(tables, ignore_index=True))
-    found = Sweeps(
+    sweeps = Sweeps(
         results, names, table, keys[0], [RESULT, *grid][len(tables) == 1 :], x or abscissa(keys[0]), kept=kept
     )
-    labels = compared("sweep", names, [result.known_scene for result in results], found.varied)
-    return replace(found, labels=dict(zip(names, labels, strict=True)))
+    labels = compared("sweep", names, [result.known_scene for result in results], sweeps.varied)
+    return replace(sweeps, labels=dict(zip(names, labels, strict=True)))
 
 
 def swept(result: Result) -> str:

@@ -18,15 +18,15 @@ from vibroplat.study.sweeps import Sweeps
 #: Symbols of frequencies.
 SYMBOLS = {EXCITATION: "$f$", SUPPLY: "$f_e$"}
 #: Most numbers that are told one by one.
-MOST = 3
+MAX_LISTED = 3
 
 
 def place(column: str, values: Any) -> str:
     """Say a few places on an axis one by one, more of them from where to where: "$f$ = 30.9 Hz"."""
-    told = several(values, unit_of(column))
-    if told == digits.MISSING:
+    text = several(values, unit_of(column))
+    if text == digits.MISSING:
         return ""
-    return f"{SYMBOLS[column]} = {told}" if column in SYMBOLS else f"{key_name(column)} {told}"
+    return f"{SYMBOLS[column]} = {text}" if column in SYMBOLS else f"{key_name(column)} {text}"
 
 
 def several(values: Any, unit: str) -> str:
@@ -34,7 +34,7 @@ def several(values: Any, unit: str) -> str:
     known = [value for value in map(float, values) if np.isfinite(value)]
     if not known:
         return digits.MISSING
-    if len(known) > MOST or unit == "rad":
+    if len(known) > MAX_LISTED or unit == "rad":
         return digits.interval(min(known), max(known), unit)
     return digits.together(known, unit)
 
@@ -54,8 +54,8 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> str:
     if column != PHASE_COLUMN:
         varied = [name for name in sweeps.varied if name in table]
         best = known.loc[known.groupby(varied or np.zeros(len(known)), sort=False)[column].idxmax()]
-        most = several(best[column], unit_of(column))
-        largest = f"{display_name(column)} at most {most} at {place(sweeps.x, best[sweeps.x])}"
+        maximum = several(best[column], unit_of(column))
+        largest = f"{display_name(column)} at most {maximum} at {place(sweeps.x, best[sweeps.x])}"
     return sentence(largest, motions(table), _failed(table))
 
 
@@ -78,7 +78,7 @@ def regimes(sweeps: Sweeps) -> str:
     if known.empty:
         return "Every point failed"
     shares = known["sync"].value_counts() / len(known)
-    told = ", ".join(f"{sync_words(str(sync))} at {digits.share(float(share))}" for sync, share in shares.items())
+    text = ", ".join(f"{sync_words(str(sync))} at {digits.share(float(share))}" for sync, share in shares.items())
     flies = float((known["flight_fraction"] > 0.0).mean()) if "flight_fraction" in known else 0.0
     flight = f"material flies at {digits.share(flies)}" if flies else ""
-    return sentence(f"{told} of the points", flight, motions(table), _failed(table))
+    return sentence(f"{text} of the points", flight, motions(table), _failed(table))

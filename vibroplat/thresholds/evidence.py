@@ -14,21 +14,21 @@ from vibroplat.config.study_plans import FindPlan
 from vibroplat.thresholds.values import ScanPoint
 
 #: Values evaluated in a round beyond an end of a mixed interval, up to the end of the range, with distances that form a
-#: geometric series. Where the asker wants the outcome beyond this end, as many as DENSE first lie evenly, up to half of
+#: geometric series. Where the asker wants the outcome beyond this end, N_EVEN of them first lie evenly, up to half of
 #: the interval's width away: with the screen of the templates, outcomes that contradict are found there in windows of
 #: 0.3 % to 1.5 % of the width, ever sparser outward.
-VALUES_PER_ROUND, DENSE, EVEN_FRACTION = 20, 40, 0.5
+VALUES_PER_ROUND, N_EVEN, EVEN_FRACTION = 20, 40, 0.5
 #: Most seeds that failed near an end and are tried beyond it.
-MOST_FAILING = 5
+MAX_FAILING_SEEDS = 5
 #: Largest number of rounds. Screen and feeder of the templates, with 4 and 6 poles, take at most six.
 MAX_ROUNDS = 10
 #: Values near a threshold that show whether it is the only change: their number on each side of a jump and of another
 #: threshold, and the largest distance relative to the range. Their distances form a geometric series from the tolerance
 #: on, as mixed intervals have all widths.
-VALUES_NEAR, FEW_NEAR, MAX_REACH = 12, 2, 0.1
+VALUES_NEAR_JUMP, VALUES_NEAR_OTHER, MAX_REACH = 12, 2, 0.1
 #: Values all over the range that begin with other seeds, and where the first is in its part of the range: not in the
 #: middle, where one of the scan may be.
-VALUES_BETWEEN, OFF_MIDDLE = 8, 0.382
+VALUES_BETWEEN, FIRST_OFFSET = 8, 0.382
 #: Pairs of values in a mixed interval, and the distances of their values relative to the width of the interval.
 PAIRS, DISTANCES = 16, (1e-2, 1e-3, 1e-4)
 #: Minimum number of pairs that differ at the smallest distance where the border is fractal, and their minimum ratio to
@@ -156,7 +156,7 @@ def zones(values: Sequence[ScanPoint], thresholds: Sequence[Threshold], plan: Fi
     neither are failed runs, and undecided motion where attractors are compared.
     """
     known = sorted((value for value in values if value.reason != "orbit"), key=lambda value: value.value)
-    good = [value for value in known if value.classified(plan)]
+    good = [value for value in known if value.is_classified(plan)]
     hulls = [_Hull(one) for one in sorted(thresholds, key=lambda one: one.value)]
     owners = [hull for hull in hulls if not hull.thresholds[0].special] or hulls
     for change in pairwise(good):
@@ -181,13 +181,13 @@ def _is_within(change: tuple[ScanPoint, ScanPoint], threshold: Threshold) -> boo
 
 def _merge(hulls: Sequence[_Hull]) -> list[_Hull]:
     """Join those that overlap."""
-    found: list[_Hull] = []
+    merged: list[_Hull] = []
     for hull in sorted(hulls, key=lambda hull: hull.edges):
-        if found and hull.edges[0] < found[-1].edges[1]:
-            found[-1].take(hull)
+        if merged and hull.edges[0] < merged[-1].edges[1]:
+            merged[-1].take(hull)
         else:
-            found.append(hull)
-    return found
+            merged.append(hull)
+    return merged
 
 
 def _zone(hull: _Hull, known: Sequence[ScanPoint], plan: FindPlan, begin: float, end: float) -> Zone:
@@ -209,7 +209,7 @@ def _zone(hull: _Hull, known: Sequence[ScanPoint], plan: FindPlan, begin: float,
 
 def _clear(values: Sequence[ScanPoint], plan: FindPlan, limit: float) -> ClearRange:
     """Summarize values with one outcome, the nearest to the threshold first."""
-    good = [value for value in values if value.classified(plan)]
+    good = [value for value in values if value.is_classified(plan)]
     nearest, last = (good[0], good[-1].value) if good else (None, math.nan)
     tried, seeds = ({getattr(value, name) for value in good} for name in ("value", "seed"))
     return ClearRange(nearest, len(tried), len(seeds), last, len(values) - len(good), limit)
@@ -224,55 +224,55 @@ class ScaledKey:
     def __init__(self, plan: FindPlan) -> None:
         self.plan = plan
 
-    def place(self, at: float) -> float:
+    def place_of(self, at: float) -> float:
         """Return the place of a value of the key."""
         start, stop = self.plan.start, self.plan.stop
         return math.log(at / start, stop / start) if self.plan.scale == "log" else (at - start) / (stop - start)
 
-    def value(self, place: float) -> float:
+    def value(self, part: float) -> float:
         """Return the value of the key at a place."""
         start, stop = self.plan.start, self.plan.stop
-        return float(start * (stop / start) ** place if self.plan.scale == "log" else start + place * (stop - start))
+        return float(start * (stop / start) ** part if self.plan.scale == "log" else start + part * (stop - start))
 
     def between(self) -> list[float]:
         """Return values of the key all over its range."""
-        return [self.value((k + OFF_MIDDLE) / VALUES_BETWEEN) for k in range(VALUES_BETWEEN)]
+        return [self.value((k + FIRST_OFFSET) / VALUES_BETWEEN) for k in range(VALUES_BETWEEN)]
 
-    def near(self, threshold: Threshold, count: int = VALUES_NEAR) -> list[float]:
+    def near(self, threshold: Threshold, count: int = VALUES_NEAR_JUMP) -> list[float]:
         """Return so many values of the key near a threshold on each side, within the range."""
-        low, high = self.place(threshold.low.value), self.place(threshold.high.value)
+        low, high = self.place_of(threshold.low.value), self.place_of(threshold.high.value)
         nearest = min(high - low, 0.5 * MAX_REACH)
         distances = [nearest * (MAX_REACH / nearest) ** (k / (count - 1)) for k in range(count)]
-        found = [low - distance for distance in distances] + [high + distance for distance in distances]
-        return [self.value(place) for place in found if 0.0 <= place <= 1.0]
+        parts = [low - distance for distance in distances] + [high + distance for distance in distances]
+        return [self.value(part) for part in parts if 0.0 <= part <= 1.0]
 
     def beyond(self, zone: Zone, upward: bool) -> list[float]:
         """Return values of the key beyond the lower or the upper end of a mixed interval, denser near it."""
-        low, high = self._mixed(zone)
+        low, high = self._mixed_ends(zone)
         edge, clear = (high, zone.above) if upward else (low, zone.below)
-        length = abs(self.place(clear.limit) - edge)
+        length = abs(self.place_of(clear.limit) - edge)
         if length == 0.0:
             return []
         even = min(EVEN_FRACTION * self._width(zone), length)
-        distances = [(k + 0.5) / DENSE * even for k in range(DENSE if is_wanted(zone, upward, self.plan) else 0)]
-        nearest = even if distances and even < 0.9 * length else even / DENSE
+        distances = [(k + 0.5) / N_EVEN * even for k in range(N_EVEN if is_wanted(zone, upward, self.plan) else 0)]
+        nearest = even if distances and even < 0.9 * length else even / N_EVEN
         distances += [nearest * (length / nearest) ** ((k + 0.5) / VALUES_PER_ROUND) for k in range(VALUES_PER_ROUND)]
         return [self.value(edge + distance if upward else edge - distance) for distance in distances]
 
     def pairs(self, zone: Zone) -> list[list[float]]:
         """Return values spread over a mixed interval, and for each of the distances the values that far above them."""
         width = self._width(zone)
-        first = min(max(0.5 * (sum(self._mixed(zone)) - width), 0.0), 1.0 - width)
-        places = [first + (k + 0.5) / PAIRS * (1.0 - DISTANCES[0]) * width for k in range(PAIRS)]
-        return [[self.value(place + distance * width) for place in places] for distance in (0.0, *DISTANCES)]
+        first = min(max(0.5 * (sum(self._mixed_ends(zone)) - width), 0.0), 1.0 - width)
+        parts = [first + (k + 0.5) / PAIRS * (1.0 - DISTANCES[0]) * width for k in range(PAIRS)]
+        return [[self.value(part + distance * width) for part in parts] for distance in (0.0, *DISTANCES)]
 
-    def _mixed(self, zone: Zone) -> tuple[float, float]:
+    def _mixed_ends(self, zone: Zone) -> tuple[float, float]:
         assert zone.ends is not None
-        return self.place(zone.ends[0]), self.place(zone.ends[1])
+        return self.place_of(zone.ends[0]), self.place_of(zone.ends[1])
 
     def _width(self, zone: Zone) -> float:
         """Return the width of a mixed interval; one with a single value has that of the tolerance."""
-        low, high = self._mixed(zone)
+        low, high = self._mixed_ends(zone)
         return max(high - low, self.plan.narrow / (self.plan.stop - self.plan.start))
 
 
@@ -287,15 +287,15 @@ def failing_seeds(zone: Zone, upward: bool, plan: FindPlan) -> list[int]:
     nearest = (zone.above if upward else zone.below).nearest
     if nearest is None:
         return []
-    failing = [one for one in zone.mixed if one.classified(plan) and one.outcome(plan) != nearest.outcome(plan)]
-    return list(dict.fromkeys(one.seed for one in (failing[::-1] if upward else failing)))[:MOST_FAILING]
+    failing = [one for one in zone.mixed if one.is_classified(plan) and one.outcome(plan) != nearest.outcome(plan)]
+    return list(dict.fromkeys(one.seed for one in (failing[::-1] if upward else failing)))[:MAX_FAILING_SEEDS]
 
 
-def open_ends(found: Sequence[Zone], tried: Collection[tuple[float, bool]]) -> Iterator[tuple[Zone, bool]]:
+def open_ends(all_zones: Sequence[Zone], searched: Collection[tuple[float, bool]]) -> Iterator[tuple[Zone, bool]]:
     """Yield mixed intervals and their ends, True for the upper one, beyond which no round of values was evaluated."""
-    for zone in found:
+    for zone in all_zones:
         for upward, end in zip((False, True), zone.ends or (), strict=False):
-            if (end, upward) not in tried:
+            if (end, upward) not in searched:
                 yield zone, upward
 
 

@@ -27,18 +27,18 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
     key, (level, _, number) = column_of(plan.key), plan.compared or ("", "", 0.0)
     needed = (key, "rms_x_m", "rms_y_m", PHASE_COLUMN, *measure, *filter(None, [level]))
     table = picture.finite(content.rows_in(result, "scan", ("reason", "sync", "motion", "outcome"), needed))
-    found = picture.finite(result.columns("thresholds", ("kind",), ("value", "below"), _MIXED))
-    found = found.reindex(columns=[*found, *(name for name in _MIXED if name not in found)])
-    mixed = found[_MIXED].dropna().drop_duplicates().astype(float)
+    changes = picture.finite(result.columns("thresholds", ("kind",), ("value", "below"), _MIXED))
+    changes = changes.reindex(columns=[*changes, *(name for name in _MIXED if name not in changes)])
+    mixed = changes[_MIXED].dropna().drop_duplicates().astype(float)
     ranges = [picture.Range(key, low, high, "mixed") for low, high in mixed.itertuples(index=False)]
-    sharp, told = found.loc[found[_MIXED[0]].isna(), "value"].tolist(), result.answer
+    sharp, answer = changes.loc[changes[_MIXED[0]].isna(), "value"].tolist(), result.answer
     # a mixed interval alone has no sharp value: its own line follows the headline
-    title = told.short[0] if ranges and not sharp and len(ranges) == 1 and told.short else told.headline
+    title = answer.short[0] if ranges and not sharp and len(ranges) == 1 and answer.short else answer.headline
     lines = [
         *([picture.Line(key, sharp, "threshold")] if sharp else []),
         *([picture.Line(level, [number], dash=":", label=plan.expression or "")] if level else []),
     ]
-    panels, left = content.measures(table, filter(None, (level, *content.DRAWN)), measure, stripped=True)
+    panels, omitted = content.measures(table, filter(None, (level, *content.DRAWN)), measure, stripped=True)
     sync = table["sync"].fillna("failed")
     series = [
         picture.Series(
@@ -52,14 +52,14 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
     ]
     # Both sides of a threshold come first; a click on it shows what is below.
     good = table[table["outcome"] == "ok"].dropna(subset=[key])
-    sides = [int((good[key] - value).abs().idxmin()) if len(good) else None for value in found["below"].fillna(0.0)]
+    sides = [int((good[key] - value).abs().idxmin()) if len(good) else None for value in changes["below"].fillna(0.0)]
     return picture.Picture(
         name="thresholds",
         heading="Thresholds",
         title=titles.sentence(title.replace(plan.key, key_name(plan.key))),
         table=table,
         table_name="values",
-        special=found,
+        special=changes,
         special_name="thresholds",
         axes=content.axes_of(table, [key]),
         panels=panels,
@@ -68,7 +68,7 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
         ranges=ranges,
         states=content.motions_of(table),
         rotation=result.known_scene.rotation if result.known_scene else "",
-        told=told_of([result.name], result.known_scene, [key], left),
+        told=told_of([result.name], result.known_scene, [key], omitted),
         meaning="Every value that was looked at. Filled: periodic, open: not periodic, ×: failed; dashed lines: "
         "thresholds.",
         orbits=picture.Orbits(

@@ -30,10 +30,10 @@ from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.store import Record, Store
 from vibroplat.study.study import Progress
 from vibroplat.thresholds.evidence import (
-    FEW_NEAR,
     MAX_ROUNDS,
     PAIRS,
-    VALUES_NEAR,
+    VALUES_NEAR_JUMP,
+    VALUES_NEAR_OTHER,
     ScaledKey,
     Threshold,
     Zone,
@@ -59,7 +59,7 @@ MAX_HALVINGS = 20
 #: Change of the measures beyond a special point where stability is lost that is no jump.
 MAX_GRADUAL = 0.1
 #: Relative change of the key from where a start just passes a resonance to where its time is told, too.
-BEYOND = 0.1
+PASSED_OFFSET = 0.1
 #: Record of an orbit that cannot be followed.
 EMPTY_RECORD: Record = {"rows": [], "special": []}
 
@@ -72,7 +72,7 @@ def start_key(scene: Scene, seed: int | None = None) -> tuple[int, ...]:
 
 
 @dataclass
-class Search:
+class ThresholdSearch:
     """Searches for the thresholds of a section ``find``, in chains of tasks.
 
     Attributes
@@ -81,7 +81,7 @@ class Search:
         A scene and its section.
     store, workers, progress
         As :meth:`vibroplat.study.study.Question.answer` gets them.
-    seen
+    evaluated
         All values that were evaluated besides those of the scan, in the order of chains.
     """
 
@@ -105,8 +105,8 @@ class Search:
         others = self._evaluate("seed", zip(self._places.between(), count(1))) if self.disturbed else []
         if others and not changes:  # what the seed of the scene alone does not show
             changes = self._changes(sorted([*scan, *others], key=lambda value: value.value))
-        found = self._run("border", [self._bisect(low, high) for low, high in changes])
-        return scan, [threshold for threshold in found if threshold is not None]
+        thresholds = self._run("border", [self._bisect(low, high) for low, high in changes])
+        return scan, [threshold for threshold in thresholds if threshold is not None]
 
     @property
     def disturbed(self) -> bool:
@@ -118,11 +118,11 @@ class Search:
         stored = [StoredChain(chain, self.store, f"{name}-{number}") for number, chain in enumerate(chains)]
         self._known += len(stored)
         done = self._done
-        found = run_stored(stored, self.workers, lambda ended: self.progress(done + ended, self._known))
+        results = run_stored(stored, self.workers, lambda ended: self.progress(done + ended, self._known))
         self._done += len(stored)
-        for _, seen in found:
-            self.evaluated += seen
-        return [result for result, _ in found]
+        for _, evaluated in results:
+            self.evaluated += evaluated
+        return [result for result, _ in results]
 
     # -- values --------------------------------------------------------------------------------------------------------
 
@@ -147,7 +147,7 @@ class Search:
         return bool(one.outcome(self.plan) == other.outcome(self.plan))
 
     def _differ(self, one: ScanPoint, other: ScanPoint) -> bool:
-        return one.classified(self.plan) and other.classified(self.plan) and not self._alike(one, other)
+        return one.is_classified(self.plan) and other.is_classified(self.plan) and not self._alike(one, other)
 
     def _changes(self, scan: Sequence[ScanPoint]) -> list[tuple[ScanPoint, ScanPoint]]:
         """Return the neighbours between which the outcome changes, or measures leap; failed ones are left out."""
@@ -179,14 +179,14 @@ class Search:
         self, first: ScanPoint, way: Sequence[float]
     ) -> Tasks[tuple[tuple[list[ScanPoint], Threshold | None], list[ScanPoint]]]:
         """Carry the motion on along a way until the outcome changes; values up to there, and the threshold."""
-        seen: list[ScanPoint] = []
+        evaluated: list[ScanPoint] = []
         values = [first]
         point = None
         ahead = [at for at in way if self._continuous(at)]
         if ahead and self.plan.expression is None:
-            point = yield from self._locate_on_branch(first, ahead[-1], abs(way[0] - first.value), seen)
+            point = yield from self._locate_on_branch(first, ahead[-1], abs(way[0] - first.value), evaluated)
         if point is not None:
-            return ([], point), seen
+            return ([], point), evaluated
         for at in way:
             value = yield from self._value(at, "scan", values[-1])
             values.append(value)
@@ -195,8 +195,8 @@ class Search:
         threshold = None
         if not values[-1].failed and not self._alike(*values[-2:]):
             threshold, more = yield from self._bisect(*values[-2:])
-            seen += more
-        return (values[1:], threshold), seen
+            evaluated += more
+        return (values[1:], threshold), evaluated
 
     # -- one change ----------------------------------------------------------------------------------------------------
 
@@ -205,37 +205,37 @@ class Search:
 
         There is none where measures that leap between values of the scan meet as they draw nearer.
         """
-        seen: list[ScanPoint] = []
+        evaluated: list[ScanPoint] = []
         for begin, end in ((one, other), (other, one)):
-            point = yield from self._locate_on_branch(begin, end.value, abs(other.value - one.value), seen)
+            point = yield from self._locate_on_branch(begin, end.value, abs(other.value - one.value), evaluated)
             if point is not None:
-                return point, seen
+                return point, evaluated
             if self.plan.from_ == "neighbour":
                 break
         first = one
         while abs(other.value - one.value) > self.plan.narrow:
-            nearer = yield from self._halve(one, other, seen)
+            nearer = yield from self._halve(one, other, evaluated)
             if nearer is None:
                 break
             one, other = nearer
-        meet = yield from self._meet(one, other, seen)
+        meet = yield from self._meet(one, other, evaluated)
         if meet and self._alike(one, other):
-            return None, seen
+            return None, evaluated
         kind = "level-crossing" if meet else "jump"
         for end in (one, other):
             longer = yield from self._value(end.value, "extended", first if self.plan.from_ == "neighbour" else None, 2)
-            seen.append(longer)
+            evaluated.append(longer)
             if longer.failed or not self._alike(longer, end):
                 kind = "unresolved-transient"
         low, high = sorted((one, other), key=lambda value: value.value)
-        return Threshold(low, high, 0.5 * (low.value + high.value), kind, ""), seen
+        return Threshold(low, high, 0.5 * (low.value + high.value), kind, ""), evaluated
 
     def _halve(
-        self, one: ScanPoint, other: ScanPoint, seen: list[ScanPoint]
+        self, one: ScanPoint, other: ScanPoint, evaluated: list[ScanPoint]
     ) -> Tasks[tuple[ScanPoint, ScanPoint] | None]:
         """Return the half of an interval in which the change is, or the larger change; None if that is unknown."""
         middle = yield from self._value(0.5 * (one.value + other.value), "bisection", one)
-        seen.append(middle)
+        evaluated.append(middle)
         if middle.failed or middle.value in (one.value, other.value):
             return None
         if self._alike(one, other):
@@ -244,12 +244,12 @@ class Search:
             near = self._alike(one, middle)
         return (middle, other) if near else (one, middle)
 
-    def _meet(self, one: ScanPoint, other: ScanPoint, seen: list[ScanPoint]) -> Tasks[bool]:
+    def _meet(self, one: ScanPoint, other: ScanPoint, evaluated: list[ScanPoint]) -> Tasks[bool]:
         """Halve an interval further until it is known whether the measures at its ends meet."""
         brackets = [(one, other)]
         meet = measures_meet(brackets, self.plan)
         while meet is None and len(brackets) <= MAX_HALVINGS:
-            nearer = yield from self._halve(*brackets[-1], seen)
+            nearer = yield from self._halve(*brackets[-1], evaluated)
             if nearer is None:
                 break
             brackets.append(nearer)
@@ -265,7 +265,7 @@ class Search:
         return True
 
     def _locate_on_branch(
-        self, begin: ScanPoint, end: float, step: float, seen: list[ScanPoint]
+        self, begin: ScanPoint, end: float, step: float, evaluated: list[ScanPoint]
     ) -> Tasks[Threshold | None]:
         """Follow the orbit of a value towards another one; the threshold where it loses its stability.
 
@@ -284,19 +284,19 @@ class Search:
         start = with_orbit_tolerance(with_initial_state(scene, np.array(begin.state)), orbits.tolerance)
         record = yield Task(compute_part, (start, orbits, None, KnownPoints([], [], [])), lambda reason: EMPTY_RECORD)
         rows = record["rows"]
-        ends = next((place for place, row in enumerate(rows) if not row["stable"]), 0)
+        ends = next((index for index, row in enumerate(rows) if not row["stable"]), 0)
         special = [one for one in record["special"] if one["after"] == ends and one["kind"] in SMOOTH_LOSSES]
         if not ends or not special:
             return None
-        told = {"motion": "periodic", "outcome": "ok"}
-        branch = [ScanPoint(row["value"], "orbit", {**row, **told}, row["state"]) for row in rows[:ends]]
+        columns = {"motion": "periodic", "outcome": "ok"}
+        branch = [ScanPoint(row["value"], "orbit", {**row, **columns}, row["state"]) for row in rows[:ends]]
         if self.plan.from_ == "neighbour":
-            seen += branch[1:]
+            evaluated += branch[1:]
         at = special[0]["value"]
         inner = yield from self._value(at + CHECK_OFFSET * (begin.value - at), "beside", branch[-1])
         beyond = min(CHECK_OFFSET * span, 0.5 * abs(end - at))
         outer = yield from self._value(at + math.copysign(beyond, end - at), "beside", inner)
-        seen += [inner, outer]
+        evaluated += [inner, outer]
         lingers = self._alike(inner, outer) or outer.leaving or outer.row["motion"] == "undecided"
         if inner.failed or outer.failed or not self._alike(begin, inner) or (lingers and not self.plan.of_motion):
             return None
@@ -322,38 +322,38 @@ class Search:
         places = self._places
         near = [at for one in thresholds for at in places.near(one, self._values_near(one))]
         self._evaluate("near", zip(near, count(1)))
-        tried: set[tuple[float, bool]] = set()
-        found = zones([*scan, *self.evaluated], thresholds, self.plan)
+        searched: set[tuple[float, bool]] = set()
+        all_zones = zones([*scan, *self.evaluated], thresholds, self.plan)
         for number in range(MAX_ROUNDS):
-            ends = list(open_ends(found, tried))
+            ends = list(open_ends(all_zones, searched))
             if not ends:
                 break
-            tried |= {(zone.ends[upward], upward) for zone, upward in ends if zone.ends}
+            searched |= {(zone.ends[upward], upward) for zone, upward in ends if zone.ends}
             beyond = [value for end in ends for value in zip(places.beyond(*end), self._others(*end), strict=False)]
             self._evaluate("beyond", beyond, number)
-            found = zones([*scan, *self.evaluated], thresholds, self.plan)
-        growing = [zone for zone, _ in open_ends(found, tried)]
-        found = [zone._replace(open_ended=any(zone is one for one in growing)) for zone in found]
+            all_zones = zones([*scan, *self.evaluated], thresholds, self.plan)
+        growing = [zone for zone, _ in open_ends(all_zones, searched)]
+        all_zones = [zone._replace(open_ended=any(zone is one for one in growing)) for zone in all_zones]
         return [
             zone._replace(shares=self._fractal_test(zone, number)) if zone.mixed else zone
-            for number, zone in enumerate(found)
+            for number, zone in enumerate(all_zones)
         ]
 
     def _values_near(self, one: Threshold) -> int:
         """Return how many values on each side challenge a threshold: few where motion is not known to jump."""
         jumps = one.kind != "level-crossing" or has_errors(one.low, one.high, self.plan)
         if jumps and not one.special:
-            return VALUES_NEAR
-        return FEW_NEAR if self.disturbed else 0
+            return VALUES_NEAR_JUMP
+        return VALUES_NEAR_OTHER if self.disturbed else 0
 
     def start_times(self, passes: ScanPoint, other: ScanPoint) -> dict[float, float]:
         """Return how long starts take (s) by values of the key: where one passes beside one that hangs, and beyond."""
-        values = [passes.value, passes.value + math.copysign(BEYOND * passes.value, passes.value - other.value)]
+        values = [passes.value, passes.value + math.copysign(PASSED_OFFSET * passes.value, passes.value - other.value)]
         within = [at for at in values if self.plan.start <= at <= self.plan.stop]
-        times = self._run("start", [self._started(at, passes) for at in within])
+        times = self._run("start", [self._start_time(at, passes) for at in within])
         return {at: seconds for at, seconds in zip(within, times, strict=True) if seconds is not None}
 
-    def _started(self, at: float, passes: ScanPoint) -> Tasks[tuple[float | None, list[ScanPoint]]]:
+    def _start_time(self, at: float, passes: ScanPoint) -> Tasks[tuple[float | None, list[ScanPoint]]]:
         scene = self.scene.replace({self.plan.key: at, "run.seed": passes.seed})
         record = yield Task(start_time, (scene, passes.row["settle_s"]), lambda reason: {"seconds": None})
         return record["seconds"], []

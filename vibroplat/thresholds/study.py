@@ -29,7 +29,7 @@ from vibroplat.study.store import Store
 from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, run_study
 from vibroplat.study.sweep import COLUMNS, SWEEP
 from vibroplat.thresholds.evidence import DISTANCES, PAIRS, ClearRange, Threshold, Zone, facts, is_wanted
-from vibroplat.thresholds.search import Search, start_key
+from vibroplat.thresholds.search import ThresholdSearch, start_key
 from vibroplat.thresholds.values import ScanPoint, evaluate
 
 #: Printed texts of kinds whose names alone are unclear.
@@ -37,7 +37,7 @@ KIND_TEXTS = {"unresolved-transient": "the outcome changed with twice the settli
 #: Outcomes of an expression in words.
 OUTCOME_TEXTS = {True: "true", False: "false", None: "empty"}
 #: Columns of a sweep that are given for both sides of a threshold.
-SIDES = (
+SIDE_COLUMNS = (
     *("sync", "motion", "period", "multiplier_max", "excitation_frequency_hz", "rms_x_m", "rms_y_m"),
     *("phase_difference_rad", "motor_power_w"),
 )
@@ -74,7 +74,7 @@ THRESHOLDS: Columns = {
     "tried_down_to": Column("smallest of the tried_below values", "it ends at another threshold or the range"),
     "tried_above": Column("number of values evaluated above it", "see tried_below", kind=COUNT),
     "tried_up_to": Column("largest of the tried_above values"),
-    **{f"{side}_{name}": SWEEP[name] for side in ("below", "above") for name in SIDES},
+    **{f"{side}_{name}": SWEEP[name] for side in ("below", "above") for name in SIDE_COLUMNS},
 }
 _POINT = tuple(name for name in COLUMNS if name not in ("direction", "branch"))
 VALUES: Columns = {
@@ -134,15 +134,15 @@ class ThresholdStudy(Study):
 
     def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
         """Scan the key, narrow each change, and make the tables."""
-        search = Search(self.scene, self.plan, store, workers, progress)
-        scan, found = search.thresholds()
-        zones = search.evidence(scan, found)
+        search = ThresholdSearch(self.scene, self.plan, store, workers, progress)
+        scan, thresholds = search.thresholds()
+        zones = search.evidence(scan, thresholds)
         every = sorted([*scan, *search.evaluated], key=lambda value: value.value)
         tables = {"scan": self._scan(every), "thresholds": self._thresholds(zones)}
         seeds = len({value.seed for value in every})
         lines = {
             "values": f"{len(scan)} of the scan, {len(search.evaluated)} more, with {counted(seeds, 'seed')}",
-            "thresholds": str(len(found)),
+            "thresholds": str(len(thresholds)),
         }
         headline, short = self._short(zones, scan)
         short += self._starts(search, zones)
@@ -177,8 +177,8 @@ class ThresholdStudy(Study):
 
     def _thresholds(self, zones: Sequence[Zone]) -> pd.DataFrame:
         column = () if self.plan.compared is None else (self.plan.compared[0],)
-        shown = list(dict.fromkeys((*SIDES, *column)))
-        beside = {f"{side}_{name}": _columns(self.scene)[name] for side in ("below", "above") for name in shown}
+        shown = list(dict.fromkeys((*SIDE_COLUMNS, *column)))
+        side_columns = {f"{side}_{name}": _columns(self.scene)[name] for side in ("below", "above") for name in shown}
         own = [name for name in THRESHOLDS if not name.startswith(("below_", "above_"))]
         rows = [
             {
@@ -194,7 +194,7 @@ class ThresholdStudy(Study):
             for zone in zones
             for one in zone.thresholds
         ]
-        return study_table(rows, [*own, *beside], {**THRESHOLDS, **beside})
+        return study_table(rows, [*own, *side_columns], {**THRESHOLDS, **side_columns})
 
     def _scan(self, values: Sequence[ScanPoint]) -> pd.DataFrame:
         key, columns = column_of(self.plan.key), _columns(self.scene)
@@ -208,37 +208,37 @@ class ThresholdStudy(Study):
         if self.plan.compared is None:
             return value.text
         column = self.plan.compared[0]
-        found = value.row.get(column)
-        return f"{column} = {quantity(found, unit_of(column), digits=5)}" if found is not None else f"no {column}"
+        measure = value.row.get(column)
+        return f"{column} = {quantity(measure, unit_of(column), digits=5)}" if measure is not None else f"no {column}"
 
     def _failure(self, value: ScanPoint) -> str:
-        place = place_words(column_of(self.plan.key), value.value)
-        return f"{value.row['outcome']} at {place}: {value.row['detail'].partition(', state [')[0]}"
+        where = place_words(column_of(self.plan.key), value.value)
+        return f"{value.row['outcome']} at {where}: {value.row['detail'].partition(', state [')[0]}"
 
     def _short(self, zones: Sequence[Zone], scan: Sequence[ScanPoint]) -> tuple[str, list[str]]:
         """Return the headline and the lines below it: thresholds and mixed intervals with the motion on both sides."""
-        found = [one for zone in zones for one in zone.thresholds]
-        if not found:
-            return self._unchanged(scan), []
-        places = [line for zone in zones for line in self._lines_of(zone)]
+        thresholds = [one for zone in zones for one in zone.thresholds]
+        if not thresholds:
+            return self._no_threshold(scan), []
+        lines = [line for zone in zones for line in self._lines_of(zone)]
         mixed = [zone for zone in zones if zone.mixed]
         if len(zones) == len(mixed) == 1:
-            return places[0], places[1:]
-        if len(found) == 1:
-            return self._threshold(found[0]), self._both_sides(found[0])
+            return lines[0], lines[1:]
+        if len(thresholds) == 1:
+            return self._threshold(thresholds[0]), self._both_sides(thresholds[0])
         sharp = sum(len(zone.thresholds) for zone in zones if not zone.mixed)
         counts = [(sharp, "threshold"), (len(mixed), "mixed interval")]
         ends = place_words(column_of(self.plan.key), self.plan.start, self.plan.stop)
-        return f"{' and '.join(counted(n, noun) for n, noun in counts if n)} over {ends}", places
+        return f"{' and '.join(counted(n, noun) for n, noun in counts if n)} over {ends}", lines
 
-    def _starts(self, search: Search, zones: Sequence[Zone]) -> list[str]:
+    def _starts(self, search: ThresholdSearch, zones: Sequence[Zone]) -> list[str]:
         """Return the line on how long starts take beside the first threshold where a motor hangs on one side."""
         for below, above in ((zone.below.nearest, zone.above.nearest) for zone in zones):
             if self.plan.from_ != "initial" or below is None or above is None or below.hangs == above.hangs:
                 continue
             where, hangs, passes = ("below", below, above) if below.hangs else ("above", above, below)
             times, unit = search.start_times(passes, hangs), unit_of(self.plan.key)
-            places = [self._rounded(passes.value), *(f"{number(at)} {unit}" for at in [*times][1:])]
+            places = [self._round(passes.value), *(f"{number(at)} {unit}" for at in [*times][1:])]
             took = [f"{quantity(t, 's', digits=2)} at {at}" for t, at in zip(times.values(), places, strict=False)]
             allowed = f"find.max_settle_s = {given(self.plan.max_settle_s)} s"
             limit = f"{where} not within {allowed}, more may move it"
@@ -250,7 +250,7 @@ class ThresholdStudy(Study):
     def _lines_of(self, zone: Zone) -> list[str]:
         """Return a line for each threshold, or those of a mixed interval."""
         if zone.mixed:
-            return list(self._mixed(zone))
+            return list(self._mixed_lines(zone))
         sides = [dict.fromkeys((self._side(one.low), self._side(one.high))) for one in zone.thresholds]
         return [f"{self._threshold(one)}: {' → '.join(side)}" for one, side in zip(zone.thresholds, sides, strict=True)]
 
@@ -271,10 +271,10 @@ class ThresholdStudy(Study):
     def _both_sides(self, one: Threshold) -> list[str]:
         """Return what motion there is below and above a threshold."""
         sides = {"below": one.low, "above": one.high}
-        most = max(value.row.get(name) or 0.0 for value in sides.values() for name in ("rms_x_m", "rms_y_m"))
+        largest = max(value.row.get(name) or 0.0 for value in sides.values() for name in ("rms_x_m", "rms_y_m"))
         compared = self.plan.compared is not None
         below, above = (
-            f"{self._side(value) + '; ' if compared else ''}{value.text}: {measures_text(value.row, most)}"
+            f"{self._side(value) + '; ' if compared else ''}{value.text}: {measures_text(value.row, largest)}"
             for value in sides.values()
         )
         return [f"on both sides  {below}"] if below == above else [f"below  {below}", f"above  {above}"]
@@ -285,7 +285,7 @@ class ThresholdStudy(Study):
             return "the measures on both sides meet"
         return KIND_TEXTS.get(one.kind, one.kind)
 
-    def _mixed(self, zone: Zone) -> Iterator[str]:
+    def _mixed_lines(self, zone: Zone) -> Iterator[str]:
         """Yield the lines of a mixed interval, first the side where the expression holds, otherwise the upper side."""
         low, high = self._ends(zone)
         sides = [(f"above {high}", zone.above, "up to"), (f"below {low}", zone.below, "down to")]
@@ -293,7 +293,7 @@ class ThresholdStudy(Study):
             sides.reverse()
         first, second = (self._clear(*side) for side in sides)
         yield f"{self.plan.key} {first}"
-        good = [value for value in zone.mixed if value.classified(self.plan)]
+        good = [value for value in zone.mixed if value.is_classified(self.plan)]
         outcomes = Counter(self._outcome(value) for value in good).most_common()
         counted = ", ".join(f"{outcome} at {count}" for outcome, count in outcomes)
         yield f"mixed from {low} to {high}: {counted} of {len(good)} values tried"
@@ -307,7 +307,7 @@ class ThresholdStudy(Study):
         low, high = math.floor(zone.ends[0] / step) * step, math.ceil(zone.ends[1] / step) * step
         return f"{decimal(low, decimals)} {unit}".rstrip(), f"{decimal(high, decimals)} {unit}".rstrip()
 
-    def _rounded(self, end: float) -> str:
+    def _round(self, end: float) -> str:
         return f"{number(end, MOST_DECIMALS, 0.5 * self.plan.narrow)} {unit_of(self.plan.key)}".rstrip()
 
     def _clear(self, where: str, clear: ClearRange, way: str) -> str:
@@ -337,27 +337,27 @@ class ThresholdStudy(Study):
     def _digits(self) -> int:
         return max(math.ceil(-math.log10(self.plan.narrow)), 0)
 
-    def _unchanged(self, scan: Sequence[ScanPoint]) -> str:
+    def _no_threshold(self, scan: Sequence[ScanPoint]) -> str:
         plan, good = self.plan, [value for value in scan if not value.failed]
-        place = f"from {plan.key} = {given(plan.start)} to {given(plan.stop)}"
+        key_range = f"from {plan.key} = {given(plan.start)} to {given(plan.stop)}"
         if not good:
-            return f"nothing is known {place}"
-        tried = f"at all {len({value.value for value in good})} values tried {place}"
-        return f"no threshold: {self._expressed}{self._outcome(good[0])} {tried}"
+            return f"nothing is known {key_range}"
+        where = f"at all {len({value.value for value in good})} values tried {key_range}"
+        return f"no threshold: {self._expressed}{self._outcome(good[0])} {where}"
 
     def _notes(self, every: Sequence[ScanPoint], zones: Sequence[Zone]) -> Iterator[str]:
         for zone in zones:
             if zone.mixed:
-                place = "the mixed interval from {} to {}".format(*self._ends(zone))
+                interval = "the mixed interval from {} to {}".format(*self._ends(zone))
                 if zone.fractal:
-                    told = " / ".join(f"{share * PAIRS:.0f}" for share in zone.shares)
+                    counts = " / ".join(f"{part * PAIRS:.0f}" for part in zone.shares)
                     yield (
-                        f"the boundary is fractal: of {PAIRS} pairs of values in {place}, {told} have different "
+                        f"the boundary is fractal: of {PAIRS} pairs of values in {interval}, {counts} have different "
                         f"outcomes at distances of {' / '.join(map(given, DISTANCES))} of its width"
                     )
                 if zone.open_ended:
                     yield (
-                        f"{place} still grew in the last round of values: outcomes may be mixed beyond this interval"
+                        f"{interval} still grew in the last round of values: outcomes may be mixed beyond this interval"
                     )
             for one in zone.thresholds:
                 if one.kind == "unresolved-transient" and one.special:
@@ -370,7 +370,7 @@ class ThresholdStudy(Study):
         unsettled = [value.value for value in every if value.unsettled and not value.failed]
         if unsettled and self.plan.expression is not None:
             yield (
-                f"at {len(unsettled)} of {len(every)} values, first at {self._rounded(unsettled[0])}, the motion was "
+                f"at {len(unsettled)} of {len(every)} values, first at {self._round(unsettled[0])}, the motion was "
                 "measured in a transient or has no clear class: a larger find.max_settle_s may change the outcome"
             )
 

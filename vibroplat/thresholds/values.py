@@ -86,7 +86,7 @@ class ScanPoint(NamedTuple):
         """
         return self.leaving or (self.row.get("motion") == "undecided" and self.row.get("period") is not None)
 
-    def classified(self, plan: FindPlan) -> bool:
+    def is_classified(self, plan: FindPlan) -> bool:
         """Whether it has an outcome: not if the run failed, or the motion is undecided and attractors are compared."""
         return not self.failed and not (plan.of_motion and self.row["motion"] == "undecided")
 
@@ -113,8 +113,8 @@ def relative_difference(one: ScanPoint, other: ScanPoint, plan: FindPlan) -> flo
         for names in (("rms_x_m", "rms_y_m"), ("excitation_frequency_hz",), ("phase_difference_rad",))
     )
     parts = [float(np.abs(a[1] - a[0]).max() / (np.hypot.reduce(a, axis=1).max() or 1.0)) for a in (amplitudes, speeds)]
-    held = "none" not in (one.row["sync"], other.row["sync"])
-    return max(*parts, abs(float(np.angle(np.exp(1j * (phases[1] - phases[0]))[0]))) / math.pi if held else 0.0)
+    synchronized = "none" not in (one.row["sync"], other.row["sync"])
+    return max(*parts, abs(float(np.angle(np.exp(1j * (phases[1] - phases[0]))[0]))) / math.pi if synchronized else 0.0)
 
 
 def scale_of(one: ScanPoint, other: ScanPoint, plan: FindPlan) -> float:
@@ -160,7 +160,7 @@ def measures_meet(brackets: Sequence[tuple[ScanPoint, ScanPoint]], plan: FindPla
         it has not although both ends have moved long enough. A measure that leaves its value at the threshold as
         steeply as a square root falls to sqrt(2 / 2**MEETING_HALVINGS) of it by then. None if neither is known yet.
     """
-    before, now = (relative_difference(*brackets[place], plan) for place in (0, -1))
+    before, now = (relative_difference(*brackets[index], plan) for index in (0, -1))
     if not math.isfinite(now):
         return False
     if now <= max(MEETING_RATIO * before if len(brackets) > 1 else 0.0, uncertainty(*brackets[-1], plan)):
@@ -181,14 +181,14 @@ def evaluate(scene: Scene, plan: FindPlan, state: list[float] | None, times: int
     many times the plan's settling and measuring time it has, ``key`` determines the perturbation. Motion that repeats
     without a known orbit is evaluated once more: it may be leaving an unstable one.
     """
-    began, share = time.perf_counter(), scene.start_perturbation
+    began, perturbation = time.perf_counter(), scene.start_perturbation
     if state is None:  # as a run of the scene begins
-        begun = _follow_program(scene, perturb_state(initial_state(scene), scene, share, key))
-        if isinstance(begun, SweepPoint):
-            return begun
-        state, share = begun, 0.0
+        start = _follow_program(scene, perturb_state(initial_state(scene), scene, perturbation, key))
+        if isinstance(start, SweepPoint):
+            return start
+        state, perturbation = start, 0.0
     settled = with_final_supply(scene)
-    point = measure_point(settled, plan.measuring(times, share), state, key)
+    point = measure_point(settled, plan.measuring(times, perturbation), state, key)
     row = point.row
     if point.state is not None and row["period"] and row.get("multiplier_max") is None:
         try:
