@@ -81,7 +81,7 @@ class Runs:
 
         Of several runs each has a colour, of one run each of its curves.
         """
-        found = []
+        lines = []
         for run, (course, name) in enumerate(zip(self.courses, self.names, strict=True)):
             for number, (column, label) in enumerate(columns.items()):
                 parts = course.turns(column) if detail else course.band(column, until)
@@ -90,8 +90,8 @@ class Runs:
                     dash = "2 3" if column == "synchronous_hz" else "6 3" if name and number else ""
                     called = ", ".join(filter(None, (name, label if len(columns) > 1 else ""))) or label
                     t = parts[0] - self._origin(course, detail=detail)
-                    found.append(Line(called, CURVES[run % len(CURVES)] if name else own, dash, t, *parts[1:]))
-        return one_line(found)
+                    lines.append(Line(called, CURVES[run % len(CURVES)] if name else own, dash, t, *parts[1:]))
+        return one_line(lines)
 
     def _drawn(self, title: str, lines: Sequence[Line], columns: Mapping[str, str], *, detail: bool = False) -> Plot:
         """Return a drawing of curves over time; a wide range is a band."""
@@ -120,20 +120,20 @@ class Runs:
 
     def key_figures(self) -> str:
         """Return the curves that matter: the force into the foundation over the run, and the platform's last turns."""
-        found = ""
+        html = ""
         if force := self._lines(PANELS[0][1]):
             shown = "whole run" if any(course.few for course in self.courses) else "each turn of the run"
             plot = self._drawn(f"Force into the foundation, y: {shown}", force, PANELS[0][1])
             self._mark_largest(plot, force)
-            found += plot.html()
+            html += plot.html()
         main = self.courses[0].main
         columns = {main: "platform"} | ({"underside_m": "underside of the material"} if main == "y_m" else {})
         if lines := self._lines(columns, detail=True):
             words = {"y_m": "Platform y", "x_m": "Platform x", "phi_rad": "Rotation"}[main]
             if main == "y_m" and any("underside_m" in one.detail for one in self.courses):
                 words = "Platform and material"
-            found += self._drawn(f"{words}, {self.last}", lines, columns, detail=True).html()
-        return found
+            html += self._drawn(f"{words}, {self.last}", lines, columns, detail=True).html()
+        return html
 
     def starts(self) -> str:
         """Return the speeds of a run whose exciters start or stop, until its stroke is steady; "" of others."""
@@ -157,8 +157,8 @@ class Runs:
         if known:
             largest = max(known, key=lambda s: float(s[size]))
             upwards = max(np.nanmax(one.high) for one in lines) >= -min(np.nanmin(one.low) for one in lines)
-            place = largest[size] if upwards else -largest[size]
-            plot.mark(largest[at], place, f"{quantity(largest[size], 'N')} at {quantity(largest[at], 's')}")
+            height = largest[size] if upwards else -largest[size]
+            plot.mark(largest[at], height, f"{quantity(largest[size], 'N')} at {quantity(largest[at], 's')}")
 
     def all_figures(self) -> tuple[str, int, list[str]]:
         """Return all curves in pairs, how many quantities these are, and what has nothing to show."""
@@ -213,16 +213,16 @@ class Runs:
 
 def one_line(lines: list[Line]) -> list[Line]:
     """Return curves, of which those that coincide are one."""
-    found: list[Line] = []
+    distinct: list[Line] = []
     for line in lines:
-        twin = next((n for n, one in enumerate(found) if _coincide(one, line)), None)
+        twin = next((n for n, one in enumerate(distinct) if _coincide(one, line)), None)
         if twin is None:
-            found.append(line)
+            distinct.append(line)
             continue
         kind, _, number = line.name.rpartition(" ")
-        same = found[twin].name.rpartition(" ")[0] == kind
-        found[twin] = found[twin]._replace(name=f"{found[twin].name} = {number if same else line.name}")
-    return found
+        same = distinct[twin].name.rpartition(" ")[0] == kind
+        distinct[twin] = distinct[twin]._replace(name=f"{distinct[twin].name} = {number if same else line.name}")
+    return distinct
 
 
 def _coincide(one: Line, other: Line) -> bool:
@@ -230,6 +230,6 @@ def _coincide(one: Line, other: Line) -> bool:
     if one.dash != other.dash or np.abs(one.t[[0, -1]] - other.t[[0, -1]]).max() > COINCIDE * np.ptp(one.t):
         return False
     span = float(np.nanmax(one.high) - np.nanmin(one.low))
-    beside = (np.interp(one.t, other.t, values) for values in (other.low, other.high))
-    away = np.nanmax(np.abs([a - b for a, b in zip((one.low, one.high), beside, strict=True)]))
+    resampled = (np.interp(one.t, other.t, values) for values in (other.low, other.high))
+    away = np.nanmax(np.abs([a - b for a, b in zip((one.low, one.high), resampled, strict=True)]))
     return bool(span > 0.0 and away < COINCIDE * span)

@@ -72,17 +72,17 @@ class Motions:
         if orbits is None:
             return {"list": [], "owner": [], "why": [], "owned": False, "words": "", "asked": False}
         own = range(len(orbits.table)) if orbits.owner is None else orbits.owner
-        owner = [own[place] if place < len(own) else None for place in places]
+        owner = [own[point] if point < len(own) else None for point in places]
         if id(orbits.table) not in self.found:
             wanted = [row for row in owner if row is not None]
             self.found[id(orbits.table)] = self._computed(orbits.table, orbits.first, wanted)
         known = self.found[id(orbits.table)]
-        found = [known["rows"].get(row, NOT_HELD) for row in owner]
-        why = list(dict.fromkeys(one for one in found if isinstance(one, str)))
-        numbers = [-1 - why.index(one) if isinstance(one, str) else one for one in found]
+        entries = [known["rows"].get(row, NOT_HELD) for row in owner]
+        why = list(dict.fromkeys(one for one in entries if isinstance(one, str)))
+        numbers = [-1 - why.index(one) if isinstance(one, str) else one for one in entries]
         owned = orbits.owner is not None and orbits.table is not picture.table
-        told = {"list": known["list"], "owner": numbers, "why": why, "owned": owned, "words": orbits.words}
-        return told | {"asked": self.mover is not None}
+        data = {"list": known["list"], "owner": numbers, "why": why, "owned": owned, "words": orbits.words}
+        return data | {"asked": self.mover is not None}
 
     def _computed(self, table: pd.DataFrame, first: Iterable[int], rows: Sequence[int]) -> dict[str, Any]:
         """Return the orbits of some rows of a table, then of those evenly chosen among others while there is room.
@@ -95,9 +95,9 @@ class Motions:
         chosen = sorted({*rows})
         records: dict[int, Any] = dict(zip(chosen, table.iloc[chosen].to_dict("records"), strict=True))
         orbits: list[dict[str, Any]] = []
-        found: dict[int, int | str] = {row: text for row in chosen if (text := _why_none(records[row]))}
+        entries: dict[int, int | str] = {row: text for row in chosen if (text := _why_none(records[row]))}
         order = dict.fromkeys([*(row for row in first if row in records), *(chosen[n] for n in evenly(len(chosen)))])
-        wanted, used = [row for row in order if row not in found], 0
+        wanted, used = [row for row in order if row not in entries], 0
         for done, row in enumerate(wanted):
             if self.mover is None:
                 break
@@ -106,15 +106,15 @@ class Motions:
             try:
                 scene, trajectory, events = self.mover(self.scene, records[row])
             except VibroplatError as error:
-                found[row] = f"It has no orbit on this page: {error}."
+                entries[row] = f"It has no orbit on this page: {error}."
                 continue
             orbit = self._packed(scene, trajectory, events)
             used += orbit["frames"]
             if used > self.room:
                 break
-            found[row] = len(orbits)
+            entries[row] = len(orbits)
             orbits.append(orbit)
-        return {"list": orbits, "rows": found}
+        return {"list": orbits, "rows": entries}
 
     def _packed(self, scene: Scene, trajectory: pd.DataFrame, events: pd.DataFrame) -> dict[str, Any]:
         """Return what the page shows of an orbit."""
