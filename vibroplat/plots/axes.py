@@ -31,10 +31,10 @@ _SIZE_TICKS = (1.0, 0.9, 1.1, 0.99, 1.01, 0.0, 2.0, 0.999, 1.001, *(10.0**power 
 
 def in_units(values: Any, column: str) -> FloatArray:
     """Return values of a column in the unit of its axis; phase differences lie on their axis."""
-    found = np.asarray(values, dtype=float)
+    numbers = np.asarray(values, dtype=float)
     if column == PHASE_COLUMN:
-        return np.mod(found - LOWEST_PHASE, TURN) + LOWEST_PHASE
-    return (_SHOWN.get(column) or quantity_of(column)).factor * found
+        return np.mod(numbers - LOWEST_PHASE, TURN) + LOWEST_PHASE
+    return (_SHOWN.get(column) or quantity_of(column)).factor * numbers
 
 
 def label_of(column: str) -> str:
@@ -101,17 +101,17 @@ def _placed_by_size(size: Any) -> Any:
     return np.arcsinh((size - 1.0) / NEAR_ONE)
 
 
-def _size_at(place: Any) -> Any:
-    return 1.0 + NEAR_ONE * np.sinh(place)
+def _size_at(position: Any) -> Any:
+    return 1.0 + NEAR_ONE * np.sinh(position)
 
 
 def tick_sizes(axis: Axes) -> None:
     """Put ticks on an axis of magnitudes, those near 1 first, as far as there is room."""
-    (low, high), kept = axis.get_ylim(), list[float]()
+    (low, high), sizes = axis.get_ylim(), list[float]()
     room = 0.05 * (_placed_by_size(high) - _placed_by_size(low))
     for tick in _SIZE_TICKS:
-        distances = [abs(_placed_by_size(tick) - _placed_by_size(other)) for other in kept]
+        distances = [abs(_placed_by_size(tick) - _placed_by_size(other)) for other in sizes]
         if low <= tick <= high and min(distances, default=np.inf) > room:
-            kept.append(tick)
-    axis.yaxis.set_major_locator(FixedLocator(kept))
+            sizes.append(tick)
+    axis.yaxis.set_major_locator(FixedLocator(sizes))
     axis.yaxis.set_major_formatter("{x:g}")

@@ -201,9 +201,9 @@ class _Machine:
             arm.set_data([x, x + self.radii[i] * math.cos(angle)], [y, y + self.radii[i] * math.sin(angle)])
         for side, spring in zip((-0.7, 0.7), self.springs, strict=True):
             x, y = pose.transform((side * half, self.bottom))
-            share = np.linspace(0.0, 1.0, 14)
+            part = np.linspace(0.0, 1.0, 14)
             aside = 0.06 * half * np.array([0, 0, *[1, -1] * 5, 0, 0])
-            spring.set_data(side * half + share * (x - side * half) + aside, self.floor + share * (y - self.floor))
+            spring.set_data(side * half + part * (x - side * half) + aside, self.floor + part * (y - self.floor))
         base = self.top + k * now.get("gap_m", 0.0)
         for slab, lift in zip(self.slabs, (0.0, 0.15 * half + k * now.get("upper_m", 0.0)), strict=False):
             slab.set_y(base + max(lift, 0.0))

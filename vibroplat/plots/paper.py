@@ -170,32 +170,32 @@ def history(name: str, column: str, curves: Curves, title: str, *, near: float =
     """
 
     def draw(result: Result) -> Picture:
-        figure, table, told = _Figure(name), finite(result.table(name)), list[str]()
+        figure, table, lines = _Figure(name), finite(result.table(name)), list[str]()
         for letter, (_, rows) in zip("abcd", table.groupby("panel", sort=False), strict=False):
             own = {int(str(number)): curve for number, curve in rows.groupby("curve")}
             begin, where = f"Fig. {name[3:]}({letter})", titles.place(EXCITATION, rows[EXCITATION])
             shown = [(curve, *curves[number - 1]) for number, curve in own.items()]
             figure.times(". ".join((begin, ", ".join(filter(None, (title, where))))), column, shown)
-            if found := _differences(own, column, near):
-                names = ", ".join(map(str, found))
-                changes = [(change, *curves[number - 1]) for number, change in found.items()]
+            if differences := _differences(own, column, near):
+                names = ", ".join(map(str, differences))
+                changes = [(change, *curves[number - 1]) for number, change in differences.items()]
                 figure.times(f"{begin}, {names} minus {min(own)}", column, changes, height=0.6)
             sizes = [float(np.ptp(curve[column])) for curve in own.values()]
-            told.append(titles.several(sizes, unit_of(column)) + (f" at {where}" if where else ""))
-        return figure.picture(f"{display_name(column)} peak to peak {'; '.join(told)}", "t_s")
+            lines.append(titles.several(sizes, unit_of(column)) + (f" at {where}" if where else ""))
+        return figure.picture(f"{display_name(column)} peak to peak {'; '.join(lines)}", "t_s")
 
     return draw
 
 
 def _differences(curves: dict[int, pd.DataFrame], column: str, near: float) -> dict[int, pd.DataFrame]:
     """Return differences from the first curve where these stay below a share of its amplitude."""
-    first, found = curves[min(curves)], {}
+    first, differences = curves[min(curves)], {}
     for number, curve in curves.items():
         shown = first[first["t_s"] <= curve["t_s"].max()]
         change = np.interp(shown["t_s"], curve["t_s"], curve[column]) - shown[column]
         if number != min(curves) and change.abs().max() <= near * 0.5 * float(np.ptp(first[column])):
-            found[number] = shown.assign(**{column: change})
-    return found
+            differences[number] = shown.assign(**{column: change})
+    return differences
 
 
 #: By the name of the file.
