@@ -220,15 +220,15 @@ class Strip(NamedTuple):
         order = np.flatnonzero(np.isfinite(at))[np.argsort(at[np.isfinite(at)], kind="stable")]
         if not len(order):
             return []
-        found = list[Span]()
-        for low, high, place in zip(*_neighbourhoods(at[order]), order, strict=True):
-            told: Any = ((self.hatches, ""), (self.lined, False), (self.texts, ""))
-            flags = [of[place] if of else none for of, none in told]
-            span = Span(float(low), float(high), self.kinds[place], *flags)
-            if found and found[-1].high == low and found[-1][2:] == span[2:]:
-                span = found.pop()._replace(high=span.high)
-            found.append(span)
-        return found
+        spans = list[Span]()
+        for low, high, row in zip(*_neighbourhoods(at[order]), order, strict=True):
+            defaults: Any = ((self.hatches, ""), (self.lined, False), (self.texts, ""))
+            flags = [of[row] if of else none for of, none in defaults]
+            span = Span(float(low), float(high), self.kinds[row], *flags)
+            if spans and spans[-1].high == low and spans[-1][2:] == span[2:]:
+                span = spans.pop()._replace(high=span.high)
+            spans.append(span)
+        return spans
 
 
 def _neighbourhoods(at: Any) -> tuple[Any, Any]:
@@ -408,11 +408,11 @@ class Picture:
 # -- colours and symbols -----------------------------------------------------------------------------------------------
 
 
-def shade(share: float) -> str:
+def shade(fraction: float) -> str:
     """Return a colour of the scale at a share of its length, from 0, dark, to 1, pale."""
     known = np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in _SCALE])
-    place = np.linspace(0.0, 1.0, len(_SCALE))
-    return "#" + "".join(f"{round(float(np.interp(share, place, part))):02x}" for part in known.T)
+    positions = np.linspace(0.0, 1.0, len(_SCALE))
+    return "#" + "".join(f"{round(float(np.interp(fraction, positions, part))):02x}" for part in known.T)
 
 
 def shades(values: Sequence[float]) -> list[str]:
@@ -434,11 +434,11 @@ def attractor_colours(attractors: Iterable[str]) -> dict[str, str]:
     given = list(dict.fromkeys(attractors))
     names = sorted(given, key=lambda name: (", period" not in name, name))
     firsts = {name.partition(",")[0]: name for name in reversed(names)}
-    found = {name: SYNC[sync] for sync, name in firsts.items() if sync in SYNC}
-    left = sorted((c for c in CURVES if c not in found.values()), key=lambda colour: colour in SYNC.values())
-    others = [name for name in names if name not in found]
-    found |= {name: left[number % len(left)] for number, name in enumerate(others)}
-    return {name: found[name] for name in given}
+    colours = {name: SYNC[sync] for sync, name in firsts.items() if sync in SYNC}
+    left = sorted((c for c in CURVES if c not in colours.values()), key=lambda colour: colour in SYNC.values())
+    others = [name for name in names if name not in colours]
+    colours |= {name: left[number % len(left)] for number, name in enumerate(others)}
+    return {name: colours[name] for name in given}
 
 
 # -- tables ------------------------------------------------------------------------------------------------------------

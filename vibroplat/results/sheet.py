@@ -132,13 +132,13 @@ class Sheet:
         for name, rows in self.groups.items():
             yield from (row.short for row in rows[: MAX_POINTS if name == POINTS else None] if row.short and row.now)
         if of_seeds:
-            told = "times are of the first; disturbances and phases of switching differ"
-            yield "largest values", f"of {of_seeds['seeds']} seeds", told
+            text = "times are of the first; disturbances and phases of switching differ"
+            yield "largest values", f"of {of_seeds['seeds']} seeds", text
 
     def facts(self) -> Iterator[str]:
         """Yield labels and values of the short print; while nothing is steady, with the largest values of the run."""
         for label, value, *more in self.short():
-            most = more[0][found:] if self.transient and (found := more[0].find("largest ")) >= 0 else ""
+            most = more[0][at:] if self.transient and (at := more[0].find("largest ")) >= 0 else ""
             yield _joined(f"{label.replace(',', '')} {value}", most).replace("; ", ", ")
 
     # -- parts of rows ------------------------------------------------------------------------------
@@ -248,11 +248,11 @@ class Sheet:
             return "material that cannot lift off" if self.scene.material_mass else "no material"
         if not flies:
             return "material does not lift off"
-        told = f"material in flight {share(flies)}"
+        text = f"material in flight {share(flies)}"
         if impacts is None:
-            return told
+            return text
         rate = number(impacts).removesuffix(".00")
-        return f"{told}, {rate} impact{'s' * (rate != '1')} a turn"
+        return f"{text}, {rate} impact{'s' * (rate != '1')} a turn"
 
     def _conveying(self) -> list[Row]:
         """Return the rows of material that moves along the deck."""
@@ -266,9 +266,9 @@ class Sheet:
         rows = rows[2:] if speed == "0" else rows
         carried = rows[0].now if rows[0].label == "throughput" else ""
         modes, shear = f"sticks {sticks}, slips {slips} of the time", self._text("shear_ratio")
-        told = Row("conveying speed", speed, f"± {error}" * (error not in ("", "0") and speed != "0"))
+        row = Row("conveying speed", speed, f"± {error}" * (error not in ("", "0") and speed != "0"))
         return [
-            told.shortly("conveying speed", carried, modes),
+            row.shortly("conveying speed", carried, modes),
             *rows,
             Row("sticks", sticks, f"slips {forth} towards +x, {back} towards −x"),
             Row("shear of layers", shear, "of their pressure" * bool(shear)),
@@ -284,11 +284,11 @@ class Sheet:
         x, y = (
             self._force(labels[i], names[i], weight[i], 0.5 * stiffness[i] * self._left[i], largest) for i in (0, 1)
         )
-        told = x.label.partition(", ")[0].removeprefix("x ") if weight[0] else ""
+        across = x.label.partition(", ")[0].removeprefix("x ") if weight[0] else ""
         turning = self.numbers["whole_foundation_moment_max_n_m"]
         return [
             y.shortly("foundation, y", y.label.partition(", ")[2], y.peak),
-            x.shortly("foundation, x", told, x.peak) if x.now != "0" or x.peak else x,
+            x.shortly("foundation, x", across, x.peak) if x.now != "0" or x.peak else x,
             self._row("moment", "foundation_moment_max_n_m", turning),
             Row("static sag", self._text("static_sag_m")),
         ]
