@@ -238,8 +238,8 @@ def range_of_row(scene: Scene, row: pd.Series) -> tuple[float, float]:
     if not math.isfinite(frequency + phase + stroke + throw):
         return math.nan, math.nan
     speed, lag = 2.0 * math.pi * frequency, scene.exciter_pair[0].direction * phase
-    found = conveying_of(scene, speed, amplitudes(scene, speed, np.array([lag]))[0], stroke, throw)
-    return found["conveying_speed_low_m_per_s"], found["conveying_speed_high_m_per_s"]
+    values = conveying_of(scene, speed, amplitudes(scene, speed, np.array([lag]))[0], stroke, throw)
+    return values["conveying_speed_low_m_per_s"], values["conveying_speed_high_m_per_s"]
 
 
 def unique_friction(scene: Scene) -> float:

@@ -85,8 +85,8 @@ def _advanced(scene: Scene, now: _Lanes, time: float, step: float) -> _Lanes:
     u, (inertia, damping, stiffness) = couplings(scene), scene.oscillators
     rotors, top = np.array(scene.exciter_inertias), scene.speed_scale
     speeds, rates, lag, amplitudes, change, factors = now
-    beside = np.stack([speeds, speeds + SLIGHT * top])
-    torque, ahead = net_torques(scene, supply_at(scene, time), beside, factors[:, np.newaxis])
+    pair = np.stack([speeds, speeds + SLIGHT * top])
+    torque, ahead = net_torques(scene, supply_at(scene, time), pair, factors[:, np.newaxis])
     w, w_rate = speeds[:, :1], rates[:, :1]
     felt = w * w * amplitudes - 2j * w * change - 1j * w_rate * amplitudes
     phases = np.stack([np.ones_like(lag), np.exp(-1j * lag)], axis=-1)
@@ -138,8 +138,8 @@ def least_factor(scene: Scene) -> tuple[float, float]:
         stays = float(ends[low[-1]].min())
         if low[-1] + 1 == factors.size:
             return math.inf, stays
-        held, passing = factors[low[-1] : low[-1] + 2].tolist()
-        factors, captured = np.geomspace(held, passing, FINER), (math.sqrt(held * passing), stays)
+        captures, passing = factors[low[-1] : low[-1] + 2].tolist()
+        factors, captured = np.geomspace(captures, passing, FINER), (math.sqrt(captures * passing), stays)
     return captured
 
 
