@@ -204,7 +204,7 @@ def precision(
     """
     rows: list[dict[str, Any]] = []
     for case in cases:
-        solvers, found, scales = {}, {}, dict(zip(COORDINATES, state_scales(case.scene), strict=False))
+        solvers, by_key, scales = {}, {}, dict(zip(COORDINATES, state_scales(case.scene), strict=False))
         for key in ((engine, tolerance) for engine in engines for tolerance in tolerances):
             row: dict[str, Any] = {"case": case.name, "engine": key[0], "tolerance": key[1], "failed": ""}
             try:
@@ -217,15 +217,15 @@ def precision(
                 solvers[key] = solver
             except Exception as reason:  # whatever a library raises is its row's, not the bench's end
                 row["failed"] = f"{type(reason).__name__}: {reason}".splitlines()[0]
-            found[key] = row
+            by_key[key] = row
         tasks = {
             (key, column): partial(solver.timed, bare=bare)
             for key, solver in solvers.items()
             for column, bare in TIMES.items()
         }
         for (key, column), times in by_turns(tasks, repeats).items():
-            found[key][column] = 1e3 * np.median(times.seconds) / solvers[key].timed_s
-        rows += found.values()
+            by_key[key][column] = 1e3 * np.median(times.seconds) / solvers[key].timed_s
+        rows += by_key.values()
     return pd.DataFrame(rows)
 
 
@@ -386,7 +386,7 @@ def fastest(table: pd.DataFrame) -> str:
         return f"No run has an error of coordinates up to {ERROR:.0e}"
     name = names.mode()[0]
     ratios = [float(rows.iloc[1] / rows.iloc[0]) for rows in firsts if rows.index[0] == name and len(rows) > 1]
-    told = f"At errors up to {ERROR:.0e} {name} is the fastest in {(names == name).sum()} of {len(names)} cases"
+    text = f"At errors up to {ERROR:.0e} {name} is the fastest in {(names == name).sum()} of {len(names)} cases"
     return (
-        f"{told}, {digits.interval(min(ratios), max(ratios), digits=2)} times as fast as the next" if ratios else told
+        f"{text}, {digits.interval(min(ratios), max(ratios), digits=2)} times as fast as the next" if ratios else text
     )
