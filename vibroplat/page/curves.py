@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroplat.config.digits import NEGLIGIBLE, quantity
-from vibroplat.page.run import EXCITERS, LAST_TURNS, PANELS, Course, accelerations
+from vibroplat.page.run import EXCITERS, LAST_TURNS, PANELS, RunCurves, accelerations
 from vibroplat.page.svg import Floats, Plot, Scale
 from vibroplat.page.tables import hint
 from vibroplat.results.picture import CURVES, ORANGE, VERMILION
@@ -17,9 +17,9 @@ from vibroplat.results.picture import CURVES, ORANGE, VERMILION
 #: Difference, over their range, up to which two curves are one.
 COINCIDE = 0.015
 #: Width of a band, over the range of the curve, up to which it is a line.
-NARROW = 0.02
+LINE_WIDTH = 0.02
 #: The same of speeds, which change within a turn while exciters start.
-SPEEDING = 0.25
+SPEED_WIDTH = 0.25
 #: What lines with these dashes are called.
 DASHES = {"6 3": "dashed", "2 3": "dotted"}
 #: Least time from the beginning of a run in which its start is shown (s).
@@ -34,7 +34,7 @@ _COLOURS = {
 }
 
 
-class Line(NamedTuple):
+class RunLine(NamedTuple):
     """A curve of a panel: its look, times (s), smallest and largest values; one array is both."""
 
     name: str
@@ -56,7 +56,7 @@ class Runs:
         What they are called, where there are several.
     """
 
-    def __init__(self, courses: Sequence[Course], names: Sequence[str]) -> None:
+    def __init__(self, courses: Sequence[RunCurves], names: Sequence[str]) -> None:
         self.names = names if len(names) > 1 else [""]
         self.chosen = any(one.detail["t_s"].iloc[-1] < one.last - 1e-9 for one in courses)
         shortest = min(float(np.ptp(one.detail["t_s"])) for one in courses)
@@ -68,7 +68,7 @@ class Runs:
 
     # -- drawings -----------------------------------------------------------------------------------
 
-    def _origin(self, course: Course, *, detail: bool) -> float:
+    def _origin(self, course: RunCurves, *, detail: bool) -> float:
         """Return the time (s) from which those of a drawing are counted."""
         return float(course.detail["t_s"].iloc[0]) if detail and not self.chosen else 0.0
 
@@ -76,7 +76,7 @@ class Runs:
         """Return an axis of times."""
         return Scale(first, last, *(("ms", 1e3) if detail and not self.chosen else ("s", 1.0)), label="time")
 
-    def _lines(self, columns: Mapping[str, str], *, detail: bool = False, until: float = math.inf) -> list[Line]:
+    def _lines(self, columns: Mapping[str, str], *, detail: bool = False, until: float = math.inf) -> list[RunLine]:
         """Return curves of the detail, or their ranges over the runs up to a time (s).
 
         Of several runs each has a colour, of one run each of its curves.
@@ -90,16 +90,16 @@ class Runs:
                     dash = "2 3" if column == "synchronous_hz" else "6 3" if name and number else ""
                     called = ", ".join(filter(None, (name, label if len(columns) > 1 else ""))) or label
                     t = parts[0] - self._origin(course, detail=detail)
-                    lines.append(Line(called, CURVES[run % len(CURVES)] if name else own, dash, t, *parts[1:]))
+                    lines.append(RunLine(called, CURVES[run % len(CURVES)] if name else own, dash, t, *parts[1:]))
         return one_line(lines)
 
-    def _drawn(self, title: str, lines: Sequence[Line], columns: Mapping[str, str], *, detail: bool = False) -> Plot:
+    def _drawn(self, title: str, lines: Sequence[RunLine], columns: Mapping[str, str], *, detail: bool = False) -> Plot:
         """Return a drawing of curves over time; a wide range is a band."""
         column = next(iter(columns))
         t = np.concatenate([line.t for line in lines])
         values = np.concatenate([part for line in lines for part in (line.low, line.high)])
         is_speed = column.startswith("speed")
-        narrow = SPEEDING if is_speed else NARROW
+        narrow = SPEED_WIDTH if is_speed else LINE_WIDTH
         y = Scale.of(values, column, least=0.0 if is_speed and not detail else None)
         plot = Plot(title, self._time(float(t.min()), float(t.max()), detail=detail), y)
         span = float(np.nanmax(values) - np.nanmin(values)) or 1.0
@@ -146,7 +146,7 @@ class Runs:
         plot.height = "--h:150px"
         return plot.html()
 
-    def _mark_largest(self, plot: Plot, lines: Sequence[Line]) -> None:
+    def _mark_largest(self, plot: Plot, lines: Sequence[RunLine]) -> None:
         """Mark the static force of a single run, and the largest force of all with its time."""
         size, at = "whole_foundation_force_y_max_n", "whole_foundation_force_y_max_at_s"
         summaries = [course.result.summary for course in self.courses]
@@ -177,12 +177,12 @@ class Runs:
             pairs.append(self._impulses(detail=False) + self._impulses(detail=True))
         return "".join(pairs), len(pairs), none
 
-    def _rests(self, whole: list[Line], detail: list[Line]) -> bool:
+    def _rests(self, whole: list[RunLine], detail: list[RunLine]) -> bool:
         """Whether curves that swing about 0 hardly do so in the detail."""
         most = max(max(abs(np.nanmin(one.low)), abs(np.nanmax(one.high))) for one in whole)
         return bool(detail) and all(np.nanmax(np.abs(one.low)) < NEGLIGIBLE * most for one in detail)
 
-    def _matters(self, course: Course, column: str) -> bool:
+    def _matters(self, course: RunCurves, column: str) -> bool:
         """Whether a curve has content beside the largest one of its kind."""
         arms = {"phi_rad": course.result.scene.body.distance}
         kinds = (("x_m", "y_m", "phi_rad"), ("force_x_n", "force_y_n"))
@@ -211,9 +211,9 @@ class Runs:
         return plot.html()
 
 
-def one_line(lines: list[Line]) -> list[Line]:
+def one_line(lines: list[RunLine]) -> list[RunLine]:
     """Return curves, of which those that coincide are one."""
-    distinct: list[Line] = []
+    distinct: list[RunLine] = []
     for line in lines:
         twin = next((n for n, one in enumerate(distinct) if _coincide(one, line)), None)
         if twin is None:
@@ -225,7 +225,7 @@ def one_line(lines: list[Line]) -> list[Line]:
     return distinct
 
 
-def _coincide(one: Line, other: Line) -> bool:
+def _coincide(one: RunLine, other: RunLine) -> bool:
     """Whether two curves are one; turns of several runs need not end at the same times."""
     if one.dash != other.dash or np.abs(one.t[[0, -1]] - other.t[[0, -1]]).max() > COINCIDE * np.ptp(one.t):
         return False

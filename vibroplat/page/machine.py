@@ -30,7 +30,7 @@ _EXCITERS = ("#0072B2", "#D55E00")
 PLAY = '<button type="button" class="play" aria-pressed="true">Pause</button>'
 
 
-def packed(values: npt.ArrayLike, least: float = 0.0) -> tuple[float, float, str]:
+def pack(values: npt.ArrayLike, least: float = 0.0) -> tuple[float, float, str]:
     """Return the smallest and the largest number, and all as base64 of 16-bit parts of their range; 65535 is missing.
 
     That is 1.5e-5 of the range: far less than a pixel. What varies by less than ``least`` has a mean alone.
@@ -70,7 +70,7 @@ def moving(frames: pd.DataFrame, scene: Scene, hits: Sequence[Sequence[float]], 
     least = dict.fromkeys(("x_m", "y_m", "gap_m", "upper_m"), unseen) | {"phi_rad": unseen / HALF * scale}
     turned = frames.assign(**{angle: np.mod(frames[angle], 2.0 * math.pi) for angle in ("phi1_rad", "phi2_rad")})
     known = [name for name in MOVING if name in frames and frames[name].notna().any()]
-    columns = {name: packed(turned[name], least.get(name, 0.0)) for name in known}
+    columns = {name: pack(turned[name], least.get(name, 0.0)) for name in known}
     return {"columns": columns, "frames": len(frames), "k": k, "hits": hits, **more}
 
 

@@ -11,8 +11,8 @@ import pandas as pd
 
 from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
-from vibroplat.page.machine import machine_of, moving, packed
-from vibroplat.page.run import impulses_of, resampled
+from vibroplat.page.machine import machine_of, moving, pack
+from vibroplat.page.run import impulses_of, resample
 from vibroplat.results.picture import Picture
 
 #: Samples of a turn, and most samples of all orbits on a page: half a megabyte.
@@ -44,7 +44,7 @@ class Motions:
         What the drawings of all machines need, to which new ones are added.
     progress
         Told of each point.
-    found
+    computed
         The orbits of tables so far; pictures may share one.
     homes
         Pictures on the page by the tables that they and their orbits have, whose data later ones share.
@@ -55,7 +55,7 @@ class Motions:
     room: int
     machines: list[dict[str, Any]]
     progress: Progress | None = None
-    found: dict[int, dict[str, Any]] = field(default_factory=dict)
+    computed: dict[int, dict[str, Any]] = field(default_factory=dict)
     homes: dict[tuple[int, int], int] = field(default_factory=dict)
 
     def of(self, picture: Picture, places: Any) -> dict[str, Any]:
@@ -73,10 +73,10 @@ class Motions:
             return {"list": [], "owner": [], "why": [], "owned": False, "words": "", "asked": False}
         own = range(len(orbits.table)) if orbits.owner is None else orbits.owner
         owner = [own[point] if point < len(own) else None for point in places]
-        if id(orbits.table) not in self.found:
+        if id(orbits.table) not in self.computed:
             wanted = [row for row in owner if row is not None]
-            self.found[id(orbits.table)] = self._computed(orbits.table, orbits.first, wanted)
-        known = self.found[id(orbits.table)]
+            self.computed[id(orbits.table)] = self._computed(orbits.table, orbits.first, wanted)
+        known = self.computed[id(orbits.table)]
         entries = [known["rows"].get(row, NOT_HELD) for row in owner]
         why = list(dict.fromkeys(one for one in entries if isinstance(one, str)))
         numbers = [-1 - why.index(one) if isinstance(one, str) else one for one in entries]
@@ -122,11 +122,11 @@ class Motions:
         turns = max(1, round(abs(float(np.ptp(trajectory["phi1_rad"].iloc[[0, -1]]))) / (2.0 * np.pi)))
         count, machine = SAMPLES * turns, machine_of(scene)
         self.machines += [] if machine in self.machines else [machine]
-        samples = resampled(trajectory, scene, np.linspace(0.0, seconds, count, endpoint=False), "y_rate_m_per_s")
+        samples = resample(trajectory, scene, np.linspace(0.0, seconds, count, endpoint=False), "y_rate_m_per_s")
         hits = impulses_of(events, 0.0, seconds, count)
         windows, number = [[0.0, round(seconds, 6), 0, count]], self.machines.index(machine)
         orbit = moving(samples, scene, hits, windows=windows, turns=turns, machine=number)
-        orbit["columns"]["y_rate_m_per_s"] = packed(samples["y_rate_m_per_s"])
+        orbit["columns"]["y_rate_m_per_s"] = pack(samples["y_rate_m_per_s"])
         return orbit
 
 

@@ -15,7 +15,7 @@ from vibroplat.config.digits import quantity
 from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
 from vibroplat.page.view import View, alone, axis_name, coloured, dashes, heading, places_of
 from vibroplat.results.labels import halfway, in_ratios
-from vibroplat.results.picture import BLACK, FULL, LOST, LOW, VERMILION, Facet, Panel, Series, Span, Strip
+from vibroplat.results.picture import BLACK, FULL, LOST, LOW, VERMILION, Facet, Panel, Series, Strip, StripSpan
 
 #: Signs of matplotlib's markers.
 SIGNS = dict(zip("osD^vXP*", "○□◇△▽✕✚★", strict=True))
@@ -24,9 +24,9 @@ _CALLED = {"sync": "synchronization"}
 #: What the hatches of the page are called.
 HATCHES = ("stripes", "bars", "dots")
 #: Samples up to which dots are large, and failed points that are marked.
-FEW = 400
+MAX_MARKED = 400
 #: Width of a band of a single point.
-WIDE = 5.0
+BAND_WIDTH = 5.0
 
 
 def hatches_told(hatches: Mapping[str, str], more: str) -> str:
@@ -65,7 +65,7 @@ def points(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     for one in (one for one in own if one not in bands):
         if panel.by and one.mode == "dots":
             own_places = places_of([one])
-            _classed(view, plot, panel, own_places, x_values[own_places], y_values[own_places])
+            _draw_classes(view, plot, panel, own_places, x_values[own_places], y_values[own_places])
         else:
             _series(view, plot, one, x_values, y_values)
     for jump in view.picture.jumps:
@@ -88,7 +88,7 @@ def _band(view: View, plot: Plot, column: str, series: Series, x: Floats) -> Non
         part = places[places >= 0]
         if len(part) == 1:
             ends = [low[part[0]], high[part[0]]]
-            plot.curve(x[part].repeat(2), ends, name, series.colour, width=WIDE, pale=True)
+            plot.curve(x[part].repeat(2), ends, name, series.colour, width=BAND_WIDTH, pale=True)
         else:
             plot.band(x[part], low[part], high[part], name, series.colour)
 
@@ -111,15 +111,15 @@ def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> Non
     label = "" if full.any() else name
     plot.dots(x[places[odd]], y[places[odd]], label, series.colour, size=size, hollow=True, pale=series.pale)
     lost = places[state == LOST]
-    for point in lost[:FEW]:
+    for point in lost[:MAX_MARKED]:
         plot.mark(x[point], y[point] if np.isfinite(y[point]) else plot.y.low, "failed", "✕", "#a00000")
 
 
-def _classed(view: View, plot: Plot, panel: Panel, places: Any, x: Floats, y: Floats, colour: str = "") -> None:
+def _draw_classes(view: View, plot: Plot, panel: Panel, places: Any, x: Floats, y: Floats, colour: str = "") -> None:
     """Draw dots at some places in the colours of a column, or in one where the panel has none."""
     looks = coloured(panel, view.picture.points.iloc[places]) if panel.by else [("", colour, slice(None))]
     for name, own, chosen in looks:
-        plot.dots(x[chosen], y[chosen], name, own, size=5.0 if len(places) <= FEW else 3.2)
+        plot.dots(x[chosen], y[chosen], name, own, size=5.0 if len(places) <= MAX_MARKED else 3.2)
 
 
 def tiles(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
@@ -170,7 +170,7 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
 def _spans(
     plot: Plot,
     row: float,
-    spans: Sequence[Span],
+    spans: Sequence[StripSpan],
     classes: Mapping[str, tuple[str, str]],
     hatches: Mapping[str, str],
     half: float,
@@ -234,7 +234,7 @@ def ranks(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     label = plain_text(quantity_of(panel.column).name)
     x = Scale.of(view.reached(panel.column, order), panel.column, label=label)
     plot = view.plot(replace(panel, column="", x=panel.column), x, Scale(0.0, 1.0, "%", 100.0), heading(panel))
-    _classed(view, plot, panel, order, values[order], shares, shown[0].colour)
+    _draw_classes(view, plot, panel, order, values[order], shares, shown[0].colour)
     for fraction in (0.05, 0.5, 0.95) if len(order) else ():
         value = float(np.quantile(values[order], fraction))
         plot.mark(value, fraction, f"{100 * fraction:g} %: {quantity(value, unit_of(panel.column))}")

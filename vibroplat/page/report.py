@@ -25,8 +25,8 @@ from vibroplat.page.machine import PLAY, as_json, drawing, machine_of
 from vibroplat.page.orbits import MOST_SAMPLES, Motions, Mover, Progress
 from vibroplat.page.pictures import picture_html
 from vibroplat.page.results import differences, find_results, parameters
-from vibroplat.page.run import Course, course_of
-from vibroplat.page.tables import aligned, fold, hint, listing, parameters_html, table_html
+from vibroplat.page.run import RunCurves, course_of
+from vibroplat.page.tables import align_lines, fold, hint, listing, parameters_html, table_html
 from vibroplat.results.answer import first_failures, noted
 from vibroplat.results.labels import capital
 from vibroplat.results.picture import Picture, finite
@@ -41,7 +41,7 @@ BEGINS = b"<!doctype html"
 #: Name of the page where none is given.
 NAME = "report.html"
 #: Most runs whose data sheet has room beside their curves.
-BESIDE = 2
+MAX_SHEETS = 2
 #: Last events of a run on the page.
 EVENTS = 100
 _READING = (
@@ -117,7 +117,7 @@ class Report:
         return [one for one in self.results if isinstance(one, RunResult)]
 
     @cached_property
-    def courses(self) -> list[Course]:
+    def courses(self) -> list[RunCurves]:
         """What is shown of each run that has rows."""
         courses = [course_of(one, _events(one), self.start, self.stop) for one in self.runs]
         return [course for course in courses if course is not None]
@@ -186,7 +186,7 @@ class Report:
         headline = answer.headline.removeprefix(f"{one.scene.name}: ")
         headline = capital(headline)
         failures = [*check.get("disagreements", ()), *answer.failures]
-        bad, short = bool(failures), aligned(answer.short) if answer.short else ""
+        bad, short = bool(failures), align_lines(answer.short) if answer.short else ""
         if isinstance(one, RunResult):
             differ = (one.summary.get("check") or {}).get("agrees") is False
             failures = [*failures, *["engines disagree"] * differ]
@@ -212,7 +212,7 @@ class Report:
         stages = f'<section id="machines">{self._stages(several=several)}{third}</section>'
         section = f'<section id="sheet" aria-label="Data sheet">{sheet}</section>'
         curves = f'<section id="curves" aria-label="Curves">{key}</section>'
-        kind = " ".join(["several"] * several + ["many"] * (len(self.runs) > BESIDE))
+        kind = " ".join(["several"] * several + ["many"] * (len(self.runs) > MAX_SHEETS))
         return f'<main class="{kind}">{stages}{section}{curves}</main>'
 
     @cached_property

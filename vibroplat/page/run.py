@@ -52,7 +52,7 @@ PANELS: tuple[tuple[str, dict[str, str]], ...] = (
 
 
 @dataclass(frozen=True)
-class Course:
+class RunCurves:
     """What the page shows of a run.
 
     Attributes
@@ -98,7 +98,7 @@ class Course:
         values = self.detail[column].to_numpy(dtype=float)
         return self.detail["t_s"].to_numpy(dtype=float), values, values
 
-    def in_last(self, seconds: float) -> Course:
+    def in_last(self, seconds: float) -> RunCurves:
         """Return it with the last part of its detail, so that several runs are seen beside each other."""
         times = self.detail["t_s"]
         return replace(self, detail=self.detail[times >= times.iloc[-1] - seconds * (1.0 + 1e-9)])
@@ -132,7 +132,7 @@ class Course:
 
 def course_of(
     result: RunResult, events: pd.DataFrame, start: float | None = None, stop: float | None = None
-) -> Course | None:
+) -> RunCurves | None:
     """Return what the page shows of a run, None if it has less than two rows.
 
     Parameters
@@ -167,7 +167,7 @@ def course_of(
     struck = events.loc[events["impulse_n_s"] > 0.0, ["t_s", "impulse_n_s"]]
     motion = _motion(result, struck, max(begin, first), min(end, last), frequency, ends.evenly)
     shown = cut.shown.iloc[np.unique([*range(0, len(cut.shown), max(1, len(cut.shown) // ROWS)), len(cut.shown) - 1])]
-    return Course(result, first, last, frequency, few, cut.envelope(), shown, struck, motion)
+    return RunCurves(result, first, last, frequency, few, cut.envelope(), shown, struck, motion)
 
 
 def curves_of(result: RunResult) -> Iterator[pd.DataFrame]:
@@ -183,7 +183,7 @@ def curves_of(result: RunResult) -> Iterator[pd.DataFrame]:
             y_m=part["y_m"] - rest,
             speed_1_hz=forward[0] * part[SPEEDS[0]],
             speed_2_hz=forward[1] * part[SPEEDS[1]],
-            **{PHASE_COLUMN: wrapped(angles @ np.asarray(weights))},
+            **{PHASE_COLUMN: wrap_phase(angles @ np.asarray(weights))},
         )
         if "gap_m" in part:
             table["underside_m"] = table["y_m"] + part["gap_m"]
@@ -198,7 +198,7 @@ def accelerations(scene: Scene) -> dict[str, str]:
     return {f"acceleration_{axis}_{name}m_per_s2": f"{axis}, {text}" for name, text in points.items() for axis in "xy"}
 
 
-def wrapped(phase: Any) -> Floats:
+def wrap_phase(phase: Any) -> Floats:
     """Return angles from -π/2 to 3π/2, so that 0 and π, near which exciters synchronize, are well inside."""
     angle: Floats = np.mod(np.asarray(phase, dtype=float) + 0.5 * math.pi, 2.0 * math.pi) - 0.5 * math.pi
     return angle
@@ -264,10 +264,10 @@ def frames_at(result: RunResult, times: Floats) -> pd.DataFrame:
         after = np.searchsorted(part["t_s"], times)
         places = np.unique(np.clip([after - 1, after], 0, max(len(part) - 1, 0)))
         frames.append(finite(part.iloc[places[: len(part)]]))
-    return resampled(pd.concat(frames), result.scene, times)
+    return resample(pd.concat(frames), result.scene, times)
 
 
-def resampled(trajectory: pd.DataFrame, scene: Scene, times: Floats, *more: str) -> pd.DataFrame:
+def resample(trajectory: pd.DataFrame, scene: Scene, times: Floats, *more: str) -> pd.DataFrame:
     """Return what moves a machine, and more columns, at some times; between rows it changes evenly."""
     t = trajectory["t_s"].to_numpy(dtype=float)
     names = [name for name in (*MOVING, *more) if name in trajectory]

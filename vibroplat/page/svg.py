@@ -173,7 +173,7 @@ def power_of_ten(value: float) -> str:
 # -- less than there is ------------------------------------------------------------------------------------------------
 
 
-def thinned(x: Floats, y: Floats, columns: int = COLUMNS) -> tuple[Floats, Floats]:
+def thin(x: Floats, y: Floats, columns: int = COLUMNS) -> tuple[Floats, Floats]:
     """Return a curve in shares of its axes with all that can be seen.
 
     Of neighbours in one column of points, these are the first, the smallest, the largest and the last one.
@@ -211,7 +211,7 @@ def path(x: Floats, y: Floats) -> str:
     return commands.replace(" -", "-")
 
 
-def dotted(x: Floats, y: Floats) -> str:
+def dot_path(x: Floats, y: Floats) -> str:
     """Return dots in shares of their axes as a path of lines without length."""
     steps = np.diff(np.round([x * WIDTH, (1.0 - y) * HEIGHT]).astype(int), prepend=0).T.tolist()
     return "".join(f"m{a} {b}h0" for a, b in steps).replace("m", "M", 1).replace(" -", "-")
@@ -250,7 +250,7 @@ class Plot:
         if self.y.unit == "°":
             far = np.flatnonzero(np.abs(np.diff(up)) > math.pi) + 1
             across, up = np.insert(across, far, np.nan), np.insert(up, far, np.nan)
-        places = thinned(self.x.share(across), self.y.share(up), self.columns)
+        places = thin(self.x.share(across), self.y.share(up), self.columns)
         looks = (f"stroke:{colour}", dash and f"stroke-dasharray:{dash}", f"stroke-width:{width:g}")
         self._add("curve", path(*places), name, *looks, "opacity:.45" * pale)
 
@@ -276,7 +276,7 @@ class Plot:
         """Draw dots, of which those that would be covered are left out."""
         across, up = self.x.share(x), self.y.share(y)
         known = (np.abs(across - 0.5) <= 0.5 + 1e-9) & (np.abs(up - 0.5) <= 0.5 + 1e-9)
-        line = dotted(*apart(across[known], up[known]))
+        line = dot_path(*apart(across[known], up[known]))
         looks = (f"stroke:{colour}", f"stroke-width:{size:g}", "opacity:.6" * pale)
         self._add("dots", line, name, *looks)
         if hollow:

@@ -113,7 +113,7 @@ def _column(name: str, column: pd.Series, largest: float) -> tuple[str, list[str
     return (f"{words} ({heading})" if heading else words), cells
 
 
-def aligned(lines: Sequence[str]) -> str:
+def align_lines(lines: Sequence[str]) -> str:
     """Return printed lines: those in columns as tables, whose cells are broken where there is no room."""
     html = ""
     for columns, rows in groupby((re.split(" {2,}", line.rstrip()) for line in lines), key=len):

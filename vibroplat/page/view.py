@@ -11,7 +11,7 @@ import pandas as pd
 
 from vibroplat.columns import PHASE_COLUMN, display_name, indexed_name, quantity_of
 from vibroplat.page.machine import base64_of
-from vibroplat.page.run import wrapped
+from vibroplat.page.run import wrap_phase
 from vibroplat.page.svg import COLUMNS, Floats, Plot, Scale, plain_text, unit_for
 from vibroplat.results.picture import REFERENCE, Panel, Picture, Series, shade
 
@@ -47,7 +47,7 @@ class View:
         if column not in points or not pd.api.types.is_numeric_dtype(points[column]):
             return np.full(len(points), np.nan)
         numbers: Floats = points[column].to_numpy(dtype=float, na_value=np.nan)
-        return wrapped(numbers) if column == PHASE_COLUMN else numbers
+        return wrap_phase(numbers) if column == PHASE_COLUMN else numbers
 
     def across(self, panel: Panel, series: Sequence[Series]) -> Scale:
         """Return the horizontal axis, the same for all panels of a picture."""
@@ -116,7 +116,7 @@ def heading(panel: Panel) -> str:
 
 def shown_at(column: str, value: float) -> float:
     """Return a value as an axis of its column has it."""
-    return float(wrapped(value)) if column == PHASE_COLUMN else float(value)
+    return float(wrap_phase(value)) if column == PHASE_COLUMN else float(value)
 
 
 def dashes(dash: Any) -> str:
