@@ -18,7 +18,7 @@ _SHOWN = COORDINATES | FORCES | {"t_s": Quantity("time", "s")}
 #: A turn (rad), and where phase differences begin, so that 0 and π, near which exciters synchronize, are well inside.
 TURN, LOWEST_PHASE = 2.0 * np.pi, -0.5 * np.pi
 #: Distance from 0 and from π up to which phase differences are shaded as those of a synchronization (rad).
-NEAR = np.pi / 3.0
+SYNC_DISTANCE = np.pi / 3.0
 #: Margin of an axis beyond its data, relative to its range, so that markers are whole; and the smallest range, relative
 #: to the largest number on it.
 MARGIN, LEAST_SHARE = 0.05, 1e-3
@@ -56,9 +56,9 @@ def name_axis(axis: Axes, column: str, label: str = "", rotation: str = "") -> N
     ticks = {-0.5: "−90°", 0.0: "0°", 0.5: "90°", 1.0: "180°", 1.5: "−90°"}
     axis.set_yticks([np.pi * tick for tick in ticks], list(ticks.values()))
     for angle, name in ((0.0, "in-phase"), (np.pi, "antiphase")):
-        axis.axhspan(angle - NEAR, angle + NEAR, color=SYNC[name], alpha=0.1, lw=0.0, zorder=0.4)
+        axis.axhspan(angle - SYNC_DISTANCE, angle + SYNC_DISTANCE, color=SYNC[name], alpha=0.1, lw=0.0, zorder=0.4)
         axis.annotate(
-            describe_sync(name, rotation), (1.0, angle + NEAR), (-2.0, -2.0), axis.get_yaxis_transform(),
+            describe_sync(name, rotation), (1.0, angle + SYNC_DISTANCE), (-2.0, -2.0), axis.get_yaxis_transform(),
             "offset points", fontsize=7.5, color=REFERENCE, ha="right", va="top",
         )  # fmt: skip
 

@@ -64,7 +64,7 @@ def paper_figures(directories: Sequence[Path], _: Sequence[str] = ()) -> Iterato
 
 
 @dataclass
-class _Figure:
+class _PaperFigure:
     """Collects the points of curves, one behind the other, with panels, series and jumps."""
 
     name: str
@@ -127,14 +127,14 @@ def _largest(column: str, curves: Sequence[tuple[pd.DataFrame, str, str]]) -> st
 
 
 def _fig2(result: Result) -> Picture:
-    figure, curves = _Figure("fig2"), [(finite(result.table("fig2")), "", MASSES[0.0])]
+    figure, curves = _PaperFigure("fig2"), [(finite(result.table("fig2")), "", MASSES[0.0])]
     for column, title in zip(_SYMBOLS, (r"Fig. 2(a). $\mu_w$ = 0", "2(a), x", "2(a), φ", "Fig. 2(b)"), strict=True):
         figure.panel(title, column, curves)
     return figure.picture(_largest("rms_y_m", curves))
 
 
 def _fig3(result: Result) -> Picture:
-    figure, table = _Figure("fig3"), finite(result.table("fig3"))
+    figure, table = _PaperFigure("fig3"), finite(result.table("fig3"))
     curves = [
         (table[table["material.mass_ratio"] == mass], *named) for mass, named in zip(MASSES, _MASS_CURVES, strict=True)
     ]
@@ -145,7 +145,7 @@ def _fig3(result: Result) -> Picture:
 
 
 def _fig6(result: Result) -> Picture:
-    figure, table = _Figure("fig6"), finite(result.table("fig6"))
+    figure, table = _PaperFigure("fig6"), finite(result.table("fig6"))
     shown = [table[table["contact.restitution"] == r] for r in RESTITUTIONS]
     if "fig6-nonimpact" in result.tables:
         shown.append(finite(result.table("fig6-nonimpact")))
@@ -170,7 +170,7 @@ def history(name: str, column: str, curves: Curves, title: str, *, near: float =
     """
 
     def draw(result: Result) -> Picture:
-        figure, table, lines = _Figure(name), finite(result.table(name)), list[str]()
+        figure, table, lines = _PaperFigure(name), finite(result.table(name)), list[str]()
         for letter, (_, rows) in zip("abcd", table.groupby("panel", sort=False), strict=False):
             own = {int(str(number)): curve for number, curve in rows.groupby("curve")}
             begin, where = f"Fig. {name[3:]}({letter})", titles.place(EXCITATION, rows[EXCITATION])

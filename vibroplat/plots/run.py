@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Range of a coordinate over the largest one, above which it has a panel.
-MATTERS = 0.05
+MIN_RANGE = 0.05
 #: Most turns that are drawn as a line; more of them as a range.
 MOST_TURNS = 60
 #: Times at which the synchronous speed is known, and distance of speeds that coincide, over their size.
@@ -269,7 +269,7 @@ def _motion(shown: Shown) -> picture.Picture:
     """Show the coordinates of the platform that matter, and the gap."""
     largest = [max(run.range_of(c) for c in _MOVING) for run in shown.runs]
     pairs = [*zip(shown.runs, largest, strict=True)]
-    columns = [c for c in _MOVING if c == "y_m" or any(run.range_of(c) > MATTERS * most for run, most in pairs)]
+    columns = [c for c in _MOVING if c == "y_m" or any(run.range_of(c) > MIN_RANGE * most for run, most in pairs)]
     columns += ["gap_m"] if any("gap_m" in run.shown for run in shown.runs) else []
     for column in columns:
         _coordinate(shown, column)
@@ -358,7 +358,7 @@ def _loads(shown: Shown) -> picture.Picture:
     columns: list[str] = []
     for group in (FORCES, _MOVING[:2]):
         ranges = {c: max(run.range_of(c) for run in shown.runs) for c in group}
-        columns += [c for c in group if ranges[c] > MATTERS * max(ranges.values())]
+        columns += [c for c in group if ranges[c] > MIN_RANGE * max(ranges.values())]
     for column in columns:
         _coordinate(shown, column)
         if shown.only:
