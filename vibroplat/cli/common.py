@@ -218,11 +218,11 @@ def print_answer(
     reused
         What was computed before.
     """
-    from vibroplat.results.answer import MAX_LINES, labelled
+    from vibroplat.results.answer import MAX_LINES, label_lines
 
     checked = [f"  {label}: {text}" for label, text in (check or {}).items()]
     if verbose:
-        lines = [*answer.full(), *labelled(check or {})]
+        lines = [*answer.full(), *label_lines(check or {})]
     else:
         lines = [*answer.brief(MAX_LINES - 1 - len(checked) - len(failures)), *checked]
     again = "" if verbose else "again with -v: all"

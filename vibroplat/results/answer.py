@@ -16,7 +16,7 @@ MAX_FAILURES = 3
 #: Width of the labels of the overview, and of a label and a value in the short lines (characters).
 LABELS, LABEL, VALUE = 28, 20, 22
 #: Relative difference up to which the numbers of two exciters are told once.
-EQUAL = 0.01
+EQUAL_DIFFERENCE = 0.01
 
 
 class Answer(NamedTuple):
@@ -76,14 +76,14 @@ class Answer(NamedTuple):
     def full(self) -> list[str]:
         """Return all of it but the failures."""
         begin = [self.headline, *(f"  {line}" for line in self.short), ""] if self.headline else []
-        return [*begin, *labelled(self.lines), *self.text, *map(noted, self.notes)]
+        return [*begin, *label_lines(self.lines), *self.text, *map(noted, self.notes)]
 
     def __str__(self) -> str:
         """Return what is printed without ``-v``."""
         return "\n".join([*self.brief(), *first_failures(self.failures)])
 
 
-def labelled(lines: Mapping[str, str]) -> list[str]:
+def label_lines(lines: Mapping[str, str]) -> list[str]:
     """Return labels and texts in two columns."""
     width = max([LABELS, *(len(label) + 2 for label in lines)])
     return [f"{label:<{width}}{text}".rstrip() for label, text in lines.items()]
@@ -114,7 +114,7 @@ def counted(number: int, noun: str) -> str:
 
 def are_alike(values: Sequence[float]) -> bool:
     """Return whether the numbers of both exciters are equal within 1 %."""
-    return abs(values[0] - values[1]) <= EQUAL * max(map(abs, values))
+    return abs(values[0] - values[1]) <= EQUAL_DIFFERENCE * max(map(abs, values))
 
 
 def of_both(values: Sequence[float], unit: str) -> str:

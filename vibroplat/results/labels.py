@@ -234,14 +234,14 @@ def _varied(command: str, tree: Mapping[str, Any]) -> set[str]:
 
 def leaves(tree: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of nested sections and lists by dotted keys; places in lists are numbers."""
-    return flat(_numbered(tree))
+    return flat(_number_lists(tree))
 
 
-def _numbered(tree: Any) -> Any:
+def _number_lists(tree: Any) -> Any:
     """Return nested sections with lists as sections whose keys are places."""
     if isinstance(tree, list) and tree:
-        return {str(index): _numbered(value) for index, value in enumerate(tree)}
-    return {key: _numbered(value) for key, value in tree.items()} if isinstance(tree, Mapping) else tree
+        return {str(index): _number_lists(value) for index, value in enumerate(tree)}
+    return {key: _number_lists(value) for key, value in tree.items()} if isinstance(tree, Mapping) else tree
 
 
 def distinct(names: Sequence[str], directories: Sequence[Path]) -> list[str]:

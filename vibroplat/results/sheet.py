@@ -17,7 +17,7 @@ from vibroplat.results.answer import are_alike, counted, of_both, short_line
 from vibroplat.results.run_answer import SETTLED, phase_text, speeds_of_both, transient
 
 #: Rotation at the exciters' distance, over the largest stroke, above which the short print has it.
-ROCKS = 0.1
+MIN_ROTATION = 0.1
 #: Most named points and springs in the short print.
 MAX_POINTS = 4
 #: Parts of the names of columns whose values are printed in per cent.
@@ -63,7 +63,7 @@ class Row(NamedTuple):
 
     def shortly(self, label: str, *words: str) -> Row:
         """Return the row with a line in the short print."""
-        return self._replace(short=(label, self.now, _joined(*words)))
+        return self._replace(short=(label, self.now, _join(*words)))
 
 
 class Numbers(dict[str, Any]):
@@ -139,7 +139,7 @@ class Sheet:
         """Yield labels and values of the short print; while nothing is steady, with the largest values of the run."""
         for label, value, *more in self.short():
             most = more[0][at:] if self.transient and (at := more[0].find("largest ")) >= 0 else ""
-            yield _joined(f"{label.replace(',', '')} {value}", most).replace("; ", ", ")
+            yield _join(f"{label.replace(',', '')} {value}", most).replace("; ", ", ")
 
     # -- parts of rows ------------------------------------------------------------------------------
 
@@ -230,7 +230,7 @@ class Sheet:
         still = NEGLIGIBLE * max(rms) / arm if arm else None
         turned, most = (self._text(key, error=still) for key in ("rms_phi_rad", "phi_max_rad"))
         rotation = Row("rotation", turned, "RMS of phi" * (turned != "0"), most)
-        rocks = s["rms_phi_rad"] * arm * 2.0 * math.sqrt(2.0) > ROCKS * largest
+        rocks = s["rms_phi_rad"] * arm * 2.0 * math.sqrt(2.0) > MIN_ROTATION * largest
         acceleration = self._row("acceleration", "acceleration_max_m_per_s2")
         floats = not self.scene.machine.gravity_m_per_s2
         return [
@@ -319,7 +319,7 @@ class Sheet:
         loads = [ratio * plate for ratio, plate in zip(ratios, plates, strict=False) if plate]
         rated = f", {share(max(loads, key=abs))} of rated torque" if loads else " torque"
         words += [f"{share(max(ratios, key=abs))} of critical{rated}"] if ratios else []
-        return "motor power", quantity(sum(powers), "W"), _joined(*words)
+        return "motor power", quantity(sum(powers), "W"), _join(*words)
 
     def _bearings(self) -> list[Row]:
         row = self._pair_row("centrifugal force", "bearing_force_{}_max_n", "bearing_force_{}_max_n")
@@ -398,7 +398,7 @@ def _repeats(period: int | None) -> str:
     return {0: f"not yet, or not within {MAX_PERIOD} turns", 1: "every turn"}.get(period, f"every {period} turns")
 
 
-def _joined(*parts: str) -> str:
+def _join(*parts: str) -> str:
     return "; ".join(filter(None, parts))
 
 
@@ -433,7 +433,7 @@ def all_lines(sheet: Sheet, origin: Mapping[str, Any] | None) -> dict[str, str]:
         "wall time": quantity(s["wall_s"], "s"),
     }
     for name, rows in sheet.groups.items():
-        lines |= {name: ""} | {row.label: _joined(", ".join(filter(None, row[1:3])), row.peak) for row in rows}
+        lines |= {name: ""} | {row.label: _join(", ".join(filter(None, row[1:3])), row.peak) for row in rows}
     return lines
 
 
