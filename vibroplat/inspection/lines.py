@@ -20,7 +20,7 @@ WIDTH, NAME, VALUE, MACHINE = 110, 18, 22, 36
 #: from each other.
 TIGHT, FAR = 0.6, 2.0
 #: Change of ranges from which on material that jumps has not settled.
-UNSETTLED = 0.02
+MAX_CHANGE = 0.02
 #: Centrifugal forces of both exciters.
 FORCE = "centrifugal_force_{}_n"
 
@@ -184,7 +184,7 @@ def _conveying(v: Numbers) -> Iterator[str]:
 def _of_material(v: Numbers, load: str) -> Iterator[str]:
     """Yield what the material does."""
     if load:
-        yield f"not settled: ranges change by {share(v['loaded_change'])}" if v["loaded_change"] > UNSETTLED else ""
+        yield f"not settled: ranges change by {share(v['loaded_change'])}" if v["loaded_change"] > MAX_CHANGE else ""
         yield f"lifts off from 1 on; acts as {share(max(v['moving_fraction'], 0.0))} of its mass"
     elif not math.isfinite(v["throw_index"]):
         yield "no gravity: all numbers are of the empty machine" if v["material_mass_kg"] else ""

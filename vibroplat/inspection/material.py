@@ -79,7 +79,7 @@ def loaded_motion(scene: Scene, speed: float, steady: ComplexArray, *, settle: b
     linear = (2.0 * amplitude, acceleration, acceleration, force)
     change = np.zeros(steady.size)
     if not stays.all():
-        jumps = _followed(scene, speed, steady, settle=settle)
+        jumps = _follow(scene, speed, steady, settle=settle)
         carried = np.where(stays, carried, jumps[0])
         linear = tuple(np.where(stays, *pair) for pair in zip(linear, jumps[1], strict=True))
         change = np.where(stays, 0.0, jumps[2])
@@ -93,7 +93,7 @@ def _yielding(scene: Scene, speed: float, carried: ComplexArray) -> ComplexArray
     return np.asarray(receptances(scene, at, carried)[:, 1] / receptances(scene, at)[:, 1])
 
 
-def _followed(
+def _follow(
     scene: Scene, speed: float, steady: ComplexArray, *, settle: bool
 ) -> tuple[ComplexArray, FloatArray, FloatArray]:
     """Return dynamic mass, means over turns, and their last relative change, of material that jumps."""

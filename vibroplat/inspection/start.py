@@ -67,7 +67,7 @@ def averaged_start(
     step, steps = _steps(scene, PASSING_STEPS if math.isfinite(until) else MAX_STEPS)
     slow, last = SETTLED * scene.speed_scale / (steps * step), scene.drive.last_change(math.inf)
     for number in range(steps):
-        lanes = _advanced(scene, lanes, number * step, step)
+        lanes = _advance(scene, lanes, number * step, step)
         if number % LOOK == LOOK - 1 and number * step > last:
             speeds, rates, *_ = lanes
             changes = np.maximum(np.abs(rates), np.abs(speeds - ends[left]) / (LOOK * step)).max(axis=1)
@@ -80,7 +80,7 @@ def averaged_start(
     return ends
 
 
-def _advanced(scene: Scene, now: _Lanes, time: float, step: float) -> _Lanes:
+def _advance(scene: Scene, now: _Lanes, time: float, step: float) -> _Lanes:
     """Return starts a step later."""
     u, (inertia, damping, stiffness) = couplings(scene), scene.oscillators
     rotors, top = np.array(scene.exciter_inertias), scene.speed_scale

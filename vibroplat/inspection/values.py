@@ -178,7 +178,7 @@ def inspect(scene: Scene) -> Inspection:
         "holding_torque_n_m": balance.holding_torque(scene, max(turning.speeds)),
     }
     if scene.has_contact and scene.machine.gravity_m_per_s2:
-        values |= _loaded(scene, supply, turning)
+        values |= _with_load(scene, supply, turning)
     if scene.transport is not None:
         values["unique_friction"] = unique_friction(scene)
     return Inspection(scene.name, values)
@@ -279,7 +279,7 @@ def _vibration(scene: Scene, tones: Sequence[Tone]) -> dict[str, float]:
     }
 
 
-def _loaded(scene: Scene, supply: Supply, turning: Turning) -> dict[str, float | str]:
+def _with_load(scene: Scene, supply: Supply, turning: Turning) -> dict[str, float | str]:
     """Find the same of a machine with material that lifts off, about the speed of the empty one."""
     tones = _tones(scene, turning)
     if len(tones) != 1:
