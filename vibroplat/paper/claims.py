@@ -13,12 +13,12 @@ import pandas as pd
 from vibroplat.columns import Column, Columns
 from vibroplat.paper import judges
 from vibroplat.paper.evidence import EDGE, IMPACT_KEY, NON_IMPACT_KEY, Evidence, Key
-from vibroplat.paper.judges import Claim, Finding, as_list, ordered, ratio_to_inelastic
+from vibroplat.paper.judges import Claim, Finding, as_list, in_order, ratio_to_inelastic
 from vibroplat.paper.root_finding import WIDTH
 from vibroplat.paper.scenes import claims
 from vibroplat.study.branches import SUPPLY, SweepBranch
 
-_FALLS = partial(ordered, "falls", ((Key(0.2), Key(0.1)), (Key(0.1), Key(0.0))))
+_FALLS = partial(in_order, "falls", ((Key(0.2), Key(0.1)), (Key(0.1), Key(0.0))))
 
 #: Judges by the names of claims; all bands have the same judge.
 JUDGES: dict[str, Callable[[Claim, Evidence], Finding]] = {
@@ -26,7 +26,7 @@ JUDGES: dict[str, Callable[[Claim, Evidence], Finding]] = {
     "jump-second-resonance": judges.second_resonance,
     "bands-unchanged": judges.same_bands,
     "jump-left": judges.jump_left,
-    "amp-rise": partial(ordered, "rises", ((Key(0.0), Key(0.1)), (Key(0.1), Key(0.2)))),
+    "amp-rise": partial(in_order, "rises", ((Key(0.0), Key(0.1)), (Key(0.1), Key(0.2)))),
     "amp-fall-inter": _FALLS,
     "amp-fall-over": _FALLS,
     "attached-mu01": judges.attached_until,
@@ -39,12 +39,12 @@ JUDGES: dict[str, Callable[[Claim, Evidence], Finding]] = {
     "R-nonperiodic-earlier": judges.non_periodic_earlier,
     "R-bands": judges.same_bands,
     "R-over-boundary": judges.periodic_from_over,
-    "NI-below": partial(ordered, "A_impact > A_nonimpact", [(NON_IMPACT_KEY, IMPACT_KEY)]),
+    "NI-below": partial(in_order, "A_impact > A_nonimpact", [(NON_IMPACT_KEY, IMPACT_KEY)]),
     # This contradicts amp-rise from 26 to 27.5 Hz, where both are claimed. In steady antiphase the forces of both
     # exciters add along y. Without impacts y is then that of a linear oscillator of mass M:
     # A = 2 m_r r ω²/√((c_y − Mω²)² + ω²(b_y + βm_w)²). At a given ω this falls with β ≥ 0, so A_NI ≤ A(μ = 0), and
     # A_I < A_NI implies A_I(μ) < A(μ = 0). Only β < 0, or a share of m_w that moves with the platform, changes this.
-    "NI-mid": partial(ordered, "A_nonimpact > A_impact", [(IMPACT_KEY, NON_IMPACT_KEY)]),
+    "NI-mid": partial(in_order, "A_nonimpact > A_impact", [(IMPACT_KEY, NON_IMPACT_KEY)]),
     "NI-over": judges.non_impact_over,
     "NI-shape": judges.non_impact_shape,
     "quoted-frequencies": judges.quoted_frequencies,

@@ -326,7 +326,7 @@ def _between(ratio: _Ratio, text: str, low: float = np.nextafter(1.0, 2.0), high
     return Finding(measured, bool(holds), fraction * ratio.covered, margin, "%")
 
 
-def ordered(text: str, pairs: Sequence[tuple[Key, Key]], claim: Claim, evidence: Evidence) -> Finding:
+def in_order(text: str, pairs: Sequence[tuple[Key, Key]], claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether, in each pair of branches, the second has the larger amplitude."""
     findings = {}
     for pair in pairs:
