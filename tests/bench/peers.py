@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from vibroplat.bench.measure import Solver, cases, of_engine, precision, show_precision, truth
+from vibroplat.bench.measure import TimedEngine, cases, of_engine, precision, show_precision, truth
 from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, begin_segment, end_segment
 from vibroplat.hybrid.state import RUNNING, rewind, state_scales
@@ -31,7 +31,7 @@ BARELY = 1e-25
 FIRST, LONGEST = 0.002, 0.2
 
 
-class Peer(Solver):
+class Peer(TimedEngine):
     """A solver by a library that finds events itself; its points at the times ``wanted`` (s) are joined by lines.
 
     It is its own engine. Its leg integrates a system from a time and its unknowns to its guard or to another time. The

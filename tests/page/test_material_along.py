@@ -9,7 +9,7 @@ from common.places import ROOT
 
 from vibroplat import load_config, simulate
 from vibroplat.page.machine import drawing, machine_of
-from vibroplat.page.run import course_of, resampled
+from vibroplat.page.run import course_of, resample
 from vibroplat.results.sheet import Sheet
 
 
@@ -35,7 +35,7 @@ def test_a_machine_on_a_slope_is_drawn_from_its_rest(feeder):
     scene = feeder.scene.replace({"transport.deck_angle_deg": 10.0})
     force = 1.2 * scene.platform_mass * 9.81 * math.sin(math.radians(10.0))
     shown, times = feeder.trajectory, np.zeros(1)
-    level, tilted = (resampled(shown, one, times)["x_m"][0] for one in (feeder.scene, scene))
+    level, tilted = (resample(shown, one, times)["x_m"][0] for one in (feeder.scene, scene))
     assert level - tilted == pytest.approx(force / scene.machine.stiffness_x_n_per_m)
 
 

@@ -13,8 +13,8 @@ from common.results import unproven
 
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.page.curves import Line, Runs, one_line
-from vibroplat.page.machine import drawing, machine_of, packed
+from vibroplat.page.curves import RunLine, Runs, one_line
+from vibroplat.page.machine import drawing, machine_of, pack
 from vibroplat.page.report import sheet_html
 from vibroplat.page.results import find_results
 from vibroplat.page.run import course_of, windows_of
@@ -229,7 +229,9 @@ def test_a_machine_that_does_not_turn_is_shown_by_time():
 
 def test_curves_that_coincide_are_one():
     t = np.arange(10.0)
-    lines = [Line(f"exciter {n}", "#000", "", t, t + shift, t + shift) for n, shift in ((1, 0.0), (2, 1e-3), (3, 1.0))]
+    lines = [
+        RunLine(f"exciter {n}", "#000", "", t, t + shift, t + shift) for n, shift in ((1, 0.0), (2, 1e-3), (3, 1.0))
+    ]
     assert [line.name for line in one_line(lines)] == ["exciter 1 = 2", "exciter 3"]
 
 
@@ -333,9 +335,9 @@ def test_results_name_the_parameters_in_which_they_differ(moved):
 
 def test_numbers_are_right_to_a_pixel():
     values = np.array([-2.0, np.nan, 0.1, 3.0])
-    np.testing.assert_allclose(unpacked(packed(values)), values, atol=5.0 / 65534)
-    assert packed([7.0, 7.0]) == (7.0, 7.0, "")
-    assert np.isnan(unpacked(packed([np.nan, 1.0, 2.0]))[0])
+    np.testing.assert_allclose(unpacked(pack(values)), values, atol=5.0 / 65534)
+    assert pack([7.0, 7.0]) == (7.0, 7.0, "")
+    assert np.isnan(unpacked(pack([np.nan, 1.0, 2.0]))[0])
 
 
 def test_the_drawing_has_the_layers_of_the_scene_and_ways_of_turning(quickstart_scene):

@@ -14,7 +14,7 @@ from vibroplat.continuation.rows import orbit_motion
 from vibroplat.errors import TableError, VibroplatError
 from vibroplat.page import orbits, tables
 from vibroplat.page.orbits import evenly
-from vibroplat.page.tables import aligned, rows_on_page, table_html
+from vibroplat.page.tables import align_lines, rows_on_page, table_html
 from vibroplat.results.tables import read_json, read_table, write_table
 
 
@@ -366,7 +366,7 @@ def told_otherwise(source, place, **told):
 
 def test_lines_in_columns_are_tables_whose_cells_wrap_on_a_telephone():
     lines = ["at f (Hz)  rises  falls", "m < 0.1    63 up", "           62", "each ± 0.25 Hz"]
-    assert aligned(lines) == (
+    assert align_lines(lines) == (
         '<div class="short"><table><tr><td>at f (Hz)<td>rises<td>falls</table>'
         "<table><tr><td>m &lt; 0.1<td>63 up<tr><td><td>62</table><p>each ± 0.25 Hz</p></div>"
     )

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from vibroplat.page.svg import COLUMNS, DOTS, Plot, Scale, apart, path, plain_text, thinned, unit_for
+from vibroplat.page.svg import COLUMNS, DOTS, Plot, Scale, apart, path, plain_text, thin, unit_for
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_a_long_curve_keeps_its_extremes_its_ends_and_its_gaps():
     x = np.linspace(0.0, 1.0, 100_001)
     y = 0.5 + 0.1 * np.sin(3000.0 * x)
     y[70_007], y[30_011], y[50_000:50_100] = 1.0, 0.0, np.nan
-    few_x, few_y = thinned(x, y)
+    few_x, few_y = thin(x, y)
     assert len(few_x) <= 4 * COLUMNS + 200
     assert {0.0, 1.0} <= {*few_y[np.isfinite(few_y)]}
     assert (few_x[0], few_x[-1]) == (0.0, 1.0)
@@ -77,7 +77,7 @@ def test_a_long_curve_keeps_its_extremes_its_ends_and_its_gaps():
 def test_a_curve_that_turns_back_keeps_both_ways():
     there = np.linspace(0.0, 1.0, 10_000)
     x, y = np.concatenate([there, there[::-1]]), np.concatenate([0.2 + 0.0 * there, 0.8 + 0.0 * there])
-    few_x, few_y = thinned(x, y)
+    few_x, few_y = thin(x, y)
     assert np.ptp(few_x[few_y == 0.2]) == np.ptp(few_x[few_y == 0.8]) == 1.0
 
 

@@ -34,7 +34,7 @@ from vibroplat.results.run import RunResult
 from vibroplat.results.tables import write_table
 
 #: Slower impacts (m/s) are not compared: each integration ends an accumulation at its own threshold.
-SLOWEST = 1e-3
+MIN_IMPACT_SPEED = 1e-3
 #: Tolerance of the reference.
 CLOSEST = 1e-13
 #: Errors of coordinates over their scales at which run times are compared: larger ones where a motion amplifies errors.
@@ -42,7 +42,7 @@ LEVEL, AMPLIFIED = 1e-6, {"chatters, R 0.5": 1e-3, "flights of many periods": 1e
 #: Shortest motion that is timed (s): what a run takes once, whatever its length, is a tenth of a run of one second.
 TIMED_S = 10.0
 #: Processor time of a turn (s) up to which a task is repeated.
-SHORT = 0.02
+MAX_TURN_S = 0.02
 
 #: Columns of times, and whether statistics are left out.
 TIMES = {"ms_per_s": False, "bare_ms_per_s": True}
@@ -103,7 +103,7 @@ def by_turns(tasks: Mapping[K, Callable[[], tuple[float, Any]]], repeats: int) -
     for _ in range(repeats):
         for key, task in tasks.items():
             spent: list[float] = []
-            while sum(spent) < SHORT:
+            while sum(spent) < MAX_TURN_S:
                 second, values[key] = task()
                 spent.append(second)
             seconds[key].append(float(np.median(spent)))
@@ -121,7 +121,7 @@ class Reference(NamedTuple):
 
 def compared_events(events: pd.DataFrame) -> pd.DataFrame:
     """Liftoffs, and impacts faster than :data:`SLOWEST`."""
-    impacts = (events["kind"] == "impact") & (events["gap_rate_before_m_per_s"] < -SLOWEST)
+    impacts = (events["kind"] == "impact") & (events["gap_rate_before_m_per_s"] < -MIN_IMPACT_SPEED)
     return events[(events["kind"] == "liftoff") | impacts].reset_index(drop=True)
 
 
@@ -148,7 +148,7 @@ def event_errors(mine: pd.DataFrame, theirs: pd.DataFrame) -> dict[str, float]:
     return {"event_time_s": float(late) if len(mine) else 0.0, "impact_speed": float(faster) if len(speeds) else 0.0}
 
 
-class Solver:
+class TimedEngine:
     """A scene, and what makes the engine that runs it."""
 
     def __init__(self, scene: Scene, make: Callable[[Scene, Parameters], Engine] = make_engine) -> None:
@@ -176,9 +176,9 @@ class Solver:
             return timed(motion.advance, self.timed_s, settle=SETTLE_FRACTION * self.timed_s)
 
 
-def of_engine(name: str, scene: Scene, tolerance: float) -> Solver:
+def of_engine(name: str, scene: Scene, tolerance: float) -> TimedEngine:
     """Return a solver of a scene by an engine of the package, at a tolerance."""
-    return Solver(scene.replace({"solver.engine": name, "solver.tolerance": tolerance}))
+    return TimedEngine(scene.replace({"solver.engine": name, "solver.tolerance": tolerance}))
 
 
 def truth(name: str, scene: Scene) -> Reference:
@@ -193,7 +193,7 @@ def precision(
     engines: Sequence[str],
     tolerances: Sequence[float],
     repeats: int,
-    solver_of: Callable[[str, Scene, float], Solver] = of_engine,
+    solver_of: Callable[[str, Scene, float], TimedEngine] = of_engine,
 ) -> pd.DataFrame:
     """Return a table of errors and run times by case, engine and tolerance; ``failed`` says why a run has none.
 
@@ -204,7 +204,7 @@ def precision(
     """
     rows: list[dict[str, Any]] = []
     for case in cases:
-        solvers, found, scales = {}, {}, dict(zip(COORDINATES, state_scales(case.scene), strict=False))
+        solvers, by_key, scales = {}, {}, dict(zip(COORDINATES, state_scales(case.scene), strict=False))
         for key in ((engine, tolerance) for engine in engines for tolerance in tolerances):
             row: dict[str, Any] = {"case": case.name, "engine": key[0], "tolerance": key[1], "failed": ""}
             try:
@@ -217,15 +217,15 @@ def precision(
                 solvers[key] = solver
             except Exception as reason:  # whatever a library raises is its row's, not the bench's end
                 row["failed"] = f"{type(reason).__name__}: {reason}".splitlines()[0]
-            found[key] = row
+            by_key[key] = row
         tasks = {
             (key, column): partial(solver.timed, bare=bare)
             for key, solver in solvers.items()
             for column, bare in TIMES.items()
         }
         for (key, column), times in by_turns(tasks, repeats).items():
-            found[key][column] = 1e3 * np.median(times.seconds) / solvers[key].timed_s
-        rows += found.values()
+            by_key[key][column] = 1e3 * np.median(times.seconds) / solvers[key].timed_s
+        rows += by_key.values()
     return pd.DataFrame(rows)
 
 
@@ -386,7 +386,7 @@ def fastest(table: pd.DataFrame) -> str:
         return f"No run has an error of coordinates up to {ERROR:.0e}"
     name = names.mode()[0]
     ratios = [float(rows.iloc[1] / rows.iloc[0]) for rows in firsts if rows.index[0] == name and len(rows) > 1]
-    told = f"At errors up to {ERROR:.0e} {name} is the fastest in {(names == name).sum()} of {len(names)} cases"
+    text = f"At errors up to {ERROR:.0e} {name} is the fastest in {(names == name).sum()} of {len(names)} cases"
     return (
-        f"{told}, {digits.interval(min(ratios), max(ratios), digits=2)} times as fast as the next" if ratios else told
+        f"{text}, {digits.interval(min(ratios), max(ratios), digits=2)} times as fast as the next" if ratios else text
     )

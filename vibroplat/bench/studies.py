@@ -56,12 +56,12 @@ def cost_of_orbits(repeats: int, changes: dict[str, Any] | None = None) -> pd.Da
 
 def errors(scene: Scene, table: pd.DataFrame) -> dict[str, float]:
     """Compare the RMS of y at points of a sweep or of branches with orbits that are known more exactly."""
-    found = []
+    differences = []
     for _, row in table.iloc[::COMPARED].iterrows():
         with suppress(OrbitError):
             exact = orbit_near(scene, row, 1, EXACT).measures
-            found.append(abs(row["rms_y_m"] - exact["rms_y_m"]) / math.hypot(exact["rms_x_m"], exact["rms_y_m"]))
-    same = [error for error in found if error < OTHER]
+            differences.append(abs(row["rms_y_m"] - exact["rms_y_m"]) / math.hypot(exact["rms_x_m"], exact["rms_y_m"]))
+    same = [error for error in differences if error < OTHER]
     return {"error": float(np.median(same)), "error_of_a_tenth": float(np.quantile(same, 0.9))}
 
 
@@ -83,10 +83,10 @@ def cost_of_basins(repeats: int, starts: int = 400) -> pd.DataFrame:
     scenes = {engine: basins_scene(starts, engine) for engine in ("taylor", "native")}
     for scene in scenes.values():
         basins(scene.replace({"basins.random": 2}))  # loads the kernels
-    found = by_turns({engine: partial(timed, basins, scene) for engine, scene in scenes.items()}, repeats)
-    usual = found["taylor"]
+    timings = by_turns({engine: partial(timed, basins, scene) for engine, scene in scenes.items()}, repeats)
+    usual = timings["taylor"]
     rows: list[dict[str, Any]] = []
-    for engine, (seconds, tables) in found.items():
+    for engine, (seconds, tables) in timings.items():
         row = {"engine": engine, "turns": tables.starts["turns"].mean(), "processor_s": np.median(seconds)}
         row["ms_a_start"] = 1e3 * row["processor_s"] / starts
         row["over_taylor"] = np.median(seconds / usual.seconds)

@@ -153,8 +153,8 @@ def _compilation(engine: str) -> Iterator[None]:
     from vibroplat.motion import run
     from vibroplat.system.compile_lock import second_compiler
 
-    kept, before = cache.folder(), cache.count()
-    helped = nullcontext() if kept is None else second_compiler(lambda: run.compile_loop(engine))
+    folder, before = cache.folder(), cache.count()
+    helped = nullcontext() if folder is None else second_compiler(lambda: run.compile_loop(engine))
     with helped, compilation_progress(lambda: cache.count() - before):
         yield
 
@@ -175,8 +175,8 @@ def finished(
     from vibroplat.results.provenance import is_current
     from vibroplat.results.run import load
 
-    found = load(directory, command) if command in commands_in(directory) and any(directory.glob(f"*.{form}")) else None
-    return found if found is not None and is_current(found.provenance, scene, origin) else None
+    saved = load(directory, command) if command in commands_in(directory) and any(directory.glob(f"*.{form}")) else None
+    return saved if saved is not None and is_current(saved.provenance, scene, origin) else None
 
 
 # -- what is printed ----------------------------------------------------------------------------------------
@@ -218,11 +218,11 @@ def print_answer(
     reused
         What was computed before.
     """
-    from vibroplat.results.answer import MAX_LINES, labelled
+    from vibroplat.results.answer import MAX_LINES, label_lines
 
     checked = [f"  {label}: {text}" for label, text in (check or {}).items()]
     if verbose:
-        lines = [*answer.full(), *labelled(check or {})]
+        lines = [*answer.full(), *label_lines(check or {})]
     else:
         lines = [*answer.brief(MAX_LINES - 1 - len(checked) - len(failures)), *checked]
     again = "" if verbose else "again with -v: all"

@@ -68,8 +68,8 @@ def configuration_page() -> str:
         "This page is written by `vibroplat schema --markdown`.",
     ]
     sections = groupby(keys().values(), key=lambda key: key.name.partition(".")[0] if "." in key.name else "")
-    for section, found in sections:
-        rows = [(f"`{k.name}`", k.symbol, k.unit, yaml(k.default), k.typical, k.allowed, k.meaning) for k in found]
+    for section, known in sections:
+        rows = [(f"`{k.name}`", k.symbol, k.unit, yaml(k.default), k.typical, k.allowed, k.meaning) for k in known]
         lines += ["", f"## {section or 'Top level'}", ""]
         lines += _table(("key", "symbol", "unit", "default", "typical", "allowed", "meaning"), rows)
     return "\n".join(lines) + "\n"

@@ -42,16 +42,16 @@ class _Commands(TyperGroup):
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         for title, group in GROUPS.items():
-            found = [self.commands[command.__name__] for command in group]
+            commands = [self.commands[command.__name__] for command in group]
             with formatter.section(title):
-                formatter.write_dl([(command.name, command.get_short_help_str(80)) for command in found])
+                formatter.write_dl([(command.name, command.get_short_help_str(80)) for command in commands])
 
     def get_params(self, ctx: Any) -> Any:
-        found = super().get_params(ctx)
-        for option in found:
+        options = super().get_params(ctx)
+        for option in options:
             if getattr(option, "is_flag", False) and option.default is None:
                 option.default = False
-        return found
+        return options
 
 
 app = typer.Typer(

@@ -63,20 +63,20 @@ def run(
 
     trajectory, events = (TableFile(directory, name, format_) for name in ("trajectory", "events"))
     with trajectory, events:
-        result, found = _simulate(scene, start, (trajectory, events), check=check)
+        result, checked = _simulate(scene, start, (trajectory, events), check=check)
         result.summary["peaks_of_seeds"] = peaks_of_seeds(result)
-        summary = result.summary | {"notes": result.notes} | ({} if found is None else {"check": found.to_tree()})
+        summary = result.summary | {"notes": result.notes} | ({} if checked is None else {"check": checked.to_tree()})
         origin = provenance(scene, summary["engine"], result.origin)
         tables = {"trajectory": trajectory, "events": events}
         write_result(directory, "run", origin, tables, {"summary": summary}, form=format_)
-    return _print(result, summary, directory, found, verbose=verbose)
+    return _print(result, summary, directory, checked, verbose=verbose)
 
 
 def _print(
     result: Result,
     summary: Mapping[str, Any],
     directory: Path,
-    found: RunCheck | None = None,
+    checked: RunCheck | None = None,
     *,
     verbose: bool,
     reused: str = "",
@@ -85,15 +85,15 @@ def _print(
     failures = list(result.answer.failures)
     if ", state [" in summary["detail"]:
         failures[0] += f"; {directory / 'summary.json'} contains the state at that time"
-    if found is not None and not found.agrees:
-        failures.append(f"engines disagree {found.disagreement}")
+    if checked is not None and not checked.agrees:
+        failures.append(f"engines disagree {checked.disagreement}")
     common.print_answer(
         result.answer,
         directory,
         f"report {directory.parent}",
         verbose=verbose,
         failures=failures,
-        check=None if found is None else found.lines(),
+        check=None if checked is None else checked.lines(),
         reused=reused,
     )
     if failures:

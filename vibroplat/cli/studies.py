@@ -45,10 +45,10 @@ def study_command(kind: Kind) -> Callable[..., None]:
             common.announce_first_run(scene.solver.engine)
             with errors_about(config):
                 study = kind.load()(scene)
-            kept = common.store_options(resume, overwrite)
+            mode = common.store_options(resume, overwrite)
             common.require_scheduler(scheduler)
             directory = common.command_directory(out, scene.name, kind.name, resume=resume)
-            if not run_and_print(study, directory, jobs, scheduler, wait, format_, kept, check=check, verbose=verbose):
+            if not run_and_print(study, directory, jobs, scheduler, wait, format_, mode, check=check, verbose=verbose):
                 raise typer.Exit(1)
 
     command.__name__ = kind.name
@@ -69,7 +69,7 @@ def run_and_print(
     scheduler: str | None,
     wait: float,
     form: Any,
-    kept: dict[str, Any],
+    options: dict[str, Any],
     *,
     check: bool,
     verbose: bool = False,
@@ -80,27 +80,27 @@ def run_and_print(
     """
     from vibroplat.results.answer import first_failures
 
-    again = verbose and study.kind in KINDS and not (check or any(kept.values()))
+    again = verbose and study.kind in KINDS and not (check or any(options.values()))
     result = common.finished(directory, study.kind, study.scene, form) if again else None
     lines, checked, reused = dict[str, str](), None, "computed before"
     if result is None:
-        result, lines, checked, reused = _compute(study, directory, jobs, scheduler, wait, form, kept, check=check)
+        result, lines, checked, reused = _compute(study, directory, jobs, scheduler, wait, form, options, check=check)
     failed = result.answer.failures
-    told = first_failures(failed, f"{len(failed)} of the {study.counted} failed")
+    failures = first_failures(failed, f"{len(failed)} of the {study.counted} failed")
     if checked is not None:
         total = f"engines disagree at {len(checked.disagreements)} of {checked.checked} motions"
-        told += first_failures(checked.disagreements, total)
+        failures += first_failures(checked.disagreements, total)
     home = directory.parent if directory.name == study.kind else directory
     common.print_answer(
         result.answer._replace(lines={**result.answer.lines, **lines}),
         directory,
         f"run {directory / 'best.yaml'}" if "best" in result.configurations else f"plot {home}",
         verbose=verbose,
-        failures=told,
+        failures=failures,
         check=None if checked is None else dict(checked.lines()),
         reused=reused,
     )
-    return not told
+    return not failures
 
 
 def _compute(
@@ -110,7 +110,7 @@ def _compute(
     scheduler: str | None,
     wait: float,
     form: Any,
-    kept: dict[str, Any],
+    options: dict[str, Any],
     *,
     check: bool,
 ) -> tuple[Result, dict[str, str], CrossCheck | None, str]:
@@ -125,7 +125,7 @@ def _compute(
     scene = study.scene
     notes = [*notes_on_inputs(study.scenes(), study.places()), *notes_on_plan(scene, study.kind)]
     common.print_notes_early(notes)
-    with Store(directory, study.conditions, **kept) as store:
+    with Store(directory, study.conditions, **options) as store:
         common.prepare_store(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if check else []))
         began = time.perf_counter()
         chains = max(study.chains(store), MAX_CROSS_CHECKS if check else 1)
@@ -187,8 +187,8 @@ def paper(
     for name, numbers in chosen.items():
         study = PaperStudy(numbers, range(seed, seed + seeds), name)
         directory = result_directory(out / "paper", name)
-        kept = common.store_options(resume, overwrite)
-        good &= run_and_print(study, directory, jobs, scheduler, wait, format_, kept, check=check, verbose=verbose)
+        options = common.store_options(resume, overwrite)
+        good &= run_and_print(study, directory, jobs, scheduler, wait, format_, options, check=check, verbose=verbose)
         plot_results([directory])
     if not good:
         raise typer.Exit(1)

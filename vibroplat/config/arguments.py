@@ -84,7 +84,7 @@ def _values(model: type[BaseModel], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return arguments as their model has them; raises ConfigError."""
     plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in given.items()}
     try:
-        found = model.model_validate(plain)
+        values = model.model_validate(plain)
     except ValidationError as error:
         raise ConfigError(explain(error, model)) from None
-    return {name: getattr(found, name) for name in given}
+    return {name: getattr(values, name) for name in given}

@@ -26,12 +26,12 @@ def require_consistent(scene: Any) -> None:
 def given_by_exciters(scene: Any) -> set[str]:
     """Return the keys of the machine that the exciters give instead, each for itself."""
     exciters = scene.exciters or ()
-    found = set(OF_EXCITERS) if exciters else set()
+    keys = set(OF_EXCITERS) if exciters else set()
     if exciters and all(exciter.unbalance_mass_kg for exciter in exciters):
-        found.add("unbalance_mass_kg")
+        keys.add("unbalance_mass_kg")
     if exciters and all(exciter.position_m for exciter in exciters):
-        found |= {"exciter_distance_m", "exciter_angle_deg"}
-    return found
+        keys |= {"exciter_distance_m", "exciter_angle_deg"}
+    return keys
 
 
 def _require_exciters_once(scene: Any) -> None:

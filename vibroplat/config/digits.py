@@ -42,8 +42,8 @@ def places(value: float, digits: int = DIGITS, error: float | None = None) -> in
     """Return the decimals of a number: so many digits, none beyond the first digit of its error; negative for tens."""
     if not value or not math.isfinite(value):
         return 0
-    found = digits - 1 - _first_digit(value, digits)
-    return found if not error else min(found, -_first_digit(error, 1))
+    count = digits - 1 - _first_digit(value, digits)
+    return count if not error else min(count, -_first_digit(error, 1))
 
 
 def decimal(value: float, decimals: int) -> str:
@@ -129,8 +129,8 @@ def together(values: Sequence[float], unit: str, between: str = ", ") -> str:
     """Write numbers beside each other, equal ones once, and their unit behind the last one."""
     size = max(map(abs, values))
     name = f" {prefixed(size, unit)[1]}".rstrip()
-    told = dict.fromkeys(quantity(value, unit, largest=size, size=size).removesuffix(name) for value in values)
-    return between.join(told) + name
+    texts = dict.fromkeys(quantity(value, unit, largest=size, size=size).removesuffix(name) for value in values)
+    return between.join(texts) + name
 
 
 def pair(one: float, other: float, unit: str = "") -> tuple[str, str]:

@@ -154,7 +154,7 @@ class Drive(Section):
         if self.program is None:
             constant = self.largest_frequency
             return (SupplyInterval(-math.inf, math.inf, constant, 0.0, (True, True), (constant, 0.0)),)
-        found: list[SupplyInterval] = []
+        parts: list[SupplyInterval] = []
         least = MIN_FREQUENCY_RATIO * self.largest_frequency
         frequencies = _fill_forward([entry.supply_frequency_hz for entry in self.program], 0.0)
         first, second = (_fill_forward([entry.driven[i] for entry in self.program], True) for i in range(2))
@@ -162,8 +162,8 @@ class Drive(Section):
         for i, (start, end) in enumerate(pairwise(times)):
             if end > start:
                 rise = frequencies[i + 1] - frequencies[i] if end < math.inf else 0.0
-                found += _split_interval(start, end, frequencies[i], rise / (end - start), (first[i], second[i]), least)
-        return tuple(found)
+                parts += _split_interval(start, end, frequencies[i], rise / (end - start), (first[i], second[i]), least)
+        return tuple(parts)
 
     def last_change(self, time: float) -> float:
         """When the supply last changes before a time (s); the end of the ramp if it is changing then. -inf: never."""
@@ -171,11 +171,11 @@ class Drive(Section):
         now = supplies[-1] if supplies else self.intervals[0]
         if now.ramp:
             return now.end
-        found = now.start
+        begin = now.start
         for before in reversed(supplies[:-1]):
             if before.ramp or (before.frequency, before.driven) != (now.frequency, now.driven):
-                return found
-            found = before.start
+                return begin
+            begin = before.start
         return -math.inf
 
     def last_switch(self, begin: float, time: float) -> tuple[float, str] | None:
@@ -183,16 +183,16 @@ class Drive(Section):
 
         They are off at the beginning if they are so from there on, as in a run that stops a machine.
         """
-        before, found = (True, True), None
+        before, switch = (True, True), None
         for supply in self.intervals:
             if supply.start > time:
                 break
             changed = [n for n, (was, now) in enumerate(zip(before, supply.driven, strict=True), 1) if was != now]
             if changed:
                 who = "" if changed[1:] else f"motor {changed[0]} "
-                found = max(supply.start, begin), f"{who}{'on' if supply.driven[changed[0] - 1] else 'off'}"
+                switch = max(supply.start, begin), f"{who}{'on' if supply.driven[changed[0] - 1] else 'off'}"
             before = supply.driven
-        return found
+        return switch
 
     def at(self, time: float) -> SupplyInterval:
         """Interval of a time (s); at a corner the one that begins there."""
@@ -206,10 +206,10 @@ def interval_at(intervals: Sequence[SupplyInterval], time: float) -> SupplyInter
 
 def _fill_forward(values: Sequence[T | None], first: T) -> list[T]:
     """Replace each None by the value before it; at the beginning by the first one."""
-    found = [first]
+    filled = [first]
     for value in values:
-        found.append(found[-1] if value is None else value)
-    return found[1:]
+        filled.append(filled[-1] if value is None else value)
+    return filled[1:]
 
 
 def _split_interval(

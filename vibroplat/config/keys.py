@@ -165,30 +165,30 @@ def template(machine: str, file: str, name: str, *, full: bool = False) -> str:
     lines: list[str] = [*about, _HEAD + head]
     above: list[str] = []
     values = scene.to_tree()
-    for place, key in _in_places(given):
-        if place in elsewhere or (place.startswith(_LEFT_OUT) and _at(given, place) is None):
+    for prefix, key in _in_places(given):
+        if prefix in elsewhere or (prefix.startswith(_LEFT_OUT) and _at(given, prefix) is None):
             continue
-        *sections, last = place.split(".")
+        *sections, last = prefix.split(".")
         for depth, section in enumerate(sections):
             if sections[: depth + 1] != above[: depth + 1]:
                 lines.append(f"{'  ' * depth}{f'- # {int(section) + 1}' if section.isdigit() else f'{section}:'}")
         above = sections
-        lines += _lines(last, "  " * len(sections), key, yaml(_at(values, place)), beside="1" not in sections)
-        if place == "drive.supply_frequency_hz":
-            lines.append(_PROGRAM % yaml(_at(values, place)))
-        if place == "sweep.supply_frequency_hz.direction":
+        lines += _lines(last, "  " * len(sections), key, yaml(_at(values, prefix)), beside="1" not in sections)
+        if prefix == "drive.supply_frequency_hz":
+            lines.append(_PROGRAM % yaml(_at(values, prefix)))
+        if prefix == "sweep.supply_frequency_hz.direction":
             lines.append(_OVER)
     return "\n".join(lines) + "\n"
 
 
 def _in_places(given: Mapping[str, Any]) -> Iterator[tuple[str, Key]]:
     """Yield all keys with their names, those in lists for each item that a configuration has, but no absent motors."""
-    for section, found in groupby(keys().values(), key=lambda key: key.name.partition(".")[0]):
-        inside = list(found)
+    for section, group in groupby(keys().values(), key=lambda key: key.name.partition(".")[0]):
+        inside = list(group)
         if section not in given and section in ("motor", "motors", "exciters"):
             continue
-        for place in range(len(given[section]) if isinstance(given.get(section), list) else 1):
-            yield from ((key.name.replace(f"{section}.N.", f"{section}.{place}."), key) for key in inside)
+        for index in range(len(given[section]) if isinstance(given.get(section), list) else 1):
+            yield from ((key.name.replace(f"{section}.N.", f"{section}.{index}."), key) for key in inside)
 
 
 def _at(tree: Any, name: str) -> Any:

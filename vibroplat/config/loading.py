@@ -34,5 +34,5 @@ def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | Non
     try:
         return Scene.from_tree({"name": file.stem} | merge(lower, nest(overrides or {})))
     except ConfigError as error:
-        told = add_line(str(error), file.read_text(encoding="utf-8"))
-        raise ConfigError(f"{file}: {told}") from None
+        message = add_line(str(error), file.read_text(encoding="utf-8"))
+        raise ConfigError(f"{file}: {message}") from None

@@ -83,15 +83,15 @@ class ParameterRange(Section):
                 f"count = {self.count} from {start} to {stop}; allowed: 1 if stop is start, else at least 2"
             )
         if self.scale == "log" and (start <= 0.0 or self.step is not None):
-            told = f"{start} is not above 0" if start <= 0.0 else f"step = {self.step} is no ratio"
-            raise ValueError(f"scale = log but {told}; allowed: values above 0, with count")
+            problem = f"{start} is not above 0" if start <= 0.0 else f"step = {self.step} is no ratio"
+            raise ValueError(f"scale = log but {problem}; allowed: values above 0, with count")
         return self
 
     @property
     def ends(self) -> tuple[float, float]:
         """Smallest and largest value that are given."""
-        found = sorted(self.values or ()) or [end for end in (self.start, self.stop) if end is not None]
-        return found[0], found[-1]
+        ends = sorted(self.values or ()) or [end for end in (self.start, self.stop) if end is not None]
+        return ends[0], ends[-1]
 
     @property
     def number(self) -> int:
@@ -111,8 +111,8 @@ class ParameterRange(Section):
         places: Iterable[float] = (start + i * step for i in range(self.number))
         if self.scale == "log":
             places = (start * (stop / start) ** (i / last) for i in range(self.number))
-        found = [0.0 if start < 0.0 and abs(value) < 1e-9 * step else float(f"{value:.12g}") for value in places]
-        return found if self.count is None else [start, *found[1:-1], stop][: self.count]
+        values = [0.0 if start < 0.0 and abs(value) < 1e-9 * step else float(f"{value:.12g}") for value in places]
+        return values if self.count is None else [start, *values[1:-1], stop][: self.count]
 
 
 class Frequencies(Section):
@@ -184,16 +184,16 @@ class SweepPlan(Section, title="Sweep"):
     def _scene_keys(self) -> Self:
         if "swept" in self.__dict__:  # checked with another scene, of which this one is a change
             return self
-        found = math.prod(map(len, self.grid.values()))
-        if found > MAX_BRANCHES:
-            raise ValueError(f"grid gives {found} combinations; allowed: at most {MAX_BRANCHES}")
+        count = math.prod(map(len, self.grid.values()))
+        if count > MAX_BRANCHES:
+            raise ValueError(f"grid gives {count} combinations; allowed: at most {MAX_BRANCHES}")
         if self.supply_frequency_hz is None and self.over is None:
             raise ValueError("supply_frequency_hz and over are not given; allowed: one of the two")
         swept = self.swept
         each, ways = swept.number, len(swept.direction)
-        if each * ways * found > self.max_points:
-            times = f"{found} × {ways} branches of {each} points"
-            raise ValueError(f"{times} are {each * ways * found}; allowed: at most max_points = {self.max_points}")
+        if each * ways * count > self.max_points:
+            times = f"{count} × {ways} branches of {each} points"
+            raise ValueError(f"{times} are {each * ways * count}; allowed: at most max_points = {self.max_points}")
         for key, values in self.grid.items():
             if not key.isascii():
                 raise ValueError(f"grid.{key!a} is not a key of a scene; allowed: keys of machine, material, …")

@@ -69,11 +69,11 @@ class UsualRange(NamedTuple):
 
 def notes_on_input(scene: Scene) -> list[str]:
     """Say what is unusual in a scene, and which numbers of machine and motors it takes by default, in one line each."""
-    found = [_note_if_unusual(quantity, scene) for quantity in quantities(scene)]
-    found += [*_weak_motors(scene), _unequal_motors(scene), _steep_deck(scene), _undamped(scene), _replaced(scene)]
+    notes = [_note_if_unusual(quantity, scene) for quantity in quantities(scene)]
+    notes += [*_weak_motors(scene), _unequal_motors(scene), _steep_deck(scene), _undamped(scene), _replaced(scene)]
     motors = [(name, motor, motor.replaced()) for name, motor in _motors(scene)]
-    found += _notes_on_defaults([("machine", scene.machine, given_by_exciters(scene)), *motors])
-    return [note for note in found if note]
+    notes += _notes_on_defaults([("machine", scene.machine, given_by_exciters(scene)), *motors])
+    return [note for note in notes if note]
 
 
 def by_severity(notes: Iterable[str]) -> list[str]:
@@ -83,14 +83,14 @@ def by_severity(notes: Iterable[str]) -> list[str]:
 
 def notes_on_inputs(scenes: Iterable[Scene], places: Sequence[str] = ()) -> list[str]:
     """Say the same of several scenes, each note once, with the place of its scene if it does not hold at all places."""
-    found: dict[str, list[str]] = {}
-    for scene, place in zip(scenes, places or repeat(""), strict=False):
+    notes: dict[str, list[str]] = {}
+    for scene, prefix in zip(scenes, places or repeat(""), strict=False):
         for note in notes_on_input(scene):
-            found.setdefault(note, []).append(place)
+            notes.setdefault(note, []).append(prefix)
     everywhere = max(len(places), 1)
     return [
         note if len(at) == everywhere or not at[0] or at[0] in note else f"at {', '.join(at)}: {note}"
-        for note, at in found.items()
+        for note, at in notes.items()
     ]
 
 
@@ -105,10 +105,10 @@ def notes_on_plan(scene: Scene, kind: str) -> list[str]:
     sizes = dict.fromkeys(re.findall(r"[\w.]+\.(?:critical_torque_n_m|rated_power_w)\b", varied))
     if not sizes or INERTIA in varied:
         return []
-    told = " and ".join(dict.fromkeys(given(getattr(exciter, INERTIA)) for exciter in scene.exciter_pair))
+    each = " and ".join(dict.fromkeys(given(getattr(exciter, INERTIA)) for exciter in scene.exciter_pair))
     where = "exciters.N" if scene.exciters is not None else "machine"
     return [
-        f"{', '.join(sizes)} varies, but {where}.{INERTIA} stays {told} kg·m²: rotors do not grow with their motors; "
+        f"{', '.join(sizes)} varies, but {where}.{INERTIA} stays {each} kg·m²: rotors do not grow with their motors; "
         "repeat with --set for the motor that is found"
     ]
 
@@ -181,9 +181,9 @@ def _weak_motors(scene: Scene) -> list[str]:
             )
             weak[f"motor {i + 1}"] = f"gives {numbers} carry its unbalance over the top in one swing"
     same = len(weak) == 2 and len({*weak.values()}) == 1
-    told = {"each motor": weak["motor 1"]} if same else weak
+    texts = {"each motor": weak["motor 1"]} if same else weak
     what_helps = "it may start late or not at all, and more torque or run.initial.speed_ratio helps"
-    return [f"{who} {what}: {what_helps}" for who, what in told.items()]
+    return [f"{who} {what}: {what_helps}" for who, what in texts.items()]
 
 
 def _unequal_motors(scene: Scene) -> str:
@@ -229,8 +229,8 @@ def _undamped(scene: Scene) -> str:
 def _replaced(scene: Scene) -> str:
     """Return the note on keys of the machine that are given and have no effect, or an empty text."""
     keys = sorted(given_by_exciters(scene) & scene.machine.model_fields_set)
-    told = ", ".join(f"machine.{key} = {given(getattr(scene.machine, key))}" for key in keys)
-    return f"no effect of {told}: each exciter has its own value, which counts" if keys else ""
+    values = ", ".join(f"machine.{key} = {given(getattr(scene.machine, key))}" for key in keys)
+    return f"no effect of {values}: each exciter has its own value, which counts" if keys else ""
 
 
 def _damping_ratio(damping: float, stiffness: float, mass: float) -> float | None:
@@ -283,7 +283,7 @@ def _notes_on_defaults(sections: Iterable[tuple[str, BaseModel, Collection[str]]
 
     Optional keys need not be given, nor those that are given elsewhere, which come with each section.
     """
-    found: dict[str, list[str]] = {}
+    by_note: dict[str, list[str]] = {}
     for name, section, elsewhere in sections:
         fields = type(section).model_fields.items()
         keys = [key for key, field in fields if field.default is not None and key not in UNIVERSAL_KEYS | {*elsewhere}]
@@ -294,5 +294,5 @@ def _notes_on_defaults(sections: Iterable[tuple[str, BaseModel, Collection[str]]
         *first, last = (missing[0], f"{len(missing) - 1} more keys") if several else missing
         which = f"{', '.join(first)} and {last}" if first else last
         what = "no key given" if not section.model_fields_set else f"{which} not given"
-        found.setdefault(what, []).append(name)
-    return [f"{' and '.join(names)}: {what}; taken from the paper's test rig" for what, names in found.items()]
+        by_note.setdefault(what, []).append(name)
+    return [f"{' and '.join(names)}: {what}; taken from the paper's test rig" for what, names in by_note.items()]

@@ -71,14 +71,14 @@ def load_tree(path: str | os.PathLike[str]) -> dict[str, Any]:
     trees: dict[Path, dict[str, Any]] = {}  # by place, the uppermost first
     while True:
         text = _text(file, label)
-        place = file.resolve()
-        if place in trees:
+        resolved = file.resolve()
+        if resolved in trees:
             raise ConfigError(f"{file}: extends itself through {list(trees)[-1].name}")
         tree = _parse(text, str(file))
         if not isinstance(tree, dict | None):
             raise ConfigError(f"{file}: holds {_kind_of(tree)}; allowed: keys and values")
-        trees[place] = tree or {}
-        base = trees[place].pop("extends", None)
+        trees[resolved] = tree or {}
+        base = trees[resolved].pop("extends", None)
         if base is None:
             break
         if not isinstance(base, str) or not base:
@@ -87,11 +87,11 @@ def load_tree(path: str | os.PathLike[str]) -> dict[str, Any]:
         if len(str(file)) > MAX_PATH:  # as ../ makes them grow from file to file
             file = file.parent.resolve() / file.name
     upwards = reversed(trees.values())
-    found = next(upwards)
+    merged = next(upwards)
     for upper in upwards:
-        found.pop("name", None)  # a file that extends another describes another scene
-        found = merge(found, upper)
-    return found
+        merged.pop("name", None)  # a file that extends another describes another scene
+        merged = merge(merged, upper)
+    return merged
 
 
 def load_list(path: str | os.PathLike[str]) -> list[Any]:
@@ -102,10 +102,10 @@ def load_list(path: str | os.PathLike[str]) -> list[Any]:
     vibroplat.errors.ConfigError
         It cannot be read or holds something else.
     """
-    found = _parse(_text(Path(path), str(path)), str(path))
-    if not isinstance(found, list):
-        raise ConfigError(f"{path}: holds {_kind_of(found)}; allowed: a list")
-    return found
+    items = _parse(_text(Path(path), str(path)), str(path))
+    if not isinstance(items, list):
+        raise ConfigError(f"{path}: holds {_kind_of(items)}; allowed: a list")
+    return items
 
 
 def _kind_of(value: Any) -> str:
@@ -245,17 +245,17 @@ def _decimal_comma(node: Any, source: str) -> ConfigError:
 
 def add_line(message: str, text: str) -> str:
     """Say in a message about an unknown key or an empty section the line of a text, where that can only be one."""
-    found = _ABOUT_A_KEY.match(message)
-    if not found:
+    match = _ABOUT_A_KEY.match(message)
+    if not match:
         return message
-    place = re.compile(rf"(?<![\w.]){re.escape(found['last'] or found['empty'])}\s*:")
-    lines = [number for number, line in enumerate(text.splitlines(), start=1) if place.search(line.partition("#")[0])]
-    return message.replace(found[0], f"{found[0]} in line {lines[0]}", 1) if len(lines) == 1 else message
+    pattern = re.compile(rf"(?<![\w.]){re.escape(match['last'] or match['empty'])}\s*:")
+    lines = [number for number, line in enumerate(text.splitlines(), start=1) if pattern.search(line.partition("#")[0])]
+    return message.replace(match[0], f"{match[0]} in line {lines[0]}", 1) if len(lines) == 1 else message
 
 
 def _without_quotations(problem: object) -> str:
     """Return a message of the parser without what it quotes: the file may be one that nobody should see."""
-    return _QUOTED.sub(lambda found: found[0] if found["harmless"] else "…", " ".join(str(problem).split())[:200])
+    return _QUOTED.sub(lambda match: match[0] if match["harmless"] else "…", " ".join(str(problem).split())[:200])
 
 
 # -- how values lie over each other ----------------------------------------------------------------------
@@ -292,7 +292,7 @@ def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "")
         if isinstance(below, list) and isinstance(value, Mapping):
             merged[key] = _merge_places(below, value, inner)
         elif inner == "exciters" and isinstance(below, list) and isinstance(value, list) and len(value) == len(below):
-            merged[key] = _merge_places(below, {str(place): of for place, of in enumerate(value)}, inner)
+            merged[key] = _merge_places(below, {str(index): of for index, of in enumerate(value)}, inner)
         elif isinstance(value, Mapping) and inner not in REPLACED:
             merged[key] = merge(below if isinstance(below, Mapping) else {}, value, inner)
         else:
@@ -303,12 +303,12 @@ def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "")
 def _merge_places(below: list[Any], places: Mapping[str, Any], section: str) -> list[Any]:
     """Override entries of a list by their places."""
     merged = list(below)
-    for place, value in places.items():
-        chosen = [number for number in range(len(below)) if place in (str(number), "N")]
+    for index, value in places.items():
+        chosen = [number for number in range(len(below)) if index in (str(number), "N")]
         if not chosen:
             known = " to ".join(f"{section}.{number}" for number in sorted({0, len(below) - 1})) if below else "none"
             counted = f": {section}.0 is motor 1" if section in ("exciters", "motors") else ""
-            raise ConfigError(f"unknown key {section}.{place}; allowed: {known}{counted}")
+            raise ConfigError(f"unknown key {section}.{index}; allowed: {known}{counted}")
         for number in chosen:
             old = merged[number]
             both = isinstance(value, Mapping) and isinstance(old, Mapping)
@@ -350,10 +350,10 @@ def nest(dotted: Mapping[str, Any]) -> dict[str, Any]:
 
 def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Turn nested sections into dotted keys; the inverse of :func:`nest`."""
-    found: dict[str, Any] = {}
+    leaves: dict[str, Any] = {}
     for key, value in tree.items():
         if isinstance(value, Mapping) and value:
-            found |= flat(value, f"{prefix}{key}.")
+            leaves |= flat(value, f"{prefix}{key}.")
         else:
-            found[f"{prefix}{key}"] = value
-    return found
+            leaves[f"{prefix}{key}"] = value
+    return leaves

@@ -395,8 +395,8 @@ class Scene(Section):
 
     def inspect(self) -> dict[str, float | str]:
         """Find what follows from this scene without a run; see :class:`vibroplat.inspection.values.Inspection`."""
-        found: dict[str, float | str] = load_provided("inspect")(self)
-        return found
+        values: dict[str, float | str] = load_provided("inspect")(self)
+        return values
 
     def to_tree(self) -> dict[str, Any]:
         """Return all keys as nested plain values, including defaults; the inverse of :meth:`from_tree`."""

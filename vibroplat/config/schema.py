@@ -130,15 +130,15 @@ class Section(BaseModel):
                     section.leave_out_replaced(part)
 
 
-def sections(model: type[Section], place: str) -> Iterator[tuple[str, type[Section] | None]]:
+def sections(model: type[Section], prefix: str) -> Iterator[tuple[str, type[Section] | None]]:
     """Yield a section and those in it by dotted names, with their models; None for sections with free keys."""
-    yield place, model
+    yield prefix, model
     for name, field in model.model_fields.items():
         for choice in (field.annotation, *get_args(field.annotation)):
             if get_origin(choice) is dict:
-                yield f"{place}.{name}", None
+                yield f"{prefix}.{name}", None
             elif isinstance(choice, type) and issubclass(choice, Section):
-                yield from sections(choice, f"{place}.{name}")
+                yield from sections(choice, f"{prefix}.{name}")
 
 
 class Node(NamedTuple):
@@ -179,8 +179,8 @@ def _walk(section: Mapping[str, Any], sections: Mapping[str, Any], prefix: str) 
         inside = choices[0].get("$ref") or choices[0].get("items", {}).get("$ref")
         yield f"{prefix}{name}", Node(schema, choices, name in section.get("required", ()), inside is not None)
         if inside:
-            place = "N." if "items" in choices[0] else ""
-            yield from _walk(sections[inside.rpartition("/")[2]], sections, f"{prefix}{name}.{place}")
+            item = "N." if "items" in choices[0] else ""
+            yield from _walk(sections[inside.rpartition("/")[2]], sections, f"{prefix}{name}.{item}")
 
 
 def in_lists(path: Sequence[str]) -> str:

@@ -169,8 +169,8 @@ class FindPlan(Section, title="Find", populate_by_name=True):
     @property
     def compared(self) -> tuple[str, str, float] | None:
         """Column, comparison and number of the expression."""
-        found = COMPARISON.fullmatch(self.expression or "")
-        return found and (found[1], found[2], float(found[3]))
+        match = COMPARISON.fullmatch(self.expression or "")
+        return match and (match[1], match[2], float(match[3]))
 
     @property
     def of_motion(self) -> bool:
@@ -248,8 +248,8 @@ class DesignPlan(Section, title="Design"):
 
     def bound(self, measure: str) -> tuple[float, float]:
         """Return 1 if a bound is the least value of its measure, −1 if the largest, 0 if it is none; and the value."""
-        found = COMPARISON.fullmatch(f"{measure} {self.constraints[measure]}")
-        return (0.0, 0.0) if found is None else ({">=": 1.0, "<=": -1.0}.get(found[2], 0.0), float(found[3]))
+        match = COMPARISON.fullmatch(f"{measure} {self.constraints[measure]}")
+        return (0.0, 0.0) if match is None else ({">=": 1.0, "<=": -1.0}.get(match[2], 0.0), float(match[3]))
 
     def keeps(self, measure: str, values: Any) -> Any:
         """Return whether values of a measure keep its bound."""

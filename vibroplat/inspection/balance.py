@@ -127,18 +127,18 @@ def balances(
     net = own[:, np.newaxis] + platform_torques(scene, speeds[:, np.newaxis], LAG, carried)
     total, difference = net.sum(axis=-1), net[..., 0] - net[..., 1]
     falls = (total[:-1] > 0.0) & (total[1:] <= 0.0)
-    place = falls.shape[0] - 1 - falls[::-1].argmax(axis=0) if highest else falls.argmax(axis=0)
-    ends = np.stack([place, place + 1])
+    index = falls.shape[0] - 1 - falls[::-1].argmax(axis=0) if highest else falls.argmax(axis=0)
+    ends = np.stack([index, index + 1])
     (low, high), (first, last) = (np.take_along_axis(of, ends, axis=0) for of in (total, difference))
     part = np.where(falls.any(axis=0), low / np.where(low > high, low - high, 1.0), np.nan)
-    speed = speeds[place] + part * (speeds[place + 1] - speeds[place])
+    speed = speeds[index] + part * (speeds[index + 1] - speeds[index])
     apart = first + part * (last - first)
-    same_branch = np.abs(np.diff(place)) <= NEAR // 8
+    same_branch = np.abs(np.diff(index)) <= NEAR // 8
     at = np.flatnonzero((apart[:-1] > 0.0) & (apart[1:] <= 0.0) & same_branch)
-    share = apart[at] / (apart[at] - apart[at + 1])
-    found = [of[at] + share * (of[at + 1] - of[at]) for of in (speed, LAG)]
+    weight = apart[at] / (apart[at] - apart[at + 1])
+    crossings = [of[at] + weight * (of[at + 1] - of[at]) for of in (speed, LAG)]
     sense = scene.exciter_pair[0].direction
-    return [Balance(w, lag, math.remainder(sense * lag, 2.0 * math.pi)) for w, lag in np.transpose(found).tolist()]
+    return [Balance(w, lag, math.remainder(sense * lag, 2.0 * math.pi)) for w, lag in np.transpose(crossings).tolist()]
 
 
 def all_balances(scene: Scene, supply: Supply) -> list[Balance]:
@@ -153,19 +153,19 @@ def speed_alone(scene: Scene, supply: Supply, exciter: int, near: float, carried
     own = net_torques(scene, supply, np.stack([speeds, speeds], axis=-1))
     net = (own + own_torques(scene, speeds, np.full(speeds.size, carried)))[:, exciter]
     at = np.flatnonzero((net[:-1] > 0.0) & (net[1:] <= 0.0))
-    found = speeds[at] + net[at] / (net[at] - net[at + 1]) * (speeds[at + 1] - speeds[at])
-    return min(found.tolist(), key=lambda speed: abs(speed - near), default=0.0)
+    crossings = speeds[at] + net[at] / (net[at] - net[at + 1]) * (speeds[at + 1] - speeds[at])
+    return min(crossings.tolist(), key=lambda speed: abs(speed - near), default=0.0)
 
 
-def holding_stiffness(scene: Scene, found: Balance) -> FloatArray:
+def holding_stiffness(scene: Scene, balance: Balance) -> FloatArray:
     """Return how much the vibration of each axis holds the lag of a balance (N·m/rad), shape (3,); below 0 it drives.
 
     It is the difference of both torques by the platform, derived by the lag.
     """
-    u, turn = couplings(scene), np.exp(-1j * found.lag)
-    answers = receptances(scene, np.array([found.speed]))[0]
+    u, turn = couplings(scene), np.exp(-1j * balance.lag)
+    answers = receptances(scene, np.array([balance.speed]))[0]
     both = np.conj(u[0]) * u[1] * turn + np.conj(u[1]) * u[0] / turn
-    return np.asarray(0.5 * found.speed**4 * np.real(answers * both))
+    return np.asarray(0.5 * balance.speed**4 * np.real(answers * both))
 
 
 def holding_torque(scene: Scene, speed: float) -> float:

@@ -20,7 +20,7 @@ WIDTH, NAME, VALUE, MACHINE = 110, 18, 22, 36
 #: from each other.
 TIGHT, FAR = 0.6, 2.0
 #: Change of ranges from which on material that jumps has not settled.
-UNSETTLED = 0.02
+MAX_CHANGE = 0.02
 #: Centrifugal forces of both exciters.
 FORCE = "centrifugal_force_{}_n"
 
@@ -32,10 +32,10 @@ def twelve_lines(name: str, v: Numbers) -> list[str]:
 
 
 def _line(begin: str, remarks: Sequence[str]) -> str:
-    told = [remark for remark in remarks if remark]
-    while len(begin + "; ".join(told)) > WIDTH:
-        told.pop()
-    return (begin + "; ".join(told)).rstrip()
+    shown = [remark for remark in remarks if remark]
+    while len(begin + "; ".join(shown)) > WIDTH:
+        shown.pop()
+    return (begin + "; ".join(shown)).rstrip()
 
 
 def _answer(v: Numbers) -> list[str]:
@@ -93,7 +93,7 @@ def _verdict(v: Numbers) -> str:
 
 def _rows(v: Numbers) -> Iterator[tuple[str, ...]]:
     """Yield name, value and remarks of each quantity: of the loaded machine, and what differs of the empty one."""
-    told = {name: quantity(value, unit_of(name)) for name, value in v.items() if isinstance(value, float)}
+    texts = {name: quantity(value, unit_of(name)) for name, value in v.items() if isinstance(value, float)}
     load = _load(v)
 
     def both(name: str) -> str:
@@ -105,14 +105,14 @@ def _rows(v: Numbers) -> Iterator[tuple[str, ...]]:
     weighed = "loaded_" if math.isfinite(v["loaded_mass_kg"]) else ""
     sag, weight, conveys = f"{weighed}static_sag_m", f"{weighed}static_force_n", math.isfinite(v["unique_friction"])
     name, mass, *of = _mass(v)
-    yield name, mass, f"sag {told[sag]}" if conveys else "", *of
+    yield name, mass, f"sag {texts[sag]}" if conveys else "", *of
     moments, force = " + ".join(number(v[f"static_moment_{i}_kg_m"]) for i in (1, 2)), both(load + FORCE)
     fastest = max(v[f"{load}excitation_frequency_{i}_hz"] for i in (1, 2))
     together = v[f"{load}excitation_frequency_1_hz"] == v[f"{load}excitation_frequency_2_hz"]
     speed = _speeds(v, load) + (f" ({quantity(60.0 * fastest, 'rpm')})" if together and fastest else "")
     yield "static moment", f"{moments} kg·m", f"centrifugal {force} at {speed}", empty(_speeds(v, ""))
     beat = "where both vibrations add" if _apart(v) else ""
-    far_above = f"{told['stroke_far_above_m']} far above resonance" if v["expected"] != "none" else ""
+    far_above = f"{texts['stroke_far_above_m']} far above resonance" if v["expected"] != "none" else ""
     yield "stroke", _strokes(v, load), empty(_strokes(v, "")), far_above, beat
     yield "throw index", _throw(v, load), *_throw_angle(v), empty(_throw(v, "")), *_of_material(v, load)
     if conveys:
@@ -123,25 +123,25 @@ def _rows(v: Numbers) -> Iterator[tuple[str, ...]]:
     damping = ", ".join(share(v[f"damping_ratio_{axis}"]) for axis in axes[:3])
     resting = f"empty; with material y {with_load}" if with_load else ""
     yield "resonances (Hz)", f"x {x}, y {y}, φ {phi}", resting, f"damping {damping}"
-    less = f"empty {told['static_sag_m']} and {told['static_force_n']}" if weighed else ""
+    less = f"empty {texts['static_sag_m']} and {texts['static_force_n']}" if weighed else ""
     if not conveys:
-        yield "static sag", told[sag], f"spring force {told[weight]}", less
+        yield "static sag", texts[sag], f"spring force {texts[weight]}", less
     yield "foundation force", _foundation(v, load), *_beside(v, load)
     lifting = [v[f"starting_torque_{i}_n_m"] / (v[f"lifting_torque_{i}_n_m"] or math.nan) for i in (1, 2)]
     times = f" ({number(least)} times)" if (least := min(lifting)) > 0.0 else ""
     lifts = f"lifts {both('lifting_torque_{}_n_m')}{times}"
     yield "motor at rest", both("starting_torque_{}_n_m"), lifts, f"breakdown {both('critical_torque_{}_n_m')}"
-    needed = f"{told['passage_torque_n_m']} of {told['passage_available_n_m']}"
-    where = f"{v['passage_axis'].replace('phi', 'φ')} at {told['passage_frequency_hz']}"
-    slowly, ends = f"{told['passage_steady_torque_n_m']} if infinitely slow", f"in {where}: a start {_verdict(v)}"
+    needed = f"{texts['passage_torque_n_m']} of {texts['passage_available_n_m']}"
+    where = f"{v['passage_axis'].replace('phi', 'φ')} at {texts['passage_frequency_hz']}"
+    slowly, ends = f"{texts['passage_steady_torque_n_m']} if infinitely slow", f"in {where}: a start {_verdict(v)}"
     if v["captured_share"]:
-        held = f"{v['captured_sync']} at {quantity(v['captured_frequency_hz'], 'Hz', digits=3)}"
-        ends = f"{where} captures {share(v['captured_share'])} of starts ({held})"
+        state = f"{v['captured_sync']} at {quantity(v['captured_frequency_hz'], 'Hz', digits=3)}"
+        ends = f"{where} captures {share(v['captured_share'])} of starts ({state})"
     passes = (needed, ends, slowly)
     any_torque = ("any torque", "no resonance below holds the motors") if fastest else (MISSING, "no motor drives")
     yield "passing resonance", *(passes if v["passage_axis"] else any_torque)
-    power, friction = f"power {told[f'{load}motor_power_w']}", f"friction {both('friction_torque_{}_n_m')}"
-    yield "running", both(f"{load}motor_torque_{{}}_n_m"), power, empty(told["motor_power_w"]), friction
+    power, friction = f"power {texts[f'{load}motor_power_w']}", f"friction {both('friction_torque_{}_n_m')}"
+    yield "running", both(f"{load}motor_torque_{{}}_n_m"), power, empty(texts["motor_power_w"]), friction
     yield "synchronization", *_synchronization(v, load, both("synchronous_speed_{}_hz"))
 
 
@@ -174,17 +174,17 @@ def _conveying(v: Numbers) -> Iterator[str]:
     """Yield the expected conveying speed, or for what there is a formula, and the friction of Painlevé's paradox."""
     low, high = v["conveying_speed_low_m_per_s"], v["conveying_speed_high_m_per_s"]
     ranges = ", ".join(f"{given(first)} … {given(last)}" for (first, last), _ in BANDS)
-    told = "formulas are for straight paths" if v["path_ratio"] > STRAIGHT else f"formulas: throw {ranges}"
+    text = "formulas are for straight paths" if v["path_ratio"] > STRAIGHT else f"formulas: throw {ranges}"
     known = math.isfinite(low)
     yield interval(low, high, "m/s") if known else MISSING
-    yield f"formula of practice, ± {share(ERROR)}" if known else told
+    yield f"formula of practice, ± {share(ERROR)}" if known else text
     yield f"Painlevé above friction {number(v['unique_friction'])}"
 
 
 def _of_material(v: Numbers, load: str) -> Iterator[str]:
     """Yield what the material does."""
     if load:
-        yield f"not settled: ranges change by {share(v['loaded_change'])}" if v["loaded_change"] > UNSETTLED else ""
+        yield f"not settled: ranges change by {share(v['loaded_change'])}" if v["loaded_change"] > MAX_CHANGE else ""
         yield f"lifts off from 1 on; acts as {share(max(v['moving_fraction'], 0.0))} of its mass"
     elif not math.isfinite(v["throw_index"]):
         yield "no gravity: all numbers are of the empty machine" if v["material_mass_kg"] else ""

@@ -79,7 +79,7 @@ def loaded_motion(scene: Scene, speed: float, steady: ComplexArray, *, settle: b
     linear = (2.0 * amplitude, acceleration, acceleration, force)
     change = np.zeros(steady.size)
     if not stays.all():
-        jumps = _followed(scene, speed, steady, settle=settle)
+        jumps = _follow(scene, speed, steady, settle=settle)
         carried = np.where(stays, carried, jumps[0])
         linear = tuple(np.where(stays, *pair) for pair in zip(linear, jumps[1], strict=True))
         change = np.where(stays, 0.0, jumps[2])
@@ -93,7 +93,7 @@ def _yielding(scene: Scene, speed: float, carried: ComplexArray) -> ComplexArray
     return np.asarray(receptances(scene, at, carried)[:, 1] / receptances(scene, at)[:, 1])
 
 
-def _followed(
+def _follow(
     scene: Scene, speed: float, steady: ComplexArray, *, settle: bool
 ) -> tuple[ComplexArray, FloatArray, FloatArray]:
     """Return dynamic mass, means over turns, and their last relative change, of material that jumps."""
@@ -238,8 +238,8 @@ def range_of_row(scene: Scene, row: pd.Series) -> tuple[float, float]:
     if not math.isfinite(frequency + phase + stroke + throw):
         return math.nan, math.nan
     speed, lag = 2.0 * math.pi * frequency, scene.exciter_pair[0].direction * phase
-    found = conveying_of(scene, speed, amplitudes(scene, speed, np.array([lag]))[0], stroke, throw)
-    return found["conveying_speed_low_m_per_s"], found["conveying_speed_high_m_per_s"]
+    values = conveying_of(scene, speed, amplitudes(scene, speed, np.array([lag]))[0], stroke, throw)
+    return values["conveying_speed_low_m_per_s"], values["conveying_speed_high_m_per_s"]
 
 
 def unique_friction(scene: Scene) -> float:

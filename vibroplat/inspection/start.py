@@ -67,7 +67,7 @@ def averaged_start(
     step, steps = _steps(scene, PASSING_STEPS if math.isfinite(until) else MAX_STEPS)
     slow, last = SETTLED * scene.speed_scale / (steps * step), scene.drive.last_change(math.inf)
     for number in range(steps):
-        lanes = _advanced(scene, lanes, number * step, step)
+        lanes = _advance(scene, lanes, number * step, step)
         if number % LOOK == LOOK - 1 and number * step > last:
             speeds, rates, *_ = lanes
             changes = np.maximum(np.abs(rates), np.abs(speeds - ends[left]) / (LOOK * step)).max(axis=1)
@@ -80,13 +80,13 @@ def averaged_start(
     return ends
 
 
-def _advanced(scene: Scene, now: _Lanes, time: float, step: float) -> _Lanes:
+def _advance(scene: Scene, now: _Lanes, time: float, step: float) -> _Lanes:
     """Return starts a step later."""
     u, (inertia, damping, stiffness) = couplings(scene), scene.oscillators
     rotors, top = np.array(scene.exciter_inertias), scene.speed_scale
     speeds, rates, lag, amplitudes, change, factors = now
-    beside = np.stack([speeds, speeds + SLIGHT * top])
-    torque, ahead = net_torques(scene, supply_at(scene, time), beside, factors[:, np.newaxis])
+    pair = np.stack([speeds, speeds + SLIGHT * top])
+    torque, ahead = net_torques(scene, supply_at(scene, time), pair, factors[:, np.newaxis])
     w, w_rate = speeds[:, :1], rates[:, :1]
     felt = w * w * amplitudes - 2j * w * change - 1j * w_rate * amplitudes
     phases = np.stack([np.ones_like(lag), np.exp(-1j * lag)], axis=-1)
@@ -138,8 +138,8 @@ def least_factor(scene: Scene) -> tuple[float, float]:
         stays = float(ends[low[-1]].min())
         if low[-1] + 1 == factors.size:
             return math.inf, stays
-        held, passing = factors[low[-1] : low[-1] + 2].tolist()
-        factors, captured = np.geomspace(held, passing, FINER), (math.sqrt(held * passing), stays)
+        captures, passing = factors[low[-1] : low[-1] + 2].tolist()
+        factors, captured = np.geomspace(captures, passing, FINER), (math.sqrt(captures * passing), stays)
     return captured
 
 

@@ -162,7 +162,7 @@ def inspect(scene: Scene) -> Inspection:
         starts_from_rest(balance.while_driven(scene)) if any(supply.driven) else (np.zeros((0, 2)), np.zeros(0, bool))
     )
     turning = _expected(scene, supply, starts)
-    found, last = turning.balance, scene.drive.intervals[-1]
+    running, last = turning.balance, scene.drive.intervals[-1]
     values: dict[str, float | str] = {
         "supply_frequency_hz": supply.frequency,
         "motors_off_s": math.nan if any(last.driven) else max(last.start, 0.0),
@@ -172,13 +172,13 @@ def inspect(scene: Scene) -> Inspection:
         **_passage(scene, supply),
         **_captured(scene, supply, starts),
         **_deciding(scene, turning),
-        "phase_difference_rad": math.nan if found is None else found.phase,
-        "expected": "none" if found is None else sync_name(found.phase),
+        "phase_difference_rad": math.nan if running is None else running.phase,
+        "expected": "none" if running is None else sync_name(running.phase),
         "coexisting": ", ".join(f"{sync_name(o.phase)} at {quantity(o.speed / TURN, 'Hz')}" for o in turning.others),
         "holding_torque_n_m": balance.holding_torque(scene, max(turning.speeds)),
     }
     if scene.has_contact and scene.machine.gravity_m_per_s2:
-        values |= _loaded(scene, supply, turning)
+        values |= _with_load(scene, supply, turning)
     if scene.transport is not None:
         values["unique_friction"] = unique_friction(scene)
     return Inspection(scene.name, values)
@@ -196,17 +196,17 @@ def _expected(scene: Scene, supply: Supply, starts: Starts) -> Turning:
     if scene.run.initial.speed_ratio:
         ends = averaged_start(balance.while_driven(scene), np.ones(1))[0].tolist()
     mean = 0.5 * sum(ends)
-    found = min(known, key=lambda one: abs(one.speed - mean), default=None)
-    if found is None or abs(ends[0] - ends[1]) > TOGETHER * mean or abs(found.speed - mean) > 2.0 * TOGETHER * mean:
+    nearest = min(known, key=lambda one: abs(one.speed - mean), default=None)
+    if nearest is None or abs(ends[0] - ends[1]) > TOGETHER * mean or abs(nearest.speed - mean) > 2.0 * TOGETHER * mean:
         alone = [balance.speed_alone(scene, supply, i, near) for i, near in enumerate(ends)]
         # exciters that keep each other's speed up, but not their phases, have no balance of their own
         first, second = (
             one if not one or abs(one - end) < TOGETHER * end else end for one, end in zip(alone, ends, strict=True)
         )
         return Turning((first, second), None, known[:1])
-    sync = sync_name(found.phase)
-    others = [o for o in known if abs(o.speed - found.speed) > DISTINCT * mean or sync_name(o.phase) != sync]
-    return Turning((found.speed, found.speed), found, others[:1])
+    sync = sync_name(nearest.phase)
+    others = [o for o in known if abs(o.speed - nearest.speed) > DISTINCT * mean or sync_name(o.phase) != sync]
+    return Turning((nearest.speed, nearest.speed), nearest, others[:1])
 
 
 def _tones(scene: Scene, turning: Turning) -> list[Tone]:
@@ -221,20 +221,20 @@ def _tones(scene: Scene, turning: Turning) -> list[Tone]:
 def _statics(scene: Scene) -> dict[str, float]:
     """Find masses, natural frequencies, sag and weight."""
     mass, load, machine = scene.platform_mass, sum(scene.layer_masses), scene.machine
-    found = {"stroke_far_above_m": 2.0 * sum(scene.unbalances) / mass, "material_mass_kg": scene.material_mass}
+    values = {"stroke_far_above_m": 2.0 * sum(scene.unbalances) / mass, "material_mass_kg": scene.material_mass}
     for prefix, total in {"": mass, **({"loaded_": mass + load} if load else {})}.items():
         weight = total * scene.gravity[1]
-        found |= {f"{prefix}mass_kg": total, f"{prefix}static_force_n": weight}
-        found[f"{prefix}static_sag_m"] = weight / machine.stiffness_y_n_per_m
+        values |= {f"{prefix}mass_kg": total, f"{prefix}static_force_n": weight}
+        values[f"{prefix}static_sag_m"] = weight / machine.stiffness_y_n_per_m
     natural = linear.natural_speeds(scene)
     inertia, damping, _ = scene.oscillators
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = 0.5 * damping / (inertia * natural)
     for axis, speed, ratio in zip(linear.AXES, natural.tolist(), ratios.tolist(), strict=True):
-        found |= {f"natural_frequency_{axis}_hz": speed / TURN, f"damping_ratio_{axis}": ratio}
+        values |= {f"natural_frequency_{axis}_hz": speed / TURN, f"damping_ratio_{axis}": ratio}
     for i, frequency in enumerate(linear.loaded_frequencies(scene), start=1):
-        found[f"natural_frequency_y_loaded_{i}_hz"] = frequency
-    return found
+        values[f"natural_frequency_y_loaded_{i}_hz"] = frequency
+    return values
 
 
 def _of_motors(scene: Scene, supply: Supply, speeds: tuple[float, float]) -> dict[str, float]:
@@ -242,7 +242,7 @@ def _of_motors(scene: Scene, supply: Supply, speeds: tuple[float, float]) -> dic
     both = np.array(speeds)
     running, starting = motor_torques(scene, supply, np.array([both, [0.0, 0.0]]))
     moments, pair = np.array(scene.unbalances), scene.exciter_pair
-    found = {
+    pairs = {
         "excitation_frequency_{}_hz": both / TURN,
         "static_moment_{}_kg_m": moments,
         "centrifugal_force_{}_n": moments * both**2,
@@ -254,7 +254,7 @@ def _of_motors(scene: Scene, supply: Supply, speeds: tuple[float, float]) -> dic
         "synchronous_speed_{}_hz": np.where(supply.driven, scene.synchronous_speeds_at(supply.frequency), np.nan)
         / TURN,
     }
-    values = {name.format(i): float(value) for name, two in found.items() for i, value in enumerate(two, start=1)}
+    values = {name.format(i): float(value) for name, two in pairs.items() for i, value in enumerate(two, start=1)}
     together = speeds[0] / TURN if speeds[0] == speeds[1] else math.nan
     return values | {"excitation_frequency_hz": together, "motor_power_w": float(running @ both)}
 
@@ -279,7 +279,7 @@ def _vibration(scene: Scene, tones: Sequence[Tone]) -> dict[str, float]:
     }
 
 
-def _loaded(scene: Scene, supply: Supply, turning: Turning) -> dict[str, float | str]:
+def _with_load(scene: Scene, supply: Supply, turning: Turning) -> dict[str, float | str]:
     """Find the same of a machine with material that lifts off, about the speed of the empty one."""
     tones = _tones(scene, turning)
     if len(tones) != 1:
@@ -303,16 +303,16 @@ def _loaded(scene: Scene, supply: Supply, turning: Turning) -> dict[str, float |
     motion = loaded_motion(scene, speed, tone.amplitudes[1:2], settle=True)
     at = {name: part[0] for name, part in motion.items()}
     up, down = linear.ripple_factors(scene, speed, 0.5 * float(at["stroke"]))
-    found = {**_vibration(scene, [tone]), **_of_motors(scene, supply, speeds)} | {
+    values = {**_vibration(scene, [tone]), **_of_motors(scene, supply, speeds)} | {
         "stroke_y_m": float(at["stroke"]),
         "throw_index": float(max(up * at["upward"], down * at["downward"])) / scene.gravity[1],
         "dynamic_force_y_n": float(at["force"]),
     }
-    stroke, throw = found["stroke_y_m"], found["throw_index"]
+    stroke, throw = values["stroke_y_m"], values["throw_index"]
     moves = {} if scene.transport is None else conveying_of(scene, tone.speed, tone.amplitudes, stroke, throw)
     return {
         **moves,
-        **{f"loaded_{name}": value for name, value in found.items() if f"loaded_{name}" in INSPECTION},
+        **{f"loaded_{name}": value for name, value in values.items() if f"loaded_{name}" in INSPECTION},
         "loaded_expected": names,
         "loaded_change": float(at["change"]),
         "moving_fraction": float(at["carried"].real) / sum(scene.layer_masses),
@@ -333,12 +333,12 @@ def _deciding(scene: Scene, turning: Turning) -> dict[str, float | str]:
     roots = np.sqrt(scene.oscillators[0])
     sizes = sum((tone.speed * roots * np.abs(tone.amplitudes) for tone in _tones(scene, turning)), np.zeros(3))
     moving = np.flatnonzero(sizes > MOVES * sizes.max())
-    found: dict[str, float | str] = {"moving_axes": ", ".join(linear.AXES[i] for i in moving)}
+    values: dict[str, float | str] = {"moving_axes": ", ".join(linear.AXES[i] for i in moving)}
     if turning.balance is not None:
         x, y, phi = balance.holding_stiffness(scene, turning.balance).tolist()
         # far above their resonances x and y cancel but for a rest
-        found["holding_axis"] = "phi" if phi > x + y else "x" if x > y else "y"
-    return found
+        values["holding_axis"] = "phi" if phi > x + y else "x" if x > y else "y"
+    return values
 
 
 def _captured(scene: Scene, supply: Supply, starts: Starts) -> dict[str, float | str]:
@@ -363,12 +363,12 @@ def _passage(scene: Scene, supply: Supply) -> dict[str, float | str]:
         return {"passage_torque_n_m": 0.0, "passage_ratio": factor}
     natural = linear.natural_speeds(scene)
     below = (natural > 0.0) & (natural < scene.speed_scale)
-    place = int(np.where(below, np.abs(natural - stays), math.inf).argmin())
-    w, damping = float(natural[place]), float(scene.oscillators[1, place])
-    moment = float(np.abs(linear.couplings(scene)[:, place]).sum())
+    index = int(np.where(below, np.abs(natural - stays), math.inf).argmin())
+    w, damping = float(natural[index]), float(scene.oscillators[1, index])
+    moment = float(np.abs(linear.couplings(scene)[:, index]).sum())
     available = float(motor_torques(scene, supply, np.array([w, w])).sum())
     return {
-        "passage_axis": linear.AXES[place],
+        "passage_axis": linear.AXES[index],
         "passage_frequency_hz": w / TURN,
         "passage_steady_torque_n_m": moment**2 * w**3 / (2.0 * damping) if damping else math.inf,
         "passage_torque_n_m": factor * available,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroplat.config.digits import NEGLIGIBLE, quantity
-from vibroplat.page.run import EXCITERS, LAST_TURNS, PANELS, Course, accelerations
+from vibroplat.page.run import EXCITERS, LAST_TURNS, PANELS, RunCurves, accelerations
 from vibroplat.page.svg import Floats, Plot, Scale
 from vibroplat.page.tables import hint
 from vibroplat.results.picture import CURVES, ORANGE, VERMILION
@@ -17,9 +17,9 @@ from vibroplat.results.picture import CURVES, ORANGE, VERMILION
 #: Difference, over their range, up to which two curves are one.
 COINCIDE = 0.015
 #: Width of a band, over the range of the curve, up to which it is a line.
-NARROW = 0.02
+LINE_WIDTH = 0.02
 #: The same of speeds, which change within a turn while exciters start.
-SPEEDING = 0.25
+SPEED_WIDTH = 0.25
 #: What lines with these dashes are called.
 DASHES = {"6 3": "dashed", "2 3": "dotted"}
 #: Least time from the beginning of a run in which its start is shown (s).
@@ -34,7 +34,7 @@ _COLOURS = {
 }
 
 
-class Line(NamedTuple):
+class RunLine(NamedTuple):
     """A curve of a panel: its look, times (s), smallest and largest values; one array is both."""
 
     name: str
@@ -56,7 +56,7 @@ class Runs:
         What they are called, where there are several.
     """
 
-    def __init__(self, courses: Sequence[Course], names: Sequence[str]) -> None:
+    def __init__(self, courses: Sequence[RunCurves], names: Sequence[str]) -> None:
         self.names = names if len(names) > 1 else [""]
         self.chosen = any(one.detail["t_s"].iloc[-1] < one.last - 1e-9 for one in courses)
         shortest = min(float(np.ptp(one.detail["t_s"])) for one in courses)
@@ -68,7 +68,7 @@ class Runs:
 
     # -- drawings -----------------------------------------------------------------------------------
 
-    def _origin(self, course: Course, *, detail: bool) -> float:
+    def _origin(self, course: RunCurves, *, detail: bool) -> float:
         """Return the time (s) from which those of a drawing are counted."""
         return float(course.detail["t_s"].iloc[0]) if detail and not self.chosen else 0.0
 
@@ -76,12 +76,12 @@ class Runs:
         """Return an axis of times."""
         return Scale(first, last, *(("ms", 1e3) if detail and not self.chosen else ("s", 1.0)), label="time")
 
-    def _lines(self, columns: Mapping[str, str], *, detail: bool = False, until: float = math.inf) -> list[Line]:
+    def _lines(self, columns: Mapping[str, str], *, detail: bool = False, until: float = math.inf) -> list[RunLine]:
         """Return curves of the detail, or their ranges over the runs up to a time (s).
 
         Of several runs each has a colour, of one run each of its curves.
         """
-        found = []
+        lines = []
         for run, (course, name) in enumerate(zip(self.courses, self.names, strict=True)):
             for number, (column, label) in enumerate(columns.items()):
                 parts = course.turns(column) if detail else course.band(column, until)
@@ -90,16 +90,16 @@ class Runs:
                     dash = "2 3" if column == "synchronous_hz" else "6 3" if name and number else ""
                     called = ", ".join(filter(None, (name, label if len(columns) > 1 else ""))) or label
                     t = parts[0] - self._origin(course, detail=detail)
-                    found.append(Line(called, CURVES[run % len(CURVES)] if name else own, dash, t, *parts[1:]))
-        return one_line(found)
+                    lines.append(RunLine(called, CURVES[run % len(CURVES)] if name else own, dash, t, *parts[1:]))
+        return one_line(lines)
 
-    def _drawn(self, title: str, lines: Sequence[Line], columns: Mapping[str, str], *, detail: bool = False) -> Plot:
+    def _drawn(self, title: str, lines: Sequence[RunLine], columns: Mapping[str, str], *, detail: bool = False) -> Plot:
         """Return a drawing of curves over time; a wide range is a band."""
         column = next(iter(columns))
         t = np.concatenate([line.t for line in lines])
         values = np.concatenate([part for line in lines for part in (line.low, line.high)])
         is_speed = column.startswith("speed")
-        narrow = SPEEDING if is_speed else NARROW
+        narrow = SPEED_WIDTH if is_speed else LINE_WIDTH
         y = Scale.of(values, column, least=0.0 if is_speed and not detail else None)
         plot = Plot(title, self._time(float(t.min()), float(t.max()), detail=detail), y)
         span = float(np.nanmax(values) - np.nanmin(values)) or 1.0
@@ -120,20 +120,20 @@ class Runs:
 
     def key_figures(self) -> str:
         """Return the curves that matter: the force into the foundation over the run, and the platform's last turns."""
-        found = ""
+        html = ""
         if force := self._lines(PANELS[0][1]):
             shown = "whole run" if any(course.few for course in self.courses) else "each turn of the run"
             plot = self._drawn(f"Force into the foundation, y: {shown}", force, PANELS[0][1])
             self._mark_largest(plot, force)
-            found += plot.html()
+            html += plot.html()
         main = self.courses[0].main
         columns = {main: "platform"} | ({"underside_m": "underside of the material"} if main == "y_m" else {})
         if lines := self._lines(columns, detail=True):
             words = {"y_m": "Platform y", "x_m": "Platform x", "phi_rad": "Rotation"}[main]
             if main == "y_m" and any("underside_m" in one.detail for one in self.courses):
                 words = "Platform and material"
-            found += self._drawn(f"{words}, {self.last}", lines, columns, detail=True).html()
-        return found
+            html += self._drawn(f"{words}, {self.last}", lines, columns, detail=True).html()
+        return html
 
     def starts(self) -> str:
         """Return the speeds of a run whose exciters start or stop, until its stroke is steady; "" of others."""
@@ -146,7 +146,7 @@ class Runs:
         plot.height = "--h:150px"
         return plot.html()
 
-    def _mark_largest(self, plot: Plot, lines: Sequence[Line]) -> None:
+    def _mark_largest(self, plot: Plot, lines: Sequence[RunLine]) -> None:
         """Mark the static force of a single run, and the largest force of all with its time."""
         size, at = "whole_foundation_force_y_max_n", "whole_foundation_force_y_max_at_s"
         summaries = [course.result.summary for course in self.courses]
@@ -157,8 +157,8 @@ class Runs:
         if known:
             largest = max(known, key=lambda s: float(s[size]))
             upwards = max(np.nanmax(one.high) for one in lines) >= -min(np.nanmin(one.low) for one in lines)
-            place = largest[size] if upwards else -largest[size]
-            plot.mark(largest[at], place, f"{quantity(largest[size], 'N')} at {quantity(largest[at], 's')}")
+            height = largest[size] if upwards else -largest[size]
+            plot.mark(largest[at], height, f"{quantity(largest[size], 'N')} at {quantity(largest[at], 's')}")
 
     def all_figures(self) -> tuple[str, int, list[str]]:
         """Return all curves in pairs, how many quantities these are, and what has nothing to show."""
@@ -177,12 +177,12 @@ class Runs:
             pairs.append(self._impulses(detail=False) + self._impulses(detail=True))
         return "".join(pairs), len(pairs), none
 
-    def _rests(self, whole: list[Line], detail: list[Line]) -> bool:
+    def _rests(self, whole: list[RunLine], detail: list[RunLine]) -> bool:
         """Whether curves that swing about 0 hardly do so in the detail."""
         most = max(max(abs(np.nanmin(one.low)), abs(np.nanmax(one.high))) for one in whole)
         return bool(detail) and all(np.nanmax(np.abs(one.low)) < NEGLIGIBLE * most for one in detail)
 
-    def _matters(self, course: Course, column: str) -> bool:
+    def _matters(self, course: RunCurves, column: str) -> bool:
         """Whether a curve has content beside the largest one of its kind."""
         arms = {"phi_rad": course.result.scene.body.distance}
         kinds = (("x_m", "y_m", "phi_rad"), ("force_x_n", "force_y_n"))
@@ -211,25 +211,25 @@ class Runs:
         return plot.html()
 
 
-def one_line(lines: list[Line]) -> list[Line]:
+def one_line(lines: list[RunLine]) -> list[RunLine]:
     """Return curves, of which those that coincide are one."""
-    found: list[Line] = []
+    distinct: list[RunLine] = []
     for line in lines:
-        twin = next((n for n, one in enumerate(found) if _coincide(one, line)), None)
+        twin = next((n for n, one in enumerate(distinct) if _coincide(one, line)), None)
         if twin is None:
-            found.append(line)
+            distinct.append(line)
             continue
         kind, _, number = line.name.rpartition(" ")
-        same = found[twin].name.rpartition(" ")[0] == kind
-        found[twin] = found[twin]._replace(name=f"{found[twin].name} = {number if same else line.name}")
-    return found
+        same = distinct[twin].name.rpartition(" ")[0] == kind
+        distinct[twin] = distinct[twin]._replace(name=f"{distinct[twin].name} = {number if same else line.name}")
+    return distinct
 
 
-def _coincide(one: Line, other: Line) -> bool:
+def _coincide(one: RunLine, other: RunLine) -> bool:
     """Whether two curves are one; turns of several runs need not end at the same times."""
     if one.dash != other.dash or np.abs(one.t[[0, -1]] - other.t[[0, -1]]).max() > COINCIDE * np.ptp(one.t):
         return False
     span = float(np.nanmax(one.high) - np.nanmin(one.low))
-    beside = (np.interp(one.t, other.t, values) for values in (other.low, other.high))
-    away = np.nanmax(np.abs([a - b for a, b in zip((one.low, one.high), beside, strict=True)]))
+    resampled = (np.interp(one.t, other.t, values) for values in (other.low, other.high))
+    away = np.nanmax(np.abs([a - b for a, b in zip((one.low, one.high), resampled, strict=True)]))
     return bool(span > 0.0 and away < COINCIDE * span)

@@ -30,7 +30,7 @@ _EXCITERS = ("#0072B2", "#D55E00")
 PLAY = '<button type="button" class="play" aria-pressed="true">Pause</button>'
 
 
-def packed(values: npt.ArrayLike, least: float = 0.0) -> tuple[float, float, str]:
+def pack(values: npt.ArrayLike, least: float = 0.0) -> tuple[float, float, str]:
     """Return the smallest and the largest number, and all as base64 of 16-bit parts of their range; 65535 is missing.
 
     That is 1.5e-5 of the range: far less than a pixel. What varies by less than ``least`` has a mean alone.
@@ -70,7 +70,7 @@ def moving(frames: pd.DataFrame, scene: Scene, hits: Sequence[Sequence[float]], 
     least = dict.fromkeys(("x_m", "y_m", "gap_m", "upper_m"), unseen) | {"phi_rad": unseen / HALF * scale}
     turned = frames.assign(**{angle: np.mod(frames[angle], 2.0 * math.pi) for angle in ("phi1_rad", "phi2_rad")})
     known = [name for name in MOVING if name in frames and frames[name].notna().any()]
-    columns = {name: packed(turned[name], least.get(name, 0.0)) for name in known}
+    columns = {name: pack(turned[name], least.get(name, 0.0)) for name in known}
     return {"columns": columns, "frames": len(frames), "k": k, "hits": hits, **more}
 
 
@@ -113,8 +113,8 @@ def drawing(machine: Mapping[str, Any], label: str) -> str:
     top = max(*(y + r for (_, y), r in zip(axes, radii, strict=True)), 0.0) + 13.0
     bottom = min(*(y - r for (_, y), r in zip(axes, radii, strict=True)), 3.0) - 17.0
     floor = bottom - SPRING - ROOM
-    share = machine["lower_share"]
-    heights = (10.0 + 14.0 * share, 10.0 + 14.0 * (1.0 - share)) if layers == 2 else (22.0 if layers else 0.0, 0.0)
+    part = machine["lower_share"]
+    heights = (10.0 + 14.0 * part, 10.0 + 14.0 * (1.0 - part)) if layers == 2 else (22.0 if layers else 0.0, 0.0)
     above = top + (2.4 if layers else 1.0) * ROOM + sum(heights) + (BETWEEN if layers == 2 else 0.0) + 12.0
     sizes = {"scale": scale, "top": top, "bottom": bottom, "floor": floor, "between": BETWEEN, "arrow": ARROW}
     sizes |= {"bed": BED, "grain": GRAIN}
@@ -157,17 +157,17 @@ def _exciter(number: int, axis: tuple[float, float], radius: float, direction: f
 
 def _layers(heights: tuple[float, float], top: float, conveys: bool) -> str:
     """Return the layers of material on the platform, with grains if it moves along the deck."""
-    found = ""
+    markup = ""
     for name, height, base in (("lower", heights[0], top), ("upper", heights[1], top + heights[0] + BETWEEN)):
         if height:
-            place = f'x="{-BED:g}" y="{-base - height:.1f}" width="{2 * BED:g}" height="{height:.1f}" rx="2"'
+            box = f'x="{-BED:g}" y="{-base - height:.1f}" width="{2 * BED:g}" height="{height:.1f}" rx="2"'
             middle = f"{-base - 0.5 * height:.1f}"
             dots = "".join(f"M{x:g} {middle}h0" for x in np.arange(-BED + 0.5 * GRAIN, BED, GRAIN))
             grains = f'<path class="grains" data-at="{middle}" d="{dots}"/>' if conveys else ""
-            found += f'<g class="{name}"><rect {place} class="{name}-layer"/>{grains}</g>'
+            markup += f'<g class="{name}"><rect {box} class="{name}-layer"/>{grains}</g>'
     high, coil = f"{top + heights[0]:.1f}", _coil(BETWEEN, 4, 5.0)
     coils = (f'<g class="between" data-at="{x}" transform="translate({x} -{high})">{coil}</g>' for x in (-52, 0, 52))
-    return found + (f'<g class="lower" data-base="{high}">{"".join(coils)}</g>' if heights[1] else "")
+    return markup + (f'<g class="lower" data-base="{high}">{"".join(coils)}</g>' if heights[1] else "")
 
 
 def _signs(top: float) -> str:

@@ -11,8 +11,8 @@ import pandas as pd
 
 from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
-from vibroplat.page.machine import machine_of, moving, packed
-from vibroplat.page.run import impulses_of, resampled
+from vibroplat.page.machine import machine_of, moving, pack
+from vibroplat.page.run import impulses_of, resample
 from vibroplat.results.picture import Picture
 
 #: Samples of a turn, and most samples of all orbits on a page: half a megabyte.
@@ -44,7 +44,7 @@ class Motions:
         What the drawings of all machines need, to which new ones are added.
     progress
         Told of each point.
-    found
+    computed
         The orbits of tables so far; pictures may share one.
     homes
         Pictures on the page by the tables that they and their orbits have, whose data later ones share.
@@ -55,7 +55,7 @@ class Motions:
     room: int
     machines: list[dict[str, Any]]
     progress: Progress | None = None
-    found: dict[int, dict[str, Any]] = field(default_factory=dict)
+    computed: dict[int, dict[str, Any]] = field(default_factory=dict)
     homes: dict[tuple[int, int], int] = field(default_factory=dict)
 
     def of(self, picture: Picture, places: Any) -> dict[str, Any]:
@@ -72,17 +72,17 @@ class Motions:
         if orbits is None:
             return {"list": [], "owner": [], "why": [], "owned": False, "words": "", "asked": False}
         own = range(len(orbits.table)) if orbits.owner is None else orbits.owner
-        owner = [own[place] if place < len(own) else None for place in places]
-        if id(orbits.table) not in self.found:
+        owner = [own[point] if point < len(own) else None for point in places]
+        if id(orbits.table) not in self.computed:
             wanted = [row for row in owner if row is not None]
-            self.found[id(orbits.table)] = self._computed(orbits.table, orbits.first, wanted)
-        known = self.found[id(orbits.table)]
-        found = [known["rows"].get(row, NOT_HELD) for row in owner]
-        why = list(dict.fromkeys(one for one in found if isinstance(one, str)))
-        numbers = [-1 - why.index(one) if isinstance(one, str) else one for one in found]
+            self.computed[id(orbits.table)] = self._computed(orbits.table, orbits.first, wanted)
+        known = self.computed[id(orbits.table)]
+        entries = [known["rows"].get(row, NOT_HELD) for row in owner]
+        why = list(dict.fromkeys(one for one in entries if isinstance(one, str)))
+        numbers = [-1 - why.index(one) if isinstance(one, str) else one for one in entries]
         owned = orbits.owner is not None and orbits.table is not picture.table
-        told = {"list": known["list"], "owner": numbers, "why": why, "owned": owned, "words": orbits.words}
-        return told | {"asked": self.mover is not None}
+        data = {"list": known["list"], "owner": numbers, "why": why, "owned": owned, "words": orbits.words}
+        return data | {"asked": self.mover is not None}
 
     def _computed(self, table: pd.DataFrame, first: Iterable[int], rows: Sequence[int]) -> dict[str, Any]:
         """Return the orbits of some rows of a table, then of those evenly chosen among others while there is room.
@@ -95,9 +95,9 @@ class Motions:
         chosen = sorted({*rows})
         records: dict[int, Any] = dict(zip(chosen, table.iloc[chosen].to_dict("records"), strict=True))
         orbits: list[dict[str, Any]] = []
-        found: dict[int, int | str] = {row: text for row in chosen if (text := _why_none(records[row]))}
+        entries: dict[int, int | str] = {row: text for row in chosen if (text := _why_none(records[row]))}
         order = dict.fromkeys([*(row for row in first if row in records), *(chosen[n] for n in evenly(len(chosen)))])
-        wanted, used = [row for row in order if row not in found], 0
+        wanted, used = [row for row in order if row not in entries], 0
         for done, row in enumerate(wanted):
             if self.mover is None:
                 break
@@ -106,15 +106,15 @@ class Motions:
             try:
                 scene, trajectory, events = self.mover(self.scene, records[row])
             except VibroplatError as error:
-                found[row] = f"It has no orbit on this page: {error}."
+                entries[row] = f"It has no orbit on this page: {error}."
                 continue
             orbit = self._packed(scene, trajectory, events)
             used += orbit["frames"]
             if used > self.room:
                 break
-            found[row] = len(orbits)
+            entries[row] = len(orbits)
             orbits.append(orbit)
-        return {"list": orbits, "rows": found}
+        return {"list": orbits, "rows": entries}
 
     def _packed(self, scene: Scene, trajectory: pd.DataFrame, events: pd.DataFrame) -> dict[str, Any]:
         """Return what the page shows of an orbit."""
@@ -122,11 +122,11 @@ class Motions:
         turns = max(1, round(abs(float(np.ptp(trajectory["phi1_rad"].iloc[[0, -1]]))) / (2.0 * np.pi)))
         count, machine = SAMPLES * turns, machine_of(scene)
         self.machines += [] if machine in self.machines else [machine]
-        samples = resampled(trajectory, scene, np.linspace(0.0, seconds, count, endpoint=False), "y_rate_m_per_s")
+        samples = resample(trajectory, scene, np.linspace(0.0, seconds, count, endpoint=False), "y_rate_m_per_s")
         hits = impulses_of(events, 0.0, seconds, count)
         windows, number = [[0.0, round(seconds, 6), 0, count]], self.machines.index(machine)
         orbit = moving(samples, scene, hits, windows=windows, turns=turns, machine=number)
-        orbit["columns"]["y_rate_m_per_s"] = packed(samples["y_rate_m_per_s"])
+        orbit["columns"]["y_rate_m_per_s"] = pack(samples["y_rate_m_per_s"])
         return orbit
 
 

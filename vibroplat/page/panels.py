@@ -15,7 +15,7 @@ from vibroplat.config.digits import quantity
 from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
 from vibroplat.page.view import View, alone, axis_name, coloured, dashes, heading, places_of
 from vibroplat.results.labels import halfway, in_ratios
-from vibroplat.results.picture import BLACK, FULL, LOST, LOW, VERMILION, Facet, Panel, Series, Span, Strip
+from vibroplat.results.picture import BLACK, FULL, LOST, LOW, VERMILION, Facet, Panel, Series, Strip, StripSpan
 
 #: Signs of matplotlib's markers.
 SIGNS = dict(zip("osD^vXP*", "○□◇△▽✕✚★", strict=True))
@@ -24,15 +24,15 @@ _CALLED = {"sync": "synchronization"}
 #: What the hatches of the page are called.
 HATCHES = ("stripes", "bars", "dots")
 #: Samples up to which dots are large, and failed points that are marked.
-FEW = 400
+MAX_MARKED = 400
 #: Width of a band of a single point.
-WIDE = 5.0
+BAND_WIDTH = 5.0
 
 
 def hatches_told(hatches: Mapping[str, str], more: str) -> str:
     """Return what hatches mean, and more."""
-    told = [f"{HATCHES[number % len(HATCHES)]}: {text}" for number, text in enumerate(hatches.values())]
-    return plain_text("; ".join(filter(None, (*told, more))))
+    texts = [f"{HATCHES[number % len(HATCHES)]}: {text}" for number, text in enumerate(hatches.values())]
+    return plain_text("; ".join(filter(None, (*texts, more))))
 
 
 def figures(view: View, facet: Facet | None) -> list[str]:
@@ -40,14 +40,14 @@ def figures(view: View, facet: Facet | None) -> list[str]:
     all_of = list(view.picture.series)
     numbers = range(len(all_of)) if facet is None else facet.series
     shown = [all_of[n] for n in numbers]
-    found = strips(view) if facet is None or facet is view.picture.facets[0] else []
+    html = strips(view) if facet is None or facet is view.picture.facets[0] else []
     for panel in view.picture.panels:
         if panel.column == (panel.x or view.axis) and panel.kind == "points":
             continue
         titled = replace(panel, title=facet.label) if facet is not None and panel.kind == "bars" else panel
         if len(places_of(shown)):
-            found.append(_KINDS[panel.kind](view, titled, shown).html())
-    return found
+            html.append(_KINDS[panel.kind](view, titled, shown).html())
+    return html
 
 
 def points(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
@@ -65,15 +65,15 @@ def points(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     for one in (one for one in own if one not in bands):
         if panel.by and one.mode == "dots":
             own_places = places_of([one])
-            _classed(view, plot, panel, own_places, x_values[own_places], y_values[own_places])
+            _draw_classes(view, plot, panel, own_places, x_values[own_places], y_values[own_places])
         else:
             _series(view, plot, one, x_values, y_values)
     for jump in view.picture.jumps:
         if column in jump.of:
             plot.jump(x_values[[jump.before, jump.after]], y_values[[jump.before, jump.after]], jump.colour)
     for mark in view.picture.marks:
-        for place in mark.rows:
-            plot.mark(x_values[place], y_values[place], mark.kind, SIGNS.get(mark.symbol, "◆"), mark.colour)
+        for row in mark.rows:
+            plot.mark(x_values[row], y_values[row], mark.kind, SIGNS.get(mark.symbol, "◆"), mark.colour)
     # Points of curves that are left out because they coincide with others are found as well.
     whole = len(shown) == len(view.picture.series)
     places = np.arange(len(x_values)) if whole else np.unique(places_of(own))
@@ -88,7 +88,7 @@ def _band(view: View, plot: Plot, column: str, series: Series, x: Floats) -> Non
         part = places[places >= 0]
         if len(part) == 1:
             ends = [low[part[0]], high[part[0]]]
-            plot.curve(x[part].repeat(2), ends, name, series.colour, width=WIDE, pale=True)
+            plot.curve(x[part].repeat(2), ends, name, series.colour, width=BAND_WIDTH, pale=True)
         else:
             plot.band(x[part], low[part], high[part], name, series.colour)
 
@@ -108,18 +108,18 @@ def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> Non
         plot.curve(line_x, line_y, name, series.colour, dash=dash, width=width, pale=series.pale)
         full, name = alone(np.isfinite(line_x) & np.isfinite(line_y), rows), ""
     plot.dots(x[places[full]], y[places[full]], name, series.colour, size=size, pale=series.pale)
-    told = "" if full.any() else name
-    plot.dots(x[places[odd]], y[places[odd]], told, series.colour, size=size, hollow=True, pale=series.pale)
+    label = "" if full.any() else name
+    plot.dots(x[places[odd]], y[places[odd]], label, series.colour, size=size, hollow=True, pale=series.pale)
     lost = places[state == LOST]
-    for place in lost[:FEW]:
-        plot.mark(x[place], y[place] if np.isfinite(y[place]) else plot.y.low, "failed", "✕", "#a00000")
+    for point in lost[:MAX_MARKED]:
+        plot.mark(x[point], y[point] if np.isfinite(y[point]) else plot.y.low, "failed", "✕", "#a00000")
 
 
-def _classed(view: View, plot: Plot, panel: Panel, places: Any, x: Floats, y: Floats, colour: str = "") -> None:
+def _draw_classes(view: View, plot: Plot, panel: Panel, places: Any, x: Floats, y: Floats, colour: str = "") -> None:
     """Draw dots at some places in the colours of a column, or in one where the panel has none."""
     looks = coloured(panel, view.picture.points.iloc[places]) if panel.by else [("", colour, slice(None))]
     for name, own, chosen in looks:
-        plot.dots(x[chosen], y[chosen], name, own, size=5.0 if len(places) <= FEW else 3.2)
+        plot.dots(x[chosen], y[chosen], name, own, size=5.0 if len(places) <= MAX_MARKED else 3.2)
 
 
 def tiles(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
@@ -151,9 +151,9 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
         grid: Any = np.full((len(levels), len(over)), np.nan)
         grid[at, np.searchsorted(over, across[places])] = view.values(panel.contours.column)[places]
         drawing = contour_generator(over, np.arange(len(levels)), np.ma.masked_invalid(grid))
-        for level, (told, dash) in panel.contours.levels.items():
+        for level, (text, dash) in panel.contours.levels.items():
             for line in map(np.asarray, drawing.lines(level)):
-                plot.curve(line[:, 0], line[:, 1], plain_text(told), BLACK, dash=dashes(dash), width=1.2)
+                plot.curve(line[:, 0], line[:, 1], plain_text(text), BLACK, dash=dashes(dash), width=1.2)
     for word in view.picture.words:
         if word.column == panel.column:
             row_of = float(np.interp(word.y, levels, np.arange(len(levels))))
@@ -170,7 +170,7 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
 def _spans(
     plot: Plot,
     row: float,
-    spans: Sequence[Span],
+    spans: Sequence[StripSpan],
     classes: Mapping[str, tuple[str, str]],
     hatches: Mapping[str, str],
     half: float,
@@ -216,10 +216,10 @@ def stack(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     spots: list[tuple[Floats, Floats, Any]] = []
     for one in shown:
         places = places_of([one])
-        share = pd.Series(y[places], x[places]).groupby(level=0).sum().reindex(over).fillna(0.0).to_numpy()
-        plot.band(over, below, below + share, plain_text(one.label), one.colour)
+        heights = pd.Series(y[places], x[places]).groupby(level=0).sum().reindex(over).fillna(0.0).to_numpy()
+        plot.band(over, below, below + heights, plain_text(one.label), one.colour)
         spots.append((x[places], np.interp(x[places], over, below) + 0.5 * y[places], places))
-        below = below + share
+        below = below + heights
     view.hits(plot, *(np.concatenate(part) for part in zip(*spots, strict=True)))
     return plot
 
@@ -234,10 +234,10 @@ def ranks(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     label = plain_text(quantity_of(panel.column).name)
     x = Scale.of(view.reached(panel.column, order), panel.column, label=label)
     plot = view.plot(replace(panel, column="", x=panel.column), x, Scale(0.0, 1.0, "%", 100.0), heading(panel))
-    _classed(view, plot, panel, order, values[order], shares, shown[0].colour)
-    for share in (0.05, 0.5, 0.95) if len(order) else ():
-        value = float(np.quantile(values[order], share))
-        plot.mark(value, share, f"{100 * share:g} %: {quantity(value, unit_of(panel.column))}")
+    _draw_classes(view, plot, panel, order, values[order], shares, shown[0].colour)
+    for fraction in (0.05, 0.5, 0.95) if len(order) else ():
+        value = float(np.quantile(values[order], fraction))
+        plot.mark(value, fraction, f"{100 * fraction:g} %: {quantity(value, unit_of(panel.column))}")
     view.hits(plot, values[order], shares, order)
     return plot
 
@@ -256,8 +256,8 @@ def strips(view: View) -> list[str]:
     plot = Plot(plain_text(strips.label), x, y, "picture strips")
     plot.height = f"--h:{24 * len(spans) + 6}px"
     plot.note = hatches_told(strips.hatches, f"line: {strips.line}" if strips.line else "")
-    for row, found in enumerate(spans):
-        _spans(plot, row, found, strips.classes, strips.hatches, 0.36)
+    for row, row_spans in enumerate(spans):
+        _spans(plot, row, row_spans, strips.classes, strips.hatches, 0.36)
     places = np.concatenate([np.asarray(strip.rows, dtype=int) for strip in strips.rows])
     rows = np.repeat(np.arange(len(spans), dtype=float), [len(strip.rows) for strip in strips.rows])
     view.hits(plot, at[places], rows, places)

@@ -26,9 +26,9 @@ MOST_SPECIAL = 500
 def picture_html(number: int, picture: Picture, motions: Motions) -> str:
     """Return the section of a picture: figures, what a click shows, further axes and facets, and tables, folded."""
     count = len(picture.table)
-    kept = rows_on_page(picture.table)
+    rows = rows_on_page(picture.table)
     special = np.arange(0 if picture.special is None else min(len(picture.special), MOST_SPECIAL))
-    places = np.concatenate([kept, count + special])
+    places = np.concatenate([rows, count + special])
     renumbered = np.full(max(len(picture.points), count + len(special), 1), -1)
     renumbered[places] = np.arange(len(places))
     view = View(picture, picture.axes[0] if picture.axes else "", renumbered)
@@ -43,14 +43,14 @@ def picture_html(number: int, picture: Picture, motions: Motions) -> str:
     more = _more(view, others, facets, ROOM - sum(map(len, first)))
     home, tables = _home(number, picture, motions), ""
     if home == number:
-        tables = table_html(f"Table {picture.table_name}", picture.table, kept)
+        tables = table_html(f"Table {picture.table_name}", picture.table, rows)
     if picture.special is not None:
         tables += table_html(picture.special_name, picture.special, special)
-    told = [picture.told.replace("\n", "; "), picture.meaning, _orbits_told(moved, len(places))]
-    sentences = " ".join(f"{text.removesuffix('.')}." for text in told if text)
+    texts = [picture.told.replace("\n", "; "), picture.meaning, _orbits_told(moved, len(places))]
+    sentences = " ".join(f"{text.removesuffix('.')}." for text in texts if text)
     marks = {str(renumbered[row]): mark.kind for mark in picture.marks for row in mark.rows if renumbered[row] >= 0}
     own = moved if home == number else moved | {"list": []}
-    data = as_json(own | {"home": home, "rows": len(kept), "marks": marks})
+    data = as_json(own | {"home": home, "rows": len(rows), "marks": marks})
     look = "panels bars" if bars else "panels"
     return (
         f'<section class="study" id="picture-{number}"><h2>{escape(picture.heading)} '
@@ -71,7 +71,7 @@ def _home(number: int, picture: Picture, motions: Motions) -> int:
 
 def _more(view: View, others: Sequence[Facet | None], facets: Sequence[Facet | None], room: int) -> str:
     """Return the other facets of a picture, and it over its other axes, folded."""
-    found = "".join(_figures(plain_text(facet.label), view, [facet]) for facet in others if facet is not None)
+    html = "".join(_figures(plain_text(facet.label), view, [facet]) for facet in others if facet is not None)
     over, axes, left = "", list[str](), list[str]()
     for axis in view.picture.axes[1:]:
         drawn = _figures(f"Over {axis_name(axis)}", replace(view, axis=axis), facets)
@@ -79,12 +79,12 @@ def _more(view: View, others: Sequence[Facet | None], facets: Sequence[Facet | N
         over += drawn if fits else ""
         (axes if fits else left).extend([axis_name(axis)] * bool(drawn))
     none = hint(f"The page has no room for curves over {', '.join(left)}.") if left else ""
-    return found + (fold("Over another column", ", ".join(axes), over) if axes[1:] else over) + none
+    return html + (fold("Over another column", ", ".join(axes), over) if axes[1:] else over) + none
 
 
 def _figures(label: str, view: View, facets: Sequence[Facet | None]) -> str:
-    found = "".join(figure for facet in facets for figure in figures(view, facet))
-    return fold(label, "", f'<div class="panels">{found}</div>') if found else ""
+    html = "".join(figure for facet in facets for figure in figures(view, facet))
+    return fold(label, "", f'<div class="panels">{html}</div>') if html else ""
 
 
 def _orbits_told(moved: dict[str, Any], count: int) -> str:
@@ -93,8 +93,8 @@ def _orbits_told(moved: dict[str, Any], count: int) -> str:
         return ""
     if not moved["asked"]:
         return "This page was written without orbits."
-    found = sum(one >= 0 for one in moved["owner"])
-    return f"The page holds the orbits of {f'{found} of {count}' if found < count else 'all'} points."
+    with_orbit = sum(one >= 0 for one in moved["owner"])
+    return f"The page holds the orbits of {f'{with_orbit} of {count}' if with_orbit < count else 'all'} points."
 
 
 def _key(picture: Picture) -> str:
@@ -130,8 +130,8 @@ def _classes(panel: Any, picture: Picture) -> dict[str, str]:
         return {name: f"<span>{box.format(colour)}{escape(name)}</span>" for name, colour, _ in named}
     values = picture.points[panel.by].to_numpy(dtype=float, na_value=np.nan)
     low, high, unit, factor = ends_of_scale(panel, values)
-    told = f"{heading(panel)}: {low * factor:.3g}, pale, to {high * factor:.3g} {unit}, dark".replace(" ,", ",")
-    return {panel.by: f"<span>{escape(told)}</span>"}
+    text = f"{heading(panel)}: {low * factor:.3g}, pale, to {high * factor:.3g} {unit}, dark".replace(" ,", ",")
+    return {panel.by: f"<span>{escape(text)}</span>"}
 
 
 # -- what a click shows ------------------------------------------------------------------------------------------------
@@ -139,14 +139,14 @@ def _classes(panel: Any, picture: Picture) -> dict[str, str]:
 
 def _aside(moved: dict[str, Any]) -> str:
     """Return the place for what a click on a point shows: its orbit, the moving machine, and its numbers."""
-    told, orbit = "", ""
+    more, orbit = "", ""
     if moved["list"]:
-        told = " and its orbit with the moving machine"
+        more = " and its orbit with the moving machine"
         motion = _empty("Platform and underside of the material", "mm", "turns", "motion")
         portrait = _empty("Speed of the platform over its height", "m/s", "mm", "portrait")
         player = f'<div class="controls">{PLAY}<span class="told hint"></span></div>'
         orbit = f'<div class="orbit" hidden><h3></h3><div class="stage"></div>{player}{motion}{portrait}</div>'
-    click = hint(f"Click or tap a point, or a row of the table, to see its numbers{told}.")
+    click = hint(f"Click or tap a point, or a row of the table, to see its numbers{more}.")
     numbers = '<div class="circle"></div><div class="numbers"></div>'
     return f'<aside class="row scripted">{orbit}{click}{numbers}</aside>'
 

@@ -25,8 +25,8 @@ from vibroplat.page.machine import PLAY, as_json, drawing, machine_of
 from vibroplat.page.orbits import MOST_SAMPLES, Motions, Mover, Progress
 from vibroplat.page.pictures import picture_html
 from vibroplat.page.results import differences, find_results, parameters
-from vibroplat.page.run import Course, course_of
-from vibroplat.page.tables import aligned, fold, hint, listing, parameters_html, table_html
+from vibroplat.page.run import RunCurves, course_of
+from vibroplat.page.tables import align_lines, fold, hint, listing, parameters_html, table_html
 from vibroplat.results.answer import first_failures, noted
 from vibroplat.results.labels import capital
 from vibroplat.results.picture import Picture, finite
@@ -41,7 +41,7 @@ BEGINS = b"<!doctype html"
 #: Name of the page where none is given.
 NAME = "report.html"
 #: Most runs whose data sheet has room beside their curves.
-BESIDE = 2
+MAX_SHEETS = 2
 #: Last events of a run on the page.
 EVENTS = 100
 _READING = (
@@ -89,7 +89,7 @@ def write_report(
     path = directories[0] / NAME if out is None else out
     require_replaceable(path, BEGINS, overwrite=overwrite)
     text = Report(find_results(directories), start, stop, mover, progress).page()
-    replace_file(path, lambda place: place.write_text(text, encoding="utf-8", newline="\n"))
+    replace_file(path, lambda file: file.write_text(text, encoding="utf-8", newline="\n"))
     return path
 
 
@@ -117,10 +117,10 @@ class Report:
         return [one for one in self.results if isinstance(one, RunResult)]
 
     @cached_property
-    def courses(self) -> list[Course]:
+    def courses(self) -> list[RunCurves]:
         """What is shown of each run that has rows."""
-        found = [course_of(one, _events(one), self.start, self.stop) for one in self.runs]
-        return [course for course in found if course is not None]
+        courses = [course_of(one, _events(one), self.start, self.stop) for one in self.runs]
+        return [course for course in courses if course is not None]
 
     @cached_property
     def sheets(self) -> dict[RunResult, Sheet]:
@@ -132,8 +132,8 @@ class Report:
     def pictures(self) -> list[tuple[Result, Picture]]:
         """The pictures of all studies."""
         studies = [one for one in self.results if not isinstance(one, RunResult)]
-        found = [(one, picture) for one in studies for picture in KINDS[one.command].pictures.pictures([one])]
-        return [(one, picture) for one, picture in found if "page" in picture.places]
+        pictures = [(one, picture) for one in studies for picture in KINDS[one.command].pictures.pictures([one])]
+        return [(one, picture) for one, picture in pictures if "page" in picture.places]
 
     # -- the page -----------------------------------------------------------------------------------
 
@@ -186,7 +186,7 @@ class Report:
         headline = answer.headline.removeprefix(f"{one.scene.name}: ")
         headline = capital(headline)
         failures = [*check.get("disagreements", ()), *answer.failures]
-        bad, short = bool(failures), aligned(answer.short) if answer.short else ""
+        bad, short = bool(failures), align_lines(answer.short) if answer.short else ""
         if isinstance(one, RunResult):
             differ = (one.summary.get("check") or {}).get("agrees") is False
             failures = [*failures, *["engines disagree"] * differ]
@@ -196,8 +196,8 @@ class Report:
         if failures:
             more = f'<p class="more">{escape(headline)}</p>'
             headline = "; ".join(first_failures(failures))
-        told = [noted(note).partition(": ") for note in by_severity(answer.notes)]
-        notes = "".join(f"<li><b>{what.capitalize()}:</b> {escape(note)}</li>" for what, _, note in told)
+        parts = [noted(note).partition(": ") for note in by_severity(answer.notes)]
+        notes = "".join(f"<li><b>{what.capitalize()}:</b> {escape(note)}</li>" for what, _, note in parts)
         more += short + f'<ul class="notes">{notes}</ul>' * bool(notes)
         return f'<p class="answer{" bad" * bad}{" run" * (name != "")}">{name}{escape(headline)}</p>{more}'
 
@@ -210,10 +210,10 @@ class Report:
         third = f'<div class="third">{self._curves.starts()}</div>' if self._curves and not several else ""
         sheet = sheet_html([*self.sheets.values()], [one.label for one in self.runs])
         stages = f'<section id="machines">{self._stages(several=several)}{third}</section>'
-        beside = f'<section id="sheet" aria-label="Data sheet">{sheet}</section>'
+        section = f'<section id="sheet" aria-label="Data sheet">{sheet}</section>'
         curves = f'<section id="curves" aria-label="Curves">{key}</section>'
-        kind = " ".join(["several"] * several + ["many"] * (len(self.runs) > BESIDE))
-        return f'<main class="{kind}">{stages}{beside}{curves}</main>'
+        kind = " ".join(["several"] * several + ["many"] * (len(self.runs) > MAX_SHEETS))
+        return f'<main class="{kind}">{stages}{section}{curves}</main>'
 
     @cached_property
     def _curves(self) -> Runs | None:
@@ -227,9 +227,9 @@ class Report:
             return inputs
         figures = ""
         for one in (course.result for course in self.courses):
-            told = escape(f"{one.label}: " * several + sync_text(one.scene, self.sheets[one].numbers))
+            caption = escape(f"{one.label}: " * several + sync_text(one.scene, self.sheets[one].numbers))
             picture = drawing(machine_of(one.scene), escape(f"Drawing of the machine: {one.label}"))
-            figures += f"<figure><figcaption>{told}</figcaption>{picture}</figure>"
+            figures += f"<figure><figcaption>{caption}</figcaption>{picture}</figure>"
         motions = [course.motion for course in self.courses]
         count = len(motions[0]["windows"])
         note = f"motion × {motions[0]['k']:g}" + (f"; {count} turns, evenly over the run" if count > 1 else "")
@@ -238,9 +238,9 @@ class Report:
             f'<input type="range" min="0" max="{count - 1}" value="{count - 1}" aria-label="time">'
             f'<span class="clock"></span><span>{escape(note)}</span>'
         )
-        beside = f'<div><div class="controls scripted">{controls}</div>{inputs}</div>'
+        aside = f'<div><div class="controls scripted">{controls}</div>{inputs}</div>'
         data = f'<script type="application/json" id="frames">{as_json(motions)}</script>'
-        return f'<div class="stages">{figures}</div>{beside}{data}'
+        return f'<div class="stages">{figures}</div>{aside}{data}'
 
     # -- studies ------------------------------------------------------------------------------------
 
@@ -256,24 +256,24 @@ class Report:
 
     def _folds(self) -> str:
         """Return what is folded: all curves, events, what was printed, parameters, and how it was made."""
-        found = ""
+        html = ""
         if self._curves is not None:
             figures, count, none = self._curves.all_figures()
             empty = f"; nothing to see in {', '.join(none)}" if none else ""
-            told = f"{count} quantities, each turn of the whole run and {self._curves.last}{empty}"
-            found += fold("All curves", told, f'{hint(_READING)}<div class="pair">{figures}</div>')
+            contents = f"{count} quantities, each turn of the whole run and {self._curves.last}{empty}"
+            html += fold("All curves", contents, f'{hint(_READING)}<div class="pair">{figures}</div>')
         for one, events in ((one, _events(one)) for one in self.runs):
             name = f"events of {one.label}" if len(self.runs) > 1 else "events"
             kinds = ", ".join(f"{number} {kind}" for kind, number in events["kind"].value_counts().items())
             rows = np.arange(max(len(events) - EVENTS, 0), len(events))
-            found += table_html(name, events, rows, told=kinds) if kinds else ""
+            html += table_html(name, events, rows, contents=kinds) if kinds else ""
         for result, answer in ((one, one.answer) for one in self.results):
             text = f"<pre>{escape(chr(10).join(answer.text))}</pre>" if answer.text else ""
             printed = listing([], [[label, text] for label, text in answer.lines.items()]) + text
-            found += fold("All that was printed", f"{result.label}, {result.command}", printed)
+            html += fold("All that was printed", f"{result.label}, {result.command}", printed)
         trees = [one.given() for one in self.results]
         names = [f"{one.label} ({one.command})" for one in self.results]
-        return found + parameters_html(parameters([one.command for one in self.results], trees), names) + self._made()
+        return html + parameters_html(parameters([one.command for one in self.results], trees), names) + self._made()
 
     def _made(self) -> str:
         """Return how results were made."""
@@ -285,8 +285,8 @@ class Report:
             facts = {key: value for key, value in made.items() if not isinstance(value, dict | list)}
             rows += [[f"{name}{key.replace('_', ' ')}", str(value)] for key, value in facts.items()]
         first = self.results[0].provenance
-        told = ", ".join(str(first[key])[:10] for key in ("vibroplat", "engine", "created") if first.get(key))
-        return fold("How it was made", f"vibroplat {told}", listing([], rows))
+        origin = ", ".join(str(first[key])[:10] for key in ("vibroplat", "engine", "created") if first.get(key))
+        return fold("How it was made", f"vibroplat {origin}", listing([], rows))
 
 
 def _web(name: str) -> str:
@@ -325,9 +325,9 @@ def sheet_html(sheets: Sequence[Sheet], names: Sequence[str]) -> str:
     heads = ["", sheets[0].transient or "in operation", "largest of the run", "when"] if single else ["", *names]
     groups = ""
     for name in dict.fromkeys(name for one in sheets for name in one.groups if name != FURTHER):
-        found = [{row.label: row for row in one.groups.get(name, [])} for one in sheets]
-        labels = dict.fromkeys(label for rows in found for label in rows)
-        lines = "".join(_line(label, [rows.get(label, Row(label)) for rows in found]) for label in labels)
+        tables = [{row.label: row for row in one.groups.get(name, [])} for one in sheets]
+        labels = dict.fromkeys(label for rows in tables for label in rows)
+        lines = "".join(_line(label, [rows.get(label, Row(label)) for rows in tables]) for label in labels)
         title = f'<tr class="group"><th scope="rowgroup" colspan="{len(heads)}">{escape(name)}</th></tr>'
         groups += f"<tbody>{title}{lines}</tbody>"
     if not groups:

@@ -25,13 +25,13 @@ def find_results(directories: Sequence[Path]) -> list[Result]:
     TableError
         A directory holds none, or one that is damaged or of another version.
     """
-    found = [result for directory in dict.fromkeys(directories) for result in _in(directory)]
-    names = [(one.label, one.command) for one in found]
-    alike = [one for one, name in zip(found, names, strict=True) if names.count(name) > 1]
+    results = [result for directory in dict.fromkeys(directories) for result in _in(directory)]
+    names = [(one.label, one.command) for one in results]
+    alike = [one for one, name in zip(results, names, strict=True) if names.count(name) > 1]
     places = [Path(os.path.abspath(one.place)) for one in alike]
-    for one, place in zip(alike, places, strict=True):
-        one.label += f" ({place.relative_to(os.path.commonpath(places))})"
-    return found
+    for one, path in zip(alike, places, strict=True):
+        one.label += f" ({path.relative_to(os.path.commonpath(places))})"
+    return results
 
 
 def _in(directory: Path) -> Iterator[Result]:
@@ -86,9 +86,9 @@ def _parameter(name: str, values: Sequence[Any]) -> dict[str, Any]:
 
 def differences(commands: Sequence[str], configurations: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return for each result the values of parameters in which results of its command differ; "" for a single one."""
-    found = [""] * len(commands)
+    texts = [""] * len(commands)
     for command in dict.fromkeys(commands):
-        places = [place for place, one in enumerate(commands) if one == command]
-        for place, keys in zip(places, differing(command, [configurations[place] for place in places]), strict=True):
-            found[place] = ", ".join(shortened([value_words(key, value) for key, value in keys.items()]))
-    return found
+        places = [index for index, one in enumerate(commands) if one == command]
+        for index, keys in zip(places, differing(command, [configurations[index] for index in places]), strict=True):
+            texts[index] = ", ".join(shortened([value_words(key, value) for key, value in keys.items()]))
+    return texts

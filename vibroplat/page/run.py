@@ -52,7 +52,7 @@ PANELS: tuple[tuple[str, dict[str, str]], ...] = (
 
 
 @dataclass(frozen=True)
-class Course:
+class RunCurves:
     """What the page shows of a run.
 
     Attributes
@@ -87,9 +87,9 @@ class Course:
         """Return times (s), up to one, smallest and largest values of a curve; None if the run has none."""
         if f"{column}:min" not in self.range or self.range[f"{column}:min"].isna().all():
             return None
-        found = self.range[["t_s", f"{column}:min", f"{column}:max"]].to_numpy(dtype=float)
-        found = found[found[:, 0] <= max(until, found[0, 0])]
-        return found[:, 0], found[:, 1], found[:, 2]
+        band = self.range[["t_s", f"{column}:min", f"{column}:max"]].to_numpy(dtype=float)
+        band = band[band[:, 0] <= max(until, band[0, 0])]
+        return band[:, 0], band[:, 1], band[:, 2]
 
     def turns(self, column: str) -> tuple[Floats, Floats, Floats] | None:
         """Return times in the detail (s), and values of a curve twice; None if the run has none."""
@@ -98,7 +98,7 @@ class Course:
         values = self.detail[column].to_numpy(dtype=float)
         return self.detail["t_s"].to_numpy(dtype=float), values, values
 
-    def in_last(self, seconds: float) -> Course:
+    def in_last(self, seconds: float) -> RunCurves:
         """Return it with the last part of its detail, so that several runs are seen beside each other."""
         times = self.detail["t_s"]
         return replace(self, detail=self.detail[times >= times.iloc[-1] - seconds * (1.0 + 1e-9)])
@@ -131,8 +131,8 @@ class Course:
 
 
 def course_of(
-    found: RunResult, events: pd.DataFrame, start: float | None = None, stop: float | None = None
-) -> Course | None:
+    result: RunResult, events: pd.DataFrame, start: float | None = None, stop: float | None = None
+) -> RunCurves | None:
     """Return what the page shows of a run, None if it has less than two rows.
 
     Parameters
@@ -147,11 +147,11 @@ def course_of(
     TableError
         A table is missing or of another run, or the interval is empty.
     """
-    ends = ends_of(found.column_parts("trajectory", (), ("t_s", "phi1_rad", "phi2_rad")))
+    ends = ends_of(result.column_parts("trajectory", (), ("t_s", "phi1_rad", "phi2_rad")))
     if ends is None or ends.rows < 2 or ends.first["t_s"] == ends.last["t_s"]:
         return None
     first, last = float(ends.first["t_s"]), float(ends.last["t_s"])
-    known = found.summary.get("excitation_frequency_hz")
+    known = result.summary.get("excitation_frequency_hz")
     frequency = float(known) if isinstance(known, int | float) and known > 0.0 else None
     begin, end = first if start is None else start, last if stop is None else stop
     detail = begin
@@ -160,30 +160,30 @@ def course_of(
     few = bool(turned(ends.evenly).max(initial=0.0) <= FEW_TURNS)
     edges = np.linspace(first, last, PARTS + 1) if few else turn_edges(ends.evenly, first, last, PARTS)
     columns = [column for _, panel in PANELS for column in panel]
-    cut = Cut(curves_of(found), (detail, end), edges, (*columns, *accelerations(found.scene)))
+    cut = Cut(curves_of(result), (detail, end), edges, (*columns, *accelerations(result.scene)))
     if cut.shown["t_s"].nunique() < 2:
         allowed = f"allowed: an interval within {first:g} … {last:g} s"
-        raise TableError(f"no data between {begin:g} and {end:g} s in {found.directory}; {allowed}")
+        raise TableError(f"no data between {begin:g} and {end:g} s in {result.directory}; {allowed}")
     struck = events.loc[events["impulse_n_s"] > 0.0, ["t_s", "impulse_n_s"]]
-    motion = _motion(found, struck, max(begin, first), min(end, last), frequency, ends.evenly)
+    motion = _motion(result, struck, max(begin, first), min(end, last), frequency, ends.evenly)
     shown = cut.shown.iloc[np.unique([*range(0, len(cut.shown), max(1, len(cut.shown) // ROWS)), len(cut.shown) - 1])]
-    return Course(found, first, last, frequency, few, cut.envelope(), shown, struck, motion)
+    return RunCurves(result, first, last, frequency, few, cut.envelope(), shown, struck, motion)
 
 
-def curves_of(found: RunResult) -> Iterator[pd.DataFrame]:
+def curves_of(result: RunResult) -> Iterator[pd.DataFrame]:
     """Read a trajectory in parts, with the curves that follow from its columns."""
-    scene = found.scene
+    scene = result.scene
     rest = rest_of(scene)
     forward = [exciter.direction / (2.0 * math.pi) for exciter in scene.exciter_pair]
     weights = scene.phase_weights
     optional = (*_OPTIONAL, *accelerations(scene))
-    for part in map(finite, found.column_parts("trajectory", ("mode",), _NEEDED, optional)):
+    for part in map(finite, result.column_parts("trajectory", ("mode",), _NEEDED, optional)):
         angles = part[["phi1_rad", "phi2_rad"]].to_numpy(dtype=float)
         table = with_forces(part, scene).assign(
             y_m=part["y_m"] - rest,
             speed_1_hz=forward[0] * part[SPEEDS[0]],
             speed_2_hz=forward[1] * part[SPEEDS[1]],
-            **{PHASE_COLUMN: wrapped(angles @ np.asarray(weights))},
+            **{PHASE_COLUMN: wrap_phase(angles @ np.asarray(weights))},
         )
         if "gap_m" in part:
             table["underside_m"] = table["y_m"] + part["gap_m"]
@@ -195,32 +195,32 @@ def curves_of(found: RunResult) -> Iterator[pd.DataFrame]:
 def accelerations(scene: Scene) -> dict[str, str]:
     """Return the columns of accelerations that a trajectory may have, and whose they are."""
     points = {"": "centre of mass"} | {f"{name}_": name for name in scene.output.points}
-    return {f"acceleration_{axis}_{name}m_per_s2": f"{axis}, {told}" for name, told in points.items() for axis in "xy"}
+    return {f"acceleration_{axis}_{name}m_per_s2": f"{axis}, {text}" for name, text in points.items() for axis in "xy"}
 
 
-def wrapped(phase: Any) -> Floats:
+def wrap_phase(phase: Any) -> Floats:
     """Return angles from -π/2 to 3π/2, so that 0 and π, near which exciters synchronize, are well inside."""
-    found: Floats = np.mod(np.asarray(phase, dtype=float) + 0.5 * math.pi, 2.0 * math.pi) - 0.5 * math.pi
-    return found
+    angle: Floats = np.mod(np.asarray(phase, dtype=float) + 0.5 * math.pi, 2.0 * math.pi) - 0.5 * math.pi
+    return angle
 
 
 # -- turns in which the machine moves ----------------------------------------------------------------------------------
 
 
 def _motion(
-    found: RunResult, struck: pd.DataFrame, begin: float, end: float, frequency: float | None, evenly: pd.DataFrame
+    result: RunResult, struck: pd.DataFrame, begin: float, end: float, frequency: float | None, evenly: pd.DataFrame
 ) -> dict[str, Any]:
     """Return turns evenly over an interval, and the last ones, as what moves the machine.
 
     They begin where exciter 1 passes the same angle, so that one goes on where another one ends.
     """
     thin = evenly[evenly["t_s"].between(begin, end)]
-    turns = found.scene.exciter_pair[0].direction * thin["phi1_rad"].to_numpy(dtype=float) / (2.0 * math.pi)
-    period = found.summary.get("period")
+    turns = result.scene.exciter_pair[0].direction * thin["phi1_rad"].to_numpy(dtype=float) / (2.0 * math.pi)
+    period = result.summary.get("period")
     last = min(period, MOST_PERIODS) if isinstance(period, int) and period > 0 else MOST_PERIODS if period == 0 else 1
     windows = windows_of(thin["t_s"].to_numpy(dtype=float), turns, frequency, last)
     times = np.concatenate([np.linspace(a, b, count, endpoint=False) for a, b, count in windows])
-    frames = frames_at(found, times)
+    frames = frames_at(result, times)
     firsts = np.cumsum([0, *(count for *_, count in windows)]).tolist()
     if "along_m" in frames:
         frames["along_m"] -= np.repeat(frames["along_m"].to_numpy()[firsts[:-1]], np.diff(firsts))
@@ -230,7 +230,7 @@ def _motion(
         for (a, b, n), first in zip(windows, firsts, strict=False)
         for hit in impulses_of(struck, a, b - a, n, first)
     ]
-    return moving(frames, found.scene, hits, windows=places, turns=last)
+    return moving(frames, result.scene, hits, windows=places, turns=last)
 
 
 def windows_of(t: Floats, turns: Floats, frequency: float | None, last: int) -> list[tuple[float, float, int]]:
@@ -242,37 +242,37 @@ def windows_of(t: Floats, turns: Floats, frequency: float | None, last: int) -> 
     rate = frequency or max(float(grown[-1] - grown[0]), 1.0) / (stop - start)
     usual = min(1.0 / rate, stop - start)
     end = float(np.floor(grown[-1] + 1e-6))
-    found: list[tuple[float, float, int]] = []
+    windows: list[tuple[float, float, int]] = []
     for begin in np.linspace(start, max(stop - last * usual, start), MOVING_TURNS + 1)[:-1].tolist():
         turn = math.ceil(float(np.interp(begin, t, grown)) - 1e-6)
         a, b = np.interp([turn, turn + 1], grown, t).tolist()
         if turn + 1 > end or b - a > 4.0 * usual or a - begin > 4.0 * usual:
             a, b = begin, min(begin + usual, stop)
-        if b > a and (not found or a >= found[-1][1] - 1e-9):
-            found.append((a, b, FRAMES))
+        if b > a and (not windows or a >= windows[-1][1] - 1e-9):
+            windows.append((a, b, FRAMES))
     turn = max(end - last, math.ceil(grown[0]))
     a, b = np.interp([turn, turn + last], grown, t).tolist()
     if not 0.0 < b - a <= 4.0 * last * usual or stop - b > 2.0 * usual:
         a, b = max(stop - last * usual, start), stop
-    return [*(one for one in found if one[1] <= a + 1e-9), (a, b, FRAMES * last)]
+    return [*(one for one in windows if one[1] <= a + 1e-9), (a, b, FRAMES * last)]
 
 
-def frames_at(found: RunResult, times: Floats) -> pd.DataFrame:
+def frames_at(result: RunResult, times: Floats) -> pd.DataFrame:
     """Return what moves a machine at some times, which ascend; of each part of a trajectory the rows around them."""
-    kept = []
-    for part in found.column_parts("trajectory", (), ("t_s", *MOVING[:5]), MOVING[5:]):
+    frames = []
+    for part in result.column_parts("trajectory", (), ("t_s", *MOVING[:5]), MOVING[5:]):
         after = np.searchsorted(part["t_s"], times)
         places = np.unique(np.clip([after - 1, after], 0, max(len(part) - 1, 0)))
-        kept.append(finite(part.iloc[places[: len(part)]]))
-    return resampled(pd.concat(kept), found.scene, times)
+        frames.append(finite(part.iloc[places[: len(part)]]))
+    return resample(pd.concat(frames), result.scene, times)
 
 
-def resampled(trajectory: pd.DataFrame, scene: Scene, times: Floats, *more: str) -> pd.DataFrame:
+def resample(trajectory: pd.DataFrame, scene: Scene, times: Floats, *more: str) -> pd.DataFrame:
     """Return what moves a machine, and more columns, at some times; between rows it changes evenly."""
     t = trajectory["t_s"].to_numpy(dtype=float)
     names = [name for name in (*MOVING, *more) if name in trajectory]
-    found = pd.DataFrame({name: np.interp(times, t, trajectory[name].to_numpy(dtype=float)) for name in names})
-    return found.assign(**{name: found[name] - rest_of(scene, place) for place, name in enumerate(MOVING[:3])})
+    frames = pd.DataFrame({name: np.interp(times, t, trajectory[name].to_numpy(dtype=float)) for name in names})
+    return frames.assign(**{name: frames[name] - rest_of(scene, axis) for axis, name in enumerate(MOVING[:3])})
 
 
 def impulses_of(struck: pd.DataFrame, begin: float, seconds: float, frames: int, first: int = 0) -> list[list[float]]:

@@ -53,8 +53,8 @@ def unit_for(column: str, size: float) -> tuple[str, float]:
 def plain_text(label: str) -> str:
     """Return a label of a figure, in which mathematics stands between dollar signs, as plain text."""
 
-    def spoken(found: re.Match[str]) -> str:
-        inside = re.sub(r"\\([A-Za-z]+)", lambda word: _SYMBOLS.get(word[1], word[1]), found[1])
+    def spoken(match: re.Match[str]) -> str:
+        inside = re.sub(r"\\([A-Za-z]+)", lambda word: _SYMBOLS.get(word[1], word[1]), match[1])
         return re.sub(r"[_{}]", "", inside)
 
     return _MATHEMATICS.sub(spoken, label).replace(r"\$", "$").replace("\n", " ")
@@ -113,31 +113,31 @@ class Scale:
 
     def share(self, values: Any) -> Floats:
         """Return where values lie between the ends, which are 0 and 1."""
-        found = np.asarray(values, dtype=float)
+        numbers = np.asarray(values, dtype=float)
         if self.log:
             with np.errstate(divide="ignore", invalid="ignore"):
-                return np.log(found / self.low) / math.log(self.high / self.low)
-        return (found - self.low) / ((self.high - self.low) or 1.0)
+                return np.log(numbers / self.low) / math.log(self.high / self.low)
+        return (numbers - self.low) / ((self.high - self.low) or 1.0)
 
     def ticks(self, most: int) -> list[tuple[float, str]]:
         """Return round numbers on the axis: their places and texts."""
         if self.names:
             every = -(-len(self.names) // 14)
-            return [(float(self.share(place)), name) for place, name in enumerate(self.names) if place % every == 0]
+            return [(float(self.share(index)), name) for index, name in enumerate(self.names) if index % every == 0]
         low, high = self.low * self.factor, self.high * self.factor
         if self.log and high > 3.0 * low:
             powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
             steps = (1, 2, 5) if len(powers) < 4 else (1,)
-            found = [(step * 10.0**power, max(-power, 0)) for power in powers for step in steps]
-            found = [(value, places) for value, places in found if low - 1e-9 * low <= value <= high * (1.0 + 1e-9)]
+            ticks = [(step * 10.0**power, max(-power, 0)) for power in powers for step in steps]
+            ticks = [(value, places) for value, places in ticks if low - 1e-9 * low <= value <= high * (1.0 + 1e-9)]
         else:
             step = QUARTER if self.unit == "°" and high - low > 2.0 * QUARTER else nice_step(high - low, most)
             places = max(0, -math.floor(math.log10(step) + 1e-9))
             ends = math.ceil(low / step - 1e-6), math.floor(high / step + 1e-6)
-            found = [(number * step, places) for number in range(ends[0], ends[1] + 1)]
+            ticks = [(number * step, places) for number in range(ends[0], ends[1] + 1)]
         turn = 360.0 if self.unit == "°" else 0.0  # angles are told from -180 to 180, as in tables
-        texts = [tick_text(value - turn * (value > 180.0), places) for value, places in found]
-        return [(float(self.share(value / self.factor)), text) for (value, _), text in zip(found, texts, strict=True)]
+        texts = [tick_text(value - turn * (value > 180.0), places) for value, places in ticks]
+        return [(float(self.share(value / self.factor)), text) for (value, _), text in zip(ticks, texts, strict=True)]
 
     @property
     def told(self) -> str:
@@ -173,7 +173,7 @@ def power_of_ten(value: float) -> str:
 # -- less than there is ------------------------------------------------------------------------------------------------
 
 
-def thinned(x: Floats, y: Floats, columns: int = COLUMNS) -> tuple[Floats, Floats]:
+def thin(x: Floats, y: Floats, columns: int = COLUMNS) -> tuple[Floats, Floats]:
     """Return a curve in shares of its axes with all that can be seen.
 
     Of neighbours in one column of points, these are the first, the smallest, the largest and the last one.
@@ -185,8 +185,8 @@ def thinned(x: Floats, y: Floats, columns: int = COLUMNS) -> tuple[Floats, Float
     first[1:] = ~(column[1:] == column[:-1])
     starts = np.flatnonzero(first)
     ends, order = np.append(starts[1:], len(x)) - 1, np.lexsort((y, np.cumsum(first)))
-    kept = np.unique([starts, ends, order[starts], order[ends]])
-    return x[kept], y[kept]
+    chosen = np.unique([starts, ends, order[starts], order[ends]])
+    return x[chosen], y[chosen]
 
 
 def apart(x: Floats, y: Floats) -> tuple[Floats, Floats]:
@@ -201,17 +201,17 @@ def path(x: Floats, y: Floats) -> str:
     across, down = np.round(x * WIDTH), np.round((1.0 - y) * HEIGHT)
     known = np.isfinite(across) & np.isfinite(down)
     ends = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
-    found = ""
+    commands = ""
     for first, after in zip(ends[::2], ends[1::2], strict=True):
         places = np.stack([across[first:after], down[first:after]], axis=1).astype(int)
         steps = np.diff(places, axis=0)
         steps = steps[steps.any(axis=1)]
         if len(steps):
-            found += f"M{places[0, 0]} {places[0, 1]}l" + " ".join(f"{a} {b}" for a, b in steps.tolist())
-    return found.replace(" -", "-")
+            commands += f"M{places[0, 0]} {places[0, 1]}l" + " ".join(f"{a} {b}" for a, b in steps.tolist())
+    return commands.replace(" -", "-")
 
 
-def dotted(x: Floats, y: Floats) -> str:
+def dot_path(x: Floats, y: Floats) -> str:
     """Return dots in shares of their axes as a path of lines without length."""
     steps = np.diff(np.round([x * WIDTH, (1.0 - y) * HEIGHT]).astype(int), prepend=0).T.tolist()
     return "".join(f"m{a} {b}h0" for a, b in steps).replace("m", "M", 1).replace(" -", "-")
@@ -250,7 +250,7 @@ class Plot:
         if self.y.unit == "°":
             far = np.flatnonzero(np.abs(np.diff(up)) > math.pi) + 1
             across, up = np.insert(across, far, np.nan), np.insert(up, far, np.nan)
-        places = thinned(self.x.share(across), self.y.share(up), self.columns)
+        places = thin(self.x.share(across), self.y.share(up), self.columns)
         looks = (f"stroke:{colour}", dash and f"stroke-dasharray:{dash}", f"stroke-width:{width:g}")
         self._add("curve", path(*places), name, *looks, "opacity:.45" * pale)
 
@@ -276,7 +276,7 @@ class Plot:
         """Draw dots, of which those that would be covered are left out."""
         across, up = self.x.share(x), self.y.share(y)
         known = (np.abs(across - 0.5) <= 0.5 + 1e-9) & (np.abs(up - 0.5) <= 0.5 + 1e-9)
-        line = dotted(*apart(across[known], up[known]))
+        line = dot_path(*apart(across[known], up[known]))
         looks = (f"stroke:{colour}", f"stroke-width:{size:g}", "opacity:.6" * pale)
         self._add("dots", line, name, *looks)
         if hollow:
@@ -288,41 +288,41 @@ class Plot:
         """Fill a rectangle between values."""
         (a, b), (c, d) = ((float(v) for v in scale.share(ends)) for scale, ends in ((self.x, x), (self.y, y)))
         sizes = abs(b - a) * WIDTH, abs(d - c) * HEIGHT
-        place = f'x="{min(a, b) * WIDTH:.0f}" y="{(1.0 - max(c, d)) * HEIGHT:.0f}" '
-        place += f'width="{sizes[0]:.0f}" height="{sizes[1]:.0f}"'
+        attributes = f'x="{min(a, b) * WIDTH:.0f}" y="{(1.0 - max(c, d)) * HEIGHT:.0f}" '
+        attributes += f'width="{sizes[0]:.0f}" height="{sizes[1]:.0f}"'
         more = f' opacity="{opacity:g}"' if opacity != 1.0 else ""
-        told = f"><title>{escape(tip)}</title></rect>" if tip else "/>"
-        self._drawn.append(f'<rect {place} fill="{colour}"{more}{told}')
+        ending = f"><title>{escape(tip)}</title></rect>" if tip else "/>"
+        self._drawn.append(f'<rect {attributes} fill="{colour}"{more}{ending}')
 
     def rule(self, text: str = "", *, x: float | None = None, y: float | None = None, dash: str = "2 3") -> None:
         """Draw a line of reference across at a value of one axis."""
         scale, value = (self.y, y) if x is None else (self.x, x)
-        place = float(scale.share(value))
-        if not 0.0 <= place <= 1.0:
+        position = float(scale.share(value))
+        if not 0.0 <= position <= 1.0:
             return
-        line = f"M0 {(1.0 - place) * HEIGHT:.0f}h{WIDTH}" if x is None else f"M{place * WIDTH:.0f} 0v{HEIGHT}"
+        line = f"M0 {(1.0 - position) * HEIGHT:.0f}h{WIDTH}" if x is None else f"M{position * WIDTH:.0f} 0v{HEIGHT}"
         self._drawn.append(f'<path class="rule" style="stroke-dasharray:{dash}" d="{line}"/>')
         if text:
-            where = f"right:2px;top:{1.0 - place:.2%}" if x is None else f"left:{place:.2%};top:13px"
+            where = f"right:2px;top:{1.0 - position:.2%}" if x is None else f"left:{position:.2%};top:13px"
             self._texts.append(f'<span class="note" style="{where}">{escape(text)}</span>')
 
     def mark(self, x: float, y: float, text: str = "", symbol: str = "", colour: str = "") -> None:
         """Put a ring, or a symbol, at a point, with a text beside it."""
-        across, place = self._place(x, y)
-        if symbol and place:
-            look = f"{place};color:{colour}" if colour else place
+        across, style = self._place(x, y)
+        if symbol and style:
+            look = f"{style};color:{colour}" if colour else style
             self._texts.append(f'<b class="symbol" title="{escape(text)}" style="{look}">{escape(symbol)}</b>')
-        elif place:
+        elif style:
             side = "before" if across > 0.6 else "after"
-            told = f'<span class="mark {side}" style="{place}">{escape(text)}</span>'
-            self._texts.append(f'<i style="{place}"></i>{told}')
+            span = f'<span class="mark {side}" style="{style}">{escape(text)}</span>'
+            self._texts.append(f'<i style="{style}"></i>{span}')
 
     def word(self, x: float, y: float, text: str, colour: str) -> None:
         """Write a text about a point."""
-        across, place = self._place(x, y)
-        if place:
+        across, style = self._place(x, y)
+        if style:
             side = "" if 0.12 < across < 0.88 else " after" if across < 0.5 else " before"
-            self._texts.append(f'<span class="word{side}" style="{place};color:{colour}">{escape(text)}</span>')
+            self._texts.append(f'<span class="word{side}" style="{style};color:{colour}">{escape(text)}</span>')
 
     def _place(self, x: float, y: float) -> tuple[float, str]:
         """Return the share of a point across, and its place as a style; "" where it is outside."""
@@ -343,18 +343,18 @@ class Plot:
     def html(self) -> str:
         """Return the figure."""
         across, up = self.x.ticks(TICKS[0]), self.y.ticks(TICKS[1] if not self.y.names else len(self.y.names))
-        grid = "" if self.y.names else "".join(f"M0 {(1.0 - place) * HEIGHT:.0f}h{WIDTH}" for place, _ in up)
-        numbers = "".join(f'<span class="yt" style="top:{1.0 - place:.2%}">{escape(text)}</span>' for place, text in up)
-        numbers += "".join(f'<span class="xt" style="left:{place:.2%}">{escape(text)}</span>' for place, text in across)
+        grid = "" if self.y.names else "".join(f"M0 {(1.0 - at) * HEIGHT:.0f}h{WIDTH}" for at, _ in up)
+        numbers = "".join(f'<span class="yt" style="top:{1.0 - at:.2%}">{escape(text)}</span>' for at, text in up)
+        numbers += "".join(f'<span class="xt" style="left:{at:.2%}">{escape(text)}</span>' for at, text in across)
         label = f"{self.x.label} ({self.x.unit})" if self.x.label and self.x.unit else self.x.label or self.x.unit
         key = "".join(f'<em style="color:{colour}">{escape(name)}</em>' for name, colour in self.key)
         size, hits = (f' style="{self.height}"' if self.height else ""), (f" data-p='{self.hits}'" if self.hits else "")
         units = f'data-u="{escape(self.y.unit)}" data-xu="{escape(self.x.unit)}"'
-        told = f'data-x="{self.x.told}" data-y="{self.y.told}" {units}{hits}'
+        data = f'data-x="{self.x.told}" data-y="{self.y.told}" {units}{hits}'
         title = f"<figcaption><b>{escape(self.title)}</b> {escape(self.y.unit)} {key} {escape(self.note)}</figcaption>"
         texts = f'<div class="on">{"".join(self._texts)}</div></div>{numbers}<span class="xl">{escape(label)}</span>'
         return (
-            f'<figure class="plot {self.look}"{size} {told}>{title}<div class="area"><div class="clip">'
+            f'<figure class="plot {self.look}"{size} {data}>{title}<div class="area"><div class="clip">'
             f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" preserveAspectRatio="none"><path class="grid" d="{grid}"/>'
             f"{''.join(self._drawn)}</svg>{texts}<output></output>{_UNSEEN}</div></figure>"
         )

@@ -42,10 +42,10 @@ def hint(text: str) -> str:
     return f'<p class="hint">{escape(text)}</p>'
 
 
-def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, told: str = "") -> str:
+def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, contents: str = "") -> str:
     """Return a table, folded, which the script sorts. End tags are left out, as HTML allows."""
-    kept = rows_on_page(whole) if rows is None else rows
-    table = finite(whole.iloc[kept]).dropna(axis="columns", how="all")
+    chosen = rows_on_page(whole) if rows is None else rows
+    table = finite(whole.iloc[chosen]).dropna(axis="columns", how="all")
     sizes = _sizes(whole)
     columns = [_column(str(name), table[name], sizes.get(_kind(str(name)), 0.0)) for name in table]
     heads = "".join(
@@ -55,15 +55,15 @@ def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, told: str =
     rows_of = zip(*(cells for _, cells in columns), strict=True)
     lines = "".join("<tr>" + "".join(f"<td>{cell}" for cell in row) for row in rows_of)
     more, rows_told = "", counted(len(whole), "row")
-    if len(kept) < len(whole):
-        which = "the last ones" if len(kept) > 1 and kept[0] else "evenly chosen"
-        rows_told = f"{len(kept)} of {len(whole)} rows, {which}"
+    if len(chosen) < len(whole):
+        which = "the last ones" if len(chosen) > 1 and chosen[0] else "evenly chosen"
+        rows_told = f"{len(chosen)} of {len(whole)} rows, {which}"
         more = f" The page holds {rows_told}; the table of the result holds all."
     body = (
         f'<p class="hint"><span class="scripted">A click on a heading sorts.</span>{more}</p><div class="wide">'
         f'<table class="rows"><thead><tr>{heads}</thead><tbody>{lines}</tbody></table></div>'
     )
-    return fold(title, told or rows_told, body)
+    return fold(title, contents or rows_told, body)
 
 
 def _kind(name: str) -> str:
@@ -74,12 +74,12 @@ def _kind(name: str) -> str:
 
 def _sizes(table: pd.DataFrame) -> dict[str, float]:
     """Return the largest number of each kind of columns."""
-    found = dict[str, float]()
+    sizes = dict[str, float]()
     for name in table.select_dtypes("number"):
         if kind := _kind(str(name)):
             largest = float(finite(table[[name]])[name].abs().max())
-            found[kind] = max(found.get(kind, 0.0), 0.0 if math.isnan(largest) else largest)
-    return found
+            sizes[kind] = max(sizes.get(kind, 0.0), 0.0 if math.isnan(largest) else largest)
+    return sizes
 
 
 def _column(name: str, column: pd.Series, largest: float) -> tuple[str, list[str]]:
@@ -105,24 +105,24 @@ def _column(name: str, column: pd.Series, largest: float) -> tuple[str, list[str
     if unit and name != SUPPLY and "." not in name:
         least = float(known[known > NEGLIGIBLE * size].min(initial=size))
         decimals = min(decimals, max(places(least * factor, digits_of(unit)), 0))
-    told = " ".join(filter(None, (raised, unit)))
+    heading = " ".join(filter(None, (raised, unit)))
     cells = [decimal(value, decimals) if round(value, decimals) else "0" for value in (numbers * factor).tolist()]
     while decimals and all(cell.endswith("0") or cell in "–0" for cell in cells):  # as in values that were given
         decimals -= 1
         cells = [cell if cell in "–0" else cell[:-1].removesuffix(".") for cell in cells]
-    return (f"{words} ({told})" if told else words), cells
+    return (f"{words} ({heading})" if heading else words), cells
 
 
-def aligned(lines: Sequence[str]) -> str:
+def align_lines(lines: Sequence[str]) -> str:
     """Return printed lines: those in columns as tables, whose cells are broken where there is no room."""
-    found = ""
+    html = ""
     for columns, rows in groupby((re.split(" {2,}", line.rstrip()) for line in lines), key=len):
         texts = [[escape(cell) for cell in row] for row in rows]
         if columns == 1:
-            found += "".join(f"<p>{row[0]}</p>" for row in texts)
+            html += "".join(f"<p>{row[0]}</p>" for row in texts)
         else:
-            found += "<table>" + "".join("<tr><td>" + "<td>".join(row) for row in texts) + "</table>"
-    return f'<div class="short">{found}</div>'
+            html += "<table>" + "".join("<tr><td>" + "<td>".join(row) for row in texts) + "</table>"
+    return f'<div class="short">{html}</div>'
 
 
 def listing(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -147,13 +147,13 @@ def value_text(value: Any) -> str:
 
 def parameters_html(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> str:
     """Return the parameters that are not the default, or not the same in all results; the others folded below."""
-    told = [row for row in rows if row["differs"] or any(row["changed"])]
-    rest = [row for row in rows if row not in told]
+    shown = [row for row in rows if row["differs"] or any(row["changed"])]
+    rest = [row for row in rows if row not in shown]
     note = "Default: the paper's test rig." + (" ≠: not the same in all results." if len(names) > 1 else "")
     heads = ["key", "meaning", "unit", "default", *(names if len(names) > 1 else ["here"])]
     more = fold("Parameters as by default", str(len(rest)), _parameters(heads, rest)) if rest else ""
-    body = hint(note) + _parameters(heads, told) + more
-    return fold("Parameters that differ from the default", f"{len(told)} of {len(rows)}", body)
+    body = hint(note) + _parameters(heads, shown) + more
+    return fold("Parameters that differ from the default", f"{len(shown)} of {len(rows)}", body)
 
 
 def _parameters(heads: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> str:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from vibroplat.columns import PHASE_COLUMN, display_name, indexed_name, quantity_of
 from vibroplat.page.machine import base64_of
-from vibroplat.page.run import wrapped
+from vibroplat.page.run import wrap_phase
 from vibroplat.page.svg import COLUMNS, Floats, Plot, Scale, plain_text, unit_for
 from vibroplat.results.picture import REFERENCE, Panel, Picture, Series, shade
 
@@ -46,8 +46,8 @@ class View:
         points = self.picture.points
         if column not in points or not pd.api.types.is_numeric_dtype(points[column]):
             return np.full(len(points), np.nan)
-        found: Floats = points[column].to_numpy(dtype=float, na_value=np.nan)
-        return wrapped(found) if column == PHASE_COLUMN else found
+        numbers: Floats = points[column].to_numpy(dtype=float, na_value=np.nan)
+        return wrap_phase(numbers) if column == PHASE_COLUMN else numbers
 
     def across(self, panel: Panel, series: Sequence[Series]) -> Scale:
         """Return the horizontal axis, the same for all panels of a picture."""
@@ -110,13 +110,13 @@ def axis_name(column: str) -> str:
 def heading(panel: Panel) -> str:
     """Return what is said above a panel."""
     label = plain_text(panel.label)
-    told = label.rpartition(" (")[0] if label.endswith(")") else label
-    return plain_text(panel.title) or told or axis_name(panel.column)
+    words = label.rpartition(" (")[0] if label.endswith(")") else label
+    return plain_text(panel.title) or words or axis_name(panel.column)
 
 
 def shown_at(column: str, value: float) -> float:
     """Return a value as an axis of its column has it."""
-    return float(wrapped(value)) if column == PHASE_COLUMN else float(value)
+    return float(wrap_phase(value)) if column == PHASE_COLUMN else float(value)
 
 
 def dashes(dash: Any) -> str:
@@ -128,8 +128,8 @@ def dashes(dash: Any) -> str:
 
 def places_of(series: Sequence[Series]) -> Any:
     """Return the places of some series."""
-    found = [one.places[one.places >= 0] for one in series]
-    return np.concatenate(found) if found else np.zeros(0, dtype=int)
+    parts = [one.places[one.places >= 0] for one in series]
+    return np.concatenate(parts) if parts else np.zeros(0, dtype=int)
 
 
 def alone(known: Any, rows: Any) -> Any:
@@ -142,21 +142,21 @@ def coloured(panel: Panel, points: pd.DataFrame) -> list[tuple[str, str, Any]]:
     """Return names, colours and which points have them: by classes of a column, or along a scale."""
     by = points[panel.by]
     if panel.classes:
-        named = [(plain_text(told or name), colour, name) for name, (colour, told) in panel.classes.items()]
-        found = [(told, colour, (by == name).to_numpy()) for told, colour, name in named]
-        return [one for one in found if one[2].any()]
+        named = [(plain_text(text or name), colour, name) for name, (colour, text) in panel.classes.items()]
+        classes = [(text, colour, (by == name).to_numpy()) for text, colour, name in named]
+        return [one for one in classes if one[2].any()]
     values = by.to_numpy(dtype=float, na_value=np.nan)
     low, high, unit, factor = ends_of_scale(panel, values)
     step = np.clip(np.floor((values - low) / ((high - low) or 1.0) * SHADES), 0, SHADES - 1)
-    found = [("none", "#d9d9d9", ~np.isfinite(values))]
+    classes = [("none", "#d9d9d9", ~np.isfinite(values))]
     if panel.least is not None:  # white where there is nothing
-        found.append((f"0 {unit}".strip(), "#f4f4f4", values == 0.0))
+        classes.append((f"0 {unit}".strip(), "#f4f4f4", values == 0.0))
         step = np.where(values == 0.0, -1, step)
     ends = factor * np.linspace(low, high, SHADES + 1)
     for number in range(SHADES):
-        told = f"{ends[number]:.3g} … {ends[number + 1]:.3g} {unit}".strip()
-        found.append((told, shade(1.0 - (number + 0.5) / SHADES), step == number))
-    return [one for one in found if one[2].any()]
+        text = f"{ends[number]:.3g} … {ends[number + 1]:.3g} {unit}".strip()
+        classes.append((text, shade(1.0 - (number + 0.5) / SHADES), step == number))
+    return [one for one in classes if one[2].any()]
 
 
 def ends_of_scale(panel: Panel, values: Floats) -> tuple[float, float, str, float]:

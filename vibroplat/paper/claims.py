@@ -13,12 +13,12 @@ import pandas as pd
 from vibroplat.columns import Column, Columns
 from vibroplat.paper import judges
 from vibroplat.paper.evidence import EDGE, IMPACT_KEY, NON_IMPACT_KEY, Evidence, Key
-from vibroplat.paper.judges import Claim, Finding, as_list, ordered, ratio_to_inelastic
+from vibroplat.paper.judges import Claim, Finding, as_list, in_order, ratio_to_inelastic
 from vibroplat.paper.root_finding import WIDTH
 from vibroplat.paper.scenes import claims
 from vibroplat.study.branches import SUPPLY, SweepBranch
 
-_FALLS = partial(ordered, "falls", ((Key(0.2), Key(0.1)), (Key(0.1), Key(0.0))))
+_FALLS = partial(in_order, "falls", ((Key(0.2), Key(0.1)), (Key(0.1), Key(0.0))))
 
 #: Judges by the names of claims; all bands have the same judge.
 JUDGES: dict[str, Callable[[Claim, Evidence], Finding]] = {
@@ -26,7 +26,7 @@ JUDGES: dict[str, Callable[[Claim, Evidence], Finding]] = {
     "jump-second-resonance": judges.second_resonance,
     "bands-unchanged": judges.same_bands,
     "jump-left": judges.jump_left,
-    "amp-rise": partial(ordered, "rises", ((Key(0.0), Key(0.1)), (Key(0.1), Key(0.2)))),
+    "amp-rise": partial(in_order, "rises", ((Key(0.0), Key(0.1)), (Key(0.1), Key(0.2)))),
     "amp-fall-inter": _FALLS,
     "amp-fall-over": _FALLS,
     "attached-mu01": judges.attached_until,
@@ -39,12 +39,12 @@ JUDGES: dict[str, Callable[[Claim, Evidence], Finding]] = {
     "R-nonperiodic-earlier": judges.non_periodic_earlier,
     "R-bands": judges.same_bands,
     "R-over-boundary": judges.periodic_from_over,
-    "NI-below": partial(ordered, "A_impact > A_nonimpact", [(NON_IMPACT_KEY, IMPACT_KEY)]),
+    "NI-below": partial(in_order, "A_impact > A_nonimpact", [(NON_IMPACT_KEY, IMPACT_KEY)]),
     # This contradicts amp-rise from 26 to 27.5 Hz, where both are claimed. In steady antiphase the forces of both
     # exciters add along y. Without impacts y is then that of a linear oscillator of mass M:
     # A = 2 m_r r ω²/√((c_y − Mω²)² + ω²(b_y + βm_w)²). At a given ω this falls with β ≥ 0, so A_NI ≤ A(μ = 0), and
     # A_I < A_NI implies A_I(μ) < A(μ = 0). Only β < 0, or a share of m_w that moves with the platform, changes this.
-    "NI-mid": partial(ordered, "A_nonimpact > A_impact", [(IMPACT_KEY, NON_IMPACT_KEY)]),
+    "NI-mid": partial(in_order, "A_nonimpact > A_impact", [(IMPACT_KEY, NON_IMPACT_KEY)]),
     "NI-over": judges.non_impact_over,
     "NI-shape": judges.non_impact_shape,
     "quoted-frequencies": judges.quoted_frequencies,
@@ -105,13 +105,13 @@ def _failed(claim: Claim, evidence: Evidence) -> dict[Key, int]:
     mu, r = as_list(claim.get("mu", 0.0)), as_list(claim.get("R", 0.0))
     f = claim.get("within", claim.get("f"))
     low, high = (f[0] - EDGE, f[-1] + MAX_LAG) if isinstance(f, list) else (0.0, math.inf)
-    found = {}
+    failing = {}
     for key, (branch, rows) in evidence.branches.items():
         if key == Key(key.mass_ratio, key.restitution) and key.mass_ratio in mu and min(r) <= key.restitution <= max(r):
             pairs = branch.scene.exciter_pair[0].pole_pairs  # f_e over these is the synchronous frequency
             failed = [row for row in rows if row["outcome"] != "ok" and low <= row[SUPPLY] / pairs <= high]
-            found[key] = len(failed)
-    return {key: count for key, count in found.items() if count}
+            failing[key] = len(failed)
+    return {key: count for key, count in failing.items() if count}
 
 
 def cut(branch: SweepBranch, asked: Sequence[Claim]) -> SweepBranch:
@@ -150,13 +150,13 @@ def scoreboard(seeds: Mapping[int, Evidence], others: Others) -> pd.DataFrame:
     """
     rows = []
     for claim in claims():
-        found = {seed: judge(claim, evidence) for seed, evidence in seeds.items()}
-        count = f"{sum(f.holds for f in found.values())} of {len(found)}"
-        told = (claim["id"], claim["fig"], claim["quote"], expected(claim), next(iter(found.values())).measured)
-        margin, narrow = _margin(list(found.values()))
-        verdict, why = _verdict(claim, found, others)
+        findings = {seed: judge(claim, evidence) for seed, evidence in seeds.items()}
+        count = f"{sum(f.holds for f in findings.values())} of {len(findings)}"
+        row = (claim["id"], claim["fig"], claim["quote"], expected(claim), next(iter(findings.values())).measured)
+        margin, narrow = _margin(list(findings.values()))
+        verdict, why = _verdict(claim, findings, others)
         verdict += ", without margin" if narrow else ""
-        rows.append((*told, count, margin, verdict, why, claim.get("note", "")))
+        rows.append((*row, count, margin, verdict, why, claim.get("note", "")))
     return pd.DataFrame(rows, columns=list(CLAIMS))
 
 
@@ -170,16 +170,16 @@ def _margin(findings: Sequence[Finding]) -> tuple[str, bool]:
     return f"{' … '.join(ends)} {known[0].unit}".strip(), min(map(abs, margins)) < MIN_MARGINS[known[0].unit]
 
 
-def _verdict(claim: Claim, found: Mapping[int, Finding], others: Others) -> tuple[str, str]:
+def _verdict(claim: Claim, findings: Mapping[int, Finding], others: Others) -> tuple[str, str]:
     """Return the verdict of a claim, and why it is not reproduced."""
-    failing = {seed: finding for seed, finding in found.items() if not finding.holds}
+    failing = {seed: finding for seed, finding in findings.items() if not finding.holds}
     if not failing:
         return "reproduced", ""
-    if len(failing) < len(found):
+    if len(failing) < len(findings):
         seed, finding = next(iter(failing.items()))
-        held = f"holds with {len(found) - len(failing)} of {len(found)} seeds"
-        return "depends on the seed", f"{held}; seed {seed}: {finding.measured}"
-    verdict = "not reproduced" if any(finding.judged for finding in found.values()) else "not judged at R = 1"
+        text = f"holds with {len(findings) - len(failing)} of {len(findings)} seeds"
+        return "depends on the seed", f"{text}; seed {seed}: {finding.measured}"
+    verdict = "not reproduced" if any(finding.judged for finding in findings.values()) else "not judged at R = 1"
     tried = [(changes, judge(claim, other)) for changes, other in others]
     if any(finding.holds for changes, finding in tried if not changes):
         return verdict, "in coarser steps it holds with the same numbers, so other numbers cannot be tried"

@@ -152,13 +152,13 @@ class Evidence:
         # an error of the frequency moves a curve by its slope, here the steeper one; above 0, as inf · 0 is nan
         slope = np.maximum(np.abs(np.diff(values) / np.maximum(np.diff(f), 1e-6)), 1e-300)
         errors = errors + across * np.maximum(np.append(slope, 0.0), np.insert(slope, 0, 0.0))
-        place = np.clip(np.searchsorted(f, at), 1, len(f) - 1)
-        gap = np.diff(f)[place - 1]
-        found = np.where(gap > MAX_INTERPOLATED_GAP, np.nan, np.interp(at, f, values, left=np.nan, right=np.nan))
-        share = np.clip((at - f[place - 1]) / np.maximum(gap, 1e-12), 0.0, 1.0)
+        index = np.clip(np.searchsorted(f, at), 1, len(f) - 1)
+        gap = np.diff(f)[index - 1]
+        between = np.where(gap > MAX_INTERPOLATED_GAP, np.nan, np.interp(at, f, values, left=np.nan, right=np.nan))
+        part = np.clip((at - f[index - 1]) / np.maximum(gap, 1e-12), 0.0, 1.0)
         with np.errstate(invalid="ignore"):
-            mixed = np.hypot((1.0 - share) * errors[place - 1], share * errors[place])
-        return found, np.nan_to_num(mixed, nan=np.inf, posinf=np.inf)
+            mixed = np.hypot((1.0 - part) * errors[index - 1], part * errors[index])
+        return between, np.nan_to_num(mixed, nan=np.inf, posinf=np.inf)
 
     def jump(self, key: Key) -> RegimeChange | None:
         """Find where antiphase rotation below the second resonance ends."""

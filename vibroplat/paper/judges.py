@@ -101,8 +101,8 @@ def _band_of(claim: Claim, evidence: Evidence, key: Key) -> Finding:
     text = f"{regime} {', '.join(interval(*run, 'Hz') for run in stretches) or 'nowhere'}; "
     if not inside:
         return Finding(f"{text}no steady motion in the band")
-    share = float(np.mean([REGIMES[regime](row) for row in inside]))
-    text += f"{digits.share(share)} of {len(inside)} points in the band"
+    fraction = float(np.mean([REGIMES[regime](row) for row in inside]))
+    text += f"{digits.share(fraction)} of {len(inside)} points in the band"
     undecided = sum(row["motion"] == "undecided" for row in inside) if regime in MOTIONS else 0
     if undecided:
         text += f", {undecided} undecided"
@@ -112,8 +112,8 @@ def _band_of(claim: Claim, evidence: Evidence, key: Key) -> Finding:
         text += f"; points only {interval(min(frequencies), max(frequencies), 'Hz')}"
     off = [max(low + margin - row[F], row[F] - high + margin) for row in rows if not REGIMES[regime](row)]
     ends = [low + EDGE - min(frequencies), max(frequencies) - high + EDGE] if low < high else []
-    holds = share == 1.0 and reached
-    return Finding(text, holds, share * (1.0 if reached else 0.7), min(off + ends, default=math.nan))
+    holds = fraction == 1.0 and reached
+    return Finding(text, holds, fraction * (1.0 if reached else 0.7), min(off + ends, default=math.nan))
 
 
 def regime_intervals(rows: Sequence[Row], regime: str) -> list[tuple[float, float]]:
@@ -131,15 +131,15 @@ def _with_boundary(evidence: Evidence, key: Key, regime: str, low: float) -> lis
 
 def second_resonance(claim: Claim, evidence: Evidence) -> Finding:
     """Judge where antiphase rotation ends, and whether frequency and amplitude jump there."""
-    found = evidence.jump(Key(claim["mu"]))
-    if found is None:
+    jump = evidence.jump(Key(claim["mu"]))
+    if jump is None:
         return Finding("antiphase does not end up to 40 Hz")
-    before, after = found
+    before, after = jump
     off = abs(before[F] - claim["f"])
     ratio = after["rms_y_m"] / before["rms_y_m"]
     jumps = after[F] - before[F] > MIN_JUMP and ratio < 1.0 - MIN_FALL
-    phases = " → ".join(number(abs(row["phase_difference_rad"])) for row in found)
-    text = f"{found.text} at supply {quantity(after[SUPPLY], 'Hz')}, RMS y × {number(ratio, 2)}, Δφ {phases}"
+    phases = " → ".join(number(abs(row["phase_difference_rad"])) for row in jump)
+    text = f"{jump.text} at supply {quantity(after[SUPPLY], 'Hz')}, RMS y × {number(ratio, 2)}, Δφ {phases}"
     score = _closeness(off, claim["tol"]) * (1.0 if jumps else 0.5)
     margin = min(claim["tol"] - off, after[F] - before[F] - MIN_JUMP)
     return Finding(text, off <= claim["tol"] and jumps, score, margin)
@@ -166,18 +166,18 @@ def same_bands(claim: Claim, evidence: Evidence) -> Finding:
     """
     over_mass = isinstance(claim["mu"], Sequence)
     keys = [Key(0.0), *_keys(claim)] if over_mass else evidence.restitutions(claim["mu"])
-    found = {}
+    bands = {}
     for key in keys:
         end, start = evidence.jump(key), evidence.end_of(key, "in-phase", 31.0)
         if end is not None and start is not None:
-            found[key] = (float(end.before[F]), float(start.after[F]))
-    if len(found) < max(len(keys), 2):
-        missing = ", ".join(key.text for key in keys if key not in found) or "one branch or none"
+            bands[key] = (float(end.before[F]), float(start.after[F]))
+    if len(bands) < max(len(keys), 2):
+        missing = ", ".join(key.text for key in keys if key not in bands) or "one branch or none"
         return Finding(f"antiphase does not end and begin again: {missing}")
-    ends = np.array(list(found.values()))
+    ends = np.array(list(bands.values()))
     off = float(np.max(abs(ends - ends[0]) if over_mass else np.ptp(ends, axis=0)))
-    told = {key.text: [quantity(f, "Hz") for f in ends] for key, ends in found.items()}
-    text = "; ".join(f"{name}: up to {a}, again from {b}" for name, (a, b) in told.items())
+    texts = {key.text: [quantity(f, "Hz") for f in ends] for key, ends in bands.items()}
+    text = "; ".join(f"{name}: up to {a}, again from {b}" for name, (a, b) in texts.items())
     return Finding(text, off <= EDGE, _closeness(off, EDGE), EDGE - off)
 
 
@@ -198,15 +198,15 @@ def attached_until(claim: Claim, evidence: Evidence) -> Finding:
 def non_periodic_from(claim: Claim, evidence: Evidence) -> Finding:
     """Judge where motion stops being periodic, and whether it stays non-periodic up to the jump."""
     key = Key(claim["mu"], claim["R"])
-    found = evidence.end_of(key, "periodic", 20.0)
-    if found is None:
+    end = evidence.end_of(key, "periodic", 20.0)
+    if end is None:
         return Finding("periodic everywhere, or nowhere")
-    rows = evidence.rows(key, found.middle + EDGE, 31.0)
-    share = float(np.mean([REGIMES["non-periodic"](row) for row in rows])) if rows else 0.0
-    off = abs(found.middle - claim["f"])
-    text = f"periodic up to {found.text}, then non-periodic at {digits.share(share)} of points up to 31 Hz"
-    score = 0.5 * (_closeness(off, claim["tol"]) + share)
-    return Finding(text, off <= claim["tol"] and share == 1.0, score, claim["tol"] - off)
+    rows = evidence.rows(key, end.middle + EDGE, 31.0)
+    fraction = float(np.mean([REGIMES["non-periodic"](row) for row in rows])) if rows else 0.0
+    off = abs(end.middle - claim["f"])
+    text = f"periodic up to {end.text}, then non-periodic at {digits.share(fraction)} of points up to 31 Hz"
+    score = 0.5 * (_closeness(off, claim["tol"]) + fraction)
+    return Finding(text, off <= claim["tol"] and fraction == 1.0, score, claim["tol"] - off)
 
 
 def non_periodic_earlier(claim: Claim, evidence: Evidence) -> Finding:
@@ -217,12 +217,12 @@ def non_periodic_earlier(claim: Claim, evidence: Evidence) -> Finding:
     starts = {}
     for key in _keys(claim):
         if key in evidence.branches:
-            found = evidence.end_of(key, "periodic", 20.0)
-            starts[key.restitution] = found.middle if found and found.before[F] <= 31.0 else math.inf
+            end = evidence.end_of(key, "periodic", 20.0)
+            starts[key.restitution] = end.middle if end and end.before[F] <= 31.0 else math.inf
     falls = [a - b - 0.5 * WIDTH for a, b in pairwise(starts.values()) if math.isfinite(b)]
-    share = sum(fall > 0.0 for fall in falls) / max(len(starts) - 1, 1)
+    fraction = sum(fall > 0.0 for fall in falls) / max(len(starts) - 1, 1)
     text = f"non-periodic from: {_by_restitution(starts, 'nowhere') or 'no branches'}"
-    return Finding(text, share == 1.0, share, min(falls, default=math.nan))
+    return Finding(text, fraction == 1.0, fraction, min(falls, default=math.nan))
 
 
 def periodic_from_over(claim: Claim, evidence: Evidence) -> Finding:
@@ -311,8 +311,8 @@ def _between(ratio: _Ratio, text: str, low: float = np.nextafter(1.0, 2.0), high
     right = (low <= values) & (values <= high)
     violated = (values + errors < low) | (values - errors > high) | (~right & (errors == 0.0))
     undecided = ~violated & ((values - errors < low) | (values + errors > high))
-    share = float(right.mean())
-    measured = f"{text} at {digits.share(share)} of {len(values)} frequencies, ratio "
+    fraction = float(right.mean())
+    measured = f"{text} at {digits.share(fraction)} of {len(values)} frequencies, ratio "
     measured += interval(values.min(), values.max())
     if violated.any():
         measured += f", not at {interval(ratio.f[violated].min(), ratio.f[violated].max(), 'Hz')}"
@@ -321,12 +321,12 @@ def _between(ratio: _Ratio, text: str, low: float = np.nextafter(1.0, 2.0), high
     if ratio.covered < MIN_COVERED:
         measured += f"; antiphase motion in {ratio.covered:.0%} of the interval only"
     sure = float((right & ~undecided).mean())
-    holds = not violated.any() and share >= MIN_RIGHT and sure >= MIN_SURE and ratio.covered >= MIN_COVERED
+    holds = not violated.any() and fraction >= MIN_RIGHT and sure >= MIN_SURE and ratio.covered >= MIN_COVERED
     margin = 100.0 * float(np.minimum(values + errors - low, high - values + errors).min())
-    return Finding(measured, bool(holds), share * ratio.covered, margin, "%")
+    return Finding(measured, bool(holds), fraction * ratio.covered, margin, "%")
 
 
-def ordered(text: str, pairs: Sequence[tuple[Key, Key]], claim: Claim, evidence: Evidence) -> Finding:
+def in_order(text: str, pairs: Sequence[tuple[Key, Key]], claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether, in each pair of branches, the second has the larger amplitude."""
     findings = {}
     for pair in pairs:
@@ -342,11 +342,11 @@ def ratio_to_inelastic(text: str, low: float, high: float, claim: Claim, evidenc
     for key in evidence.restitutions(claim["mu"]):
         if 0.0 < key.restitution <= max(claim["R"]):
             ratio = _ratio(claim, evidence, key, Key(claim["mu"]))
-            found, (mean, error) = _between(ratio, text, low, high), ratio.mean
+            finding, (mean, error) = _between(ratio, text, low, high), ratio.mean
             if math.isfinite(mean):
-                holds = found.holds and low - SIGMAS * error <= mean <= high + SIGMAS * error
-                found = found._replace(measured=f"{found.measured}, mean {mean - 1.0:+.1%}", holds=holds)
-            findings[key.text] = found
+                holds = finding.holds and low - SIGMAS * error <= mean <= high + SIGMAS * error
+                finding = finding._replace(measured=f"{finding.measured}, mean {mean - 1.0:+.1%}", holds=holds)
+            findings[key.text] = finding
     return _join_findings(findings) if findings else Finding("no branches with R > 0")
 
 
@@ -360,15 +360,15 @@ def restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:
         periods[key.restitution] = {row[SUPPLY]: row["period"] for row in rows}
     reference = periods.pop(0.0, {})
     same = {}
-    for r, found in periods.items():
+    for r, counts in periods.items():
         same[r] = float(
-            np.mean([reference[supply] == n for supply, n in found.items() if supply in reference] or [0.0])
+            np.mean([reference[supply] == n for supply, n in counts.items() if supply in reference] or [0.0])
         )
-    share = float(np.mean(list(same.values()))) if same else 0.0
+    fraction = float(np.mean(list(same.values()))) if same else 0.0
     alike = "; ".join(f"R {r:g}: {digits.share(part)}" for r, part in same.items())
     text = f"{amplitude.measured}; period as at R = 0: {alike}"
-    score = 0.5 * (amplitude.score + share)
-    return Finding(text, amplitude.holds and share == 1.0, score, amplitude.margin, "%")
+    score = 0.5 * (amplitude.score + fraction)
+    return Finding(text, amplitude.holds and fraction == 1.0, score, amplitude.margin, "%")
 
 
 def non_impact_over(claim: Claim, evidence: Evidence) -> Finding:

@@ -146,8 +146,8 @@ class PaperStudy(Study):
 
     def chains(self, store: Store) -> int:
         """Return the number of branches of the first stage, of curves that figures share once."""
-        found = [b for trial in self.trials()[0] for name in trial.names for b in branches(trial.scene(name))]
-        return len({curve_of(branch) for branch in found})
+        drawn = [b for trial in self.trials()[0] for name in trial.names for b in branches(trial.scene(name))]
+        return len({curve_of(branch) for branch in drawn})
 
     def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
         """Run all stages, and judge the claims.
@@ -218,9 +218,9 @@ def _sweep(
     """Run sweeps of trials side by side, as far as claims ask for them, and add their branches to the evidence."""
     curves: dict[str, SweepBranch] = {}
     for trial, name in wanted:
-        found = branches(trial.scene(name))
-        found = found if asked is None else [branch for branch in (cut(b, asked) for b in found) if branch.key_values]
-        trial.swept[name] = [replace(branch, name=curve_of(branch)) for branch in found]
+        parts = branches(trial.scene(name))
+        parts = parts if asked is None else [branch for branch in (cut(b, asked) for b in parts) if branch.key_values]
+        trial.swept[name] = [replace(branch, name=curve_of(branch)) for branch in parts]
         for branch in trial.swept[name]:
             curves.setdefault(branch.name, branch)
     run_branches(list(curves.values()), store, workers, progress)
@@ -253,7 +253,7 @@ def _tables(trials: Trials, store: Store) -> dict[str, pd.DataFrame]:
     """Judge the claims, and return all tables but the time histories."""
     machine, others = trials
     main = machine[0]
-    tables = {name: sweep_table(found, store) for name, found in main.swept.items()}
+    tables = {name: sweep_table(swept, store) for name, swept in main.swept.items()}
     tables["sync-bands"] = sync_bands(main.evidence)
     seeds = {int(trial.settings[SEED]): trial.evidence for trial in machine}
     tables["claims"] = scoreboard(seeds, [(trial.changes, trial.evidence) for trial in others])

@@ -43,9 +43,9 @@ CAPTURED_EXCESS = 1.0
 
 def narrow(judged: Sequence[tuple[Evidence, Store]], workers: Pool) -> None:
     """Narrow the boundaries that have been read of each evidence and are not narrow yet, and add them to it."""
-    found = [(e, step, records) for e, records in judged for step in e.read if step not in e.boundaries]
-    chains = [StoredChain(_bisect(e, step), records, json.dumps(step)) for e, step, records in found]
-    for (evidence, step, _), boundary in zip(found, run_stored(chains, workers), strict=True):
+    searches = [(e, step, records) for e, records in judged for step in e.read if step not in e.boundaries]
+    chains = [StoredChain(_bisect(e, step), records, json.dumps(step)) for e, step, records in searches]
+    for (evidence, step, _), boundary in zip(searches, run_stored(chains, workers), strict=True):
         evidence.boundaries[step] = boundary
 
 
@@ -95,8 +95,8 @@ def match_beta(evidence: Evidence) -> Tasks[float | None]:
         except KeyError as missing:
             beta = missing.args[0]
             viscous = branch.scene.replace({"contact.model": "non-impact", BETA: beta})
-            found = yield from _rms_at(viscous, plan, begin, wanted)
-            excess[beta] = CAPTURED_EXCESS if found is None else found - impact
+            rms = yield from _rms_at(viscous, plan, begin, wanted)
+            excess[beta] = CAPTURED_EXCESS if rms is None else rms - impact
 
 
 def beta_without_excess(excess: Mapping[float, float], tolerance: float) -> float | None:

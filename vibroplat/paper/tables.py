@@ -126,6 +126,6 @@ def sync_bands(evidence: Evidence) -> pd.DataFrame:
     for key in sorted(evidence.branches):
         for sync, stretch in groupby(evidence.rows(key), key=lambda row: str(row["sync"])):
             points = list(stretch)
-            ends = [points[place][column] for column in (F, SUPPLY) for place in (0, -1)]
+            ends = [points[end][column] for column in (F, SUPPLY) for end in (0, -1)]
             rows.append((*key, sync, len(points), *ends, max(row["rms_y_m"] for row in points)))
     return pd.DataFrame(rows, columns=list(SYNC_BANDS))

@@ -18,7 +18,7 @@ _SHOWN = COORDINATES | FORCES | {"t_s": Quantity("time", "s")}
 #: A turn (rad), and where phase differences begin, so that 0 and π, near which exciters synchronize, are well inside.
 TURN, LOWEST_PHASE = 2.0 * np.pi, -0.5 * np.pi
 #: Distance from 0 and from π up to which phase differences are shaded as those of a synchronization (rad).
-NEAR = np.pi / 3.0
+SYNC_DISTANCE = np.pi / 3.0
 #: Margin of an axis beyond its data, relative to its range, so that markers are whole; and the smallest range, relative
 #: to the largest number on it.
 MARGIN, LEAST_SHARE = 0.05, 1e-3
@@ -31,10 +31,10 @@ _SIZE_TICKS = (1.0, 0.9, 1.1, 0.99, 1.01, 0.0, 2.0, 0.999, 1.001, *(10.0**power 
 
 def in_units(values: Any, column: str) -> FloatArray:
     """Return values of a column in the unit of its axis; phase differences lie on their axis."""
-    found = np.asarray(values, dtype=float)
+    numbers = np.asarray(values, dtype=float)
     if column == PHASE_COLUMN:
-        return np.mod(found - LOWEST_PHASE, TURN) + LOWEST_PHASE
-    return (_SHOWN.get(column) or quantity_of(column)).factor * found
+        return np.mod(numbers - LOWEST_PHASE, TURN) + LOWEST_PHASE
+    return (_SHOWN.get(column) or quantity_of(column)).factor * numbers
 
 
 def label_of(column: str) -> str:
@@ -56,9 +56,9 @@ def name_axis(axis: Axes, column: str, label: str = "", rotation: str = "") -> N
     ticks = {-0.5: "−90°", 0.0: "0°", 0.5: "90°", 1.0: "180°", 1.5: "−90°"}
     axis.set_yticks([np.pi * tick for tick in ticks], list(ticks.values()))
     for angle, name in ((0.0, "in-phase"), (np.pi, "antiphase")):
-        axis.axhspan(angle - NEAR, angle + NEAR, color=SYNC[name], alpha=0.1, lw=0.0, zorder=0.4)
+        axis.axhspan(angle - SYNC_DISTANCE, angle + SYNC_DISTANCE, color=SYNC[name], alpha=0.1, lw=0.0, zorder=0.4)
         axis.annotate(
-            describe_sync(name, rotation), (1.0, angle + NEAR), (-2.0, -2.0), axis.get_yaxis_transform(),
+            describe_sync(name, rotation), (1.0, angle + SYNC_DISTANCE), (-2.0, -2.0), axis.get_yaxis_transform(),
             "offset points", fontsize=7.5, color=REFERENCE, ha="right", va="top",
         )  # fmt: skip
 
@@ -101,17 +101,17 @@ def _placed_by_size(size: Any) -> Any:
     return np.arcsinh((size - 1.0) / NEAR_ONE)
 
 
-def _size_at(place: Any) -> Any:
-    return 1.0 + NEAR_ONE * np.sinh(place)
+def _size_at(position: Any) -> Any:
+    return 1.0 + NEAR_ONE * np.sinh(position)
 
 
 def tick_sizes(axis: Axes) -> None:
     """Put ticks on an axis of magnitudes, those near 1 first, as far as there is room."""
-    (low, high), kept = axis.get_ylim(), list[float]()
+    (low, high), sizes = axis.get_ylim(), list[float]()
     room = 0.05 * (_placed_by_size(high) - _placed_by_size(low))
     for tick in _SIZE_TICKS:
-        distances = [abs(_placed_by_size(tick) - _placed_by_size(other)) for other in kept]
+        distances = [abs(_placed_by_size(tick) - _placed_by_size(other)) for other in sizes]
         if low <= tick <= high and min(distances, default=np.inf) > room:
-            kept.append(tick)
-    axis.yaxis.set_major_locator(FixedLocator(kept))
+            sizes.append(tick)
+    axis.yaxis.set_major_locator(FixedLocator(sizes))
     axis.yaxis.set_major_formatter("{x:g}")

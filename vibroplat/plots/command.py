@@ -71,8 +71,8 @@ def _draw(
     command: str, directories: Sequence[Path], kinds: Sequence[str] = (), **options: Any
 ) -> Iterator[tuple[Path, str, Figure]]:
     """Draw the pictures of results of studies, those that can be laid over each other at once."""
-    for places in [directories] if command in _COMPARED else [[place] for place in directories]:
-        results = [Result.read(place, command) for place in places]
+    for places in [directories] if command in _COMPARED else [[directory] for directory in directories]:
+        results = [Result.read(directory, command) for directory in places]
         yield from (
             (directory_of(places[0], command), *drawn) for drawn in draw_study(command, results, kinds, **options)
         )
@@ -119,20 +119,20 @@ def plot_results(
         Their tables are missing or damaged.
     """
     every_family = families()
-    held = [commands_in(place) for place in directories]
-    found = [family for family in every_family if all(family.command in commands for commands in held)]
+    stored = [commands_in(path) for path in directories]
+    common = [family for family in every_family if all(family.command in commands for commands in stored)]
     first, every = directories[0], ", ".join(map(str, directories))
-    if not found and len(directories) > 1 and any(held):
+    if not common and len(directories) > 1 and any(stored):
         raise VibroplatError(f"{every} hold no results of one command; allowed: several runs, or several sweeps")
-    found = found or [every_family[-1]]
-    allowed = [kind for family in found for kind in family.kinds]
+    common = common or [every_family[-1]]
+    allowed = [kind for family in common for kind in family.kinds]
     for family in every_family:
         for kind in kinds:
             if kind in family.kinds and kind not in allowed:
                 names = ", ".join(allowed) or "no --kind"
-                own, other = (noun_of(one.command) for one in (found[0], family))
+                own, other = (noun_of(one.command) for one in (common[0], family))
                 raise VibroplatError(f"--kind {kind} shows {other}, but {first} holds {own}; allowed: {names}")
-    chosen = [family for family in found if not kinds or {*family.kinds} & {*kinds}]
+    chosen = [family for family in common if not kinds or {*family.kinds} & {*kinds}]
     given = {option: value for option, value in options.items() if value is not None}
     if isinstance(data := given.get("data"), (str, Path)):
         given["data"] = read_data(data)

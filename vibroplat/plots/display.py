@@ -84,7 +84,7 @@ def orbit_figure(orbit: Orbit) -> Figure:
     panels += [Panel("gap_m", "turns_of_exciter_1", least=0.0)] if orbit.scene.has_contact else []
     places = range(len(table))
     look: dict[str, Any] = {"name": "orbit", "heading": "Orbit", "table_name": "orbit", "high": True}
-    found = Picture(
+    picture = Picture(
         title=orbit.scene.name,
         table=finite(table.assign(y_from_rest_m=table["y_m"] - rest_of(orbit.scene), turns_of_exciter_1=turns)),
         axes=["y_from_rest_m"],
@@ -93,4 +93,4 @@ def orbit_figure(orbit: Orbit) -> Figure:
         told=run_parameters(orbit.scene),
         **look,
     )
-    return draw_picture(found)
+    return draw_picture(picture)

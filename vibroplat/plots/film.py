@@ -34,7 +34,7 @@ FRAME = 50
 #: Size of a picture (inch) and dots per inch.
 SIZE, DPI = (9.0, 3.8), 100
 #: Most pictures of a film.
-MOST = 200
+MAX_PICTURES = 200
 #: Number of colours of a GIF, and number of its pictures from which they are chosen.
 COLOURS, SAMPLES = 64, 10
 #: Room for the largest displacement, over half the width of the platform.
@@ -83,11 +83,11 @@ def write_film(
         table = table[table["t_s"] >= table["t_s"].iloc[-1] - turns / run.turns * float(np.ptp(table["t_s"]))]
     turned = abs(float(np.ptp(table["phi1_rad"]))) / (2.0 * math.pi)
     times = np.linspace(
-        table["t_s"].iloc[0], table["t_s"].iloc[-1], min(max(round(frames * turned), 2), MOST), endpoint=False
+        table["t_s"].iloc[0], table["t_s"].iloc[-1], min(max(round(frames * turned), 2), MAX_PICTURES), endpoint=False
     )
     with styled():
         figure, paint = _scenery(run.name, run.scene, table)
-        first, *others = _reduced(_pictures(figure, paint, times))
+        first, *others = _reduce_colours(_pictures(figure, paint, times))
     look: dict[str, Any] = {"save_all": True, "append_images": others, "duration": FRAME, "loop": 0, "optimize": True}
     replace_file(out, lambda file: first.save(file, format="gif", **look))
     return out
@@ -108,7 +108,7 @@ def _pictures(figure: Figure, paint: Painter, times: FloatArray) -> list[Image.I
     return pictures
 
 
-def _reduced(pictures: list[Image.Image]) -> list[Image.Image]:
+def _reduce_colours(pictures: list[Image.Image]) -> list[Image.Image]:
     """Give all pictures the same few colours, so that only what moves is stored anew."""
     width, height = pictures[0].size
     sample = Image.new("RGB", (width, SAMPLES * height))
@@ -201,9 +201,9 @@ class _Machine:
             arm.set_data([x, x + self.radii[i] * math.cos(angle)], [y, y + self.radii[i] * math.sin(angle)])
         for side, spring in zip((-0.7, 0.7), self.springs, strict=True):
             x, y = pose.transform((side * half, self.bottom))
-            share = np.linspace(0.0, 1.0, 14)
+            part = np.linspace(0.0, 1.0, 14)
             aside = 0.06 * half * np.array([0, 0, *[1, -1] * 5, 0, 0])
-            spring.set_data(side * half + share * (x - side * half) + aside, self.floor + share * (y - self.floor))
+            spring.set_data(side * half + part * (x - side * half) + aside, self.floor + part * (y - self.floor))
         base = self.top + k * now.get("gap_m", 0.0)
         for slab, lift in zip(self.slabs, (0.0, 0.15 * half + k * now.get("upper_m", 0.0)), strict=False):
             slab.set_y(base + max(lift, 0.0))

@@ -22,11 +22,11 @@ _ROWS = {
 
 def headline(kind: str, runs: Sequence[Run]) -> str:
     """Return the title of a figure of runs: a sentence for one of them, the first number of each of several."""
-    told = [[*_told(kind, run)] for run in runs]
+    texts = [[*_told(kind, run)] for run in runs]
     if len(runs) > 1:
-        named = [f"{plain(run.name)}: {parts[0]}" for run, parts in zip(runs, told, strict=True) if parts]
+        named = [f"{plain(run.name)}: {parts[0]}" for run, parts in zip(runs, texts, strict=True) if parts]
         return "; ".join(dict.fromkeys(named)) or ", ".join(plain(run.name) for run in runs)
-    sentence = "; ".join(told[0]) or plain(runs[0].name)
+    sentence = "; ".join(texts[0]) or plain(runs[0].name)
     return capital(sentence)
 
 

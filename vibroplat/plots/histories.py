@@ -99,8 +99,8 @@ class Run:
     def last(self) -> pd.DataFrame:
         """Rows of the last turns, which are shown next to the whole run; all shown rows if an interval was given."""
         turns = (self.shown["phi1_rad"] - self.shown["phi1_rad"].iloc[-1]).abs() / (2.0 * math.pi)
-        found = self.shown[turns <= shown_turns(self.summary)]
-        return self.shown if self.chosen or len(found) < FEWEST else found
+        rows = self.shown[turns <= shown_turns(self.summary)]
+        return self.shown if self.chosen or len(rows) < FEWEST else rows
 
     @property
     def arm(self) -> float:
@@ -110,8 +110,8 @@ class Run:
     def range_of(self, column: str) -> float:
         """Return the range of a coordinate over the whole interval (m); for a rotation, that of the exciters' axes."""
         low, high = (self.envelope.get(f"{column}:{end}") for end in ("min", "max"))
-        found = 0.0 if low is None or high is None else float(high.max() - low.min())
-        return (self.arm if column == "phi_rad" else 1.0) * found if np.isfinite(found) else 0.0
+        size = 0.0 if low is None or high is None else float(high.max() - low.min())
+        return (self.arm if column == "phi_rad" else 1.0) * size if np.isfinite(size) else 0.0
 
 
 def turns_of(table: pd.DataFrame) -> float:
@@ -161,13 +161,13 @@ def run_of(result: RunResult, start: float | None = None, stop: float | None = N
     )
     columns = (*COORDINATES, *FORCES, *SPEEDS)
     edges = turn_edges(ends.evenly, begin, end, BINS)
-    found = Cut(parts, (detail, end), edges, columns, every=math.ceil(ends.rows / POINTS))
-    if found.shown["t_s"].nunique() < 2:
+    curves = Cut(parts, (detail, end), edges, columns, every=math.ceil(ends.rows / POINTS))
+    if curves.shown["t_s"].nunique() < 2:
         raise TableError(f"no data between {begin:g} and {end:g} s; {length}")
     events = result.column_parts("events", ("kind",), ("t_s", "impulse_n_s"))
     shown_events = pd.concat([part[part["t_s"].between(detail, end)] for part in events], ignore_index=True)
     co_rotating = summary.get("rotation") == "co-rotating"
-    cut = (found.thinned, found.envelope(), found.shown, shown_events)
+    cut = (curves.thinned, curves.envelope(), curves.shown, shown_events)
     return Run(summary["name"], scene, *cut, co_rotating, chosen, sag is not None, summary)
 
 
@@ -208,14 +208,14 @@ def lines_of(runs: Sequence[Run], names: Sequence[str]) -> dict[str, list[tuple[
 
     Axes are called by the column of the centre of mass. Points of a run that move alike have one line.
     """
-    found: dict[str, list[tuple[Run, str, str]]] = {}
+    groups: dict[str, list[tuple[Run, str, str]]] = {}
     for axis in "yx":
         for number, run in enumerate(runs):
             begin = f"acceleration_{axis}_"
             for column in (column for column in map(str, run.shown) if column.startswith(begin)):
                 point = column.removeprefix(begin).removesuffix("m_per_s2").rstrip("_")
                 who = f"point {point}" if point else "centre of mass"
-                of = found.setdefault(f"{begin}m_per_s2", [])
+                of = groups.setdefault(f"{begin}m_per_s2", [])
                 values = run.shown[column]
                 for k, (one, other, label) in enumerate(of):
                     if one is run and (run.shown[other] - values).abs().max() <= SAME * values.abs().max():
@@ -223,8 +223,8 @@ def lines_of(runs: Sequence[Run], names: Sequence[str]) -> dict[str, list[tuple[
                         break
                 else:
                     of.append((run, column, f"{names[number]}, {who}" if names else who))
-    sizes = {axis: max(float(run.shown[column].abs().max()) for run, column, _ in of) for axis, of in found.items()}
-    return {axis: of for axis, of in found.items() if sizes[axis] >= MATTERS * max(sizes.values())}
+    sizes = {axis: max(float(run.shown[column].abs().max()) for run, column, _ in of) for axis, of in groups.items()}
+    return {axis: of for axis, of in groups.items() if sizes[axis] >= MATTERS * max(sizes.values())}
 
 
 def spectrum_of(run: Run, column: str) -> tuple[FloatArray, FloatArray]:
@@ -245,5 +245,5 @@ def peaks_of(frequencies: FloatArray, sizes: FloatArray) -> str:
     """Say the largest local maxima of a spectrum."""
     inner = sizes[1:-1]
     tops = 1 + np.flatnonzero((inner >= sizes[:-2]) & (inner > sizes[2:]) & (inner > MATTERS * sizes.max()))
-    told = sorted(tops.tolist(), key=lambda place: -sizes[place])[:TOLD]
-    return ", ".join(f"{quantity(sizes[k], 'm/s²')} at {quantity(frequencies[k], 'Hz')}" for k in told)
+    peaks = sorted(tops.tolist(), key=lambda peak: -sizes[peak])[:TOLD]
+    return ", ".join(f"{quantity(sizes[k], 'm/s²')} at {quantity(frequencies[k], 'Hz')}" for k in peaks)

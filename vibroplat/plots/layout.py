@@ -93,11 +93,11 @@ def cells_of(picture: Picture, x: str) -> tuple[Figure, Axes | None, list[Cell]]
 def _cells(grid: _Grid, x: str, placed: Any) -> Iterator[Cell]:
     """Yield panels in their axes, with titles, and labels of horizontal axes where none is below."""
     for axis, (panel, facet) in placed:
-        place = axis.get_subplotspec()
-        if facet.label and (place.is_first_row() or not (grid.sharey or grid.down) or panel.title):
+        spec = axis.get_subplotspec()
+        if facet.label and (spec.is_first_row() or not (grid.sharey or grid.down) or panel.title):
             axis.set_title(facet.label, loc="left", color=TOLD, fontsize=8.5)
-        if place.is_last_row() or not (grid.sharex or grid.down):
+        if spec.is_last_row() or not (grid.sharex or grid.down):
             named = {"ranks": label_of(panel.column), "bars": panel.label}
             axis.set_xlabel(named.get(panel.kind) or label_of(panel.x or x))
             axis.tick_params(labelbottom=True)
-        yield Cell(axis, panel, facet, place.is_first_col(), place.is_last_col())
+        yield Cell(axis, panel, facet, spec.is_first_col(), spec.is_last_col())

@@ -93,17 +93,17 @@ class Measured:
                 raise TableError(f"--data {self}: no column {what} in {', '.join(names)}; allowed: {allowed}")
         if self.shift != 0.0 and x != "t_s":
             raise TableError(f"--data {self}: shift is of data over time; allowed: with a run")
-        found = {}
+        curves = {}
         for column in [name for name in names if name in {x, *columns}]:
             given = self.given[column]
             numbers = pd.to_numeric(given, errors="coerce").astype(float)  # 1e19 in full digits is an object
             if wrong := given[~(numbers.abs() <= MAX_SIZE)].dropna().tolist():
                 allowed = f"numbers such as 0.5 up to {MAX_SIZE:g}, or nothing"
                 raise TableError(f"--data {self}: column {column} holds {wrong[0]!r}; allowed: {allowed}")
-            found[column] = numbers * self.factors.get(column, 1.0) + ((self.shift or 0.0) if column == "t_s" else 0.0)
+            curves[column] = numbers * self.factors.get(column, 1.0) + ((self.shift or 0.0) if column == "t_s" else 0.0)
         if left := [name for name in names if name not in {x, *columns, *others}]:
             _LOG.warning("--data %s: not drawn: %s", self, ", ".join(left))
-        self.table = pd.DataFrame(found)
+        self.table = pd.DataFrame(curves)
         return self
 
     def fit(self, simulated: pd.DataFrame) -> None:
@@ -134,19 +134,19 @@ class Measured:
         """How far the data were shifted, as it can be given again, and which shifts are as good; "" if they are not."""
         if not self.shift:
             return ""
-        told = f"shifted by {given(self.shift).replace('-', '−')} s"
+        text = f"shifted by {given(self.shift).replace('-', '−')} s"
         if len(self.alike) < 2:
-            return told
+            return text
         ends = interval(float(self.alike[0]), float(self.alike[-1]), "s")
-        return f"{told}, of {len(self.alike)} shifts, {ends}, that differ as little"
+        return f"{text}, of {len(self.alike)} shifts, {ends}, that differ as little"
 
     def lines(self) -> list[str]:
         """Say the errors of all columns, and how far the data were shifted."""
         shift = f"; {self.shifted}" if self.shifted else ""
         what = "(RMS of the difference / RMS of the measured values)"
         nothing = "is not compared: fewer than two of its values lie beside a curve, or all are 0"
-        told = {column: f"{self.told(column)} {what}" if self.told(column) else nothing for column in self.errors}
-        return [f"{self.path.name}: {display_name(column)} {text}{shift}" for column, text in told.items()]
+        texts = {column: f"{self.told(column)} {what}" if self.told(column) else nothing for column in self.errors}
+        return [f"{self.path.name}: {display_name(column)} {text}{shift}" for column, text in texts.items()]
 
     def draw(self, axis: Axes, x: str, column: str) -> None:
         """Draw a column over another where the data have both, in black diamonds, smaller ones if they are many.
@@ -218,24 +218,24 @@ def best_shift(measured: Curve, computed: Curve) -> tuple[float, FloatArray]:
 def _tops_of(measured: Curve, computed: Curve) -> tuple[FloatArray, FloatArray, float]:
     """Return shifts at which a measured curve correlates nearly best with a computed one, their errors, and a step."""
     shifts, total = _correlation(measured, computed)
-    beside = np.pad(total, 1, constant_values=-np.inf)
-    tops = np.flatnonzero((total >= beside[:-2]) & (total >= beside[2:]) & (total >= total.max() - ALIKE))
+    padded = np.pad(total, 1, constant_values=-np.inf)
+    tops = np.flatnonzero((total >= padded[:-2]) & (total >= padded[2:]) & (total >= total.max() - ALIKE))
     most = max(MOST_COMPARED // len(measured[0]), LEAST_TOPS)
     highest = np.sort(tops[(-total[tops]).argsort(kind="stable")[:most]])
-    found = np.unique([_top(shifts, total, place) for place in highest.tolist()])
-    errors = [relative_error((measured[0] + shift, measured[1]), computed) for shift in found.tolist()]
+    offsets = np.unique([_top(shifts, total, index) for index in highest.tolist()])
+    errors = [relative_error((measured[0] + shift, measured[1]), computed) for shift in offsets.tolist()]
     step = float(np.abs(np.diff(shifts[:2])).sum())
-    return found, np.array([np.inf if error is None else error for error in errors]), step
+    return offsets, np.array([np.inf if error is None else error for error in errors]), step
 
 
-def _top(shifts: FloatArray, total: FloatArray, place: int) -> float:
+def _top(shifts: FloatArray, total: FloatArray, index: int) -> float:
     """Return where the parabola through a sample and its two neighbours is highest."""
-    if not 0 < place < len(total) - 1:
-        return float(shifts[place])
-    before, here, after = total[place - 1 : place + 2]
+    if not 0 < index < len(total) - 1:
+        return float(shifts[index])
+    before, here, after = total[index - 1 : index + 2]
     bend = before - 2.0 * here + after
     part = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
-    return float(shifts[place] + part * (shifts[place + 1] - shifts[place]))
+    return float(shifts[index] + part * (shifts[index + 1] - shifts[index]))
 
 
 def _correlation(measured: Curve, computed: Curve) -> tuple[FloatArray, FloatArray]:
@@ -312,8 +312,8 @@ def _mapped(path: Path, mapping: str, table: pd.DataFrame) -> Measured:
         if name not in known:
             allowed = f"{did_you_mean(name, known)}allowed: {', '.join(known)}"
             raise TableError(f"--data {path}: {ours}={name}: no such column in the file; {allowed}")
-        if found := _ACCELERATION.fullmatch(ours):
-            ours = f"acceleration_{found[1]}{found[2] or ''}_m_per_s2"
+        if match := _ACCELERATION.fullmatch(ours):
+            ours = f"acceleration_{match[1]}{match[2] or ''}_m_per_s2"
         column = SHORT.get(ours, ours)
         columns[column], factors[column] = table[name], scale
     return Measured(path, pd.DataFrame(columns), factors, shift)

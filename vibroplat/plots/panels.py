@@ -51,10 +51,10 @@ def _tile(
     grid = _grid(table, key, x, values)
     if grid.empty:
         return
-    found, rows = grid.to_numpy(), np.arange(len(grid.index))
+    cells, rows = grid.to_numpy(), np.arange(len(grid.index))
     corners = halfway(grid.columns.to_numpy(dtype=float)), np.arange(len(rows) + 1) - 0.5
-    axis.pcolormesh(*corners, found, cmap=colours, norm=norm, alpha=alpha, rasterized=True)
-    missing = np.ma.masked_where(np.isfinite(found), np.zeros(found.shape))
+    axis.pcolormesh(*corners, cells, cmap=colours, norm=norm, alpha=alpha, rasterized=True)
+    missing = np.ma.masked_where(np.isfinite(cells), np.zeros(cells.shape))
     if missing.count():
         axis.pcolor(*corners, missing, cmap=ListedColormap(["white"]), hatch=HATCH, lw=0.0)
     if in_ratios(grid.columns):
@@ -139,14 +139,14 @@ def _stack(cell: Cell, picture: Picture, x: str, shown: Sequence[Series]) -> Non
     values = below.index.to_numpy(float)
     for series in shown:
         own = points.iloc[series.places].drop_duplicates(x).set_index(x).reindex(values)
-        share, low, high = (own[f"{panel.column}{end}"].astype(float) for end in ("", "_low", "_high"))
-        top = below + share.fillna(0.0)
+        middle, low, high = (own[f"{panel.column}{end}"].astype(float) for end in ("", "_low", "_high"))
+        top = below + middle.fillna(0.0)
         if len(values) > 1:
             axis.fill_between(values, below, top, color=series.colour, alpha=0.55, linewidth=0.0)
         else:
             axis.bar(values, top - below, bottom=below, width=0.1, color=series.colour, alpha=0.55)
         known = (top < 1.0 - 1e-9).to_numpy()  # the uppermost is what the others leave
-        bars = np.array([share - low, high - share])[:, known]
+        bars = np.array([middle - low, high - middle])[:, known]
         look: dict[str, Any] = {"fmt": ".", "markersize": 3.0, "linewidth": 0.8, "capsize": 1.5}
         axis.errorbar(values[known], top[known], bars, color=series.colour, **look)
         below = top
@@ -167,8 +167,8 @@ def _plane(cell: Cell, picture: Picture, _: str, shown: Sequence[Series]) -> Non
     look: dict[str, Any] = {"s": 7.0, "cmap": "viridis", "norm": norm, "linewidths": 0.0}
     axis.scatter(real[~far], imaginary[~far], c=by[~far], **look)
     if far.any():
-        told = f"{int(far.sum()) // 2} farther away"  # each is there with its conjugate
-        axis.text(0.02, 0.02, told, transform=axis.transAxes, fontsize=8, color=REFERENCE)
+        text = f"{int(far.sum()) // 2} farther away"  # each is there with its conjugate
+        axis.text(0.02, 0.02, text, transform=axis.transAxes, fontsize=8, color=REFERENCE)
     axis.set(xlabel=f"{panel.x} part", aspect="equal", xlim=(-frame, frame), ylim=(-frame, frame))
     if cell.is_last:
         row = [one for one in axis.figure.axes if one.get_ylim() == axis.get_ylim() and one.get_aspect() == 1.0]
@@ -180,11 +180,11 @@ def _ranks(cell: Cell, picture: Picture, _: str, series: Sequence[Series]) -> No
     axis, panel = cell[:2]
     own = picture.points.iloc[np.concatenate([one.places for one in series])].dropna(subset=[panel.column])
     own = own.sort_values(panel.column, kind="stable")
-    values, share = own[panel.column].to_numpy(dtype=float), 100.0 * (np.arange(len(own)) + 0.5) / max(len(own), 1)
+    values, percent = own[panel.column].to_numpy(dtype=float), 100.0 * (np.arange(len(own)) + 0.5) / max(len(own), 1)
     size = 2.4 if len(own) <= MANY else 1.2
     for name, (colour, _) in panel.classes.items():
         chosen = (own[panel.by] == name).to_numpy(dtype=bool)
-        axis.plot(values[chosen], share[chosen], "o", ms=size, mew=0.0, color=colour)
+        axis.plot(values[chosen], percent[chosen], "o", ms=size, mew=0.0, color=colour)
     axis.set(yticks=SHARES, ylim=(-4.0, 104.0))
     axis.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     if cell.is_first:
@@ -192,12 +192,12 @@ def _ranks(cell: Cell, picture: Picture, _: str, series: Sequence[Series]) -> No
     if len(own) and np.ptp(values) > 0.0:
         largest, factor = float(np.abs(values).max()), quantity_of(panel.column).factor
         unit = unit_of(panel.column)
-        for quantile, place in zip(QUANTILES, np.percentile(values, QUANTILES), strict=True):
-            left = place > 0.5 * (values[0] + values[-1])
-            axis.plot(place, quantile, "o", ms=5.0, mfc="white", mec=BLUE)
-            told = digits.quantity(float(place) / factor, unit, size=largest / factor)
+        for quantile, value in zip(QUANTILES, np.percentile(values, QUANTILES), strict=True):
+            left = value > 0.5 * (values[0] + values[-1])
+            axis.plot(value, quantile, "o", ms=5.0, mfc="white", mec=BLUE)
+            text = digits.quantity(float(value) / factor, unit, size=largest / factor)
             axis.annotate(
-                told, (place, quantile), (-6.0 if left else 6.0, 0.0), fontsize=8.0, color=BLUE,
+                text, (value, quantile), (-6.0 if left else 6.0, 0.0), fontsize=8.0, color=BLUE,
                 textcoords="offset points", ha="right" if left else "left", va="center",
             )  # fmt: skip
 

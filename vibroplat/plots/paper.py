@@ -64,7 +64,7 @@ def paper_figures(directories: Sequence[Path], _: Sequence[str] = ()) -> Iterato
 
 
 @dataclass
-class _Figure:
+class _PaperFigure:
     """Collects the points of curves, one behind the other, with panels, series and jumps."""
 
     name: str
@@ -127,14 +127,14 @@ def _largest(column: str, curves: Sequence[tuple[pd.DataFrame, str, str]]) -> st
 
 
 def _fig2(result: Result) -> Picture:
-    figure, curves = _Figure("fig2"), [(finite(result.table("fig2")), "", MASSES[0.0])]
+    figure, curves = _PaperFigure("fig2"), [(finite(result.table("fig2")), "", MASSES[0.0])]
     for column, title in zip(_SYMBOLS, (r"Fig. 2(a). $\mu_w$ = 0", "2(a), x", "2(a), φ", "Fig. 2(b)"), strict=True):
         figure.panel(title, column, curves)
     return figure.picture(_largest("rms_y_m", curves))
 
 
 def _fig3(result: Result) -> Picture:
-    figure, table = _Figure("fig3"), finite(result.table("fig3"))
+    figure, table = _PaperFigure("fig3"), finite(result.table("fig3"))
     curves = [
         (table[table["material.mass_ratio"] == mass], *named) for mass, named in zip(MASSES, _MASS_CURVES, strict=True)
     ]
@@ -145,7 +145,7 @@ def _fig3(result: Result) -> Picture:
 
 
 def _fig6(result: Result) -> Picture:
-    figure, table = _Figure("fig6"), finite(result.table("fig6"))
+    figure, table = _PaperFigure("fig6"), finite(result.table("fig6"))
     shown = [table[table["contact.restitution"] == r] for r in RESTITUTIONS]
     if "fig6-nonimpact" in result.tables:
         shown.append(finite(result.table("fig6-nonimpact")))
@@ -170,32 +170,32 @@ def history(name: str, column: str, curves: Curves, title: str, *, near: float =
     """
 
     def draw(result: Result) -> Picture:
-        figure, table, told = _Figure(name), finite(result.table(name)), list[str]()
+        figure, table, lines = _PaperFigure(name), finite(result.table(name)), list[str]()
         for letter, (_, rows) in zip("abcd", table.groupby("panel", sort=False), strict=False):
             own = {int(str(number)): curve for number, curve in rows.groupby("curve")}
             begin, where = f"Fig. {name[3:]}({letter})", titles.place(EXCITATION, rows[EXCITATION])
             shown = [(curve, *curves[number - 1]) for number, curve in own.items()]
             figure.times(". ".join((begin, ", ".join(filter(None, (title, where))))), column, shown)
-            if found := _differences(own, column, near):
-                names = ", ".join(map(str, found))
-                changes = [(change, *curves[number - 1]) for number, change in found.items()]
+            if differences := _differences(own, column, near):
+                names = ", ".join(map(str, differences))
+                changes = [(change, *curves[number - 1]) for number, change in differences.items()]
                 figure.times(f"{begin}, {names} minus {min(own)}", column, changes, height=0.6)
             sizes = [float(np.ptp(curve[column])) for curve in own.values()]
-            told.append(titles.several(sizes, unit_of(column)) + (f" at {where}" if where else ""))
-        return figure.picture(f"{display_name(column)} peak to peak {'; '.join(told)}", "t_s")
+            lines.append(titles.several(sizes, unit_of(column)) + (f" at {where}" if where else ""))
+        return figure.picture(f"{display_name(column)} peak to peak {'; '.join(lines)}", "t_s")
 
     return draw
 
 
 def _differences(curves: dict[int, pd.DataFrame], column: str, near: float) -> dict[int, pd.DataFrame]:
     """Return differences from the first curve where these stay below a share of its amplitude."""
-    first, found = curves[min(curves)], {}
+    first, differences = curves[min(curves)], {}
     for number, curve in curves.items():
         shown = first[first["t_s"] <= curve["t_s"].max()]
         change = np.interp(shown["t_s"], curve["t_s"], curve[column]) - shown[column]
         if number != min(curves) and change.abs().max() <= near * 0.5 * float(np.ptp(first[column])):
-            found[number] = shown.assign(**{column: change})
-    return found
+            differences[number] = shown.assign(**{column: change})
+    return differences
 
 
 #: By the name of the file.

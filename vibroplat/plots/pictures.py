@@ -303,9 +303,9 @@ def _of_classes(picture: Picture, panel: Panel) -> Iterator[Any]:
     known = {*picture.points[panel.by].iloc[rows]} if panel.classes else ()
     for name in (name for name in panel.classes if name in known):
         yield Patch(facecolor=panel.classes[name][0], alpha=PALE if tiles else 1.0, label=panel.classes[name][1])
-    yield from (Patch(hatch=hatch, label=told, **hatched) for hatch, told in panel.hatches.items())
-    for dash, told in panel.contours.levels.values() if panel.contours else ():
-        yield entry(told, color=BLACK, lw=0.9, ls=dash)
+    yield from (Patch(hatch=hatch, label=text, **hatched) for hatch, text in panel.hatches.items())
+    for dash, text in panel.contours.levels.values() if panel.contours else ():
+        yield entry(text, color=BLACK, lw=0.9, ls=dash)
 
 
 def _looks(picture: Picture) -> Iterator[Line2D]:
@@ -317,8 +317,8 @@ def _looks(picture: Picture) -> Iterator[Line2D]:
         yield entry(name, alpha=_HALF if one.pale else None, **line, **marker)
     marked = [one.places[one.places != BROKEN] for one in picture.series if one.mode in ("both", "markers")]
     rows, states = np.concatenate([*marked, np.zeros(0, dtype=int)]), picture.states
-    found = np.unique(states[rows[rows < len(states)]])
-    for state in found if found.any() else ():
+    looks = np.unique(states[rows[rows < len(states)]])
+    for state in looks if looks.any() else ():
         look = {"marker": "o", "ls": "", "color": BLACK, "ms": 6.0, "mew": 0.7, "markerfacecoloralt": "white"}
         if meaning := picture.meanings[state]:
             yield entry(meaning, **dict(_CROSS) if state == LOST else look | {"fillstyle": _FILLINGS[state]})

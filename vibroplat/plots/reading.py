@@ -22,9 +22,9 @@ Floats = np.ndarray[Any, np.dtype[np.float64]]
 EVENLY, SLOW = 100_000, 0.5
 
 
-def rest_of(scene: Scene, place: int = 1) -> float:
+def rest_of(scene: Scene, axis: int = 1) -> float:
     """Return y at the static rest (m), from where figures count it, or x or φ by their places in the state."""
-    return float(static_rest(scene)[place])
+    return float(static_rest(scene)[axis])
 
 
 def with_forces(part: pd.DataFrame, scene: Scene) -> pd.DataFrame:
@@ -51,14 +51,14 @@ class Ends(NamedTuple):
 
 def ends_of(parts: Iterable[pd.DataFrame]) -> Ends | None:
     """Return the ends of a trajectory; None if it has no rows."""
-    kept, rows, every = [], 0, 1
+    thin, rows, every = [], 0, 1
     for part in (part for part in parts if len(part)):
         last = part.iloc[-1]
-        kept.append(part.iloc[-rows % every :: every])
+        thin.append(part.iloc[-rows % every :: every])
         rows += len(part)
-        while sum(map(len, kept)) > 2 * EVENLY:
-            kept, every = [pd.concat(kept, ignore_index=True).iloc[::2]], 2 * every
-    return Ends(rows, kept[0].iloc[0], last, finite(pd.concat(kept, ignore_index=True)).dropna()) if kept else None
+        while sum(map(len, thin)) > 2 * EVENLY:
+            thin, every = [pd.concat(thin, ignore_index=True).iloc[::2]], 2 * every
+    return Ends(rows, thin[0].iloc[0], last, finite(pd.concat(thin, ignore_index=True)).dropna()) if thin else None
 
 
 def turned(rows: pd.DataFrame) -> Floats:
@@ -121,9 +121,9 @@ class Cut:
     ) -> None:
         self._edges = edges
         self._ranges: list[pd.DataFrame] = []
-        kept, thinned, count = [], [], 0
+        detail, thinned, count = [], [], 0
         for part in parts:
-            kept.append(part[part["t_s"].between(*shown)])
+            detail.append(part[part["t_s"].between(*shown)])
             inside = part["t_s"].between(edges[0], edges[-1])
             if every:
                 thinned.append(part[inside & ((count + np.arange(len(part))) % every == 0)])
@@ -132,7 +132,7 @@ class Cut:
             ranges = known.groupby(places).agg(["min", "max"])
             self._ranges.append(ranges.set_axis(ranges.columns.map(":".join), axis=1))
             count += len(part)
-        self.shown = finite(pd.concat(kept, ignore_index=True))
+        self.shown = finite(pd.concat(detail, ignore_index=True))
         self.thinned = finite(pd.concat(thinned, ignore_index=True)) if thinned else self.shown.iloc[:0]
 
     def envelope(self) -> pd.DataFrame:

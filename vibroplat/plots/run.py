@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Range of a coordinate over the largest one, above which it has a panel.
-MATTERS = 0.05
+MIN_RANGE = 0.05
 #: Most turns that are drawn as a line; more of them as a range.
 MOST_TURNS = 60
 #: Times at which the synchronous speed is known, and distance of speeds that coincide, over their size.
@@ -118,8 +118,8 @@ class Shown:
         columns = [*more.get("axes", ["t_s"]), *(panel.column for panel in panels)]
         turns = turns_of(self.runs[0].last)
         end = f"last {turns:.0f} turns" if 1.5 < turns < np.inf else "the end"
-        told = "from a whole turn on" if self.aligned else end
-        shown = [Facet(told, last, width=1.0)]
+        where = "from a whole turn on" if self.aligned else end
+        shown = [Facet(where, last, width=1.0)]
         shown = [Facet("whole run: range of each turn", self.whole, width=2.2), *shown] if self.both else shown
         shown = shown if facets > 1 and self.both else [one._replace(width=0.0) for one in shown[:facets]]
         begin = float(self.runs[0].whole["t_s"].iloc[0])
@@ -182,16 +182,16 @@ def run_figures(
     """
     given = [] if data is None else [*map(str, data.given)]
     whole = data is not None and start is stop is None
-    wholes = [whole_of(RunResult.read(place, "run"), given) for place in directories] if whole else []
+    wholes = [whole_of(RunResult.read(directory, "run"), given) for directory in directories] if whole else []
     if data is not None and data.shift != 0.0 and wholes:
         start, stop = _measured_interval(data, wholes[0])
-    runs = [run_of(RunResult.read(place, "run"), start, stop, given) for place in directories]
+    runs = [run_of(RunResult.read(directory, "run"), start, stop, given) for directory in directories]
     if data is not None:
         numbers = [column for column in map(str, runs[0].shown.select_dtypes("number")) if column != "t_s"]
         data.select("t_s", numbers).fit(runs[0].shown)
         for column in numbers:
-            beside = [table for table in wholes or [run.shown for run in runs] if column in table]
-            data.compare(column, "t_s", [curve_of(table, column) for table in beside])
+            tables = [table for table in wholes or [run.shown for run in runs] if column in table]
+            data.compare(column, "t_s", [curve_of(table, column) for table in tables])
     names = distinct([run.name for run in runs], directories)
     shown = Shown(runs, data, compared("run", names, [run.scene for run in runs]) if len(runs) > 1 else ())
     drawn = [kind for kind in kinds or FIGURES if not missing(kind, shown)]
@@ -206,10 +206,10 @@ def _measured_interval(data: Measured, whole: pd.DataFrame) -> tuple[float | Non
     numbers = [column for column in map(str, whole.select_dtypes("number")) if column != "t_s"]
     if "t_s" not in data.given or not {*numbers} & {*map(str, data.given)}:
         return None, None
-    found = replace(data, errors={}).select("t_s", numbers, [*map(str, data.given)])
-    found.fit(whole)
-    data.shift, data.alike = found.shift, found.alike
-    inside = found.table["t_s"][found.table["t_s"].between(whole["t_s"].iloc[0], whole["t_s"].iloc[-1])]
+    selected = replace(data, errors={}).select("t_s", numbers, [*map(str, data.given)])
+    selected.fit(whole)
+    data.shift, data.alike = selected.shift, selected.alike
+    inside = selected.table["t_s"][selected.table["t_s"].between(whole["t_s"].iloc[0], whole["t_s"].iloc[-1])]
     return (float(inside.min()), float(inside.max())) if inside.min() < inside.max() else (None, None)
 
 
@@ -227,8 +227,8 @@ def missing(kind: str, shown: Shown) -> str:
 
 def draw(kind: str, shown: Shown) -> Figure:
     """Draw a figure of runs."""
-    found = FIGURES[kind](Shown(shown.runs, shown.data, shown.names))
-    return draw_picture(found, data=None if kind == "spectrum" else shown.data)
+    picture = FIGURES[kind](Shown(shown.runs, shown.data, shown.names))
+    return draw_picture(picture, data=None if kind == "spectrum" else shown.data)
 
 
 def _curve(shown: Shown, run: Run, column: str, panel: str = "", label: str = "", **look: Any) -> None:
@@ -269,7 +269,7 @@ def _motion(shown: Shown) -> picture.Picture:
     """Show the coordinates of the platform that matter, and the gap."""
     largest = [max(run.range_of(c) for c in _MOVING) for run in shown.runs]
     pairs = [*zip(shown.runs, largest, strict=True)]
-    columns = [c for c in _MOVING if c == "y_m" or any(run.range_of(c) > MATTERS * most for run, most in pairs)]
+    columns = [c for c in _MOVING if c == "y_m" or any(run.range_of(c) > MIN_RANGE * most for run, most in pairs)]
     columns += ["gap_m"] if any("gap_m" in run.shown for run in shown.runs) else []
     for column in columns:
         _coordinate(shown, column)
@@ -329,10 +329,10 @@ def _speeds(shown: Shown) -> None:
         first, second = (run.envelope[[f"{name}:min", f"{name}:max"]].mean(axis=1) for name in SPEEDS)
         apart = bool((first - second).abs().max() > SAME * max(first.abs().max(), second.abs().max()))
         for number, name in enumerate(SPEEDS if apart else SPEEDS[:1]):
-            told = f"exciter {number + 1}" if apart else "exciter 1 = 2"
+            called = f"exciter {number + 1}" if apart else "exciter 1 = 2"
             look = {"colour": CURVES[number] if shown.only else shown.colour(run, ""), "dash": "--" if number else "-"}
-            look |= {"look": told} if shown.names else {}
-            _curve(shown, run, name, "speed_hz", shown.called(run, told), **look)
+            look |= {"look": called} if shown.names else {}
+            _curve(shown, run, name, "speed_hz", shown.called(run, called), **look)
 
 
 def _synchronous_speed(shown: Shown, run: Run) -> None:
@@ -358,7 +358,7 @@ def _loads(shown: Shown) -> picture.Picture:
     columns: list[str] = []
     for group in (FORCES, _MOVING[:2]):
         ranges = {c: max(run.range_of(c) for run in shown.runs) for c in group}
-        columns += [c for c in group if ranges[c] > MATTERS * max(ranges.values())]
+        columns += [c for c in group if ranges[c] > MIN_RANGE * max(ranges.values())]
     for column in columns:
         _coordinate(shown, column)
         if shown.only:
@@ -376,12 +376,12 @@ def _peak(shown: Shown, run: Run, column: str) -> None:
     if value is None or at is None or not run.whole["t_s"].iloc[0] <= at <= run.whole["t_s"].iloc[-1]:
         return
     size = value if column in FORCES else max(-low, high)
-    place = -size if -low > high else size
-    told = f"{'' if column in FORCES else 'stroke '}{digits.quantity(value, unit)} at {digits.quantity(at, 's')}"
-    told += "" if pace is None else f", {digits.quantity(pace, 'Hz', digits=3)}"
+    height = -size if -low > high else size
+    text = f"{'' if column in FORCES else 'stroke '}{digits.quantity(value, unit)} at {digits.quantity(at, 's')}"
+    text += "" if pace is None else f", {digits.quantity(pace, 'Hz', digits=3)}"
     look: dict[str, Any] = {"mode": "markers", "size": 1.2, "colour": BLACK, "of": (column,)}
-    shown.draw(pd.DataFrame({"t_s": [at], column: [place]}), whole=shown.both, **look)
-    shown.words.append(picture.Word(told, column, at, place, beside=True))
+    shown.draw(pd.DataFrame({"t_s": [at], column: [height]}), whole=shown.both, **look)
+    shown.words.append(picture.Word(text, column, at, height, beside=True))
 
 
 def _accelerations(shown: Shown) -> picture.Picture:
@@ -403,18 +403,18 @@ def _spectra(shown: Shown) -> picture.Picture:
     speed = float(first.shown[RATES[0]].abs().median()) / (2.0 * np.pi)  # also where a start is shown
     end = np.inf
     for column, lines in lines_of(shown.runs, shown.names).items():
-        found = [spectrum_of(run, name) for run, name, _ in lines]
-        end = min(found[0][0][-1], ORDERS * speed if turns and speed > 0.0 else np.inf)
-        top = max(float(sizes.max()) for _, sizes in found) or 1.0
-        for number, ((frequencies, sizes), (_, _, label)) in enumerate(zip(found, lines, strict=True)):
-            kept = frequencies <= end
-            table = {"frequency_hz": frequencies[kept], column: np.maximum(sizes[kept], top / DEPTH)}
+        spectra = [spectrum_of(run, name) for run, name, _ in lines]
+        end = min(spectra[0][0][-1], ORDERS * speed if turns and speed > 0.0 else np.inf)
+        top = max(float(sizes.max()) for _, sizes in spectra) or 1.0
+        for number, ((frequencies, sizes), (_, _, label)) in enumerate(zip(spectra, lines, strict=True)):
+            drawn = frequencies <= end
+            table = {"frequency_hz": frequencies[drawn], column: np.maximum(sizes[drawn], top / DEPTH)}
             shown.draw(pd.DataFrame(table), label, colour=CURVES[number % len(CURVES)], of=(column,))
         if not panels:
             last = min(NAMED, int(end / speed)) if turns and speed > 0.0 else 0
             shown.words += [picture.Word(f"{n}×", column, n * speed, top, REFERENCE) for n in range(1, last + 1)]
         label = f"amplitude along {column.split('_')[1]} (m/s²)"
-        panels.append(Panel(column, title=peaks_of(*found[0]), label=label, scale="log"))
+        panels.append(Panel(column, title=peaks_of(*spectra[0]), label=label, scale="log"))
     orders = picture.Line("frequency_hz", [n * speed for n in range(1, 2 * len(shown.words) + 1)], dash=":")
     over = f"Hann's window{f' over {turns} turns' if turns else ''}; n×: orders of exciter 1"
     return shown.picture("spectrum", panels, over, facets=0, high=True, axes=["frequency_hz"], lines=[orders])

@@ -16,7 +16,7 @@ MAX_FAILURES = 3
 #: Width of the labels of the overview, and of a label and a value in the short lines (characters).
 LABELS, LABEL, VALUE = 28, 20, 22
 #: Relative difference up to which the numbers of two exciters are told once.
-EQUAL = 0.01
+EQUAL_DIFFERENCE = 0.01
 
 
 class Answer(NamedTuple):
@@ -48,10 +48,10 @@ class Answer(NamedTuple):
     @classmethod
     def from_tree(cls, tree: object) -> Self:
         """Return the answer that a provenance holds; an empty one if it holds none."""
-        found = tree if isinstance(tree, Mapping) else {}
-        lines, headline = found.get("lines"), found.get("headline")
+        values = tree if isinstance(tree, Mapping) else {}
+        lines, headline = values.get("lines"), values.get("headline")
         overview = {str(label): str(text) for label, text in lines.items()} if isinstance(lines, Mapping) else {}
-        texts = {name: found.get(name) for name in ("text", "notes", "failures", "short")}
+        texts = {name: values.get(name) for name in ("text", "notes", "failures", "short")}
         lists = {name: [str(line) for line in given] for name, given in texts.items() if isinstance(given, list)}
         return cls(lines=overview, headline=str(headline or ""), **lists)
 
@@ -67,23 +67,23 @@ class Answer(NamedTuple):
         """
         if not self.headline:
             return self.full()
-        found = [self.headline, *(f"  {line}" for line in self.short)]
-        if len(found) + bool(self.notes) > room:
-            kept = room - 1
-            return [*found[:kept], f"  … {len(found) - kept + len(self.notes)} more lines: -v prints them"]
-        return found + notes_within(self.notes, room - len(found))
+        lines = [self.headline, *(f"  {line}" for line in self.short)]
+        if len(lines) + bool(self.notes) > room:
+            count = room - 1
+            return [*lines[:count], f"  … {len(lines) - count + len(self.notes)} more lines: -v prints them"]
+        return lines + notes_within(self.notes, room - len(lines))
 
     def full(self) -> list[str]:
         """Return all of it but the failures."""
         begin = [self.headline, *(f"  {line}" for line in self.short), ""] if self.headline else []
-        return [*begin, *labelled(self.lines), *self.text, *map(noted, self.notes)]
+        return [*begin, *label_lines(self.lines), *self.text, *map(noted, self.notes)]
 
     def __str__(self) -> str:
         """Return what is printed without ``-v``."""
         return "\n".join([*self.brief(), *first_failures(self.failures)])
 
 
-def labelled(lines: Mapping[str, str]) -> list[str]:
+def label_lines(lines: Mapping[str, str]) -> list[str]:
     """Return labels and texts in two columns."""
     width = max([LABELS, *(len(label) + 2 for label in lines)])
     return [f"{label:<{width}}{text}".rstrip() for label, text in lines.items()]
@@ -114,7 +114,7 @@ def counted(number: int, noun: str) -> str:
 
 def are_alike(values: Sequence[float]) -> bool:
     """Return whether the numbers of both exciters are equal within 1 %."""
-    return abs(values[0] - values[1]) <= EQUAL * max(map(abs, values))
+    return abs(values[0] - values[1]) <= EQUAL_DIFFERENCE * max(map(abs, values))
 
 
 def of_both(values: Sequence[float], unit: str) -> str:
@@ -124,18 +124,18 @@ def of_both(values: Sequence[float], unit: str) -> str:
     return " and ".join(quantity(value, unit, largest=max(map(abs, values))) for value in values)
 
 
-def notes_within(told: Sequence[str], room: int) -> list[str]:
+def notes_within(notes: Sequence[str], room: int) -> list[str]:
     """Return the lines of as many notes as have room, then how many more there are."""
-    notes = [
-        textwrap.wrap(f"  {noted(note)}", WIDTH, subsequent_indent=" " * 8, break_on_hyphens=False) for note in told
+    wrapped = [
+        textwrap.wrap(f"  {noted(note)}", WIDTH, subsequent_indent=" " * 8, break_on_hyphens=False) for note in notes
     ]
-    fits = [notes[:count] for count in range(len(notes) + 1)]
-    whole = [few for few in fits if sum(map(len, few)) + (len(few) < len(notes)) <= room]
+    fits = [wrapped[:count] for count in range(len(wrapped) + 1)]
+    whole = [few for few in fits if sum(map(len, few)) + (len(few) < len(wrapped)) <= room]
     shown = whole[-1] if whole else []
     lines = [line for note in shown for line in note]
-    left = len(notes) - len(shown)
+    left = len(wrapped) - len(shown)
     if left and not shown:
-        begin = textwrap.shorten(" ".join(notes[0]), WIDTH - 20, placeholder=" …")
+        begin = textwrap.shorten(" ".join(wrapped[0]), WIDTH - 20, placeholder=" …")
         lines.append(f"  {begin} (-v)" if left == 1 else f"  {begin} ({left - 1} more: -v)")
     elif left:
         lines.append(f"  {counted(left, 'more note')}: -v")

@@ -19,11 +19,11 @@ from vibroplat.frames import ArrayTable, CategoryColumn
 
 def arrow_table(part: ArrayTable) -> pa.Table:
     """Return a part of a table, with what tells pandas how to read it."""
-    arrays, told = {}, []
+    arrays, columns = {}, []
     for name, column in part.columns.items():
         arrays[name], kind, dtype, more = _array(column)
-        told.append({"name": name, "field_name": name, "pandas_type": kind, "numpy_type": dtype, "metadata": more})
-    about = {"index_columns": [], "column_indexes": [], "columns": told, "attributes": part.attrs}
+        columns.append({"name": name, "field_name": name, "pandas_type": kind, "numpy_type": dtype, "metadata": more})
+    about = {"index_columns": [], "column_indexes": [], "columns": columns, "attributes": part.attrs}
     about |= {"creator": {"library": "pyarrow", "version": pa.__version__}, "pandas_version": version("pandas")}
     return pa.table(arrays).replace_schema_metadata({"pandas": json.dumps(about)})
 

@@ -49,23 +49,23 @@ def content_of(table: pd.DataFrame, columns: Iterable[str], *, stripped: bool = 
     """
     known = [name for name in dict.fromkeys(columns) if fills(table, name)]
     moved = _largest_rms(table)
-    found = {}
+    content = {}
     for name in known:
         values, words, unit = table[name].dropna().astype(float), display_name(name), unit_of(name)
         size, middle = float(values.abs().max()), float(values.mean())
         if name == PHASE_COLUMN:
             near = float((np.abs(np.angle(np.exp(2j * values))) / 2.0 <= IN_STEP).mean())
             words = f"Δφ (within 10° of 0° or 180° at {digits.share(near)} of the points)"
-            found[name] = words if stripped and near >= 1.0 - APART else ""
+            content[name] = words if stripped and near >= 1.0 - APART else ""
         elif size <= (digits.NEGLIGIBLE * moved if name.startswith("rms_") else 0.0):
-            found[name] = f"{words} 0"
+            content[name] = f"{words} 0"
         elif len(values) > 1 and float(np.ptp(values)) < STEADY * abs(middle):
-            found[name] = f"{words} {digits.quantity(middle, unit)}"
+            content[name] = f"{words} {digits.quantity(middle, unit)}"
         elif len(values) == 1 < len(table):
-            found[name] = f"{words} {digits.quantity(float(values.iloc[0]), unit)} at one point"
+            content[name] = f"{words} {digits.quantity(float(values.iloc[0]), unit)} at one point"
         else:
-            found[name] = ""
-    return found
+            content[name] = ""
+    return content
 
 
 def _largest_rms(table: pd.DataFrame) -> float:
@@ -86,18 +86,18 @@ def measures(
     Those that are ``kept`` have one in any case. What is small is drawn small.
     """
     columns = [*dict.fromkeys(asked or columns)]
-    told = content_of(table, columns, stripped=stripped)
-    shown = [*asked] or [name for name, text in told.items() if not text or name in kept] or [*told][:1] or columns[:1]
+    texts = content_of(table, columns, stripped=stripped)
+    shown = [*asked] or [name for name, one in texts.items() if not one or name in kept] or [*texts][:1] or columns[:1]
     ends = dict.fromkeys(("gap_max_m", "contact_force_max_n"), 0.0) | {"flight_fraction": 1.0}
     ends |= {name: LEAST_RANGE * _largest_rms(table) for name in columns if name.startswith("rms")}
-    left = ", ".join(text for name, text in told.items() if name not in shown)
+    left = ", ".join(text for name, text in texts.items() if name not in shown)
     return [Panel(name, least=ends.get(name)) for name in shown], left and f"not drawn: {left}"
 
 
 def states_of(open_: Any, failed: Any = False, undecided: Any = False) -> Places:
     """Return the states of points from what is so of each."""
-    found = np.where(np.asarray(undecided, dtype=bool), HALF, np.where(np.asarray(open_, dtype=bool), OPEN, FULL))
-    return np.where(np.asarray(failed, dtype=bool), LOST, found)
+    states = np.where(np.asarray(undecided, dtype=bool), HALF, np.where(np.asarray(open_, dtype=bool), OPEN, FULL))
+    return np.where(np.asarray(failed, dtype=bool), LOST, states)
 
 
 def motions_of(table: pd.DataFrame) -> Places:
@@ -128,5 +128,5 @@ def rows_in(result: Result, name: str, *columns: Collection[str]) -> pd.DataFram
 
 def beside(result: Result, command: str, name: str) -> pd.DataFrame | None:
     """Return a table of another command beside a result, None if there is none."""
-    place = result.home and directory_of(result.home, command)
-    return SavedFiles(place, command).table(name) if place and any(place.glob(f"{name}.*")) else None
+    home = result.home and directory_of(result.home, command)
+    return SavedFiles(home, command).table(name) if home and any(home.glob(f"{name}.*")) else None

@@ -102,8 +102,8 @@ def _write_book(tables: Files, documents: Documents, path: Path) -> None:
 
 def _flat(documents: Documents) -> dict[str, dict[str, Any]]:
     """Return documents that are values by names, without the entries that are not."""
-    found = {name: value for name, value in documents.items() if isinstance(value, dict)}
-    return {name: {k: v for k, v in of.items() if not isinstance(v, dict)} for name, of in found.items()}
+    trees = {name: value for name, value in documents.items() if isinstance(value, dict)}
+    return {name: {k: v for k, v in of.items() if not isinstance(v, dict)} for name, of in trees.items()}
 
 
 def _whole(tables: Files) -> dict[str, pd.DataFrame]:

@@ -216,9 +216,9 @@ class SavedFiles:
 
     def document(self, name: str) -> Any:
         """Read a JSON file; raises :class:`TableError` if it is missing, damaged or of another result."""
-        found = read_json(self.directory, name, self._digests)
-        former = self._is_former and name == "summary" and isinstance(found, dict)
-        return rename_summary(found) if former else found
+        content = read_json(self.directory, name, self._digests)
+        former = self._is_former and name == "summary" and isinstance(content, dict)
+        return rename_summary(content) if former else content
 
     def configuration(self, name: str) -> str:
         """Read a YAML file, as :meth:`document`."""
@@ -239,8 +239,8 @@ def directory_of(directory: Path, command: str) -> Path:
 
 def _command_of(directory: Path) -> str | None:
     """Return the command whose result lies in a directory itself, if any."""
-    found = read_json(directory, "provenance") if (directory / "provenance.json").exists() else None
-    return found.get("command") if isinstance(found, dict) else None
+    origin = read_json(directory, "provenance") if (directory / "provenance.json").exists() else None
+    return origin.get("command") if isinstance(origin, dict) else None
 
 
 def read_provenance(directory: Path) -> dict[str, Any]:
@@ -248,10 +248,10 @@ def read_provenance(directory: Path) -> dict[str, Any]:
     if not (directory / "provenance.json").exists():
         raise TableError(f"{directory} holds no finished result: it has no provenance.json")
     origin = read_json(directory, "provenance")
-    found = origin.get("schema") if isinstance(origin, dict) else None
-    if type(found) is not int or found not in (1, SCHEMA):
-        raise TableError(f"{directory} holds results of schema {found}; this version reads schemas 1 and {SCHEMA}")
-    if found == 1 and isinstance(origin.get("configuration"), dict):
+    schema = origin.get("schema") if isinstance(origin, dict) else None
+    if type(schema) is not int or schema not in (1, SCHEMA):
+        raise TableError(f"{directory} holds results of schema {schema}; this version reads schemas 1 and {SCHEMA}")
+    if schema == 1 and isinstance(origin.get("configuration"), dict):
         rename_keys(origin["configuration"])
     return dict(origin)
 
@@ -262,10 +262,10 @@ def _files_to_replace(directory: Path, command: str) -> set[str]:
     That of another command is not replaced (TableError).
     """
     try:
-        found = read_json(directory, "provenance")
+        origin = read_json(directory, "provenance")
     except TableError:
-        found = None
-    known = found if isinstance(found, dict) else {}
+        origin = None
+    known = origin if isinstance(origin, dict) else {}
     if known.get("command", command) != command:
         raise TableError(f"{directory} holds a result of {known['command']}; allowed: another directory")
     files = known.get("files")

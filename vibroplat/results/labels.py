@@ -85,10 +85,10 @@ def is_number(value: Any) -> bool:
 
 def in_ratios(values: Any) -> bool:
     """Whether different values, three or more, are in equal ratios, and so on a logarithmic axis."""
-    found = np.unique(np.asarray(values, dtype=float))
-    if not (len(found) > 2 and found[0] > 0.0 and np.isfinite(found[-1])):
+    numbers = np.unique(np.asarray(values, dtype=float))
+    if not (len(numbers) > 2 and numbers[0] > 0.0 and np.isfinite(numbers[-1])):
         return False
-    steps = np.diff(np.log(found))
+    steps = np.diff(np.log(numbers))
     return bool(np.ptp(steps) < RATIO * steps.sum())
 
 
@@ -157,9 +157,9 @@ def sweep_parameters(scene: Scene | None, varied: Sequence[str]) -> str:
     return ", ".join([*supply, *_material(scene, varied)])
 
 
-def named(names: Sequence[str], *told: str) -> str:
+def named(names: Sequence[str], *texts: str) -> str:
     """Return what stands below the title of a figure: names of results, and what is told of them."""
-    parts = "; ".join(filter(None, told))
+    parts = "; ".join(filter(None, texts))
     return ": ".join(filter(None, (plain(", ".join(names)), parts)))
 
 
@@ -228,25 +228,25 @@ def _varied(command: str, tree: Mapping[str, Any]) -> set[str]:
     """Return the keys that a study gives values of its own, as in the result of :func:`differing`."""
     study = tree.get(command, {})
     key = {"orbits": study.get("key", ""), "sweep": study.get("over", {}).get("key", FREQUENCY)}.get(command)
-    found = {*study.get("grid", {})} | ({str(key)} if key else set())
-    return found | {DRIVE} if FREQUENCY in found else found
+    varied = {*study.get("grid", {})} | ({str(key)} if key else set())
+    return varied | {DRIVE} if FREQUENCY in varied else varied
 
 
 def leaves(tree: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of nested sections and lists by dotted keys; places in lists are numbers."""
-    return flat(_numbered(tree))
+    return flat(_number_lists(tree))
 
 
-def _numbered(tree: Any) -> Any:
+def _number_lists(tree: Any) -> Any:
     """Return nested sections with lists as sections whose keys are places."""
     if isinstance(tree, list) and tree:
-        return {str(place): _numbered(value) for place, value in enumerate(tree)}
-    return {key: _numbered(value) for key, value in tree.items()} if isinstance(tree, Mapping) else tree
+        return {str(index): _number_lists(value) for index, value in enumerate(tree)}
+    return {key: _number_lists(value) for key, value in tree.items()} if isinstance(tree, Mapping) else tree
 
 
 def distinct(names: Sequence[str], directories: Sequence[Path]) -> list[str]:
     """Return names of results, or their directories where two have the same name."""
-    return [name if names.count(name) == 1 else str(place) for name, place in zip(names, directories, strict=True)]
+    return [name if names.count(name) == 1 else str(path) for name, path in zip(names, directories, strict=True)]
 
 
 def compared(
@@ -257,13 +257,13 @@ def compared(
     Where a scene is lost, they have no more than their names.
     """
     trees = [scene.to_tree() for scene in scenes if scene is not None]
-    found = differing(command, trees) if len(trees) == len(scenes) else [{}] * len(scenes)
-    return legend_names(names, [{key: value for key, value in one.items() if key not in named} for one in found])
+    differences = differing(command, trees) if len(trees) == len(scenes) else [{}] * len(scenes)
+    return legend_names(names, [{key: value for key, value in one.items() if key not in named} for one in differences])
 
 
-def legend_names(names: Sequence[str], found: Sequence[Mapping[str, Any]]) -> list[str]:
+def legend_names(names: Sequence[str], differences: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return for each of several results its name, and how it differs from the others."""
-    parts = [", ".join(shortened([_difference(key, value) for key, value in one.items()])) for one in found]
+    parts = [", ".join(shortened([_difference(key, value) for key, value in one.items()])) for one in differences]
     return [f"{plain(name)} ({how})" if how else plain(name) for name, how in zip(names, parts, strict=True)]
 
 
@@ -276,5 +276,5 @@ def _difference(key: str, value: Any) -> str:
     """Return a value in which a result differs, with the number of its exciter or motor."""
     if key == DRIVE:
         return supply_label(Scene.model_validate({DRIVE: value}))
-    place, label = list_place(key), value_label(key, value)
-    return f"{key.split('.', maxsplit=1)[0].removesuffix('s')} {place}: {label}" if place else label
+    section, label = list_place(key), value_label(key, value)
+    return f"{key.split('.', maxsplit=1)[0].removesuffix('s')} {section}: {label}" if section else label

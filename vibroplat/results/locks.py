@@ -121,10 +121,10 @@ def is_gone(name: str) -> bool:
     Only a process of the same machine, since the same boot and in the same process namespace can be asked for. A
     process that has the number but started at another time is another one.
     """
-    found = _MARK.match(name)
-    if found is None or found[2] != _machine():
+    match = _MARK.match(name)
+    if match is None or match[2] != _machine():
         return False
-    process = int(found[1])
+    process = int(match[1])
     try:
         os.kill(process, 0)
     except ProcessLookupError:
@@ -132,7 +132,7 @@ def is_gone(name: str) -> bool:
     except (OSError, OverflowError):
         return False  # it runs for another user
     started = _started(process)
-    return started is not None and started != int(found[3])
+    return started is not None and started != int(match[3])
 
 
 @functools.cache

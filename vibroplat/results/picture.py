@@ -43,7 +43,7 @@ MOTIONS = ("periodic", "not periodic", "undecided", "failed")
 #: The place at which a line is broken, and the end of the columns that have the lower ends of bands.
 BROKEN, LOW = -1, ":min"
 #: Distance of two points over that of others beside them, from which strips do not go from one to the other.
-FAR = 4.0
+MAX_GAP_RATIO = 4.0
 #: What exciters do that are not synchronous.
 NOT_SYNCHRONOUS = "not synchronous"
 
@@ -182,7 +182,7 @@ class Word(NamedTuple):
     beside: bool = False
 
 
-class Span(NamedTuple):
+class StripSpan(NamedTuple):
     """An interval of a strip: its ends, its class or "", its hatch or "", whether it has a line, and its text."""
 
     low: float
@@ -214,21 +214,21 @@ class Strip(NamedTuple):
     lined: Sequence[bool] = ()
     texts: Sequence[str] = ()
 
-    def spans(self, values: Any) -> list[Span]:
+    def spans(self, values: Any) -> list[StripSpan]:
         """Return its intervals for the values that points have on the axis, each as far as points reach."""
         at = np.asarray(values, dtype=float)[[*self.rows]]
         order = np.flatnonzero(np.isfinite(at))[np.argsort(at[np.isfinite(at)], kind="stable")]
         if not len(order):
             return []
-        found = list[Span]()
-        for low, high, place in zip(*_neighbourhoods(at[order]), order, strict=True):
-            told: Any = ((self.hatches, ""), (self.lined, False), (self.texts, ""))
-            flags = [of[place] if of else none for of, none in told]
-            span = Span(float(low), float(high), self.kinds[place], *flags)
-            if found and found[-1].high == low and found[-1][2:] == span[2:]:
-                span = found.pop()._replace(high=span.high)
-            found.append(span)
-        return found
+        spans = list[StripSpan]()
+        for low, high, row in zip(*_neighbourhoods(at[order]), order, strict=True):
+            defaults: Any = ((self.hatches, ""), (self.lined, False), (self.texts, ""))
+            flags = [of[row] if of else none for of, none in defaults]
+            span = StripSpan(float(low), float(high), self.kinds[row], *flags)
+            if spans and spans[-1].high == low and spans[-1][2:] == span[2:]:
+                span = spans.pop()._replace(high=span.high)
+            spans.append(span)
+        return spans
 
 
 def _neighbourhoods(at: Any) -> tuple[Any, Any]:
@@ -242,7 +242,7 @@ def _neighbourhoods(at: Any) -> tuple[Any, Any]:
     if len(at) > 2 and not in_ratios(at):
         half = 0.5 * np.diff(at)
         usual = np.maximum(np.maximum(np.append(0.0, half[:-1]), np.append(half[1:], 0.0)), np.median(half))
-        far = np.flatnonzero(half > FAR * usual)
+        far = np.flatnonzero(half > MAX_GAP_RATIO * usual)
         high[far], low[far + 1] = at[far] + usual[far], at[far + 1] - usual[far]
         low[0] = at[0] - (usual[0] if 0 in far else half[0])
         high[-1] = at[-1] + (usual[-1] if len(half) - 1 in far else half[-1])
@@ -408,11 +408,11 @@ class Picture:
 # -- colours and symbols -----------------------------------------------------------------------------------------------
 
 
-def shade(share: float) -> str:
+def shade(fraction: float) -> str:
     """Return a colour of the scale at a share of its length, from 0, dark, to 1, pale."""
     known = np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in _SCALE])
-    place = np.linspace(0.0, 1.0, len(_SCALE))
-    return "#" + "".join(f"{round(float(np.interp(share, place, part))):02x}" for part in known.T)
+    positions = np.linspace(0.0, 1.0, len(_SCALE))
+    return "#" + "".join(f"{round(float(np.interp(fraction, positions, part))):02x}" for part in known.T)
 
 
 def shades(values: Sequence[float]) -> list[str]:
@@ -434,11 +434,11 @@ def attractor_colours(attractors: Iterable[str]) -> dict[str, str]:
     given = list(dict.fromkeys(attractors))
     names = sorted(given, key=lambda name: (", period" not in name, name))
     firsts = {name.partition(",")[0]: name for name in reversed(names)}
-    found = {name: SYNC[sync] for sync, name in firsts.items() if sync in SYNC}
-    left = sorted((c for c in CURVES if c not in found.values()), key=lambda colour: colour in SYNC.values())
-    others = [name for name in names if name not in found]
-    found |= {name: left[number % len(left)] for number, name in enumerate(others)}
-    return {name: found[name] for name in given}
+    colours = {name: SYNC[sync] for sync, name in firsts.items() if sync in SYNC}
+    left = sorted((c for c in CURVES if c not in colours.values()), key=lambda colour: colour in SYNC.values())
+    others = [name for name in names if name not in colours]
+    colours |= {name: left[number % len(left)] for number, name in enumerate(others)}
+    return {name: colours[name] for name in given}
 
 
 # -- tables ------------------------------------------------------------------------------------------------------------

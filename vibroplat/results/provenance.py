@@ -41,10 +41,10 @@ def provenance(scene: Scene, engine: str, origin: dict[str, Any] | None = None) 
     }
 
 
-def is_current(found: Mapping[str, Any], scene: Scene, origin: dict[str, Any] | None = None) -> bool:
+def is_current(saved: Mapping[str, Any], scene: Scene, origin: dict[str, Any] | None = None) -> bool:
     """Return whether a result with this provenance is what the present code would compute from a scene."""
     now = provenance(scene, "", origin)
-    return all(found.get(name) == now.get(name) for name in _SAME)
+    return all(saved.get(name) == now.get(name) for name in _SAME)
 
 
 def configuration_hash(scene: Scene) -> str:
@@ -57,8 +57,8 @@ def _sources() -> str:
     """Digest names, sizes and times of the package's source files."""
     package = Path(vibroplat.__file__).parent
     stats = [(file.relative_to(package).as_posix(), file.stat()) for file in sorted(package.rglob("*.py"))]
-    told = [(name, one.st_size, one.st_mtime_ns) for name, one in stats]
-    return hashlib.sha256(repr(told).encode()).hexdigest()[:16]
+    stamps = [(name, one.st_size, one.st_mtime_ns) for name, one in stats]
+    return hashlib.sha256(repr(stamps).encode()).hexdigest()[:16]
 
 
 def _version(name: str) -> str | None:

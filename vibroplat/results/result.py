@@ -70,8 +70,8 @@ class Result:
         facts: Mapping[str, Any] | None = None,
     ) -> None:
         self.command, self._facts = command, facts or {}
-        told = Answer.from_tree(answer.to_tree())
-        known = {"scene": scene, "tables": Tables(tables), "answer": told, "documents": documents or {}}
+        stored = Answer.from_tree(answer.to_tree())
+        known = {"scene": scene, "tables": Tables(tables), "answer": stored, "documents": documents or {}}
         self.__dict__ |= known | {"configurations": configurations or {}}
 
     @classmethod
@@ -83,15 +83,15 @@ class Result:
         TableError
             The directory has no such result, or it is unfinished or has an unknown schema.
         """
-        place = Path(directory)
-        if not place.is_dir():
-            raise TableError(f"{place} is not a directory; allowed: a result directory of vibroplat")
-        if (directory_of(place, command) / STORE).exists() and command not in commands_in(place):
-            raise TableError(f"{place} holds unfinished work; continue it with `vibroplat {command} --resume`")
-        found = cls.__new__(cls)
-        found.command, found.saved = command, SavedFiles(place, command)
-        found.check = found.saved.provenance.get("check")
-        return found
+        path = Path(directory)
+        if not path.is_dir():
+            raise TableError(f"{path} is not a directory; allowed: a result directory of vibroplat")
+        if (directory_of(path, command) / STORE).exists() and command not in commands_in(path):
+            raise TableError(f"{path} holds unfinished work; continue it with `vibroplat {command} --resume`")
+        result = cls.__new__(cls)
+        result.command, result.saved = command, SavedFiles(path, command)
+        result.check = result.saved.provenance.get("check")
+        return result
 
     # -- what it holds ------------------------------------------------------------------------------
 
@@ -170,8 +170,8 @@ class Result:
         """Directory of the results of all commands of the scene, if it was read."""
         if self.directory is None:
             return None
-        place = self.directory.resolve()
-        return place.parent if place.name == self.command else place
+        path = self.directory.resolve()
+        return path.parent if path.name == self.command else path
 
     def __getattr__(self, name: str) -> pd.DataFrame:
         if name.startswith("_"):
@@ -187,12 +187,12 @@ class Result:
 
     def given(self, *path: str) -> Any:
         """Return the configuration, or a section or value of it; raises TableError if it is not there."""
-        found: Any = self.provenance.get("configuration")
+        value: Any = self.provenance.get("configuration")
         for name in path:
-            found = found.get(name) if isinstance(found, dict) else None
-        if found is None or not (path or isinstance(found, dict)):
+            value = value.get(name) if isinstance(value, dict) else None
+        if value is None or not (path or isinstance(value, dict)):
             raise TableError(f"{self.place}/provenance.json is not the provenance of {noun_of(self.command)}")
-        return found
+        return value
 
     def columns(
         self, name: str, texts: Collection[str], numbers: Collection[str] = (), optional: Collection[str] = ()
@@ -223,15 +223,15 @@ class Result:
         optional: Collection[str],
     ) -> pd.DataFrame:
         """Return a table that has columns of texts, of numbers, and maybe optional ones of numbers."""
-        told = f"the {name} table in {self.place} has no"
+        begin = f"the {name} table in {self.place} has no"
         for column in (*numbers, *(column for column in optional if column in table)):
             if column not in table or not _holds_numbers(table[column]):
-                raise TableError(f"{told} numbers in column {column}")
+                raise TableError(f"{begin} numbers in column {column}")
         for column in texts:
             if column not in table:
-                raise TableError(f"{told} column {column}")
+                raise TableError(f"{begin} column {column}")
             if pd.api.types.is_numeric_dtype(table[column]) and table[column].notna().any():
-                raise TableError(f"{told} names in column {column}")
+                raise TableError(f"{begin} names in column {column}")
         return table
 
     # -- to look at and to hand on ------------------------------------------------------------------
@@ -274,13 +274,13 @@ class Result:
         TableError
             A file cannot be written.
         """
-        place = Path(directory)
-        result_directory(place.parent, place.name)
+        path = Path(directory)
+        result_directory(path.parent, path.name)
         tables = {name: self.tables.parts(name) for name in self.tables}
         more = {"documents": self.documents, "configurations": self.configurations}
         origin = self.provenance | {"schema": SCHEMA}  # one that was loaded may have another
-        write_result(place, self.command, origin, tables, form=form, **more)
-        return place
+        write_result(path, self.command, origin, tables, form=form, **more)
+        return path
 
 
 class Tables(Mapping[str, "pd.DataFrame"]):

@@ -111,10 +111,10 @@ class RunResult(Result):
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Outcome, measures and notes."""
-        found = self._read.document("summary")
-        if not isinstance(found, dict):
+        summary = self._read.document("summary")
+        if not isinstance(summary, dict):
             raise TableError(f"{self._read.directory / 'summary.json'} is not the summary of a run")
-        return found
+        return summary
 
     @cached_property
     def origin(self) -> dict[str, Any] | None:
@@ -191,13 +191,13 @@ class RunResult(Result):
         and powers), ``meaning``. Empty for a run that was saved before there were data sheets.
         """
         known = columns(self.scene)
-        found = []
+        rows = []
         for name in (name for name in known if name in self.summary):
             base = split(name)[0]
             peak = (self.summary.get(f"whole_{column}") for column in (name, f"{base}_at_s", f"{base}_at_hz"))
-            found.append([self.summary[name], unit_of(name), *peak, known[name].text])
+            rows.append([self.summary[name], unit_of(name), *peak, known[name].text])
         names = ["value", "unit", "whole_run", "at_s", "at_hz", "meaning"]
-        table = pd.DataFrame(found, [name for name in known if name in self.summary], names)
+        table = pd.DataFrame(rows, [name for name in known if name in self.summary], names)
         return table.astype(dict.fromkeys(("value", "whole_run", "at_s", "at_hz"), float))
 
     @property
@@ -205,8 +205,8 @@ class RunResult(Result):
         """Full state at the end, shape (14,), its exciter angles with all their turns."""
         if self._end is None:
             self._end = np.zeros(FULL_SIZE if self.scene.transport is None else MOVING_SIZE)
-            for name, place in state_places(self.scene).items():
-                self._end[place] = self.trajectory[name].iloc[-1]
+            for name, index in state_places(self.scene).items():
+                self._end[index] = self.trajectory[name].iloc[-1]
         return self._end
 
     def __call__(self, times: npt.ArrayLike) -> pd.DataFrame:
@@ -272,8 +272,8 @@ class RunResult(Result):
         ConfigError
             As :attr:`variation`.
         """
-        found = self.variation
-        return found[found.index]
+        variation = self.variation
+        return variation[variation.index]
 
     # -- to look at ---------------------------------------------------------------------------------
 
@@ -365,12 +365,12 @@ class RunResult(Result):
         except ImportError:
             raise ImportError("to_xarray needs xarray; pip install 'vibroplat[xarray]'") from None
         table = self.rows(sample)
-        found = xarray.Dataset(
+        dataset = xarray.Dataset(
             {str(c): ("t_s", plain_array(table[c])) for c in table if c != "t_s"}, {"t_s": table["t_s"]}
         )
-        for name in found.variables:
-            found[name].attrs = {"units": unit_of(name), "long_name": table.attrs["meanings"].get(name, name)}
-        return found.assign_attrs(name=self.scene.name, outcome=self.outcome)
+        for name in dataset.variables:
+            dataset[name].attrs = {"units": unit_of(name), "long_name": table.attrs["meanings"].get(name, name)}
+        return dataset.assign_attrs(name=self.scene.name, outcome=self.outcome)
 
     def save_mat(self, path: str | Path, sample: Sample = "unique", *, overwrite: bool = False) -> Path:
         """Write ``trajectory``, ``events``, ``summary`` and ``units`` as structures into a file for MATLAB or Octave.
@@ -382,11 +382,11 @@ class RunResult(Result):
         TableError
             It cannot be written, or there is something else already.
         """
-        trajectory, place = self.rows(sample), Path(path)
-        require_replaceable(place, b"MATLAB", overwrite=overwrite)
+        trajectory, file = self.rows(sample), Path(path)
+        require_replaceable(file, b"MATLAB", overwrite=overwrite)
         tables = {"trajectory": trajectory, "events": self.events}
-        replace_file(place, lambda path: write_mat(path, tables, {"summary": self.summary}))
-        return place
+        replace_file(file, lambda path: write_mat(path, tables, {"summary": self.summary}))
+        return file
 
 
 @validated(directory=FileName, command=str | None)
@@ -405,9 +405,9 @@ def load(directory: str | Path, command: str | None = None) -> Result:
     TableError
         The directory has no such result, or a file is missing, damaged or part of another result.
     """
-    place = Path(directory)
-    written = commands_in(place)
+    path = Path(directory)
+    written = commands_in(path)
     if command is None and not written:
-        raise TableError(f"{place} holds no finished result; allowed: a result directory of vibroplat")
+        raise TableError(f"{path} holds no finished result; allowed: a result directory of vibroplat")
     chosen = command or written[0]
-    return RunResult.read(place, chosen) if chosen == "run" else Result.read(place, chosen)
+    return RunResult.read(path, chosen) if chosen == "run" else Result.read(path, chosen)

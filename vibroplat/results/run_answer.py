@@ -27,8 +27,8 @@ def headline(scene: Scene, summary: Mapping[str, Any]) -> str:
     name, outcome = summary["name"], summary["outcome"]
     if outcome not in ("ok", INACCURATE):
         return f"{name}: STOPPED at {quantity(summary['simulated_s'], 's')}: {outcome}"
-    told = _motion(scene, summary)
-    return f"{name}: {'INACCURATE, ' if outcome == INACCURATE else ''}{told}"
+    parts = _motion(scene, summary)
+    return f"{name}: {'INACCURATE, ' if outcome == INACCURATE else ''}{parts}"
 
 
 def _motion(scene: Scene, summary: Mapping[str, Any]) -> str:
@@ -62,11 +62,11 @@ def _operation(scene: Scene, summary: Mapping[str, Any], off: Sequence[str]) -> 
         mean = " in the mean" * bool(off[1:])
         return f"{runs}, not synchronized: exciters at {of_both(speeds, 'Hz')}{mean}{below}"
     phase = f"phase difference {phase_text(summary)}"
-    told = phase if named == "intermediate" else sync_text(scene, summary)
+    words = phase if named == "intermediate" else sync_text(scene, summary)
     if off[1:]:
-        return f"{runs}, at {pace} ({quantity(60.0 * frequency, 'rpm')}) in the mean, {told}"
+        return f"{runs}, at {pace} ({quantity(60.0 * frequency, 'rpm')}) in the mean, {words}"
     pace += f" ({quantity(60.0 * frequency, 'rpm')}){below}"
-    return f"{runs} at {pace}, {told}{_period(summary)}"
+    return f"{runs} at {pace}, {words}{_period(summary)}"
 
 
 def _without_turns(scene: Scene, summary: Mapping[str, Any], driven: tuple[bool, bool]) -> str:
@@ -103,8 +103,8 @@ def sync_text(scene: Scene, summary: Mapping[str, Any]) -> str:
     if not summary["excitation_frequency_hz"]:
         return "the exciters do not turn"
     name = synchronization(summary)
-    told = describe_sync(name, scene.rotation) if name != "none" else "not synchronized"
-    return told if scene.has_mirrored_exciters else told.replace(": ", ": mainly ")
+    words = describe_sync(name, scene.rotation) if name != "none" else "not synchronized"
+    return words if scene.has_mirrored_exciters else words.replace(": ", ": mainly ")
 
 
 def _period(summary: Mapping[str, Any]) -> str:

@@ -17,7 +17,7 @@ from vibroplat.results.answer import are_alike, counted, of_both, short_line
 from vibroplat.results.run_answer import SETTLED, phase_text, speeds_of_both, transient
 
 #: Rotation at the exciters' distance, over the largest stroke, above which the short print has it.
-ROCKS = 0.1
+MIN_ROTATION = 0.1
 #: Most named points and springs in the short print.
 MAX_POINTS = 4
 #: Parts of the names of columns whose values are printed in per cent.
@@ -63,7 +63,7 @@ class Row(NamedTuple):
 
     def shortly(self, label: str, *words: str) -> Row:
         """Return the row with a line in the short print."""
-        return self._replace(short=(label, self.now, _joined(*words)))
+        return self._replace(short=(label, self.now, _join(*words)))
 
 
 class Numbers(dict[str, Any]):
@@ -132,14 +132,14 @@ class Sheet:
         for name, rows in self.groups.items():
             yield from (row.short for row in rows[: MAX_POINTS if name == POINTS else None] if row.short and row.now)
         if of_seeds:
-            told = "times are of the first; disturbances and switching differ"
-            yield "largest values", f"of {of_seeds['seeds']} seeds", told
+            text = "times are of the first; disturbances and switching differ"
+            yield "largest values", f"of {of_seeds['seeds']} seeds", text
 
     def facts(self) -> Iterator[str]:
         """Yield labels and values of the short print; while nothing is steady, with the largest values of the run."""
         for label, value, *more in self.short():
-            most = more[0][found:] if self.transient and (found := more[0].find("largest ")) >= 0 else ""
-            yield _joined(f"{label.replace(',', '')} {value}", most).replace("; ", ", ")
+            most = more[0][at:] if self.transient and (at := more[0].find("largest ")) >= 0 else ""
+            yield _join(f"{label.replace(',', '')} {value}", most).replace("; ", ", ")
 
     # -- parts of rows ------------------------------------------------------------------------------
 
@@ -231,7 +231,7 @@ class Sheet:
         still = NEGLIGIBLE * max(rms) / arm if arm else None
         turned, most = (self._text(key, error=still) for key in ("rms_phi_rad", "phi_max_rad"))
         rotation = Row("rotation", turned, "RMS of phi" * (turned != "0"), most)
-        rocks = s["rms_phi_rad"] * arm * 2.0 * math.sqrt(2.0) > ROCKS * largest
+        rocks = s["rms_phi_rad"] * arm * 2.0 * math.sqrt(2.0) > MIN_ROTATION * largest
         acceleration = self._row("acceleration", "acceleration_max_m_per_s2")
         floats = not self.scene.machine.gravity_m_per_s2
         return [
@@ -249,11 +249,11 @@ class Sheet:
             return "material that cannot lift off" if self.scene.material_mass else "no material"
         if not flies:
             return "material does not lift off"
-        told = f"material in flight {share(flies)}"
+        text = f"material in flight {share(flies)}"
         if impacts is None:
-            return told
+            return text
         rate = number(impacts).removesuffix(".00")
-        return f"{told}, {rate} impact{'s' * (rate != '1')} a turn"
+        return f"{text}, {rate} impact{'s' * (rate != '1')} a turn"
 
     def _conveying(self) -> list[Row]:
         """Return the rows of material that moves along the deck."""
@@ -267,9 +267,9 @@ class Sheet:
         rows = rows[2:] if speed == "0" else rows
         carried = rows[0].now if rows[0].label == "throughput" else ""
         modes, shear = f"sticks {sticks}, slips {slips} of the time", self._text("shear_ratio")
-        told = Row("conveying speed", speed, f"± {error}" * (error not in ("", "0") and speed != "0"))
+        row = Row("conveying speed", speed, f"± {error}" * (error not in ("", "0") and speed != "0"))
         return [
-            told.shortly("conveying speed", carried, modes),
+            row.shortly("conveying speed", carried, modes),
             *rows,
             Row("sticks", sticks, f"slips {forth} towards +x, {back} towards −x"),
             Row("shear of layers", shear, "of their pressure" * bool(shear)),
@@ -285,11 +285,11 @@ class Sheet:
         x, y = (
             self._force(labels[i], names[i], weight[i], 0.5 * stiffness[i] * self._left[i], largest) for i in (0, 1)
         )
-        told = x.label.partition(", ")[0].removeprefix("x ") if weight[0] else ""
+        across = x.label.partition(", ")[0].removeprefix("x ") if weight[0] else ""
         turning = self.numbers["whole_foundation_moment_max_n_m"]
         return [
             y.shortly("foundation, y", y.label.partition(", ")[2], y.peak),
-            x.shortly("foundation, x", told, x.peak) if x.now != "0" or x.peak else x,
+            x.shortly("foundation, x", across, x.peak) if x.now != "0" or x.peak else x,
             self._row("moment", "foundation_moment_max_n_m", turning),
             Row("static sag", self._text("static_sag_m")),
         ]
@@ -320,7 +320,7 @@ class Sheet:
         loads = [ratio * plate for ratio, plate in zip(ratios, plates, strict=False) if plate]
         rated = f", {share(max(loads, key=abs))} of rated torque" if loads else " torque"
         words += [f"{share(max(ratios, key=abs))} of critical{rated}"] if ratios else []
-        return "motor power", quantity(sum(powers), "W"), _joined(*words)
+        return "motor power", quantity(sum(powers), "W"), _join(*words)
 
     def _bearings(self) -> list[Row]:
         row = self._pair_row("centrifugal force", "bearing_force_{}_max_n", "bearing_force_{}_max_n")
@@ -399,7 +399,7 @@ def _repeats(period: int | None) -> str:
     return {0: f"not yet, or not within {MAX_PERIOD} turns", 1: "every turn"}.get(period, f"every {period} turns")
 
 
-def _joined(*parts: str) -> str:
+def _join(*parts: str) -> str:
     return "; ".join(filter(None, parts))
 
 
@@ -434,7 +434,7 @@ def all_lines(sheet: Sheet, origin: Mapping[str, Any] | None) -> dict[str, str]:
         "wall time": quantity(s["wall_s"], "s"),
     }
     for name, rows in sheet.groups.items():
-        lines |= {name: ""} | {row.label: _joined(", ".join(filter(None, row[1:3])), row.peak) for row in rows}
+        lines |= {name: ""} | {row.label: _join(", ".join(filter(None, row[1:3])), row.peak) for row in rows}
     return lines
 
 

@@ -57,7 +57,7 @@ def result_directory(out: Path, name: str) -> Path:
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=directory):
             pass
-        alike = [out / found for found in os.listdir(out) if found != name and found.casefold() == name.casefold()]
+        alike = [out / entry for entry in os.listdir(out) if entry != name and entry.casefold() == name.casefold()]
         same = [other for other in alike if os.path.samefile(directory, other)]
         if same and any(directory.glob("**/provenance.json")):
             raise TableError(f"output {directory} is {same[0]} on this file system; allowed: another name")
@@ -134,11 +134,11 @@ def read_row_groups(file: BufferedReader, columns: Collection[str] | None, *, la
     source = pq.ParquetFile(file, page_checksum_verification=True)
     wanted = [name for name in source.schema_arrow.names if columns is None or name in columns]
     groups = list(range(source.num_row_groups))
-    found = False
+    has_rows = False
     for rows in source.iter_batches(MAX_PART_ROWS, groups[-1:] if last else groups, wanted):
-        found = True
+        has_rows = True
         yield share_descriptions(pa.Table.from_batches([rows]).to_pandas())
-    if not found:
+    if not has_rows:
         yield share_descriptions(source.schema_arrow.empty_table().select(wanted).to_pandas())
 
 
@@ -241,7 +241,7 @@ class TableFile:
             for row in range(0, len(part), MAX_GROUP_ROWS):
                 self.append(part[row : row + MAX_GROUP_ROWS])
 
-    def _append_rows(self, part: pd.DataFrame | ArrayTable, place: Path) -> None:
+    def _append_rows(self, part: pd.DataFrame | ArrayTable, path: Path) -> None:
         """Append a row group; units and meanings in the ``attrs`` become metadata of the fields."""
         import pyarrow as pa  # noqa: PLC0415  (a table in CSV does not need it)
         import pyarrow.parquet as pq  # noqa: PLC0415
@@ -257,7 +257,7 @@ class TableFile:
             for field in rows.schema
         ]
         rows = pa.Table.from_arrays(rows.columns, schema=pa.schema(fields, rows.schema.metadata))
-        self._parquet = self._parquet or pq.ParquetWriter(place, rows.schema, write_page_checksum=True)
+        self._parquet = self._parquet or pq.ParquetWriter(path, rows.schema, write_page_checksum=True)
         self._parquet.write_table(rows)
 
     def finish(self) -> Path:
@@ -280,7 +280,7 @@ class TableFile:
         self._stack.close()
 
 
-def _append_lines(part: ArrayTable, place: Path, *, header: bool) -> None:
+def _append_lines(part: ArrayTable, path: Path, *, header: bool) -> None:
     """Append lines of CSV, to the byte as pandas writes them: numbers in full, and nothing for nan."""
     cells = [
         of.texts()
@@ -288,7 +288,7 @@ def _append_lines(part: ArrayTable, place: Path, *, header: bool) -> None:
         else ["" if math.isnan(number) else number for number in of.tolist()]
         for of in part.columns.values()
     ]
-    with place.open("a", newline="", encoding="utf-8") as file:
+    with path.open("a", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator=os.linesep)
         if header:
             writer.writerow(part.columns)
