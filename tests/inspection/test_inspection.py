@@ -141,7 +141,7 @@ def test_a_start_passes_only_if_it_does_with_every_lag_on_the_way(ends, kernels)
     assert runs == pytest.approx([found["excitation_frequency_hz"], found["captured_frequency_hz"]], rel=2e-3)
     assert (found["expected"], found["captured_sync"], found["passage_axis"]) == ("antiphase", "in-phase", "phi")
     assert "a start may be captured at 20.4 Hz" in str(found).splitlines()[0]
-    assert "captures 58 % of starts (in-phase at 20.4 Hz)" in str(found)
+    assert "captures 7 of 12 averaged starts (in-phase, 20.4 Hz)" in str(found)
     strong = scene.replace({"exciters.N.rated_power_w": 3000}).inspect()
     assert (strong["captured_share"], "a start passes" in str(strong)) == (0.0, True)
 

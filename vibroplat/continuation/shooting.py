@@ -385,7 +385,7 @@ class Shooter:
         _, _, events, pieces, _ = self.records.shot.item()
         if events <= self.records.events.size and pieces <= self.records.pieces.size:
             return True
-        self.records = self.records._replace(events=np.empty(2 * events, EVENT), pieces=np.empty(2 * pieces, PART))
+        self.records = self.records._replace(events=np.zeros(2 * events, EVENT), pieces=np.empty(2 * pieces, PART))
         return False
 
     def last_shot(self, start: FloatArray, duration: float, *, full: bool, measured: bool) -> Shot:

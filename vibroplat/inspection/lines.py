@@ -10,6 +10,7 @@ from vibroplat.columns import unit_of
 from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, quantity, share, spread
 from vibroplat.config.plausibility import SWING_TORQUE_RATIO
 from vibroplat.inspection.material import BANDS, ERROR, STRAIGHT
+from vibroplat.inspection.start import LAGS
 from vibroplat.results.answer import of_both
 
 Numbers = Mapping[str, Any]
@@ -135,8 +136,9 @@ def _rows(v: Numbers) -> Iterator[tuple[str, ...]]:
     where = f"{v['passage_axis'].replace('phi', 'φ')} at {texts['passage_frequency_hz']}"
     slowly, ends = f"{texts['passage_steady_torque_n_m']} if infinitely slow", f"in {where}: a start {_verdict(v)}"
     if v["captured_share"]:
-        state = f"{v['captured_sync']} at {quantity(v['captured_frequency_hz'], 'Hz', digits=3)}"
-        ends = f"{where} captures {share(v['captured_share'])} of starts ({state})"
+        state = f"{v['captured_sync']}, {quantity(v['captured_frequency_hz'], 'Hz', digits=3)}"
+        captured = round(v["captured_share"] * LAGS.size)
+        ends = f"{where} captures {captured} of {LAGS.size} averaged starts ({state})"
     passes = (needed, ends, slowly)
     any_torque = ("any torque", "no resonance below holds the motors") if fastest else (MISSING, "no motor drives")
     yield "passing resonance", *(passes if v["passage_axis"] else any_torque)

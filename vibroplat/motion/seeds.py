@@ -19,8 +19,8 @@ from vibroplat.results.run import RunResult
 MORE_SEEDS = 4
 #: Largest value of a run over that in steady operation from which on it is one of the start.
 START_PEAK = 1.05
-#: Relative difference of peaks that counts as none.
-MAX_SPREAD = 0.02
+#: Relative difference of peaks that counts as none, and of speeds after the start from which on it leads elsewhere.
+MAX_SPREAD, OTHER_SPEED = 0.02, 0.05
 #: How long they take: so many times as long as until the last peak, and so many turns more.
 LONGER, MORE_TURNS = 1.5, 20.0
 
@@ -37,8 +37,9 @@ def peaks_of_seeds(run: RunResult) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``seeds``: how many runs there are; two numbers for each ``whole_…`` column of the summary whose largest value
-        belongs to a start, a stop or a failure and depends on them. Empty if there is none.
+        ``seeds``: how many runs there are; ``unlike``: how many end at another speed; two numbers for each ``whole_…``
+        column of the summary whose largest value belongs to a start, a stop or a failure and depends on them. Empty if
+        there is none.
     """
     scene, summary, times = run.scene, run.summary, {}
     begin, since, until = (summary[name] for name in ("begins_s", "measured_from_s", "measured_to_s"))
@@ -60,7 +61,9 @@ def peaks_of_seeds(run: RunResult) -> dict[str, Any]:
             runs.append(other.summary)
     ends = {column: [choose(one[column] for one in runs) for choose in (min, max)] for column in times}
     differ = {column: pair for column, pair in ends.items() if pair[1] - pair[0] > MAX_SPREAD * pair[1]}
-    return {"seeds": len(runs), **differ} if differ else {}
+    paces = [one["excitation_frequency_hz"] or 0.0 for one in runs]
+    unlike = sum(abs(pace - paces[0]) > OTHER_SPEED * paces[0] for pace in paces) if steady else 0
+    return {"seeds": len(runs), "unlike": unlike, **differ} if differ else {}
 
 
 def _with_seed(scene: Scene, k: int, begin: float) -> Scene:

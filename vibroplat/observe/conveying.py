@@ -35,7 +35,7 @@ CONVEYING: Columns = {
     "stick_fraction": Column("fraction of the time in which the material sticks to the deck"),
     "slip_plus_fraction": Column("fraction of the time in which it slips towards +x"),
     "slip_minus_fraction": Column("fraction of the time in which it slips towards -x"),
-    "friction_power_w": Column("mean power of friction between material and deck", "without impacts"),
+    "friction_power_w": Column("mean power of friction between material and deck", "with that of impacts"),
     "throughput_kg_per_s": Column("mass conveyed in a second", "if the deck's length is given"),
     "residence_time_s": Column("time that the material takes along the deck", "if its length is given and it travels"),
     "wear_power_w_per_m2": Column("power of friction over the deck's area", "if its length and width are given"),
@@ -43,7 +43,7 @@ CONVEYING: Columns = {
         "shear over pressure between the layers",
         "mean in contact; the layers are rigid in shear here, which a bed is not above 0.7; empty with one layer",
     ),
-    "friction_work_j": Column("energy dissipated by friction in the whole run", "without impacts"),
+    "friction_work_j": Column("energy dissipated by friction in the whole run", "with that of impacts"),
     "momentum_along_residual_n_s": Column("residual of the balance of momentum along the deck in the whole run"),
     "momentum_along_residual": Column(
         "relative residual of the momentum along the deck",

@@ -26,7 +26,7 @@ SUMS = (
 )
 TIME, X, XX, Y, YY, PHI, PHI_PHI, COSINE, SINE, FLYING, POWER = range(11)
 TORQUE, SPEED, PULL = 12, 14, 16
-STICK_TIME = 22
+STICK_TIME, FRICTION_LOSS = 22, 25
 
 #: Into how many sorts phase differences and speeds are put; those of speeds reach to the largest synchronous speed
 #: times FASTEST.

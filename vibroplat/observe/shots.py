@@ -148,7 +148,7 @@ def shot_records(
         statistics=statistics.callee(h),
         blank=measured.copy(),
         measured=measured,
-        events=np.empty(ROOM, EVENT),
+        events=np.zeros(ROOM, EVENT),
         pieces=np.empty(ROOM, PART),
         shot=np.zeros(1, SHOT)[0],
         end=np.zeros(FULL_SIZE),

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.hybrid.modes import FLIGHT, MODES
+from vibroplat.hybrid.modes import CHATTER, FLIGHT, IMPACT, MODES
 from vibroplat.hybrid.state import Automaton, Steps
 from vibroplat.kernels.compiled import Callee, FloatArray, address_of, borrow, compiled, copy, inlined, same_types
 from vibroplat.kernels.lanes import in_lines
@@ -41,6 +41,7 @@ from vibroplat.observe.measures import (
     EARLY,
     FASTEST,
     FLYING,
+    FRICTION_LOSS,
     N_POWERS,
     N_WORK,
     POWER,
@@ -184,10 +185,15 @@ def count_event(ms: Accumulators, event: Any) -> None:
     """Add an event to the counts of the whole, and to those of the measured part if it lies there."""
     marks = ms.marks
     marks.counts[event.kind] += 1
-    marks.impact_loss += event.loss
+    rubbed = 0.0  # friction of impacts, which the sums over steps do not see
+    if event.kind in (IMPACT, CHATTER):
+        rubbed = -0.5 * event.friction_impulse * (event.slip_before + event.slip_after)
+    ms.work[FRICTION] += rubbed
+    marks.impact_loss += event.loss - rubbed
     marks.impulse_sum += event.impulse
     if event.t >= marks.window:
         marks.measured[event.kind] += 1
+        ms.open_turn[FRICTION_LOSS] += rubbed
         extremes = ms.extremes[marks.row]
         extremes.largest[IMPULSE] = max(extremes.largest[IMPULSE], event.impulse)
 

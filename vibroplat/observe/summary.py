@@ -59,7 +59,7 @@ AUDIT: Columns = {
     **{f"{name}_work_j": Column(f"energy dissipated by the {damper}") for name, (_, damper) in DAMPERS.items()},
     "resistance_work_j": Column("energy dissipated by the resistance of both exciters"),
     "gravity_work_j": Column("work of gravity"),
-    "impact_loss_j": Column("energy lost in impacts and chatters"),
+    "impact_loss_j": Column("energy lost in impacts and chatters", "without friction along the deck"),
     "kinetic_change_j": Column("change of the kinetic energy"),
     "elastic_change_j": Column("change of the elastic energy"),
     "energy_residual_j": Column(

@@ -133,6 +133,8 @@ class Sheet:
             yield from (row.short for row in rows[: MAX_POINTS if name == POINTS else None] if row.short and row.now)
         if of_seeds:
             text = "times are of the first; disturbances and switching differ"
+            if of_seeds.get("unlike"):
+                text = f"{of_seeds['unlike']} of them end at another speed: see run.seed"
             yield "largest values", f"of {of_seeds['seeds']} seeds", text
 
     def facts(self) -> Iterator[str]:

@@ -236,11 +236,12 @@ class ThresholdStudy(Study):
         for below, above in ((zone.below.nearest, zone.above.nearest) for zone in zones):
             if self.plan.from_ != "initial" or below is None or above is None or below.hangs == above.hangs:
                 continue
-            where, hangs, passes = ("below", below, above) if below.hangs else ("above", above, below)
+            hangs, passes = (below, above) if below.hangs else (above, below)
             times, unit = search.start_times(passes, hangs), unit_of(self.plan.key)
             places = [self._round(passes.value), *(f"{number(at)} {unit}" for at in [*times][1:])]
             took = [f"{quantity(t, 's', digits=2)} at {at}" for t, at in zip(times.values(), places, strict=False)]
             allowed = f"find.max_settle_s = {given(self.plan.max_settle_s)} s"
+            where = f"at {self._round(hangs.value)}"
             limit = f"{where} not within {allowed}, more may move it"
             if hangs.row.get("multiplier_max") is not None and not hangs.leaving:
                 limit = f"{where} it hangs for ever, on a stable orbit"
