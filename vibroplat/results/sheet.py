@@ -266,12 +266,15 @@ class Sheet:
         largest = max(swing, abs(s["conveying_speed_m_per_s"] or 0.0))
         speed, error = (self._text(f"conveying_speed_{what}m_per_s", largest=largest) for what in ("", "error_"))
         rows = [Row(name, self._text(f"{name.replace(' ', '_')}_{unit}")) for name, unit in _CONVEYED]
-        rows = rows[2:] if speed == "0" else rows
-        carried = rows[0].now if rows[0].label == "throughput" else ""
+        transport = self.scene.transport
+        assert transport is not None
+        runs_away = math.tan(math.radians(abs(transport.deck_angle_deg))) > transport.friction and not s.get("period")
+        rows = rows[2:] if runs_away or speed == "0" else rows
+        carried = rows[0].now if rows[0].label == "throughput" else "in this time, it runs away" * runs_away
         modes, shear = f"sticks {sticks}, slips {slips} of the time", self._text("shear_ratio")
         row = Row("conveying speed", speed, f"± {error}" * (error not in ("", "0") and speed != "0"))
         return [
-            row.shortly("conveying speed", carried, modes),
+            row.shortly("conveying speed", row.also, carried, "" if runs_away else modes),
             *rows,
             Row("sticks", sticks, f"slips {forth} towards +x, {back} towards −x"),
             Row("shear of layers", shear, "of their pressure" * bool(shear)),
