@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from common.places import ROOT
 from common.references import REFERENCES
 
 from vibroplat import load_config, simulate
@@ -78,6 +79,19 @@ def test_a_smooth_deck_leaves_the_motion_of_the_platform():
         there = plain(smooth.trajectory["t_s"].to_numpy())[column]
         np.testing.assert_allclose(smooth.trajectory[column], there, atol=1e-9 * there.abs().max())
     assert smooth.summary["friction_work_j"] == 0.0
+
+
+def test_friction_of_impacts_is_in_work_and_power_of_friction():
+    """What friction takes in an impact is its impulse times the mean of the velocities before and after."""
+    run = simulate(load_config(ROOT / "configs/templates/feeder.yaml", {"run.duration_s": 3.0}))
+    events, s = run.events, run.summary
+    velocities = events["along_rate_before_m_per_s"] + events["along_rate_after_m_per_s"]
+    rubbed = (-0.5 * events["friction_impulse_n_s"] * velocities)[events["kind"].isin(["impact", "chatter"])]
+    assert s["impact_loss_j"] + rubbed.sum() == pytest.approx(events["energy_loss_j"].sum(), rel=1e-12)
+    late = run.events["t_s"].between(s["measured_from_s"], s["measured_to_s"])
+    power = rubbed[late].sum() / (s["measured_to_s"] - s["measured_from_s"])
+    assert 0.5 * s["friction_power_w"] < power < s["friction_power_w"], "more than sliding in this machine"
+    assert s["friction_work_j"] > rubbed.sum()
 
 
 @pytest.mark.parametrize("changes", [
