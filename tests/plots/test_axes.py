@@ -1,5 +1,6 @@
 """Curves and axes: what a reader of a figure could be misled by."""
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,6 +10,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.plots.histories import Run
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.run import Shown, draw
+from vibroplat.plots.style import head
 from vibroplat.results import content
 from vibroplat.results.picture import Panel, Picture
 from vibroplat.study.curves import curves_of, fill_failed
@@ -52,6 +54,16 @@ def run(scene=None, **columns):
 
 def exciters(shown):
     return draw("exciters", Shown([shown])).axes
+
+
+def test_columns_of_a_figure_that_share_their_values_have_one_unit():
+    figure, axes = plt.subplots(1, 2, sharex=True)
+    for axis in axes:
+        axis.plot([200.0, 3000.0], [1.0, 2.0])
+        axis.set_xlabel("rated power (W)")
+    head(figure, "powers")
+    assert [axis.get_xlabel() for axis in axes] == ["rated power (kW)"] * 2
+    plt.close(figure)
 
 
 def test_a_jump_is_not_joined():

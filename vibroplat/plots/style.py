@@ -161,7 +161,9 @@ def _set_ticks(figure: Figure) -> None:
         for along, room in ((axis.xaxis, across), (axis.yaxis, up)):
             if isinstance(along.get_major_locator(), AutoLocator):
                 along.set_major_locator(MaxNLocator(int(np.clip(room, 2, 9)), steps=[1, 2, 5, 10]))
-            if along.get_scale() != "linear" or not isinstance(along.get_major_formatter(), ScalarFormatter):
+            writes = along.get_major_formatter()  # axes that share their values share it
+            shared = isinstance(writes, FuncFormatter) and getattr(writes.func, "func", None) is _over
+            if along.get_scale() != "linear" or not (shared or isinstance(writes, ScalarFormatter)):
                 continue
             unit = re.search(r"\(([^()]*)\)$", along.get_label_text())
             size, factor = float(np.abs(along.get_view_interval()).max()), 1.0
