@@ -1,8 +1,8 @@
 """A picture as data: what a study's tables show, drawn in print by one function and on the page by another.
 
 A picture has points, the rows of a table and behind them those of a second table of special points. Whatever it shows
-tells its points by their places in this order: series, marks and the choice among facets. How numbers are named, and in
-which unit they stand on an axis, follows from the names of their columns. Nothing here draws.
+tells its points by their places in this order: series, marks and the choice among facets. Names of numbers and their
+units follow from the names of their columns.
 """
 
 from __future__ import annotations
