@@ -1,8 +1,7 @@
 """A picture as data: what a study's tables show, drawn in print by one function and on the page by another.
 
 A picture has points, the rows of a table and behind them those of a second table of special points. Whatever it shows
-tells its points by their places in this order: series, marks and the choice among facets. Names of numbers and their
-units follow from the names of their columns.
+tells its points by their places in this order. Names of numbers and units follow from the names of their columns.
 """
 
 from __future__ import annotations
