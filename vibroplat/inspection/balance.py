@@ -147,6 +147,14 @@ def all_balances(scene: Scene, supply: Supply) -> list[Balance]:
     return [one for highest in (True, False) for one in balances(scene, supply, grid, highest=highest)]
 
 
+def phases_at(scene: Scene, supply: Supply, speed: float) -> FloatArray:
+    """Return the phase differences that mean torques on the empty machine hold at a speed (rad/s), in rad."""
+    net = net_torques(scene, supply, np.full(2, speed)) + platform_torques(scene, np.full(1, speed), LAG)
+    apart = net[..., 0] - net[..., 1]
+    lags: FloatArray = LAG[:-1][(apart[:-1] > 0.0) & (apart[1:] <= 0.0)]
+    return scene.exciter_pair[0].direction * lags
+
+
 def speed_alone(scene: Scene, supply: Supply, exciter: int, near: float, carried: complex = 0.0) -> float:
     """Return the stable speed of an exciter that turns at no other's speed, the nearest to one; 0 without a torque."""
     speeds = speed_grid(scene)

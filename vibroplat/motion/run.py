@@ -19,7 +19,7 @@ from vibroplat.config.plausibility import notes_on_input
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.state import CUBIC, Automaton, empty_steps, force_noise, static_rest
-from vibroplat.inspection.balance import all_balances, supply_at
+from vibroplat.inspection.balance import phases_at, supply_at
 from vibroplat.integrate import make_engine
 from vibroplat.integrate.interface import WORK, Engine
 from vibroplat.kernels.compiled import compile_for
@@ -264,7 +264,7 @@ def _unbalanced(scene: Scene, measures: Mapping[str, Any]) -> str:
     short = 0 < measures["measured_turns"] < MANY_TURNS
     if not (steady and short) or name not in ("antiphase", "in-phase") or scene.transport is not None:
         return ""
-    phases = np.array([one.phase for one in all_balances(scene, supply_at(scene, end))])
+    phases = phases_at(scene, supply_at(scene, end), 2.0 * math.pi * measures["excitation_frequency_hz"])
     apart = np.abs(np.angle(np.exp(1j * (phases - measures["phase_difference_rad"]))))
     if not apart.size or apart.min() < OTHER_PHASE:
         return ""
