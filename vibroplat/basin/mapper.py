@@ -64,11 +64,11 @@ SEARCH_TURNS, RETURN_DISTANCE = 16, 0.05
 #: Periods in which a motion in an ellipsoid must come nearer to the orbit, unless it is this near already, over the
 #: radius.
 CONTRACTION_PERIODS, INNER_RADIUS_RATIO = 2, 0.1
-#: What is known of windows beside their measures; the last ones with transport.
+#: Columns of windows other than measures; the last ones with transport.
 DESCRIBING_COLUMNS = ("flight_fraction", "sync", PHASE_COLUMN, "stick_fraction", "conveying_speed_error_m_per_s")
 #: Turns within which a motion must settle that is assigned without an orbit, if it has not taken as many already.
 SETTLED_TURNS = 128
-#: How closely that is, in scaled units, as measures tell such motions apart; its exponent does not matter.
+#: Precision of that, in scaled units, sufficient for measures to distinguish such motions; exponents do not matter.
 CLOSE_SETTLING: Record = {"settle_tolerance": 1e-4, "lyapunov": False}
 #: Distance of the same orbit found twice, in scaled units.
 SAME_ORBIT_DISTANCE = 1e-4

@@ -16,7 +16,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import ALONG_RATE
 from vibroplat.study.classification import same_phase
 
-#: What tells motions apart that do not repeat, with the places of their scales; the last one with transport.
+#: Measures that distinguish motions that do not repeat, with the places of their scales; the last one with transport.
 MEASURES = {"rms_x_m": 0, "rms_y_m": 1, "rms_phi_rad": 2, "conveying_speed_m_per_s": ALONG_RATE}
 #: Motions that repeat are the same if their measures are this near, over themselves.
 PERIODIC_TOLERANCE = 1e-3

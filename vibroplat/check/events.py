@@ -51,7 +51,7 @@ class EventMatches(NamedTuple):
 def compared_events(events: pd.DataFrame) -> pd.DataFrame:
     """Pick the events that runs are compared by: all but chatters and corners of a program.
 
-    A chatter stands for impacts, whose number depends on when it was found to be one. A reversal is told as a slip: it
+    A chatter represents impacts, whose number depends on the time of its detection. A reversal counts as a slip: it
     is one after a stick of no duration.
     """
     renamed = events.replace({"kind": {"reversal": "slip"}})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -21,6 +21,18 @@ if TYPE_CHECKING:
     from vibroplat.study.pool import Pool
     from vibroplat.study.store import Store
     from vibroplat.study.study import Study
+
+
+class Execution(NamedTuple):
+    """How a command runs a study: workers, format of tables, options of the store, cross-check, length of the print."""
+
+    jobs: int | None
+    scheduler: str | None
+    wait: float
+    form: Any
+    options: dict[str, Any]
+    check: bool
+    verbose: bool
 
 
 def study_command(kind: Kind) -> Callable[..., None]:
@@ -48,7 +60,8 @@ def study_command(kind: Kind) -> Callable[..., None]:
             mode = common.store_options(resume, overwrite)
             common.require_scheduler(scheduler)
             directory = common.command_directory(out, scene.name, kind.name, resume=resume)
-            if not run_and_print(study, directory, jobs, scheduler, wait, format_, mode, check=check, verbose=verbose):
+            how = Execution(jobs, scheduler, wait, format_, mode, check, verbose)
+            if not run_and_print(study, directory, how):
                 raise typer.Exit(1)
 
     command.__name__ = kind.name
@@ -62,29 +75,18 @@ def study_command(kind: Kind) -> Callable[..., None]:
 COMMANDS = [study_command(kind) for kind in KINDS.values()]
 
 
-def run_and_print(
-    study: Study,
-    directory: Path,
-    jobs: int | None,
-    scheduler: str | None,
-    wait: float,
-    form: Any,
-    options: dict[str, Any],
-    *,
-    check: bool,
-    verbose: bool = False,
-) -> bool:
+def run_and_print(study: Study, directory: Path, how: Execution) -> bool:
     """Run a study, write its result and print its answer; return whether all motions succeeded and the engines agree.
 
     Finished tasks are stored, so that a killed command can be resumed.
     """
     from vibroplat.results.answer import first_failures
 
-    again = verbose and study.kind in KINDS and not (check or any(options.values()))
-    result = common.finished(directory, study.kind, study.scene, form) if again else None
+    again = how.verbose and study.kind in KINDS and not (how.check or any(how.options.values()))
+    result = common.finished(directory, study.kind, study.scene, how.form) if again else None
     lines, checked, reused = dict[str, str](), None, "computed before"
     if result is None:
-        result, lines, checked, reused = _compute(study, directory, jobs, scheduler, wait, form, options, check=check)
+        result, lines, checked, reused = _compute(study, directory, how)
     failed = result.answer.failures
     failures = first_failures(failed, f"{len(failed)} of the {study.counted} failed")
     if checked is not None:
@@ -95,7 +97,7 @@ def run_and_print(
         result.answer._replace(lines={**result.answer.lines, **lines}),
         directory,
         f"run {directory / 'best.yaml'}" if "best" in result.configurations else f"plot {home}",
-        verbose=verbose,
+        verbose=how.verbose,
         failures=failures,
         check=None if checked is None else dict(checked.lines()),
         reused=reused,
@@ -103,17 +105,7 @@ def run_and_print(
     return not failures
 
 
-def _compute(
-    study: Study,
-    directory: Path,
-    jobs: int | None,
-    scheduler: str | None,
-    wait: float,
-    form: Any,
-    options: dict[str, Any],
-    *,
-    check: bool,
-) -> tuple[Result, dict[str, str], CrossCheck | None, str]:
+def _compute(study: Study, directory: Path, how: Execution) -> tuple[Result, dict[str, str], CrossCheck | None, str]:
     """Run a study and write its result; return it, more lines, the cross-check, and what was computed before."""
     from vibroplat.config.digits import quantity
     from vibroplat.config.plausibility import by_severity, notes_on_inputs, notes_on_plan
@@ -125,19 +117,19 @@ def _compute(
     scene = study.scene
     notes = [*notes_on_inputs(study.scenes(), study.places()), *notes_on_plan(scene, study.kind)]
     common.print_notes_early(notes)
-    with Store(directory, study.conditions, **options) as store:
-        common.prepare_store(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if check else []))
+    with Store(directory, study.conditions, **how.options) as store:
+        common.prepare_store(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if how.check else []))
         began = time.perf_counter()
-        chains = max(study.chains(store), MAX_CROSS_CHECKS if check else 1)
-        with pool(jobs, scheduler, wait=wait, chains=chains) as workers:
+        chains = max(study.chains(store), MAX_CROSS_CHECKS if how.check else 1)
+        with pool(how.jobs, how.scheduler, wait=how.wait, chains=chains) as workers:
             with points_progress(scene.name, study.counted) as progress:
                 result = study.run(store, workers, progress or (lambda done, known: None))
             seconds, known = time.perf_counter() - began, store.reused
-            checked = _check(study, result, store, workers) if check else None
+            checked = _check(study, result, store, workers) if how.check else None
         store.finish()
         result.check = None if checked is None else checked.to_tree()
         result.answer = result.answer._replace(notes=by_severity([*result.answer.notes, *notes]))
-        result.save(directory, form)
+        result.save(directory, how.form)
     return result, {"wall time": quantity(seconds, "s")}, checked, f"{known} tasks from before" * bool(known)
 
 
@@ -187,8 +179,8 @@ def paper(
     for name, numbers in chosen.items():
         study = PaperStudy(numbers, range(seed, seed + seeds), name)
         directory = result_directory(out / "paper", name)
-        options = common.store_options(resume, overwrite)
-        good &= run_and_print(study, directory, jobs, scheduler, wait, format_, options, check=check, verbose=verbose)
+        how = Execution(jobs, scheduler, wait, format_, common.store_options(resume, overwrite), check, verbose)
+        good &= run_and_print(study, directory, how)
         plot_results([directory])
     if not good:
         raise typer.Exit(1)

@@ -270,7 +270,7 @@ def _row(problem: Problem, point: OrbitPoint, turns: float) -> Record:
 
 
 def _marks_of(problem: Problem, point: OrbitPoint) -> Record:
-    """Return what tells a point from others, as :func:`_measures` does of rows."""
+    """Return the measures that distinguish a point from others, as :func:`_measures` does for rows."""
     assert point.shot.part is not None
     measures = point.shot.part.measures
     values = statistics(measures, measured_extremes(measures))

@@ -188,11 +188,16 @@ class OrbitNeighbourhood:
             return self
         return self._at(result, self.values, self.scene, self._p)
 
-    def gradients(self, names: Sequence[str]) -> FloatArray:
-        """Differentiate measures of the orbit, ``margin`` among them, by all keys, shape (names, keys).
+    def prepare(self) -> None:
+        """Compute the tangents, by which :meth:`predict` then predicts; worth it for several orbits."""
+        _ = self.tangents
 
-        They are central differences of shots along the tangents, which need no iterations: such a shot is closed to
-        second order in the step, and that cancels. What has no value is nan.
+    def gradients(self, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """Differentiate measures of the orbit, ``margin`` among them, by all keys; errors are not known.
+
+        Returns the derivatives and nan, each of shape (names, keys). Derivatives are central differences of shots along
+        the tangents, which need no iterations: such a shot is closed to second order in the step, and that cancels. A
+        measure without a value gives nan.
 
         Raises
         ------
@@ -207,7 +212,7 @@ class OrbitNeighbourhood:
                 for near, way in zip(sides, (change, -change), strict=True)
             )
             slopes[:, k] = (above - below) / (2.0 * step)
-        return slopes
+        return slopes, np.full(slopes.shape, np.nan)
 
     @cached_property
     def _p(self) -> Parameters:

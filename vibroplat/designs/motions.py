@@ -1,8 +1,8 @@
-"""Settled motions in place of orbits, where a scene has none: what they measure, and its derivatives by differences.
+"""Settled motions for scenes without orbits: their measures, and derivatives of these by differences.
 
-The slope by a key is the mean of two central differences, over a small change of its value and back to half of it.
-Their difference is its error, and no less than is common among keys: curvature, events that come and go between them,
-what is left of transients, which come from either side, and the scatter of motion that does not repeat.
+The derivative by a key is the mean of two central differences, with a small step and with half of it. The error is the
+difference between the two, combined with its median over the keys. It contains curvature, events that occur at one end
+only, remaining transients, and the scatter of motion that does not repeat.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from vibroplat.model.sensitivity import value_of
 from vibroplat.study.point import measure_point
 from vibroplat.study.store import Record
 
-#: Change of keys, over their values, about motion that repeats and about other motion, whose measures scatter.
+#: Relative change of keys, for motion that repeats and for other motion, whose measures scatter.
 STEP, WIDE_STEP = 5e-4, 2e-2
-#: What is said of what was asked of such motions.
+#: Hint in the answer of a design without orbits.
 NO_ORBITS = (
     "with transport there are no orbits: each scene was followed until it settled, derivatives are "
     "differences of settled motions (derivative_error in table sensitivities), stability has no margin"
@@ -39,13 +39,13 @@ MORE_SETTLING, SETTLE_TOLERANCE, MORE_MEASURED = 8.0, 1e-7, 8.0
 
 
 def settling_plan(scene: Scene) -> SweepPlan:
-    """How motion settles and is measured: as in the scene's sweep, if it has one."""
+    """Return how motion settles and is measured: as in the sweep of the scene, if it has one."""
     supply = scene.drive.largest_frequency
     return scene.sweep or SweepPlan.model_validate({"supply_frequency_hz": {"start": supply, "stop": supply}})
 
 
 def brief_plan(scene: Scene, settling: float = 1.0, measures_at: float = 1.0, **more: float) -> SweepPlan:
-    """Return how a motion settles that begins near, and is measured, for so many times the time."""
+    """Return a plan for motion that starts near its limit; the factors multiply the times of settling and measuring."""
     turn = 2.0 * math.pi / scene.speed_scale
     times = {"max_settle_s": settling * MAX_SETTLING_TURNS * turn, "measure_s": measures_at * MEASURED_TURNS * turn}
     how = {"settle_by": "section", "perturbation": START_DISTANCE, "lyapunov": False}
@@ -69,13 +69,10 @@ class MotionNeighbourhood:
         Scene of the motion, dotted keys, and their values there, shape (keys,).
     measures, state
         Measures of a sweep, and the full state at its end.
-    errors
-        Those of the last gradients, of their shape.
     margin
         It has settled, so it is stable; how far its multipliers are inside the unit circle is not known.
     """
 
-    errors: FloatArray
     margin = math.inf
 
     def __init__(self, scene: Scene, keys: Sequence[str], known: Record) -> None:
@@ -93,6 +90,9 @@ class MotionNeighbourhood:
     def close(self) -> None:
         """Do nothing: no engine is held."""
 
+    def prepare(self) -> None:
+        """Do nothing: other motions are not predicted from this one."""
+
     def correct(self, values: Sequence[float] | FloatArray) -> MotionNeighbourhood:
         """Find the motion at other values of the keys; raises :class:`NoConvergenceError` if its regime is another."""
         changes = dict(zip(self.keys, np.asarray(values, float).tolist(), strict=True))
@@ -108,8 +108,8 @@ class MotionNeighbourhood:
         except NoConvergenceError:
             return self
 
-    def gradients(self, names: Sequence[str]) -> FloatArray:
-        """Differentiate measures by all keys, shape (names, keys); nan where that is not possible."""
+    def gradients(self, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """Differentiate measures by all keys; return them and their errors, shape (names, keys), or nan."""
         step, slopes = STEP if self.known["period"] else WIDE_STEP, np.empty((2, len(names), len(self.keys)))
         for k, key in enumerate(np.eye(len(self.keys))):
             above = below = self
@@ -119,5 +119,4 @@ class MotionNeighbourhood:
                 slopes[n, :, k] = (high - low) / ((above.values - below.values)[k] or np.nan)
         own, sizes = np.abs(slopes[0] - slopes[1]), np.abs(self.values)
         typical = np.nanmedian(own * sizes, axis=1, keepdims=True) / sizes
-        self.errors = np.hypot(own, typical)
-        return np.asarray(slopes.mean(axis=0))
+        return np.asarray(slopes.mean(axis=0)), np.hypot(own, typical)

@@ -166,7 +166,7 @@ class DesignProblem:
 
     def _gradients(self, local: Neighbourhood) -> FloatArray:
         if id(local) not in self._slopes:
-            self._slopes[id(local)] = np.nan_to_num(local.gradients(self.names)[:, : self.size])
+            self._slopes[id(local)] = np.nan_to_num(local.gradients(self.names)[0][:, : self.size])
         return self._slopes[id(local)]
 
     def search(self, start: FloatArray) -> FloatArray | None:

@@ -64,7 +64,7 @@ def measure_samples(
     assert plan is not None
     spread, rows = np.array(list(plan.parameter_tolerances.values())), []
     with closing(local_orbit(scene, list(plan.parameter_tolerances), known)) as local:
-        _ = getattr(local, "tangents", None)  # all samples are predicted by them, where there are any
+        local.prepare()
         for number, point in enumerate(np.array(points), first):
             values = local.values * (1.0 + spread * point)
             row = {"sample": number, **dict(zip(local.keys, values.tolist(), strict=True))}

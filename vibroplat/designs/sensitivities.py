@@ -46,7 +46,7 @@ SECTIONS = (*sensitivity.SECTIONS, "transport")
 #: Errors of a derivative up to which it may be 0.
 MIN_SLOPE_ERRORS = 2.0
 
-#: What is found at values of keys: an orbit, or where a scene has none a motion that has settled.
+#: Result at values of keys: an orbit, or a settled motion if the scene has none.
 Neighbourhood = OrbitNeighbourhood | MotionNeighbourhood
 
 SENSITIVITIES: Columns = {
@@ -225,10 +225,10 @@ def rows(local: Neighbourhood, names: Sequence[str]) -> list[dict[str, Any]]:
     """Make the rows of the table of sensitivities of an orbit."""
     names = [name for name in names if local.measures.get(name) is not None]
     try:
-        slopes = local.gradients(names)
+        slopes, errors = local.gradients(names)
     except NoConvergenceError as error:
         raise OrbitError(f"the measures cannot be differentiated: {error}") from None
-    table_rows, errors = [], getattr(local, "errors", np.full(slopes.shape, np.nan))
+    table_rows = []
     for name, by_key, off in zip(names, slopes.tolist(), errors.tolist(), strict=True):
         nominal = local.measures[name]
         kind = [

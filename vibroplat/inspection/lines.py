@@ -57,7 +57,7 @@ def _answer(v: Numbers) -> list[str]:
 
 
 def _where(v: Numbers, speed: float) -> str:
-    """Return where a speed (Hz) lies beside the resonances of the axes along which the platform moves."""
+    """Compare a speed (Hz) with the resonances of the axes along which the platform moves."""
     axes = {axis: v[f"natural_frequency_{axis}_hz"] for axis in v["moving_axes"].split(", ")}
     ratios = [speed / resonance if resonance else math.inf for resonance in axes.values()]
     side = "above" if min(ratios) > 1.0 else "below" if max(ratios) < 1.0 else "between"

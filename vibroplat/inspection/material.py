@@ -191,7 +191,7 @@ def range_of_speed(throw: float) -> tuple[float, float]:
 def path(along: complex, normal: complex) -> tuple[float, float]:
     """Return the angle of an ellipse's longer axis to the deck (rad, −π/2 … π/2) and the ratio of both axes.
 
-    What is nothing along the deck is none.
+    A force that is negligible along the deck counts as 0.
     """
     if abs(along) <= NEGLIGIBLE * abs(normal):
         return 0.5 * math.pi, 0.0

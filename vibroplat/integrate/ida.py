@@ -359,7 +359,7 @@ def advance(h: Automaton, n: Native) -> int:
 
 @compiled
 def end_within(h: Automaton, root_found: bool, inside: Inside, y: FloatArray, yp: FloatArray) -> int:
-    """Let the last step end where a guard falls or exciter 1 has the run's target: AT_GUARD or AT_TARGET, or −1."""
+    """Shorten the last step to a falling guard or to the target of exciter 1: AT_GUARD, AT_TARGET, or −1."""
     run, steps = h.run, h.steps
     target, row = run.target - run.turns[0], steps.used.steps - 1
     system = run.systems[run.mode]

@@ -1,6 +1,6 @@
-"""Largest values of a start or a stop with further seeds: they depend on phases and disturbances that nobody knows.
+"""Largest values of a start or a stop with further seeds: they depend on unknown phases and disturbances.
 
-The time at which motors are switched within a run is shifted by parts of a turn as well.
+Times at which motors are switched are shifted by parts of a turn, too.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from vibroplat.results.run import RunResult
 
 #: Runs with further seeds.
 MORE_SEEDS = 4
-#: Largest value of a run over that in steady operation from which on it is one of the start.
+#: Ratio of the largest value to that in steady operation above which it belongs to the start.
 START_PEAK = 1.05
-#: Relative difference of peaks that counts as none, and of speeds after the start from which on it leads elsewhere.
+#: Relative differences: peaks below the first are equal, final speeds above the second are different motions.
 MAX_SPREAD, OTHER_SPEED = 0.02, 0.05
-#: How long they take: so many times as long as until the last peak, and so many turns more.
+#: Their duration: a multiple of the time of the last peak, plus some turns.
 LONGER, MORE_TURNS = 1.5, 20.0
 
 

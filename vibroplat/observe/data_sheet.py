@@ -325,7 +325,7 @@ def _when(extremes: Any, column: Extreme, turn: FloatArray) -> tuple[float, floa
 
 
 def whole_run(ms: Accumulators, scene: Scene, start: float, slow: Sequence[Any], locked: bool) -> dict[str, Any]:
-    """Return what of a data sheet is of a whole run.
+    """Return the part of a data sheet that concerns a whole run.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""How much of the strokes of a run is a transient that still decays in its measured part.
+"""Transients in the strokes of a run that still decay during the measured part.
 
-Places at whole turns of exciter 1 repeat in steady motion. What a start leaves swings about them at the natural
-frequencies and decays, of an axis with inertia M and damping b at the rate b / 2M; material adds to that. Its range at
-the beginning of the measured part is what a stroke, which is measured from then on, has too much.
+In steady motion the positions at whole turns of exciter 1 repeat. A transient oscillates about them at the natural
+frequencies and decays, along an axis with inertia M and damping b at the rate b / 2M, faster with material. Its range
+at the beginning of the measured part is the error of the stroke.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vibroplat.observe.extremes import HEIGHT, SIDEWAYS, merge_extremes
 from vibroplat.observe.measures import Accumulators, measured_extremes
 from vibroplat.observe.section import section_rows
 
-#: Parts of the kept turns whose ranges show a decay, and the ratio of the last to the first range below which they do.
+#: Number of parts of the kept turns whose ranges are compared, and the ratio of the last to the first that is a decay.
 PARTS, DECAYS = 4, 0.5
 
 
@@ -40,8 +40,8 @@ class Transient(NamedTuple):
 def transients(ms: Accumulators, scene: Scene, begin: float, period: int) -> list[Transient]:
     """Estimate the transients along x and y of a run.
 
-    Ranges of places that do not decrease in time may be the motion's own: they count as far as the largest stroke of
-    the run may have left them.
+    If the ranges of positions do not decrease, they may belong to the motion itself. Then a transient is at most what
+    the damping leaves of the largest stroke of the run.
 
     Parameters
     ----------

@@ -99,7 +99,7 @@ class RunCurves:
         return self.detail["t_s"].to_numpy(dtype=float), values, values
 
     def in_last(self, seconds: float) -> RunCurves:
-        """Return it with the last part of its detail, so that several runs are seen beside each other."""
+        """Return it with only the last part of its detail, to compare several runs."""
         times = self.detail["t_s"]
         return replace(self, detail=self.detail[times >= times.iloc[-1] - seconds * (1.0 + 1e-9)])
 

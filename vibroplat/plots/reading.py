@@ -89,7 +89,7 @@ def turn_edges(evenly: pd.DataFrame, begin: float, end: float, most: int) -> Flo
 
 
 class Cut:
-    """What is shown of a trajectory: all rows of one interval, some of another one, and the extremes in its parts.
+    """Rows of a trajectory for curves: all of one interval, some of another one, and the extremes in its parts.
 
     Parameters
     ----------

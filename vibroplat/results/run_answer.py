@@ -18,7 +18,7 @@ STOPPING = 0.1
 #: Maximum ripple of an exciter at rest, relative to the largest synchronous speed. Minimum measuring interval, in turns
 #: at that speed, for the statement that an exciter hardly turns.
 AT_REST, ENOUGH = 1e-3, 10.0
-#: Transient over the largest stroke above which it is told.
+#: Ratio of a transient to the largest stroke above which it is printed.
 SETTLED = 0.02
 
 

@@ -206,7 +206,7 @@ class Sheet:
         return Row(label, self._pair(column), "", *self._peak(most.format(larger)))
 
     def _force(self, label: str, name: str, static: float, error: float = 0.0, largest: float | None = None) -> Row:
-        """Return the row of a force: its static and dynamic parts if there are both, otherwise its maximum.
+        """Return the row of a force: static and dynamic part, or its maximum if it has only one of them.
 
         ``error`` is how much of the dynamic part decays; values that are negligible relative to ``largest`` are 0.
         """

@@ -56,7 +56,7 @@ BLOCKS = 24
 #: Windows over which two motions are followed. In 120 windows of chaos at 59.5 Hz, one motion stays in one of its two
 #: classes for up to 15 of them, and in the other for up to 8.
 WINDOWS = 12
-#: Measures that tell classes apart, and the least width of a class relative to them.
+#: Measures that distinguish classes, and the smallest width of a class relative to them.
 CLASS_MEASURES, MIN_CLASS_WIDTH = ("rms_x_m", "rms_y_m", "rms_phi_rad"), 0.02
 
 

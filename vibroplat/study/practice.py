@@ -1,4 +1,4 @@
-"""The band of practice in pictures of sweeps: conveying speeds by formulas, beside those that were found."""
+"""The band of conveying speeds by formulas of practice in pictures of sweeps."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from vibroplat.study.branches import SUPPLY
 from vibroplat.study.curves import MAX_COLOURS
 from vibroplat.study.sweeps import Sweeps
 
-#: What formulas tell of.
+#: Column with the quantity that the formulas give.
 CONVEYING = "conveying_speed_m_per_s"
-#: What a band is called.
+#: Label of a band.
 NAME = f"formula of practice, ± {share(ERROR)}"
 
 

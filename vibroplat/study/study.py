@@ -84,7 +84,7 @@ class Study(ABC):
         return [self.scene]
 
     def places(self) -> Sequence[str]:
-        """Return what tells these scenes from each other in words, or nothing if their notes tell it."""
+        """Return in words how these scenes differ, or nothing if their notes say it."""
         return ()
 
     @abstractmethod

@@ -39,7 +39,7 @@ LOOK_S = 0.2
 #: Program of a worker: its arguments are its parent, and where that finds modules.
 PROGRAM = "import sys; parent, *sys.path = sys.argv[1:]; from vibroplat.system.workers import serve; serve(int(parent))"
 _LOCK = threading.Lock()
-#: What is inside of :func:`one_thread`: how many blocks, and the limits that end with the last of them.
+#: State of :func:`one_thread`: number of open blocks, and the limits that end with the last of them.
 _inside = 0
 _limits: list[Any] = []
 

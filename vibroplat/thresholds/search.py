@@ -58,7 +58,7 @@ CHECK_OFFSET = 0.02
 MAX_HALVINGS = 20
 #: Change of the measures beyond a special point where stability is lost that is no jump.
 MAX_GRADUAL = 0.1
-#: Relative change of the key from where a start just passes a resonance to where its time is told, too.
+#: Relative change of the key from where a start just passes a resonance to the second time that is printed.
 PASSED_OFFSET = 0.1
 #: Record of an orbit that cannot be followed.
 EMPTY_RECORD: Record = {"rows": [], "special": []}
@@ -347,7 +347,7 @@ class ThresholdSearch:
         return VALUES_NEAR_OTHER if self.disturbed else 0
 
     def start_times(self, passes: ScanPoint, other: ScanPoint) -> dict[float, float]:
-        """Return how long starts take (s) by values of the key: where one passes beside one that hangs, and beyond."""
+        """Return durations of starts (s) by values of the key: nearest to one that hangs, and farther away."""
         values = [passes.value, passes.value + math.copysign(PASSED_OFFSET * passes.value, passes.value - other.value)]
         within = [at for at in values if self.plan.start <= at <= self.plan.stop]
         times = self._run("start", [self._start_time(at, passes) for at in within])

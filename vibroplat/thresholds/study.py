@@ -232,7 +232,7 @@ class ThresholdStudy(Study):
         return f"{' and '.join(counted(n, noun) for n, noun in counts if n)} over {ends}", lines
 
     def _starts(self, search: ThresholdSearch, zones: Sequence[Zone]) -> list[str]:
-        """Return the line on how long starts take beside the first threshold where a motor hangs on one side."""
+        """Return the line on the duration of starts at the first threshold where a motor hangs on one side."""
         for below, above in ((zone.below.nearest, zone.above.nearest) for zone in zones):
             if self.plan.from_ != "initial" or below is None or above is None or below.hangs == above.hangs:
                 continue
