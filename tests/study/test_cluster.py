@@ -146,10 +146,11 @@ def test_no_worker_is_told_and_given_up(kernels, monkeypatch, caplog):
     from distributed import LocalCluster
 
     monkeypatch.setattr(cluster, "NOTICE_S", 0.1)
+    monkeypatch.setattr(cluster, "MAX_WAIT_S", 0.4)
     monkeypatch.setattr("vibroplat.study.pool.CHECK_AFTER_S", 0.1)
     with (
         LocalCluster(n_workers=0, processes=False, protocol="tcp", dashboard_address=":0") as empty,
-        pool(scheduler=empty.scheduler_address, wait=0.4) as workers,
+        pool(scheduler=empty.scheduler_address) as workers,
         caplog.at_level(logging.WARNING, "vibroplat"),
         pytest.raises(NoWorkersError) as caught,
     ):
@@ -232,6 +233,11 @@ def test_worker_with_other_code_that_joins_late_is_refused(place, table):
     resumed(place, table)
 
 
+def waiting(seconds):
+    """Text of a program that waits so long for workers."""
+    return f"from vibroplat.study import cluster\ncluster.MAX_WAIT_S = {seconds}\n"
+
+
 def given_up(done, what, seconds):
     """Whether a command has told what it waited for, and then ended; on a busy machine it ends without the notice."""
     *notice, end = done.err.splitlines()
@@ -244,7 +250,7 @@ def given_up(done, what, seconds):
 def test_last_worker_killed_is_told_and_given_up(place, table):
     with clusters.scheduler(place) as (address, _), clusters.worker(place, address) as worker:
         clusters.await_workers(address, 1)
-        with Child(place, "sweep", "c.yaml", "--scheduler", address, "--wait", "2") as child:
+        with Child(place, "sweep", "c.yaml", "--scheduler", address, before=waiting(2)) as child:
             await_points(place, 3, child)
             clusters.kill(worker)
             given_up(child.end(), f"a worker of the scheduler at {address}", 2)
@@ -256,7 +262,7 @@ def test_last_worker_killed_is_told_and_given_up(place, table):
 def test_scheduler_that_freezes_or_dies_is_told_and_costs_no_point(signal_, wait, place):
     with clusters.scheduler(place) as (address, scheduler), clusters.worker(place, address):
         clusters.await_workers(address, 1)
-        with Child(place, "sweep", "c.yaml", "--scheduler", address, "--wait", wait) as child:
+        with Child(place, "sweep", "c.yaml", "--scheduler", address, before=waiting(wait)) as child:
             await_points(place, 3, child)
             scheduler.send_signal(signal_)
             done = child.end()

@@ -72,14 +72,6 @@ Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print all number
 Resume = Annotated[bool, typer.Option("--resume", callback=_offer, help="Continue an interrupted command.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Discard the points of an unfinished command.")]
 Scheduler = Annotated[str | None, typer.Option(help="Address of a dask scheduler to use, e.g. tcp://host:8786.")]
-Wait = Annotated[
-    float,
-    typer.Option(
-        min=0.0,
-        metavar="S",
-        help="With --scheduler: give up after S seconds without a worker. A message appears after 5 s.",
-    ),
-]
 
 # -- before a command begins --------------------------------------------------------------------------------
 

@@ -12,7 +12,6 @@ import typer
 from vibroplat.cli import common
 from vibroplat.config.kinds import KINDS, Kind
 from vibroplat.errors import errors_about
-from vibroplat.study import MAX_WAIT_S
 from vibroplat.system.terminal import points_progress
 
 if TYPE_CHECKING:
@@ -28,7 +27,6 @@ class Execution(NamedTuple):
 
     jobs: int | None
     scheduler: str | None
-    wait: float
     form: Any
     options: dict[str, Any]
     check: bool
@@ -48,7 +46,6 @@ def study_command(kind: Kind) -> Callable[..., None]:
         resume: common.Resume = False,
         overwrite: common.Overwrite = False,
         scheduler: common.Scheduler = None,
-        wait: common.Wait = MAX_WAIT_S,
         format_: common.Format = "parquet",
         verbose: common.Verbose = False,
     ) -> None:
@@ -60,7 +57,7 @@ def study_command(kind: Kind) -> Callable[..., None]:
             mode = common.store_options(resume, overwrite)
             common.require_scheduler(scheduler)
             directory = common.command_directory(out, scene.name, kind.name, resume=resume)
-            how = Execution(jobs, scheduler, wait, format_, mode, check, verbose)
+            how = Execution(jobs, scheduler, format_, mode, check, verbose)
             if not run_and_print(study, directory, how):
                 raise typer.Exit(1)
 
@@ -121,7 +118,7 @@ def _compute(study: Study, directory: Path, how: Execution) -> tuple[Result, dic
         common.prepare_store(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if how.check else []))
         began = time.perf_counter()
         chains = max(study.chains(store), MAX_CROSS_CHECKS if how.check else 1)
-        with pool(how.jobs, how.scheduler, wait=how.wait, chains=chains) as workers:
+        with pool(how.jobs, how.scheduler, chains=chains) as workers:
             with points_progress(scene.name, study.counted) as progress:
                 result = study.run(store, workers, progress or (lambda done, known: None))
             seconds, known = time.perf_counter() - began, store.reused
@@ -153,7 +150,6 @@ def paper(
     resume: common.Resume = False,
     overwrite: common.Overwrite = False,
     scheduler: common.Scheduler = None,
-    wait: common.Wait = MAX_WAIT_S,
     format_: common.Format = "csv",
     seeds: Annotated[int, typer.Option(min=1, help="Number of perturbation seeds for each claim.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="First seed; figures are drawn with it.")] = 0,
@@ -179,7 +175,7 @@ def paper(
     for name, numbers in chosen.items():
         study = PaperStudy(numbers, range(seed, seed + seeds), name)
         directory = result_directory(out / "paper", name)
-        how = Execution(jobs, scheduler, wait, format_, common.store_options(resume, overwrite), check, verbose)
+        how = Execution(jobs, scheduler, format_, common.store_options(resume, overwrite), check, verbose)
         good &= run_and_print(study, directory, how)
         plot_results([directory])
     if not good:

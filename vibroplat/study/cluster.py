@@ -15,11 +15,10 @@ from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 from vibroplat.errors import ConfigError, VibroplatError
-from vibroplat.study import MAX_WAIT_S
 from vibroplat.system.interrupts import resume_is_offered
 
-#: Seconds without a worker after which the user is told what is waited for.
-NOTICE_S = 5.0
+#: Seconds without a worker after which the user is told what is waited for, and after which it is given up.
+NOTICE_S, MAX_WAIT_S = 5.0, 60.0
 #: Seconds in which a scheduler must answer when it is first called, and when it is asked for its workers.
 FIRST_ANSWER_S, ANSWER_S = 5.0, 2.0
 #: Seconds after which workers are counted again.
@@ -78,8 +77,6 @@ class Cluster:
     ----------
     address
         Of the scheduler.
-    wait
-        Seconds after which a cluster without workers is given up.
 
     Raises
     ------
@@ -87,15 +84,13 @@ class Cluster:
         dask.distributed is not installed, or no scheduler answers.
     """
 
-    def __init__(self, address: str, wait: float = MAX_WAIT_S) -> None:
+    def __init__(self, address: str) -> None:
         require_scheduler(address)
-        if math.isnan(wait) or wait < 0.0:
-            raise ConfigError(f"--wait {wait}; allowed: a number of seconds, at least 0")
         from distributed import Client, KilledWorker  # noqa: PLC0415  (optional)
 
         from vibroplat.study import fingerprint  # noqa: PLC0415  (machine code is loaded for it)
 
-        self._address, self._wait = address, wait
+        self._address = address
         self._fingerprint, self._expected = fingerprint, fingerprint.fingerprint()
         self._killed = KilledWorker
         self._since: float | None = None
@@ -190,10 +185,10 @@ class Cluster:
             return
         missing = f"{'an answer' if workers is None else 'a worker'} of the scheduler at {self._address}"
         self._since = now if self._since is None else self._since
-        if now - self._since >= self._wait:
-            raise NoWorkersError(f"waited {self._wait:g} s for {missing}{_records_kept()}")
+        if now - self._since >= MAX_WAIT_S:
+            raise NoWorkersError(f"waited {MAX_WAIT_S:g} s for {missing}{_records_kept()}")
         if now - self._since >= NOTICE_S and not self._notified and self._client.status == "running":
-            _LOG.warning("waiting for %s, up to %g s", missing, self._wait)
+            _LOG.warning("waiting for %s, up to %g s", missing, MAX_WAIT_S)
             self._notified = True
 
     def _gone(self) -> NoWorkersError:

@@ -20,7 +20,6 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 from pydantic import BaseModel
 
-from vibroplat.study import MAX_WAIT_S
 from vibroplat.study.cluster import Cluster, WorkerLostError
 from vibroplat.study.store import Record, Store, aside_name, digest
 from vibroplat.system.interrupts import stop_if_asked, unwinding, watching
@@ -271,7 +270,7 @@ def _wait_for_task(running: Iterable[Future[Any]], workers: Pool) -> set[Future[
 
 
 class Pool(Protocol):
-    """Where tasks run.
+    """Where tasks run; by itself it replaces, looks for and stops nothing.
 
     Attributes
     ----------
@@ -283,22 +282,21 @@ class Pool(Protocol):
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Start a task; its error is :class:`.WorkerLostError` if its worker died too often."""
-        ...
 
     def renew(self) -> None:
         """Replace workers that have died."""
-        ...
+        return
 
     def check(self) -> None:
         """Raise :class:`.NoWorkersError` if no worker can answer any more."""
-        ...
+        return
 
     def close(self) -> None:
         """Stop the workers, even in the middle of a task."""
-        ...
+        return
 
 
-class Inline:
+class Inline(Pool):
     """Runs tasks in this process."""
 
     slots = 1
@@ -312,17 +310,8 @@ class Inline:
             future.set_exception(error)
         return future
 
-    def renew(self) -> None:
-        """Nothing to replace."""
 
-    def check(self) -> None:
-        """Nothing to look for: a task has finished when it is submitted."""
-
-    def close(self) -> None:
-        """Nothing to stop."""
-
-
-class Processes:
+class Processes(Pool):
     """Worker processes of this machine; numerical libraries use one thread in each."""
 
     def __init__(self, jobs: int) -> None:
@@ -338,9 +327,6 @@ class Processes:
         """Start new workers, as one of the old ones has died."""
         self._workers.close()
         self._workers = _start_workers(self._jobs)
-
-    def check(self) -> None:
-        """Nothing to look for: the futures of workers that die fail by themselves."""
 
     def close(self) -> None:
         """Stop the workers."""
@@ -358,9 +344,7 @@ def _start_workers(jobs: int) -> Workers:
 
 
 @contextmanager
-def pool(
-    jobs: int | None = 1, scheduler: str | None = None, *, wait: float = MAX_WAIT_S, chains: int | None = None
-) -> Iterator[Pool]:
+def pool(jobs: int | None = 1, scheduler: str | None = None, *, chains: int | None = None) -> Iterator[Pool]:
     """Open a pool: this process for one job, worker processes for more, or the workers of a dask scheduler.
 
     While it is open, linear algebra has one thread in this process, as in workers.
@@ -371,8 +355,6 @@ def pool(
         Worker processes; None for as many as there are cores. Processes without a chain or a core are not started.
     scheduler
         Address of a dask scheduler, whose workers are used instead.
-    wait
-        Seconds after which a scheduler without workers is given up.
     chains
         The most chains that are run side by side, if that is known.
 
@@ -387,7 +369,7 @@ def pool(
             yield Inline()
         return
     with unwinding(), one_thread():
-        opened: Pool = Processes(processes) if scheduler is None else Cluster(scheduler, wait)
+        opened: Pool = Processes(processes) if scheduler is None else Cluster(scheduler)
         try:
             yield opened
         finally:

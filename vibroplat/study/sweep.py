@@ -169,7 +169,6 @@ def sweep(scene: Scene, **options: Unpack[Options]) -> Result:
 
         * ``jobs``: number of worker processes;
         * ``scheduler``: address of a dask scheduler, whose workers are used instead;
-        * ``wait``: time after which a scheduler without workers is given up (s);
         * ``progress``: function that is called with the numbers of finished and of all points.
 
     Returns
