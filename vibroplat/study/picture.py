@@ -95,7 +95,7 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     panels, left = content.measures(
         table, asked=columns, kept=sweeps.kept, stripped=strips is not None or table["sync"].nunique() == 1
     )
-    series, jumps, equal = curves_of(sweeps, [panel.column for panel in panels], colours, told=strips is None)
+    series, jumps, equal = curves_of(sweeps, [panel.column for panel in panels], colours, mark_aperiodic=strips is None)
     practice, drawn = bands(sweeps, drawn, colours)
     formula = " Bands: conveying speed by formulas of practice, from the path of the platform." if practice else ""
     known = sweeps.x if drawn[sweeps.x].notna().any() else sweeps.key
@@ -114,7 +114,7 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         states=content.motions_of(table),
         rotation=sweeps.rotation,
         scale=scale,
-        told=sweeps.told(left, f"curves coincide: {'; '.join(equal)}" if equal else ""),
+        caption=sweeps.caption(left, f"curves coincide: {'; '.join(equal)}" if equal else ""),
         meaning=f"Solid: up; dashed: down, seen where it differs; arrows: jumps; ×: failed.{formula}{sweeps.meaning}",
         orbits=picture.Orbits(table),
     )
@@ -159,7 +159,7 @@ def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> picture.Picture:
         facets=facets if len(facets) > 1 else (),
         strips=strips,
         choice="branch",
-        told=sweeps.told(),
+        caption=sweeps.caption(),
         meaning="Each dot is a point of the Poincaré section, or an impact; the way down lies below the way up.",
         high=True,
     )
@@ -252,7 +252,7 @@ def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         choice="direction",
         rotation=sweeps.rotation,
         states=content.motions_of(table),
-        told=sweeps.told(),
+        caption=sweeps.caption(),
         meaning="Each tile is a point of the sweep; white: failed.",
         orbits=picture.Orbits(table) if not len(curves) else None,
         high=True,

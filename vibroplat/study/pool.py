@@ -90,7 +90,7 @@ class StoredChain(Generic[T]):
     tasks
         What is to be done; it must yield the same tasks when it is sent the same records.
     records
-        Where the records are stored; None for those that nobody goes on with.
+        Where the records are stored.
     name
         Of the chain, under which they are.
 
@@ -100,7 +100,7 @@ class StoredChain(Generic[T]):
         The next task; None if the chain is done.
     """
 
-    def __init__(self, tasks: Tasks[T], records: Store | None, name: int | str) -> None:
+    def __init__(self, tasks: Tasks[T], records: Store, name: int | str) -> None:
         self._tasks = tasks
         self._records = records
         self._name = name
@@ -140,8 +140,7 @@ class StoredChain(Generic[T]):
                 raise result
             result = self.next.on_worker_loss(str(result))
         record = result if isinstance(result, dict) else vars(result)
-        if self._records is not None:
-            self._records.write(self._name, self._place, record, self._digest)
+        self._records.write(self._name, self._place, record, self._digest)
         self._send(record)
 
     def _send(self, record: Record | None) -> None:
@@ -158,8 +157,6 @@ class StoredChain(Generic[T]):
                 self._asides += [] if aside.done else [aside]
                 record = None
                 continue
-            if self._records is None:
-                return
             self._place += 1
             self._digest = self.next.digest
             record = self._records.get(self._name, self._place, self._digest)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from vibroplat.config.digits import share
+from vibroplat.config.digits import percent
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.frames import pd
 from vibroplat.inspection.material import ERROR, range_of_row
@@ -18,7 +18,7 @@ from vibroplat.study.sweeps import Sweeps
 #: Column with the quantity that the formulas give.
 CONVEYING = "conveying_speed_m_per_s"
 #: Label of a band.
-NAME = f"formula of practice, ± {share(ERROR)}"
+NAME = f"formula of practice, ± {percent(ERROR)}"
 
 
 def bands(sweeps: Sweeps, drawn: pd.DataFrame, colours: Mapping[str, str]) -> tuple[list[picture.Series], pd.DataFrame]:
