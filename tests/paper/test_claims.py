@@ -173,15 +173,6 @@ def test_claim_is_judged_as_well_without_what_it_does_not_look_at(name):
         assert judge(CLAIMS[name], part) == judge(CLAIMS[name], own)
 
 
-def test_branches_end_where_no_claim_looks_any_more(evidence):
-    """Those with R above 0.5 are asked for by R-none alone, up to 26 Hz."""
-    branch, _ = evidence.branches[Curve(0.2, 1.0)]
-    wanted = [CLAIMS[name] for name in ("R-none", "R-amp-over", "jump-left", "NI-over")]
-    assert cut(branch, wanted).key_values[-1] == 54.0
-    assert cut(branch, wanted[1:]).key_values == cut(branch, []).key_values == ()
-    assert cut(evidence.branches[Curve(0.2)][0], wanted).key_values == branch.key_values
-
-
 def test_damping_of_the_layers_is_subcritical_and_strong(evidence):
     branch, rows = evidence.branches[Curve(0.2)]
     for material, holds in (

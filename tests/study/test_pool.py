@@ -177,21 +177,6 @@ def test_task_whose_worker_is_lost_has_no_record_but_that_for_this_case():
 # -- chains ---------------------------------------------------------------------------------------------
 
 
-def doubled(value, count):
-    """Double a value so often, each time in a task."""
-    for _ in range(count):
-        value = (yield Task(dict, ({"value": 2 * value},)))["value"]
-    return value
-
-
-def test_tasks_of_a_chain_follow_one_another(processes):
-    for workers in (Inline(), processes):
-        with Store(None, {}) as store:
-            chains = [StoredChain(doubled(k, k), store, k) for k in range(6)]
-            assert run_stored(chains, workers) == [k * 2**k for k in range(6)]
-            assert run_stored([], workers) == []
-
-
 def test_workers_work_side_by_side(processes):
     chains = [Calls(*[(time.sleep, (0.03,)), (os.getpid, ())] * 4) for _ in range(4)]
     found = finish(chains, processes)

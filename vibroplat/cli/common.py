@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
     from vibroplat.results.answer import Answer
     from vibroplat.results.result import Result
-    from vibroplat.study.store import Store
 
 # -- options ----------------------------------------------------------------------------------------------
 
@@ -112,14 +111,6 @@ def workers_of(study: str, engine: str | None, jobs: int | None, scheduler: str 
     return loading_workers(jobs, load_study, study, engine or "auto")
 
 
-def prepare_store(store: Store, engine: str, *others: str) -> None:
-    """Load the kernels of a study; refuse to resume a study that used another arithmetic (ConfigError)."""
-    load_kernels(engine, *others)
-    from vibroplat.study.fingerprint import arithmetic
-
-    store.require("arithmetic", arithmetic(engine))
-
-
 def store_options(resume: bool, overwrite: bool) -> dict[str, Any]:
     """Return the arguments of a store for ``--resume`` and ``--overwrite``, which exclude each other."""
     if overwrite and resume:
@@ -172,13 +163,6 @@ def finished(
 
 
 # -- what is printed ----------------------------------------------------------------------------------------
-
-
-def print_notes_early(notes: Sequence[str]) -> None:
-    """Print notes on the input before a long computation, to a person who waits for it."""
-    if sys.stderr.isatty():
-        for note in notes:
-            print(f"vibroplat: note: {note}", file=sys.stderr)
 
 
 def print_answer(
