@@ -220,7 +220,7 @@ def test_curves_that_figures_share_are_computed_once(one, other, changes):
 def test_curves_that_differ_are_computed_each():
     """Of the branches of Figs. 2, 3 and 6 three are there twice."""
     numbers = machine_numbers("calibrated")
-    machine, _ = reproduction.trials_of(numbers, (0,))
+    machine, _ = reproduction.PaperStudy(numbers).trials()
     found = [b for trial in machine for name in trial.names for b in branches(trial.scene(name))]
     assert len(found) == len(set(map(reproduction.curve_of, found))) + 3
     assert reproduction.PaperStudy(numbers).chains(None) == len(found) - 3

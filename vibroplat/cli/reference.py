@@ -42,9 +42,7 @@ def new(
         raise ConfigError(f"{file} exists already; allowed: the name of a new file") from None
     except OSError as error:
         raise ConfigError(f"{file}: cannot be written ({error.strerror or error})") from None
-    known = (command for command in ("run", "sweep", "orbits") if command == "run" or f"\n{command}:" in text)
-    *commands, last = (f"`vibroplat {command} {quoted}`" for command in known)
-    print(f"{file}: change it, then run {', '.join(commands)} or {last}")
+    print(f"{file}: change it, then `vibroplat run {quoted}`; its first lines name further commands")
 
 
 def schema(

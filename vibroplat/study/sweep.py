@@ -379,14 +379,10 @@ def failures(table: pd.DataFrame) -> list[str]:
     """Describe each point that did not end ``ok``: its outcome, its place in the sweep and the reason."""
     swept = list(table.columns[: list(table.columns).index("direction") + 1])
     return [
-        f"{row['outcome']} at {', '.join(f'{key} {row[key]}' for key in swept)}: {_without_state(str(row['detail']))}"
+        f"{row['outcome']} at {', '.join(f'{key} {row[key]}' for key in swept)}: {reason}"
         for _, row in table[table["outcome"] != "ok"].iterrows()
+        for reason in [str(row["detail"]).partition(", state [")[0]]  # without the numbers of its last state
     ]
-
-
-def _without_state(detail: str) -> str:
-    """Return why a motion ended, without the numbers of its last state."""
-    return detail.partition(", state [")[0]
 
 
 def notes_on_points(table: pd.DataFrame) -> list[str]:
