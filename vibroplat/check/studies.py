@@ -46,11 +46,6 @@ class CrossCheck(NamedTuple):
     largest: float
     disagreements: list[str]
 
-    @property
-    def agrees(self) -> bool:
-        """Whether no motion differs."""
-        return not self.disagreements
-
     def lines(self) -> Iterator[tuple[str, str]]:
         """Yield lines that summarize it: label and text."""
         motions = f"{self.checked} motion{'s' * (self.checked != 1)}"

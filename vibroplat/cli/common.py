@@ -131,14 +131,13 @@ def command_directory(out: Path, name: str, command: str, *, resume: bool = Fals
 
 @contextmanager
 def _compilation(engine: str) -> Iterator[None]:
-    """Compile an engine's loop in a second process, and show the number of compiled kernels."""
+    """Compile an engine's loop in a second process as well, and show how long it takes."""
     from vibroplat.kernels import cache
     from vibroplat.motion import run
     from vibroplat.system.compile_lock import second_compiler
 
-    folder, before = cache.folder(), cache.count()
-    helped = nullcontext() if folder is None else second_compiler(lambda: run.compile_loop(engine))
-    with helped, compilation_progress(lambda: cache.count() - before):
+    helped = nullcontext() if cache.folder() is None else second_compiler(lambda: run.compile_loop(engine))
+    with helped, compilation_progress():
         yield
 
 
