@@ -247,17 +247,6 @@ def given_up(done, what, seconds):
 
 
 @pytest.mark.faults
-def test_last_worker_killed_is_told_and_given_up(place, table):
-    with clusters.scheduler(place) as (address, _), clusters.worker(place, address) as worker:
-        clusters.await_workers(address, 1)
-        with Child(place, "sweep", "c.yaml", "--scheduler", address, before=waiting(2)) as child:
-            await_points(place, 3, child)
-            clusters.kill(worker)
-            given_up(child.end(), f"a worker of the scheduler at {address}", 2)
-    resumed(place, table)
-
-
-@pytest.mark.faults
 @pytest.mark.parametrize(("signal_", "wait"), [(signal.SIGSTOP, 2), (signal.SIGKILL, 60)])
 def test_scheduler_that_freezes_or_dies_is_told_and_costs_no_point(signal_, wait, place):
     with clusters.scheduler(place) as (address, scheduler), clusters.worker(place, address):

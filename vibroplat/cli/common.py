@@ -66,7 +66,7 @@ Format = Annotated[
         "written beside parquet.",
     ),
 ]
-Jobs = Annotated[int, typer.Option(min=1, help="Number of worker processes.")]
+Jobs = Annotated[int, typer.Option(min=1, help="Number of worker processes, at most one for each core.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print all numbers, not only the answer.")]
 Resume = Annotated[bool, typer.Option("--resume", callback=_offer, help="Continue an interrupted command.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Discard the points of an unfinished command.")]

@@ -11,7 +11,6 @@ arguments alone, so results do not depend on how chains are spread over workers.
 
 from __future__ import annotations
 
-import logging
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
@@ -32,8 +31,6 @@ CHECK_AFTER_S = 1.0
 TICK_S = 0.1
 #: How many times a task that runs alone may lose its worker before it is given up.
 MAX_LOSSES = 2
-
-_LOG = logging.getLogger("vibroplat")
 
 T = TypeVar("T")
 
@@ -349,7 +346,7 @@ def pool(jobs: int | None = 1, scheduler: str | None = None, *, chains: int | No
     Parameters
     ----------
     jobs
-        Worker processes; None for as many as there are cores. Processes without a chain or a core are not started.
+        Worker processes; None for as many as there are cores. There are at most as many as chains and as cores.
     scheduler
         Address of a dask scheduler, whose workers are used instead.
     chains
@@ -360,8 +357,8 @@ def pool(jobs: int | None = 1, scheduler: str | None = None, *, chains: int | No
     ConfigError
         The scheduler does not answer, or dask.distributed is not installed.
     """
-    processes = 1 if scheduler is not None else _useful_processes(jobs, chains)
-    if scheduler is None and processes == 1:
+    processes = 1 if jobs == 1 else min(count for count in (jobs, chains, core_count()) if count is not None)
+    if scheduler is None and processes <= 1:
         with one_thread():
             yield Inline()
         return
@@ -371,17 +368,3 @@ def pool(jobs: int | None = 1, scheduler: str | None = None, *, chains: int | No
             yield opened
         finally:
             opened.close()
-
-
-def _useful_processes(jobs: int | None, chains: int | None) -> int:
-    """Return how many of the processes have both a task and a core; warn if some have not."""
-    if jobs == 1:
-        return 1
-    cores = core_count()
-    wanted = cores if jobs is None else jobs
-    useful = max(1, min(wanted, cores, wanted if chains is None else chains))
-    if jobs is not None and useful < jobs and chains != 0:
-        used = f"{useful} processes are" if useful > 1 else "one process is"
-        why = "there are no more cores" if useful == cores else "no more tasks can run at the same time"
-        _LOG.warning("--jobs %d: only %s used, because %s", jobs, used, why)
-    return useful
