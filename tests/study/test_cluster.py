@@ -19,6 +19,7 @@ from vibroplat.errors import ConfigError
 from vibroplat.study import cluster
 from vibroplat.study.cluster import IncompatibleWorkerError, NoWorkersError, require_scheduler
 from vibroplat.study.pool import pool, run_chains
+from vibroplat.system.interrupts import RESUMABLE
 
 from .helpers import Calls
 
@@ -31,8 +32,6 @@ SWEEP = (
 )
 #: A change of one line that changes all points: its file, the old text and the new one.
 CHANGE = ("study/point.py", "plan.perturbation, (plan.seed, *key)", "1.01 * plan.perturbation, (plan.seed, *key)")
-#: How what is given up ends.
-KEPT = "finished points are kept: continue with --resume"
 
 
 # -- addresses where no scheduler is ----------------------------------------------------------------------
@@ -228,7 +227,7 @@ def test_worker_with_other_code_that_joins_late_is_refused(place, table):
         done = child.end()
     assert not_a_line(done, codes=(1,)) == ""
     assert done.err.startswith("vibroplat: worker tcp://127.0.0.1:")
-    assert (": source files " in done.err, KEPT in done.err) == (True, True)
+    assert (": source files " in done.err, RESUMABLE in done.err) == (True, True)
     assert finished_points(place / "results/c/sweep") >= 2
     resumed(place, table)
 
@@ -242,7 +241,7 @@ def given_up(done, what, seconds):
     """Whether a command has told what it waited for, and then ended; on a busy machine it ends without the notice."""
     *notice, end = done.err.splitlines()
     assert notice in ([], [f"vibroplat: waiting for {what}, up to {seconds} s"])
-    assert end == f"vibroplat: waited {seconds} s for {what}; {KEPT}"
+    assert end == f"vibroplat: waited {seconds} s for {what}; {RESUMABLE}"
     assert (done.code, done.out) == (1, "")
 
 
@@ -258,6 +257,6 @@ def test_scheduler_that_freezes_or_dies_is_told_and_costs_no_point(signal_, wait
     if signal_ == signal.SIGSTOP:
         given_up(done, f"an answer of the scheduler at {address}", wait)
     else:
-        told = f"vibroplat: the scheduler at {address} is gone; {KEPT}\n"
+        told = f"vibroplat: the scheduler at {address} is gone; {RESUMABLE}\n"
         assert done == (1, "", told)
     assert finished_points(place / "results/c/sweep", "worker-lost") == 0
