@@ -99,8 +99,8 @@ class Evidence:
 
     Attributes
     ----------
-    courses
-        By key.
+    branches
+        Branches and the rows of their points.
     beta
         β of the non-impact model (1/s); None if there is none.
     boundaries

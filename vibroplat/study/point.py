@@ -170,11 +170,11 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
         Full state at the end of the point before, shape (14,); without it the point begins with ``run.initial``.
     key
         Numbers that, with the plan's seed, determine the perturbation; see
-        :meth:`vibroplat.study.branches.SweepBranch.key`.
+        :meth:`vibroplat.study.branches.SweepBranch.perturbation_key`.
 
     Returns
     -------
-    Point
+    SweepPoint
         With outcome ``out-of-memory`` if there is not enough for it.
     """
     began = time.perf_counter()
