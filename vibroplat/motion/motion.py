@@ -239,10 +239,12 @@ class Simulator:
         There is room for the last SECTION_ROWS points of its section; for fewer where a part of a run has no more turns
         at FASTEST times the largest synchronous speed.
         """
-        if self._observer is None:
-            self._observer = Statistics(window, named=len(self.scene.output.points))
         turns = SECTION_ROWS if scope >= WHOLE_RUN else FASTEST * self.scene.speed_scale / _TURN * seconds
-        self._observer.begin(window, int(min(max(turns, MAX_FINAL_PERIOD) + 2.0, SECTION_ROWS)), blocks, scope)
+        points = int(min(max(turns, MAX_FINAL_PERIOD) + 2.0, SECTION_ROWS))
+        if self._observer is None:
+            self._observer = Statistics(window, points, len(self.scene.output.points), blocks, scope)
+        else:
+            self._observer.begin(window, points, blocks, scope)
         return self._observer
 
     def to_time(self, time: float, observers: Sequence[Observer] = ()) -> None:
