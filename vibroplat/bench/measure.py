@@ -44,10 +44,8 @@ TIMED_S = 10.0
 #: Processor time of a turn (s) up to which a task is repeated.
 MAX_TURN_S = 0.02
 
-#: Column of the time of a run, as a user has it.
-RUN = "simulate_ms_per_s"
-#: Columns of times, and what they are of: all that a user waits for, an engine with its statistics, an engine alone.
-TIMES = {RUN: "simulate", "ms_per_s": "with statistics", "bare_ms_per_s": "alone"}
+#: Columns of times: of all that a user waits for, of an engine with its statistics, of an engine alone.
+TIMES = (RUN, _, ALONE) = "simulate_ms_per_s", "ms_per_s", "bare_ms_per_s"
 
 K = TypeVar("K")
 T = TypeVar("T")
@@ -151,10 +149,10 @@ def event_errors(mine: pd.DataFrame, theirs: pd.DataFrame) -> dict[str, float]:
 
 
 class TimedEngine:
-    """A scene, and what makes the engine that runs it."""
+    """A scene, what makes the engine that runs it, and how long a motion is timed: at least TIMED_S (s)."""
 
     def __init__(self, scene: Scene, make: Callable[[Scene, Parameters], Engine] = make_engine) -> None:
-        self.scene, self.make = scene, make
+        self.scene, self.make, self.timed_s = scene, make, max(scene.run.duration_s, TIMED_S)
 
     def run(self, times: Iterable[float]) -> RunResult:
         """Run the scene, whose states at these times are compared; RuntimeError if it ends early."""
@@ -163,25 +161,17 @@ class TimedEngine:
             raise RuntimeError(f"{run.outcome}: {run.summary['detail']}")
         return run
 
-    @property
-    def timed_s(self) -> float:
-        """How long a motion is timed: the scene's, but at least TIMED_S (s)."""
-        return max(self.scene.run.duration_s, TIMED_S)
-
-    def timed(self, what: str) -> tuple[float, Any]:
-        """Return the processor time of a motion (s), one of :data:`TIMES`, and what it gave."""
-        if what == "simulate":
-            return timed(self._simulate)
+    def timed(self, column: str) -> tuple[float, Any]:
+        """Return a processor time of a motion (s), for a column of times, and what it gave."""
+        if column == RUN:  # with the notes that a user reads
+            scene = self.scene.replace({"run.duration_s": self.timed_s})
+            return timed(lambda: simulate(scene, keep="summary", engine=self.make).notes)
         p = parameters(self.scene)
         with closing(self.make(self.scene, p)) as engine:
             motion = Simulator(self.scene, p, engine)
-            if what == "alone":
+            if column == ALONE:
                 return timed(motion.to_time, self.timed_s)
             return timed(motion.advance, self.timed_s, settle=SETTLE_FRACTION * self.timed_s)
-
-    def _simulate(self) -> list[str]:
-        """Simulate the motion, and return the notes that a user reads with its summary."""
-        return simulate(self.scene.replace({"run.duration_s": self.timed_s}), keep="summary", engine=self.make).notes
 
 
 def of_engine(name: str, scene: Scene, tolerance: float) -> TimedEngine:
@@ -222,16 +212,12 @@ def precision(
                 row |= {"engine": run.summary["engine"], "steps": run.summary["steps"]}
                 row |= coordinate_errors(run, case.trajectory) | event_errors(run.events, case.events)
                 row["coordinates"] = max(row[c] / scales[c] for c in COORDINATES if c in row)
-                solver.timed("simulate")  # it may fail later than the errors are measured
+                solver.timed(RUN)  # it may fail later than the errors are measured
                 solvers[key] = solver
             except Exception as reason:  # whatever a library raises is its row's, not the bench's end
                 row["failed"] = f"{type(reason).__name__}: {reason}".splitlines()[0]
             by_key[key] = row
-        tasks = {
-            (key, column): partial(solver.timed, what)
-            for key, solver in solvers.items()
-            for column, what in TIMES.items()
-        }
+        tasks = {(key, column): partial(solver.timed, column) for key, solver in solvers.items() for column in TIMES}
         for (key, column), times in by_turns(tasks, repeats).items():
             by_key[key][column] = 1e3 * np.median(times.seconds) / solvers[key].timed_s
         rows += by_key.values()
@@ -343,7 +329,7 @@ def brief_precision(table: pd.DataFrame, equal: pd.DataFrame | None) -> list[str
     times = first.assign(times=[" / ".join(map(number, row)) for row in first[[*TIMES]].to_numpy().tolist()])
     return [
         f"processor time of simulate at equal error{ends}{more}",
-        f"  ms per s of motion: simulate / engine {' / engine '.join([*TIMES.values()][1:])}",
+        "  ms per s of motion: simulate / engine with statistics / engine alone",
         *_lines(times.pivot_table("times", "case", "engine", sort=False, aggfunc="first")),
     ]
 

@@ -200,7 +200,7 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> tuple[d
     left = [Transient(0.0, 0.0)] * 2
     if changed <= since and any(scene.driven(since, until)):
         left = transients(part.measures, scene, max(start, changed), repeats)
-    stroke = _stroke(sheet)
+    stroke = max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)
     moved = max(left[0].size, left[1].size) / stroke if stroke > MIN_STROKE else None
     whole = whole_run(part.measures, scene, start, slow_motors(scene, measures), locked)
     return {
@@ -233,7 +233,7 @@ def _notes(scene: Scene, summary: Mapping[str, Any], left: Sequence[Transient], 
     begin, seconds = summary["begins_s"], summary["simulated_s"]
     notes = (
         *notes_on_measures(scene, summary),
-        _settling(left, _stroke(summary), seconds),
+        _settling(left, summary),
         _unbalanced(scene, summary),
         drift(summary) if all(scene.driven(summary["measured_from_s"], summary["measured_to_s"])) else "",
         change(scene, summary, begin),
@@ -245,19 +245,15 @@ def _notes(scene: Scene, summary: Mapping[str, Any], left: Sequence[Transient], 
     return [note for note in notes if note]
 
 
-def _stroke(sheet: Mapping[str, Any]) -> float:
-    """Return the larger stroke of a data sheet (m)."""
-    return max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)
-
-
-def _settling(left: Sequence[Transient], stroke: float, seconds: float) -> str:
-    """Return the note on transients along x and y in strokes (m) of a run of so many seconds, or an empty text."""
+def _settling(left: Sequence[Transient], summary: Mapping[str, Any]) -> str:
+    """Return the note on transients along x and y in the strokes of a run, or an empty text."""
+    stroke = max(summary["stroke_x_m"] or 0.0, summary["stroke_y_m"] or 0.0)
     axis, largest = max(zip("xy", left, strict=True), key=lambda one: one[1].size)
     if stroke < MIN_STROKE or largest.size <= SETTLED * stroke:
         return ""
     text = "is left from the start, for nothing damps it, and is in the forces, too"
     if largest.rate:
-        longer = seconds + 2.0 / largest.rate * math.log(largest.size / (0.5 * SETTLED * stroke))
+        longer = summary["simulated_s"] + 2.0 / largest.rate * math.log(largest.size / (0.5 * SETTLED * stroke))
         text = (
             "is a transient that decays while it is measured, and is in the forces, too: "
             f"run.duration_s = {given(float(f'{longer:.2g}'))} leaves about {share(0.5 * SETTLED)}"

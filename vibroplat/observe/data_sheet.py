@@ -13,7 +13,6 @@ from vibroplat.columns import Column, Columns, split
 from vibroplat.config.computation import Output
 from vibroplat.config.drive import SupplyInterval
 from vibroplat.config.scene import Scene
-from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.conveying import CONVEYING, conveying
 from vibroplat.observe.extremes import (
     ACCELERATION,
@@ -306,9 +305,7 @@ def _largest(extremes: Any, columns: Mapping[str, Extreme]) -> dict[str, float |
     return values
 
 
-def _when(
-    extremes: Mapping[str, FloatArray], column: Extreme, turn: Sequence[Sequence[float]]
-) -> tuple[float, float | None]:
+def _when(extremes: Mapping[str, Any], column: Extreme, turn: Sequence[Any]) -> tuple[float, float | None]:
     """Return when the value of a column was complete (s), and the pace around then (rad/s).
 
     Extremes are the fields of their record. The last turn, with its marks as in
@@ -323,8 +320,7 @@ def _when(
     if at <= turn_start:
         return at, speed
     # as pace() in extremes.py, which is for kernels: a call from here would compile it by itself
-    mean = 0.5 * sum(abs(angle_now - angle) for angle, angle_now in zip(angles, angles_now, strict=True))
-    mean /= now - before
+    mean = 0.5 * sum(abs(b - a) for a, b in zip(angles, angles_now, strict=True)) / (now - before)
     return at, mean if now - turn_start <= 2.0 * (turn_start - before) else None
 
 

@@ -324,10 +324,8 @@ class RunResult(Result):
         A run that kept nothing to make a table of has no such warnings. If the table has no room in memory, a note says
         so.
         """
-        if self.saved is not None:
-            return list(self.summary["notes"])
-        notes = self._remarks()
-        if self._peaks is None and not self.segments:
+        notes = self._remarks() if self.saved is None else list(self.summary["notes"])
+        if self.saved is not None or (self._peaks is None and not self.segments):
             return notes
         peaks = self._peaks
         if peaks is None:
