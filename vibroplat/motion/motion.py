@@ -132,12 +132,14 @@ class Simulator:
         self.automaton.inelastic["restitution"] = 0.0
 
     def take(self, scene: Scene, p: Parameters) -> None:
-        """Begin anew with another scene of the same systems, tolerance and engine, whose drive has no program."""
+        """Go over to another scene of the same systems, tolerance and engine, whose drive has no program.
+
+        Its motions begin with :meth:`reset`.
+        """
         self.scene, self._intervals, self._interval = scene, scene.drive.intervals, scene.drive.at(0.0)
-        self._run[:] = beginning(scene, self.engine.turns_per_segment)
+        self._run[:] = beginning(scene, self.engine.turns_per_segment, self._state)
         record_words(self.beginning)[:] = record_words(self.automaton.run)
         self.set_parameters(p)
-        self._first_mode(self.automaton)
 
     def reset(self, state: FloatArray) -> None:
         """Begin anew at another full state, shape (14,), at the time and in the interval of the drive as before.
