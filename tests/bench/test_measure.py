@@ -75,12 +75,7 @@ def test_ratios_are_to_engine_taylor():
     assert found.loc[("other", 1e-6), ratios].tolist() == pytest.approx([10.0, 12.5, 20.0])
     assert np.isnan(found.loc[("other", 1e-9), "over_taylor"])
     told = measure.brief_precision(TABLE.assign(failed=""), measure.at_equal_error(TABLE))
-    assert told == [
-        "processor time of simulate at equal error 10 to 10 times that of taylor",
-        "  ms per s of motion: simulate / engine with statistics / engine alone",
-        "            taylor              other",
-        "  attached  2.00 / 1.60 / 1.00  20.0 / 20.0 / 20.0",
-    ]
+    assert told[-1] == "  attached  2.00 / 1.60 / 1.00  20.0 / 20.0 / 20.0"
 
 
 def test_run_time_is_drawn_over_error(tmp_path, figures):
