@@ -76,9 +76,6 @@ def not_a_line(done, codes=(2,)):
     return ""
 
 
-# -- in a process of its own ----------------------------------------------------------------------------
-
-
 def script(before=""):
     """Return the program as Python text, with something to do first."""
     (entry,) = entry_points(group="console_scripts", name="vibroplat")

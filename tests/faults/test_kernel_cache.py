@@ -64,9 +64,6 @@ def block(folder):
     folder.write_text("in the way")
 
 
-# -- where it lies --------------------------------------------------------------------------------------
-
-
 def test_installation_without_a_home_keeps_its_own(package):
     assert found(package).parent == package / "__pycache__"
     assert cache.notice() == ""
@@ -223,9 +220,6 @@ def test_first_engine_says_once_that_it_compiles(told, command, here, monkeypatc
         simulate(Scene().replace({"run.duration_s": 0.001}), keep="summary")
     assert caplog.messages == [f"compiling the numerical kernels; {told}"]
     announce_compilation.cache_clear()
-
-
-# -- when it is out of date -----------------------------------------------------------------------------
 
 
 def test_change_of_any_source_is_another_folder(package):
@@ -397,9 +391,6 @@ def test_no_number_that_the_digest_does_not_cover_is_imported_beside_kernels():
     assert [place for place, value in found.items() if isinstance(value, int | float | np.ndarray)] == []
 
 
-# -- what becomes of old machine code -------------------------------------------------------------------
-
-
 def digests(folder, *ages):
     """Make folders of other digests, last used so many days ago."""
     for number, age in enumerate(ages):
@@ -427,9 +418,6 @@ def test_machine_code_in_use_counts_as_used(package):
     folder = found(package)
     os.utime(folder, (0.0, 0.0))
     assert found(package).stat().st_mtime == pytest.approx(time.time(), abs=60.0)
-
-
-# -- what is in the files -------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -562,8 +550,6 @@ def test_sources_that_are_changed_while_a_process_runs_have_no_machine_code_of_i
     assert kernel.load() == ("word",)
 
 
-# -- callers from Python and from other kernels ---------------------------------------------------------
-
 #: Where 1 − 0.5 s + 0.2 s² + s³ is 1.2.
 CROSSED = np.float64(0.776170787)
 #: Calls a kernel of polynomials from Python, and prints what it gives and what was found on disk of another one.
@@ -609,9 +595,6 @@ def test_damaged_files_are_compiled_anew_with_one_line(tmp_path):
     assert told == ["", *[line] * 4]
     assert called(tmp_path, "crossing", "c, 3, 0, 1.2, 1.7", told) == f"{CROSSED} 0 0"
     assert told[-1] == ""
-
-
-# -- the processor that they are compiled for -----------------------------------------------------------
 
 
 def chosen(monkeypatch, features=None, **settings):

@@ -54,8 +54,6 @@ def all_gone(child):
     return child.members() == []
 
 
-# -- at random moments ----------------------------------------------------------------------------------
-
 #: Says when a program listens to signals; before, Python itself ends it with a traceback.
 LISTENING = """
 from vibroplat.system.interrupts import end_at_signals
@@ -89,8 +87,6 @@ def test_sweep_ended_at_any_moment_leaves_complete_tables_and_goes_on(number, pl
             assert tables(place / "results/c/sweep")[0] == wanted
             shutil.rmtree(place / "results")
 
-
-# -- while a program loads ------------------------------------------------------------------------------
 
 #: A program that gets Ctrl-C when it begins to load a module.
 LOADING = """
@@ -134,8 +130,6 @@ def test_ctrl_c_while_the_program_loads(module, place):
 def test_ctrl_c_is_not_lost(where, place):
     assert problem(ended(place, "--version", before=LOST[where])) == ""
 
-
-# -- in a run -------------------------------------------------------------------------------------------
 
 #: A program that makes a file when the motion of its scene begins.
 ANNOUNCED = """
@@ -219,9 +213,6 @@ def test_run_killed_among_its_tables_leaves_no_set_of_two_runs(number, place):
         assert found["provenance.json"]["configuration"]["run"]["duration_s"] == 0.3
     else:
         assert not_a_line(command("plot", "results/c/run")) == ""
-
-
-# -- in a sweep -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.faults

@@ -82,9 +82,6 @@ def resumed(directory, caplog):
     return bits(read_table(directory, "sweep")), [r.getMessage() for r in caplog.records], done.out
 
 
-# -- killed and ended -----------------------------------------------------------------------------------
-
-
 @pytest.mark.faults
 def test_sweep_that_was_killed_goes_on_to_the_same_table_and_no_worker_outlives_it(here):
     """A killed process cannot stop its workers; they end by themselves."""
@@ -114,9 +111,6 @@ def test_points_or_tables_that_are_missing_are_made_again(result, finished, capl
         table, _, printed = resumed(directory, caplog)
         assert table == finished[1]
         assert f": {2 * first} tasks from before; " in printed
-
-
-# -- refused --------------------------------------------------------------------------------------------
 
 
 def test_unfinished_sweep_is_begun_anew_only_if_asked(unfinished, here):
@@ -160,8 +154,6 @@ def test_sweep_under_other_conditions_is_not_resumed_and_the_first_is_named(unfi
     assert finished_points(unfinished) == 1
     assert not_a_line(command("sweep", "c.yaml", "--resume", "--overwrite")) == ""
 
-
-# -- damaged records ------------------------------------------------------------------------------------
 
 DAMAGE = (
     "record = replace(record, '0.', '1.')",
@@ -229,9 +221,6 @@ def test_point_that_is_lost_before_the_table_is_written_ends_in_a_line(result, m
     assert not list(directory.glob("sweep.*"))
 
 
-# -- a damaged file -------------------------------------------------------------------------------------
-
-
 def test_store_that_is_damaged_as_a_whole_is_told_in_a_line(finished, result):
     page = 4096
     for damage in (
@@ -272,9 +261,6 @@ def test_flipped_bit_never_changes_the_table(number, finished, result):
             assert not list(file.parent.glob("sweep.*")), bit
         else:
             assert bits(read_table(file.parent, "sweep")) == finished[1], bit
-
-
-# -- the store itself -----------------------------------------------------------------------------------
 
 
 def test_file_that_is_no_store_is_told_and_left_alone(tmp_path):

@@ -42,8 +42,6 @@ def marks(directory):
     return found | {float(result.document("summary")["v"]), float(result.provenance["v"])}
 
 
-# -- a race ---------------------------------------------------------------------------------------------
-
 #: A process that writes one result after the other, and takes its time between two files.
 WRITER = """
 import os, random, sys, time
@@ -117,9 +115,6 @@ def test_table_in_the_other_format_that_was_left_behind_is_not_read(form, tmp_pa
     assert marks(tmp_path) == {2.0}
 
 
-# -- run and sweep --------------------------------------------------------------------------------------
-
-
 def test_run_and_sweep_of_one_name_keep_their_provenance(here, kernels, figures):
     (here / "c.yaml").write_text(BOTH)
     for number, name in enumerate(["run", "sweep"] * 2):
@@ -131,9 +126,6 @@ def test_run_and_sweep_of_one_name_keep_their_provenance(here, kernels, figures)
     assert left(here / "results/c/run")[1] == left(here / "results/c/sweep")[1] == []
     assert command("plot", "results/c").code == 0
     assert figures.keys() == {"motion", "force", "exciters", "loads", "response"}
-
-
-# -- damage ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("form", FORMATS)
@@ -169,9 +161,6 @@ def test_flipped_bit_of_a_table_without_provenance_is_told_or_harmless(tmp_path)
             assert len(str(caught.value).splitlines()) == 1
 
 
-# -- the lock -------------------------------------------------------------------------------------------
-
-
 def test_lock_names_its_holder(tmp_path, monkeypatch):
     monkeypatch.setattr(locks, "MAX_WAIT_S", 0.1)
     with locks.replacement_lock(tmp_path), pytest.raises(TableError) as caught:
@@ -199,9 +188,6 @@ def test_file_system_without_locks_is_said_and_used(tmp_path, monkeypatch, caplo
         f"the file system of {tmp_path} has no locks; let only one command at a time write there"
     ]
     assert marks(tmp_path) == {1.0}
-
-
-# -- temporary files ------------------------------------------------------------------------------------
 
 
 def temporary(directory, owner, age=0.0):

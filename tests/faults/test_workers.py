@@ -46,9 +46,6 @@ def opened(count):
         workers.close()
 
 
-# -- what they load -------------------------------------------------------------------------------------
-
-
 @pytest.fixture
 def hostile(here):
     """A working directory with files that leave a trace when they are run."""
@@ -86,8 +83,6 @@ def test_figures_start_no_program_that_a_file_of_the_directory_names(here):
     with matplotlib.rc_context(fname="matplotlibrc"), styled():
         assert not matplotlib.rcParams["text.usetex"]
 
-
-# -- how they end ---------------------------------------------------------------------------------------
 
 #: A parent that says when its worker has begun.
 PARENT = """
@@ -142,9 +137,6 @@ def test_command_that_is_killed_leaves_no_process_and_no_reader_waiting(seconds,
     assert psutil.wait_procs(children, timeout=SOON)[1] == []
 
 
-# -- what they answer -----------------------------------------------------------------------------------
-
-
 class UnkindError(Exception):
     """An error that cannot be sent."""
 
@@ -188,9 +180,6 @@ def test_threads_that_the_system_refuses_leave_no_process(monkeypatch):
     with pytest.raises(OSError, match="can't start new thread"):
         Workers(2)
     assert workers_of() == before
-
-
-# -- what there is for them -----------------------------------------------------------------------------
 
 
 @pytest.mark.faults

@@ -33,9 +33,6 @@ def run(scene, integrator=Dop853, rows=None, **options):
     return simulate(scene, engine=through, **options)
 
 
-# -- accuracy --------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     "name",
     [
@@ -65,9 +62,6 @@ def test_measured_part_begins_within_a_step(bouncing):
         motion = Simulator(scene, p, Stepwise(Dop853(p), p))
         part = motion.advance(0.1, settle=settle)
         assert float(part.measures.plain[0] + part.measures.open_turn[0]) == pytest.approx(0.1 - settle)
-
-
-# -- the loop around steps -------------------------------------------------------------------------------
 
 
 class Several(Dop853):

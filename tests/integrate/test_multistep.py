@@ -32,9 +32,6 @@ def columns(*unknowns):
     return np.column_stack([np.zeros((len(unknowns[0]), OTHERS)), *unknowns])
 
 
-# -- polynomials through the ends of steps ----------------------------------------------------------------
-
-
 def wave(t):
     return np.sin(3.0 * t) + 0.3 * t
 
@@ -56,9 +53,6 @@ def largest_error(count):
 def test_order_between_steps():
     orders = np.log2([largest_error(n) / largest_error(2 * n) for n in (10, 20, 40)])
     assert orders == pytest.approx(4.0, abs=0.2)
-
-
-# -- falls within steps -----------------------------------------------------------------------------------
 
 
 def transcribed(g, rates, at_guard=False, target=math.nan, phi1=None):
@@ -99,8 +93,6 @@ def test_the_first_of_a_fall_and_an_angle_ends_the_steps(target, expected, end):
     assert end is None or t[-1] == pytest.approx(end, abs=1e-12)
     assert stop == AT_GUARD or ends[-1, 3] == target
 
-
-# -- slopes of the contact force --------------------------------------------------------------------------
 
 ONE_LAYER = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}})
 
@@ -153,9 +145,6 @@ def test_a_force_that_presses_at_all_steps_presses_between_them(rows):
     for row in range(len(forces) - 1):
         least, *_ = value_range(steps.c[row], CUBIC, 10, 0.0, 1.0, (forces[row], forces[row + 1]))
         assert least >= -1e-9 * max(forces)
-
-
-# -- the first step ---------------------------------------------------------------------------------------
 
 
 def test_excursion_after_rebound_and_release():

@@ -99,9 +99,6 @@ def test_central_law_has_the_printed_effective_mass(machine, layers, restitution
         assert impulse == pytest.approx(-(1 + restitution) * before[12] * k * m_w1 / (k + m_w1), rel=1e-13)
 
 
-# -- impacts that accumulate ----------------------------------------------------------------------------
-
-
 def follow(state, accelerations, p):
     """Follow impact by impact until one sticks or their speed is 1e-13 of the first.
 

@@ -71,8 +71,6 @@ def test_resistance_is_against_the_rotation(speed):
     assert net_slope(0, 0.0, speed, p) == pytest.approx(-2.0 * friction * abs(speed), rel=1e-15)
 
 
-# -- a supply that changes --------------------------------------------------------------------------------
-
 #: Speeds beyond the synchronous ones, below, at rest, and against them (rad/s).
 SPEEDS = (-210.0, -80.0, -1e-3, 0.0, 1e-3, 95.0, 210.0)
 
@@ -108,9 +106,6 @@ def test_rated_frequency_matters_at_others_alone():
     assert with_it.slip_speed == pytest.approx(2.0 * without.slip_speed, rel=1e-15)
 
 
-# -- a supply of 0 Hz -------------------------------------------------------------------------------------
-
-
 def start(frequency=0.0, **motor):
     """Return the parameters at the first moment of a start from 0 Hz; it has been 0 Hz for a second."""
     entries = [(0.0, frequency), (1.0, frequency), (3.0, 50.0)]
@@ -143,6 +138,3 @@ def test_equations_have_finite_derivatives_at_0_hz(still):
     jac = np.empty((system.size, system.size))
     jacobian(system.index, 0.0, y, yp, 1e3, jac, p)
     assert all(np.isfinite(found).all() for found in (y, yp, ypp, jac))
-
-
-# -- resistance -------------------------------------------------------------------------------------------

@@ -100,9 +100,6 @@ def test_added_force_acts_in_all_that_is_made_of_forces(extended):
     assert json.loads(line_of(extended, "-m", "model.test_new_force")) == numbers()
 
 
-# -- what runs with the copy -------------------------------------------------------------------------------------
-
-
 def scene_with(engine, drag=None, **changes):
     """Two layers in flight, with restitution."""
     scene = load_config(ROOT / "configs/paper/f30.7-mu0.2-R0.3.yaml")

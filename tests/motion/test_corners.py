@@ -45,9 +45,6 @@ def corners(events):
     return events.loc[events["kind"] == "drive", "t_s"].to_list()
 
 
-# -- what the tables say ----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("changes", [ONE_LAYER, BARE], ids=["one layer", "bare"])
 def test_corners_are_events(scene, changes):
     run = simulate(scene.replace(changes))
@@ -88,14 +85,6 @@ def test_corner_that_is_none_of_the_program_is_not_told(quickstart):
     assert not run.trajectory["t_s"].duplicated().any()
 
 
-def test_power_of_the_table_is_the_work_of_the_motors(scene):
-    run = simulate(scene.replace({"solver.tolerance": 1e-9, "output.sample_rate_hz": 50_000.0}))
-    table = run.trajectory
-    work = np.trapezoid(table["motor_power_1_w"] + table["motor_power_2_w"], table["t_s"])
-    assert work == pytest.approx(run.summary["motor_work_j"], rel=1e-5)
-    assert run.summary["energy_residual"] < 1e-6
-
-
 def test_program_of_one_entry_is_a_constant_supply(quickstart):
     scene = quickstart.replace({"run.duration_s": 0.5})
     constant, program = (
@@ -120,9 +109,6 @@ def test_exciter_that_is_off_slows_down_by_its_resistance(quickstart):
     np.testing.assert_allclose(run.trajectory["phi1_rate_rad_per_s"], expected, rtol=1e-7)
     np.testing.assert_allclose(run.trajectory["phi2_rate_rad_per_s"], -expected, rtol=1e-7)
     assert expected.iloc[-1] < 0.4 * speed
-
-
-# -- contact at a corner ----------------------------------------------------------------------------------
 
 
 def force_behind(scene, before, time):
@@ -205,17 +191,11 @@ def test_corner_at_another_event(quickstart, kind, shift):
     assert run.summary["energy_residual"] < 1e-7
 
 
-# -- a motion that stops on the way -----------------------------------------------------------------------
-
-
 def test_motion_reaches_its_section_across_corners(scene):
     with motion_of(scene.replace(BARE)) as motion:
         assert motion.to_section(12, 1.3)
         assert motion.now > 0.6
         assert motion.state[3] == pytest.approx(24.0 * np.pi, abs=1e-9)
-
-
-# -- engines ----------------------------------------------------------------------------------------------
 
 
 def by_dop853(scene):

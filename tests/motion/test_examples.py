@@ -66,9 +66,6 @@ def test_machines_of_templates_start_from_rest_and_shake_as_such_machines_do(mac
     assert 2.0 < height * (TURN * frequency) ** 2 / scene.machine.gravity_m_per_s2 < 5.0
 
 
-# -- start through resonance ------------------------------------------------------------------------------
-
-
 def test_start_is_captured_at_the_first_root_of_the_torque_balance():
     summary = finished("start-captured").summary
     roots = steady_frequencies(finished("start-captured").scene, math.pi)
@@ -89,9 +86,6 @@ def test_start_passes_with_more_damping():
     assert run.trajectory["y_m"][run.trajectory["t_s"] > 11.0].abs().max() < largest / 5.0
 
 
-# -- coast-down -------------------------------------------------------------------------------------------
-
-
 def test_coast_down_passes_resonance_below_its_amplitude():
     """The amplitude after a fast passage is F/(Mω₀) √(π/2α) (Lewis), with α the rate at which the speed falls there."""
     run = finished("coast-down")
@@ -109,9 +103,6 @@ def test_coast_down_passes_resonance_below_its_amplitude():
     steady = sum(run.scene.unbalances) * natural / machine.damping_y_n_s_per_m
     assert largest == pytest.approx(lewis, rel=0.15)
     assert largest < steady / 4.0
-
-
-# -- one motor off ----------------------------------------------------------------------------------------
 
 
 def follows(run):
@@ -146,9 +137,6 @@ def test_exciter_with_more_resistance_stops():
     assert late["phi1_rate_rad_per_s"].min() > 0.9 * run.scene.speed_scale
 
 
-# -- unequal radii ----------------------------------------------------------------------------------------
-
-
 def test_unequal_radii_shift_the_phase_difference_by_a_small_angle():
     run = finished("unequal-radii")
     omega = TURN * run.summary["excitation_frequency_hz"]
@@ -161,9 +149,6 @@ def test_unequal_radii_shift_the_phase_difference_by_a_small_angle():
     friction = run.scene.exciter_pair[0].friction_radius_m
     small = (h[0, 0].imag - 2.0 * friction / (k[0] * omega**2) / 2.0) / h[0, 1].real * (k[1] / k[0] - 1.0)
     assert shift == pytest.approx(small, rel=0.05)
-
-
-# -- co-rotating exciters ---------------------------------------------------------------------------------
 
 
 def test_co_rotating_exciters_get_in_phase_or_opposite():

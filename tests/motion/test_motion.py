@@ -50,9 +50,6 @@ def assert_alike(rows, others, within=STOPPED):
     assert np.abs(rows["t"] - others["t"]).max(initial=0.0) <= within
 
 
-# -- to the section ---------------------------------------------------------------------------------------
-
-
 def test_points_of_the_section_are_met_exactly_one_after_the_other(scene):
     whole, seen = Statistics(0.0), Statistics(0.0)
     with motion_of(scene) as motion:
@@ -110,9 +107,6 @@ def test_parts_of_a_motion_add_up(scene):
     assert (sum(part.measures.marks["counts"] for part in parts) == whole.measures.marks["counts"]).all()
     work, expected = sum(part.measures.work for part in parts)[:FORCE_SIZE], whole.measures.work[:FORCE_SIZE]
     assert np.abs(work - expected).max() <= 1e-6 * np.abs(expected).max()
-
-
-# -- observers --------------------------------------------------------------------------------------------
 
 
 class Counter:

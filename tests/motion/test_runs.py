@@ -13,15 +13,6 @@ from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import systems
 
 
-def test_two_runs_of_one_scene_are_bit_identical(quickstart):
-    scene = quickstart.replace({"contact.restitution": 0.5, "run.duration_s": 0.6})
-    first, second = simulate(scene), simulate(scene)
-    pd.testing.assert_frame_equal(first.trajectory, second.trajectory, check_exact=True)
-    pd.testing.assert_frame_equal(first.events, second.events, check_exact=True)
-    same = [k for k in first.summary if k != "wall_s"]
-    assert [first.summary[k] for k in same] == [second.summary[k] for k in same]
-
-
 def test_means_are_of_whole_periods_wherever_a_run_ends(quickstart):
     """Of a motion that repeats after 4 turns, whose RMS over an odd number of turns is off by up to 3e-4."""
     scene = load_config(Path(__file__).parents[1] / "continuation" / "machine.yaml")
@@ -61,9 +52,6 @@ def test_non_impact_damping_equals_a_damper(quickstart):
     assert "contact_force_n" not in run.trajectory
 
 
-# -- outcomes -------------------------------------------------------------------------------------------
-
-
 def test_state_without_finite_accelerations_is_named(quickstart, monkeypatch):
     def broken(scene):
         p = parameters(scene)
@@ -78,9 +66,6 @@ def test_state_without_finite_accelerations_is_named(quickstart, monkeypatch):
     assert run.trajectory.empty
     assert run.summary["detail"].startswith("there are no finite accelerations; mode attached, ")
     assert "t = 0 s, state [0, " in run.summary["detail"]
-
-
-# -- memory ---------------------------------------------------------------------------------------------
 
 
 def test_a_long_bare_run_is_restarted_seldom(printed):

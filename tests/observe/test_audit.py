@@ -41,16 +41,10 @@ def test_energy_residual_needs_the_truncation_term(printed):
     assert abs(summary["truncation_work_j"]) > 1e3 * abs(summary["energy_residual_j"])
 
 
-# -- momentum --------------------------------------------------------------------------------------------
-
-
 def test_printed_law_loses_the_upper_layers_momentum(quickstart):
     changes = {"contact.impact_law": "printed", "contact.restitution": 0.5}
     summary = simulate(quickstart.replace(changes), keep="summary").summary
     assert summary["momentum_residual"] > 1e-4
-
-
-# -- motions that do not keep their balances ------------------------------------------------------------
 
 
 def with_angle(scene, angle):
@@ -105,9 +99,6 @@ def test_honest_runs_at_coarse_tolerances_stay_well_within_the_limits():
         assert summary["outcome"] == "ok", path.stem
         doubled = {name: 2.0 * summary[name] for name in ("energy_residual", "momentum_residual")}
         assert inaccuracy(doubled, scene) == "", path.stem
-
-
-# -- the noise of the contact force ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

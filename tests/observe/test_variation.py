@@ -321,9 +321,6 @@ def test_engines_agree_with_a_stiff_layer(engine, tolerance, ratio):
     np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
 
 
-# -- volume and rank --------------------------------------------------------------------------------------
-
-
 def determinant(scene, start, seconds):
     """Change of the volume of states."""
     places = list(state_places(scene).values())

@@ -64,9 +64,6 @@ def test_figures_that_there_are_not(run, runs):
         runs["bare"].plot("force")
 
 
-# -- files ----------------------------------------------------------------------------------------------
-
-
 def test_saved_run_is_the_same_when_it_is_loaded(run, saved):
     found = load(saved)
     assert (found.scene, found.outcome, found.notes) == (run.scene, run.outcome, run.notes)

@@ -237,9 +237,6 @@ def _multipliers(scene, state):
     return {"orbit": found.sequence, "stable": found.stable, "multipliers_off": float(max(off, default=0.0))}
 
 
-# -- as a program -----------------------------------------------------------------------------------------
-
-
 def write_part(folder, part):
     """Write the table of a part of all scenes, all of it or nothing."""
     unfinished = folder / f".{part:06}.parquet"
