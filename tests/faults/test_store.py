@@ -2,7 +2,6 @@
 
 import json
 import math
-import random
 import shutil
 import signal
 import sqlite3
@@ -242,25 +241,6 @@ def test_store_that_is_damaged_as_a_whole_is_told_in_a_line(finished, result):
     file.unlink()
     assert command("sweep", "c.yaml").code == 0
     assert bits(read_table(file.parent, "sweep")) == finished[1]
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("number", [4, 10])
-def test_flipped_bit_never_changes_the_table(number, finished, result):
-    """One random bit after the other, each in a fresh copy: the sweep goes on, or it is told."""
-    chance = random.Random(number)
-    for _ in range(number):
-        file = result() / FILE
-        data = bytearray(file.read_bytes())
-        bit = chance.randrange(8 * len(data))
-        data[bit // 8] ^= 1 << bit % 8
-        file.write_bytes(data)
-        done = command("sweep", "c.yaml", "--resume")
-        if done.code:
-            assert not_a_line(done, codes=(1, 2)) == "", bit
-            assert not list(file.parent.glob("sweep.*")), bit
-        else:
-            assert bits(read_table(file.parent, "sweep")) == finished[1], bit
 
 
 def test_file_that_is_no_store_is_told_and_left_alone(tmp_path):

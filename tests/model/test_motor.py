@@ -14,7 +14,6 @@ from vibroplat.model.motor import (
     motor_powers,
     motor_torque,
     net_slope,
-    resistance,
     torque_rate,
 )
 from vibroplat.model.parameters import blank_record, parameters
@@ -45,30 +44,10 @@ def test_torque_at_known_slips(direction):
     assert net_slope(0, 0.3, direction * SYNCHRONOUS, p) == pytest.approx(-steepest, rel=1e-13)
 
 
-def test_slope_is_that_over_both_speeds():
-    """Slip speed and critical slip speed: the torque depends on their ratio alone."""
-    steepest = 2.0 * CRITICAL / 24.0
-    for slip in (-40.0, -3.0, 5.0, 24.0, 90.0):
-        slope = kloss_slope(slip, 24.0, CRITICAL)
-        by_slip = central_difference(lambda x, slip=slip: kloss_torque(slip + x, 24.0, CRITICAL), step=0.05)
-        by_critical = central_difference(lambda x, slip=slip: kloss_torque(slip, 24.0 + x, CRITICAL), step=0.05)
-        # step / (s_c ω₀) = 0.002: sixth-order error and round-off are both below 1e-12 of the steepest slope
-        assert (24.0 * slope, -slip * slope) == pytest.approx((by_slip, by_critical), abs=1e-11 * steepest)
-
-
 @pytest.mark.parametrize(("slip", "critical", "torque"), [(30.0, 24.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, CRITICAL)])
 def test_a_switched_off_supply_and_one_of_0_hz_have_no_torque(slip, critical, torque):
     assert kloss_torque(slip, critical, torque) == 0.0
     assert kloss_slope(slip, critical, torque) == 0.0
-
-
-@pytest.mark.parametrize("speed", [-150.0, -0.3, 0.0, 0.3, 150.0])
-def test_resistance_is_against_the_rotation(speed):
-    """The equations have −L_R, so L_R has the sign of the speed."""
-    p, friction = blank_record(), 2e-7
-    p.friction = friction  # without motors
-    assert resistance(speed, friction) == pytest.approx(np.sign(speed) * friction * speed**2, rel=1e-15)
-    assert net_slope(0, 0.0, speed, p) == pytest.approx(-2.0 * friction * abs(speed), rel=1e-15)
 
 
 #: Speeds beyond the synchronous ones, below, at rest, and against them (rad/s).

@@ -124,7 +124,3 @@ def test_small_forces_are_not_clipped(runs):
     falls = table[table["t_s"].isin(events["t_s"][events["kind"] == "liftoff"]) & (table["mode"] == "attached")]
     assert len(falls) > 1
     assert (falls["contact_force_n"] != 0.0).any()
-
-
-def test_scene_without_contact_has_no_noise_of_its_force(runs):
-    assert runs["bare"].summary["contact_force_noise_n"] is None

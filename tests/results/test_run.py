@@ -10,7 +10,7 @@ import pytest
 from scipy.io import loadmat
 
 from vibroplat import Scene, load, simulate
-from vibroplat.errors import ConfigError, TableError
+from vibroplat.errors import ConfigError
 from vibroplat.results.answer import Answer
 from vibroplat.results.result import Result
 
@@ -75,16 +75,6 @@ def test_saved_run_is_the_same_when_it_is_loaded(run, saved):
     assert found.plot("force").axes
 
 
-def test_run_can_be_saved_as_csv(run, tmp_path):
-    found = load(run.save(tmp_path / "saved", "csv"))
-    assert (found.trajectory["y_m"].to_numpy() == run.trajectory["y_m"].to_numpy()).all()
-
-
-def test_load_of_a_directory_without_a_result(tmp_path):
-    with pytest.raises(TableError, match="holds no finished result; allowed: a result directory of vibroplat"):
-        load(tmp_path)
-
-
 def test_mat_file_has_tables_summary_and_units(run, tmp_path):
     found = loadmat(run.save_mat(tmp_path / "a.mat"), simplify_cells=True)
     assert (np.diff(found["trajectory"]["t_s"]) > 0.0).all()
@@ -93,13 +83,6 @@ def test_mat_file_has_tables_summary_and_units(run, tmp_path):
     assert found["events"]["impulse_n_s"].tolist() == run.events["impulse_n_s"].tolist()
     assert found["summary"]["rms_y_m"] == run.summary["rms_y_m"]
     assert found["units"]["gap_rate_m_per_s"] == "m/s"
-
-
-def test_mat_file_of_a_run_with_engine_taylor(kernels, tmp_path):
-    """Its summary has numbers that are not known."""
-    run = simulate(Scene().replace({"solver.engine": "taylor", "run.duration_s": 0.05}))
-    found = loadmat(run.save_mat(tmp_path / "a.mat"), simplify_cells=True)
-    assert np.isnan(found["summary"]["residual_calls"])
 
 
 def test_unique_rows_ascend_and_begin_after_an_event(run):
