@@ -1,6 +1,5 @@
 """Two commands write into one folder: what is read is of one of them, and nothing of a live process is removed."""
 
-import json
 import os
 import subprocess
 import sys
@@ -9,9 +8,7 @@ from contextlib import ExitStack, suppress
 
 import pandas as pd
 import pytest
-from common.commands import command
-from common.places import LOADED, ROOT
-from common.results import left
+from common.places import ROOT
 
 from vibroplat.errors import TableError
 from vibroplat.results import locks, tables
@@ -21,10 +18,6 @@ from vibroplat.results.tables import FORMATS, read_table, write_table
 from vibroplat.study.store import Store
 
 TABLE = pd.DataFrame({"v": [1.0, 2.0]})
-BOTH = (
-    f"extends: {LOADED}\nname: c\nrun: {{duration_s: 0.05}}\n"
-    "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.5}, measure_s: 0.3, lyapunov: false}\n"
-)
 
 
 def write(directory, mark_, form="parquet", command_="run"):
@@ -113,19 +106,6 @@ def test_table_in_the_other_format_that_was_left_behind_is_not_read(form, tmp_pa
     write(tmp_path, 2, form)
     old.write_bytes(kept)
     assert marks(tmp_path) == {2.0}
-
-
-def test_run_and_sweep_of_one_name_keep_their_provenance(here, kernels, figures):
-    (here / "c.yaml").write_text(BOTH)
-    for number, name in enumerate(["run", "sweep"] * 2):
-        assert command(name, "c.yaml", "--set", f"contact.restitution=0.{number}").code == 0
-        assert json.loads((here / f"results/c/{name}/provenance.json").read_text())["command"] == name
-    for number, name in enumerate(("run", "sweep"), 2):
-        origin = SavedFiles(here / "results/c", name).provenance
-        assert (origin["command"], origin["configuration"]["contact"]["restitution"]) == (name, number / 10)
-    assert left(here / "results/c/run")[1] == left(here / "results/c/sweep")[1] == []
-    assert command("plot", "results/c").code == 0
-    assert figures.keys() == {"motion", "force", "exciters", "loads", "response"}
 
 
 @pytest.mark.parametrize("form", FORMATS)

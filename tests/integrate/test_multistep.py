@@ -13,7 +13,6 @@ from vibroplat.hybrid.state import CUBIC, empty_steps
 from vibroplat.integrate.multistep import begin_steps, empty_step, estimate_flight, limit_force_slopes, transcribe
 from vibroplat.kernels.polynomial import value_range
 from vibroplat.model.parameters import parameters
-from vibroplat.observe.tables import sample
 
 #: Unknowns of a step that are none of its own, as many as the exciters' angle 1 asks for.
 OTHERS = 4
@@ -30,29 +29,6 @@ def added(t, y, yp, guard=-1, at_guard=False, target=math.nan):
 def columns(*unknowns):
     """Unknowns side by side, zeros before them."""
     return np.column_stack([np.zeros((len(unknowns[0]), OTHERS)), *unknowns])
-
-
-def wave(t):
-    return np.sin(3.0 * t) + 0.3 * t
-
-
-def rate(t):
-    return 3.0 * np.cos(3.0 * t) + 0.3
-
-
-def largest_error(count):
-    """Largest error of the cubics of so many steps."""
-    t = np.linspace(0.0, 2.0, count + 1)
-    steps, _ = added(t, columns(wave(t)), columns(rate(t)))
-    times = np.linspace(0.0, 2.0, 1001)
-    rows = slice(0, int(steps.used["steps"]))
-    found = sample(steps.start[rows], steps.length[rows], steps.c[rows], steps.ends[rows], times)[:, OTHERS]
-    return np.abs(found - wave(times)).max()
-
-
-def test_order_between_steps():
-    orders = np.log2([largest_error(n) / largest_error(2 * n) for n in (10, 20, 40)])
-    assert orders == pytest.approx(4.0, abs=0.2)
 
 
 def transcribed(g, rates, at_guard=False, target=math.nan, phi1=None):

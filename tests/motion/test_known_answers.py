@@ -119,16 +119,6 @@ def test_ball_comes_to_rest_at_the_first_impact_that_is_too_slow(simulate, resti
     assert run.summary["momentum_residual"] < 1e-12
 
 
-def test_latch_lasts_until_an_impact_sticks(simulate):
-    restitution, sticking_speed = 0.3, 1e-8
-    events = simulate(sticking_ball(restitution, sticking_speed)).events
-    before, chatter = events.iloc[-2], events.iloc[-1]
-    rebound, count = before["gap_rate_after_m_per_s"], chatter["impacts"]
-    assert restitution ** (count - 1) * rebound < sticking_speed <= restitution ** (count - 2) * rebound
-    expected = 2.0 * rebound / GRAVITY * sum(restitution**k for k in range(count))
-    assert chatter["t_s"] - before["t_s"] == pytest.approx(expected, abs=1e-15)
-
-
 def test_impact_at_the_sticking_speed_rebounds(simulate):
     speed = -simulate(dropped_ball(0.5)).events["gap_rate_before_m_per_s"].iloc[0]
     assert len(simulate(sticking_ball(0.5, speed)).events) == 2

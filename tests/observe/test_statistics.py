@@ -245,15 +245,6 @@ def test_what_was_not_measured_is_refused_instead_of_0(parts, quickstart):
             ask(parts[needed - 1])
 
 
-def test_what_nobody_asks_for_is_not_computed(parts):
-    without_sums, without_extremes, without_run = (part.measures for part in parts[:WHOLE_RUN])
-    assert not without_sums.work.any()
-    assert not without_sums.whole.any()
-    assert np.isinf(without_extremes.extremes["least"][:, HEIGHT]).all()
-    assert not without_run.extremes["pace_least"].any()
-    assert np.isinf(without_run.seen[..., 0]).all()
-
-
 def test_a_peak_hangs_on_nothing_that_is_looked_for_beside_it():
     """The search in another lane goes on for longer, as it did for what an observer had found before."""
     degree, peak = 12, (0.5 * math.pi - 0.5) / 3.0
