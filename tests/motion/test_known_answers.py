@@ -123,18 +123,3 @@ def test_impact_at_the_sticking_speed_rebounds(simulate):
     speed = -simulate(dropped_ball(0.5)).events["gap_rate_before_m_per_s"].iloc[0]
     assert len(simulate(sticking_ball(0.5, speed)).events) == 2
     assert len(simulate(sticking_ball(0.5, math.nextafter(speed, 10.0))).events) == 1
-
-
-@pytest.mark.parametrize(("supply", "expected", "skew"), [(50.0, math.pi, 0.5), (38.0, 0.0, 2.5)])
-def test_phase_difference_from_skew_starts(simulate, printed, supply, expected, skew):
-    scene = printed.replace(
-        {
-            "drive.supply_frequency_hz": supply,
-            "run.duration_s": 20.0,
-            "run.initial": {"phase_sum_rad": math.pi - skew, "phi1_rad": 0.3, "speed_ratio": 0.98},
-        }
-    )
-    summary = simulate(scene, keep="summary").summary
-    distance = abs(math.remainder(summary["phase_difference_rad"] - expected, TURN))
-    assert distance < 1e-4
-    assert summary["phase_coherence"] > 0.999
