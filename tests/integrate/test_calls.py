@@ -39,14 +39,6 @@ def test_records_are_read_and_changed_in_place() -> None:
     assert many["count"].tolist() == [1, 0, 1, 1]
 
 
-def test_a_copy_of_a_record_is_another_one() -> None:
-    many = np.zeros(2, KIND)
-    copy = many[1].copy()
-    raise_count(Held(copy, np.zeros(1)))
-    assert copy["count"] == 1
-    assert not many["count"].any()
-
-
 def test_a_caller_with_arguments_of_its_own_type_gets_the_kernel_for_it() -> None:
     first = same_types(third)
     assert [first(np.array([x])) for x in (3.0, 6.0)] == [1.0, 2.0]

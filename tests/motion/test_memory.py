@@ -141,16 +141,6 @@ def test_table_that_does_not_fit_into_memory_is_refused_at_once(quickstart, monk
     )
 
 
-def test_a_run_that_makes_no_table_takes_any_sample_rate(quickstart):
-    """Its rate is that of no table: a run of 1e5 s is as good. A table that is made afterwards is refused then."""
-    scene = quickstart.replace({"run.duration_s": 0.1, "output.sample_rate_hz": 1e12})
-    assert simulate(scene, keep="summary").outcome == simulate(scene, keep="events").outcome == "ok"
-    run = simulate(scene)
-    assert run([0.05])["t_s"].item() == 0.05
-    with pytest.raises(ConfigError, match=r"^output.sample_rate_hz = 1e\+12 asks for 1e\+11 rows"):
-        _ = run.trajectory
-
-
 def test_table_that_does_not_fit_on_the_disk_is_refused_at_once(command, tmp_path, monkeypatch):
     class Usage:
         free = 2 * 2**30

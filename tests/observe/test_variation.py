@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from common.divergence import integral_of_divergence
 from common.known import motion_of
+from model.helpers import MATERIALS, exciters
 
 from vibroplat import simulate, variation
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.drive import Drive, Entry
 from vibroplat.config.scene import Scene
-from vibroplat.config.sections import Contact, Exciter, Machine, Material
+from vibroplat.config.sections import Contact, Machine, Material
 from vibroplat.hybrid.modes import IMPACT, KINDS
 from vibroplat.hybrid.state import state_scales
 from vibroplat.model.parameters import IMPACT_LAWS
@@ -32,39 +33,18 @@ KEYS = ("drive.supply_frequency_hz", "machine.stiffness_y_n_per_m")
 LOPSIDED = {"exciter_distance_m": 0.18, "exciter_angle_deg": -35.0, "damping_y_n_s_per_m": 400.0}
 
 
-def exciters(second):
-    """Two exciters that share nothing but their unbalance mass; the second turns this way."""
-    return [
-        Exciter(unbalance_radius_m=0.07, rotor_inertia_kg_m2=1.7e-3, rotation="counter-clockwise"),
-        Exciter(
-            unbalance_radius_m=0.1,
-            rotor_inertia_kg_m2=0.9e-3,
-            critical_torque_n_m=0.9,
-            critical_slip=0.21,
-            friction_radius_m=8.0e-5,
-            rotation=second,
-            mounted_on="deck",
-        ),
-    ]
-
-
-SETUPS = {
-    "paper": {"machine": Machine(damping_y_n_s_per_m=400.0)},
-    "unequal": {"machine": Machine(**LOPSIDED), "exciters": exciters("clockwise")},
-    "co-rotating": {"machine": Machine(**LOPSIDED), "exciters": exciters("counter-clockwise")},
+SETUPS = {"paper": {"machine": Machine(damping_y_n_s_per_m=400.0)}} | {
+    name: {"machine": Machine(**LOPSIDED), "exciters": exciters("counter-clockwise", second, mounted_on="deck")}
+    for name, second in (("unequal", "clockwise"), ("co-rotating", "counter-clockwise"))
 }
-MATERIALS = {
-    0: Material(),
-    1: Material(mass_ratio=0.2, layers=1),
-    2: Material(mass_ratio=0.2, lower_share=0.7, natural_frequency_hz=18.5, damping_ratio=0.05),
-}
+LAYERS = MATERIALS | {1: Material(mass_ratio=0.2, layers=1)}
 
 
 def scene_of(layers, setup="paper", engine="native", frequency=51.0, **contact):
     """A scene with so many layers, as accurate as its engine can."""
     scene = Scene(
         **SETUPS[setup],
-        material=MATERIALS[layers],
+        material=LAYERS[layers],
         contact=Contact(**contact),
         drive=Drive(supply_frequency_hz=frequency),
     )
@@ -325,7 +305,7 @@ def test_inelastic_closing_loses_two_dimensions(layers, engine):
 
 
 def test_a_column_does_not_depend_on_how_many_others_there_are():
-    scene = Scene(material=MATERIALS[2], **SETUPS["unequal"])
+    scene = Scene(material=LAYERS[2], **SETUPS["unequal"])
     keys = [*KEYS, *(f"machine.{name}" for name in Machine.model_fields if name.startswith(("damping", "stiffness")))]
     keys += ["material.natural_frequency_hz", "material.damping_ratio", "machine.platform_mass_kg"] * 7
     wide = variation(scene, seconds=0.3, keys=keys).derivative
