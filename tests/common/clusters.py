@@ -88,12 +88,3 @@ def await_workers(address, number):
 
     with Client(address, set_as_default=False) as client:
         client.wait_for_workers(number, timeout=60.0)
-
-
-def kill_workers(address):
-    """Kill all workers of a scheduler; their nannies start them anew."""
-    from distributed import Client
-
-    with Client(address, set_as_default=False) as client:
-        for pid in client.run(os.getpid).values():
-            os.kill(pid, signal.SIGKILL)

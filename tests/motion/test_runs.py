@@ -8,9 +8,7 @@ import pytest
 from common.known import ball_on_table
 
 from vibroplat import load_config, simulate
-from vibroplat.config.coordinates import Mode
 from vibroplat.model.parameters import parameters
-from vibroplat.model.systems import systems
 
 
 def test_means_are_of_whole_periods_wherever_a_run_ends(quickstart):
@@ -25,16 +23,6 @@ def test_means_are_of_whole_periods_wherever_a_run_ends(quickstart):
     assert {one["impacts_per_period"] for one in found} == {0.75}
     restless = simulate(quickstart.replace({"run.duration_s": 0.2}), keep="summary").summary
     assert restless["period"] == 0
-
-
-def test_a_scene_has_only_the_unknowns_it_needs(quickstart):
-    for changes, sizes in (
-        ({"material.mass_ratio": 0.0}, {Mode.BARE: 10}),
-        ({"contact.model": "non-impact"}, {Mode.BARE: 10}),
-        ({"material.layers": 1}, {Mode.ATTACHED: 11, Mode.FLIGHT: 12}),
-        ({}, {Mode.ATTACHED: 13, Mode.FLIGHT: 14}),
-    ):
-        assert {mode: system.size for mode, system in systems(quickstart.replace(changes)).items()} == sizes
 
 
 def test_non_impact_damping_equals_a_damper(quickstart):
