@@ -17,7 +17,6 @@ DASK = Path(sys.executable).with_name("dask")
 
 
 def free_port():
-    """A port that nothing listens at."""
     with socket.socket() as found:
         found.bind(("127.0.0.1", 0))
         return found.getsockname()[1]

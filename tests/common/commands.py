@@ -119,7 +119,6 @@ class Child:
         self.process = subprocess.Popen(line, cwd=place, stdout=self._out, stderr=self._err, start_new_session=True)
 
     def end(self, seconds=60.0):
-        """Wait for the end; return how it ended."""
         code = self.process.wait(timeout=seconds)
         for file in (self._out, self._err):
             file.seek(0)
@@ -135,7 +134,6 @@ class Child:
         return found
 
     def close(self):
-        """Leave nothing behind."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()

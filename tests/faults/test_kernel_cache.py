@@ -257,7 +257,6 @@ CODE = [
 
 
 def edited(package, old, new):
-    """Folder for a package whose kernel has been edited, and left as it was."""
     source = package / "model/source.py"
     assert old in KERNEL
     source.write_bytes(KERNEL.replace(old, new).encode())
@@ -375,7 +374,6 @@ def test_no_number_that_the_digest_does_not_cover_is_imported_beside_kernels():
 
 
 def digests(folder, *ages):
-    """Make folders of other digests, last used so many days ago."""
     for number, age in enumerate(ages):
         other = folder / f"kernels-{number:016d}"
         other.mkdir(parents=True)
@@ -405,7 +403,6 @@ def test_machine_code_in_use_counts_as_used(package):
 
 @pytest.fixture
 def kernel(package, monkeypatch):
-    """A kernel whose machine code is a word, kept on disk."""
     monkeypatch.setattr(cache.rtsys, "initialize", lambda _context: None)
     monkeypatch.setattr(cache.CompileResult, "_rebuild", lambda _context, *parts: parts)
     (package / "model/source.py").write_text("three = 3\n")
@@ -416,8 +413,6 @@ def kernel(package, monkeypatch):
 
 
 class Word:
-    """A kernel with one word for machine code."""
-
     def __init__(self, package):
         self._cache = cache.KernelCache("model.source.function")
         self.path = Path(self._cache.cache_path) / self._cache._file(SIGNATURE)

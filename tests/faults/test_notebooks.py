@@ -25,7 +25,6 @@ BITS = "print(table.drop(columns='wall_s').to_csv())"
 
 @contextmanager
 def kernel(place):
-    """A kernel and its client."""
     manager = pytest.importorskip("jupyter_client", reason="pip install '.[test]'").KernelManager()
     manager.start_kernel(cwd=str(place))
     client = manager.client()

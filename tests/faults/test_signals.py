@@ -41,13 +41,11 @@ def problem(done, signal_=signal.SIGINT):
 
 
 def tables(directory):
-    """The bits of the tables in a directory, and the names of temporaries."""
     found, temporaries = left(directory)
     return {name: bits(table) for name, table in found.items() if name.startswith(TABLES)}, temporaries
 
 
 def all_gone(child):
-    """Whether no process of a command is left, soon after its end."""
     until = time.monotonic() + SOON
     while child.members() and time.monotonic() < until:
         time.sleep(0.02)

@@ -44,7 +44,6 @@ def finished(tmp_path_factory):
 
 @pytest.fixture
 def result(here, finished):
-    """Copy the finished sweep to where it is resumed."""
     (here / "c.yaml").write_text(CONFIGURATION)
 
     def copy():
@@ -56,7 +55,6 @@ def result(here, finished):
 
 @pytest.fixture
 def unfinished(result):
-    """A sweep that has only its first point."""
     directory = result()
     changed(
         directory,
@@ -67,14 +65,12 @@ def unfinished(result):
 
 
 def changed(directory, *statements):
-    """Change the store by SQL."""
     with closing(sqlite3.connect(directory / FILE)) as base, base:
         for statement in statements:
             base.execute(statement)
 
 
 def resumed(directory, caplog):
-    """Resume a sweep; return its table, what was said, and what was printed."""
     caplog.clear()
     done = command("sweep", "c.yaml", "--resume")
     assert (done.code, done.err) == (0, "")

@@ -29,7 +29,6 @@ def write(directory, mark_, form="parquet", command_="run"):
 
 
 def marks(directory):
-    """The marks of all files of a run, as a reader finds them."""
     result = SavedFiles(directory, "run")
     found = {result.table(name)["v"].iloc[0] for name in ("trajectory", "events")}
     return found | {float(result.document("summary")["v"]), float(result.provenance["v"])}
@@ -171,7 +170,6 @@ def test_file_system_without_locks_is_said_and_used(tmp_path, monkeypatch, caplo
 
 
 def temporary(directory, owner, age=0.0):
-    """A temporary file of an owner."""
     path = directory / f".t-{owner}abcd{len(list(directory.iterdir())):04d}.csv"
     path.write_text("half a tab")
     os.utime(path, (time.time() - age,) * 2)
@@ -179,7 +177,6 @@ def temporary(directory, owner, age=0.0):
 
 
 def dead():
-    """The number of a process that has ended."""
     process = subprocess.Popen([sys.executable, "-c", ""])
     process.wait()
     return process.pid

@@ -124,8 +124,6 @@ def test_worker_ends_with_a_parent_that_is_killed(what):
 
 
 class UnkindError(Exception):
-    """An error that cannot be sent."""
-
     def __reduce__(self):
         raise TypeError
 

@@ -12,8 +12,6 @@ KIND = np.dtype([("number", float), ("others", float, 3), ("count", np.int64)], 
 
 
 class Held(NamedTuple):
-    """A record beside an array."""
-
     record: Any
     numbers: Any
 
@@ -27,7 +25,6 @@ def raise_count(held: Held) -> float:
 
 @compiled
 def third(numbers: Any) -> Any:
-    """Return a third of the first number."""
     return numbers[0] / 3
 
 

@@ -27,7 +27,6 @@ def approaching(seed, count=20):
 
 
 def struck(before, p):
-    """Return (state after the impact, impulse, loss)."""
     after = np.empty_like(before)
     impulse, loss = impact(before, after, p)
     return after, impulse, loss

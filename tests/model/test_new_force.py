@@ -47,7 +47,6 @@ FILES = 7
 
 
 def line_of(copy, *arguments):
-    """Run a command with the copy of the package."""
     environment = os.environ | {"PYTHONPATH": f"{copy}{os.pathsep}{copy / 'tests'}"}
     done = subprocess.run([sys.executable, *arguments], cwd=copy, env=environment, capture_output=True, check=False)
     assert done.returncode == 0, done.stderr.decode()
@@ -98,7 +97,6 @@ def test_added_force_acts_in_all_that_is_made_of_forces(extended):
 
 
 def scene_with(engine, drag=None, **changes):
-    """Two layers in flight, with restitution."""
     scene = load_config(ROOT / "configs/paper/f30.7-mu0.2-R0.3.yaml")
     drags = {} if drag is None else {KEY: drag}
     return scene.replace({"solver.engine": engine, "run.duration_s": 0.5} | drags | changes)

@@ -35,7 +35,6 @@ KEYS = {
 
 
 def complex_record(p, dp):
-    """Return p + ih dp."""
     found = np.zeros(1, COMPLEX)
     flat(found)[:] = flat(p) + 1j * IMAGINARY * flat(dp)
     for name in CHOICES:

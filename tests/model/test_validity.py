@@ -21,7 +21,6 @@ SEEDS = range(40)
 
 
 def drawn(seed):
-    """A machine with heavy exciters on long arms."""
     rng = np.random.default_rng(seed)
     return Machine(
         platform_mass_kg=10.0 ** rng.uniform(0.0, 1.0),

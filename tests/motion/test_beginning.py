@@ -37,7 +37,6 @@ SCENES = {
 
 
 def write(scene, name):
-    """Write a scene as NAME.yaml."""
     Path(f"{name}.yaml").write_text(json.dumps(scene.to_tree() | {"name": name}))
 
 
@@ -157,8 +156,6 @@ def ended_early(directory):
 
 
 def rewritten(change):
-    """Let a function change the trajectory of results/first."""
-
     def spoil(directory):
         file = directory / "trajectory.parquet"
         change(pd.read_parquet(file)).to_parquet(file)
@@ -167,7 +164,6 @@ def rewritten(change):
 
 
 def ending(column, value):
-    """Let the trajectory end with a value."""
     return rewritten(lambda table: table.assign(**{column: [*table[column][:-1], value]}))
 
 

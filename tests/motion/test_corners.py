@@ -173,7 +173,6 @@ def test_torque_that_leaves_no_force_lifts_off_at_once(near_liftoff):
 
 
 def time_of(scene, kind):
-    """Return when an event of a kind is, late in a motion under a constant supply."""
     events = simulate(scene).events
     return float(events.loc[(events["kind"] == kind) & (events["t_s"] > 0.5), "t_s"].iloc[0])
 

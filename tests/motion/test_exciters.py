@@ -11,7 +11,6 @@ TURNING = {"native": 1e-10, "taylor": 1e-12}
 
 
 def with_newer_keys(scene):
-    """Write the exciters of a scene with the keys of section exciters."""
     tree = scene.to_tree()
     motor, machine = tree.pop("motor"), tree["machine"]
     own = {name: machine.pop(name) for name in ("unbalance_radius_m", "rotor_inertia_kg_m2")}

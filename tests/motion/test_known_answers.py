@@ -12,7 +12,6 @@ import vibroplat
 
 @pytest.fixture(params=["native", "taylor"])
 def simulate(request):
-    """Run a scene with each engine."""
     return lambda scene, **options: vibroplat.simulate(scene.replace({"solver.engine": request.param}), **options)
 
 

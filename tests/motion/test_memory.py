@@ -38,13 +38,10 @@ SCENES = {
 
 @pytest.fixture
 def small_blocks(monkeypatch):
-    """Hand over tables a few rows at a time."""
     monkeypatch.setattr("vibroplat.observe.tables.BLOCK", 7)
 
 
 class Parts:
-    """A sink that keeps what it is given."""
-
     def __init__(self):
         self.trajectory, self.events = [], []
 

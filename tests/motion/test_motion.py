@@ -38,7 +38,6 @@ def scene(request, quickstart):
 
 
 def events_of(scene, until=None):
-    """Events of an undisturbed motion, records."""
     events = Recorder(scene, "events")
     with motion_of(scene) as motion:
         motion.to_time(until or scene.run.duration_s, [events])
@@ -110,8 +109,6 @@ def test_parts_of_a_motion_add_up(scene):
 
 
 class Counter:
-    """Counts steps and events, and adds up how long they take."""
-
     def __init__(self):
         self.steps = self.events = self.chatters = 0
         self.seconds = 0.0

@@ -31,7 +31,6 @@ BRAKED = {"motor.friction_radius_m": 0.05}
 
 
 def turned(first, second, first_rate=0.0, second_rate=0.0):
-    """Start with exciters at these angles (rad) and speeds (rad/s)."""
     state = {
         "phi1_rad": first,
         "phi2_rad": second,
@@ -87,8 +86,6 @@ class Reference:
         return float(found.t[-1]), found.y[:, -1], found.status == 1
 
     def stop(self, i):
-        """Event: exciter i stands still."""
-
         def speed(_t, y):
             return y[8 + i]
 
@@ -96,7 +93,6 @@ class Reference:
         return speed
 
     def directions(self, t, y):
-        """Say in which directions the exciters turn from now on."""
         rates = self.flow(t, y)
         self.sign = np.array([math.copysign(1.0, y[i] if abs(y[i]) > 1e-9 else rates[i]) for i in (8, 9)])
 
@@ -124,14 +120,12 @@ class Reference:
 
 @cache
 def reference(motion):
-    """Times, unknowns there and the moments of standstill."""
     times = np.linspace(0.0, 0.9, 13)
     known = Reference(scene_of(motion))
     return times, known.at(times.tolist()), known.stops
 
 
 def errors(motion, engine, tolerances):
-    """Largest errors in the scales of the scene, by tolerance."""
     times, known, _ = reference(motion)
     found = []
     for tolerance in tolerances:

@@ -75,11 +75,9 @@ class Deck:
         return own - fallen - (self.moved(t, 0, normal=True) - self.moved(since, 0, normal=True))
 
     def gap_rate(self, t, since, rate):
-        """Return its rate."""
         return rate - self.gravity * (t - since) - self.moved(t, 1, normal=True) + self.moved(since, 1, normal=True)
 
     def pressing(self, t):
-        """Return the contact force over the block's mass."""
         return self.gravity + self.moved(t, 2, normal=True)
 
     def needed(self, t):
@@ -142,7 +140,6 @@ def closed_form(deck):
 
 
 def rates_at(deck, pieces, times):
-    """Return rate and place of the block at times."""
     begins = [piece[0] for piece in pieces]
     found = []
     for t in times:

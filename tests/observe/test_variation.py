@@ -52,7 +52,6 @@ def scene_of(layers, setup="paper", engine="native", frequency=51.0, **contact):
 
 
 def end(scene, state, seconds, observers=()):
-    """Where a motion from a state is after a time."""
     with motion_of(scene, state) as motion:
         motion.to_time(seconds, observers)
         assert motion.outcome == "ok"
@@ -109,7 +108,6 @@ def agrees(scene, start, seconds, relative=1e-6, keys=(), step=None):
 
 
 def later(scene, seconds):
-    """State of a scene's motion after a time."""
     return simulate(scene.replace({"run.duration_s": seconds, "run.perturbation": 0.01}), keep="summary").final_state
 
 
@@ -268,7 +266,6 @@ def test_engines_agree_with_a_stiff_layer(engine, tolerance, ratio):
 
 
 def determinant(scene, start, seconds):
-    """Change of the volume of states."""
     places = list(state_places(scene).values())
     return np.linalg.det(scaled(variation(scene, start, seconds), scene)[np.ix_(places, places)])
 

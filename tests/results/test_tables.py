@@ -31,7 +31,6 @@ OLD, NEW = pd.DataFrame({"v": [1.0, 2.0]}), pd.DataFrame({"v": [3.0]})
 
 @pytest.fixture(scope="module", params=["two layers", "bare", "bouncing"])
 def finished(request, runs):
-    """Each of the finished runs in turn."""
     return runs[request.param]
 
 
@@ -40,8 +39,6 @@ def files(directory):
 
 
 def write_half(reason):
-    """A writer that leaves half a file and raises."""
-
     def write(_, target, **_options):
         if isinstance(target, Path):  # a writer of Parquet has its file open
             target.write_text("half a tab")
