@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 import traceback
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -152,6 +153,14 @@ def ended(place, *arguments, before=""):
     """Start a command and wait for its end; what it leaves running is killed."""
     with Child(place, *arguments, before=before) as child:
         return child.end()
+
+
+def until(true, seconds=60.0):
+    """Wait until something is true."""
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.02)
 
 
 def workers_of(pid=None):

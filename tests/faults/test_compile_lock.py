@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from common.commands import until
 
 from vibroplat.kernels.cache import KernelCache
 from vibroplat.system import compile_lock
@@ -23,13 +24,6 @@ def script(code, *arguments, stdin=None, **environment):
     line = [sys.executable, "-c", code, *map(str, arguments)]
     pipes = {"stdin": stdin, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     return subprocess.Popen(line, env=os.environ | environment, start_new_session=True, **pipes)
-
-
-def until(happened, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not happened():
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 def is_running(process):

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from common.commands import Child, command, ended, not_a_line, sending
+from common.commands import Child, command, ended, not_a_line, sending, until
 from common.places import SWEPT
 from common.results import bits, finished_points, left
 
@@ -45,13 +45,6 @@ def tables(directory):
     return {name: bits(table) for name, table in found.items() if name.startswith(TABLES)}, temporaries
 
 
-def all_gone(child):
-    until = time.monotonic() + SOON
-    while child.members() and time.monotonic() < until:
-        time.sleep(0.02)
-    return child.members() == []
-
-
 #: Says when a program listens to signals; before, Python itself ends it with a traceback.
 LISTENING = """
 from vibroplat.system.interrupts import end_at_signals
@@ -69,8 +62,7 @@ def test_sweep_ended_at_any_moment_leaves_complete_tables_and_goes_on(number, pl
     for k, share in enumerate(np.random.default_rng(number).random(number)):
         signal_ = SIGNALS[k % 3]
         with Child(place, *SWEEP, "2" if k % 5 == 1 else "1", before=LISTENING) as child:
-            while not (place / "listening").exists():
-                time.sleep(0.01)
+            until((place / "listening").exists)
             (place / "listening").unlink()
             time.sleep(share * seconds)
             child.process.send_signal(signal_)
@@ -164,9 +156,7 @@ def at_file(signal_, function, number):
 @pytest.mark.faults
 def test_ctrl_c_in_a_long_run(place):
     with Child(place, *LONG_RUN, "--set", "solver.engine=sundae", before=ANNOUNCED) as child:
-        while not (place / "running").exists():
-            assert child.process.poll() is None
-            time.sleep(0.01)
+        until((place / "running").exists)
         os.killpg(child.process.pid, signal.SIGINT)
         assert problem(child.end(SOON)) == ""
     assert left(place / "results/c/run") == ({}, [])
@@ -217,7 +207,7 @@ def test_run_killed_among_its_tables_leaves_no_set_of_two_runs(number, place):
 def test_ctrl_c_while_workers_start(place):
     with Child(place, *SWEEP, "2", before=sending(signal.SIGINT, "vibroplat.system.workers:_start", 2)) as child:
         assert problem(child.end()) == ""
-        assert all_gone(child)
+        until(lambda: child.members() == [], SOON)
 
 
 @pytest.mark.faults
@@ -226,15 +216,13 @@ def test_ctrl_c_while_workers_start(place):
 def test_workers_that_load_end_with_the_command(signal_, seconds, place):
     """The signal goes to the command alone; its workers would keep its output open for a minute."""
     with Child(place, *SWEEP, "2", before=LISTENING) as child:
-        until = time.monotonic() + SOON
-        while not (place / "listening").exists() and time.monotonic() < until:
-            time.sleep(0.01)
+        until((place / "listening").exists, SOON)
         time.sleep(seconds)
         os.kill(child.process.pid, signal_)
         began = time.monotonic()
         assert problem(child.end(), signal_) == ""
         assert time.monotonic() - began < SOON
-        assert all_gone(child)
+        until(lambda: child.members() == [], SOON)
 
 
 @pytest.mark.faults

@@ -128,15 +128,9 @@ def test_unfinished_sweep_is_begun_anew_only_if_asked(unfinished, here):
 
 def test_sweep_under_other_conditions_is_not_resumed_and_the_first_is_named(unfinished, monkeypatch):
     """Points of other sources or arithmetic look alike and differ."""
-    for setting, found in (
-        ("sweep.measure_s=3.0", "0.3"),
-        ("sweep.grid={contact.restitution: [0.1]}", "{}"),
-        ("machine.platform_mass_kg=12.5", "12.42"),
-    ):
-        done = command("sweep", "c.yaml", "--resume", "--set", setting)
-        assert not_a_line(done) == ""
-        assert setting.partition("=")[0] in done.err
-        assert f"allowed: {found}" in done.err
+    done = command("sweep", "c.yaml", "--resume", "--set", "machine.platform_mass_kg=12.5")
+    assert not_a_line(done) == ""
+    assert "machine.platform_mass_kg = 12.5; allowed: 12.42" in done.err
     others = package() | {"source files": "others"}
     for what, where, found in (
         ("arithmetic", "vibroplat.study.fingerprint.arithmetic", lambda _engine: "others"),

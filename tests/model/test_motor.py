@@ -73,18 +73,6 @@ def test_torque_under_a_rising_supply_is_that_of_the_frequency_then():
             assert torque_rate(i, TIME, v, p) == pytest.approx(numerical, abs=1e-11 * fastest)
 
 
-def test_rated_frequency_matters_at_others_alone():
-    rated = {"critical_slip": 0.2, "rated_frequency_hz": 50.0}
-    for frequency, same in ((50.0, True), (25.0, False)):
-        with_it, without = (
-            parameters(Scene(motor=motor, drive={"supply_frequency_hz": frequency}))
-            for motor in (rated, {"critical_slip": 0.2})
-        )
-        assert (with_it.slip_speed == without.slip_speed).all() == same
-    # half the frequency: the same slip speed is twice the slip
-    assert with_it.slip_speed == pytest.approx(2.0 * without.slip_speed, rel=1e-15)
-
-
 def start(frequency=0.0, **motor):
     """Return the parameters at the first moment of a start from 0 Hz; it has been 0 Hz for a second."""
     entries = [(0.0, frequency), (1.0, frequency), (3.0, 50.0)]

@@ -10,7 +10,6 @@ from common.places import ROOT
 from common.synchronization import (
     TURN,
     influence,
-    net_torques,
     stable_phases,
     steady_frequencies,
 )
@@ -161,22 +160,3 @@ def test_co_rotating_exciters_get_in_phase_or_opposite():
         assert apart(phase_of(run), expected) < 1e-3
     assert together.summary["rms_phi_rad"] < 1e-6 < together.summary["rms_y_m"]
     assert opposite.summary["rms_y_m"] < 1e-6 < opposite.summary["rms_phi_rad"]
-
-
-@pytest.mark.parametrize(("angle", "supply"), [(22.5, 50.0), pytest.param(-40.0, 58.0, marks=pytest.mark.long)])
-def test_phase_of_co_rotating_exciters_on_any_springs(angle, supply):
-    """The stable phase minimizes −(G_x + G_y) cos Δ + p² G_φ cos(Δ − 2γ), with damping by balance of torques."""
-    changes = {
-        "machine.exciter_angle_deg": angle,
-        "machine.damping_y_n_s_per_m": 400.0,
-        "drive.supply_frequency_hz": supply,
-        "run.duration_s": 16.0,
-    }
-    for skew in (0.5, 2.5):
-        run = simulate(example("co-rotating-in-phase", {**changes, "run.initial.phase_difference_rad": skew}))
-        omega = TURN * run.summary["excitation_frequency_hz"]
-        (expected,) = stable_phases(run.scene, omega)
-        assert apart(phase_of(run), expected) < 2e-3
-        assert run.summary["phase_coherence"] > 0.9999
-        first, second = net_torques(run.scene, omega, phase_of(run))
-        assert max(abs(first), abs(second)) < 2e-3

@@ -194,7 +194,7 @@ def test_screening_lets_no_extreme_between_samples_pass(nodes, turn):
     rng, places = np.random.default_rng(nodes), np.concatenate([[0.0], NODES[nodes, :nodes], [1.0]])
     dense = np.linspace(0.0, 1.0, 2001)[:, np.newaxis]
     limits, found = in_lines((2, EIGHT)), np.zeros(2, np.int64)
-    for _ in range(600):
+    for _ in range(300):
         rates, phases = rng.uniform(0.05, turn, (2, EIGHT)), rng.uniform(0.0, 2.0 * np.pi, (2, EIGHT))
         sizes, slopes = rng.uniform(-1.0, 1.0, EIGHT) * rng.integers(0, 2, EIGHT), rng.uniform(-3.0, 3.0, EIGHT)
         samples, true = in_lines((nodes + 2, EIGHT)), oscillations(dense, rates, phases, sizes, slopes)
