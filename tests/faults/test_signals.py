@@ -90,23 +90,8 @@ sys.meta_path.insert(0, Finder())
 """
 #: A program that gets Ctrl-C where an exception would be lost.
 LOST = {
-    "a callback of C code": """
-import ctypes, os, signal
-from vibroplat.system.interrupts import end_at_signals
-end_at_signals()
-ctypes.CFUNCTYPE(None)(lambda: os.kill(0, signal.SIGINT))()
-print("lost")
-""",
-    "a destructor": """
-import os, signal
-from vibroplat.system.interrupts import end_at_signals
-end_at_signals()
-class Object:
-    def __del__(self):
-        os.kill(0, signal.SIGINT)
-Object()
-print("lost")
-""",
+    "a callback of C code": "import ctypes\nctypes.CFUNCTYPE(None)(lambda: os.kill(0, signal.SIGINT))()",
+    "a destructor": "class Object:\n    def __del__(self):\n        os.kill(0, signal.SIGINT)\nObject()",
 }
 
 
@@ -118,7 +103,8 @@ def test_ctrl_c_while_the_program_loads(module, place):
 
 @pytest.mark.parametrize("where", LOST)
 def test_ctrl_c_is_not_lost(where, place):
-    assert problem(ended(place, "--version", before=LOST[where])) == ""
+    before = f"{LISTENING}import os, signal\n{LOST[where]}\nprint('lost')"
+    assert problem(ended(place, "--version", before=before)) == ""
 
 
 #: A program that makes a file when the motion of its scene begins.
