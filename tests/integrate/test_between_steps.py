@@ -52,7 +52,7 @@ def errors(name, engine, tolerance):
     ("name", "engine", "tolerance"),
     [
         *(("bare", "taylor", 1e-6), ("attached", "taylor", 1e-10), ("bare", "native", 1e-10)),
-        *(("attached", "native", 1e-10), pytest.param("attached", "sundae", 1e-10, marks=pytest.mark.long)),
+        *(("attached", "native", 1e-10), ("attached", "sundae", 1e-10)),
     ],
 )
 def test_errors_between_steps_are_those_of_their_ends(name, engine, tolerance):
