@@ -3,7 +3,6 @@
 import math
 from pathlib import Path
 
-import pandas as pd
 import pytest
 from common.known import ball_on_table
 
@@ -23,21 +22,6 @@ def test_means_are_of_whole_periods_wherever_a_run_ends(quickstart):
     assert {one["impacts_per_period"] for one in found} == {0.75}
     restless = simulate(quickstart.replace({"run.duration_s": 0.2}), keep="summary").summary
     assert restless["period"] == 0
-
-
-def test_non_impact_damping_equals_a_damper(quickstart):
-    scene = quickstart.replace({"run.duration_s": 0.3})
-    beta = scene.replace({"contact": {"model": "non-impact", "viscous_per_mass_per_s": 20.0}})
-    damper = scene.replace(
-        {
-            "material.mass_ratio": 0.0,
-            "machine.damping_y_n_s_per_m": 400.0 + 20.0 * scene.material_mass,
-        }
-    )
-    run = simulate(beta)
-    pd.testing.assert_frame_equal(run.trajectory, simulate(damper).trajectory)
-    assert run.summary["events"] == 0
-    assert "contact_force_n" not in run.trajectory
 
 
 def test_state_without_finite_accelerations_is_named(quickstart, monkeypatch):
