@@ -8,14 +8,7 @@ import pytest
 from vibroplat import Scene
 from vibroplat.model.accelerations import accelerations, second_derivatives
 from vibroplat.model.equations import jacobian
-from vibroplat.model.motor import (
-    kloss_slope,
-    kloss_torque,
-    motor_powers,
-    motor_torque,
-    net_slope,
-    torque_rate,
-)
+from vibroplat.model.motor import kloss_slope, kloss_torque, motor_powers, motor_torque, net_slope, torque_rate
 from vibroplat.model.parameters import blank_record, parameters
 from vibroplat.model.systems import SYSTEMS
 

@@ -7,12 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from common.places import ROOT
-from common.synchronization import (
-    TURN,
-    influence,
-    stable_phases,
-    steady_frequencies,
-)
+from common.synchronization import TURN, influence, stable_phases, steady_frequencies
 from scipy.optimize import brentq
 
 from vibroplat import load_config, simulate

@@ -115,11 +115,7 @@ def test_orbits_are_refused_in_one_line():
 
 #: Throw index, from the stroke along y, and conveying speed over the amplitude of the velocity along x, of a feeder
 #: with a line of action of 30°, mass ratio 0.2 and friction 0.4, by an independent computation; and the radius.
-FEEDER = [
-    (0.0215, 0.94, 0.49),
-    (0.0481, 2.26, 0.79),
-    (0.0664, 3.3, 0.99),
-]
+FEEDER = [(0.0215, 0.94, 0.49), (0.0481, 2.26, 0.79), (0.0664, 3.3, 0.99)]
 
 
 def test_speed_of_a_feeder_over_its_throw_index():
