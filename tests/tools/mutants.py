@@ -160,7 +160,6 @@ MUTANTS = [(rooms, *line.split(" → ")) for rooms, lines in BY_ROOM for line in
 
 
 def files() -> list[Path]:
-    """Return all modules of the package."""
     return sorted((ROOT / "vibroplat").rglob("*.py"))
 
 
