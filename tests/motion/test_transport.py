@@ -92,6 +92,39 @@ def test_friction_of_impacts_is_in_work_and_power_of_friction():
     assert s["friction_work_j"] > rubbed.sum()
 
 
+@pytest.mark.parametrize("changes", [
+    {"contact.restitution": 0.4},
+    {"material": {"mass_ratio": 0.3, "layers": 2, "natural_frequency_hz": 30.0, "damping_ratio": 0.2}},
+    {"transport": {"deck_angle_deg": -12.0, "static_friction": 0.4}},
+])  # fmt: skip
+def test_both_engines_agree_and_balance(changes):
+    scene = load_config(REFERENCES / f"{NAMES[0]}.yaml").replace({"run.duration_s": 0.3}).replace(changes)
+    one, two = (
+        simulate(scene.replace({"solver": {"engine": engine, "tolerance": tolerance}}))
+        for engine, tolerance in (("taylor", 1e-12), ("native", 1e-10))
+    )
+    assert one.outcome == two.outcome == "ok"
+    assert one.events["kind"].to_list() == two.events["kind"].to_list()
+    assert np.abs(one.events["t_s"] - two.events["t_s"]).max() < 1e-6
+    np.testing.assert_allclose(one.final_state, two.final_state, atol=1e-5 * np.abs(one.final_state).max())
+    assert one.summary["energy_residual"] < 1e-9
+    assert one.summary["momentum_along_residual"] < 1e-9
+    table = one.trajectory
+    over = table["friction_force_n"].abs() - 0.45 * table["contact_force_n"]
+    assert over.max() < 1e-6
+    assert one.summary["contact_pull_n"] < 1e-6
+
+
+def test_slow_impacts_of_sliding_material_stick():
+    scene = load_config(REFERENCES / f"{NAMES[0]}.yaml")
+    run = simulate(scene.replace({"contact": {"restitution": 0.4, "sticking_speed_m_per_s": 0.3}}))
+    impacts = run.events[run.events["kind"] == "impact"]
+    before, after = impacts["gap_rate_before_m_per_s"], impacts["gap_rate_after_m_per_s"]
+    slow = before > -0.3
+    assert min(slow.sum(), (~slow).sum()) > 2
+    np.testing.assert_allclose(after, np.where(slow, 0.0, -0.4 * before), rtol=1e-12)
+
+
 @pytest.mark.parametrize(("changes", "told"), [
     ({"material.mass_ratio": 0.0}, "material.mass_ratio = 0.0 does not go with transport; allowed: more than 0"),
     ({"contact.model": "non-impact"}, "contact.model = non-impact does not go with transport; allowed: impact"),
