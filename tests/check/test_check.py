@@ -134,18 +134,44 @@ def table(*rows):
     return pd.DataFrame(rows, columns=["t_s", "kind", "gap_rate_before_m_per_s"])
 
 
-FLIGHTS = ((0.010, "liftoff", 0.0), (0.020, "impact", -0.1), (0.050, "liftoff", 0.0), (0.060, "impact", -0.1))
+def flight(begin, end, speed=0.1):
+    return (begin, "liftoff", 0.0), (end, "impact", -speed)
 
 
-def pairs(one, two, error=1e-6, until=0.1):
-    return match_events(table(*one), table(*two), ErrorBound(np.array([until]), np.array([error])), run_scene(), until)
+def struck_again(first, count):
+    """Two flights, after the first of which so many impacts accumulate."""
+    times = 0.020 + np.cumsum(first * 0.4 ** np.arange(count))
+    return *FLIGHTS[:2], *((t, "impact", -0.05) for t in times.tolist()), *FLIGHTS[2:]
 
 
-def test_events_are_paired_in_order():
-    later = tuple((t + 1e-5, kind, v) for t, kind, v in FLIGHTS)
-    found = pairs(FLIGHTS, later)
-    assert found.rows.tolist() == [[k, k] for k in range(4)]
-    assert found.differ_s == np.inf
+FLIGHTS = (*flight(0.010, 0.020), *flight(0.050, 0.060))
+#: About the speed that an error may make, for an impact that only one run takes for slight, and another soon after it.
+LIMIT = state_scales(run_scene())[GAP_RATE] * np.sqrt(2e-6)
+FAST, SLOW = ((*flight(0.010, 0.011, s * LIMIT), *flight(0.0111, 0.0125)) for s in (1.001, 0.999))
+#: Events of two runs and until when they are compared; how many both have, and when they begin to differ.
+EVENTS = {
+    "in order": (FLIGHTS, [(t + 1e-5, kind, v) for t, kind, v in FLIGHTS], 0.1, 4, np.inf),
+    "a flight of one run": ((*FLIGHTS[:2], *flight(0.030, 0.035), *FLIGHTS[2:]), FLIGHTS, 0.1, 2, 0.030),
+    "a slight flight": ((*FLIGHTS[:2], *flight(0.030, 0.030 + 1e-6, 1e-9), *FLIGHTS[2:]), FLIGHTS, 0.1, 4, np.inf),
+    "a slight flight before a clear one": ((*flight(0.0098, 0.0098 + 1e-6, 1e-9), *FLIGHTS), FLIGHTS, 0.1, 4, np.inf),
+    "as slight in both": (FAST, FAST, 0.1, 4, np.inf),
+    "slight in one": (FAST, SLOW, 0.1, 4, np.inf),
+    "an accumulation closed sooner": (struck_again(1e-6, 2), struck_again(1e-6, 5), 0.1, 6, np.inf),
+    "too slow for one": (struck_again(1e-3, 2), struck_again(1e-3, 5), 0.1, 4, 0.02156),
+    "an event that may come after the end": (FLIGHTS, FLIGHTS[:3], 0.0601, 3, np.inf),
+    "an event long before the end": (FLIGHTS, FLIGHTS[:3], 0.09, 3, 0.060),
+}
+
+
+@pytest.mark.parametrize("name", EVENTS)
+def test_events_are_paired_unless_an_error_may_add_or_remove_them(name):
+    *events, until, count, differ = EVENTS[name]
+    bound = ErrorBound(np.array([until]), np.array([1e-6]))
+    for one, two in (events, reversed(events)):
+        found = match_events(table(*one), table(*two), bound, run_scene(), until)
+        assert (len(found.rows), found.differ_s) == (count, pytest.approx(differ))
+        assert all(abs(one[i][0] - two[j][0]) < 1e-4 and one[i][1] == two[j][1] for i, j in found.rows)
+        assert np.isinf(differ) or f" at {differ:.4g}" in "".join(found.why)
 
 
 def friction_events(*events):
@@ -181,39 +207,6 @@ def test_a_wrong_friction_is_found():
     assert "allowed difference" in slippery.disagreement
 
 
-@pytest.mark.parametrize("swapped", [False, True])
-def test_a_flight_that_only_one_run_has_is_found_unless_it_is_slight(swapped):
-    high = (*FLIGHTS[:2], (0.030, "liftoff", 0.0), (0.035, "impact", -0.05), *FLIGHTS[2:])
-    low = (*FLIGHTS[:2], (0.030, "liftoff", 0.0), (0.030 + 1e-6, "impact", -1e-9), *FLIGHTS[2:])
-    found = pairs(high, FLIGHTS) if not swapped else pairs(FLIGHTS, high)
-    assert (len(found.rows), found.differ_s) == (2, 0.030)
-    assert "liftoff at 0.03 s" in found.why[int(swapped)]
-    found = pairs(low, FLIGHTS) if not swapped else pairs(FLIGHTS, low)
-    assert (len(found.rows), found.differ_s) == (4, np.inf)
-
-
-@pytest.mark.parametrize("swapped", [False, True])
-def test_a_slight_flight_takes_no_partner_from_a_clear_one(swapped):
-    before = ((0.0098, "liftoff", 0.0), (0.0098 + 1e-6, "impact", -1e-9))
-    both = [FLIGHTS, (*before, *FLIGHTS)]
-    found = pairs(*both[:: -1 if swapped else 1])
-    assert sorted(found.rows.ravel().tolist()) == [0, 1, 2, 2, 3, 3, 4, 5]
-    assert found.differ_s == np.inf
-
-
-@pytest.mark.parametrize("swapped", [False, True])
-@pytest.mark.parametrize("slower", [1.0, 0.999])
-def test_events_that_only_one_run_takes_for_slight_are_paired(slower, swapped):
-    """An impact about as fast as an error may make one, and another soon after it."""
-    speed = state_scales(run_scene())[GAP_RATE] * np.sqrt(2e-6)
-    flights = [
-        ((0.010, "liftoff", 0.0), (0.011, "impact", -s * speed), (0.0111, "liftoff", 0.0), (0.0125, "impact", -0.1))
-        for s in (1.001, slower)
-    ]
-    found = pairs(*flights[:: -1 if swapped else 1])
-    assert (found.rows.tolist(), found.differ_s) == ([[k, k] for k in range(4)], np.inf)
-
-
 @pytest.mark.parametrize("end", [0.1, 0.03])
 def test_a_repetition_that_ends_early_excuses_no_other_sequence(end):
     def course(engine, events, end=0.1):
@@ -225,18 +218,3 @@ def test_a_repetition_that_ends_early_excuses_no_other_sequence(end):
     first, other, again = course("a", FLIGHTS), course("b", FLIGHTS[:2]), course("b", FLIGHTS[:2], end)
     found = _Comparison(first, other, again, [first]).result()
     assert found.disagreement.startswith("at 0.05 s: sequence of events")
-
-
-def test_an_accumulation_may_be_closed_sooner_in_one_run():
-    def accumulation(count, first):
-        falls = first * 0.4 ** np.arange(count)
-        return (*FLIGHTS[:2], *((0.020 + t, "impact", -0.05) for t in np.cumsum(falls).tolist()), *FLIGHTS[2:])
-
-    found = pairs(accumulation(2, 1e-6), accumulation(5, 1e-6))
-    assert (len(found.rows), found.differ_s) == (6, np.inf)
-    assert pairs(accumulation(2, 1e-3), accumulation(5, 1e-3)).differ_s < 0.03
-
-
-def test_an_event_at_the_end_may_come_after_it():
-    assert pairs(FLIGHTS, FLIGHTS[:3], until=0.0601).differ_s == np.inf
-    assert pairs(FLIGHTS, FLIGHTS[:3], until=0.09).differ_s == 0.060

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from vibroplat.config.digits import given, interval, number, pair, quantity, share, spread
+from vibroplat.config.digits import given, interval, number, pair, percent, quantity, spread
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_a_number_without_a_unit():
 def test_shares_are_exact_at_their_ends():
     shares = (0.8462, 0.0192, 0.99994, 1.0, 0.0, 1e-5, -1e-5, 0.953, 1.34, None)
     told = ["85 %", "1.9 %", "> 99.9 %", "100 %", "0 %", "< 0.1 %", "> −0.1 %", "95.3 %", "134 %", "–"]
-    assert [share(one) for one in shares] == told
+    assert [percent(one) for one in shares] == told
 
 
 def test_a_spread_has_one_unit_and_two_digits_of_the_smaller():

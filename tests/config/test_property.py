@@ -6,7 +6,6 @@ import pytest
 from common.drawing import given
 
 from vibroplat import Motor, Scene, load_config
-from vibroplat.config.reader import parse_overrides
 from vibroplat.config.schema import nodes
 from vibroplat.errors import ConfigError
 
@@ -63,20 +62,6 @@ def accepted(load, kind=Scene):
 def test_any_value_is_accepted_or_told_in_a_line(changes, here):
     (here / "c.yaml").write_text(json.dumps(VALID))
     accepted(lambda: load_config("c.yaml", changes))
-
-
-@given(key=lambda st: st.text(CHARACTERS, min_size=1, max_size=300))
-def test_any_key_is_told_in_a_line(key, here):
-    (here / "c.yaml").write_text("")
-    name = f"machine.{key.replace('.', '')}"
-    assert not accepted(lambda: load_config("c.yaml", {name: 1.0})) or name in KEYS
-
-
-@given(
-    text=lambda st: st.one_of(st.text(CHARACTERS, max_size=60), st.text("[]{}:,-&*!|>%#? \n\t'\"aé1.~<", max_size=30))
-)
-def test_any_text_is_a_setting_or_told_in_a_line(text):
-    accepted(lambda: parse_overrides([f"key.sub={text}"]), dict)
 
 
 #: What YAML gives a meaning of its own, what is no text or cannot be printed, and what is far too long.

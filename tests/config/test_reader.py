@@ -88,13 +88,6 @@ def test_files_may_extend_many(tmp_path):
     assert load_tree(chain(tmp_path / ("a" * 100), 50)) == found
 
 
-@pytest.mark.long
-def test_files_that_extend_each_other_take_time_in_proportion_to_their_number(tmp_path):
-    top = chain(tmp_path / "many", 2000)
-    with cpu_seconds(4.0):  # 1.4 s
-        assert load_tree(top)["material"] == {"mass_ratio": 0.1999}
-
-
 PROGRAM = "drive: {program: [{t_s: 0, supply_frequency_hz: 50}]}"
 NATURAL = "material: {natural_frequency_hz: 18.5, damping_ratio: 0.05}"
 #: Files, what is laid over them, and what says the same at once if that is not the upper file alone.

@@ -8,7 +8,7 @@ from common.results import bits
 from threadpoolctl import threadpool_limits
 
 from vibroplat import design, load_config, orbit
-from vibroplat.config.digits import share
+from vibroplat.config.digits import percent
 from vibroplat.continuation.orbit import OrbitError
 from vibroplat.errors import ConfigError
 
@@ -101,7 +101,7 @@ def test_tolerances_that_break_a_bound_together_are_told():
     spread = {"machine.platform_mass_kg": 0.03, "machine.stiffness_y_n_per_m": 0.03}
     found = design(scene(parameter_tolerances=spread, starts=1, samples=40))
     kept = found.tables["samples"]["rms_y_m"] >= 1e-3 * (1.0 - 1e-6)
-    assert found.answer.lines["constraints satisfied"].startswith(f"{share(kept.mean())} (")
+    assert found.answer.lines["constraints satisfied"].startswith(f"{percent(kept.mean())} (")
     assert 0.5 < kept.mean() < 1.0
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vibroplat import design, load_config, orbit
-from vibroplat.config.digits import share
+from vibroplat.config.digits import percent
 from vibroplat.designs.sensitivities import settling_plan
 from vibroplat.designs.study import DesignStudy
 from vibroplat.errors import ConfigError
@@ -74,7 +74,7 @@ def test_samples_are_what_motions_settle_to(spread):
         point = measure_point(spread.replace(place), settling_plan(spread), None, (0,)).row
         assert (point["period"] == 1) == row["stable"]
         assert row["rms_y_m"] == pytest.approx(point["rms_y_m"], rel=1e-4 if row["stable"] else 0.1)
-    assert result.answer.lines["orbit stable"] == share(table["stable"].mean())
+    assert result.answer.lines["orbit stable"] == percent(table["stable"].mean())
 
 
 def test_shares_of_the_variance_are_those_of_the_slopes_where_a_spread_is_small(scene):
@@ -153,7 +153,7 @@ def test_share_of_machines_within_bounds_without_minimizing(scene):
     labels, told = zip(*found.answer.lines.items(), strict=True)
     assert labels[:3] == ("constraints satisfied", "  rms_y_m <= 1.5e-3", "  motor_power_w >= 1")
     for text, inside in zip(told, (kept[0] & kept[1], *kept), strict=False):
-        assert text.startswith(f"{share(inside.mean())} (")
+        assert text.startswith(f"{percent(inside.mean())} (")
         assert text.endswith("with 95 % confidence)")
     assert "evaluations" not in found.tables
 

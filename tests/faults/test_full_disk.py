@@ -58,30 +58,6 @@ def tables(directory):
     return {name: bits(found) for name, found in left(directory)[0].items() if name.endswith((".parquet", ".csv"))}
 
 
-def resumed_after(done, here, alone, kept=0):
-    """Check how a sweep has ended without room, and that it goes on to the same tables with room."""
-    assert not_a_line(done, codes=FAILED) == ""
-    wanted = tables(alone)
-    found, temporaries = left(here / "results/c/sweep")
-    assert temporaries == []
-    assert {name: bits(t) for name, t in found.items() if name in wanted} == {
-        n: wanted[n] for n in wanted if n in found
-    }
-    again = command("sweep", "c.yaml", "--resume")
-    assert (again.code, again.err) == (0, "")
-    assert tables(here / "results/c/sweep") == wanted
-    if kept:
-        assert f": {kept} tasks from before; " in again.out
-
-
-@pytest.mark.long
-def test_sweep_without_room_is_told_in_a_line_and_goes_on_later(here, alone):
-    (here / "c.yaml").write_text(SWEEP)
-    with largest_file(40_000):
-        done = command("sweep", "c.yaml")
-    resumed_after(done, here, alone)
-
-
 def test_points_outlive_tables_that_have_no_room(here, alone, monkeypatch):
     """All points are there, and one of the tables has no room."""
     (here / "c.yaml").write_text(SWEEP)
@@ -102,7 +78,14 @@ def test_points_outlive_tables_that_have_no_room(here, alone, monkeypatch):
     assert "cannot be written: File too large" in done.err
     monkeypatch.undo()
     os.chdir(here)
-    resumed_after(done, here, alone, kept=22)
+    assert not_a_line(done, codes=FAILED) == ""
+    wanted, found = tables(alone), tables(here / "results/c/sweep")
+    assert found == {name: wanted[name] for name in found}
+    assert left(here / "results/c/sweep")[1] == []
+    again = command("sweep", "c.yaml", "--resume")
+    assert (again.code, again.err) == (0, "")
+    assert tables(here / "results/c/sweep") == wanted
+    assert ": 22 tasks from before; " in again.out
 
 
 def test_directory_that_is_removed_in_the_middle_is_told_in_a_line(here, monkeypatch):

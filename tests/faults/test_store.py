@@ -98,16 +98,6 @@ def test_sweep_that_was_killed_goes_on_to_the_same_table_and_no_worker_outlives_
         assert alive == []
 
 
-def test_points_or_tables_that_are_missing_are_made_again(result, finished, caplog):
-    """From whichever point on a branch was not finished, its rest is the same, the perturbations too."""
-    for first in (1, 3):
-        directory = result()
-        changed(directory, f"DELETE FROM records WHERE second >= {first}")
-        table, _, printed = resumed(directory, caplog)
-        assert table == finished[1]
-        assert f": {2 * first} tasks from before; " in printed
-
-
 def test_unfinished_sweep_is_begun_anew_only_if_asked(unfinished, here):
     line = (
         "vibroplat: results/c/sweep holds 1 tasks of unfinished work; "

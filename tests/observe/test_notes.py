@@ -6,7 +6,7 @@ import pytest
 from common.places import QUICKSTART, ROOT
 
 from vibroplat import load_config, simulate
-from vibroplat.config.digits import share
+from vibroplat.config.digits import percent
 from vibroplat.observe.data_sheet import whole_run
 from vibroplat.observe.notes import SlowMotor, largest_samples, notes_on_samples, slow_motors
 from vibroplat.results.run_answer import headline
@@ -100,7 +100,7 @@ def test_a_peak_that_samples_miss_is_noted(quickstart, key, column, start, suppl
     assert run.notes == []
     coarse = simulate(run.scene.replace({"output.sample_rate_hz": 1.0}))
     late = coarse.trajectory[coarse.trajectory["t_s"] >= 0.5 * seconds]
-    missed = share(1.0 - late[column].max() / coarse.summary[key])
+    missed = percent(1.0 - late[column].max() / coarse.summary[key])
     (note,) = coarse.notes
     assert note.startswith(start)
     assert note.endswith(f" by {missed}: output.sample_rate_hz = 1 is too low")
@@ -155,7 +155,7 @@ def test_a_transient_left_in_strokes_that_repeat_is_noted():
     short, long = (simulate(scene.replace({"run.duration_s": end}), keep="summary") for end in (10.0, 40.0))
     assert short.summary["period"] == long.summary["period"] == 1
     assert short.summary["stroke_change"] > 0.5
-    assert short.notes[0].startswith(f"{share(short.summary['stroke_change'])} of the stroke, ")
+    assert short.notes[0].startswith(f"{percent(short.summary['stroke_change'])} of the stroke, ")
     assert long.summary["stroke_change"] < 0.02
     assert not any("transient" in note for note in long.notes)
 

@@ -13,7 +13,7 @@ from vibroplat.config.reader import flat, load_tree
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.paper import reproduction, tables
-from vibroplat.paper.evidence import BranchRecords, Evidence, F, Key
+from vibroplat.paper.evidence import BranchRecords, Curve, Evidence, F
 from vibroplat.paper.root_finding import JUMP_WIDTH, MATCHED_HZ, MAX_BETA, beta_without_excess, match_beta, narrow
 from vibroplat.paper.scenes import BETA, machine_numbers, paper_scene
 from vibroplat.plots.command import plot_results
@@ -70,10 +70,10 @@ def test_beta_is_found_again():
     with Store(None, {}) as store:
         run_branches(branches(scene), store, Inline())
         add(evidence, scene, store)
-    course = evidence.branches.pop(Key(0.2, model="non-impact"))
+    course = evidence.branches.pop(Curve(0.2, model="non-impact"))
     impact = course.branch.scene.replace({"contact.model": "impact", BETA: 0.0})
     branch = branches(scene)[0]
-    evidence.branches[Key(0.2)] = BranchRecords(replace(branch, scene=impact), course.rows)
+    evidence.branches[Curve(0.2)] = BranchRecords(replace(branch, scene=impact), course.rows)
     assert course.rows[0][F] < MATCHED_HZ < max(row[F] for row in course.rows)
     pool = Counting()
     with Store(None, {}) as store:
@@ -170,7 +170,7 @@ def bare():
 
 
 def jump(evidence):
-    return evidence.jump(Key(0.0))
+    return evidence.jump(Curve(0.0))
 
 
 @pytest.mark.long
@@ -220,7 +220,7 @@ def test_curves_that_figures_share_are_computed_once(one, other, changes):
 def test_curves_that_differ_are_computed_each():
     """Of the branches of Figs. 2, 3 and 6 three are there twice."""
     numbers = machine_numbers("calibrated")
-    machine, _ = reproduction.trials_of(numbers, (0,))
+    machine, _ = reproduction.PaperStudy(numbers).trials()
     found = [b for trial in machine for name in trial.names for b in branches(trial.scene(name))]
     assert len(found) == len(set(map(reproduction.curve_of, found))) + 3
     assert reproduction.PaperStudy(numbers).chains(None) == len(found) - 3

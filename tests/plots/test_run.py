@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.text import Text
 
 from vibroplat import load_config, simulate
-from vibroplat.config.digits import quantity, share
+from vibroplat.config.digits import percent, quantity
 from vibroplat.errors import TableError
 from vibroplat.plots import headlines, histories
 from vibroplat.plots.command import plot_results
@@ -215,7 +215,7 @@ def test_titles_say_what_answer_and_data_sheet_say(saved):
     stroke = f"stroke y {quantity(told['stroke_y_m'], 'm')}"
     assert titles["motion"].startswith(stroke.capitalize())
     assert titles["exciters"].startswith(f"Runs at {quantity(told['excitation_frequency_hz'], 'Hz')} ")
-    assert f"material in flight {share(told['flight_fraction'])}" in titles["force"]
+    assert f"material in flight {percent(told['flight_fraction'])}" in titles["force"]
     assert titles["loads"].startswith(stroke.capitalize())
     assert "foundation, y " in titles["loads"]
 

@@ -19,6 +19,7 @@ from vibroplat.errors import ConfigError
 from vibroplat.study import cluster
 from vibroplat.study.cluster import IncompatibleWorkerError, NoWorkersError, require_scheduler
 from vibroplat.study.pool import pool, run_chains
+from vibroplat.system.interrupts import RESUMABLE
 
 from .helpers import Calls
 
@@ -31,8 +32,6 @@ SWEEP = (
 )
 #: A change of one line that changes all points: its file, the old text and the new one.
 CHANGE = ("study/point.py", "plan.perturbation, (plan.seed, *key)", "1.01 * plan.perturbation, (plan.seed, *key)")
-#: How what is given up ends.
-KEPT = "finished points are kept: continue with --resume"
 
 
 # -- addresses where no scheduler is ----------------------------------------------------------------------
@@ -146,10 +145,11 @@ def test_no_worker_is_told_and_given_up(kernels, monkeypatch, caplog):
     from distributed import LocalCluster
 
     monkeypatch.setattr(cluster, "NOTICE_S", 0.1)
+    monkeypatch.setattr(cluster, "MAX_WAIT_S", 0.4)
     monkeypatch.setattr("vibroplat.study.pool.CHECK_AFTER_S", 0.1)
     with (
         LocalCluster(n_workers=0, processes=False, protocol="tcp", dashboard_address=":0") as empty,
-        pool(scheduler=empty.scheduler_address, wait=0.4) as workers,
+        pool(scheduler=empty.scheduler_address) as workers,
         caplog.at_level(logging.WARNING, "vibroplat"),
         pytest.raises(NoWorkersError) as caught,
     ):
@@ -227,28 +227,22 @@ def test_worker_with_other_code_that_joins_late_is_refused(place, table):
         done = child.end()
     assert not_a_line(done, codes=(1,)) == ""
     assert done.err.startswith("vibroplat: worker tcp://127.0.0.1:")
-    assert (": source files " in done.err, KEPT in done.err) == (True, True)
+    assert (": source files " in done.err, RESUMABLE in done.err) == (True, True)
     assert finished_points(place / "results/c/sweep") >= 2
     resumed(place, table)
+
+
+def waiting(seconds):
+    """Text of a program that waits so long for workers."""
+    return f"from vibroplat.study import cluster\ncluster.MAX_WAIT_S = {seconds}\n"
 
 
 def given_up(done, what, seconds):
     """Whether a command has told what it waited for, and then ended; on a busy machine it ends without the notice."""
     *notice, end = done.err.splitlines()
     assert notice in ([], [f"vibroplat: waiting for {what}, up to {seconds} s"])
-    assert end == f"vibroplat: waited {seconds} s for {what}; {KEPT}"
+    assert end == f"vibroplat: waited {seconds} s for {what}; {RESUMABLE}"
     assert (done.code, done.out) == (1, "")
-
-
-@pytest.mark.faults
-def test_last_worker_killed_is_told_and_given_up(place, table):
-    with clusters.scheduler(place) as (address, _), clusters.worker(place, address) as worker:
-        clusters.await_workers(address, 1)
-        with Child(place, "sweep", "c.yaml", "--scheduler", address, "--wait", "2") as child:
-            await_points(place, 3, child)
-            clusters.kill(worker)
-            given_up(child.end(), f"a worker of the scheduler at {address}", 2)
-    resumed(place, table)
 
 
 @pytest.mark.faults
@@ -256,13 +250,13 @@ def test_last_worker_killed_is_told_and_given_up(place, table):
 def test_scheduler_that_freezes_or_dies_is_told_and_costs_no_point(signal_, wait, place):
     with clusters.scheduler(place) as (address, scheduler), clusters.worker(place, address):
         clusters.await_workers(address, 1)
-        with Child(place, "sweep", "c.yaml", "--scheduler", address, "--wait", wait) as child:
+        with Child(place, "sweep", "c.yaml", "--scheduler", address, before=waiting(wait)) as child:
             await_points(place, 3, child)
             scheduler.send_signal(signal_)
             done = child.end()
     if signal_ == signal.SIGSTOP:
         given_up(done, f"an answer of the scheduler at {address}", wait)
     else:
-        told = f"vibroplat: the scheduler at {address} is gone; {KEPT}\n"
+        told = f"vibroplat: the scheduler at {address} is gone; {RESUMABLE}\n"
         assert done == (1, "", told)
     assert finished_points(place / "results/c/sweep", "worker-lost") == 0

@@ -103,7 +103,7 @@ def _picture(result):
         axes=content.axes_of(table, ["excitation_frequency_hz"]),
         panels=panels,
         series=[picture.Series("motions", content.rows_of(table["key"].notna()), mode="markers")],
-        told=left,
+        caption=left,
     )
 ''',
 }

@@ -177,21 +177,6 @@ def test_task_whose_worker_is_lost_has_no_record_but_that_for_this_case():
 # -- chains ---------------------------------------------------------------------------------------------
 
 
-def doubled(value, count):
-    """Double a value so often, each time in a task."""
-    for _ in range(count):
-        value = (yield Task(dict, ({"value": 2 * value},)))["value"]
-    return value
-
-
-def test_tasks_of_a_chain_follow_one_another(processes):
-    for workers in (Inline(), processes):
-        with Store(None, {}) as store:
-            chains = [StoredChain(doubled(k, k), store, k) for k in range(6)]
-            assert run_stored(chains, workers) == [k * 2**k for k in range(6)]
-            assert run_stored([], workers) == []
-
-
 def test_workers_work_side_by_side(processes):
     chains = [Calls(*[(time.sleep, (0.03,)), (os.getpid, ())] * 4) for _ in range(4)]
     found = finish(chains, processes)
@@ -215,14 +200,6 @@ def test_error_of_a_task_is_raised(processes):
 
 
 # -- workers that die -----------------------------------------------------------------------------------
-
-
-@pytest.mark.faults
-def test_tasks_that_kill_their_workers_cost_their_own_points_alone(processes):
-    killers = (0, 2)
-    chains = [Calls(NAP, KILLER if k in killers else NAP, NAP, (abs, (-k,))) for k in range(4)]
-    found = finish(chains, processes)
-    assert found == [[None, "lost" if k in killers else None, None, k] for k in range(4)]
 
 
 class Fragile:
@@ -395,9 +372,6 @@ def test_workers_are_gone_when_the_pool_is_closed_and_another_may_be_opened():
 # -- no more processes than are of use --------------------------------------------------------------------
 
 
-NO_CORES, NO_WORK = "there are no more cores", "no more tasks can run at the same time"
-
-
 def test_workers_that_load_early_are_those_of_the_pool_and_are_gone_in_the_end():
     others = workers_of()
     with loading_workers(2, math.sqrt, 4.0):
@@ -411,21 +385,18 @@ def test_workers_that_load_early_are_those_of_the_pool_and_are_gone_in_the_end()
         assert workers_of() == others
 
 
-def test_processes_have_a_core_and_a_chain(monkeypatch, caplog):
-    wanted = {
-        (8, 4, 100): (4, f"--jobs 8: only 4 processes are used, because {NO_CORES}"),
-        (8, 16, 3): (3, f"--jobs 8: only 3 processes are used, because {NO_WORK}"),
-        (2, 16, 1): (1, f"--jobs 2: only one process is used, because {NO_WORK}"),
-        (2, 1, 5): (1, f"--jobs 2: only one process is used, because {NO_CORES}"),
-        (8, 16, None): (8, ""),
-        (None, 4, 2): (2, ""),
-        (3, 4, 0): (1, ""),
-    }
-    for (jobs, available, chains), (used, told) in wanted.items():
+def test_processes_have_a_core_and_a_chain(monkeypatch):
+    monkeypatch.setattr(pools, "Processes", Counted)
+    wanted = {(8, 4, 100): 4, (8, 16, 3): 3, (8, 16, None): 8, (None, 4, 2): 2}
+    for (jobs, available, chains), used in wanted.items():
         monkeypatch.setattr(pools, "core_count", lambda available=available: available)
-        caplog.clear()
-        assert pools._useful_processes(jobs, chains) == used
-        assert [record.getMessage() for record in caplog.records] == [told] * bool(told)
-    monkeypatch.delattr(pools, "Processes")
-    with pool(jobs=2, chains=1) as workers:
-        assert isinstance(workers, Inline)
+        with pool(jobs, chains=chains) as workers:
+            assert workers.slots == used
+    for jobs, chains in ((1, 9), (3, 1), (3, 0)):
+        with pool(jobs, chains=chains) as workers:
+            assert isinstance(workers, Inline)
+
+
+class Counted(Inline):
+    def __init__(self, jobs):
+        self.slots = jobs

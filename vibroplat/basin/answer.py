@@ -9,7 +9,7 @@ import pandas as pd
 
 from vibroplat.basin.attractors import AttractorSet
 from vibroplat.basin.rates import ALPHA, CHAOTIC, TRANSIENT_MOTIONS, clopper_pearson, shares_over
-from vibroplat.config.digits import number, share
+from vibroplat.config.digits import number, percent
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import BasinsPlan
@@ -59,8 +59,8 @@ def _shares(table: pd.DataFrame, key: str | None) -> Iterator[str]:
         own = table[table["attractor"] == name]
         row = own.iloc[0]
         if key is None:
-            bounds = f"({share(row['fraction_low'])} to {share(row['fraction_high'])})"
-            rows.append([share(row["fraction"]), bounds, name, measures_text(row, most)])
+            bounds = f"({percent(row['fraction_low'])} to {percent(row['fraction_high'])})"
+            rows.append([percent(row["fraction"]), bounds, name, measures_text(row, most)])
         else:
             values = own[column_of(key)]
             rows.append([over[name], name, f"at {place_words(column_of(key), values.min(), values.max())}"])
@@ -80,7 +80,7 @@ def _neighbours(plan: BasinsPlan, starts: pd.DataFrame) -> Iterator[str]:
         (np.diff(np.unique(names, return_inverse=True)[1].reshape(counts), axis=axis) != 0) for axis in range(len(keys))
     ]
     differ = sum(int(one.sum()) for one in pairs) / max(sum(one.size for one in pairs), 1)
-    yield f"{share(differ)} of the pairs of neighbouring initial conditions converge to different attractors"
+    yield f"{percent(differ)} of the pairs of neighbouring initial conditions converge to different attractors"
 
 
 def _lines(plan: BasinsPlan, tables: Mapping[str, pd.DataFrame], values: int) -> dict[str, str]:
@@ -127,7 +127,7 @@ def _turns(number: float) -> str:
 def _notes(plan: BasinsPlan, table: pd.DataFrame, sets: Sequence[AttractorSet]) -> list[str]:
     """Return warnings."""
     least = clopper_pearson(0, plan.number)[1]
-    notes = [f"{HINT}attractors that attract less than {share(least)} of the initial conditions may have been missed"]
+    notes = [f"{HINT}attractors that attract less than {percent(least)} of the initial conditions may have been missed"]
     if "conveying_speed_m_per_s" in table:
         hint = "with transport a motion is assigned once it has settled, by its measures: there are no orbits"
         notes.append(f"{HINT}{hint}")

@@ -12,7 +12,7 @@ from vibroplat.columns import display_name, unit_of
 from vibroplat.config import digits
 from vibroplat.frames import pd
 from vibroplat.results import content, picture
-from vibroplat.results.labels import key_name, shortened, told_of, value_words
+from vibroplat.results.labels import caption_of, key_name, shortened, value_words
 from vibroplat.results.result import Result
 from vibroplat.study.branches import box_words, column_of
 from vibroplat.study.titles import sentence
@@ -108,7 +108,7 @@ def _starts(
         series=[picture.Series("", rows.index.to_numpy(), mode="dots") for rows in groups],
         facets=facets,
         choice=keys[0] if keys else "",
-        told=told_of([result.name], result.known_scene, keys, *lines),
+        caption=caption_of([result.name], result.known_scene, keys, *lines),
         meaning="Each dot is a start, in the colour of the attractor to which its motion converges within "
         f"{plan['max_turns']} turns. A key drawn over itself shows how many starts come to each attractor.",
         orbits=picture.Orbits(attractors, (), [*(orbits.owner or ()), *range(0 if keys else len(attractors))]),
@@ -139,7 +139,7 @@ def _shares(result: Result, plan: Any, key: str, attractors: pd.DataFrame) -> pi
             for name in colours
         ],
         states=content.motions_of(attractors),
-        told=told_of([result.name], result.known_scene, [key], f"starts: {box}", omitted),
+        caption=caption_of([result.name], result.known_scene, [key], f"starts: {box}", omitted),
         meaning=f"The share of the starts that converges to each attractor {turns}, and below it the motion of each.",
         orbits=picture.Orbits(attractors),
     )

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.config.digits import share
+from vibroplat.config.digits import percent
 from vibroplat.frames import pd
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.store import Record
@@ -151,5 +151,5 @@ def clopper_pearson(count: int, number: int) -> tuple[float, float]:
 def shares_over(attractors: pd.DataFrame, key: str) -> dict[str, str]:
     """Return between which shares of the starts each attractor varies over a key, in words; 0 where it is not found."""
     fractions = attractors.pivot_table("fraction", key, "attractor", fill_value=0.0, sort=False)
-    ends = {str(name): dict.fromkeys((share(one.min()), share(one.max()))) for name, one in fractions.items()}
+    ends = {str(name): dict.fromkeys((percent(one.min()), percent(one.max()))) for name, one in fractions.items()}
     return {name: " … ".join(both) for name, both in ends.items()}

@@ -1,7 +1,7 @@
 """Two engines that share no numerics check each other.
 
 The same motion is computed by another engine from the same start, and what both give is compared: motions of a study by
-what they settle to (:mod:`~vibroplat.check.questions`), whole runs in time (:mod:`~vibroplat.check.runs`).
+what they settle to (:mod:`~vibroplat.check.studies`), whole runs in time (:mod:`~vibroplat.check.runs`).
 
 In time two engines never agree to the last digit, and a motion multiplies what they differ by. How much of a difference
 this explains is estimated by repetitions, not guessed. Both engines repeat the motion with another tolerance, which

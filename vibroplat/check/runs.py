@@ -219,7 +219,7 @@ class SampledRun:
             self.scales[_FORCE] = force_spread(scene)
         self.names = list(self.scales)
         self._also = also
-        self._share = MemoryBudget("shorten run.duration_s, or leave out --check")
+        self._budget = MemoryBudget("shorten run.duration_s, or leave out --check")
         self._samples: list[pd.DataFrame] = []
         self._events: list[pd.DataFrame] = []
         sink = self._take_trajectory, self._take_events
@@ -242,7 +242,7 @@ class SampledRun:
         self._keep(self._events, part[["t_s", "kind", "gap_rate_before_m_per_s"]])
 
     def _keep(self, parts: list[pd.DataFrame], part: pd.DataFrame) -> None:
-        self._share.take(int(part.memory_usage(index=False).sum()))
+        self._budget.take(int(part.memory_usage(index=False).sum()))
         parts.append(part)
 
     @cached_property

@@ -14,7 +14,7 @@ import pandas as pd
 
 from vibroplat.check import Other, with_other_engine
 from vibroplat.columns import PHASE_COLUMN, unit_of
-from vibroplat.config.digits import pair, share
+from vibroplat.config.digits import pair, percent
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.integrate import engine_name
@@ -46,15 +46,10 @@ class CrossCheck(NamedTuple):
     largest: float
     disagreements: list[str]
 
-    @property
-    def agrees(self) -> bool:
-        """Whether no motion differs."""
-        return not self.disagreements
-
     def lines(self) -> Iterator[tuple[str, str]]:
         """Yield lines that summarize it: label and text."""
         motions = f"{self.checked} motion{'s' * (self.checked != 1)}"
-        text = f"{motions}, measures within {share(self.largest)}" if self.checked else "no motion can be repeated"
+        text = f"{motions}, measures within {percent(self.largest)}" if self.checked else "no motion can be repeated"
         yield "checked by" if self.checked else "not checked by", f"engine {self.other}, {text}"
 
     def to_tree(self) -> dict[str, Any]:

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
     from vibroplat.results.answer import Answer
     from vibroplat.results.result import Result
-    from vibroplat.study.store import Store
 
 # -- options ----------------------------------------------------------------------------------------------
 
@@ -67,19 +66,11 @@ Format = Annotated[
         "written beside parquet.",
     ),
 ]
-Jobs = Annotated[int, typer.Option(min=1, help="Number of worker processes.")]
+Jobs = Annotated[int, typer.Option(min=1, help="Number of worker processes, at most one for each core.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print all numbers, not only the answer.")]
 Resume = Annotated[bool, typer.Option("--resume", callback=_offer, help="Continue an interrupted command.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Discard the points of an unfinished command.")]
 Scheduler = Annotated[str | None, typer.Option(help="Address of a dask scheduler to use, e.g. tcp://host:8786.")]
-Wait = Annotated[
-    float,
-    typer.Option(
-        min=0.0,
-        metavar="S",
-        help="With --scheduler: give up after S seconds without a worker. A message appears after 5 s.",
-    ),
-]
 
 # -- before a command begins --------------------------------------------------------------------------------
 
@@ -120,14 +111,6 @@ def workers_of(study: str, engine: str | None, jobs: int | None, scheduler: str 
     return loading_workers(jobs, load_study, study, engine or "auto")
 
 
-def prepare_store(store: Store, engine: str, *others: str) -> None:
-    """Load the kernels of a study; refuse to resume a study that used another arithmetic (ConfigError)."""
-    load_kernels(engine, *others)
-    from vibroplat.study.fingerprint import arithmetic
-
-    store.require("arithmetic", arithmetic(engine))
-
-
 def store_options(resume: bool, overwrite: bool) -> dict[str, Any]:
     """Return the arguments of a store for ``--resume`` and ``--overwrite``, which exclude each other."""
     if overwrite and resume:
@@ -148,14 +131,13 @@ def command_directory(out: Path, name: str, command: str, *, resume: bool = Fals
 
 @contextmanager
 def _compilation(engine: str) -> Iterator[None]:
-    """Compile an engine's loop in a second process, and show the number of compiled kernels."""
+    """Compile an engine's loop in a second process as well, and show how long it takes."""
     from vibroplat.kernels import cache
     from vibroplat.motion import run
     from vibroplat.system.compile_lock import second_compiler
 
-    folder, before = cache.folder(), cache.count()
-    helped = nullcontext() if folder is None else second_compiler(lambda: run.compile_loop(engine))
-    with helped, compilation_progress(lambda: cache.count() - before):
+    helped = nullcontext() if cache.folder() is None else second_compiler(lambda: run.compile_loop(engine))
+    with helped, compilation_progress():
         yield
 
 
@@ -180,13 +162,6 @@ def finished(
 
 
 # -- what is printed ----------------------------------------------------------------------------------------
-
-
-def print_notes_early(notes: Sequence[str]) -> None:
-    """Print notes on the input before a long computation, to a person who waits for it."""
-    if sys.stderr.isatty():
-        for note in notes:
-            print(f"vibroplat: note: {note}", file=sys.stderr)
 
 
 def print_answer(

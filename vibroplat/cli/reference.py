@@ -26,7 +26,6 @@ def new(
             "1.2 t, 4-pole, conveys. heavy-screen: 4.5 t, 6-pole.",
         ),
     ] = "rig",
-    full: Annotated[bool, typer.Option("--full", help="Write all keys with their meanings.")] = False,
 ) -> None:
     """Write a commented configuration to start from."""
     from vibroplat.config.keys import template
@@ -35,7 +34,7 @@ def new(
     with errors_about(file):
         Scene.from_tree({"name": file.stem})  # the file's name will be that of the results
     quoted = shlex.quote(str(file))  # in commands that are to be copied
-    text = template(machine, quoted, file.stem, full=full)
+    text = template(machine, quoted, file.stem)
     try:
         with file.open("x", encoding="utf-8") as opened:
             opened.write(text)
@@ -43,9 +42,7 @@ def new(
         raise ConfigError(f"{file} exists already; allowed: the name of a new file") from None
     except OSError as error:
         raise ConfigError(f"{file}: cannot be written ({error.strerror or error})") from None
-    known = (command for command in ("run", "sweep", "orbits") if command == "run" or f"\n{command}:" in text)
-    *commands, last = (f"`vibroplat {command} {quoted}`" for command in known)
-    print(f"{file}: change it, then run {', '.join(commands)} or {last}")
+    print(f"{file}: change it, then `vibroplat run {quoted}`; its first lines name further commands")
 
 
 def schema(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,14 +13,11 @@ import typer
 from vibroplat.cli import common
 from vibroplat.config.kinds import KINDS, Kind
 from vibroplat.errors import errors_about
-from vibroplat.study import MAX_WAIT_S
 from vibroplat.system.terminal import points_progress
 
 if TYPE_CHECKING:
     from vibroplat.check.studies import CrossCheck
     from vibroplat.results.result import Result
-    from vibroplat.study.pool import Pool
-    from vibroplat.study.store import Store
     from vibroplat.study.study import Study
 
 
@@ -28,7 +26,6 @@ class Execution(NamedTuple):
 
     jobs: int | None
     scheduler: str | None
-    wait: float
     form: Any
     options: dict[str, Any]
     check: bool
@@ -48,7 +45,6 @@ def study_command(kind: Kind) -> Callable[..., None]:
         resume: common.Resume = False,
         overwrite: common.Overwrite = False,
         scheduler: common.Scheduler = None,
-        wait: common.Wait = MAX_WAIT_S,
         format_: common.Format = "parquet",
         verbose: common.Verbose = False,
     ) -> None:
@@ -60,7 +56,7 @@ def study_command(kind: Kind) -> Callable[..., None]:
             mode = common.store_options(resume, overwrite)
             common.require_scheduler(scheduler)
             directory = common.command_directory(out, scene.name, kind.name, resume=resume)
-            how = Execution(jobs, scheduler, wait, format_, mode, check, verbose)
+            how = Execution(jobs, scheduler, format_, mode, check, verbose)
             if not run_and_print(study, directory, how):
                 raise typer.Exit(1)
 
@@ -107,38 +103,37 @@ def run_and_print(study: Study, directory: Path, how: Execution) -> bool:
 
 def _compute(study: Study, directory: Path, how: Execution) -> tuple[Result, dict[str, str], CrossCheck | None, str]:
     """Run a study and write its result; return it, more lines, the cross-check, and what was computed before."""
+    from vibroplat.check.studies import cross_check
     from vibroplat.config.digits import quantity
     from vibroplat.config.plausibility import by_severity, notes_on_inputs, notes_on_plan
     from vibroplat.integrate import other_engine
+    from vibroplat.study.fingerprint import arithmetic
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
     from vibroplat.study.study import MAX_CROSS_CHECKS
 
     scene = study.scene
     notes = [*notes_on_inputs(study.scenes(), study.places()), *notes_on_plan(scene, study.kind)]
-    common.print_notes_early(notes)
+    for note in notes if sys.stderr.isatty() else ():  # to a person who waits
+        print(f"vibroplat: note: {note}", file=sys.stderr)
     with Store(directory, study.conditions, **how.options) as store:
-        common.prepare_store(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if how.check else []))
+        common.load_kernels(scene.solver.engine, *([other_engine(scene.solver.engine)] if how.check else []))
+        store.require("arithmetic", arithmetic(scene.solver.engine))
         began = time.perf_counter()
         chains = max(study.chains(store), MAX_CROSS_CHECKS if how.check else 1)
-        with pool(how.jobs, how.scheduler, wait=how.wait, chains=chains) as workers:
+        with pool(how.jobs, how.scheduler, chains=chains) as workers:
             with points_progress(scene.name, study.counted) as progress:
                 result = study.run(store, workers, progress or (lambda done, known: None))
             seconds, known = time.perf_counter() - began, store.reused
-            checked = _check(study, result, store, workers) if how.check else None
+            checked = None
+            if how.check:
+                with points_progress(f"{scene.name}, check", "motions") as progress:
+                    checked = cross_check(study, result, store, workers, progress or (lambda done, known: None))
         store.finish()
         result.check = None if checked is None else checked.to_tree()
         result.answer = result.answer._replace(notes=by_severity([*result.answer.notes, *notes]))
         result.save(directory, how.form)
     return result, {"wall time": quantity(seconds, "s")}, checked, f"{known} tasks from before" * bool(known)
-
-
-def _check(study: Study, result: Result, store: Store, workers: Pool) -> CrossCheck:
-    """Repeat motions of a result with another engine."""
-    from vibroplat.check.studies import cross_check
-
-    with points_progress(f"{study.scene.name}, check", "motions") as progress:
-        return cross_check(study, result, store, workers, progress or (lambda done, known: None))
 
 
 def paper(
@@ -153,7 +148,6 @@ def paper(
     resume: common.Resume = False,
     overwrite: common.Overwrite = False,
     scheduler: common.Scheduler = None,
-    wait: common.Wait = MAX_WAIT_S,
     format_: common.Format = "csv",
     seeds: Annotated[int, typer.Option(min=1, help="Number of perturbation seeds for each claim.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="First seed; figures are drawn with it.")] = 0,
@@ -179,7 +173,7 @@ def paper(
     for name, numbers in chosen.items():
         study = PaperStudy(numbers, range(seed, seed + seeds), name)
         directory = result_directory(out / "paper", name)
-        how = Execution(jobs, scheduler, wait, format_, common.store_options(resume, overwrite), check, verbose)
+        how = Execution(jobs, scheduler, format_, common.store_options(resume, overwrite), check, verbose)
         good &= run_and_print(study, directory, how)
         plot_results([directory])
     if not good:

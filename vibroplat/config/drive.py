@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -206,10 +206,7 @@ def interval_at(intervals: Sequence[SupplyInterval], time: float) -> SupplyInter
 
 def _fill_forward(values: Sequence[T | None], first: T) -> list[T]:
     """Replace each None by the value before it; at the beginning by the first one."""
-    filled = [first]
-    for value in values:
-        filled.append(filled[-1] if value is None else value)
-    return filled[1:]
+    return list(accumulate(values, lambda before, value: before if value is None else value, initial=first))[1:]
 
 
 def _split_interval(

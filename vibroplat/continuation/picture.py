@@ -133,7 +133,7 @@ def branches(data: Branches) -> picture.Picture:
         states=content.states_of(~table["stable"].astype(bool)),
         meanings=_STABLE,
         rotation=data.rotation,
-        told=data.told(left),
+        caption=data.caption(left),
         meaning="Solid: stable orbits; dashed: unstable ones. White marks: special points of "
         f"branches, at their exact frequency.{data.meaning}",
         orbits=picture.Orbits(everything, [*range(len(table), len(everything)), *first]),
@@ -242,7 +242,7 @@ def multipliers(data: Branches) -> picture.Picture:
         series=series,
         lines=[picture.Line("size", [1.0], dash="-")],
         facets=[picture.Facet(label, numbers) for label, numbers in facets.items()],
-        told=data.told(),
+        caption=data.caption(),
         places=("print",),  # the page has them beside each point
     )
 
@@ -276,7 +276,7 @@ def boundaries(data: Branches) -> picture.Picture:
         series=series,
         facets=facets if len(facets) > 1 else (),
         choice="grid",
-        told=data.told(beside=data.second),
+        caption=data.caption(beside=data.second),
         meaning="Curves of special points over two keys.",
         high=True,
     )

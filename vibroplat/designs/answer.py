@@ -9,7 +9,7 @@ import pandas as pd
 
 from vibroplat.basin.rates import clopper_pearson
 from vibroplat.columns import quantity_of, unit_of
-from vibroplat.config.digits import DIGITS, FREQUENCY_DIGITS, NEGLIGIBLE, number, prefixed, quantity, share
+from vibroplat.config.digits import DIGITS, FREQUENCY_DIGITS, NEGLIGIBLE, number, percent, prefixed, quantity
 from vibroplat.config.study_plans import DesignPlan
 from vibroplat.designs.samples import QUANTILES
 from vibroplat.results.answer import counted, in_columns
@@ -82,14 +82,14 @@ def _values(plan: DesignPlan, best: pd.Series) -> Iterator[str]:
 def _nearest(plan: DesignPlan, evaluations: pd.DataFrame) -> Iterator[str]:
     """Yield the evaluated design that violates the constraints least."""
     nearest = evaluations.sort_values("violation").iloc[0]
-    yield f"the closest one violates a bound by {share(nearest['violation'])} of it; wider design.keys may help"
+    yield f"the closest one violates a bound by {percent(nearest['violation'])} of it; wider design.keys may help"
     yield from _values(plan, nearest)
     yield ", ".join(measure_text(name, nearest[name]) for name in plan.constraints)
 
 
 def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFrame) -> Iterator[str]:
     """Yield how many samples within the tolerances are good, the quantiles of measures, and what explains them."""
-    texts = [f"{share(samples['stable'].mean())} {'stable' if 'stability_margin' in samples else 'settle alike'}"]
+    texts = [f"{percent(samples['stable'].mean())} {'stable' if 'stability_margin' in samples else 'settle alike'}"]
     together = [*count_satisfied(plan, samples).values()][:1]
     texts += [f"{with_confidence(count, len(samples))} within bounds" for count in together]
     yield f"{counted(len(samples), 'machine')} within the tolerances: {', '.join(texts)}"
@@ -103,12 +103,12 @@ def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFram
         factor, unit = prefixed(values[1], unit_of(name))
         digits = FREQUENCY_DIGITS if unit == "Hz" else DIGITS
         texts = [f"{label(name)} ({unit})" if unit else label(name)]
-        within = share(plan.keeps(name, samples[name]).mean()) if name in plan.constraints else ""
+        within = percent(plan.keeps(name, samples[name]).mean()) if name in plan.constraints else ""
         rows.append([*texts, *(number(value / factor, digits) for value in values), *[within] * each])
     yield from in_columns(rows)
     own = contributions[contributions["measure"].isin(shown[:1])].sort_values("regression", ascending=False)
     for _, row in own.head(1).iterrows():
-        yield f"{row['key']} explains {share(row['regression'])} of the variance of {label(shown[0])}"
+        yield f"{row['key']} explains {percent(row['regression'])} of the variance of {label(shown[0])}"
 
 
 def count_satisfied(plan: DesignPlan, samples: pd.DataFrame) -> dict[str, int]:
@@ -124,7 +124,7 @@ def with_confidence(count: int, number_of_samples: int) -> str:
     These are binomial; the samples are distributed more evenly than at random, so they err on the safe side.
     """
     low, high = clopper_pearson(count, number_of_samples)
-    return f"{share(count / number_of_samples)} ({share(low)} to {share(high)} with 95 % confidence)"
+    return f"{percent(count / number_of_samples)} ({percent(low)} to {percent(high)} with 95 % confidence)"
 
 
 def _elasticities(table: pd.DataFrame) -> Iterator[str]:

@@ -88,7 +88,7 @@ def _sensitivities(result: Result, plan: DesignPlan) -> picture.Picture:
         series=series,
         facets=facets,
         choice="measure",
-        told=_caption(result, plan),
+        caption=_caption(result, plan),
         meaning="Relative change of the measure over that of a key. Blue: both grow together, orange: one falls as the "
         "other grows.",
     )
@@ -122,7 +122,7 @@ def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
     lines = [picture.Line(name, [nominal[name]], "nominal") for name in shown if pd.notna(nominal.get(name))]
     notes = dict[str, str]()
     for name in (name for name in plan.constraints if name in shown):
-        notes[name] = f"{bound_of(plan, name)}: {digits.share(float(plan.keeps(name, table[name]).mean()))} keep it"
+        notes[name] = f"{bound_of(plan, name)}: {digits.percent(float(plan.keeps(name, table[name]).mean()))} keep it"
         bound, low, high = plan.bound(name)[1], float(table[name].min()), float(table[name].max())
         if low - BOUND_DISTANCE * (high - low) <= bound <= high + BOUND_DISTANCE * (high - low):
             lines.append(picture.Line(name, [bound], "bound", "-", picture.VERMILION))
@@ -145,7 +145,7 @@ def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
         or [picture.Panel("sample", title="no measure varies")],
         series=[picture.Series("", np.arange(len(table)) if panels else np.zeros(0, dtype=int), mode="dots")],
         lines=lines,
-        told=_caption(result, plan, "\n".join(filter(None, more))),
+        caption=_caption(result, plan, "\n".join(filter(None, more))),
         meaning="Each dot is a scene within the spread, in the colour of its regime; rings: 5, 50 and 95 %.",
     )
 
@@ -219,7 +219,7 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
         ],
         states=np.array(states, dtype=int),
         meanings=("", "", "", "bound that nothing keeps"),
-        told=_caption(result, plan, omitted),
+        caption=_caption(result, plan, omitted),
         meaning="Filled: all bounds are kept, open: they are not.",
         orbits=picture.Orbits(everything, range(len(table), len(everything)), words="Orbit of this design."),
     )

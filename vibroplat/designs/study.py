@@ -10,7 +10,7 @@ import pandas as pd
 from ruamel.yaml import YAML
 
 from vibroplat.columns import Column, Columns, unit_of
-from vibroplat.config.digits import DIGITS, decimal, number, places, quantity, share
+from vibroplat.config.digits import DIGITS, decimal, number, percent, places, quantity
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
 from vibroplat.designs import optimum
@@ -275,8 +275,8 @@ def _key_lines(sensitivities: Record, names: Sequence[str]) -> Iterable[str]:
 def _lines_of_samples(table: pd.DataFrame, home: str) -> dict[str, str]:
     """Return the percentages of samples with a stable orbit and with the regime of the scene as given."""
     fraction = float((table["regime"] == home).mean())
-    stable = {"orbit stable": share(table["stable"].mean())} if "stability_margin" in table else {}
-    lines = {"samples": f"{len(table)}"} | stable | {"regime kept": share(fraction)}
+    stable = {"orbit stable": percent(table["stable"].mean())} if "stability_margin" in table else {}
+    lines = {"samples": f"{len(table)}"} | stable | {"regime kept": percent(fraction)}
     others = table.loc[table["regime"] != home, "regime"].value_counts()
     if len(others):
         lines["others"] = "; ".join(f"{name}: {count}" for name, count in others.items())
@@ -290,8 +290,8 @@ def _distribution_lines(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[s
         low, middle, high = table[name].quantile(of_samples.QUANTILES)
         first = own.sort_values("regression", ascending=False, kind="stable").head(MAX_PRINTED_KEYS)
         by = zip(first["key"], first["regression"], strict=True)
-        contributions = ", ".join(f"{key} {share(part)}" for key, part in by if part >= MIN_PRINTED_FRACTION)
-        explained = f" (of {share(own['explained'].iloc[0])} explained)" if contributions else ""
+        contributions = ", ".join(f"{key} {percent(part)}" for key, part in by if part >= MIN_PRINTED_FRACTION)
+        explained = f" (of {percent(own['explained'].iloc[0])} explained)" if contributions else ""
         quantiles = ", ".join(quantity(value, unit_of(str(name)), size=middle) for value in (low, middle, high))
         yield f"  {label(str(name))} {quantiles}: {contributions or 'no variance'}{explained}"
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from vibroplat.columns import unit_of
-from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, quantity, share, spread
+from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, percent, quantity, spread
 from vibroplat.config.plausibility import SWING_TORQUE_RATIO
 from vibroplat.inspection.material import BANDS, ERROR, STRAIGHT
 from vibroplat.inspection.start import LAGS
@@ -121,7 +121,7 @@ def _rows(v: Numbers) -> Iterator[tuple[str, ...]]:
     axes = ("x", "y", "phi", "y_loaded_1", "y_loaded_2")
     x, y, phi, *contact = (number(v[f"natural_frequency_{axis}_hz"]) for axis in axes)
     with_load = " and ".join(frequency for frequency in contact if frequency != MISSING)
-    damping = ", ".join(share(v[f"damping_ratio_{axis}"]) for axis in axes[:3])
+    damping = ", ".join(percent(v[f"damping_ratio_{axis}"]) for axis in axes[:3])
     resting = f"empty; with material y {with_load}" if with_load else ""
     yield "resonances (Hz)", f"x {x}, y {y}, φ {phi}", resting, f"damping {damping}"
     less = f"empty {texts['static_sag_m']} and {texts['static_force_n']}" if weighed else ""
@@ -153,7 +153,7 @@ def _mass(v: Numbers) -> tuple[str, ...]:
     if not material:
         return "mass", quantity(empty, "kg"), "with unbalances", "no material"
     if load > 0.0:
-        part = f"{share(material / empty)} of the empty {quantity(empty, 'kg')}"
+        part = f"{percent(material / empty)} of the empty {quantity(empty, 'kg')}"
         return "mass", quantity(load, "kg"), f"with {quantity(material, 'kg')} of material, {part}", "with unbalances"
     return "mass", quantity(empty, "kg"), f"with unbalances; {quantity(material, 'kg')} of material cannot lift off"
 
@@ -169,7 +169,7 @@ def _throw_angle(v: Numbers) -> Iterator[str]:
     if v["path_ratio"] <= STRAIGHT:
         yield f"at {quantity(math.degrees(v['throw_angle_rad']), '°')} to the deck"
     elif math.isfinite(v["path_ratio"]):
-        yield f"path {share(v['path_ratio'])} as wide as long"
+        yield f"path {percent(v['path_ratio'])} as wide as long"
 
 
 def _conveying(v: Numbers) -> Iterator[str]:
@@ -179,15 +179,15 @@ def _conveying(v: Numbers) -> Iterator[str]:
     text = "formulas are for straight paths" if v["path_ratio"] > STRAIGHT else f"formulas: throw {ranges}"
     known = math.isfinite(low)
     yield interval(low, high, "m/s") if known else MISSING
-    yield f"formula of practice, ± {share(ERROR)}" if known else text
+    yield f"formula of practice, ± {percent(ERROR)}" if known else text
     yield f"Painlevé above friction {number(v['unique_friction'])}"
 
 
 def _of_material(v: Numbers, load: str) -> Iterator[str]:
     """Yield what the material does."""
     if load:
-        yield f"not settled: ranges change by {share(v['loaded_change'])}" if v["loaded_change"] > MAX_CHANGE else ""
-        yield f"lifts off from 1 on; acts as {share(max(v['moving_fraction'], 0.0))} of its mass"
+        yield f"not settled: ranges change by {percent(v['loaded_change'])}" if v["loaded_change"] > MAX_CHANGE else ""
+        yield f"lifts off from 1 on; acts as {percent(max(v['moving_fraction'], 0.0))} of its mass"
     elif not math.isfinite(v["throw_index"]):
         yield "no gravity: all numbers are of the empty machine" if v["material_mass_kg"] else ""
     elif v["loaded_expected"] and max(v[f"excitation_frequency_{i}_hz"] for i in (1, 2)):
@@ -205,7 +205,7 @@ def _beside(v: Numbers, load: str) -> Iterator[str]:
     """Yield what is told of the force on the foundation beside it."""
     yield "along y, empty" if v["loaded_expected"] and not load else "along y"
     if v["isolation"] > 0.0:
-        size = share(v["isolation"]) if v["isolation"] < 1.0 else f"{number(v['isolation'])} times"
+        size = percent(v["isolation"]) if v["isolation"] < 1.0 else f"{number(v['isolation'])} times"
         makes = v["dynamic_force_y_n"] / v["isolation"]
         total = v["centrifugal_force_1_n"] + v["centrifugal_force_2_n"]
         reach = f"{size} of {quantity(makes, 'N')}" if makes > NEGLIGIBLE * total else ""

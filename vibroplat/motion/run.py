@@ -15,7 +15,7 @@ from pydantic import InstanceOf
 
 from vibroplat.columns import COUNT, TEXT, Column, Columns
 from vibroplat.config.arguments import TrueOrKeys, validated
-from vibroplat.config.digits import given, quantity, share
+from vibroplat.config.digits import given, percent, quantity
 from vibroplat.config.plausibility import notes_on_input
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.loop import automaton
@@ -256,9 +256,9 @@ def _settling(left: Sequence[Transient], summary: Mapping[str, Any]) -> str:
         longer = summary["simulated_s"] + 2.0 / largest.rate * math.log(largest.size / (0.5 * SETTLED * stroke))
         text = (
             "is a transient that decays while it is measured, and is in the forces, too: "
-            f"run.duration_s = {given(float(f'{longer:.2g}'))} leaves about {share(0.5 * SETTLED)}"
+            f"run.duration_s = {given(float(f'{longer:.2g}'))} leaves about {percent(0.5 * SETTLED)}"
         )
-    return f"{share(largest.size / stroke)} of the stroke, {quantity(largest.size, 'm')} along {axis}, {text}"
+    return f"{percent(largest.size / stroke)} of the stroke, {quantity(largest.size, 'm')} along {axis}, {text}"
 
 
 def _unbalanced(scene: Scene, measures: Mapping[str, Any]) -> str:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.config.digits import given, number, quantity, share
+from vibroplat.config.digits import given, number, percent, quantity
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
 from vibroplat.frames import pd
@@ -186,8 +186,8 @@ def notes_on_samples(sampled: Mapping[str, float], measures: Mapping[str, Any], 
         missed = 1.0 - sampled[column] / largest if column in sampled and largest else 0.0
         if missed > MISSED:
             notes.append(
-                f"{HINT}the trajectory table misses the largest {name}, {quantity(largest, unit)}, by {share(missed)}: "
-                f"output.sample_rate_hz = {given(rate)} is too low"
+                f"{HINT}the trajectory table misses the largest {name}, {quantity(largest, unit)}, by "
+                f"{percent(missed)}: output.sample_rate_hz = {given(rate)} is too low"
             )
     return notes
 
@@ -234,7 +234,7 @@ def captures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
         wanted = quantity(synchronous, "Hz")
         still = f"exciter {exciter} hardly turns, although its synchronous speed is {wanted}: {HELPS_START}"
         slow = (
-            f"exciter {exciter} turns at {quantity(speed, 'Hz')}, {share(1.0 - speed / synchronous)} below its "
+            f"exciter {exciter} turns at {quantity(speed, 'Hz')}, {percent(1.0 - speed / synchronous)} below its "
             f"synchronous speed {wanted}: captured by a resonance, overloaded or still running up, and {HELPS_START}"
         )
         notes.append(still if measures["impacts_per_period"] is None else slow)

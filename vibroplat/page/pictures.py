@@ -46,7 +46,7 @@ def picture_html(number: int, picture: Picture, motions: Motions) -> str:
         tables = table_html(f"Table {picture.table_name}", picture.table, rows)
     if picture.special is not None:
         tables += table_html(picture.special_name, picture.special, special)
-    texts = [picture.told.replace("\n", "; "), picture.meaning, _orbits_told(moved, len(places))]
+    texts = [picture.caption.replace("\n", "; "), picture.meaning, _orbits_told(moved, len(places))]
     sentences = " ".join(f"{text.removesuffix('.')}." for text in texts if text)
     marks = {str(renumbered[row]): mark.kind for mark in picture.marks for row in mark.rows if renumbered[row] >= 0}
     own = moved if home == number else moved | {"list": []}

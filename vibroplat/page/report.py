@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.config.digits import given, quantity, share
+from vibroplat.config.digits import given, percent, quantity
 from vibroplat.config.kinds import KINDS
 from vibroplat.config.plausibility import by_severity
 from vibroplat.config.scene import Scene
@@ -306,7 +306,7 @@ def _events(one: Result) -> pd.DataFrame:
 def _inputs(scene: Scene) -> str:
     """Return what a machine is, in a few lines."""
     drive, torques = scene.drive, [exciter.critical_torque_n_m for exciter in scene.exciter_pair]
-    material = f"{quantity(scene.material_mass, 'kg')} = {share(scene.material.mass_ratio)}"
+    material = f"{quantity(scene.material_mass, 'kg')} = {percent(scene.material.mass_ratio)}"
     supply = f"{given(drive.largest_frequency)} Hz"
     rows = {
         "platform with unbalances": quantity(scene.platform_mass, "kg", digits=4),

@@ -12,13 +12,13 @@ import pandas as pd
 
 from vibroplat.columns import Column, Columns
 from vibroplat.paper import judges
-from vibroplat.paper.evidence import EDGE, IMPACT_KEY, NON_IMPACT_KEY, Evidence, Key
+from vibroplat.paper.evidence import EDGE, IMPACT_KEY, NON_IMPACT_KEY, Curve, Evidence
 from vibroplat.paper.judges import Claim, Finding, as_list, in_order, ratio_to_inelastic
 from vibroplat.paper.root_finding import WIDTH
 from vibroplat.paper.scenes import claims
 from vibroplat.study.branches import SUPPLY, SweepBranch
 
-_FALLS = partial(in_order, "falls", ((Key(0.2), Key(0.1)), (Key(0.1), Key(0.0))))
+_FALLS = partial(in_order, "falls", ((Curve(0.2), Curve(0.1)), (Curve(0.1), Curve(0.0))))
 
 #: Judges by the names of claims; all bands have the same judge.
 JUDGES: dict[str, Callable[[Claim, Evidence], Finding]] = {
@@ -26,7 +26,7 @@ JUDGES: dict[str, Callable[[Claim, Evidence], Finding]] = {
     "jump-second-resonance": judges.second_resonance,
     "bands-unchanged": judges.same_bands,
     "jump-left": judges.jump_left,
-    "amp-rise": partial(in_order, "rises", ((Key(0.0), Key(0.1)), (Key(0.1), Key(0.2)))),
+    "amp-rise": partial(in_order, "rises", ((Curve(0.0), Curve(0.1)), (Curve(0.1), Curve(0.2)))),
     "amp-fall-inter": _FALLS,
     "amp-fall-over": _FALLS,
     "attached-mu01": judges.attached_until,
@@ -97,7 +97,7 @@ def judge(claim: Claim, evidence: Evidence) -> Finding:
     return finding._replace(measured=f"{finding.measured} (points that failed: {counts})") if failed else finding
 
 
-def _failed(claim: Claim, evidence: Evidence) -> dict[Key, int]:
+def _failed(claim: Claim, evidence: Evidence) -> dict[Curve, int]:
     """Count the failed points of each branch that a claim is about, near the frequencies that it names, if any.
 
     It is about the branches whose mass ratios it names, and whose R is in its range.
@@ -107,7 +107,8 @@ def _failed(claim: Claim, evidence: Evidence) -> dict[Key, int]:
     low, high = (f[0] - EDGE, f[-1] + MAX_LAG) if isinstance(f, list) else (0.0, math.inf)
     failing = {}
     for key, (branch, rows) in evidence.branches.items():
-        if key == Key(key.mass_ratio, key.restitution) and key.mass_ratio in mu and min(r) <= key.restitution <= max(r):
+        own = key == Curve(key.mass_ratio, key.restitution) and key.mass_ratio in mu
+        if own and min(r) <= key.restitution <= max(r):
             pairs = branch.scene.exciter_pair[0].pole_pairs  # f_e over these is the synchronous frequency
             failed = [row for row in rows if row["outcome"] != "ok" and low <= row[SUPPLY] / pairs <= high]
             failing[key] = len(failed)

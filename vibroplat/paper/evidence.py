@@ -40,8 +40,8 @@ REGIMES: dict[str, Callable[[Row], bool]] = {
 MOTIONS = ("period-1", "period-1 with flight", "periodic", "non-periodic")
 
 
-class Key(NamedTuple):
-    """Identifies a branch: mass ratio, restitution, contact model, impact law, direction."""
+class Curve(NamedTuple):
+    """A curve of the paper: mass ratio, restitution, contact model, impact law, direction."""
 
     mass_ratio: float
     restitution: float = 0.0
@@ -56,7 +56,7 @@ class Key(NamedTuple):
 
 
 #: The branches by which the contact models are compared.
-IMPACT_KEY, NON_IMPACT_KEY = Key(0.2), Key(0.2, model="non-impact")
+IMPACT_KEY, NON_IMPACT_KEY = Curve(0.2), Curve(0.2, model="non-impact")
 
 
 class RegimeChange(NamedTuple):
@@ -79,7 +79,7 @@ class RegimeChange(NamedTuple):
 class Step(NamedTuple):
     """A step of a branch in which a regime ends or begins: supply frequencies (Hz) of the rows before and after."""
 
-    key: Key
+    key: Curve
     regime: str
     begins: bool
     before: float
@@ -99,8 +99,8 @@ class Evidence:
 
     Attributes
     ----------
-    courses
-        By key.
+    branches
+        Branches and the rows of their points.
     beta
         β of the non-impact model (1/s); None if there is none.
     boundaries
@@ -110,7 +110,7 @@ class Evidence:
         The steps whose boundaries have been read: those that are worth narrowing.
     """
 
-    branches: dict[Key, BranchRecords] = field(default_factory=dict)
+    branches: dict[Curve, BranchRecords] = field(default_factory=dict)
     beta: float | None = None
     boundaries: dict[Step, RegimeChange] = field(default_factory=dict)
     read: dict[Step, None] = field(default_factory=dict, compare=False)
@@ -120,14 +120,14 @@ class Evidence:
         points = zip(branch.key_values, records, strict=True)
         rows = [record["row"] | {SUPPLY: supply, "state": record["state"]} for supply, record in points]
         mass_ratio, contact = branch.scene.material.mass_ratio, branch.scene.contact
-        key = Key(mass_ratio, contact.restitution, contact.model, contact.impact_law, branch.direction)
+        key = Curve(mass_ratio, contact.restitution, contact.model, contact.impact_law, branch.direction)
         self.branches.setdefault(key, BranchRecords(branch, rows))
 
-    def restitutions(self, mass_ratio: float) -> list[Key]:
+    def restitutions(self, mass_ratio: float) -> list[Curve]:
         """Return the keys of the upward branches of the impact model that a mass ratio has, in the order of R."""
-        return sorted(key for key in self.branches if key == Key(mass_ratio, key.restitution))
+        return sorted(key for key in self.branches if key == Curve(mass_ratio, key.restitution))
 
-    def rows(self, key: Key, low: float = 0.0, high: float = math.inf, *, decided: str = "") -> list[Row]:
+    def rows(self, key: Curve, low: float = 0.0, high: float = math.inf, *, decided: str = "") -> list[Row]:
         """Return the rows of a branch that ended ``ok`` between two excitation frequencies (Hz); it may be missing.
 
         With a regime ``decided`` only rows that are known to be inside or outside of it.
@@ -136,7 +136,7 @@ class Evidence:
         rows = [row for row in rows if row["outcome"] == "ok" and low <= row[F] <= high]
         return [row for row in rows if row["motion"] != "undecided"] if decided in MOTIONS else rows
 
-    def curve(self, key: Key, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def curve(self, key: Curve, at: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Interpolate RMS y (m) of a branch's antiphase motion at excitation frequencies (Hz), shape (n,).
 
         The result are its values and their standard errors, shape (n,): nan and inf beyond the rows and across jumps.
@@ -160,11 +160,11 @@ class Evidence:
             mixed = np.hypot((1.0 - part) * errors[index - 1], part * errors[index])
         return between, np.nan_to_num(mixed, nan=np.inf, posinf=np.inf)
 
-    def jump(self, key: Key) -> RegimeChange | None:
+    def jump(self, key: Curve) -> RegimeChange | None:
         """Find where antiphase rotation below the second resonance ends."""
         return self.end_of(key, "antiphase", 20.0)
 
-    def end_of(self, key: Key, regime: str, above: float = 0.0) -> RegimeChange | None:
+    def end_of(self, key: Curve, regime: str, above: float = 0.0) -> RegimeChange | None:
         """Find where a branch leaves a regime for the first time above an excitation frequency (Hz).
 
         Returns None if the branch is never in the regime there, or does not leave it.
@@ -176,7 +176,7 @@ class Evidence:
                 return self._narrowed(Step(key, regime, False, before[SUPPLY], after[SUPPLY]), before, after)
         return None
 
-    def start_of_last(self, key: Key, regime: str) -> RegimeChange | None:
+    def start_of_last(self, key: Curve, regime: str) -> RegimeChange | None:
         """Find where the regime begins in which a branch ends.
 
         Returns None if the branch does not end in this regime, or is in it from its first row on.

@@ -17,8 +17,9 @@ import numpy as np
 from vibroplat.config import digits
 from vibroplat.config.digits import interval, number, quantity
 from vibroplat.model.parameters import FloatArray
-from vibroplat.paper.evidence import EDGE, IMPACT_KEY, MOTIONS, NON_IMPACT_KEY, REGIMES, Evidence, F, Key, Row, error_of
+from vibroplat.paper.evidence import EDGE, IMPACT_KEY, MOTIONS, NON_IMPACT_KEY, REGIMES, Curve, Evidence, Row, error_of
 from vibroplat.paper.root_finding import JUMP_WIDTH, WIDTH
+from vibroplat.study.branches import EXCITATION as F
 from vibroplat.study.branches import SUPPLY
 
 #: Minimum change of frequency (Hz) at a jump, and least share by which RMS y falls there.
@@ -64,9 +65,9 @@ def as_list(value: Any) -> list[float]:
     return list(value) if isinstance(value, Sequence) else [value]
 
 
-def _keys(claim: Claim) -> list[Key]:
+def _keys(claim: Claim) -> list[Curve]:
     """Return the keys of a claim's branches, from its mass ratios and restitutions."""
-    return [Key(mu, r) for mu in as_list(claim.get("mu", 0.0)) for r in as_list(claim.get("R", 0.0))]
+    return [Curve(mu, r) for mu in as_list(claim.get("mu", 0.0)) for r in as_list(claim.get("R", 0.0))]
 
 
 def _join_findings(findings: Mapping[str, Finding]) -> Finding:
@@ -92,7 +93,7 @@ def band(claim: Claim, evidence: Evidence) -> Finding:
     return _join_findings({key.text: _band_of(claim, evidence, key) for key in _keys(claim)})
 
 
-def _band_of(claim: Claim, evidence: Evidence, key: Key) -> Finding:
+def _band_of(claim: Claim, evidence: Evidence, key: Curve) -> Finding:
     (low, high), regime = claim["f"], claim["regime"]
     margin = EDGE if low < high else -EDGE  # a single frequency stands for those around it
     rows = _with_boundary(evidence, key, regime, low - EDGE)
@@ -102,7 +103,7 @@ def _band_of(claim: Claim, evidence: Evidence, key: Key) -> Finding:
     if not inside:
         return Finding(f"{text}no steady motion in the band")
     fraction = float(np.mean([REGIMES[regime](row) for row in inside]))
-    text += f"{digits.share(fraction)} of {len(inside)} points in the band"
+    text += f"{digits.percent(fraction)} of {len(inside)} points in the band"
     undecided = sum(row["motion"] == "undecided" for row in inside) if regime in MOTIONS else 0
     if undecided:
         text += f", {undecided} undecided"
@@ -122,7 +123,7 @@ def regime_intervals(rows: Sequence[Row], regime: str) -> list[tuple[float, floa
     return [(frequencies[0], frequencies[-1]) for frequencies in stretches]
 
 
-def _with_boundary(evidence: Evidence, key: Key, regime: str, low: float) -> list[Row]:
+def _with_boundary(evidence: Evidence, key: Curve, regime: str, low: float) -> list[Row]:
     """Return the rows of a branch and those next to the end of a regime, in the order of frequency."""
     rows = evidence.rows(key)
     rows += [row for row in evidence.end_of(key, regime, low) or () if row not in rows]
@@ -131,7 +132,7 @@ def _with_boundary(evidence: Evidence, key: Key, regime: str, low: float) -> lis
 
 def second_resonance(claim: Claim, evidence: Evidence) -> Finding:
     """Judge where antiphase rotation ends, and whether frequency and amplitude jump there."""
-    jump = evidence.jump(Key(claim["mu"]))
+    jump = evidence.jump(Curve(claim["mu"]))
     if jump is None:
         return Finding("antiphase does not end up to 40 Hz")
     before, after = jump
@@ -147,7 +148,7 @@ def second_resonance(claim: Claim, evidence: Evidence) -> Finding:
 
 def jump_left(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether material lowers the frequency of the jump slightly, but by more than its error."""
-    jumps = {mu: evidence.jump(Key(mu)) for mu in (0.0, *claim["mu"])}
+    jumps = {mu: evidence.jump(Curve(mu)) for mu in (0.0, *claim["mu"])}
     rows = {mu: jump.before for mu, jump in jumps.items() if jump}
     if len(rows) < len(jumps):
         return Finding("antiphase does not end for every μ")
@@ -165,7 +166,7 @@ def same_bands(claim: Claim, evidence: Evidence) -> Finding:
     Branches with several μ are compared with the one without material, those with several R with each other.
     """
     over_mass = isinstance(claim["mu"], Sequence)
-    keys = [Key(0.0), *_keys(claim)] if over_mass else evidence.restitutions(claim["mu"])
+    keys = [Curve(0.0), *_keys(claim)] if over_mass else evidence.restitutions(claim["mu"])
     bands = {}
     for key in keys:
         end, start = evidence.jump(key), evidence.end_of(key, "in-phase", 31.0)
@@ -183,7 +184,7 @@ def same_bands(claim: Claim, evidence: Evidence) -> Finding:
 
 def attached_until(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether motion is attached from one frequency up to another, and liftoff is neither earlier nor later."""
-    key, begin = Key(claim["mu"], claim["R"]), claim["from"]
+    key, begin = Curve(claim["mu"], claim["R"]), claim["from"]
     rows = evidence.rows(key, begin - EDGE)
     end = evidence.end_of(key, "attached", begin - EDGE)
     if not rows or rows[0][F] > begin + EDGE or not REGIMES["attached"](rows[0]):
@@ -197,14 +198,14 @@ def attached_until(claim: Claim, evidence: Evidence) -> Finding:
 
 def non_periodic_from(claim: Claim, evidence: Evidence) -> Finding:
     """Judge where motion stops being periodic, and whether it stays non-periodic up to the jump."""
-    key = Key(claim["mu"], claim["R"])
+    key = Curve(claim["mu"], claim["R"])
     end = evidence.end_of(key, "periodic", 20.0)
     if end is None:
         return Finding("periodic everywhere, or nowhere")
     rows = evidence.rows(key, end.middle + EDGE, 31.0)
     fraction = float(np.mean([REGIMES["non-periodic"](row) for row in rows])) if rows else 0.0
     off = abs(end.middle - claim["f"])
-    text = f"periodic up to {end.text}, then non-periodic at {digits.share(fraction)} of points up to 31 Hz"
+    text = f"periodic up to {end.text}, then non-periodic at {digits.percent(fraction)} of points up to 31 Hz"
     score = 0.5 * (_closeness(off, claim["tol"]) + fraction)
     return Finding(text, off <= claim["tol"] and fraction == 1.0, score, claim["tol"] - off)
 
@@ -247,7 +248,7 @@ def _by_restitution(starts: Mapping[float, float], nowhere: str) -> str:
 
 def deviation(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether Δφ departs from π, and x and φ begin to vibrate, close to the jump."""
-    key = Key(claim["mu"])
+    key = Curve(claim["mu"])
     end = evidence.jump(key)
     if end is None:
         return Finding("antiphase does not end")
@@ -295,7 +296,7 @@ class _Ratio(NamedTuple):
         return float(self.values.mean()), float(np.linalg.norm(self.errors) / len(self.f))
 
 
-def _ratio(claim: Claim, evidence: Evidence, upper: Key, lower: Key) -> _Ratio:
+def _ratio(claim: Claim, evidence: Evidence, upper: Curve, lower: Curve) -> _Ratio:
     at = np.arange(claim["f"][0] + EDGE, claim["f"][1] - EDGE + 1e-9, SPACING)
     (x, dx), (y, dy) = evidence.curve(upper, at), evidence.curve(lower, at)
     values, known = x / y, np.isfinite(x / y)
@@ -312,7 +313,7 @@ def _between(ratio: _Ratio, text: str, low: float = np.nextafter(1.0, 2.0), high
     violated = (values + errors < low) | (values - errors > high) | (~right & (errors == 0.0))
     undecided = ~violated & ((values - errors < low) | (values + errors > high))
     fraction = float(right.mean())
-    measured = f"{text} at {digits.share(fraction)} of {len(values)} frequencies, ratio "
+    measured = f"{text} at {digits.percent(fraction)} of {len(values)} frequencies, ratio "
     measured += interval(values.min(), values.max())
     if violated.any():
         measured += f", not at {interval(ratio.f[violated].min(), ratio.f[violated].max(), 'Hz')}"
@@ -326,7 +327,7 @@ def _between(ratio: _Ratio, text: str, low: float = np.nextafter(1.0, 2.0), high
     return Finding(measured, bool(holds), fraction * ratio.covered, margin, "%")
 
 
-def in_order(text: str, pairs: Sequence[tuple[Key, Key]], claim: Claim, evidence: Evidence) -> Finding:
+def in_order(text: str, pairs: Sequence[tuple[Curve, Curve]], claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether, in each pair of branches, the second has the larger amplitude."""
     findings = {}
     for pair in pairs:
@@ -341,7 +342,7 @@ def ratio_to_inelastic(text: str, low: float, high: float, claim: Claim, evidenc
     findings = {}
     for key in evidence.restitutions(claim["mu"]):
         if 0.0 < key.restitution <= max(claim["R"]):
-            ratio = _ratio(claim, evidence, key, Key(claim["mu"]))
+            ratio = _ratio(claim, evidence, key, Curve(claim["mu"]))
             finding, (mean, error) = _between(ratio, text, low, high), ratio.mean
             if math.isfinite(mean):
                 holds = finding.holds and low - SIGMAS * error <= mean <= high + SIGMAS * error
@@ -365,7 +366,7 @@ def restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:
             np.mean([reference[supply] == n for supply, n in counts.items() if supply in reference] or [0.0])
         )
     fraction = float(np.mean(list(same.values()))) if same else 0.0
-    alike = "; ".join(f"R {r:g}: {digits.share(part)}" for r, part in same.items())
+    alike = "; ".join(f"R {r:g}: {digits.percent(part)}" for r, part in same.items())
     text = f"{amplitude.measured}; period as at R = 0: {alike}"
     score = 0.5 * (amplitude.score + fraction)
     return Finding(text, amplitude.holds and fraction == 1.0, score, amplitude.margin, "%")
@@ -373,7 +374,7 @@ def restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:
 
 def non_impact_over(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether the non-impact amplitude is larger above resonance, and the ratio grows with R."""
-    ratios = {r: _ratio(claim, evidence, NON_IMPACT_KEY, Key(claim["mu"], r)) for r in claim["R"]}
+    ratios = {r: _ratio(claim, evidence, NON_IMPACT_KEY, Curve(claim["mu"], r)) for r in claim["R"]}
     larger = _join_findings({f"R {r:g}": _between(ratio, "A_nonimpact > A_impact") for r, ratio in ratios.items()})
     means = [ratio.mean for ratio in ratios.values()]
     growth = [b - a - SIGMAS * float(np.hypot(i, j)) for (a, i), (b, j) in pairwise(means)]
@@ -411,7 +412,7 @@ def quoted_frequencies(claim: Claim, evidence: Evidence) -> Finding:
     Each must be that of a point of antiphase motion on the curve with R = 0, within the tolerance of the claim and, if
     the motion is not periodic, two standard errors.
     """
-    rows = [row for row in evidence.rows(Key(claim["mu"])) if row["sync"] == "antiphase"]
+    rows = [row for row in evidence.rows(Curve(claim["mu"])) if row["sync"] == "antiphase"]
     points = [(float(row[F]), error_of(row, F)) for row in rows]
     nearby, margins = [], []
     for f, tolerance in claim["quoted"]:
@@ -430,7 +431,7 @@ def layer_damping(claim: Claim, evidence: Evidence) -> Finding:
     is 1.15 for ζ = 1/2. More counts as intensive; ζ < 1 is subcritical. In flight, with both layers free, the ratio is
     ζ√(1 + m_w2/m_w1); it is reported, not judged.
     """
-    course = evidence.branches.get(Key(claim["mu"]))
+    course = evidence.branches.get(Curve(claim["mu"]))
     if course is None or course.branch.scene.layers < 2:
         return Finding("no two layers")
     material, (stiffness, damping) = course.branch.scene.material, course.branch.scene.layer_spring

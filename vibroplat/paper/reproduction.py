@@ -96,16 +96,6 @@ class Trial:
 Trials = tuple[list[Trial], list[Trial]]
 
 
-def trials_of(numbers: Mapping[str, Any], seeds: Sequence[int]) -> Trials:
-    """List the trials of a machine."""
-    machine = [Trial("machine", numbers, {SEED: seeds[0]}, SWEEPS)]
-    machine += [Trial(f"seed-{n}", numbers, {SEED: n, **REPEATED}) for n in seeds[1:]]
-    alternatives = [{}, *load_list(configurations() / "claims" / "alternatives.yaml")]
-    coarse = {**QUICK, SEED: seeds[0]}
-    others = [Trial(f"alternative-{i}", numbers, coarse, changes=c) for i, c in enumerate(alternatives)]
-    return machine, others
-
-
 class PaperStudy(Study):
     """The reproduction of the paper with a machine.
 
@@ -136,7 +126,12 @@ class PaperStudy(Study):
 
     def trials(self) -> Trials:
         """List the trials."""
-        return trials_of(self.numbers, self.seeds)
+        machine = [Trial("machine", self.numbers, {SEED: self.seeds[0]}, SWEEPS)]
+        machine += [Trial(f"seed-{n}", self.numbers, {SEED: n, **REPEATED}) for n in self.seeds[1:]]
+        alternatives = [{}, *load_list(configurations() / "claims" / "alternatives.yaml")]
+        coarse = {**QUICK, SEED: self.seeds[0]}
+        others = [Trial(f"alternative-{i}", self.numbers, coarse, changes=c) for i, c in enumerate(alternatives)]
+        return machine, others
 
     @property
     def conditions(self) -> dict[str, Any]:

@@ -24,7 +24,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from vibroplat.columns import PHASE_COLUMN, display_name
-from vibroplat.config.digits import NEGLIGIBLE, given, interval, share
+from vibroplat.config.digits import NEGLIGIBLE, given, interval, percent
 from vibroplat.config.schema import MAX_SIZE, did_you_mean
 from vibroplat.errors import TableError
 from vibroplat.plots.axes import in_units
@@ -123,7 +123,7 @@ class Measured:
 
     def told(self, column: str) -> str:
         """Return the error of a column as text; "" if it was not compared with a computed curve."""
-        return f"differs by {share(error)}" if np.isfinite(error := self.errors.get(column, np.nan)) else ""
+        return f"differs by {percent(error)}" if np.isfinite(error := self.errors.get(column, np.nan)) else ""
 
     def differences(self) -> list[str]:
         """Return the errors of all columns as text."""
@@ -204,7 +204,7 @@ def best_shift(measured: Curve, computed: Curve) -> tuple[float, FloatArray]:
     shifts, errors, step = _tops_of(measured, computed)
     equal = np.square(errors) <= np.square(errors.min()) + NEGLIGIBLE**2
     shift = float(shifts[equal][np.abs(shifts[equal]).argmin()])
-    alike = shifts[equal | [share(error) == share(errors.min()) for error in errors.tolist()]]
+    alike = shifts[equal | [percent(error) == percent(errors.min()) for error in errors.tolist()]]
     times, values = measured
     if np.ptp(values) > 0.0:
 

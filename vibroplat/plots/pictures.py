@@ -157,7 +157,7 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
         in_decades(next((cell.axis for cell in cells if not cell.panel.x), first), "x")  # that all share
     if x == "start":
         first.xaxis.set_major_locator(MaxNLocator(integer=True))
-    head(figure, picture.title, picture.told)
+    head(figure, picture.title, picture.caption)
     if picture.scale:
         values = picture.points[picture.scale]
         norm = Normalize(float(values.min()), float(values.max()))

@@ -135,7 +135,7 @@ class Shown:
             series=self.series,
             words=self.words,
             facets=shown if self.both or self.aligned else (),
-            told="\n".join(filter(None, (names, *lines))),
+            caption="\n".join(filter(None, (names, *lines))),
             rotation={True: "co-rotating", False: "counter-rotating"}[rotations.pop()] if len(rotations) == 1 else "",
             **{"axes": ["t_s"]} | more,
         )

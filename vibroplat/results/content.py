@@ -55,7 +55,7 @@ def content_of(table: pd.DataFrame, columns: Iterable[str], *, stripped: bool = 
         size, middle = float(values.abs().max()), float(values.mean())
         if name == PHASE_COLUMN:
             near = float((np.abs(np.angle(np.exp(2j * values))) / 2.0 <= IN_STEP).mean())
-            words = f"Δφ (within 10° of 0° or 180° at {digits.share(near)} of the points)"
+            words = f"Δφ (within 10° of 0° or 180° at {digits.percent(near)} of the points)"
             content[name] = words if stripped and near >= 1.0 - APART else ""
         elif size <= (digits.NEGLIGIBLE * moved if name.startswith("rms_") else 0.0):
             content[name] = f"{words} 0"

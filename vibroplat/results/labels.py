@@ -163,7 +163,7 @@ def named(names: Sequence[str], *texts: str) -> str:
     return ": ".join(filter(None, (plain(", ".join(names)), parts)))
 
 
-def told_of(names: Sequence[str], scene: Scene | None, varied: Sequence[str], *lines: str) -> str:
+def caption_of(names: Sequence[str], scene: Scene | None, varied: Sequence[str], *lines: str) -> str:
     """Return what stands below the title of a figure of a study, whose keys vary, and further lines."""
     return "\n".join(filter(None, (named(names, sweep_parameters(scene, varied)), *lines)))
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vibroplat.columns import describe_sync
-from vibroplat.config.digits import quantity, share
+from vibroplat.config.digits import percent, quantity
 from vibroplat.config.scene import Scene
 from vibroplat.observe.notes import slow_motors
 from vibroplat.observe.summary import COHERENCE, INACCURATE, synchronization
@@ -39,7 +39,7 @@ def _motion(scene: Scene, summary: Mapping[str, Any]) -> str:
     pace, driven = quantity(frequency, "Hz"), scene.driven(summary["measured_from_s"], last)
     if summary.get("captured_by"):
         wanted = max(scene.synchronous_speeds_at(scene.drive.at(last).frequency)) / (2.0 * math.pi)
-        below = f"{share(1.0 - frequency / wanted)} below the synchronous speed {quantity(wanted, 'Hz')}"
+        below = f"{percent(1.0 - frequency / wanted)} below the synchronous speed {quantity(wanted, 'Hz')}"
         return f"CAPTURED by the resonance in {summary['captured_by']}: {pace}, {below}"
     if not summary["measured_turns"] and driven != (False, True):
         return _without_turns(scene, summary, driven)
@@ -57,7 +57,7 @@ def _operation(scene: Scene, summary: Mapping[str, Any], off: Sequence[str]) -> 
     runs = {0: "runs", 1: f"runs with motor {''.join(off)} off", 2: "coasts with the motors off"}[len(off)]
     speeds = speeds_of_both(summary)
     slip = max((motor.slip for motor in slow_motors(scene, summary)), default=0.0)
-    below = f", {'up to ' * bool(speeds)}{share(slip)} below synchronous speed" * bool(slip)
+    below = f", {'up to ' * bool(speeds)}{percent(slip)} below synchronous speed" * bool(slip)
     if named == "none" and speeds and not are_alike(speeds):
         mean = " in the mean" * bool(off[1:])
         return f"{runs}, not synchronized: exciters at {of_both(speeds, 'Hz')}{mean}{below}"
@@ -110,7 +110,7 @@ def sync_text(scene: Scene, summary: Mapping[str, Any]) -> str:
 def _period(summary: Mapping[str, Any]) -> str:
     turns, change = summary.get("period"), summary.get("stroke_change") or 0.0
     if change > SETTLED:
-        return f"; {share(change)} of the stroke decays"
+        return f"; {percent(change)} of the stroke decays"
     if turns == 0:
         return "; does not repeat yet"
     return "" if turns is None else f"; repeats every {'turn' if turns == 1 else f'{turns} turns'}"

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from vibroplat.columns import display_name, split, unit_of
-from vibroplat.config.digits import NEGLIGIBLE, given, interval, number, quantity, share, spread, together
+from vibroplat.config.digits import NEGLIGIBLE, given, interval, number, percent, quantity, spread, together
 from vibroplat.config.scene import Scene
 from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.section import MAX_PERIOD
@@ -150,7 +150,7 @@ class Sheet:
         value = self.numbers[column]
         if value is None:
             return ""
-        return share(value) if SHARES & {*column.split("_")} else quantity(value, unit_of(column), **how)
+        return percent(value) if SHARES & {*column.split("_")} else quantity(value, unit_of(column), **how)
 
     def _largest(self, column: str) -> float:
         """Return the largest size of the numbers with the unit of a column whose names begin as its own does."""
@@ -198,7 +198,7 @@ class Sheet:
             return self._text(column.format(1))
         if unit_of(column):
             return together(values, unit_of(column), " / ")
-        return " / ".join(dict.fromkeys(map(share, values)))
+        return " / ".join(dict.fromkeys(map(percent, values)))
 
     def _pair_row(self, label: str, column: str, most: str) -> Row:
         """Return the row of both motors, with the larger of their largest values."""
@@ -251,7 +251,7 @@ class Sheet:
             return "material that cannot lift off" if self.scene.material_mass else "no material"
         if not flies:
             return "material does not lift off"
-        text = f"material in flight {share(flies)}"
+        text = f"material in flight {percent(flies)}"
         if impacts is None:
             return text
         rate = number(impacts).removesuffix(".00")
@@ -261,7 +261,7 @@ class Sheet:
         """Return the rows of material that moves along the deck."""
         s = self.numbers
         sticks, forth, back = (self._text(f"{name}_fraction") for name in ("stick", "slip_plus", "slip_minus"))
-        slips = share((s["slip_plus_fraction"] or 0.0) + (s["slip_minus_fraction"] or 0.0))
+        slips = percent((s["slip_plus_fraction"] or 0.0) + (s["slip_minus_fraction"] or 0.0))
         swing = 2.0 * math.pi * (s["excitation_frequency_hz"] or 0.0) * max(s["rms_x_m"], s["rms_y_m"])
         largest = max(swing, abs(s["conveying_speed_m_per_s"] or 0.0))
         speed, error = (self._text(f"conveying_speed_{what}m_per_s", largest=largest) for what in ("", "error_"))
@@ -320,11 +320,11 @@ class Sheet:
         if not powers:
             return ()
         words = [of_both(powers, "W") if powers[1:] else f"motor {driven[0]}"]
-        words += [f"slip {share(max(slips, key=abs))}"] if slips else []
+        words += [f"slip {percent(max(slips, key=abs))}"] if slips else []
         plates = [self.scene.exciter_pair[n - 1].breakdown_ratio for n in driven]
         loads = [ratio * plate for ratio, plate in zip(ratios, plates, strict=False) if plate]
-        rated = f", {share(max(loads, key=abs))} of rated torque" if loads else " torque"
-        words += [f"{share(max(ratios, key=abs))} of critical{rated}"] if ratios else []
+        rated = f", {percent(max(loads, key=abs))} of rated torque" if loads else " torque"
+        words += [f"{percent(max(ratios, key=abs))} of critical{rated}"] if ratios else []
         return "motor power", quantity(sum(powers), "W"), _join(*words)
 
     def _bearings(self) -> list[Row]:
@@ -360,7 +360,7 @@ class Sheet:
             pace,
             in_step if s["captured_by"] or not at else in_step._replace(short=started),
             Row("stroke steady", steady, "within 1 %" * bool(steady)),
-            Row("motion repeats", _repeats(s["period"]), f"strokes change by {share(moved)}" * (moved > SETTLED)),
+            Row("motion repeats", _repeats(s["period"]), f"strokes change by {percent(moved)}" * (moved > SETTLED)),
         ]
 
     def _point(self, name: str) -> Row:
@@ -383,7 +383,7 @@ class Sheet:
         rate = "" if impacts is None else number(impacts).removesuffix(".00")
         gap, impulse = self._text("gap_max_m"), self._text("impulse_max_n_s")
         return [
-            Row("in flight", share(flies), f"gap {gap}" if flies else ""),
+            Row("in flight", percent(flies), f"gap {gap}" if flies else ""),
             Row("impacts a turn", rate, f"impulse {impulse}" if impacts else ""),
             Row("contact force, largest", self._text("contact_force_max_n")),
         ]

@@ -7,9 +7,6 @@
 
 from importlib import import_module
 
-#: Seconds for which workers of a scheduler are waited for, unless the user says otherwise.
-MAX_WAIT_S = 60.0
-
 
 def load_study(study: str, engine: str) -> None:
     """Load the module of a study, and an engine's kernels where they are compiled already: in a worker, at first."""

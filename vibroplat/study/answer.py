@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import PHASE_COLUMN, describe_sync, display_name, unit_of
-from vibroplat.config.digits import MISSING, given, interval, number, quantity, share
+from vibroplat.config.digits import MISSING, given, interval, number, percent, quantity
 from vibroplat.results.answer import WIDTH, counted, in_columns
 from vibroplat.results.content import in_groups
 from vibroplat.results.labels import value_words
@@ -211,7 +211,7 @@ def _agreement(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[
     else:
         value = apart.index.get_level_values(key)[int(apart.argmax())]
         where = f"at {axis_name(key)} {given(value)} {unit_of(key)}".rstrip()
-        yield f"no jump; up and down differ by up to {share(apart.max())}, {where}"
+        yield f"no jump; up and down differ by up to {percent(apart.max())}, {where}"
 
 
 def sync_counts(table: pd.DataFrame) -> Iterable[tuple[str, str, int]]:

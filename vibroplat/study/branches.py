@@ -196,7 +196,7 @@ def box_words(conditions: Mapping[str, Sequence[float]]) -> str:
 
 
 def measures_text(row: Mapping[str, Any], largest: float) -> str:
-    """Write frequency, RMS of both coordinates and power of a motion; ``most`` is the largest RMS beside it."""
+    """Write frequency, RMS of both coordinates and power of a motion; ``largest`` is the largest RMS beside it."""
     heights = [quantity(row.get(name), "m", largest=largest) for name in ("rms_y_m", "rms_x_m")]
     pace, power = quantity(row.get("excitation_frequency_hz"), "Hz"), quantity(row.get("motor_power_w"), "W")
     speed = row.get("conveying_speed_m_per_s")

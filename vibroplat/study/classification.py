@@ -71,7 +71,7 @@ class MotionClass(NamedTuple):
         Turns of exciter 1 after which it repeats; 0 if it does not repeat, None if it makes no turns.
     exponent
         Largest Lyapunov exponent, if it was needed.
-    why
+    reason
         Why it is undecided; otherwise empty.
     drifts
         Whether it does not repeat and its section changes its position or its extent, or may do so as it is undecided:

@@ -15,11 +15,10 @@ from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 from vibroplat.errors import ConfigError, VibroplatError
-from vibroplat.study import MAX_WAIT_S
-from vibroplat.system.interrupts import resume_is_offered
+from vibroplat.system.interrupts import records_kept
 
-#: Seconds without a worker after which the user is told what is waited for.
-NOTICE_S = 5.0
+#: Seconds without a worker after which the user is told what is waited for, and after which it is given up.
+NOTICE_S, MAX_WAIT_S = 5.0, 60.0
 #: Seconds in which a scheduler must answer when it is first called, and when it is asked for its workers.
 FIRST_ANSWER_S, ANSWER_S = 5.0, 2.0
 #: Seconds after which workers are counted again.
@@ -33,11 +32,6 @@ _LOG = logging.getLogger("vibroplat")
 _SILENCED = ("distributed", "tornado", "asyncio")
 #: States of a client that may go on.
 _ALIVE = ("running", "connecting")
-
-
-def _records_kept() -> str:
-    """Say what is left of work that is given up, where it can be resumed."""
-    return "; finished points are kept: continue with --resume" if resume_is_offered() else ""
 
 
 class WorkerLostError(VibroplatError):
@@ -58,7 +52,7 @@ class IncompatibleWorkerError(VibroplatError):
     exit_code = 1
 
     def __init__(self, difference: str) -> None:
-        super().__init__(f"worker {difference}; all workers need the versions of this process{_records_kept()}")
+        super().__init__(f"worker {difference}; all workers need the versions of this process; {records_kept()}")
 
 
 class _Call:
@@ -78,8 +72,6 @@ class Cluster:
     ----------
     address
         Of the scheduler.
-    wait
-        Seconds after which a cluster without workers is given up.
 
     Raises
     ------
@@ -87,15 +79,13 @@ class Cluster:
         dask.distributed is not installed, or no scheduler answers.
     """
 
-    def __init__(self, address: str, wait: float = MAX_WAIT_S) -> None:
+    def __init__(self, address: str) -> None:
         require_scheduler(address)
-        if math.isnan(wait) or wait < 0.0:
-            raise ConfigError(f"--wait {wait}; allowed: a number of seconds, at least 0")
         from distributed import Client, KilledWorker  # noqa: PLC0415  (optional)
 
         from vibroplat.study import fingerprint  # noqa: PLC0415  (machine code is loaded for it)
 
-        self._address, self._wait = address, wait
+        self._address = address
         self._fingerprint, self._expected = fingerprint, fingerprint.fingerprint()
         self._killed = KilledWorker
         self._since: float | None = None
@@ -190,14 +180,14 @@ class Cluster:
             return
         missing = f"{'an answer' if workers is None else 'a worker'} of the scheduler at {self._address}"
         self._since = now if self._since is None else self._since
-        if now - self._since >= self._wait:
-            raise NoWorkersError(f"waited {self._wait:g} s for {missing}{_records_kept()}")
+        if now - self._since >= MAX_WAIT_S:
+            raise NoWorkersError(f"waited {MAX_WAIT_S:g} s for {missing}; {records_kept()}")
         if now - self._since >= NOTICE_S and not self._notified and self._client.status == "running":
-            _LOG.warning("waiting for %s, up to %g s", missing, self._wait)
+            _LOG.warning("waiting for %s, up to %g s", missing, MAX_WAIT_S)
             self._notified = True
 
     def _gone(self) -> NoWorkersError:
-        return NoWorkersError(f"the scheduler at {self._address} is gone{_records_kept()}")
+        return NoWorkersError(f"the scheduler at {self._address} is gone; {records_kept()}")
 
     def close(self) -> None:
         """Leave the cluster; a scheduler that does not answer is left silently."""

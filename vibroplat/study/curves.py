@@ -57,13 +57,13 @@ class _Branch(NamedTuple):
 
 
 def curves_of(
-    sweeps: Sweeps, columns: Sequence[str], colours: Mapping[str, str], *, told: bool
+    sweeps: Sweeps, columns: Sequence[str], colours: Mapping[str, str], *, mark_aperiodic: bool
 ) -> tuple[list[picture.Series], list[picture.Jump], list[str]]:
     """Return branches as series in panels of columns, their jumps, and which of them coincide.
 
     Those that do in all panels and on the horizontal axis are drawn once. ``colours`` are those of their labels. Ways
-    down lie below ways up, and so are seen where they differ. With ``told`` points whose motion does not repeat are
-    marked, as no strips say it.
+    down lie below ways up, and so are seen where they differ. With ``mark_aperiodic`` points whose motion does not
+    repeat are marked, as no strips say it.
     """
     groups: dict[str, list[_Branch]] = {}
     for rows in sweeps.branches:
@@ -81,19 +81,19 @@ def curves_of(
     shown = {label: columns if label in drawn else () for label in groups}
     equal = [_equal(labels) for labels in drawn.values() if len(labels) > 1]
     branches = sorted((one for group in groups.values() for one in group), key=lambda one: one.direction != "down")
-    series = [made for one in branches for made in _series_of(one, shown[one.label], told=told)]
+    series = [made for one in branches for made in _series_of(one, shown[one.label], mark_aperiodic=mark_aperiodic)]
     jumps = [jump for one in branches for jump in _jumps_of(one, groups[one.label][0], shown[one.label], sweeps.table)]
     return series, jumps, equal
 
 
-def _series_of(one: _Branch, columns: Sequence[str], *, told: bool) -> Iterator[picture.Series]:
+def _series_of(one: _Branch, columns: Sequence[str], *, mark_aperiodic: bool) -> Iterator[picture.Series]:
     """Yield the line of a branch, broken where the motion jumps, and the points that are marked on it."""
     if columns:
         places = np.insert(one.rows.index.to_numpy(), np.flatnonzero(one.jumps) + 1, picture.BROKEN)
         look: dict[str, Any] = {"dash": "--" if one.direction == "down" else "-", "width": one.width}
         way = f"{key_name(key_of(one.rows))} {one.direction}"
         yield picture.Series(one.label, places, way, one.colour, "lines", of=tuple(columns), **look)
-    marked = failed_of(one.rows) | (told & open_of(one.rows))
+    marked = failed_of(one.rows) | (mark_aperiodic & open_of(one.rows))
     if marked.any():
         yield picture.Series("", one.rows.index[marked].to_numpy(), "", one.colour, "markers", size=0.7)
 

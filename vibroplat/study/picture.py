@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 
 from vibroplat.columns import quantity_of
+from vibroplat.config.digits import percent
+from vibroplat.config.plans import FREQUENCY
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
 from vibroplat.hybrid.state import static_rest
+from vibroplat.inspection.material import ERROR, range_of_row
 from vibroplat.results import content, picture
 from vibroplat.results.labels import ABSCISSAE, SPECIAL_POINTS, key_name
 from vibroplat.results.result import Result
@@ -27,7 +30,6 @@ from vibroplat.study.curves import (
     strips_of,
     sync_classes,
 )
-from vibroplat.study.practice import bands
 from vibroplat.study.sweeps import Sweeps, read
 
 OPTIONS = ("x", "data", "measure")
@@ -40,6 +42,8 @@ _FLIGHTS = {1e-6: ("-", "material flies"), 0.5: ("--", "half of the time"), 0.9:
 #: Lines of boundaries that have one colour, by the kinds of special points; what thin ones are.
 _DASHES: Sequence[Any] = ("-", "--", "-.", ":", (0, (7, 2)), (0, (1, 2, 1, 2, 5, 2)), (0, (9, 1, 2, 1)))
 UNSTABLE_LOOK = "thin: of unstable orbits"
+#: Column with the speed that formulas of practice give, and what their band is called.
+CONVEYING, PRACTICE = "conveying_speed_m_per_s", f"formula of practice, ± {percent(ERROR)}"
 
 
 def pictures(
@@ -95,8 +99,8 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     panels, left = content.measures(
         table, asked=columns, kept=sweeps.kept, stripped=strips is not None or table["sync"].nunique() == 1
     )
-    series, jumps, equal = curves_of(sweeps, [panel.column for panel in panels], colours, told=strips is None)
-    practice, drawn = bands(sweeps, drawn, colours)
+    series, jumps, equal = curves_of(sweeps, [panel.column for panel in panels], colours, mark_aperiodic=strips is None)
+    practice, drawn = _practice(sweeps, drawn, colours)
     formula = " Bands: conveying speed by formulas of practice, from the path of the platform." if practice else ""
     known = sweeps.x if drawn[sweeps.x].notna().any() else sweeps.key
     return picture.Picture(
@@ -114,10 +118,40 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         states=content.motions_of(table),
         rotation=sweeps.rotation,
         scale=scale,
-        told=sweeps.told(left, f"curves coincide: {'; '.join(equal)}" if equal else ""),
+        caption=sweeps.caption(left, f"curves coincide: {'; '.join(equal)}" if equal else ""),
         meaning=f"Solid: up; dashed: down, seen where it differs; arrows: jumps; ×: failed.{formula}{sweeps.meaning}",
         orbits=picture.Orbits(table),
     )
+
+
+def _practice(
+    sweeps: Sweeps, drawn: pd.DataFrame, colours: Mapping[str, str]
+) -> tuple[list[picture.Series], pd.DataFrame]:
+    """Return the band of each combination, along its first branch, and the points with those of the bands behind.
+
+    Its points are those of the branch with the upper ends of the ranges, and the lower ones in a column of their own.
+    """
+    series, parts, first = list[picture.Series](), [drawn], dict[str, pd.DataFrame]()
+    for rows in sweeps.branches if CONVEYING in drawn and len(colours) <= MAX_COLOURS else ():
+        first.setdefault(sweeps.label(rows.iloc[0]), rows)
+    for label, rows in first.items():
+        low, high = np.array([_practical_range(sweeps, rows.loc[[index]]) for index in rows.index]).T
+        if np.isfinite(low).any():
+            places = sum(map(len, parts)) + np.arange(len(rows))
+            name = ": ".join(filter(None, (label, PRACTICE)))
+            broken = np.where(np.isfinite(low), places, picture.BROKEN)
+            series.append(picture.Series(name, broken, "", colours[label], "band", of=(CONVEYING,)))
+            parts.append(drawn.loc[rows.index].assign(**{CONVEYING: high, f"{CONVEYING}{picture.LOW}": low}))
+    return series, pd.concat(parts, ignore_index=True) if series else drawn
+
+
+def _practical_range(sweeps: Sweeps, row: pd.DataFrame) -> tuple[float, float]:
+    """Return the range of a row, from its scene; NaN of several results."""
+    scene = sweeps.scene_of(row, sweeps.grid)
+    if scene is None or scene.transport is None:
+        return np.nan, np.nan
+    key = FREQUENCY if sweeps.key == SUPPLY else sweeps.key
+    return range_of_row(scene.replace({key: row[sweeps.key].tolist()[0]}), row.iloc[0])
 
 
 # -- bifurcation diagram -----------------------------------------------------------------------------------------------
@@ -159,7 +193,7 @@ def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> picture.Picture:
         facets=facets if len(facets) > 1 else (),
         strips=strips,
         choice="branch",
-        told=sweeps.told(),
+        caption=sweeps.caption(),
         meaning="Each dot is a point of the Poincaré section, or an impact; the way down lies below the way up.",
         high=True,
     )
@@ -252,7 +286,7 @@ def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         choice="direction",
         rotation=sweeps.rotation,
         states=content.motions_of(table),
-        told=sweeps.told(),
+        caption=sweeps.caption(),
         meaning="Each tile is a point of the sweep; white: failed.",
         orbits=picture.Orbits(table) if not len(curves) else None,
         high=True,

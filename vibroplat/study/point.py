@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import COUNT, TEXT, Column, Columns
+from vibroplat.columns import COUNT, TEXT, Column, Columns, split
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.extensions import load_provided
@@ -66,18 +66,12 @@ LOAD_MEASURES = (
 MEASURED = (*MOTION_MEASURES, *LOAD_MEASURES)
 #: Measures that have a standard error if the motion does not repeat, and the columns of these errors.
 ERRORS = {
-    "excitation_frequency_hz": "excitation_frequency_error_hz",
-    "rms_x_m": "rms_x_error_m",
-    "rms_y_m": "rms_y_error_m",
-    "rms_phi_rad": "rms_phi_error_rad",
-    "phase_difference_rad": "phase_difference_error_rad",
-    "flight_fraction": "flight_fraction_error",
-    "impacts_per_period": "impacts_per_period_error",
-    "motor_power_w": "motor_power_error_w",
-    "amplitude_y_m": "amplitude_y_error_m",
-    "contact_force_max_n": "contact_force_max_error_n",
-    "gap_max_m": "gap_max_error_m",
-    "impulse_max_n_s": "impulse_max_error_n_s",
+    name: name.replace(base := split(name)[0], f"{base}_error")
+    for name in (
+        *("excitation_frequency_hz", "rms_x_m", "rms_y_m", "rms_phi_rad", "phase_difference_rad"),
+        *("flight_fraction", "impacts_per_period", "motor_power_w", "amplitude_y_m"),
+        *("contact_force_max_n", "gap_max_m", "impulse_max_n_s"),
+    )
 }
 
 #: Columns that a point has besides :data:`vibroplat.observe.summary.MEASURES`.
@@ -176,11 +170,11 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
         Full state at the end of the point before, shape (14,); without it the point begins with ``run.initial``.
     key
         Numbers that, with the plan's seed, determine the perturbation; see
-        :meth:`vibroplat.study.branches.SweepBranch.key`.
+        :meth:`vibroplat.study.branches.SweepBranch.perturbation_key`.
 
     Returns
     -------
-    Point
+    SweepPoint
         With outcome ``out-of-memory`` if there is not enough for it.
     """
     began = time.perf_counter()

@@ -11,7 +11,6 @@ arguments alone, so results do not depend on how chains are spread over workers.
 
 from __future__ import annotations
 
-import logging
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
@@ -20,7 +19,6 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 from pydantic import BaseModel
 
-from vibroplat.study import MAX_WAIT_S
 from vibroplat.study.cluster import Cluster, WorkerLostError
 from vibroplat.study.store import Record, Store, aside_name, digest
 from vibroplat.system.interrupts import stop_if_asked, unwinding, watching
@@ -33,8 +31,6 @@ CHECK_AFTER_S = 1.0
 TICK_S = 0.1
 #: How many times a task that runs alone may lose its worker before it is given up.
 MAX_LOSSES = 2
-
-_LOG = logging.getLogger("vibroplat")
 
 T = TypeVar("T")
 
@@ -91,7 +87,7 @@ class StoredChain(Generic[T]):
     tasks
         What is to be done; it must yield the same tasks when it is sent the same records.
     records
-        Where the records are stored; None for those that nobody goes on with.
+        Where the records are stored.
     name
         Of the chain, under which they are.
 
@@ -101,7 +97,7 @@ class StoredChain(Generic[T]):
         The next task; None if the chain is done.
     """
 
-    def __init__(self, tasks: Tasks[T], records: Store | None, name: int | str) -> None:
+    def __init__(self, tasks: Tasks[T], records: Store, name: int | str) -> None:
         self._tasks = tasks
         self._records = records
         self._name = name
@@ -141,8 +137,7 @@ class StoredChain(Generic[T]):
                 raise result
             result = self.next.on_worker_loss(str(result))
         record = result if isinstance(result, dict) else vars(result)
-        if self._records is not None:
-            self._records.write(self._name, self._place, record, self._digest)
+        self._records.write(self._name, self._place, record, self._digest)
         self._send(record)
 
     def _send(self, record: Record | None) -> None:
@@ -159,8 +154,6 @@ class StoredChain(Generic[T]):
                 self._asides += [] if aside.done else [aside]
                 record = None
                 continue
-            if self._records is None:
-                return
             self._place += 1
             self._digest = self.next.digest
             record = self._records.get(self._name, self._place, self._digest)
@@ -271,7 +264,7 @@ def _wait_for_task(running: Iterable[Future[Any]], workers: Pool) -> set[Future[
 
 
 class Pool(Protocol):
-    """Where tasks run.
+    """Where tasks run; by itself it replaces, looks for and stops nothing.
 
     Attributes
     ----------
@@ -283,22 +276,21 @@ class Pool(Protocol):
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Start a task; its error is :class:`.WorkerLostError` if its worker died too often."""
-        ...
 
     def renew(self) -> None:
         """Replace workers that have died."""
-        ...
+        return
 
     def check(self) -> None:
         """Raise :class:`.NoWorkersError` if no worker can answer any more."""
-        ...
+        return
 
     def close(self) -> None:
         """Stop the workers, even in the middle of a task."""
-        ...
+        return
 
 
-class Inline:
+class Inline(Pool):
     """Runs tasks in this process."""
 
     slots = 1
@@ -312,17 +304,8 @@ class Inline:
             future.set_exception(error)
         return future
 
-    def renew(self) -> None:
-        """Nothing to replace."""
 
-    def check(self) -> None:
-        """Nothing to look for: a task has finished when it is submitted."""
-
-    def close(self) -> None:
-        """Nothing to stop."""
-
-
-class Processes:
+class Processes(Pool):
     """Worker processes of this machine; numerical libraries use one thread in each."""
 
     def __init__(self, jobs: int) -> None:
@@ -338,9 +321,6 @@ class Processes:
         """Start new workers, as one of the old ones has died."""
         self._workers.close()
         self._workers = _start_workers(self._jobs)
-
-    def check(self) -> None:
-        """Nothing to look for: the futures of workers that die fail by themselves."""
 
     def close(self) -> None:
         """Stop the workers."""
@@ -358,9 +338,7 @@ def _start_workers(jobs: int) -> Workers:
 
 
 @contextmanager
-def pool(
-    jobs: int | None = 1, scheduler: str | None = None, *, wait: float = MAX_WAIT_S, chains: int | None = None
-) -> Iterator[Pool]:
+def pool(jobs: int | None = 1, scheduler: str | None = None, *, chains: int | None = None) -> Iterator[Pool]:
     """Open a pool: this process for one job, worker processes for more, or the workers of a dask scheduler.
 
     While it is open, linear algebra has one thread in this process, as in workers.
@@ -368,11 +346,9 @@ def pool(
     Parameters
     ----------
     jobs
-        Worker processes; None for as many as there are cores. Processes without a chain or a core are not started.
+        Worker processes; None for as many as there are cores. There are at most as many as chains and as cores.
     scheduler
         Address of a dask scheduler, whose workers are used instead.
-    wait
-        Seconds after which a scheduler without workers is given up.
     chains
         The most chains that are run side by side, if that is known.
 
@@ -381,28 +357,14 @@ def pool(
     ConfigError
         The scheduler does not answer, or dask.distributed is not installed.
     """
-    processes = 1 if scheduler is not None else _useful_processes(jobs, chains)
-    if scheduler is None and processes == 1:
+    processes = 1 if jobs == 1 else min(count for count in (jobs, chains, core_count()) if count is not None)
+    if scheduler is None and processes <= 1:
         with one_thread():
             yield Inline()
         return
     with unwinding(), one_thread():
-        opened: Pool = Processes(processes) if scheduler is None else Cluster(scheduler, wait)
+        opened: Pool = Processes(processes) if scheduler is None else Cluster(scheduler)
         try:
             yield opened
         finally:
             opened.close()
-
-
-def _useful_processes(jobs: int | None, chains: int | None) -> int:
-    """Return how many of the processes have both a task and a core; warn if some have not."""
-    if jobs == 1:
-        return 1
-    cores = core_count()
-    wanted = cores if jobs is None else jobs
-    useful = max(1, min(wanted, cores, wanted if chains is None else chains))
-    if jobs is not None and useful < jobs and chains != 0:
-        used = f"{useful} processes are" if useful > 1 else "one process is"
-        why = "there are no more cores" if useful == cores else "no more tasks can run at the same time"
-        _LOG.warning("--jobs %d: only %s used, because %s", jobs, used, why)
-    return useful

@@ -131,11 +131,11 @@ class SettlingResult(NamedTuple):
 
     Attributes
     ----------
-    how
+    reason
         ``periodic``, ``orbit`` (it converges to a known one), ``maximum`` (not within the time that the plan allows),
         ``fixed`` (for a given time), or ``unfinished`` (it ended early).
     seconds
-        How long it settled (s).
+        Settling time (s).
     period
         Turns of exciter 1 after which it repeats if it is periodic; otherwise 1.
     turn

@@ -11,7 +11,6 @@ import hashlib
 import json
 import logging
 import sqlite3
-from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from copy import copy
@@ -151,20 +150,12 @@ class Store:
 
         ``finished`` is how many records there were when the work was finished.
         """
-        indices_of: dict[Any, list[int]] = defaultdict(list)
-        spoiled = []
         rows = self._base.execute("SELECT rowid, first, second, task, record, digest FROM records NOT INDEXED")
-        for row, chain, index, *content in rows:
-            if _is_sound(chain, index, *content):
-                indices_of[chain].append(index)
-            else:
-                spoiled.append((row,))
+        spoiled = [(row,) for row, *content in rows if not _is_sound(*content)]
         self._base.executemany("DELETE FROM records WHERE rowid = ?", spoiled)
-        stored = sum(map(len, indices_of.values())) + len(spoiled)
-        gaps = sum(max(indices) + 1 - len(indices) for indices in indices_of.values())
-        missing = max(gaps - len(spoiled), finished - stored, 0)
-        if missing or spoiled:
-            lost, total = missing + len(spoiled), stored + missing
+        kept = len(self)
+        if lost := max(finished - kept, len(spoiled)):
+            total = kept + lost
             _log.warning("%s: %d of %d records damaged or missing; computing them again", self._path, lost, total)
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Annotated, Any, ClassVar, NamedTuple, TypedDict, Unpack
+from typing import Annotated, Any, ClassVar, NamedTuple, TypedDict, Unpack, get_type_hints
 
 import numpy as np
 from pydantic import Field
@@ -12,10 +12,8 @@ from pydantic import Field
 from vibroplat.columns import Columns
 from vibroplat.config.arguments import validated
 from vibroplat.config.scene import Scene, SceneArgument
-from vibroplat.config.schema import NonNegative
 from vibroplat.integrate import engine_name
 from vibroplat.results.result import Result
-from vibroplat.study import MAX_WAIT_S
 from vibroplat.study.fingerprint import package
 from vibroplat.study.pool import Pool, Task, pool
 from vibroplat.study.store import Record, Store
@@ -116,15 +114,6 @@ def choose_evenly(places: Sequence[int], max_count: int = MAX_CROSS_CHECKS) -> l
     return [places[index] for index in np.unique(chosen).tolist()]
 
 
-#: What is allowed for :class:`Options`.
-_OPTIONS = {
-    "jobs": Annotated[int, Field(ge=1)] | None,
-    "scheduler": str | None,
-    "wait": NonNegative,
-    "progress": Callable[..., Any],
-}
-
-
 class Options(TypedDict, total=False):
     """How a study is run.
 
@@ -134,19 +123,16 @@ class Options(TypedDict, total=False):
         Worker processes; with 1 the tasks run in this process.
     scheduler
         Address of a dask scheduler, whose workers are used instead.
-    wait
-        Seconds after which a scheduler without workers is given up.
     progress
         Called with the numbers of what is done and of all that is known.
     """
 
-    jobs: int
+    jobs: Annotated[int, Field(ge=1)] | None
     scheduler: str | None
-    wait: float
     progress: Progress
 
 
-@validated(scene=SceneArgument, options=_OPTIONS)
+@validated(scene=SceneArgument, options=get_type_hints(Options, include_extras=True))
 def run_study(kind: Callable[[Scene], Study], scene: Scene, **options: Unpack[Options]) -> Result:
     """Run the study of a scene and store nothing.
 
@@ -159,9 +145,9 @@ def run_study(kind: Callable[[Scene], Study], scene: Scene, **options: Unpack[Op
     IncompatibleWorkerError
         A worker would give other bits than this process.
     """
-    study, progress = kind(scene), options.pop("progress", lambda done, known: None)
-    jobs, scheduler, wait = options.get("jobs", 1), options.get("scheduler"), options.get("wait", MAX_WAIT_S)
-    with Store(None, {}) as store, pool(jobs, scheduler, wait=wait, chains=study.chains(store)) as workers:
+    study, progress = kind(scene), options.get("progress", lambda done, known: None)
+    jobs, scheduler = options.get("jobs", 1), options.get("scheduler")
+    with Store(None, {}) as store, pool(jobs, scheduler, chains=study.chains(store)) as workers:
         result = study.run(store, workers, progress)
         result.tables.make_all()  # while there is a store
         return result

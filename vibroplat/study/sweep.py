@@ -65,9 +65,9 @@ SWEEP: Columns = {
     **{name: column for name, column in {**MEASURES, **POINT, **WORK}.items() if name in COLUMNS},
     **SHEET,
 }
-#: The tables of a bifurcation diagram.
+#: The columns of a point with which those of a bifurcation diagram begin, and the others of its two tables.
+_PLACE = ("direction", "branch", EXCITATION)
 DIAGRAM: Columns = {
-    **{name: SWEEP[name] for name in (SUPPLY, "direction", "branch", EXCITATION)},
     "y_m": Column("y at a whole turn of exciter 1"),
     "impact_speed_m_per_s": Column("speed of an impact", "rate at which the gap closes, before the impact"),
 }
@@ -76,7 +76,7 @@ _KEYS: Columns = {
     SUPPLY: SWEEP[SUPPLY],
     "…": Column("values of the grid's keys and of sweep.over (instead of the supply), by dotted name"),
 }
-_DIAGRAM: Columns = {**_KEYS, **{name: DIAGRAM[name] for name in ("direction", "branch", EXCITATION)}}
+_DIAGRAM: Columns = {**_KEYS, **{name: SWEEP[name] for name in _PLACE}}
 #: Tables of a bifurcation diagram: the numbers in records that they hold, and the column of these.
 _DIAGRAMS = {"section": ("section_y", "y_m"), "impacts": ("impact_speeds", "impact_speed_m_per_s")}
 #: How many rows of a table are made at a time.
@@ -169,7 +169,6 @@ def sweep(scene: Scene, **options: Unpack[Options]) -> Result:
 
         * ``jobs``: number of worker processes;
         * ``scheduler``: address of a dask scheduler, whose workers are used instead;
-        * ``wait``: time after which a scheduler without workers is given up (s);
         * ``progress``: function that is called with the numbers of finished and of all points.
 
     Returns
@@ -328,7 +327,7 @@ def diagram_parts(planned: Sequence[SweepBranch], store: Store, values: str, col
     def rows(record: Record) -> list[Record]:
         return [{EXCITATION: record["row"].get(EXCITATION), column: value} for value in record[values]]
 
-    return _parts(planned, store, ("direction", "branch", EXCITATION, column), rows)
+    return _parts(planned, store, (*_PLACE, column), rows)
 
 
 def _parts(
@@ -380,14 +379,10 @@ def failures(table: pd.DataFrame) -> list[str]:
     """Describe each point that did not end ``ok``: its outcome, its place in the sweep and the reason."""
     swept = list(table.columns[: list(table.columns).index("direction") + 1])
     return [
-        f"{row['outcome']} at {', '.join(f'{key} {row[key]}' for key in swept)}: {_without_state(str(row['detail']))}"
+        f"{row['outcome']} at {', '.join(f'{key} {row[key]}' for key in swept)}: {reason}"
         for _, row in table[table["outcome"] != "ok"].iterrows()
+        for reason in [str(row["detail"]).partition(", state [")[0]]  # without the numbers of its last state
     ]
-
-
-def _without_state(detail: str) -> str:
-    """Return why a motion ended, without the numbers of its last state."""
-    return detail.partition(", state [")[0]
 
 
 def notes_on_points(table: pd.DataFrame) -> list[str]:

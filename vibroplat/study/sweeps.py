@@ -14,7 +14,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
 from vibroplat.results import content, picture
-from vibroplat.results.labels import compared, distinct, is_number, told_of, value_words
+from vibroplat.results.labels import caption_of, compared, distinct, is_number, value_words
 from vibroplat.results.result import Result
 from vibroplat.study.branches import EXCITATION, SUPPLY, column_of
 
@@ -84,10 +84,10 @@ class Sweeps:
         scene = self.results[0].known_scene if len(self.results) == 1 else None
         return scene and scene.replace({key: rows[key].astype(object).iloc[0] for key in keys})
 
-    def told(self, *lines: str, beside: str = "") -> str:
+    def caption(self, *lines: str, beside: str = "") -> str:
         """Return names, what a reader wants to know of the scene, without keys that axes and curves show, and lines."""
         scene = self.scene_of(self.table, [key for key in self.grid if key not in self.varied])
-        return told_of(self.names, scene, [self.key, *self.varied, beside], *lines)
+        return caption_of(self.names, scene, [self.key, *self.varied, beside], *lines)
 
     @property
     def meaning(self) -> str:

@@ -60,13 +60,8 @@ def offer_resume(offered: bool) -> None:
     _Ending.resumable = offered
 
 
-def resume_is_offered() -> bool:
-    """Whether the command has an option ``--resume``; a program in Python has none."""
-    return _Ending.resumable
-
-
 def records_kept() -> str:
-    """Say what remains of a command that was stopped."""
+    """Say what remains of a command that was stopped; a program in Python offers no ``--resume``."""
     return RESUMABLE if _Ending.resumable else KEPT
 
 

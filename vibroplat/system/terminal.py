@@ -46,23 +46,16 @@ def points_progress(name: str, counted: str = "points") -> Iterator[Callable[[in
 
 
 @contextmanager
-def compilation_progress(count: Callable[[], int]) -> Iterator[None]:
-    """Show how many kernels have been compiled, as ``count`` says, and the time that it has taken."""
+def compilation_progress() -> Iterator[None]:
+    """Show that kernels are compiled, and the time that it has taken."""
     if not sys.stderr.isatty():
         yield
         return
     from rich.console import Console
-    from rich.progress import Progress, ProgressColumn, SpinnerColumn, Task, TimeElapsedColumn
-    from rich.text import Text
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    class Count(ProgressColumn):
-        """How many there are."""
-
-        def render(self, task: Task) -> Text:
-            """Ask again."""
-            return Text(f"{count()} kernels compiled")
-
-    with Progress(SpinnerColumn(), Count(), TimeElapsedColumn(), console=Console(stderr=True), transient=True) as line:
+    columns = SpinnerColumn(), TextColumn("compiling the kernels"), TimeElapsedColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as line:
         line.add_task("")
         yield
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.study_plans import FindPlan
 from vibroplat.results import content, picture
-from vibroplat.results.labels import key_name, told_of
+from vibroplat.results.labels import caption_of, key_name
 from vibroplat.results.result import Result
 from vibroplat.study import titles
 from vibroplat.study.branches import column_of
@@ -68,7 +68,7 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
         ranges=ranges,
         states=content.motions_of(table),
         rotation=result.known_scene.rotation if result.known_scene else "",
-        told=told_of([result.name], result.known_scene, [key], omitted),
+        caption=caption_of([result.name], result.known_scene, [key], omitted),
         meaning="Every value that was looked at. Filled: periodic, open: not periodic, ×: failed; dashed lines: "
         "thresholds.",
         orbits=picture.Orbits(
