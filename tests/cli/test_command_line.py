@@ -15,7 +15,7 @@ from common.commands import script
 from common.places import QUICKSTART, ROOT
 
 from vibroplat import __version__, load, load_config
-from vibroplat.config.keys import configuration_schema
+from vibroplat.config.keys import configuration_schema, keys
 from vibroplat.config.scene import Scene
 from vibroplat.integrate import announce_compilation
 from vibroplat.results.provenance import configuration_hash, provenance
@@ -305,6 +305,17 @@ def test_new_writes_a_template_and_says_what_can_be_done_with_it(command, here):
         assert f"vibroplat sweep 'of mine/{file.name}'" in text  # it can be copied
         assert f"change it, then `vibroplat run 'of mine/{file.name}'`" in done.out
         assert ("vibroplat orbits" in text) == ("\norbits:" in text)
+
+
+@pytest.mark.parametrize("template", sorted(file.stem for file in (ROOT / "configs/templates").glob("*.yaml")))
+def test_new_writes_all_keys_on_request(command, here, template):
+    assert command("new", "mine.yaml", "--template", template, "--full").code == 0
+    assert load_config("mine.yaml") == load_config(ROOT / f"configs/templates/{template}.yaml", {"name": "mine"})
+    text = (here / "mine.yaml").read_text()
+    assert max(map(len, text.splitlines())) <= 120
+    for name in keys():
+        if name.startswith(("machine.", "material.", "contact.", "solver.")):
+            assert re.search(rf"^ *(- )?(# )?{name.rpartition('.')[2]}:", text, re.MULTILINE), name
 
 
 def test_new_overwrites_nothing_and_refuses_names_that_cannot_be_used(command, here):

@@ -26,6 +26,7 @@ def new(
             "1.2 t, 4-pole, conveys. heavy-screen: 4.5 t, 6-pole.",
         ),
     ] = "rig",
+    full: Annotated[bool, typer.Option("--full", help="Write all keys with their meanings.")] = False,
 ) -> None:
     """Write a commented configuration to start from."""
     from vibroplat.config.keys import template
@@ -34,7 +35,7 @@ def new(
     with errors_about(file):
         Scene.from_tree({"name": file.stem})  # the file's name will be that of the results
     quoted = shlex.quote(str(file))  # in commands that are to be copied
-    text = template(machine, quoted, file.stem)
+    text = template(machine, quoted, file.stem, full=full)
     try:
         with file.open("x", encoding="utf-8") as opened:
             opened.write(text)
