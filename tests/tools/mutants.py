@@ -125,7 +125,7 @@ BY_ROOM = [
     ]),
     ("thresholds", [
         'one.kind != "level-crossing" or has_errors( → one.kind != "level-crossing" and has_errors(',
-        "if distances and even < 0.9 * length else → if distances else",
+        "islice(self._seeds, 1 if place else sure) → islice(self._seeds, 1)",
     ]),
     ("observe", [
         'synchronization(measures) != "none" and stays_synchronized( → synchronization(measures) != "none" or stays_synchronized(',
