@@ -14,23 +14,19 @@ from typing import Any, NamedTuple
 from vibroplat.config.study_plans import FindPlan
 from vibroplat.thresholds.values import ScanPoint
 
-#: Largest number of rounds. Screen and feeder of the templates, with 4 and 6 poles, take at most six.
+#: Largest number of rounds.
 MAX_ROUNDS = 10
 #: Where all of :data:`STARTS` starts with new seeds have one outcome, the share of starts that have another is at most
 #: the first, but for the second probability: without a failure of n starts the share p has the probability (1 - p)**n,
 #: and each of the rounds may be the one that errs.
 MAX_SHARE, ERROR = 0.05, 0.05
 STARTS = math.ceil(math.log(ERROR / MAX_ROUNDS) / math.log1p(-MAX_SHARE))
-#: Distance of these starts from an end of a mixed interval, relative to its width: it grows by this in each round, as
-#: failures become rarer outward. Further values of a round are up to the end of the range, with distances that form a
-#: geometric series.
-MARGIN, VALUES_PER_ROUND = 0.05, 30
-#: Values on each side of a threshold that is no jump, to show whether it is the only change; the distance of the last
-#: relative to the range.
-VALUES_NEAR, MAX_REACH = 2, 0.1
+#: Distance of these starts from an end of a mixed interval, relative to its width; and values of a round, up to the end
+#: of the range, with distances that form a geometric series.
+MARGIN, VALUES_PER_ROUND = 0.08, 30
 #: Values all over the range that begin with other seeds, and where the first is in its part of the range: not in the
 #: middle, where one of the scan may be.
-VALUES_BETWEEN, FIRST_OFFSET = 8, 0.382
+VALUES_BETWEEN, FIRST_OFFSET = 12, 0.382
 
 
 class Threshold(NamedTuple):
@@ -248,15 +244,7 @@ class ScaledKey:
         """Return values of the key all over its range."""
         return [self.value((k + FIRST_OFFSET) / VALUES_BETWEEN) for k in range(VALUES_BETWEEN)]
 
-    def near(self, threshold: Threshold) -> list[float]:
-        """Return values of the key near a threshold on each side, within the range."""
-        low, high = self.place_of(threshold.low.value), self.place_of(threshold.high.value)
-        nearest = min(high - low, 0.5 * MAX_REACH)
-        distances = [nearest * (MAX_REACH / nearest) ** (k / (VALUES_NEAR - 1)) for k in range(VALUES_NEAR)]
-        parts = [low - distance for distance in distances] + [high + distance for distance in distances]
-        return [self.value(part) for part in parts if 0.0 <= part <= 1.0]
-
-    def beyond(self, zone: Zone, upward: bool, number: int) -> list[float]:
+    def beyond(self, zone: Zone, upward: bool) -> list[float]:
         """Return the values of a round beyond the lower or the upper end of a zone, the nearest first.
 
         The nearest has no more digits than the tolerance.
@@ -267,7 +255,7 @@ class ScaledKey:
         if length == 0.0:
             return []
         narrow = self.place_of(zone.edges[upward] + self.plan.narrow) - edge
-        first = min(max(MARGIN * (number + 1) * (high - low), narrow), 0.5 * length)
+        first = min(max(MARGIN * (high - low), narrow), 0.5 * length)
         distances = [first * (length / first) ** (k / VALUES_PER_ROUND) for k in range(VALUES_PER_ROUND)]
         nearest, *others = (self.value(edge + distance if upward else edge - distance) for distance in distances)
         step = 10.0 ** math.floor(math.log10(self.plan.narrow))

@@ -7,7 +7,7 @@ interval, and motion converges to it up to there, that point is the threshold. E
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import count, islice, pairwise
 from typing import TypeVar
@@ -101,7 +101,8 @@ class ThresholdSearch:
             return self._scan_outward()
         scan = self._run("scan", [self._single(at, "scan") for at in self.plan.over.upward])
         changes = self._changes(scan)
-        others = self._evaluate("seed", self._with_seeds(self._places.between())) if self.disturbed else []
+        between = self._places.between() if self.disturbed else []
+        others = self._run("seed", [self._single(at, "seed", next(self._seeds)) for at in between])
         if others and not changes:  # what the seed of the scene alone does not show
             changes = self._changes(sorted([*scan, *others], key=lambda value: value.value))
         thresholds = self._run("border", [self._bisect(low, high) for low, high in changes])
@@ -311,13 +312,11 @@ class ThresholdSearch:
 
         Rounds of starts, each with a seed of its own, follow beyond both ends of a mixed interval and beyond both sides
         of a jump until none in a round contradicts, as a sharp threshold must not depend on the seed; so they do where
-        measures meet within their standard errors, where a measure of chaos scatters around a level. Few values are
-        near other thresholds. Nothing is searched for with neighbours, where the outcome at a value depends on the way
-        to it.
+        measures meet within their standard errors, where a measure of chaos scatters around a level. Nothing is
+        searched for with neighbours, where the outcome at a value depends on the way to it.
         """
         if self.plan.from_ == "neighbour":
             return zones([*scan, *self.evaluated], thresholds, self.plan)
-        self._evaluate("near", [challenge for one in thresholds for challenge in self._near(one)])
         searched: set[tuple[float, bool]] = set()
         for number in range(MAX_ROUNDS + 1):
             all_zones = zones([*scan, *self.evaluated], thresholds, self.plan)
@@ -325,16 +324,9 @@ class ThresholdSearch:
             if not ends or number == MAX_ROUNDS:
                 break
             searched |= {(zone.edges[upward], upward) for zone, upward in ends}
-            self._run(f"beyond-{number}", [tasks for end in ends for tasks in self._beyond(*end, number)])
+            self._run(f"beyond-{number}", [tasks for end in ends for tasks in self._beyond(*end)])
         growing = [zone for zone, _ in ends]
         return [zone._replace(open_ended=any(zone is one for one in growing)) for zone in all_zones]
-
-    def _near(self, one: Threshold) -> list[tuple[float, int]]:
-        """Return values that challenge a threshold where motion is not known to jump, with seeds."""
-        return self._with_seeds(self._places.near(one)) if self.disturbed and not self._jumps(one) else []
-
-    def _with_seeds(self, values: Sequence[float]) -> list[tuple[float, int]]:
-        return [(at, next(self._seeds)) for at in values]
 
     def _jumps(self, one: Threshold) -> bool:
         return not one.special and (one.kind != "level-crossing" or has_errors(one.low, one.high, self.plan))
@@ -345,10 +337,10 @@ class ThresholdSearch:
             return []
         return [(zone, upward) for upward in (False, True) if (zone.edges[upward], upward) not in searched]
 
-    def _beyond(self, zone: Zone, upward: bool, number: int) -> Iterator[Tasks[tuple[None, list[ScanPoint]]]]:
+    def _beyond(self, zone: Zone, upward: bool) -> Iterator[Tasks[tuple[None, list[ScanPoint]]]]:
         """Yield the chains of a round beyond an end of a zone: starts at the nearest value, and one at each other."""
         sure = STARTS if self.disturbed and is_wanted(zone, upward, self.plan) else 1
-        for place, at in enumerate(self._places.beyond(zone, upward, number)):
+        for place, at in enumerate(self._places.beyond(zone, upward)):
             seeds = list(islice(self._seeds, 1 if place else sure))
             yield from (self._starts(at, part, zone, upward) for k in range(CHAINS) if (part := seeds[k::CHAINS]))
 
@@ -374,7 +366,3 @@ class ThresholdSearch:
     def _start_time(self, scene: Scene, seconds: float) -> Tasks[tuple[float | None, list[ScanPoint]]]:
         record = yield Task(start_time, (scene, seconds), lambda reason: {"seconds": None})
         return record["seconds"], []
-
-    def _evaluate(self, stage: str, values: Iterable[tuple[float, int]]) -> list[ScanPoint]:
-        """Evaluate values of the key side by side, each with the so many-th seed after that of the scene."""
-        return self._run(stage, [self._single(at, stage, other) for at, other in values])

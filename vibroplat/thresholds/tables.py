@@ -53,12 +53,12 @@ VALUES: Columns = {
     "reason": Column(
         "reason for which the value was evaluated",
         "scan; seed: with another seed than the scan; orbit: on a branch; beside a special point; bisection; extended: "
-        "with twice the settling time; near a threshold; beyond a mixed interval or a jump",
+        "with twice the settling time; beyond a mixed interval or a jump",
         kind=TEXT,
     ),
     "seed": Column(
         "seed of the initial perturbation",
-        "run.seed; seed, near and beyond: others, each for one start only",
+        "run.seed; seed and beyond: others, each for one start only",
         kind=COUNT,
     ),
     **{name: SWEEP[name] for name in (*POINT, *SHEET)},
