@@ -7,7 +7,7 @@ import re
 import pandas as pd
 import pytest
 from common import handmade
-from common.commands import command as run_command
+from common.places import ROOT
 
 from vibroplat import Scene, find, load_config
 from vibroplat.config.study_plans import FindPlan
@@ -305,6 +305,20 @@ def test_a_side_on_which_some_starts_are_captured_says_so_and_how_long_others_ta
     assert re.fullmatch(r"slow: .* in \d+ of 17", slow)
 
 
+def test_measures_that_meet_do_not_make_a_change_of_synchronization_sharp(known, monkeypatch):
+    """Where motion has not settled, measures are so uncertain that they meet: other seeds may still decide."""
+
+    def by_seed(scene, plan, state, times, key):
+        point = known(scene, plan, state, times, key)
+        above = scene.motor.critical_torque_n_m > 45.0 + 2.0 * (key[0] > scene.run.seed and key[0] % 2)
+        point.row.update(sync="in-phase" if above else "antiphase", rms_y_m=1.0)
+        return point
+
+    monkeypatch.setattr(search, "evaluate", by_seed)
+    plan = {name: ASKED[name] for name in ("key", "start", "scan", "tolerance")} | {"stop": 80.0, "compare": "regime"}
+    assert " in all 104 starts there" in find(Scene().replace({"find": plan})).answer.headline
+
+
 def test_what_was_measured_in_a_transient_is_told(known, monkeypatch):
     def drifting(*arguments):
         point = known(*arguments)
@@ -347,16 +361,13 @@ def test_lift_off_is_no_jump_even_just_below_a_value_of_the_scan(kernels):
 
 
 @pytest.mark.long
-def test_every_motor_beyond_the_mixed_interval_starts(kernels, tmp_path):
-    assert run_command("new", tmp_path / "screen.yaml", "--template", "screen").code == 0
+def test_motors_from_the_answer_on_start_with_seeds_that_the_search_has_not_used(kernels):
     plan = {"key": "exciters.N.rated_power_w", "start": 200, "stop": 2200, "scan": 5, "tolerance": 1}
     plan |= {"expression": "excitation_frequency_hz > 20"}
-    scene = load_config(tmp_path / "screen.yaml", {"solver.engine": "taylor", "find": plan})
+    scene = load_config(ROOT / "configs/templates/screen.yaml", {"solver.engine": "taylor", "find": plan})
     (row,) = find(scene, jobs=2).thresholds.to_dict("records")
-    assert 530.0 < row["mixed_high"] < 750.0
-    assert row["mixed_low"] < 497.0
-    assert row["tried_above"] > 60
-    draw = random.Random(1)
-    for at in (draw.uniform(row["mixed_high"], 2200.0) for _ in range(20)):
-        point = evaluate(scene.replace({plan["key"]: at}), scene.find, None, 1, start_key(scene))
-        assert point.row["excitation_frequency_hz"] > 20.0, at
+    assert row["mixed_low"] < 530.0
+    assert 620.0 < row["clear_above"] < 800.0
+    answer = scene.replace({plan["key"]: row["clear_above"]})
+    points = [evaluate(answer, scene.find, None, 1, start_key(scene, 10_000 + k)) for k in range(60)]
+    assert sum(point.row["excitation_frequency_hz"] < 20.0 for point in points) <= 6, "more are rare with 5 %"

@@ -124,7 +124,7 @@ BY_ROOM = [
         "= self._root / self._scales → = np.eye(len(self._root)) / self._scales",
     ]),
     ("thresholds", [
-        'one.kind != "level-crossing" or has_errors( → one.kind != "level-crossing" and has_errors(',
+        "not (crosses and not has_errors( → not (crosses and has_errors(",
         "islice(self._seeds, 1 if place else sure) → islice(self._seeds, 1)",
     ]),
     ("observe", [
