@@ -125,7 +125,7 @@ BY_ROOM = [
     ]),
     ("thresholds", [
         "not (crosses and not has_errors( → not (crosses and has_errors(",
-        "islice(self._seeds, 1 if place else sure) → islice(self._seeds, 1)",
+        "STARTS if unsure and not place else 1 → 1",
     ]),
     ("observe", [
         'synchronization(measures) != "none" and stays_synchronized( → synchronization(measures) != "none" or stays_synchronized(',

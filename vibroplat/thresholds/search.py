@@ -341,9 +341,9 @@ class ThresholdSearch:
 
     def _beyond(self, zone: Zone, upward: bool) -> Iterator[Tasks[tuple[None, list[ScanPoint]]]]:
         """Yield the chains of a round beyond an end of a zone: starts at the nearest value, and one at each other."""
-        sure = STARTS if self.disturbed and is_wanted(zone, upward, self.plan) else 1
+        unsure = self.disturbed and is_wanted(zone, upward, self.plan) and not zone.side(upward).sure
         for place, at in enumerate(self._places.beyond(zone, upward)):
-            seeds = list(islice(self._seeds, 1 if place else sure))
+            seeds = list(islice(self._seeds, STARTS if unsure and not place else 1))
             yield from (self._starts(at, part, zone, upward) for k in range(CHAINS) if (part := seeds[k::CHAINS]))
 
     def _starts(self, at: float, seeds: Sequence[int], zone: Zone, upward: bool) -> Tasks[tuple[None, list[ScanPoint]]]:
