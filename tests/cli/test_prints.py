@@ -279,12 +279,19 @@ def test_torques_are_relative_to_the_rated_ones_of_motors_with_a_nameplate(runs)
 
 def test_peaks_of_several_seeds_are_ranges(runs):
     run = runs["two layers"]
-    found = {"seeds": 5, "whole_stroke_y_m": [0.009, 0.018], "whole_foundation_force_x_max_n": [1.0, 400.0]}
+    found = {"seeds": 19, "whole_stroke_y_m": [0.009, 0.018], "whole_foundation_force_x_max_n": [1.0, 400.0]}
     sheet = Sheet(run.scene, run.summary | {"peaks_of_seeds": found})
     lines = short_lines(sheet)
     assert "largest 9.0 … 18.0 mm at " in lines[0]
     assert "largest 1 … 400 N at " in next(line for line in lines if line.startswith("foundation, x"))
-    assert lines[-1].split()[:5] == ["largest", "values", "of", "5", "seeds"]
+    assert lines[-1].split()[:5] == ["largest", "values", "of", "19", "runs"]
+    assert lines[-1].endswith("  another is larger with 5.0 % each; times are of the first")
+    for numbers, end in (
+        ({"captured": 3}, "each; a resonance captures 3 or more"),
+        ({"seeds": 1}, "  run.perturbation is 0"),
+    ):
+        known = run.summary | {"peaks_of_seeds": found | numbers}
+        assert short_lines(Sheet(run.scene, known))[-1].endswith(end)
 
 
 def test_a_force_is_0_only_where_its_dynamic_part_is_small(runs):

@@ -4,7 +4,8 @@ import pytest
 from common.places import ROOT
 
 from vibroplat import load_config, simulate
-from vibroplat.motion.seeds import MORE_SEEDS, peaks_of_seeds
+from vibroplat.motion import seeds
+from vibroplat.motion.seeds import MOST_SEEDS, peaks_of_seeds
 
 
 @pytest.fixture(scope="module")
@@ -14,13 +15,28 @@ def screen():
 
 def test_peaks_of_a_start_have_ranges_over_seeds(screen):
     """Each end is the peak of a whole run with its seed, though the further runs are shorter."""
-    whole = [simulate(screen.replace({"run.seed": k}), keep="summary") for k in range(MORE_SEEDS + 1)]
+    whole = [simulate(screen.replace({"run.seed": k}), keep="summary") for k in range(MOST_SEEDS + 1)]
     found = peaks_of_seeds(whole[0])
     assert found["seeds"] == len(whole)
     for name in ("whole_stroke_x_m", "whole_stroke_y_m", "whole_foundation_force_x_max_n"):
         peaks = [run.summary[name] for run in whole]
         assert found[name] == pytest.approx([min(peaks), max(peaks)], rel=1e-9)
     assert found["whole_stroke_x_m"][1] > 3.0 * found["whole_stroke_x_m"][0]
+    assert found["captured"] == 0
+
+
+def test_a_run_that_still_changes_has_ranges_although_its_measured_part_has_the_peaks(screen, monkeypatch):
+    """Its measured part is no steady operation; and where some starts are captured, it is told."""
+    short = screen.replace({"run.duration_s": 0.7})
+    run = simulate(short, keep="summary")
+    assert run.summary["whole_stroke_y_m"] < 1.05 * run.summary["stroke_y_m"]
+    assert "whole_stroke_y_m" in peaks_of_seeds(run)
+    stiff = screen.replace({"machine.stiffness_phi_n_m_per_rad": 9.3e6})
+    runs = [simulate(stiff.replace({"run.seed": k}), keep="summary") for k in range(MOST_SEEDS + 1)]
+    captured = sum(run.summary["excitation_frequency_hz"] < 20.0 for run in runs)
+    assert 1 < peaks_of_seeds(runs[0])["captured"] <= captured < MOST_SEEDS
+    monkeypatch.setattr(seeds, "SIMULATED_S", 1.0)
+    assert peaks_of_seeds(runs[0])["seeds"] == seeds.FEWEST_SEEDS + 1, "long runs have fewer"
 
 
 def test_a_motor_that_is_switched_off_is_so_in_other_phases(screen):
@@ -34,4 +50,4 @@ def test_a_motor_that_is_switched_off_is_so_in_other_phases(screen):
 def test_steady_motion_and_one_that_shall_not_be_disturbed_have_no_further_seeds(screen):
     steady = simulate(screen.replace({"run.initial.speed_ratio": 0.98, "material.mass_ratio": 0.0}), keep="summary")
     assert "whole_motor_power_1_max_w" in peaks_of_seeds(steady)
-    assert peaks_of_seeds(simulate(screen.replace({"run.perturbation": 0.0}), keep="summary")) == {}
+    assert peaks_of_seeds(simulate(screen.replace({"run.perturbation": 0.0}), keep="summary"))["seeds"] == 1

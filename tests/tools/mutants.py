@@ -123,8 +123,8 @@ BY_ROOM = [
         "= self._root / self._scales → = np.eye(len(self._root)) / self._scales",
     ]),
     ("thresholds", [
-        'one.kind != "level-crossing" or has_errors( → one.kind != "level-crossing" and has_errors(',
-        "if distances and even < 0.9 * length else → if distances else",
+        "not (crosses and not has_errors( → not (crosses and has_errors(",
+        "STARTS if unsure and not place else 1 → 1",
     ]),
     ("observe", [
         "form < max(e.bound[place] * followed.before, limits.near) → form < 1.0",

@@ -15,14 +15,14 @@ from vibroplat.motion.run import simulate
 from vibroplat.observe.notes import DISTURBANCE
 from vibroplat.results.run import RunResult
 
-#: Runs with further seeds.
-MORE_SEEDS = 4
+#: Most and fewest runs with further seeds, and the time (s) that is simulated in all where there are not the fewest.
+MOST_SEEDS, FEWEST_SEEDS, SIMULATED_S = 19, 4, 600.0
 #: Ratio of the largest value to that in steady operation above which it belongs to the start.
 START_PEAK = 1.05
-#: Relative differences: peaks below the first are equal, final speeds above the second are different motions.
-MAX_SPREAD, OTHER_SPEED = 0.02, 0.05
+#: Relative differences up to which peaks are equal, and strokes settled.
+MAX_SPREAD = 0.02
 #: Their duration: a multiple of the time of the last peak, plus some turns.
-LONGER, MORE_TURNS = 1.5, 20.0
+LONGER, MORE_TURNS = 1.5, 80.0
 
 
 def peaks_of_seeds(run: RunResult) -> dict[str, Any]:
@@ -37,15 +37,17 @@ def peaks_of_seeds(run: RunResult) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``seeds``: how many runs there are; ``unlike``: how many end at another speed; two numbers for each ``whole_…``
-        column of the summary whose largest value belongs to a start, a stop or a failure and depends on them. Empty if
-        there is none.
+        ``seeds``: how many runs there are, of which each has the largest value with the same probability;
+        ``captured``: how many a resonance captures meanwhile; two numbers for each ``whole_…`` column of the summary
+        whose largest value belongs to a start, a stop, a failure or a motion that still changes, and depends on the
+        seed. Empty if all belong to steady operation.
     """
     scene, summary, times = run.scene, run.summary, {}
     begin, since, until = (summary[name] for name in ("begins_s", "measured_from_s", "measured_to_s"))
-    if run.outcome != "ok" or scene.run.perturbation == 0.0 or summary["rms_y_m"] is None:
+    if run.outcome != "ok" or summary["rms_y_m"] is None:
         return {}
-    steady = scene.drive.last_change(until) <= since and all(scene.driven(since, until))
+    steady = (summary["stroke_change"] or 0.0) < MAX_SPREAD
+    steady = steady and scene.drive.last_change(until) <= since and all(scene.driven(since, until))
     for column, value in summary.items():
         at = summary.get(f"{split(column)[0]}_at_s") if column.startswith("whole_") else None
         if at is not None and not (steady and value <= START_PEAK * summary[column.removeprefix("whole_")]):
@@ -53,23 +55,24 @@ def peaks_of_seeds(run: RunResult) -> dict[str, Any]:
     if not times:
         return {}
     seconds = LONGER * (max(times.values()) - begin) + MORE_TURNS * 2.0 * math.pi / scene.speed_scale
+    count = min(MOST_SEEDS, max(FEWEST_SEEDS, int(SIMULATED_S / seconds))) if scene.run.perturbation != 0.0 else 0
     runs = [summary]
-    for k in range(1, MORE_SEEDS + 1):
-        another = _with_seed(scene, k, begin).replace({"run.duration_s": min(seconds, scene.run.duration_s)})
+    for k in range(1, count + 1):
+        another = _with_seed(scene, k, k / (count + 1), begin)
+        another = another.replace({"run.duration_s": min(seconds, scene.run.duration_s)})
         other = simulate(another, keep="summary", start=initial_condition(another))
         if other.outcome == "ok":
             runs.append(other.summary)
     ends = {column: [choose(one[column] for one in runs) for choose in (min, max)] for column in times}
     differ = {column: pair for column, pair in ends.items() if pair[1] - pair[0] > MAX_SPREAD * pair[1]}
-    paces = [one["excitation_frequency_hz"] or 0.0 for one in runs]
-    unlike = sum(abs(pace - paces[0]) > OTHER_SPEED * paces[0] for pace in paces) if steady else 0
-    return {"seeds": len(runs), "unlike": unlike, **differ} if differ else {}
+    captured = sum(bool(one["captured_by"]) for one in runs)
+    return {"seeds": len(runs), "captured": captured, **differ}
 
 
-def _with_seed(scene: Scene, k: int, begin: float) -> Scene:
+def _with_seed(scene: Scene, k: int, part: float, begin: float) -> Scene:
     """Return a scene with the k-th next seed, and with what is switched after a time (s) later by a part of a turn."""
     changes = {"run.seed": scene.run.seed + k, "run.perturbation": scene.start_perturbation or DISTURBANCE}
-    later = k / (MORE_SEEDS + 1) * 2.0 * math.pi / scene.speed_scale
+    later = part * 2.0 * math.pi / scene.speed_scale
     if scene.drive.program is not None:
         entries = [entry.model_dump(exclude_none=True) for entry in scene.drive.program]
         shifted = [entry | {"t_s": entry["t_s"] + later * (entry["t_s"] > begin)} for entry in entries]

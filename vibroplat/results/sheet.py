@@ -132,10 +132,10 @@ class Sheet:
         for name, rows in self.groups.items():
             yield from (row.short for row in rows[: MAX_POINTS if name == POINTS else None] if row.short and row.now)
         if of_seeds:
-            text = "times are of the first; disturbances and switching differ"
-            if of_seeds.get("unlike"):
-                text = f"{of_seeds['unlike']} of them end at another speed: see run.seed"
-            yield "largest values", f"of {of_seeds['seeds']} seeds", text
+            count, captured = of_seeds["seeds"], of_seeds.get("captured")
+            ends = f"a resonance captures {captured} or more" if captured else "times are of the first"
+            text = f"another is larger with {share(1.0 / (count + 1))} each; {ends}"
+            yield "largest values", f"of {counted(count, 'run')}", text if count > 1 else "run.perturbation is 0"
 
     def facts(self) -> Iterator[str]:
         """Yield labels and values of the short print; while nothing is steady, with the largest values of the run."""

@@ -6,34 +6,27 @@ All of it follows from the values alone; nothing is simulated here.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 from vibroplat.config.study_plans import FindPlan
 from vibroplat.thresholds.values import ScanPoint
 
-#: Values evaluated in a round beyond an end of a mixed interval, up to the end of the range, with distances that form a
-#: geometric series. Where the asker wants the outcome beyond this end, N_EVEN of them first lie evenly, up to half of
-#: the interval's width away: with the screen of the templates, outcomes that contradict are found there in windows of
-#: 0.3 % to 1.5 % of the width, ever sparser outward.
-VALUES_PER_ROUND, N_EVEN, EVEN_FRACTION = 20, 40, 0.5
-#: Most seeds that failed near an end and are tried beyond it.
-MAX_FAILING_SEEDS = 5
-#: Largest number of rounds. Screen and feeder of the templates, with 4 and 6 poles, take at most six.
+#: Largest number of rounds.
 MAX_ROUNDS = 10
-#: Values near a threshold that show whether it is the only change: their number on each side of a jump and of another
-#: threshold, and the largest distance relative to the range. Their distances form a geometric series from the tolerance
-#: on, as mixed intervals have all widths.
-VALUES_NEAR_JUMP, VALUES_NEAR_OTHER, MAX_REACH = 12, 2, 0.1
+#: Where all of :data:`STARTS` starts with new seeds have one outcome, the share of starts that have another is at most
+#: the first, but for the second probability: without a failure of n starts the share p has the probability (1 - p)**n,
+#: and each of the rounds may be the one that errs.
+MAX_SHARE, ERROR = 0.05, 0.05
+STARTS = math.ceil(math.log(ERROR / MAX_ROUNDS) / math.log1p(-MAX_SHARE))
+#: Distance of these starts from an end of a mixed interval, relative to its width; and values of a round, up to the end
+#: of the range, with distances that form a geometric series.
+MARGIN, VALUES_PER_ROUND = 0.08, 30
 #: Values all over the range that begin with other seeds, and where the first is in its part of the range: not in the
 #: middle, where one of the scan may be.
-VALUES_BETWEEN, FIRST_OFFSET = 8, 0.382
-#: Pairs of values in a mixed interval, and the distances of their values relative to the width of the interval.
-PAIRS, DISTANCES = 16, (1e-2, 1e-3, 1e-4)
-#: Minimum number of pairs that differ at the smallest distance where the border is fractal, and their minimum ratio to
-#: the number of those that differ at the largest.
-MIN_PAIRS, MIN_RATIO = 2, 0.25
+VALUES_BETWEEN, FIRST_OFFSET = 12, 0.382
 
 
 class Threshold(NamedTuple):
@@ -64,11 +57,13 @@ class ClearRange(NamedTuple):
     Attributes
     ----------
     nearest
-        The value nearest to the threshold; None if there is none.
+        The value nearest to the threshold at which many starts were made, or else any; None if there is none.
+    starts
+        Number of starts at this value, each with another seed.
     tried
-        Number of different values of the key.
-    seeds
-        Number of different seeds with which these starts were perturbed.
+        Number of these starts and of those beyond, each with another value or seed.
+    slow
+        Number of values evaluated there at which an exciter stays far below its synchronous speed.
     last
         Value of the key that is farthest from the threshold.
     unknown
@@ -78,11 +73,22 @@ class ClearRange(NamedTuple):
     """
 
     nearest: ScanPoint | None
+    starts: int
     tried: int
-    seeds: int
+    slow: int
     last: float
     unknown: int
     limit: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether so many starts were made at the nearest value that they tell of others."""
+        return self.starts > STARTS // 2
+
+    @property
+    def largest_share(self) -> float:
+        """Share of starts at the nearest value that may have another outcome."""
+        return float(1.0 - (ERROR / MAX_ROUNDS) ** (1.0 / self.starts))
 
 
 class Zone(NamedTuple):
@@ -96,8 +102,6 @@ class Zone(NamedTuple):
         All values in the mixed interval, in ascending order; empty if no value contradicts the threshold.
     below, above
         The values on both sides.
-    shares
-        Fractions of pairs of values in the mixed interval that differ, for each distance.
     open_ended
         Whether the interval was still growing when the search ended.
     """
@@ -106,7 +110,6 @@ class Zone(NamedTuple):
     mixed: Sequence[ScanPoint]
     below: ClearRange
     above: ClearRange
-    shares: tuple[float, ...] = ()
     open_ended: bool = False
 
     @property
@@ -114,15 +117,14 @@ class Zone(NamedTuple):
         """The smallest and the largest value of the key in the mixed interval; None if nothing is mixed."""
         return (self.mixed[0].value, self.mixed[-1].value) if self.mixed else None
 
+    def side(self, upward: bool) -> ClearRange:
+        """Return the values above or below."""
+        return self.above if upward else self.below
+
     @property
-    def fractal(self) -> bool:
-        """Whether pairs of values differ however near they are."""
-        return is_fractal(self.shares)
-
-
-def is_fractal(shares: Sequence[float]) -> bool:
-    """Return whether pairs differ at the smallest distance nearly as often as at the largest."""
-    return len(shares) == len(DISTANCES) and shares[-1] * PAIRS >= max(MIN_PAIRS, MIN_RATIO * shares[0] * PAIRS)
+    def edges(self) -> tuple[float, float]:
+        """The ends of the mixed interval, or the values between which a sharp threshold is."""
+        return self.ends or (self.thresholds[0].low.value, self.thresholds[-1].high.value)
 
 
 class _Hull:
@@ -209,10 +211,14 @@ def _zone(hull: _Hull, known: Sequence[ScanPoint], plan: FindPlan, begin: float,
 
 def _clear(values: Sequence[ScanPoint], plan: FindPlan, limit: float) -> ClearRange:
     """Summarize values with one outcome, the nearest to the threshold first."""
-    good = [value for value in values if value.is_classified(plan)]
-    nearest, last = (good[0], good[-1].value) if good else (None, math.nan)
-    tried, seeds = ({getattr(value, name) for value in good} for name in ("value", "seed"))
-    return ClearRange(nearest, len(tried), len(seeds), last, len(values) - len(good), limit)
+    good = {(value.value, value.seed): value for value in values if value.is_classified(plan)}
+    starts = Counter(at for at, _ in good)
+    at = next((at for at in starts if starts[at] > STARTS // 2), next(iter(starts), math.nan))
+    there = [value for value in good.values() if abs(value.value - limit) <= abs(at - limit)]
+    slow = sum(value.hangs for value in there)
+    unknown = sum(not value.is_classified(plan) for value in values)
+    nearest = next((value for value in there if value.value == at), None)
+    return ClearRange(nearest, starts[at], len(there), slow, there[-1].value if there else math.nan, unknown, limit)
 
 
 # -- where further values are evaluated ------------------------------------------------------------------------------
@@ -238,76 +244,43 @@ class ScaledKey:
         """Return values of the key all over its range."""
         return [self.value((k + FIRST_OFFSET) / VALUES_BETWEEN) for k in range(VALUES_BETWEEN)]
 
-    def near(self, threshold: Threshold, count: int = VALUES_NEAR_JUMP) -> list[float]:
-        """Return so many values of the key near a threshold on each side, within the range."""
-        low, high = self.place_of(threshold.low.value), self.place_of(threshold.high.value)
-        nearest = min(high - low, 0.5 * MAX_REACH)
-        distances = [nearest * (MAX_REACH / nearest) ** (k / (count - 1)) for k in range(count)]
-        parts = [low - distance for distance in distances] + [high + distance for distance in distances]
-        return [self.value(part) for part in parts if 0.0 <= part <= 1.0]
-
     def beyond(self, zone: Zone, upward: bool) -> list[float]:
-        """Return values of the key beyond the lower or the upper end of a mixed interval, denser near it."""
-        low, high = self._mixed_ends(zone)
-        edge, clear = (high, zone.above) if upward else (low, zone.below)
+        """Return the values of a round beyond the lower or the upper end of a zone, the nearest first.
+
+        The nearest has no more digits than the tolerance.
+        """
+        low, high = map(self.place_of, zone.edges)
+        edge, clear = high if upward else low, zone.side(upward)
         length = abs(self.place_of(clear.limit) - edge)
         if length == 0.0:
             return []
-        even = min(EVEN_FRACTION * self._width(zone), length)
-        distances = [(k + 0.5) / N_EVEN * even for k in range(N_EVEN if is_wanted(zone, upward, self.plan) else 0)]
-        nearest = even if distances and even < 0.9 * length else even / N_EVEN
-        distances += [nearest * (length / nearest) ** ((k + 0.5) / VALUES_PER_ROUND) for k in range(VALUES_PER_ROUND)]
-        return [self.value(edge + distance if upward else edge - distance) for distance in distances]
-
-    def pairs(self, zone: Zone) -> list[list[float]]:
-        """Return values spread over a mixed interval, and for each of the distances the values that far above them."""
-        width = self._width(zone)
-        first = min(max(0.5 * (sum(self._mixed_ends(zone)) - width), 0.0), 1.0 - width)
-        parts = [first + (k + 0.5) / PAIRS * (1.0 - DISTANCES[0]) * width for k in range(PAIRS)]
-        return [[self.value(part + distance * width) for part in parts] for distance in (0.0, *DISTANCES)]
-
-    def _mixed_ends(self, zone: Zone) -> tuple[float, float]:
-        assert zone.ends is not None
-        return self.place_of(zone.ends[0]), self.place_of(zone.ends[1])
-
-    def _width(self, zone: Zone) -> float:
-        """Return the width of a mixed interval; one with a single value has that of the tolerance."""
-        low, high = self._mixed_ends(zone)
-        return max(high - low, self.plan.narrow / (self.plan.stop - self.plan.start))
+        narrow = self.place_of(zone.edges[upward] + self.plan.narrow) - edge
+        first = min(max(MARGIN * (high - low), narrow), 0.5 * length)
+        distances = [first * (length / first) ** (k / VALUES_PER_ROUND) for k in range(VALUES_PER_ROUND)]
+        nearest, *others = (self.value(edge + distance if upward else edge - distance) for distance in distances)
+        step = 10.0 ** math.floor(math.log10(self.plan.narrow))
+        rounded = (math.ceil(nearest / step - 1e-6) if upward else math.floor(nearest / step + 1e-6)) * step
+        return [rounded if abs(rounded - clear.limit) < abs(zone.edges[upward] - clear.limit) else nearest, *others]
 
 
 def is_wanted(zone: Zone, upward: bool, plan: FindPlan) -> bool:
-    """Return whether the asker wants the outcome above or below a mixed interval: where an expression holds."""
-    nearest = (zone.above if upward else zone.below).nearest
-    return nearest is not None and nearest.outcome(plan) is True
-
-
-def failing_seeds(zone: Zone, upward: bool, plan: FindPlan) -> list[int]:
-    """Return seeds with which the outcome beyond an end of a mixed interval is not found in it, nearest to it first."""
-    nearest = (zone.above if upward else zone.below).nearest
-    if nearest is None:
-        return []
-    failing = [one for one in zone.mixed if one.is_classified(plan) and one.outcome(plan) != nearest.outcome(plan)]
-    return list(dict.fromkeys(one.seed for one in (failing[::-1] if upward else failing)))[:MAX_FAILING_SEEDS]
-
-
-def open_ends(all_zones: Sequence[Zone], searched: Collection[tuple[float, bool]]) -> Iterator[tuple[Zone, bool]]:
-    """Yield mixed intervals and their ends, True for the upper one, beyond which no round of values was evaluated."""
-    for zone in all_zones:
-        for upward, end in zip((False, True), zone.ends or (), strict=False):
-            if (end, upward) not in searched:
-                yield zone, upward
+    """Return whether the asker wants the outcome above or below a threshold: any but that an expression is false."""
+    nearest = zone.side(upward).nearest
+    return nearest is not None and nearest.outcome(plan) not in (False, None)
 
 
 def facts(zone: Zone) -> dict[str, Any]:
     """Return the columns of the table of thresholds that are the same for all thresholds of a zone."""
     low, high = zone.ends or (None, None)
     return {
-        "fractal": zone.fractal,
         "mixed_low": low,
         "mixed_high": high,
+        "clear_below": zone.below.nearest and zone.below.nearest.value,
+        "starts_below": zone.below.starts,
         "tried_below": zone.below.tried,
         "tried_down_to": zone.below.last,
+        "clear_above": zone.above.nearest and zone.above.nearest.value,
+        "starts_above": zone.above.starts,
         "tried_above": zone.above.tried,
         "tried_up_to": zone.above.last,
     }

@@ -31,9 +31,7 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
     changes = changes.reindex(columns=[*changes, *(name for name in _MIXED if name not in changes)])
     mixed = changes[_MIXED].dropna().drop_duplicates().astype(float)
     ranges = [picture.Range(key, low, high, "mixed") for low, high in mixed.itertuples(index=False)]
-    sharp, answer = changes.loc[changes[_MIXED[0]].isna(), "value"].tolist(), result.answer
-    # a mixed interval alone has no sharp value: its own line follows the headline
-    title = answer.short[0] if ranges and not sharp and len(ranges) == 1 and answer.short else answer.headline
+    sharp, title = changes.loc[changes[_MIXED[0]].isna(), "value"].tolist(), result.answer.headline
     lines = [
         *([picture.Line(key, sharp, "threshold")] if sharp else []),
         *([picture.Line(level, [number], dash=":", label=plan.expression or "")] if level else []),

@@ -7,9 +7,9 @@ interval, and motion converges to it up to there, that point is the threshold. E
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import chain, count, cycle, pairwise, repeat
+from itertools import count, islice, pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -31,14 +31,11 @@ from vibroplat.study.store import Record, Store
 from vibroplat.study.study import Progress
 from vibroplat.thresholds.evidence import (
     MAX_ROUNDS,
-    PAIRS,
-    VALUES_NEAR_JUMP,
-    VALUES_NEAR_OTHER,
+    STARTS,
     ScaledKey,
     Threshold,
     Zone,
-    failing_seeds,
-    open_ends,
+    is_wanted,
     zones,
 )
 from vibroplat.thresholds.values import (
@@ -58,8 +55,8 @@ CHECK_OFFSET = 0.02
 MAX_HALVINGS = 20
 #: Change of the measures beyond a special point where stability is lost that is no jump.
 MAX_GRADUAL = 0.1
-#: Relative change of the key from where a start just passes a resonance to the second time that is printed.
-PASSED_OFFSET = 0.1
+#: Most starts whose time is measured, and chains in which those of a round are made: each chain ends with a failure.
+TIMED_STARTS, CHAINS = 20, 8
 #: Record of an orbit that cannot be followed.
 EMPTY_RECORD: Record = {"rows": [], "special": []}
 
@@ -95,6 +92,8 @@ class ThresholdSearch:
     def __post_init__(self) -> None:
         self._places = ScaledKey(self.plan)
         self._done = self._known = 0
+        #: Seeds after that of the scene, each for one start only: none that was seen says how another fares.
+        self._seeds = count(1)
 
     def thresholds(self) -> tuple[list[ScanPoint], list[Threshold]]:
         """Return the values of the scan in ascending order, and the thresholds between them."""
@@ -102,7 +101,8 @@ class ThresholdSearch:
             return self._scan_outward()
         scan = self._run("scan", [self._single(at, "scan") for at in self.plan.over.upward])
         changes = self._changes(scan)
-        others = self._evaluate("seed", zip(self._places.between(), count(1))) if self.disturbed else []
+        between = self._places.between() if self.disturbed else []
+        others = self._run("seed", [self._single(at, "seed", next(self._seeds)) for at in between])
         if others and not changes:  # what the seed of the scene alone does not show
             changes = self._changes(sorted([*scan, *others], key=lambda value: value.value))
         thresholds = self._run("border", [self._bisect(low, high) for low, high in changes])
@@ -310,67 +310,61 @@ class ThresholdSearch:
     def evidence(self, scan: Sequence[ScanPoint], thresholds: Sequence[Threshold]) -> list[Zone]:
         """Return what all values say about the thresholds, and look for values that contradict them.
 
-        They are searched for near each threshold, with a seed of its own at each value: a sharp threshold must not
-        depend on the seed. At a jump, and where measures meet within their standard errors, many values are near: where
-        a measure of chaos scatters around a level, outcomes on both sides are mixed. Where they are, rounds of values
-        follow beyond both ends of the mixed interval, until none in a round contradicts; then pairs of values in it.
-        Every second value there has a seed that failed nearest to this end. Nothing is searched for with neighbours,
-        where the outcome at a value depends on the way to it.
+        Rounds of starts, each with a seed of its own, follow beyond both ends of a mixed interval and beyond both sides
+        of a jump until none in a round contradicts, as a sharp threshold must not depend on the seed; so they do where
+        measures meet within their standard errors, where a measure of chaos scatters around a level. Nothing is
+        searched for with neighbours, where the outcome at a value depends on the way to it.
         """
         if self.plan.from_ == "neighbour":
             return zones([*scan, *self.evaluated], thresholds, self.plan)
-        places = self._places
-        near = [at for one in thresholds for at in places.near(one, self._values_near(one))]
-        self._evaluate("near", zip(near, count(1)))
         searched: set[tuple[float, bool]] = set()
-        all_zones = zones([*scan, *self.evaluated], thresholds, self.plan)
-        for number in range(MAX_ROUNDS):
-            ends = list(open_ends(all_zones, searched))
-            if not ends:
-                break
-            searched |= {(zone.ends[upward], upward) for zone, upward in ends if zone.ends}
-            beyond = [value for end in ends for value in zip(places.beyond(*end), self._others(*end), strict=False)]
-            self._evaluate("beyond", beyond, number)
+        for number in range(MAX_ROUNDS + 1):
             all_zones = zones([*scan, *self.evaluated], thresholds, self.plan)
-        growing = [zone for zone, _ in open_ends(all_zones, searched)]
-        all_zones = [zone._replace(open_ended=any(zone is one for one in growing)) for zone in all_zones]
-        return [
-            zone._replace(shares=self._fractal_test(zone, number)) if zone.mixed else zone
-            for number, zone in enumerate(all_zones)
-        ]
+            ends = [end for zone in all_zones for end in self._open_ends(zone, searched)]
+            if not ends or number == MAX_ROUNDS:
+                break
+            searched |= {(zone.edges[upward], upward) for zone, upward in ends}
+            self._run(f"beyond-{number}", [tasks for end in ends for tasks in self._beyond(*end)])
+        growing = [zone for zone, _ in ends]
+        return [zone._replace(open_ended=any(zone is one for one in growing)) for zone in all_zones]
 
-    def _values_near(self, one: Threshold) -> int:
-        """Return how many values on each side challenge a threshold: few where motion is not known to jump."""
-        jumps = one.kind != "level-crossing" or has_errors(one.low, one.high, self.plan)
-        if jumps and not one.special:
-            return VALUES_NEAR_JUMP
-        return VALUES_NEAR_OTHER if self.disturbed else 0
+    def _jumps(self, one: Threshold) -> bool:
+        """Whether a threshold may depend on the seed: not where an orbit changes, or a sure measure crosses a level."""
+        crosses = one.kind == "level-crossing" and self.plan.expression is not None
+        return not one.special and not (crosses and not has_errors(one.low, one.high, self.plan))
 
-    def start_times(self, passes: ScanPoint, other: ScanPoint) -> dict[float, float]:
-        """Return durations of starts (s) by values of the key: nearest to one that hangs, and farther away."""
-        values = [passes.value, passes.value + math.copysign(PASSED_OFFSET * passes.value, passes.value - other.value)]
-        within = [at for at in values if self.plan.start <= at <= self.plan.stop]
-        times = self._run("start", [self._start_time(at, passes) for at in within])
-        return {at: seconds for at, seconds in zip(within, times, strict=True) if seconds is not None}
+    def _open_ends(self, zone: Zone, searched: Collection[tuple[float, bool]]) -> list[tuple[Zone, bool]]:
+        """Return a zone with each of its ends, True for the upper one, beyond which no round was."""
+        if not (zone.mixed or any(map(self._jumps, zone.thresholds))):
+            return []
+        return [(zone, upward) for upward in (False, True) if (zone.edges[upward], upward) not in searched]
 
-    def _start_time(self, at: float, passes: ScanPoint) -> Tasks[tuple[float | None, list[ScanPoint]]]:
-        scene = self.scene.replace({self.plan.key: at, "run.seed": passes.seed})
-        record = yield Task(start_time, (scene, passes.row["settle_s"]), lambda reason: {"seconds": None})
+    def _beyond(self, zone: Zone, upward: bool) -> Iterator[Tasks[tuple[None, list[ScanPoint]]]]:
+        """Yield the chains of a round beyond an end of a zone: starts at the nearest value, and one at each other."""
+        unsure = self.disturbed and is_wanted(zone, upward, self.plan) and not zone.side(upward).sure
+        for place, at in enumerate(self._places.beyond(zone, upward)):
+            seeds = list(islice(self._seeds, STARTS if unsure and not place else 1))
+            yield from (self._starts(at, part, zone, upward) for k in range(CHAINS) if (part := seeds[k::CHAINS]))
+
+    def _starts(self, at: float, seeds: Sequence[int], zone: Zone, upward: bool) -> Tasks[tuple[None, list[ScanPoint]]]:
+        """Look at one value with these seeds, until one contradicts what is known beyond this end of a zone."""
+        evaluated: list[ScanPoint] = []
+        nearest = zone.side(upward).nearest
+        for seed in seeds:
+            evaluated.append((yield from self._value(at, "beyond", other=seed)))
+            if nearest is None or self._differ(nearest, evaluated[-1]):
+                break
+        return None, evaluated
+
+    def start_times(self, at: float) -> list[float]:
+        """Return how long starts at a value that was evaluated take (s), of those that a resonance does not capture."""
+        known = {value.seed: value.row for value in self.evaluated if value.value == at and not value.failed}
+        seconds = max((row["settle_s"] for row in known.values()), default=self.plan.max_settle_s)
+        seeds = islice(known, TIMED_STARTS)
+        scenes = [self.scene.replace({self.plan.key: at, "run.seed": seed}) for seed in seeds]
+        times = self._run(f"start-{at!r}", [self._start_time(scene, seconds) for scene in scenes])
+        return sorted(time for time in times if time is not None)
+
+    def _start_time(self, scene: Scene, seconds: float) -> Tasks[tuple[float | None, list[ScanPoint]]]:
+        record = yield Task(start_time, (scene, seconds), lambda reason: {"seconds": None})
         return record["seconds"], []
-
-    def _others(self, zone: Zone, upward: bool) -> Iterator[int]:
-        """Yield which seeds after that of the scene challenge a clear range: new ones, and those that failed before."""
-        failing = [seed - self.scene.run.seed for seed in failing_seeds(zone, upward, self.plan)]
-        return chain.from_iterable(zip(count(1), cycle(failing))) if failing else count(1)
-
-    def _evaluate(self, stage: str, values: Iterable[tuple[float, int]], number: int = 0) -> list[ScanPoint]:
-        """Evaluate values of the key side by side, each with the so many-th seed after that of the scene."""
-        return self._run(f"{stage}-{number}", [self._single(at, stage, other) for at, other in values])
-
-    def _fractal_test(self, zone: Zone, number: int) -> tuple[float, ...]:
-        """Return the fractions of pairs in a mixed interval that differ, for each distance."""
-        begins, *others = self._places.pairs(zone)
-        pairs = [*begins, *(at for ends in others for at in ends)]
-        values = self._evaluate("pair", zip(pairs, repeat(0)), number)
-        first, *rest = (values[k : k + PAIRS] for k in range(0, len(values), PAIRS))
-        return tuple(sum(self._differ(a, b) for a, b in zip(first, ends, strict=True)) / PAIRS for ends in rest)

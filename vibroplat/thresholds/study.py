@@ -5,21 +5,20 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from typing import Unpack
 
 import pandas as pd
 
-from vibroplat.columns import COUNT, FLAG, TEXT, Column, Columns, unit_of
-from vibroplat.config.digits import MOST_DECIMALS, decimal, given, number, places, quantity
+from vibroplat.columns import TEXT, Columns, unit_of
+from vibroplat.config.digits import MOST_DECIMALS, decimal, given, interval, number, places, quantity, share
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import did_you_mean
 from vibroplat.config.study_plans import FindPlan
-from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import ConfigError, errors_about
-from vibroplat.observe.conveying import CONVEYING
-from vibroplat.observe.data_sheet import SHEET, more_columns, point_columns
+from vibroplat.observe.data_sheet import SHEET, more_columns
 from vibroplat.results.answer import Answer, counted
 from vibroplat.results.result import Result
 from vibroplat.study.branches import SUPPLY, column_of, measures_text, place_words, study_table
@@ -27,80 +26,18 @@ from vibroplat.study.point import failed_record
 from vibroplat.study.pool import Pool, Task
 from vibroplat.study.store import Store
 from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, run_study
-from vibroplat.study.sweep import COLUMNS, SWEEP
-from vibroplat.thresholds.evidence import DISTANCES, PAIRS, ClearRange, Threshold, Zone, facts, is_wanted
+from vibroplat.study.sweep import SWEEP
+from vibroplat.thresholds.evidence import ERROR, ClearRange, Threshold, Zone, facts, is_wanted
 from vibroplat.thresholds.search import ThresholdSearch, start_key
+from vibroplat.thresholds.tables import POINT, SIDE_COLUMNS, TABLES, THRESHOLDS, VALUES
 from vibroplat.thresholds.values import ScanPoint, evaluate
 
 #: Printed texts of kinds whose names alone are unclear.
 KIND_TEXTS = {"unresolved-transient": "the outcome changed with twice the settling time: the motion has not converged"}
+#: What is said of starts in which an exciter is captured, overloaded or hangs.
+SLOW = "slow: an exciter stays far below its synchronous speed, in"
 #: Outcomes of an expression in words.
 OUTCOME_TEXTS = {True: "true", False: "false", None: "empty"}
-#: Columns of a sweep that are given for both sides of a threshold.
-SIDE_COLUMNS = (
-    *("sync", "motion", "period", "multiplier_max", "excitation_frequency_hz", "rms_x_m", "rms_y_m"),
-    *("phase_difference_rad", "motor_power_w"),
-)
-#: Kinds of thresholds.
-KINDS_OF_CHANGE = {
-    "jump": "both sides keep their outcome with twice the settling time; their measures differ at any distance",
-    "level-crossing": "the difference of the measures vanishes as the interval between both sides shrinks",
-    "unresolved-transient": "one side changes with twice the settling time, or is still leaving an unstable orbit",
-}
-#: What the columns mean.
-THRESHOLDS: Columns = {
-    "key": Column("dotted name of the varied key", kind=TEXT),
-    "below": Column("largest evaluated value of the key below the threshold"),
-    "above": Column("smallest evaluated value of the key above the threshold"),
-    "value": Column("the threshold", "special point if an orbit loses stability there; otherwise the middle"),
-    "kind": Column(
-        "kind of threshold", "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS_OF_CHANGE.items()), kind=TEXT
-    ),
-    "special_point": Column("special point of the orbit", f"{', '.join(KINDS)}; empty if there is none", kind=TEXT),
-    "fractal": Column(
-        "whether the boundary is fractal",
-        "pairs of values in the mixed interval have different outcomes even at the smallest distance",
-        kind=FLAG,
-    ),
-    "mixed_low": Column(
-        "smallest value of the mixed interval",
-        "outcomes alternate between mixed_low and mixed_high, or a value changes with twice the settling time; "
-        "empty if no evaluated value contradicts the threshold",
-    ),
-    "mixed_high": Column("largest value of the mixed interval"),
-    "tried_below": Column(
-        "number of values evaluated below the threshold or mixed interval", "all have the same outcome", kind=COUNT
-    ),
-    "tried_down_to": Column("smallest of the tried_below values", "it ends at another threshold or the range"),
-    "tried_above": Column("number of values evaluated above it", "see tried_below", kind=COUNT),
-    "tried_up_to": Column("largest of the tried_above values"),
-    **{f"{side}_{name}": SWEEP[name] for side in ("below", "above") for name in SIDE_COLUMNS},
-}
-_POINT = tuple(name for name in COLUMNS if name not in ("direction", "branch"))
-VALUES: Columns = {
-    "reason": Column(
-        "reason for which the value was evaluated",
-        "scan; seed: with another seed than the scan; orbit: on a branch; beside a special point; bisection; extended: "
-        "with twice the settling time; near a threshold; beyond a mixed interval; pair: in a mixed interval",
-        kind=TEXT,
-    ),
-    "seed": Column(
-        "seed of the initial perturbation",
-        "run.seed; other seeds challenge it: seed, near, and most of beyond",
-        kind=COUNT,
-    ),
-    **{name: SWEEP[name] for name in (*_POINT, *SHEET)},
-}
-
-
-#: The tables of a search: what their rows are, and their columns.
-TABLES: dict[str, tuple[str, Columns]] = {
-    "thresholds": ("`vibroplat find`: one row per threshold.", THRESHOLDS),
-    "scan": (
-        "`vibroplat find`: one row per evaluated value.",
-        {"…": Column("value of the key, under its dotted name"), **VALUES, **point_columns(), **CONVEYING},
-    ),
-}
 
 
 class ThresholdStudy(Study):
@@ -144,8 +81,8 @@ class ThresholdStudy(Study):
             "values": f"{len(scan)} of the scan, {len(search.evaluated)} more, with {counted(seeds, 'seed')}",
             "thresholds": str(len(thresholds)),
         }
-        headline, short = self._short(zones, scan)
-        short += self._starts(search, zones)
+        headline, short = self._short(zones, every)
+        short += [*self._promise(zones), *self._starts(search, zones)]
         failed = [self._failure(value) for value in every if value.failed]
         answer = Answer(lines, (), list(self._notes(every, zones)), failed, headline, short)
         return Result("find", self.scene, tables, answer)
@@ -199,14 +136,14 @@ class ThresholdStudy(Study):
     def _scan(self, values: Sequence[ScanPoint]) -> pd.DataFrame:
         key, columns = column_of(self.plan.key), _columns(self.scene)
         rows = [{key: value.value, "reason": value.reason, "seed": value.seed, **value.row} for value in values]
-        names = [key, "reason", "seed", *_POINT, *SHEET, *more_columns(self.scene)]
+        names = [key, "reason", "seed", *POINT, *SHEET, *more_columns(self.scene)]
         return study_table(rows, names, {**columns, **VALUES, SUPPLY: SWEEP[SUPPLY]})
 
     # -- in words ------------------------------------------------------------------------------------------------------
 
     def _side(self, value: ScanPoint) -> str:
         if self.plan.compared is None:
-            return value.text
+            return f"{value.text}{' slow' * value.hangs}"
         column = self.plan.compared[0]
         measure = value.row.get(column)
         return f"{column} = {quantity(measure, unit_of(column), digits=5)}" if measure is not None else f"no {column}"
@@ -215,38 +152,58 @@ class ThresholdStudy(Study):
         where = place_words(column_of(self.plan.key), value.value)
         return f"{value.row['outcome']} at {where}: {value.row['detail'].partition(', state [')[0]}"
 
-    def _short(self, zones: Sequence[Zone], scan: Sequence[ScanPoint]) -> tuple[str, list[str]]:
+    def _short(self, zones: Sequence[Zone], every: Sequence[ScanPoint]) -> tuple[str, list[str]]:
         """Return the headline and the lines below it: thresholds and mixed intervals with the motion on both sides."""
         thresholds = [one for zone in zones for one in zone.thresholds]
         if not thresholds:
-            return self._no_threshold(scan), []
+            return self._no_threshold(every)
         lines = [line for zone in zones for line in self._lines_of(zone)]
         mixed = [zone for zone in zones if zone.mixed]
         if len(zones) == len(mixed) == 1:
             return lines[0], lines[1:]
         if len(thresholds) == 1:
-            return self._threshold(thresholds[0]), self._both_sides(thresholds[0])
+            clear = [self._clear(zones[0], upward) for upward in (False, True) if zones[0].side(upward).sure]
+            return self._threshold(thresholds[0]), [*self._both_sides(thresholds[0]), *clear]
         sharp = sum(len(zone.thresholds) for zone in zones if not zone.mixed)
         counts = [(sharp, "threshold"), (len(mixed), "mixed interval")]
         ends = place_words(column_of(self.plan.key), self.plan.start, self.plan.stop)
         return f"{' and '.join(counted(n, noun) for n, noun in counts if n)} over {ends}", lines
 
+    def _promise(self, zones: Sequence[Zone]) -> Iterator[str]:
+        """Yield what starts at the same value, each with a seed of its own, tell of others; and how many are slow."""
+        sides = [zone.side(upward) for zone in zones for upward in (False, True)]
+        sure, where = [side for side in sides if side.sure], "there" if len(zones) == 1 else "beside each change"
+        if sure:
+            risk = f"less than {share(max(side.largest_share for side in sure))} of other starts {where} differ"
+            beyond = f"none of {sum(side.tried - side.starts for side in sure)} beyond does"
+            yield f"{risk} ({given(100.0 - 100.0 * ERROR)} % confidence); {beyond}"
+        if self.plan.expression is None and any(side.slow for side in sides):
+            counts = [f"{side.slow} of {side.tried}" for side in sides]
+            yield f"{SLOW} {'; '.join(map(' → '.join, zip(counts[::2], counts[1::2], strict=True)))} starts"
+
     def _starts(self, search: ThresholdSearch, zones: Sequence[Zone]) -> list[str]:
-        """Return the line on the duration of starts at the first threshold where a motor hangs on one side."""
-        for below, above in ((zone.below.nearest, zone.above.nearest) for zone in zones):
-            if self.plan.from_ != "initial" or below is None or above is None or below.hangs == above.hangs:
-                continue
-            hangs, passes = (below, above) if below.hangs else (above, below)
-            times, unit = search.start_times(passes, hangs), unit_of(self.plan.key)
-            places = [self._round(passes.value), *(f"{number(at)} {unit}" for at in [*times][1:])]
-            took = [f"{quantity(t, 's', digits=2)} at {at}" for t, at in zip(times.values(), places, strict=False)]
-            allowed = f"find.max_settle_s = {given(self.plan.max_settle_s)} s"
-            where = f"at {self._round(hangs.value)}"
-            limit = f"{where} not within {allowed}, more may move it"
-            if hangs.row.get("multiplier_max") is not None and not hangs.leaving:
-                limit = f"{where} it hangs for ever, on a stable orbit"
-            return [f"starts in {', '.join(took) or 'an unknown time'}; {limit}"]
+        """Return the line on the duration of starts on both sides of the first threshold with slow ones on a side."""
+        for zone in zones:
+            sides = [zone.side(upward) for upward in (False, True)]
+            if (
+                self.plan.from_ == "initial"
+                and all(side.nearest for side in sides)
+                and any(side.slow for side in sides)
+            ):
+                return ["; ".join(sorted(self._takes(search, side) for side in sides))]
         return []
+
+    def _takes(self, search: ThresholdSearch, side: ClearRange) -> str:
+        one = side.nearest
+        assert one is not None
+        runs = side.slow < side.tried or one.outcome(self.plan) is True
+        times, at = search.start_times(one.value) if runs else [], self._round(one.value)
+        if times:
+            took = interval(times[0], times[-1], "s", digits=2)
+            return f"a start at {at} takes {took} ({len(times)} measured)"
+        if one.row.get("multiplier_max") is not None and not one.leaving:
+            return f"at {at} it hangs for ever, on a stable orbit"
+        return f"at {at} not within find.max_settle_s = {given(self.plan.max_settle_s)} s"
 
     def _lines_of(self, zone: Zone) -> list[str]:
         """Return a line for each threshold, or those of a mixed interval."""
@@ -288,78 +245,74 @@ class ThresholdStudy(Study):
 
     def _mixed_lines(self, zone: Zone) -> Iterator[str]:
         """Yield the lines of a mixed interval, first the side where the expression holds, otherwise the upper side."""
-        low, high = self._ends(zone)
-        sides = [(f"above {high}", zone.above, "up to"), (f"below {low}", zone.below, "down to")]
-        if is_wanted(zone, False, self.plan) and not is_wanted(zone, True, self.plan):
-            sides.reverse()
-        first, second = (self._clear(*side) for side in sides)
-        yield f"{self.plan.key} {first}"
+        downward = is_wanted(zone, False, self.plan) and not is_wanted(zone, True, self.plan)
+        yield f"{self.plan.key} {self._clear(zone, not downward)}"
         good = [value for value in zone.mixed if value.is_classified(self.plan)]
-        outcomes = Counter(self._outcome(value) for value in good).most_common()
-        counted = ", ".join(f"{outcome} at {count}" for outcome, count in outcomes)
-        yield f"mixed from {low} to {high}: {counted} of {len(good)} values tried"
-        yield second
+        outcomes = Counter(self._outcome(value, speed=True) for value in good).most_common()
+        counted = ", ".join(f"{outcome} {count}" for outcome, count in outcomes)
+        yield f"mixed {self._interval(zone)}: {counted} of {len(good)} starts"
+        yield self._clear(zone, downward)
 
-    def _ends(self, zone: Zone) -> tuple[str, str]:
-        """Return the ends of a mixed interval with their unit, rounded outward to three digits of its width."""
-        assert zone.ends is not None
-        decimals = min(self._digits + 1, places(max(zone.ends[1] - zone.ends[0], self.plan.narrow), 3))
-        step, unit = 10.0**-decimals, unit_of(self.plan.key)
-        low, high = math.floor(zone.ends[0] / step) * step, math.ceil(zone.ends[1] / step) * step
-        return f"{decimal(low, decimals)} {unit}".rstrip(), f"{decimal(high, decimals)} {unit}".rstrip()
+    def _interval(self, zone: Zone) -> str:
+        """Return a mixed interval, its ends rounded outward."""
+        return f"from {' to '.join(self._ends(zone))} {unit_of(self.plan.key)}".rstrip()
+
+    def _ends(self, zone: Zone) -> list[str]:
+        """Return the ends of a zone, rounded outward to three digits of its width."""
+        decimals = min(self._digits + 1, places(max(zone.edges[1] - zone.edges[0], self.plan.narrow), 3))
+        step = 10.0**-decimals
+        ends = math.floor(zone.edges[0] / step) * step, math.ceil(zone.edges[1] / step) * step
+        return [decimal(end, decimals) for end in ends]
 
     def _round(self, end: float) -> str:
         return f"{number(end, MOST_DECIMALS, 0.5 * self.plan.narrow)} {unit_of(self.plan.key)}".rstrip()
 
-    def _clear(self, where: str, clear: ClearRange, way: str) -> str:
+    def _clear(self, zone: Zone, upward: bool) -> str:
+        clear = zone.side(upward)
         if clear.nearest is None:
-            return f"{where}: unknown, because the mixed interval reaches the end of the range"
+            way = "above" if upward else "below"
+            end = f"{way} {self._ends(zone)[upward]} {unit_of(self.plan.key)}".rstrip()
+            return f"{end}: unknown, because the mixed interval reaches the end of the range"
         unknown = f"; {clear.unknown} further values have no clear outcome" if clear.unknown else ""
         outcome = self._outcome(clear.nearest)
         if self.plan.expression is not None:
             outcome = f"{'' if outcome == OUTCOME_TEXTS[True] else 'not '}{self.plan.expression}"
-        return (
-            f"{where}: {outcome} at all {clear.tried} values tried {way} {given(float(f'{clear.last:.4g}'))}"
-            f"{f' with {clear.seeds} seeds' if clear.seeds > 1 else ''}{unknown}"
-        )
+        tried = f"{clear.tried} starts tried {'up' if upward else 'down'} to {given(float(f'{clear.last:.4g}'))}"
+        where = f"{'from' if upward else 'up to'} {self._round(clear.nearest.value)}"
+        return f"{where}: {outcome} in all {f'{clear.starts} starts there' if clear.sure else tried}{unknown}"
 
-    def _outcome(self, value: ScanPoint) -> str:
-        """Return the outcome at a value in words."""
-        if self.plan.expression is None:
-            return value.row["sync"] if self.plan.compare == "regime" else value.text
-        return OUTCOME_TEXTS[value.outcome(self.plan)]
-
-    @property
-    def _expressed(self) -> str:
-        """Text before an outcome: the expression."""
-        return "" if self.plan.expression is None else f"{self.plan.expression} is "
+    def _outcome(self, value: ScanPoint, *, speed: bool = False) -> str:
+        """Return the outcome at a value in words, without an expression also whether an exciter is slow."""
+        if self.plan.expression is not None:
+            return OUTCOME_TEXTS[value.outcome(self.plan)]
+        outcome = str(value.row["sync"]) if self.plan.compare == "regime" else value.text
+        return f"{outcome}{' slow' * (speed and value.hangs)}"
 
     @property
     def _digits(self) -> int:
         return max(math.ceil(-math.log10(self.plan.narrow)), 0)
 
-    def _no_threshold(self, scan: Sequence[ScanPoint]) -> str:
-        plan, good = self.plan, [value for value in scan if not value.failed]
+    def _no_threshold(self, every: Sequence[ScanPoint]) -> tuple[str, list[str]]:
+        """Return the headline and the line below it: how many values say so, and how far apart they are."""
+        plan, good = self.plan, [value for value in every if not value.failed and value.reason != "orbit"]
         key_range = f"from {plan.key} = {given(plan.start)} to {given(plan.stop)}"
         if not good:
-            return f"nothing is known {key_range}"
-        where = f"at all {len({value.value for value in good})} values tried {key_range}"
-        return f"no threshold: {self._expressed}{self._outcome(good[0])} {where}"
+            return f"nothing is known {key_range}", []
+        apart = max([after.value - before.value for before, after in pairwise(good)], default=0.0)
+        lines = [f"up to {number(apart, 2)} {unit_of(plan.key)}".rstrip() + " apart: between them nothing is known"]
+        slow, expressed = sum(value.hangs for value in good), f"{plan.expression} is " if plan.expression else ""
+        if slow and not expressed:
+            lines.append(f"{SLOW} {slow} of {len(good)}")
+        told = f"{expressed}{self._outcome(good[0])} in all {counted(len(good), 'start')}"
+        return f"no threshold: {told} {key_range}", lines
 
     def _notes(self, every: Sequence[ScanPoint], zones: Sequence[Zone]) -> Iterator[str]:
         for zone in zones:
-            if zone.mixed:
-                interval = "the mixed interval from {} to {}".format(*self._ends(zone))
-                if zone.fractal:
-                    counts = " / ".join(f"{part * PAIRS:.0f}" for part in zone.shares)
-                    yield (
-                        f"the boundary is fractal: of {PAIRS} pairs of values in {interval}, {counts} have different "
-                        f"outcomes at distances of {' / '.join(map(given, DISTANCES))} of its width"
-                    )
-                if zone.open_ended:
-                    yield (
-                        f"{interval} still grew in the last round of values: outcomes may be mixed beyond this interval"
-                    )
+            if zone.open_ended:
+                yield (
+                    f"the mixed interval {self._interval(zone)} still grew in the last round of starts: "
+                    "outcomes may be mixed beyond it"
+                )
             for one in zone.thresholds:
                 if one.kind == "unresolved-transient" and one.special:
                     yield (

@@ -210,8 +210,7 @@ def start_time(scene: Scene, seconds: float) -> Record:
     turns = 2.0 * math.pi * STAYING_TURNS / scene.speed_scale
     last = 0.0 if scene.drive.program is None else scene.drive.program[-1].t_s
     run = simulate(scene.replace({"run.duration_s": 2.0 * (last + seconds + 2.0 * turns)}), keep="summary")
-    hangs = any(HELPS_START in note for note in run.notes)
-    return {"seconds": None if hangs else run.summary["synchronized_at_s"]}
+    return {"seconds": None if run.summary["captured_by"] else run.summary["synchronized_at_s"]}
 
 
 def _follow_program(scene: Scene, start: FloatArray) -> list[float] | SweepPoint:
