@@ -43,7 +43,7 @@ from vibroplat.observe.shots import (
     unpacked,
 )
 from vibroplat.observe.statistics import Statistics
-from vibroplat.observe.summary import Energies, MeasuredInterval, known_of
+from vibroplat.observe.summary import Energies, Known, MeasuredInterval, known_of
 from vibroplat.observe.variation import Variation
 
 #: What the letters of a word stand for in tables.
@@ -110,7 +110,7 @@ class Shot:
         return _shorten(letters, self.restitution)
 
     @cached_property
-    def known(self) -> tuple[Any, dict[str, float | None]]:
+    def known(self) -> Known:
         """Extremes and statistics of what was measured; see :func:`vibroplat.observe.summary.known_of`."""
         assert self.part is not None
         return known_of(self.part.measures)

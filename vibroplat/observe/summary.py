@@ -262,19 +262,17 @@ def wrap_angle(angle: float, near: float = 1e-12) -> float:
     return min(angle + 2.0 * math.pi, math.pi) if angle <= -math.pi + near else angle
 
 
-def known_of(ms: Accumulators) -> tuple[Any, dict[str, float | None]]:
-    """Return the extremes of the measured part; and its statistics with the largest values."""
+#: Extremes of a measured part, and its statistics with the largest values.
+Known = tuple[Any, dict[str, float | None]]
+
+
+def known_of(ms: Accumulators) -> Known:
+    """Find what is most of the measures of a measured part."""
     extremes = measured_extremes(ms)
     return extremes, statistics(ms, extremes) | largest_values(extremes)
 
 
-def measure(
-    part: MeasuredInterval,
-    scene: Scene,
-    *,
-    brief: bool = False,
-    known: tuple[Any, Mapping[str, float | None]] | None = None,
-) -> dict[str, Any]:
+def measure(part: MeasuredInterval, scene: Scene, *, brief: bool = False, known: Known | None = None) -> dict[str, Any]:
     """Gather the measures of a part of a scene's motion; None for values that are not finite.
 
     Statistics, extremes of contact force and impulse, the largest gap, and counts that begin with ``measured_`` are of
