@@ -159,18 +159,19 @@ def test_a_second_key_in_the_grid_is_refused_at_once(scene):
 
 
 def test_stable_ranges_end_at_the_points_where_stability_is_lost():
-    """The last computed points before them are no limits; other special points are none either."""
+    """The last computed points before them are no limits; other special points, and another combination's, are none."""
     rows = {KEY: [1.0, 2.0, 3.0, 4.0, 5.0], "stable": [False, True, True, True, False], "point": range(5)}
     branches = pd.DataFrame(rows).assign(branch=0, sync="antiphase", excitation_frequency_hz=1.0, rms_y_m=1.0)
-    places = {KEY: [1.637, 3.5, 4.2, 4.8], "point": [0, 2, 3, 3], "branch": 0}
+    branches = pd.concat([branches.assign(**{MASS: mass}) for mass in (0.0, 0.1)])
+    places = {KEY: [1.637, 3.5, 4.2, 4.8, 4.9], "point": [0, 2, 3, 3, 3], "branch": 0, MASS: [0.0] * 4 + [0.1]}
     special = pd.DataFrame(places).assign(
-        excitation_frequency_hz=1.0, period=1, kind=["branch-point", "grazing", "liftoff", "fold"]
+        excitation_frequency_hz=1.0, period=1, kind=["branch-point", "grazing", "liftoff", "fold", "fold"]
     )
-    plan = OrbitsPlan.model_validate({**PLAN, "grid": {}})
+    plan = OrbitsPlan.model_validate({**PLAN, "grid": {MASS: [0.0, 0.1]}})
     summary = {
         "branches": [
             dict.fromkeys(("branch", "origin", "parent", "least", "largest", "points", "stable", "ended", "failed"))
-            | {"grid": {}}
+            | {"grid": {MASS: 0.0}}
         ],
         "boundaries": [],
         "failed": 0,
@@ -178,3 +179,4 @@ def test_stable_ranges_end_at_the_points_where_stability_is_lost():
     }
     answer = answer_of(plan, {"branches": branches.assign(turns=1, residual=0.0), "special": special}, summary, "")
     assert "1.637 … 4.800" in answer.short[1]
+    assert "2.000 … 4.900" in answer.short[2]

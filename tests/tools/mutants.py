@@ -132,10 +132,10 @@ BY_ROOM = [
     ]),
     # continuation
     ("continuation cli", [
-        "math.prod((1.0 + self.multipliers) → math.prod((2.0 + self.multipliers)",
+        "doubling * (1.0 + one) → doubling * (2.0 + one)",
         "(1.0 - 2.0 * away * steepness) → (1.0 + 2.0 * away * steepness)",
-        "(np.abs(self.multipliers[nearest].imag) > MAX_IMAGINARY).all() → (np.abs(self.multipliers[nearest].imag) < MAX_IMAGINARY).all()",
-        "gone = away.min(axis=axis) > MAX → gone = away.min(axis=axis) < MAX",
+        "abs(multipliers[j].imag) > MAX_IMAGINARY → abs(multipliers[j].imag) < MAX_IMAGINARY",
+        "away > MAX_MULTIPLIER_CHANGE → away < MAX_MULTIPLIER_CHANGE",
     ]),
     # what is kept on disk
     ("faults", [

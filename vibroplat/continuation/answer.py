@@ -12,6 +12,7 @@ from vibroplat.columns import unit_of
 from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, quantity
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.continuation.special_points import SMOOTH_LOSSES
+from vibroplat.kernels.compiled import FloatArray
 from vibroplat.results.answer import Answer, counted, in_columns
 from vibroplat.results.labels import value_words
 from vibroplat.study.answer import axis_label, by_columns
@@ -62,7 +63,10 @@ def _stable_lines(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Itera
     kinds = counts.index[:MAX_KINDS]
     groups = list(branches.groupby(keys, sort=False)) if keys else [((), branches)]
     columns = {f"stable at {axis_label(key)}": [", ".join(map(value_words, keys, at)) for at, _ in groups]}
-    columns |= {str(kind): [_ranges(own, special, key, str(kind)) for _, own in groups] for kind in kinds}
+    lost = special[special["kind"].isin(SMOOTH_LOSSES)]
+    losses = [_within(lost, keys, at)[["branch", "point", key]].to_numpy(float) for at, _ in groups]
+    for kind in map(str, kinds):
+        columns[kind] = [_ranges(own, ends, key, kind) for (_, own), ends in zip(groups, losses, strict=True)]
     if (special["kind"] == "liftoff").any():
         columns["first lift-off"] = [_first_liftoff(special, keys, at, key) for at, _ in groups]
     yield from by_columns(columns, "-v")
@@ -71,15 +75,14 @@ def _stable_lines(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Itera
         yield f"where both hold a value, the start decides{others}"
 
 
-def _ranges(table: pd.DataFrame, special: pd.DataFrame, key: str, sync: str) -> str:
+def _ranges(table: pd.DataFrame, losses: FloatArray, key: str, sync: str) -> str:
     """Write in which ranges of the key orbits of a synchronization are stable, those of several branches united.
 
-    They end at the special points where stability is lost. Ranges narrower than 1/1000 of the whole are left out
-    if there are wider ones: they are orbits at the limit of stability.
+    They end where stability is lost, at these branches, points and values of the key, shape (n, 3). Ranges narrower
+    than 1/1000 of the whole are left out if there are wider ones: they are orbits at the limit of stability.
     """
-    holds, columns = (table["stable"] & (table["sync"] == sync)).to_numpy(bool), ["branch", "point", key]
-    points = table[columns].to_numpy(float)
-    losses = special.loc[special["kind"].isin(SMOOTH_LOSSES), columns].to_numpy(float)
+    holds = table["stable"].to_numpy(bool) & (table["sync"] == sync).to_numpy(bool)
+    points = table[["branch", "point", key]].to_numpy(float)
     ends = 1 + np.flatnonzero((holds[1:] != holds[:-1]) | (points[1:, 0] != points[:-1, 0]))
     intervals: list[list[float]] = []
     for flags, piece in zip(np.split(holds, ends), np.split(points, ends), strict=True):
@@ -104,10 +107,15 @@ def _ranges(table: pd.DataFrame, special: pd.DataFrame, key: str, sync: str) -> 
 
 def _first_liftoff(special: pd.DataFrame, keys: Sequence[str], at: Sequence[Any], key: str) -> str:
     """Write the smallest value of the key at which material lifts off, of a combination of the grid's values."""
-    own = special[special["kind"] == "liftoff"]
-    for name, value in zip(keys, at, strict=True):
-        own = own[own[name] == value]
+    own = _within(special[special["kind"] == "liftoff"], keys, at)
     return number(own[key].min(), 4) if len(own) else MISSING
+
+
+def _within(special: pd.DataFrame, keys: Sequence[str], at: Sequence[Any]) -> pd.DataFrame:
+    """Return the special points of a combination of the grid's values."""
+    for name, value in zip(keys, at, strict=True):
+        special = special[special[name] == value]
+    return special
 
 
 def _special_counts(special: pd.DataFrame) -> Iterator[str]:

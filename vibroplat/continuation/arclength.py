@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from vibroplat.continuation.newton import NoConvergenceError, Problem, add_border, correct
+from vibroplat.continuation.newton import NoConvergenceError, Problem, add_border, correct, length_of
 from vibroplat.continuation.special_points import OrbitPoint, tangent_of
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
@@ -91,7 +91,7 @@ class Branch:
         u, jacobian = predict([last, *known], last.u, last.tangent, length)
         point = self.correct(last.chart, u, last.tangent, jacobian)
         angular = point.event_sequence != last.event_sequence and abs(length) < CORNER_STEP
-        if np.linalg.norm(point.u - u) > (MAX_DEVIATIONS[1] if angular else MAX_DEVIATIONS[0]) * abs(length):
+        if length_of(point.u - u) > (MAX_DEVIATIONS[1] if angular else MAX_DEVIATIONS[0]) * abs(length):
             raise NoConvergenceError("another branch was found")
         if self.problem.repeats_after_half(point):
             raise NoConvergenceError("an orbit of half the period was found")
@@ -106,7 +106,7 @@ class Branch:
         """
         u, jacobian = predict(known, origin.u, direction, distance)
         point = self.correct(origin.chart, u, direction, jacobian)
-        if np.linalg.norm(point.u - u) > MAX_MIDDLE_DEVIATION * width:
+        if length_of(point.u - u) > MAX_MIDDLE_DEVIATION * width:
             raise NoConvergenceError("another branch was found")
         return point
 
@@ -145,7 +145,7 @@ class Branch:
                 leapt = True
                 with contextlib.suppress(NoConvergenceError):
                     point = step_over_grazing(self.problem, self.points[-2], last)
-                    point = orient_tangent(point, last, float(np.linalg.norm(point.u - last.u)))
+                    point = orient_tangent(point, last, length_of(point.u - last.u))
                     look(last, point, True)
                     return point
             if self.step < self.least:
@@ -189,8 +189,10 @@ def orient_tangent(point: OrbitPoint, before: OrbitPoint, step: float) -> OrbitP
     The determinant of Jacobian and tangent changes its sign at branch points only: not at folds, nor at corners, where
     the residual is continuous (Allgower and Georg 1990).
     """
-    turned_round = point.event_sequence != before.event_sequence and point.branching * before.branching < 0.0
-    return replace(point, tangent=-point.tangent if turned_round else point.tangent, step=step)
+    if point.event_sequence != before.event_sequence and point.branching * before.branching < 0.0:
+        point = replace(point, tangent=-point.tangent)
+    point.step = step
+    return point
 
 
 def predict(
@@ -247,7 +249,7 @@ def step_over_grazing(problem: Problem, before: OrbitPoint, last: OrbitPoint) ->
                 point = OrbitPoint.of(result, tangent_of(result.jacobian, direction))
             except NoConvergenceError:
                 continue
-            near = np.linalg.norm(point.u - guess) < max(MAX_GRAZING_DEVIATION[0] * ahead, MAX_GRAZING_DEVIATION[1])
+            near = length_of(point.u - guess) < max(MAX_GRAZING_DEVIATION[0] * ahead, MAX_GRAZING_DEVIATION[1])
             if near and len(point.event_sequence) == len(last.event_sequence) + change:
                 return point
     raise NoConvergenceError("no grazing is ahead")

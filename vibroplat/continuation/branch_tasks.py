@@ -19,7 +19,7 @@ from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.arclength import Branch
 from vibroplat.continuation.locate import find_special_points
-from vibroplat.continuation.newton import NoConvergenceError, Problem, correct, n_unstable
+from vibroplat.continuation.newton import NoConvergenceError, Problem, correct
 from vibroplat.continuation.orbit import OrbitError, first_orbit, measures_of_orbit, orbit_near, read_guess
 from vibroplat.continuation.shooting import Shooter, event_sequence_text
 from vibroplat.continuation.special_points import (
@@ -31,9 +31,8 @@ from vibroplat.continuation.special_points import (
     tangent_of,
 )
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.observe.measures import measured_extremes
+from vibroplat.observe.multipliers import n_unstable
 from vibroplat.observe.orbits import ANGLE_INDEX
-from vibroplat.observe.summary import statistics
 from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
 
@@ -153,8 +152,8 @@ def _compute_with(shooter: Shooter, plan: OrbitsPlan, begin: Record | None, know
     except (NoConvergenceError, OrbitError) as error:
         return record | {"ended": str(error), "failed": True}
     taken, ends, step = list[tuple[OrbitPoint, float]](), list[SpecialPoint](), list[OrbitPoint]()
-    values = [*(_values(former) for _, former in known.others), _values(known.own)]
     limit, own = min(POINTS_PER_TASK, plan.max_points - len(known.own)), [*known.own]
+    values, at_own = [_values(former) for _, former in known.others], np.append(_values(own), np.empty(limit))
 
     def look(before: OrbitPoint, after: OrbitPoint, strictly: bool) -> None:
         step[:] = before, after
@@ -176,12 +175,12 @@ def _compute_with(shooter: Shooter, plan: OrbitsPlan, begin: Record | None, know
         """Take the last point, unless it was passed before: then the branch ends."""
         point, turns = branch.points[-1], shooter.take_turns()
         marks = _marks_of(branch.problem, point)
-        again = known.find_revisit(marks, own, values)
+        again = known.find_revisit(marks, own, [*values, at_own[: len(own)]])
         record["ended"], record["failed"] = again or branch.ended, again == TURNED_BACK
         if not again:
             taken.append((point, turns))
+            at_own[len(own)] = marks["value"]
             own.append(marks)
-            values[-1] = np.append(values[-1], marks["value"])
 
     if begin is None or begin["new"]:
         take()
@@ -271,14 +270,12 @@ def _row(problem: Problem, point: OrbitPoint, turns: float) -> Record:
 
 def _marks_of(problem: Problem, point: OrbitPoint) -> Record:
     """Return the measures that distinguish a point from others, as :func:`_measures` does for rows."""
-    assert point.shot.part is not None
-    measures = point.shot.part.measures
-    values = statistics(measures, measured_extremes(measures))
+    values = point.shot.known[1]
     return {
         **{name: values[name] for name in ("phase_difference_rad", *MIRROR_INVARIANTS)},
         "value": _round(point.value),
         "period": abs(problem.turns[0]),
-        "period_s": point.chart.unpack(point.u)[1],
+        "period_s": point.shot.duration,
         "sequence": event_sequence_text(point.event_sequence),
         "multiplier_1_re": float(point.multipliers[0].real),
     }

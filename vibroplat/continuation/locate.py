@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.continuation.arclength import Branch, predict
-from vibroplat.continuation.newton import NoConvergenceError
+from vibroplat.continuation.newton import NoConvergenceError, length_of
 from vibroplat.continuation.special_points import (
     BRANCH_POINT,
     DOUBLING,
@@ -32,6 +32,7 @@ from vibroplat.continuation.special_points import (
     branch_point,
 )
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.observe.multipliers import lost
 
 #: Most evaluations between two points, and from one side.
 MAX_EVALUATIONS, MAX_SIDED = 12, 12
@@ -50,8 +51,6 @@ INTERPOLATION_DISTANCE, BRANCH_POINT_DISTANCE = 1e-4, 1e-3
 TRIAL_OFFSETS = (0.0, 0.1, -0.1, 0.2, -0.2)
 #: How far beyond a discontinuity an orbit with the events of the far side is searched for, as a part of the way.
 FAR_SIDE_OFFSET = 0.01
-#: Multipliers larger than the first are watched: one may move by the second between two points, over its size above 1.
-WATCHED_SIZE, MAX_MULTIPLIER_CHANGE = 0.9, 0.4
 #: How often an interval in which the key seems to turn back and forth, or more happens than is seen, is divided.
 MAX_DEPTH = 3
 #: How often an interval is halved in which the events change in a way that is not known yet.
@@ -271,7 +270,7 @@ def find_special_points(
 def _between(branch: Branch, near: OrbitPoint, far: OrbitPoint, part: float, forth: bool = True) -> OrbitPoint | None:
     """Find an orbit between two, at a part of the way; None if there is none."""
     chord = (far.u - near.u) * (1.0 if forth else -1.0)
-    whole = float(np.linalg.norm(chord))
+    whole = length_of(chord)
     try:
         return branch.between([near, far], near, chord / whole, (part if forth else -part) * whole, whole)
     except NoConvergenceError:
@@ -302,7 +301,8 @@ def _smooth(
     if not forth:
         before, after = after, before
     part, passed = find_turns(before, after), _sign_changes(before, after)
-    if part is None and (_has_unexplained_change(before, after, passed) or _far(before, after)):
+    one, other = before.multipliers, after.multipliers
+    if part is None and (_has_unexplained_change(before, after, passed) or lost(one, other) or lost(other, one)):
         part = 0.5
     if part is not None and depth < MAX_DEPTH:
         middle = _between(branch, before, after, part)
@@ -316,9 +316,9 @@ def _smooth(
         yield _locate_zero(branch, before, after, FOLD)
     if passed[DOUBLING]:
         yield _locate_zero(branch, before, after, DOUBLING)
-    if passed[NEIMARK_SACKER] and (before.complex_pair or after.complex_pair):
+    if passed[NEIMARK_SACKER] and (before.stability.complex_pair or after.stability.complex_pair):
         special = _locate_zero(branch, before, after, NEIMARK_SACKER)
-        if special.point.complex_pair:
+        if special.point.stability.complex_pair:
             yield special
 
 
@@ -330,22 +330,8 @@ def _sign_changes(before: OrbitPoint, after: OrbitPoint) -> dict[str, bool]:
 def _has_unexplained_change(before: OrbitPoint, after: OrbitPoint, passed: Mapping[str, bool]) -> bool:
     """Whether multipliers have left the unit circle, or entered it, where no test function has changed its sign."""
     explained = passed[FOLD] or passed[BRANCH_POINT], passed[NEIMARK_SACKER], passed[DOUBLING]
-    pairs = zip(before.outside, after.outside, explained, strict=True)
+    pairs = zip(before.stability.outside, after.stability.outside, explained, strict=True)
     return any(one != other and not known for one, other, known in pairs)
-
-
-def _far(before: OrbitPoint, after: OrbitPoint) -> bool:
-    """Whether a multiplier near the unit circle, or outside, has none near it at the other point.
-
-    It has then gone too far to tell whether it has passed the unit circle.
-    """
-    away = np.abs(before.multipliers[:, np.newaxis] - after.multipliers)
-    for point, axis in ((before, 1), (after, 0)):
-        sizes = np.abs(point.multipliers)
-        gone = away.min(axis=axis) > MAX_MULTIPLIER_CHANGE * np.maximum(1.0, sizes)
-        if (gone & (sizes > WATCHED_SIZE)).any():
-            return True
-    return False
 
 
 def find_turns(before: OrbitPoint, after: OrbitPoint) -> float | None:
@@ -366,7 +352,7 @@ def find_turns(before: OrbitPoint, after: OrbitPoint) -> float | None:
 def _locate_zero(branch: Branch, before: OrbitPoint, after: OrbitPoint, kind: str) -> SpecialPoint:
     """Find the zero of the test function of a kind between two points."""
     chord, test = after.u - before.u, SMOOTH[kind]
-    whole = float(np.linalg.norm(chord))
+    whole = length_of(chord)
     direction = chord / whole
     enough = INTERPOLATION_DISTANCE if kind != BRANCH_POINT else BRANCH_POINT_DISTANCE
     known = [TrialOrbit(0.0, test(before), before), TrialOrbit(whole, test(after), after)]
@@ -387,7 +373,7 @@ def _locate_zero(branch: Branch, before: OrbitPoint, after: OrbitPoint, kind: st
 def _locate_branch_point(branch: Branch, before: OrbitPoint, after: OrbitPoint) -> SpecialPoint:
     """Find the branch point between two points; if that fails, by the determinant, which is known less exactly."""
     chord = after.u - before.u
-    whole = float(np.linalg.norm(chord))
+    whole = length_of(chord)
     direction = chord / whole
     fraction = before.branching / (before.branching - after.branching)
     nearest = (before, after) if fraction < 0.5 else (after, before)

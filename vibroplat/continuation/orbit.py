@@ -21,7 +21,7 @@ from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.digits import number, quantity
 from vibroplat.config.plans import FREQUENCY, OrbitTolerance, Period
 from vibroplat.config.scene import Scene, SceneArgument
-from vibroplat.continuation.newton import NewtonResult, NoConvergenceError, Problem, correct_moving_section, n_unstable
+from vibroplat.continuation.newton import NewtonResult, NoConvergenceError, Problem, correct_moving_section
 from vibroplat.continuation.shooting import TURN, Shooter, Shot, event_sequence_text
 from vibroplat.errors import ConfigError, VibroplatError
 from vibroplat.extensions import figure_of, load_provided
@@ -32,11 +32,11 @@ from vibroplat.model.sensitivity import with_value
 from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
 from vibroplat.motion.variation import full_state
-from vibroplat.observe.data_sheet import columns
+from vibroplat.observe.multipliers import n_unstable
 from vibroplat.observe.summary import MeasuredInterval, measure
 from vibroplat.results.run import RunResult, load
 from vibroplat.study.branches import SUPPLY
-from vibroplat.study.point import ANTIPHASE_OF_ORBITS, MEASURED, row_of
+from vibroplat.study.point import ANTIPHASE_OF_ORBITS, row_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -429,14 +429,13 @@ def smallest_period(problem: Problem, result: NewtonResult, period: int) -> int:
 
 def measures_of_orbit(problem: Problem, result: NewtonResult) -> dict[str, Any]:
     """Return the measures of a sweep over the period of an orbit, as in its rows."""
-    shooter, values = problem.shooter, result.chart.unpack(result.u)[2]
+    shooter, values = problem.shooter, (result.u[result.residual.size :] * problem.units).tolist()
     return measures_of(problem, result.shot, shooter.scene_at(dict(zip(shooter.keys, values, strict=True))))
 
 
 def measures_of(problem: Problem, shot: Shot, scene: Scene) -> dict[str, Any]:
     """Return the measures of a sweep over a measured shot of an orbit's period."""
-    row = row_of(measure_period(problem, shot, scene), scene, near=ANTIPHASE_OF_ORBITS)
-    return {name: row[name] for name in (*MEASURED, "sync", "notes", *columns(scene))}
+    return row_of(measure_period(problem, shot, scene), scene, near=ANTIPHASE_OF_ORBITS)
 
 
 def measure_period(problem: Problem, shot: Shot, scene: Scene, *, brief: bool = False) -> dict[str, Any]:
@@ -445,4 +444,4 @@ def measure_period(problem: Problem, shot: Shot, scene: Scene, *, brief: bool = 
     first, second = (abs(n) / shot.duration for n in problem.turns)
     speeds = {"excitation_frequency_hz": 0.5 * (first + second), "frequency_split_hz": first - second}
     impacts = float(shot.part.measures.marks["measured"][IMPACT]) / abs(problem.turns[0])
-    return measure(shot.part, scene, brief=brief) | speeds | {"impacts_per_period": impacts}
+    return measure(shot.part, scene, brief=brief, known=shot.known) | speeds | {"impacts_per_period": impacts}

@@ -17,7 +17,6 @@ import numpy as np
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.attraction import AttractionEllipsoid
 from vibroplat.continuation.newton import (
-    UNIT_CIRCLE_DISTANCE,
     Limits,
     NewtonResult,
     NoConvergenceError,
@@ -32,6 +31,7 @@ from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.motion import Simulator
 from vibroplat.observe.measures import SECTION_POINTS
+from vibroplat.observe.multipliers import UNIT_CIRCLE_DISTANCE
 from vibroplat.observe.section import scaled_points, section_points
 from vibroplat.study.settling import BLOCK, KnownOrbit, NearReturn, NearReturnOrbits
 

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -43,7 +43,7 @@ from vibroplat.observe.shots import (
     unpacked,
 )
 from vibroplat.observe.statistics import Statistics
-from vibroplat.observe.summary import Energies, MeasuredInterval
+from vibroplat.observe.summary import Energies, Known, MeasuredInterval, known_of
 from vibroplat.observe.variation import Variation
 
 #: What the letters of a word stand for in tables.
@@ -98,12 +98,7 @@ class Shot:
     least_force: float = math.inf
     least_gap: float = math.inf
 
-    @cached_property
-    def canonical_sequence(self) -> str:
-        """Sequence of events, wherever the period begins."""
-        return canonical_sequence(self.event_sequence)
-
-    @cached_property
+    @property
     def event_sequence(self) -> str:
         """Sequence of events, as the period begins here."""
         letters = ""
@@ -113,6 +108,12 @@ class Shot:
             elif kind in (IMPACT, CHATTER):
                 letters += "S" if mode == Mode.ATTACHED else "I"
         return _shorten(letters, self.restitution)
+
+    @cached_property
+    def known(self) -> Known:
+        """Extremes and statistics of what was measured; see :func:`vibroplat.observe.summary.known_of`."""
+        assert self.part is not None
+        return known_of(self.part.measures)
 
     @property
     def landing_force(self) -> float:
@@ -161,6 +162,7 @@ class Shot:
         return pieces
 
 
+@lru_cache
 def canonical_sequence(word: str, restitution: float = 0.0) -> str:
     """Rotate a word so that it does not depend on where the period begins: the first rotation in the alphabet.
 
@@ -255,7 +257,8 @@ class Shooter:
         }
         self._variation = Variation([self.p.copy()] * len(self.keys))
         self._statistics = Statistics(0.0, 0, len(scene.output.points), scope=WITH_EXTREMES)
-        self._statistics.measures, measured = packed(self._statistics.measures)
+        self._measured = packed(self._statistics.measures)
+        self._statistics.measures = unpacked(self._measured, self._statistics.measures)
         answers = self.answers
         self._python = PythonFunction(lambda wish: answers[wish]())
         self.kernels = _kernels(type(self.engine))
@@ -266,7 +269,7 @@ class Shooter:
             self._python.address,
             self._variation,
             self._statistics,
-            measured,
+            self._measured.view(float),
             NO_COURSE if course is None or len(self.keys) != 1 else course_of(scene, self.keys[0], *course),
             self.motion.held_parameters,
         )
@@ -397,8 +400,8 @@ class Shooter:
         shot = Shot(state, begins, ends, duration, motion.outcome, motion.detail, happened, restitution)
         if measured:
             before, after = (Energies.of(at, h.p) for at in (start, h.run["state"]))
-            measures = unpacked(records.measured.copy(), self._statistics.measures)
-            shot.part = MeasuredInterval(measures, before, after)
+            numbers = records.measured.copy().view(self._measured.dtype)
+            shot.part = MeasuredInterval(unpacked(numbers, self._statistics.measures), before, after)
         if full:
             shot.derivative, shot.rates = self._variation.arrived, self._variation.rates
             shot.pieces = records.pieces[:pieces].tolist()

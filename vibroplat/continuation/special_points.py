@@ -12,18 +12,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
-from functools import cache, cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property
 from operator import attrgetter
 from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.continuation.newton import NewtonResult, NoConvergenceError, Problem, add_border, correct, solve
+from vibroplat.continuation.newton import (
+    NewtonResult,
+    NoConvergenceError,
+    Problem,
+    add_border,
+    correct,
+    length_of,
+    solve,
+)
 from vibroplat.continuation.orbit import measures_of_orbit
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.kernels.linear import eliminate
+from vibroplat.observe.multipliers import Stability
 from vibroplat.observe.orbits import Chart
 from vibroplat.results.labels import SPECIAL_POINTS
 
@@ -33,10 +42,6 @@ FOLD, DOUBLING, NEIMARK_SACKER, BRANCH_POINT, LIFTOFF, END_OF_STICKING, GRAZING 
 #: Those at which an orbit loses its stability.
 SMOOTH_LOSSES = (FOLD, DOUBLING, NEIMARK_SACKER, BRANCH_POINT)
 
-#: Imaginary part up to which a multiplier is real, but for round-off.
-MAX_IMAGINARY = 1e-9
-#: How far round-off takes the product of the two multipliers of an undamped mode from 1.
-UNDAMPED_TOLERANCE = 1e-5
 #: Distance of a multiplier from the unit circle that counts, beside the one that passes it.
 UNIT_CIRCLE_MARGIN = 1e-3
 #: Length of the new tangent over its part along the old one, beyond which it is checked as a step is.
@@ -55,7 +60,7 @@ MIN_TRANSVERSE_PART = 0.3
 MIRROR_INVARIANTS = ("rms_x_m", "rms_y_m", "rms_phi_rad", "motor_power_w")
 
 
-@dataclass(frozen=True)
+@dataclass
 class OrbitPoint(NewtonResult):
     """A point of a branch, or of a curve in two keys, with its tangent, its test functions, and the step to here."""
 
@@ -65,7 +70,9 @@ class OrbitPoint(NewtonResult):
     @classmethod
     def of(cls, orbit: NewtonResult, tangent: FloatArray) -> Self:
         """Give an orbit a tangent."""
-        return cls(**{field.name: getattr(orbit, field.name) for field in fields(NewtonResult)}, tangent=tangent)
+        return cls(
+            orbit.chart, orbit.u, orbit.shot, orbit.jacobian, orbit.residual, orbit.residuals, orbit.slack, tangent
+        )
 
     @property
     def along_key(self) -> float:
@@ -77,65 +84,14 @@ class OrbitPoint(NewtonResult):
         """Determinant of the Jacobian with the tangent, which changes its sign where branches cross."""
         return eliminate(add_border(self.jacobian, self.tangent), np.zeros(self.u.size))
 
-    @cached_property
-    def fold(self) -> float:
-        """Product of 1 − multipliers, 0 at a fold over any key."""
-        return float(math.prod((1.0 - self.multipliers).tolist()).real)
-
-    @cached_property
-    def doubling(self) -> float:
-        """Product of 1 + multipliers, 0 where the period doubles."""
-        return float(math.prod((1.0 + self.multipliers).tolist()).real)
-
-    @cached_property
-    def neimark_sacker(self) -> float:
-        """Product of 1 − those of two multipliers, 0 also where a real one is the inverse of another."""
-        return float(math.prod((1.0 - self._products).tolist()).real)
-
-    @cached_property
-    def _products(self) -> npt.NDArray[np.complex128]:
-        one, other = _pairs(self.multipliers.size)
-        products: npt.NDArray[np.complex128] = self.multipliers[one] * self.multipliers[other]
-        return products
-
-    @property
-    def complex_pair(self) -> bool:
-        """Whether the two multipliers whose product is next to 1 are complex."""
-        if not self._products.size:
-            return False
-        nearest = _pairs(self.multipliers.size)[:, np.argmin(np.abs(1.0 - self._products))]
-        return bool((np.abs(self.multipliers[nearest].imag) > MAX_IMAGINARY).all())
-
-    @property
-    def one_pair(self) -> bool:
-        """Whether at most one pair of multipliers has the product 1.
-
-        That of an undamped mode has it at all values of the keys, where the test function then says nothing.
-        """
-        return bool(np.count_nonzero(np.abs(1.0 - self._products) < UNDAMPED_TOLERANCE) < 2)
-
-    @cached_property
-    def outside(self) -> tuple[int, int, int]:
-        """Count the multipliers above 1, the complex ones outside the unit circle, and those below −1."""
-        multipliers = self.multipliers.tolist()
-        real = [m.real for m in multipliers if abs(m.imag) <= MAX_IMAGINARY]
-        around = sum(abs(m.imag) > MAX_IMAGINARY and abs(m) > 1.0 for m in multipliers)
-        return sum(m > 1.0 for m in real), around, sum(m < -1.0 for m in real)
-
-
-@cache
-def _pairs(count: int) -> npt.NDArray[np.int64]:
-    """All pairs of different numbers below a count, shape (2, pairs)."""
-    return np.array(np.triu_indices(count, 1))
-
 
 #: Functions of points.
 Test = Callable[[OrbitPoint], float]
 #: Those that change their sign on a branch between points with the same sequence of events.
 SMOOTH: dict[str, Test] = {
     FOLD: attrgetter("along_key"),
-    DOUBLING: attrgetter("doubling"),
-    NEIMARK_SACKER: attrgetter("neimark_sacker"),
+    DOUBLING: attrgetter("stability.doubling"),
+    NEIMARK_SACKER: attrgetter("stability.neimark_sacker"),
     BRANCH_POINT: attrgetter("branching"),
 }
 #: Those that are positive on the side where the event is not there yet, and unknown on the other.
@@ -146,11 +102,15 @@ ONE_SIDED: dict[str, Test] = {
 }
 
 
+def _product_of_pairs(of: Stability) -> float:
+    return of.neimark_sacker if of.complex_pair and of.one_pair else math.nan
+
+
 #: Those of curves in two keys.
 IN_TWO_KEYS: dict[str, Test] = {
-    FOLD: attrgetter("fold"),
-    DOUBLING: attrgetter("doubling"),
-    NEIMARK_SACKER: lambda point: point.neimark_sacker if point.complex_pair and point.one_pair else math.nan,
+    FOLD: attrgetter("stability.fold"),
+    DOUBLING: attrgetter("stability.doubling"),
+    NEIMARK_SACKER: lambda point: _product_of_pairs(point.stability),
     **ONE_SIDED,
 }
 
@@ -185,7 +145,7 @@ def tangent_of(jacobian: FloatArray, near: FloatArray) -> FloatArray:
     right = np.zeros(near.size)
     right[-1] = 1.0
     tangent = solve(add_border(jacobian, near), right, MAX_TANGENT_RATIO)
-    return np.asarray(tangent / math.sqrt(tangent @ tangent))
+    return np.asarray(tangent / length_of(tangent))
 
 
 def approaching_event(near: OrbitPoint, far: OrbitPoint) -> str | None:

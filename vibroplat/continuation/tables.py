@@ -93,14 +93,12 @@ def make_tables(
     columns = [key, *(name for name in BRANCHES if name not in STATE and name not in SHEET)]
     named = {name: c for branch in traced for name, c in point_columns(branch.family.scene.output).items()}
     points = [
-        _columns(branch, row, key) | {"parent": branch.parent, "point": point}
+        _columns(branch, row, key, parent=branch.parent, point=point)
         for branch in traced
         for point, row in enumerate(branch.rows)
     ]
     special = [
-        _columns(branch, special, key) | {"point": special["after"] - 1}
-        for branch in traced
-        for special in branch.special
+        _columns(branch, special, key, point=special["after"] - 1) for branch in traced for special in branch.special
     ]
     keys = [key] if plan.boundaries is None else [key, column_of(plan.boundaries.key)]
     rows = [
@@ -127,15 +125,16 @@ def _grid_columns(grid: Mapping[str, Any]) -> Record:
     return {column_of(key): value for key, value in grid.items()}
 
 
-def _columns(branch: ComputedBranch, row: Record, key: str) -> Record:
-    """Return a row or a special point of a branch with the columns of its place and its state."""
+def _columns(branch: ComputedBranch, row: Record, key: str, **others: int) -> Record:
+    """Return a row or a special point of a branch with the columns of its place and its state, and others."""
     half = len(COORDINATES)
     state = {
         names[i]: row["state"][i + at]
         for names, at in ((COORDINATES, 0), (RATES, half))
         for i in branch.family.scene.coordinates
     }
-    return _grid_columns(branch.family.grid) | {"branch": branch.number} | row | {key: row["value"]} | state
+    grid = _grid_columns(branch.family.grid)
+    return {**grid, "branch": branch.number, **row, key: row["value"], **state, **others}
 
 
 def _table(rows: list[Record], plan: OrbitsPlan, columns: Sequence[str], meant: Columns) -> pd.DataFrame:

@@ -200,7 +200,9 @@ def means(ms: Accumulators) -> dict[str, float]:
     sums = ms.whole if ms.whole[TIME] > 0.0 else ms.plain + ms.open_turn
     if sums[TIME] <= 0.0:
         return {}
-    return dict(zip(SUMS, (sums / sums[TIME]).tolist(), strict=True)) | {"time": float(sums[TIME])}
+    mean = dict(zip(SUMS, (sums / sums[TIME]).tolist(), strict=True))
+    mean["time"] = float(sums[TIME])
+    return mean
 
 
 def steady_supply(scene: Scene, begin: float, end: float) -> SupplyInterval | None:

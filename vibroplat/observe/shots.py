@@ -159,21 +159,19 @@ def shot_records(
     )
 
 
-def packed(measures: Accumulators) -> tuple[Accumulators, FloatArray]:
-    """Put what a shot measures side by side into one array of numbers, which is copied at once: both."""
-    numbers = np.concatenate([np.asarray(part).reshape(-1).view(float) for part in measures[:PARTS]])
-    return unpacked(numbers, measures), numbers
+def packed(measures: Accumulators) -> npt.NDArray[np.void]:
+    """Put what a shot measures side by side into one record, which is copied at once as numbers: an array of one."""
+    parts = dict(zip(Accumulators._fields, measures[:PARTS], strict=False))
+    record = np.zeros(1, [(name, part.dtype, np.shape(part)) for name, part in parts.items()])
+    for name, part in parts.items():
+        record[name] = part
+    return record
 
 
-def unpacked(numbers: FloatArray, like: Accumulators) -> Accumulators:
-    """Read measures from such an array; those like them say of which types they are, and have the other parts."""
-    parts, begin = list[Any](), 0
-    for part in like[:PARTS]:
-        end = begin + part.nbytes // 8
-        found = numbers[begin:end].view(part.dtype)
-        parts.append(found.reshape(part.shape) if isinstance(part, np.ndarray) else found[0])
-        begin = end
-    return Accumulators(*parts, *like[PARTS:])
+def unpacked(record: npt.NDArray[np.void], like: Accumulators) -> Accumulators:
+    """View such a record as measures, whose other parts are those of others like them."""
+    parts = record[0]
+    return Accumulators(*(parts[name] for name in Accumulators._fields[:PARTS]), *like[PARTS:])
 
 
 @compiled

@@ -210,8 +210,7 @@ def block_errors(blocks: Sequence[Accumulators], names: Sequence[str]) -> dict[s
     maxima scatters as each of them does (Gumbel's law).
     """
     parts = [*blocks[:1], *(block_difference(a, b) for a, b in pairwise(blocks))]
-    extremes = [measured_extremes(part) for part in parts]
-    of_blocks = [statistics(part, its) | largest_values(its) for part, its in zip(parts, extremes, strict=True)]
+    of_blocks = [known_of(part)[1] for part in parts]
     chatters = sum(part.marks["last"][3 + CHATTER] - part.marks["first"][3 + CHATTER] for part in parts)
     errors: dict[str, float | None] = {}
     for name in names:
@@ -263,18 +262,27 @@ def wrap_angle(angle: float, near: float = 1e-12) -> float:
     return min(angle + 2.0 * math.pi, math.pi) if angle <= -math.pi + near else angle
 
 
-def measure(part: MeasuredInterval, scene: Scene, *, brief: bool = False) -> dict[str, Any]:
+#: Extremes of a measured part, and its statistics with the largest values.
+Known = tuple[Any, dict[str, float | None]]
+
+
+def known_of(ms: Accumulators) -> Known:
+    """Find what is most of the measures of a measured part."""
+    extremes = measured_extremes(ms)
+    return extremes, statistics(ms, extremes) | largest_values(extremes)
+
+
+def measure(part: MeasuredInterval, scene: Scene, *, brief: bool = False, known: Known | None = None) -> dict[str, Any]:
     """Gather the measures of a part of a scene's motion; None for values that are not finite.
 
     Statistics, extremes of contact force and impulse, the largest gap, and counts that begin with ``measured_`` are of
     the ``measured_turns`` whole turns of exciter 1 in the measured part where there are any, from ``measured_from_s``
     to ``measured_to_s``. All else is of the whole: other counts, the sum of impulses, energies, the largest rotation
     |φ|, and two checks, the smallest gap and how far the contact force fell below 0. If ``brief``, only
-    statistics and extremes.
+    statistics and extremes. What is ``known`` already of the measured part need not be found again (:func:`known_of`).
     """
     require(part.measures, WITH_EXTREMES)
-    extremes = measured_extremes(part.measures)
-    shown = statistics(part.measures, extremes) | largest_values(extremes)
+    extremes, shown = known or known_of(part.measures)
     if brief:
         return _finite(shown)
     marks, whole = part.measures.marks, merge_extremes(part.measures.extremes)

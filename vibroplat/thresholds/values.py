@@ -14,7 +14,6 @@ import numpy as np
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import FindPlan
-from vibroplat.continuation.newton import UNIT_CIRCLE_DISTANCE
 from vibroplat.continuation.orbit import TOLERANCE, orbit_near
 from vibroplat.errors import VibroplatError
 from vibroplat.hybrid.state import initial_state, perturb_state
@@ -23,6 +22,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
 from vibroplat.motion.run import simulate
+from vibroplat.observe.multipliers import UNIT_CIRCLE_DISTANCE
 from vibroplat.observe.notes import HELPS_START
 from vibroplat.observe.synchronization import STAYING_TURNS
 from vibroplat.study.point import ERRORS, SweepPoint, failed_record, measure_point
