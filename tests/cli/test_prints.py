@@ -255,7 +255,7 @@ def test_times_count_from_when_motors_were_switched(runs):
     scene, later = run.scene.replace({"drive.program": program}), {"measured_from_s": 10.0, "measured_to_s": 20.0}
     peaks = {"whole_stroke_y_at_s": 0.6, "whole_foundation_force_y_max_at_s": 5.25, "synchronized_at_s": 5.5}
     lines = short_lines(Sheet(scene, run.summary | later | peaks))
-    assert lines[0].endswith(" at 0.600 s in the start")
+    assert " at 0.600 s in the start" in lines[0]
     assert lines[2].endswith(" 0.250 s after motor 2 off")
     assert next(line for line in lines if line.startswith("in step again")).split()[3:] == (
         ["0.500", "s", "after", "motor", "2", "off"]
@@ -273,7 +273,7 @@ def test_torques_are_relative_to_the_rated_ones_of_motors_with_a_nameplate(runs)
     plate = {"rated_power_w": 3000.0, "rated_speed_rpm": 1455.0, "breakdown_ratio": 2.5, "rated_frequency_hz": 50.0}
     motors = run.scene.replace({"motor": plate})
     lines = short_lines(Sheet(motors, run.summary | {"torque_ratio_1": 0.2, "torque_ratio_2": 0.1}))
-    assert any(line.endswith("; 20 % of critical, 50 % of rated torque") for line in lines)
+    assert any(line.endswith("; 50 % of rated torque") for line in lines)
     assert any(line.endswith(" % of critical torque") for line in short_lines(Sheet(run.scene, run.summary)))
 
 

@@ -30,8 +30,8 @@ from vibroplat.motion.motion import Observer, Simulator
 from vibroplat.motion.recorder import Files, Keep, Recorder, Sink, SinkArgument
 from vibroplat.motion.variation import key_tuple, parameter_directions
 from vibroplat.observe.data_sheet import SHEET, WHOLE, columns, whole_run
-from vibroplat.observe.notes import change, drift, notes_on_measures, slow_motors, stiffness, symmetry
-from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, whole_periods
+from vibroplat.observe.notes import change, drift, free_swing, notes_on_measures, slow_motors, stiffness, symmetry
+from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, section_rows, whole_periods
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import INACCURATE, MEASURES, MeasuredInterval, inaccuracy, measure, synchronization
 from vibroplat.observe.synchronization import stays_synchronized
@@ -196,14 +196,15 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
     locked = synchronization(measures) != "none" and stays_synchronized(part.measures, scene)
     since, until = measures["measured_from_s"], measures["measured_to_s"]
     changed = scene.drive.last_change(until)
-    left = [Transient(0.0, 0.0)] * 2
-    if changed <= since and any(scene.driven(since, until)):
+    left, free = [Transient(0.0, 0.0)] * 2, free_swing(scene, measures, section_rows(part.measures))
+    if changed <= since and any(scene.driven(since, until)) and not free:
         left = transients(part.measures, scene, max(start, changed), repeats)
     stroke = max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)
-    moved = max(left[0].size, left[1].size) / stroke if stroke > MIN_STROKE else None
+    moved = max(left[0].size, left[1].size) / stroke if stroke > MIN_STROKE and not free else None
     whole = whole_run(part.measures, scene, start, slow_motors(scene, measures), locked)
     notes = [
         *notes_on_measures(scene, measures),
+        free,
         _settling(left, stroke, seconds),
         _unbalanced(scene, measures),
         drift(measures) if all(scene.driven(since, until)) else "",

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.digits import given, number, quantity, share
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
@@ -39,6 +40,11 @@ STIFF = 10.0
 SYMMETRIC, DISTURBANCE = 1e-3, 0.01
 #: How many exciters there are.
 EXCITERS = 2
+#: Fraction of the contact from which on shear inside is told.
+SHEARED = 0.05
+#: Relative difference of speeds up to which exciters turn together; range of angles of a swing (rad) from which on it
+#: is told, and least whole turns in which it is seen.
+FREE, SWINGS, ROWS = 1e-3, 0.02, 8
 #: Share of the largest value that samples may miss.
 MISSED = 0.05
 
@@ -53,18 +59,18 @@ def notes_on_measures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
     """List warnings on measures outside the range of validity of the model or of the motors."""
     notes = (
         *(rotation(measures["phi_max_rad"]), *captures(scene, measures), coarseness(scene, measures)),
-        shear(measures.get("shear_ratio")),
+        shear(measures.get("sheared_fraction")),
     )
     return [note for note in notes if note]
 
 
-def shear(ratio: float | None) -> str:
-    """Return the note on layers that would slip on each other, or an empty text."""
-    if ratio is None or ratio <= INTERNAL_FRICTION:
+def shear(fraction: float | None) -> str:
+    """Return the note on layers that would slip on each other in a fraction of their contact, or an empty text."""
+    if fraction is None or fraction <= SHEARED:
         return ""
     return (
-        f"shear between the layers is {given(round(ratio, 2))} of their pressure, and a bed shears inside from about "
-        f"{given(INTERNAL_FRICTION)} on: here the layers are rigid in shear"
+        f"in {share(fraction)} of the contact shear between the layers is above {given(INTERNAL_FRICTION)} of their "
+        "pressure: a bed shears inside there, but here the layers are rigid in shear"
     )
 
 
@@ -190,6 +196,35 @@ def notes_on_samples(sampled: Mapping[str, float], measures: Mapping[str, Any], 
                 f"output.sample_rate_hz = {given(rate)} is too low"
             )
     return notes
+
+
+def free_swing(scene: Scene, measures: Mapping[str, Any], rows: Any) -> str:
+    """Return the note on an exciter without drive that moves freely while the other one turns, or an empty text.
+
+    ``rows`` are the section, at whole turns of exciter 1. There a motion that the platform forces on exciter 2 repeats,
+    and a free swing does not; of exciter 1 the two are not told apart.
+    """
+    begin, end, split = (measures[name] for name in ("measured_from_s", "measured_to_s", "frequency_split_hz"))
+    mean, driven = measures["excitation_frequency_hz"], scene.driven(begin, end)
+    if not mean or driven.count(True) != 1 or abs(split) <= FREE * mean:
+        return ""
+    if not driven[0] or len(rows) < ROWS:
+        return f"exciter {driven.index(False) + 1} is off: whether it still swings, a run twice as long shows"
+    half = len(rows) // 2
+    angles, times = rows["state"][:, COORDINATES.index("phi2_rad")], rows["t"]
+    first, last = float(np.ptp(angles[:half])), float(np.ptp(angles[half:]))
+    rate = math.log(first / last) / float(times[half] - times[0]) if first > last > 0.0 else 0.0
+    # the last turns are kept, and the measured part may have begun long before
+    size = first * math.exp(min(rate * float(times[0] - begin), 50.0))
+    if size <= SWINGS:
+        return ""
+    if size > 2.0 * math.pi or not rate:
+        return "exciter 2, off, still turns or swings: strokes are not steady, and a longer run.duration_s helps"
+    seconds = 2.0 * (end + max(math.log(last / (0.5 * SWINGS)), 0.0) / rate)
+    return (
+        f"exciter 2, off, still swings by ± {quantity(math.degrees(0.5 * size), '°')}: strokes are steady from about "
+        f"run.duration_s = {given(float(f'{seconds:.2g}'))} on"
+    )
 
 
 class SlowMotor(NamedTuple):

@@ -18,7 +18,7 @@ from vibroplat.study.sweeps import Sweeps
 #: Column with the quantity that the formulas give.
 CONVEYING = "conveying_speed_m_per_s"
 #: Label of a band.
-NAME = f"formula of practice, ± {share(ERROR)}"
+NAME = f"formulas of practice (simulations: up to {share(ERROR)} off)"
 
 
 def bands(sweeps: Sweeps, drawn: pd.DataFrame, colours: Mapping[str, str]) -> tuple[list[picture.Series], pd.DataFrame]:
