@@ -203,7 +203,7 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
     moved = max(left[0].size, left[1].size) / stroke if stroke > MIN_STROKE and not free else None
     whole = whole_run(part.measures, scene, start, slow_motors(scene, measures), locked)
     notes = [
-        *notes_on_measures(scene, measures),
+        *notes_on_measures(scene, measures | sheet),
         free,
         _settling(left, stroke, seconds),
         _unbalanced(scene, measures),

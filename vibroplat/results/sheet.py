@@ -140,7 +140,7 @@ class Sheet:
     def facts(self) -> Iterator[str]:
         """Yield labels and values of the short print; while nothing is steady, with the largest values of the run."""
         for label, value, *more in self.short():
-            most = more[0][at:] if self.transient and (at := more[0].find("largest ")) >= 0 else ""
+            most = next((part for part in more[0].split("; ") if self.transient and part.startswith("largest ")), "")
             yield _join(f"{label.replace(',', '')} {value}", most).replace("; ", ", ")
 
     # -- parts of rows ------------------------------------------------------------------------------
