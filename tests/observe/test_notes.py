@@ -8,7 +8,7 @@ from common.places import QUICKSTART, ROOT
 from vibroplat import load_config, simulate
 from vibroplat.config.digits import share
 from vibroplat.observe.data_sheet import whole_run
-from vibroplat.observe.notes import SlowMotor, largest_samples, notes_on_samples, slow_motors
+from vibroplat.observe.notes import SlowMotor, slow_motors
 from vibroplat.results.run_answer import headline
 from vibroplat.results.sheet import Sheet, short_lines
 
@@ -134,49 +134,7 @@ def test_shear_inside_a_bed_is_told_by_its_share_of_the_contact():
     )
 
 
-# -- samples --------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("key", "column", "start", "supply", "seconds"),
-    [
-        ("gap_max_m", "gap_m", "hint: the trajectory table misses the largest gap, 1.38 mm, by ", 51.5, 1.0),
-        (
-            "contact_force_max_n",
-            "contact_force_n",
-            "hint: the trajectory table misses the largest contact force, ",
-            44.0,
-            0.98,
-        ),
-    ],
-)
-def test_a_peak_that_samples_miss_is_noted(quickstart, key, column, start, supply, seconds):
-    run = simulate(quickstart.replace({"drive.supply_frequency_hz": supply, "run.duration_s": seconds}))
-    assert run.notes == run.summary["notes"] == []
-    coarse = simulate(run.scene.replace({"output.sample_rate_hz": 1.0}))
-    late = coarse.trajectory[coarse.trajectory["t_s"] >= 0.5 * seconds]
-    missed = share(1.0 - late[column].max() / coarse.summary[key])
-    assert coarse.summary["notes"] == []
-    (note,) = coarse.notes
-    assert note.startswith(start)
-    assert note.endswith(f" by {missed}: output.sample_rate_hz = 1 is too low")
-
-
-def test_samples_of_the_measured_part_alone_are_compared(quickstart):
-    """A large force before it does not hide that the samples miss the peak in it."""
-    run = simulate(quickstart.replace({"run.duration_s": 1.0}))
-    table = run.trajectory
-    late = table["t_s"] >= 0.5
-    table = table.assign(contact_force_n=table["contact_force_n"].where(~late, 0.5 * table["contact_force_n"]))
-    peaks = largest_samples(table, 0.5)
-    assert peaks == {name: table.loc[late, name].max() for name in ("contact_force_n", "gap_m")}
-    (note,) = notes_on_samples(peaks, run.summary, 2000.0)
-    assert "contact force" in note
-
-
-def test_a_run_without_a_trajectory_has_the_notes_of_its_summary(quickstart):
-    run = simulate(quickstart.replace({"run.duration_s": 2.0, "output.sample_rate_hz": 1.0}), keep="events")
-    assert run.notes == run.summary["notes"] == []
+# -- settling -------------------------------------------------------------------------------------------
 
 
 def test_a_part_measured_across_a_change_of_the_supply_says_so(quickstart):

@@ -28,6 +28,8 @@ UNIVERSAL_KEYS = frozenset({"gravity_m_per_s2", "mounted_on"})
 MAX_PLAIN = 1e6
 #: Damping ratio of springs below which free vibrations are long, and what a run may have left of them (ratio).
 SMALL_DAMPING, LEFT = 0.005, 0.01
+#: Least samples of a turn in a trajectory.
+SAMPLES = 20.0
 #: Largest usual phase difference (rad), a turn, and distance of an exciter from the centre of mass (m).
 LARGE_PHASE, LARGE_DISTANCE = 6.3, 10.0
 #: The key of a rotor's moment of inertia.
@@ -70,7 +72,7 @@ class UsualRange(NamedTuple):
 def notes_on_input(scene: Scene) -> list[str]:
     """Say what is unusual in a scene, and which numbers of machine and motors it takes by default, in one line each."""
     notes = [*_weak_motors(scene), _unequal_motors(scene), _steep_deck(scene), _weakly_damped(scene)]
-    notes += [*(_note_if_unusual(quantity, scene) for quantity in quantities(scene)), _replaced(scene)]
+    notes += [*(_note_if_unusual(quantity, scene) for quantity in quantities(scene)), _replaced(scene), _coarse(scene)]
     motors = [(name, motor, motor.replaced()) for name, motor in _motors(scene)]
     notes += _notes_on_defaults([("machine", scene.machine, given_by_exciters(scene)), *motors])
     return [note for note in notes if note]
@@ -117,10 +119,9 @@ def quantities(scene: Scene) -> Iterator[UsualRange]:
     """Yield what of a scene has a usual range."""
     machine, material, drive, initial = scene.machine, scene.material, scene.drive, scene.run.initial
     oscillators = scene.oscillators.T.tolist()
-    for (axis, spring, _), (mass, _, stiffness) in zip(_AXES, oscillators, strict=True):
+    for (axis, spring, damper), (mass, damping, stiffness) in zip(_AXES, oscillators, strict=True):
         frequency = math.sqrt(stiffness / mass) / (2.0 * math.pi) if stiffness > 0.0 else None
         yield UsualRange(frequency, 1.0, 150.0, "Hz", (f"machine.{spring}",), f"natural frequency {{}} in {axis}")
-    for (axis, _, damper), (mass, damping, stiffness) in zip(_AXES, oscillators, strict=True):
         keys = (f"machine.{damper}", *(["contact.viscous_per_mass_per_s"] if axis == "y" else []))
         ratio = _damping_ratio(damping, stiffness, mass)
         yield UsualRange(ratio, 0.0, 1.0, "", keys, f"damping ratio {{}} in {axis}")
@@ -233,6 +234,15 @@ def _weakly_damped(scene: Scene) -> str:
         f"{', '.join(weak)}: free vibrations {contains} what its start leaves; {', '.join(enough)} would be 1 % of "
         "critical damping"
     )
+
+
+def _coarse(scene: Scene) -> str:
+    """Return the note on a trajectory with few samples of each turn, or an empty text."""
+    rate = scene.output.sample_rate_hz
+    each = 2.0 * math.pi * rate / scene.speed_scale
+    if each >= SAMPLES:
+        return ""
+    return f"{HINT}output.sample_rate_hz = {given(rate)}: {number(each, 2)} samples a turn miss the largest values"
 
 
 def _replaced(scene: Scene) -> str:

@@ -32,13 +32,8 @@ def answer(name: str, v: Numbers) -> str:
     empty = "without material" if v["loaded_expected"] and not load else ""
     off = f"until off at {quantity(v['motors_off_s'], 's')}" if math.isfinite(v["motors_off_s"]) else ""
     start = f"a start {v['start']}" if v["start"] else ""
-    if "captured" in start:
-        below = f" below {quantity(v['passage_frequency_hz'], 'Hz', digits=3)}"
-        remarks = [expected, start + below, where, empty, off]
-    else:
-        begin = [expected, where] if sync == "none" else [f"{expected}, {where}"]
-        remarks = [*begin, empty, off, start]
-    return fitting(f"{name[:MACHINE]}: ", remarks)
+    below = f" below {quantity(v['passage_frequency_hz'], 'Hz', digits=3)}" if "captured" in start else ""
+    return fitting(f"{name[:MACHINE]}: ", [expected, start + below, off, empty, where])
 
 
 def short_lines(v: Numbers) -> list[str]:

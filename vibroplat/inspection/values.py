@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroplat.columns import TEXT, Column, Columns, sync_name, unit_of
-from vibroplat.config.digits import MISSING, given, number, quantity, share
+from vibroplat.config.digits import given, number, quantity, share
 from vibroplat.config.plausibility import SWING_TORQUE_RATIO, by_severity, notes_on_input
 from vibroplat.config.scene import Scene
 from vibroplat.inspection import balance, linear
@@ -66,17 +66,15 @@ INSPECTION: Columns = {
     "conveying_speed_low_m_per_s": Column("conveying speed, lower end of the formula of practice", _CONVEYING),
     "conveying_speed_high_m_per_s": Column("conveying speed, upper end of the formula of practice", _CONVEYING),
     "unique_friction": Column("friction up to which there is no paradox of Painlevé", "first order in k² / J_e M"),
-    "moving_fraction": Column("dynamic mass of the material divided by its mass", "below 0: it pushes"),
     "passage_axis": Column("axis of the resonance that takes the largest torque to pass", kind=TEXT),
     "passage_frequency_hz": Column("its natural frequency"),
     "passage_torque_n_m": Column("torque of both motors there that passes it from rest", "averaged starts, any lag"),
-    "passage_steady_torque_n_m": Column("torque to pass it infinitely slowly", "Sommerfeld's limit K² ω_n³ / 2b"),
     "passage_available_n_m": Column("torque of both motors there", "Kloss, with the final supply"),
     "passage_ratio": Column("torque to pass divided by torque available", "from 1 on some are captured; 0: any passes"),
     "start": Column(
         "how a start from rest ends",
         f"averaged starts, lags all around: passes, barely passes (over {share(TIGHT)} of the torque), may be or is "
-        "captured; may not leave rest if a motor lifts its unbalance by no swing",
+        "likely captured; may not leave rest if a motor lifts its unbalance by no swing",
         kind=TEXT,
     ),
     "moving_axes": Column("axes along which the platform moves", "over a fifth of the largest velocity", kind=TEXT),
@@ -143,20 +141,18 @@ class Inspection(dict[str, float | str]):
 
 
 def _texts(values: Mapping[str, Any]) -> dict[str, str]:
-    """Write what there is by its meaning; what is negligible beside the largest number of its unit is 0."""
-    largest: dict[str, float] = {}
-    for key, value in values.items():
-        if not isinstance(value, str) and math.isfinite(value):
-            largest[unit_of(key)] = max(abs(value), largest.get(unit_of(key), 0.0))
-    texts = {}
-    for key, value in values.items():
-        if isinstance(value, str):
-            texts[key] = value
-        elif key.endswith(("difference_rad", "angle_rad")):
-            texts[key] = quantity(math.degrees(value), "°")
-        else:
-            texts[key] = quantity(value, unit_of(key), largest=largest.get(unit_of(key)))
-    return {INSPECTION[key].meaning: text for key, text in texts.items() if text not in ("", MISSING)}
+    """Write what there is by its meaning, but angles, which lines have; what is negligible for its unit is 0."""
+    numbers = {
+        key: value
+        for key, value in values.items()
+        if not (isinstance(value, str) or key.endswith(("difference_rad", "angle_rad"))) and math.isfinite(value)
+    }
+    largest = dict.fromkeys(map(unit_of, numbers), 0.0)
+    for key, value in numbers.items():
+        largest[unit_of(key)] = max(abs(value), largest[unit_of(key)])
+    texts = {key: value for key, value in values.items() if isinstance(value, str) and value}
+    texts |= {key: quantity(value, unit_of(key), largest=largest[unit_of(key)]) for key, value in numbers.items()}
+    return {about.meaning: texts[key] for key, about in INSPECTION.items() if key in texts}
 
 
 class Turning(NamedTuple):
@@ -357,7 +353,6 @@ def _with_load(scene: Scene, supply: Supply, turning: Turning) -> dict[str, floa
         **{f"loaded_{name}": value for name, value in values.items() if f"loaded_{name}" in INSPECTION},
         "loaded_expected": names,
         "loaded_change": float(at["change"]),
-        "moving_fraction": float(at["carried"].real) / sum(scene.layer_masses),
     }
 
 
@@ -390,7 +385,7 @@ def _start(values: Mapping[str, float | str], captured: NDArray[np.bool_]) -> st
     if any(0.0 < starting < SWING_TORQUE_RATIO * lifting for starting, lifting, _ in torques):
         return "may not leave rest"
     if captured.any():
-        return "is captured" if captured.all() else "may be captured"
+        return "is likely captured" if captured.all() else "may be captured"
     return "passes" if torques[0][2] < TIGHT else "barely passes"
 
 
@@ -402,13 +397,11 @@ def _passage(scene: Scene, supply: Supply) -> dict[str, float | str]:
     natural = linear.natural_speeds(scene)
     below = (natural > 0.0) & (natural < scene.speed_scale)
     index = int(np.where(below, np.abs(natural - stays), math.inf).argmin())
-    w, damping = float(natural[index]), float(scene.oscillators[1, index])
-    moment = float(np.abs(linear.couplings(scene)[:, index]).sum())
+    w = float(natural[index])
     available = float(motor_torques(scene, supply, np.array([w, w])).sum())
     return {
         "passage_axis": linear.AXES[index],
         "passage_frequency_hz": w / TURN,
-        "passage_steady_torque_n_m": moment**2 * w**3 / (2.0 * damping) if damping else math.inf,
         "passage_torque_n_m": factor * available,
         "passage_available_n_m": available,
         "passage_ratio": factor,

@@ -153,7 +153,7 @@ def simulate(
         keys = None if variation is False else key_tuple(() if variation is True else variation)
         start = initial_condition(scene) if start is None else start
         motion = Simulator(scene, p, driver, start.state, start.time, start.mode)
-        recorder = Recorder(scene, keep, sink, motion.now + SETTLE_FRACTION * scene.run.duration_s)
+        recorder = Recorder(scene, keep, sink)
         run = _run(motion, start, recorder, keys, [] if progress is None else [_Progress(progress, motion.now)])
     run.summary["wall_s"] = time.perf_counter() - began
     return run
@@ -181,7 +181,6 @@ def _run(
         end=motion.state,
         measures=part.measures,
         table=recorder.table,
-        peaks=recorder.peaks,
         derivative=derivative,
     )
 

@@ -15,7 +15,6 @@ from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.digits import given, number, quantity, share
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
-from vibroplat.frames import pd
 from vibroplat.kernels.engines import uses_sundials
 from vibroplat.observe.conveying import INTERNAL_FRICTION
 from vibroplat.observe.data_sheet import steady_supply
@@ -45,14 +44,6 @@ SHEARED = 0.05
 #: Relative difference of speeds up to which exciters turn together; range of angles of a swing (rad) from which on it
 #: is told, and least whole turns in which it is seen.
 FREE, SWINGS, ROWS = 1e-3, 0.02, 8
-#: Share of the largest value that samples may miss.
-MISSED = 0.05
-
-#: Columns of the trajectory table, their largest values in the summary, and what they are.
-_SAMPLED = (
-    ("contact_force_n", "contact_force_max_n", "contact force", "N"),
-    ("gap_m", "gap_max_m", "gap", "m"),
-)
 
 
 def notes_on_measures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
@@ -171,31 +162,6 @@ def stiffness(scene: Scene, engine: str, steps: int | None, restarts: int, secon
         f"{HINT}engine taylor takes {number(steps / needed, 2)} times the steps that the excitation needs, because a "
         "layer, a motor or the suspension is stiff: solver.engine = native is likely to be faster"
     )
-
-
-def largest_samples(table: pd.DataFrame | Mapping[str, Any], since: float) -> dict[str, float]:
-    """Find the largest values in rows of a trajectory table from a time on (s), by column, where there are any."""
-    measured = np.asarray(table["t_s"]) >= since
-    largest_by_column = {
-        column: float(np.fmax.reduce(np.asarray(table[column])[measured], initial=-math.inf))
-        for column, *_ in _SAMPLED
-        if column in table
-    }
-    return {column: largest for column, largest in largest_by_column.items() if largest > -math.inf}
-
-
-def notes_on_samples(sampled: Mapping[str, float], measures: Mapping[str, Any], rate: float) -> list[str]:
-    """List warnings on maxima of a run (measures) that the samples of its trajectory table (rate in Hz) miss."""
-    notes = []
-    for column, key, name, unit in _SAMPLED:
-        largest = measures[key]
-        missed = 1.0 - sampled[column] / largest if column in sampled and largest else 0.0
-        if missed > MISSED:
-            notes.append(
-                f"{HINT}the trajectory table misses the largest {name}, {quantity(largest, unit)}, by {share(missed)}: "
-                f"output.sample_rate_hz = {given(rate)} is too low"
-            )
-    return notes
 
 
 def free_swing(scene: Scene, measures: Mapping[str, Any], rows: Any) -> str:

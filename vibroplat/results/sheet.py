@@ -400,9 +400,8 @@ def _limit(stroke: float, transient: float, damped: bool) -> str:
 
 def _repeats(period: int | None) -> str:
     """Say after how many turns a motion repeats."""
-    if period is None:
-        return ""
-    return {0: f"not yet, or not within {MAX_PERIOD} turns", 1: "every turn"}.get(period, f"every {period} turns")
+    texts = {None: "", 0: f"not yet, or not within {MAX_PERIOD} turns", 1: "every turn"}
+    return texts.get(period, f"every {period} turns")
 
 
 def _join(*parts: str) -> str:
