@@ -63,6 +63,7 @@ UNUSUAL = [
         [
             "drive.program: supply frequency 500 Hz; usual: up to 400 Hz",
             f"{MASSES}, machine.unbalance_radius_m = 0.03: acceleration 54.3 g {ACCELERATION}",
+            "hint: output.sample_rate_hz = 2000: 8.0 samples a turn miss the largest values",
         ],
     ),
     (
