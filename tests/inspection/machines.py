@@ -58,6 +58,7 @@ def rocking(number):
     rng = np.random.default_rng((44, number))
     sizes = {"stiffness_x_n_per_m": 1e6, "stiffness_y_n_per_m": 12e4, "stiffness_phi_n_m_per_rad": 1.9e6}
     sizes |= {"damping_x_n_s_per_m": 2700, "damping_y_n_s_per_m": 930, "damping_phi_n_m_s_per_rad": 1900}
+    varied = {name: size * math.exp(rng.uniform(-SIZES / 2.0, SIZES / 2.0)) for name, size in sizes.items()}
     power, apart = 700.0 * math.exp(rng.uniform(-1.0, 1.0)), rng.uniform(-APART, APART)
     plate = {"rated_power_w": power, "rated_speed_rpm": 1430, "breakdown_ratio": 2.5, "rated_frequency_hz": 50}
     plate |= {"rotor_inertia_kg_m2": 0.003, "friction_radius_m": 2e-4, "unbalance_mass_kg": 4.0, "pole_pairs": 2}
@@ -65,7 +66,6 @@ def rocking(number):
         {**plate, "position_m": [side * 0.54, 0.055], "static_moment_kg_m": 0.237 * math.exp(larger)}
         for side, larger in ((1.0, 0.0), (-1.0, apart))
     ]
-    varied = {name: size * math.exp(rng.uniform(-SIZES / 2.0, SIZES / 2.0)) for name, size in sizes.items()}
     machine_ = {"platform_mass_kg": 400, "platform_inertia_kg_m2": 100, **varied}
     return Scene.from_tree({"name": f"rocking-{number}", "machine": machine_, "exciters": pair, **STARTS})
 

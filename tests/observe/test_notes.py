@@ -97,11 +97,9 @@ FAILURE = {"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0}, {"t_s": 
 @pytest.mark.parametrize(
     ("seconds", "note"),
     [
-        (20.0, "turns or swings: strokes are not steady, and a longer run.duration_s helps"),
-        (40.0, "swings by ± 68 °: strokes are steady from about run.duration_s = 390 on"),
-        pytest.param(
-            400.0, "swings by ± 3 °: strokes are steady from about run.duration_s = 800 on", marks=pytest.mark.long
-        ),
+        (20.0, "turns or swings: not steady, and a longer run.duration_s helps"),
+        (40.0, "swings by ± 68 °: steady from about run.duration_s = 390 on"),
+        pytest.param(400.0, "swings by ± 3 °: steady from about run.duration_s = 800 on", marks=pytest.mark.long),
         pytest.param(1000.0, "", marks=pytest.mark.long),
     ],
 )

@@ -77,5 +77,7 @@ def inspect(
     Formulas and averaged equations take a second; nothing is simulated or written. `vibroplat columns` has their
     meanings, results/method.md how they compare with simulations.
     """
-    answer = common.scene_of(config, set_, None).inspect().answer
+    from vibroplat.inspection.values import inspect as find_numbers
+
+    answer = find_numbers(common.scene_of(config, set_, None)).answer
     print(*(answer.full() if verbose else answer.brief()), sep="\n")

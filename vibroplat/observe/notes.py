@@ -185,10 +185,10 @@ def free_swing(scene: Scene, measures: Mapping[str, Any], rows: Any) -> str:
     if size <= SWINGS:
         return ""
     if size > 2.0 * math.pi or not rate:
-        return "exciter 2, off, still turns or swings: strokes are not steady, and a longer run.duration_s helps"
+        return "exciter 2, off, still turns or swings: not steady, and a longer run.duration_s helps"
     seconds = 2.0 * (end + max(math.log(last / (0.5 * SWINGS)), 0.0) / rate)
     return (
-        f"exciter 2, off, still swings by ± {quantity(math.degrees(0.5 * size), '°')}: strokes are steady from about "
+        f"exciter 2, off, still swings by ± {quantity(math.degrees(0.5 * size), '°')}: steady from about "
         f"run.duration_s = {given(float(f'{seconds:.2g}'))} on"
     )
 
