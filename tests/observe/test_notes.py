@@ -22,7 +22,7 @@ CAPTURED = {
 
 
 def of_motion(scene, **changes):
-    return simulate(scene.replace(changes), keep="summary").summary["notes"]
+    return simulate(scene.replace(changes), keep="summary").notes
 
 
 # -- rotation -------------------------------------------------------------------------------------------
@@ -106,8 +106,9 @@ FAILURE = {"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0}, {"t_s": 
 def test_an_exciter_that_is_off_and_swings_on_is_told_instead_of_a_limit(seconds, note):
     """Its swing decays for minutes; the stroke along x is 2.87 mm in a run of 40 s and 1.54 mm in one of 1000 s."""
     scene = load_config(ROOT / "configs" / "templates" / "screen.yaml", FAILURE | {"run.duration_s": seconds})
-    summary = simulate(scene, keep="summary").summary
-    assert summary["notes"] == ([f"exciter 2, off, still {note}"] if note else [])
+    run = simulate(scene, keep="summary")
+    summary = run.summary
+    assert run.notes == ([f"exciter 2, off, still {note}"] if note else [])
     assert (summary["stroke_change"] is None) == bool(note)
     assert "tends to" not in "".join(short_lines(Sheet(scene, summary)))
     if not note:
@@ -135,6 +136,15 @@ def test_shear_inside_a_bed_is_told_by_its_share_of_the_contact():
 # -- settling -------------------------------------------------------------------------------------------
 
 
+def test_notes_are_made_when_somebody_reads_them(quickstart, monkeypatch):
+    """Nobody else pays for them."""
+    asked, scene = [], quickstart.replace({"run.duration_s": 2.0})
+    monkeypatch.setattr("vibroplat.motion.run.notes_on_input", lambda scene: asked.append(scene) or [])
+    run = simulate(scene, keep="events")
+    assert (run.outcome, asked) == ("ok", [])
+    assert (run.notes, run.notes, asked) == ([], [], [scene])
+
+
 def test_a_part_measured_across_a_change_of_the_supply_says_so(quickstart):
     """With the duration that the note names the change lies before the measured part."""
     begin, off = {"t_s": 0.0, "supply_frequency_hz": 51.5}, {"t_s": 0.35, "off": True}
@@ -151,21 +161,21 @@ def test_a_part_measured_across_a_change_of_the_supply_says_so(quickstart):
 def test_a_run_that_has_not_settled_says_so(quickstart):
     """At 65 Hz antiphase is unstable: the exciters are on their way to in-phase when a short run ends."""
     scene = quickstart.replace({"drive.supply_frequency_hz": 65.0, "run": {"duration_s": 3.0, "perturbation": 0.01}})
-    (note,) = (note for note in simulate(scene, keep="summary").summary["notes"] if "phase" in note)
+    (note,) = (note for note in simulate(scene, keep="summary").notes if "phase" in note)
     assert note.startswith("the phase difference changes by ")
     settled = quickstart.replace({"run": {"duration_s": 3.0, "perturbation": 0.01}})
-    assert not any("phase" in note for note in simulate(settled, keep="summary").summary["notes"])
+    assert not any("phase" in note for note in simulate(settled, keep="summary").notes)
 
 
 def test_a_transient_left_in_strokes_that_repeat_is_noted():
     """Rotating bodies opposite each other excite nothing but rotation: what else moves is left from the start."""
     scene = load_config(ROOT / "configs" / "examples" / "co-rotating-opposite.yaml")
-    short, long = (simulate(scene.replace({"run.duration_s": end}), keep="summary").summary for end in (10.0, 40.0))
-    assert short["period"] == long["period"] == 1
-    assert short["stroke_change"] > 0.5
-    assert short["notes"][0].startswith(f"{share(short['stroke_change'])} of the stroke, ")
-    assert long["stroke_change"] < 0.02
-    assert not any("transient" in note for note in long["notes"])
+    short, long = (simulate(scene.replace({"run.duration_s": end}), keep="summary") for end in (10.0, 40.0))
+    assert short.summary["period"] == long.summary["period"] == 1
+    assert short.summary["stroke_change"] > 0.5
+    assert short.notes[0].startswith(f"{share(short.summary['stroke_change'])} of the stroke, ")
+    assert long.summary["stroke_change"] < 0.02
+    assert not any("transient" in note for note in long.notes)
 
 
 @pytest.mark.parametrize("damping", [100.0, 400.0])

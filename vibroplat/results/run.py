@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -63,7 +63,9 @@ class RunResult(Result):
     scene
         What was simulated.
     summary
-        Outcome, measures and notes; see :func:`vibroplat.observe.summary.measure`.
+        Outcome and measures; see :func:`vibroplat.observe.summary.measure`.
+    remarks
+        Returns warnings; called when somebody asks for them.
     origin
         What provenance says of the run that it continues from, if any.
     segments
@@ -91,6 +93,7 @@ class RunResult(Result):
         scene: Scene,
         summary: dict[str, Any],
         *,
+        remarks: Callable[[], list[str]] = list,
         origin: dict[str, Any] | None = None,
         segments: Sequence[Segment] = (),
         event_rows: Records | None = None,
@@ -102,11 +105,11 @@ class RunResult(Result):
         self.__dict__ |= {"scene": scene, "summary": summary, "origin": origin, "configurations": {}}
         self.segments, self.measures, self.derivative, self._end = segments, measures, derivative, end
         self.event_rows = np.zeros(0, EVENT) if event_rows is None else event_rows
-        self._table = table
+        self._table, self._remarks = table, remarks
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """Outcome, measures and notes."""
+        """Outcome and measures; in the files also :attr:`notes`."""
         summary = self._read.document("summary")
         if not isinstance(summary, dict):
             raise TableError(f"{self._read.directory / 'summary.json'} is not the summary of a run")
@@ -313,8 +316,7 @@ class RunResult(Result):
     @cached_property
     def notes(self) -> list[str]:
         """Warnings."""
-        notes: list[str] = self.summary["notes"]
-        return notes
+        return self._remarks() if self.saved is None else list(self.summary["notes"])
 
     def _repr_html_(self) -> str:
         """Return what the command prints and the figure of the motion, for a notebook."""
@@ -368,7 +370,7 @@ class RunResult(Result):
         trajectory, file = self.rows(sample), Path(path)
         require_replaceable(file, b"MATLAB", overwrite=overwrite)
         tables = {"trajectory": trajectory, "events": self.events}
-        replace_file(file, lambda path: write_mat(path, tables, {"summary": self.summary}))
+        replace_file(file, lambda path: write_mat(path, tables, self.documents))
         return file
 
 
