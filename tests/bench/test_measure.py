@@ -111,7 +111,6 @@ def test_engines_assign_starts_alike():
 
 @pytest.fixture
 def short(monkeypatch):
-    """One short scene instead of all."""
     scene = measure.cases()["attached"].replace({"run.duration_s": 0.05})
     monkeypatch.setattr(measure, "cases", lambda: {"attached": scene})
 

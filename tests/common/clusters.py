@@ -17,7 +17,6 @@ DASK = Path(sys.executable).with_name("dask")
 
 
 def free_port():
-    """A port that nothing listens at."""
     with socket.socket() as found:
         found.bind(("127.0.0.1", 0))
         return found.getsockname()[1]
@@ -88,12 +87,3 @@ def await_workers(address, number):
 
     with Client(address, set_as_default=False) as client:
         client.wait_for_workers(number, timeout=60.0)
-
-
-def kill_workers(address):
-    """Kill all workers of a scheduler; their nannies start them anew."""
-    from distributed import Client
-
-    with Client(address, set_as_default=False) as client:
-        for pid in client.run(os.getpid).values():
-            os.kill(pid, signal.SIGKILL)

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 import traceback
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -76,9 +77,6 @@ def not_a_line(done, codes=(2,)):
     return ""
 
 
-# -- in a process of its own ----------------------------------------------------------------------------
-
-
 def script(before=""):
     """Return the program as Python text, with something to do first."""
     (entry,) = entry_points(group="console_scripts", name="vibroplat")
@@ -122,7 +120,6 @@ class Child:
         self.process = subprocess.Popen(line, cwd=place, stdout=self._out, stderr=self._err, start_new_session=True)
 
     def end(self, seconds=60.0):
-        """Wait for the end; return how it ended."""
         code = self.process.wait(timeout=seconds)
         for file in (self._out, self._err):
             file.seek(0)
@@ -138,7 +135,6 @@ class Child:
         return found
 
     def close(self):
-        """Leave nothing behind."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
@@ -157,6 +153,14 @@ def ended(place, *arguments, before=""):
     """Start a command and wait for its end; what it leaves running is killed."""
     with Child(place, *arguments, before=before) as child:
         return child.end()
+
+
+def until(true, seconds=60.0):
+    """Wait until something is true."""
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.02)
 
 
 def workers_of(pid=None):

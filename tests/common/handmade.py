@@ -12,7 +12,6 @@ from vibroplat.results.tables import read_json, write_table
 
 
 def origin(name, **changes):
-    """Provenance of a result of the quickstart."""
     return {"schema": SCHEMA, "configuration": load_config(QUICKSTART, {"name": name, **changes}).to_tree()}
 
 
@@ -127,14 +126,12 @@ def boundaries():
 
 
 def write_sweep(directory):
-    """Write a result of a sweep."""
     directory.mkdir(parents=True)
     write_result(directory, "sweep", origin("swept"), {"sweep": sweep_table()}, form="parquet")
     return directory
 
 
 def write_orbits(directory):
-    """Write a result of orbits."""
     directory.mkdir(parents=True)
     table = branches()
     tables = {"branches": table, "special": special(table), "boundaries": boundaries()}

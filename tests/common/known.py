@@ -25,15 +25,7 @@ def motion_of(scene, *start):
         yield Simulator(scene, p, engine, *start)
 
 
-def ball_on_table(
-    gamma,
-    restitution=0.0,
-    periods=40,
-    tolerance=1e-10,
-    phase=0.0,
-    gap_rate=0.0,
-    omega=OMEGA,
-):
+def ball_on_table(gamma, restitution=0.0, periods=40, tolerance=1e-10, phase=0.0, gap_rate=0.0, omega=OMEGA):
     """One thin layer of 1e-12 of the mass on a table s = A sin(ωt + phase), A ω²/g = gamma.
 
     The table is a platform of 1e6 kg on a soft spring without dampers, in its steady antiphase motion;

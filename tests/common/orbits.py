@@ -6,7 +6,6 @@ from vibroplat.study.store import Store
 
 
 def traced(scene, workers=None):
-    """Follow the branches of a scene."""
     with Store(None, {}) as store, pool(1) as here:
         return OrbitsStudy(scene).trace(store, workers or here)
 

@@ -12,7 +12,6 @@ from vibroplat.page.results import find_results
 
 
 def page_of(*directories, **options):
-    """Text of a page of results."""
     return Report(find_results(list(directories)), **options).page()
 
 
@@ -29,7 +28,6 @@ def data_of(text, number=0):
 
 
 def frames_of(text):
-    """What moves the machines of runs."""
     return json.loads(re.search(r'id="frames">(.*?)</script>', text, re.DOTALL).group(1))
 
 
@@ -43,8 +41,6 @@ def unpacked(column, count=0):
 
 
 class Figure:
-    """A figure of a page."""
-
     def __init__(self, text):
         self.text = text
         self.title = html.unescape(re.search(r"<figcaption><b>(.*?)</b>", text).group(1))

@@ -14,17 +14,16 @@ STORM = 500
 
 
 def random_scene(number, seed=0, *, as_bought=False, turns=TURNS):
-    """Draw a scene; number and seed determine it, but for its duration."""
-    return drawn(Draw(np.random.default_rng((seed, number))), f"random-{number}", as_bought=as_bought, turns=turns)
+    """Draw a scene; number and seed determine it, but for its duration.
 
-
-def drawn(draw, name, *, as_bought=False, turns=TURNS):
-    """Build a scene from random values; ``as_bought``: some with exciters of their own, programs, starts from rest."""
+    ``as_bought``: some have exciters of their own, programs, starts from rest.
+    """
+    draw = Draw(np.random.default_rng((seed, number)))
     machine, others = draw.machine(), draw.material() | draw.contact() | draw.solver()
     motors = draw.motors()
     if as_bought and draw.chance(0.4):
         motors = draw.exciters(machine)
-    scene = Scene.from_tree(nest(machine | others) | {"name": name} | motors)
+    scene = Scene.from_tree(nest(machine | others) | {"name": f"random-{number}"} | motors)
     duration = turns * 2.0 * np.pi / scene.speed_scale
     scene = scene.replace({"run": {"duration_s": duration, "initial": draw.initial(scene)}})
     if as_bought and draw.chance(0.2):
@@ -39,7 +38,7 @@ class Draw:
     """
 
     def __init__(self, rng):
-        self._rng = rng  # a numpy generator, or what draws like one
+        self._rng = rng
 
     def size(self, middle, decades, *, zero=False):
         """Draw a number within some decades of a central value, or 0."""

@@ -13,6 +13,5 @@ REFERENCES = ROOT / "tests/reference"
 
 
 def load_reference(name):
-    """Read one of them."""
     trajectory, events = (pd.read_csv(REFERENCES / f"{name}.{kind}.csv") for kind in ("trajectory", "events"))
     return Reference(name, load_config(REFERENCES / f"{name}.yaml"), trajectory, events)

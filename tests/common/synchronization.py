@@ -17,18 +17,10 @@ TURN = 2.0 * math.pi
 def compliances(scene, speed):
     """Displacements of the platform along (x, y, φ) by forces of 1 N and a moment of 1 N·m, complex."""
     machine, mass = scene.machine, scene.body.mass
-    return np.array(
-        [
-            1.0 / (machine.stiffness_x_n_per_m - mass * speed**2 + 1j * machine.damping_x_n_s_per_m * speed),
-            1.0 / (machine.stiffness_y_n_per_m - mass * speed**2 + 1j * machine.damping_y_n_s_per_m * speed),
-            1.0
-            / (
-                machine.stiffness_phi_n_m_per_rad
-                - scene.body.inertia * speed**2
-                + 1j * machine.damping_phi_n_m_s_per_rad * speed
-            ),
-        ]
-    )
+    x = machine.stiffness_x_n_per_m - mass * speed**2 + 1j * machine.damping_x_n_s_per_m * speed
+    y = machine.stiffness_y_n_per_m - mass * speed**2 + 1j * machine.damping_y_n_s_per_m * speed
+    phi = machine.stiffness_phi_n_m_per_rad - scene.body.inertia * speed**2
+    return 1.0 / np.array([x, y, phi + 1j * machine.damping_phi_n_m_s_per_rad * speed])
 
 
 def influence(scene, speed):

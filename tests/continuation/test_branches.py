@@ -11,7 +11,6 @@ from common.places import QUICKSTART
 
 from continuation.helpers import MACHINE
 from vibroplat import load_config, orbit
-from vibroplat.continuation.newton import ANGLE_INDEX, Problem, correct
 from vibroplat.continuation.orbit import OrbitError, guesses, with_initial_state
 from vibroplat.continuation.shooting import Shooter
 from vibroplat.hybrid.state import state_scales
@@ -204,51 +203,6 @@ def test_orbits_with_a_single_impact_stay_where_they_are_stable(rebounding):
     assert max(farthest(row, 0.2, 60.0, 0.3) for row in stable if row["value"] < 51.3) < 1e-5
     unstable = [row for row in single if abs(row["multiplier_1_re"]) > 1.2]
     assert min(farthest(row, 0.2, 60.0, 0.3) for row in unstable[::4]) > 1e-2
-
-
-def growth(row, mass, longest):
-    """Disturb an orbit by 1e-4 in the direction of its leading multiplier m, for N periods.
-
-    Returns N, m, and the complex factor by which the disturbance in that direction has grown. N is the largest for
-    which it stays within a factor of 20.
-    """
-    import scipy.linalg
-
-    scene = machine(mass).replace({KEY: row["value"], "solver.tolerance": 1e-10})
-    start = np.array(row["state"])
-    with closing(Shooter(scene)) as shooter:
-        problem = Problem(shooter, (1, -1), tolerance=1e-9)
-        chart = problem.chart(start)
-        found = correct(problem, chart, chart.pack(start, row["period_s"]), np.empty((0, chart.places.size)))
-        start, seconds, _ = chart.unpack(found.u)
-        values, left, right = scipy.linalg.eig(chart.section_map(found.shot), left=True)
-        leading = np.argmax(np.abs(values))
-        multiplier, left = values[leading], left[:, leading].conj()
-        direction = right[:, leading].real / np.abs(right[:, leading].real).max()
-        periods = min(int(np.log(20.0) / abs(np.log(abs(multiplier)))), int(longest / seconds))
-
-        places = np.delete(chart.places, chart.phase)
-        disturbed = start.copy()
-        disturbed[places] += 1e-4 * direction * shooter.scales[places]
-        ends = [shooter.shot(state, periods * seconds, full=True) for state in (start, disturbed)]
-        change = ends[1].state - ends[0].state
-        change -= ends[1].rates * change[ANGLE_INDEX] / ends[1].rates[ANGLE_INDEX]  # to the section
-        factor = left @ (change / shooter.scales)[places] / (1e-4 * left @ direction)
-    return periods, multiplier, factor
-
-
-@pytest.mark.parametrize("mass", [pytest.param(0.0, marks=pytest.mark.long), 0.2])
-def test_disturbances_change_by_the_leading_multiplier_in_each_period(branches, mass):
-    """Whatever its size: near 1, where 60 s tell little of stability, as well as far from it."""
-    rows = [row for branch in branches[mass] for row in branch.rows]
-    size = np.array([abs(complex(row["multiplier_1_re"], row["multiplier_1_im"])) for row in rows])
-    order = np.argsort(size)
-    near = [i for i in order if 0.98 < size[i] < 1.03]
-    far = [i for i in order if not 0.98 < size[i] < 1.03 and size[i] < 3.0]
-    for i in (*near[:: max(len(near) // 6, 1)], *far[:: max(len(far) // 4, 1)]):
-        periods, multiplier, factor = growth(rows[i], mass, 60.0)
-        assert periods > 0
-        assert abs(factor / multiplier**periods - 1.0) < 0.1, (rows[i]["value"], multiplier, periods)
 
 
 @MASSES

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from common.commands import until
 
 from vibroplat.kernels.cache import KernelCache
 from vibroplat.system import compile_lock
@@ -20,22 +21,12 @@ pytestmark = pytest.mark.skipif(
 
 
 def script(code, *arguments, stdin=None, **environment):
-    """Start a process of its own group."""
     line = [sys.executable, "-c", code, *map(str, arguments)]
     pipes = {"stdin": stdin, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     return subprocess.Popen(line, env=os.environ | environment, start_new_session=True, **pipes)
 
 
-def until(happened, seconds=60.0):
-    """Wait until something has happened."""
-    end = time.monotonic() + seconds
-    while not happened():
-        assert time.monotonic() < end
-        time.sleep(0.02)
-
-
 def is_running(process):
-    """Whether a process is there and not a zombie."""
     try:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:

@@ -33,9 +33,6 @@ def largest_file(size):
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-# -- a file cannot grow ---------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("text", "size", "file"), [(RUN, 3000, "trajectory.csv"), (SPARSE, 2000, "summary.json")])
 def test_earlier_run_is_kept_where_there_is_no_room(text, size, file, here):
     (here / "c.yaml").write_text(text)

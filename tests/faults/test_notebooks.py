@@ -1,11 +1,10 @@
 """A sweep in a cell of a notebook is interrupted, and its kernel is killed."""
 
-import time
 from contextlib import contextmanager
 
 import psutil
 import pytest
-from common.commands import workers_of
+from common.commands import until, workers_of
 from common.places import SWEPT
 
 pytestmark = [pytest.mark.faults, pytest.mark.filterwarnings("ignore")]  # of the server of notebooks
@@ -25,7 +24,6 @@ BITS = "print(table.drop(columns='wall_s').to_csv())"
 
 @contextmanager
 def kernel(place):
-    """A kernel and its client."""
     manager = pytest.importorskip("jupyter_client", reason="pip install '.[test]'").KernelManager()
     manager.start_kernel(cwd=str(place))
     client = manager.client()
@@ -36,13 +34,6 @@ def kernel(place):
     finally:
         client.stop_channels()
         manager.shutdown_kernel(now=True)
-
-
-def until(true):
-    end = time.monotonic() + LONG
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 def test_sweep_in_a_cell_is_interrupted_and_repeated_and_no_worker_outlives_a_killed_kernel(here, kernels):
@@ -58,7 +49,7 @@ def test_sweep_in_a_cell_is_interrupted_and_repeated_and_no_worker_outlives_a_ki
             return reply.get("ename", reply["status"])
 
         asked = client.execute(SWEEP)
-        until((here / "running").exists)
+        until((here / "running").exists, LONG)
         manager.interrupt_kernel()
         reply = client.get_shell_msg(timeout=LONG)
         while reply["parent_header"]["msg_id"] != asked:  # one asked twice whether it is ready says so twice
@@ -70,7 +61,7 @@ def test_sweep_in_a_cell_is_interrupted_and_repeated_and_no_worker_outlives_a_ki
         assert tables[0] == tables[1]
         (here / "running").unlink()
         client.execute(SWEEP)
-        until((here / "running").exists)
+        until((here / "running").exists, LONG)
         workers = workers_of(manager.provisioner.pid)
         assert workers
         psutil.Process(manager.provisioner.pid).kill()

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from common.commands import Child, command, ended, not_a_line, sending
+from common.commands import Child, command, ended, not_a_line, sending, until
 from common.places import SWEPT
 from common.results import bits, finished_points, left
 
@@ -41,20 +41,9 @@ def problem(done, signal_=signal.SIGINT):
 
 
 def tables(directory):
-    """The bits of the tables in a directory, and the names of temporaries."""
     found, temporaries = left(directory)
     return {name: bits(table) for name, table in found.items() if name.startswith(TABLES)}, temporaries
 
-
-def all_gone(child):
-    """Whether no process of a command is left, soon after its end."""
-    until = time.monotonic() + SOON
-    while child.members() and time.monotonic() < until:
-        time.sleep(0.02)
-    return child.members() == []
-
-
-# -- at random moments ----------------------------------------------------------------------------------
 
 #: Says when a program listens to signals; before, Python itself ends it with a traceback.
 LISTENING = """
@@ -73,8 +62,7 @@ def test_sweep_ended_at_any_moment_leaves_complete_tables_and_goes_on(number, pl
     for k, share in enumerate(np.random.default_rng(number).random(number)):
         signal_ = SIGNALS[k % 3]
         with Child(place, *SWEEP, "2" if k % 5 == 1 else "1", before=LISTENING) as child:
-            while not (place / "listening").exists():
-                time.sleep(0.01)
+            until((place / "listening").exists)
             (place / "listening").unlink()
             time.sleep(share * seconds)
             child.process.send_signal(signal_)
@@ -90,8 +78,6 @@ def test_sweep_ended_at_any_moment_leaves_complete_tables_and_goes_on(number, pl
             shutil.rmtree(place / "results")
 
 
-# -- while a program loads ------------------------------------------------------------------------------
-
 #: A program that gets Ctrl-C when it begins to load a module.
 LOADING = """
 import os, signal, sys
@@ -104,23 +90,8 @@ sys.meta_path.insert(0, Finder())
 """
 #: A program that gets Ctrl-C where an exception would be lost.
 LOST = {
-    "a callback of C code": """
-import ctypes, os, signal
-from vibroplat.system.interrupts import end_at_signals
-end_at_signals()
-ctypes.CFUNCTYPE(None)(lambda: os.kill(0, signal.SIGINT))()
-print("lost")
-""",
-    "a destructor": """
-import os, signal
-from vibroplat.system.interrupts import end_at_signals
-end_at_signals()
-class Object:
-    def __del__(self):
-        os.kill(0, signal.SIGINT)
-Object()
-print("lost")
-""",
+    "a callback of C code": "import ctypes\nctypes.CFUNCTYPE(None)(lambda: os.kill(0, signal.SIGINT))()",
+    "a destructor": "class Object:\n    def __del__(self):\n        os.kill(0, signal.SIGINT)\nObject()",
 }
 
 
@@ -132,10 +103,9 @@ def test_ctrl_c_while_the_program_loads(module, place):
 
 @pytest.mark.parametrize("where", LOST)
 def test_ctrl_c_is_not_lost(where, place):
-    assert problem(ended(place, "--version", before=LOST[where])) == ""
+    before = f"{LISTENING}import os, signal\n{LOST[where]}\nprint('lost')"
+    assert problem(ended(place, "--version", before=before)) == ""
 
-
-# -- in a run -------------------------------------------------------------------------------------------
 
 #: A program that makes a file when the motion of its scene begins.
 ANNOUNCED = """
@@ -172,9 +142,7 @@ def at_file(signal_, function, number):
 @pytest.mark.faults
 def test_ctrl_c_in_a_long_run(place):
     with Child(place, *LONG_RUN, "--set", "solver.engine=sundae", before=ANNOUNCED) as child:
-        while not (place / "running").exists():
-            assert child.process.poll() is None
-            time.sleep(0.01)
+        until((place / "running").exists)
         os.killpg(child.process.pid, signal.SIGINT)
         assert problem(child.end(SOON)) == ""
     assert left(place / "results/c/run") == ({}, [])
@@ -221,14 +189,11 @@ def test_run_killed_among_its_tables_leaves_no_set_of_two_runs(number, place):
         assert not_a_line(command("plot", "results/c/run")) == ""
 
 
-# -- in a sweep -----------------------------------------------------------------------------------------
-
-
 @pytest.mark.faults
 def test_ctrl_c_while_workers_start(place):
     with Child(place, *SWEEP, "2", before=sending(signal.SIGINT, "vibroplat.system.workers:_start", 2)) as child:
         assert problem(child.end()) == ""
-        assert all_gone(child)
+        until(lambda: child.members() == [], SOON)
 
 
 @pytest.mark.faults
@@ -237,15 +202,13 @@ def test_ctrl_c_while_workers_start(place):
 def test_workers_that_load_end_with_the_command(signal_, seconds, place):
     """The signal goes to the command alone; its workers would keep its output open for a minute."""
     with Child(place, *SWEEP, "2", before=LISTENING) as child:
-        until = time.monotonic() + SOON
-        while not (place / "listening").exists() and time.monotonic() < until:
-            time.sleep(0.01)
+        until((place / "listening").exists, SOON)
         time.sleep(seconds)
         os.kill(child.process.pid, signal_)
         began = time.monotonic()
         assert problem(child.end(), signal_) == ""
         assert time.monotonic() - began < SOON
-        assert all_gone(child)
+        until(lambda: child.members() == [], SOON)
 
 
 @pytest.mark.faults

@@ -2,7 +2,6 @@
 
 import json
 import math
-import random
 import shutil
 import signal
 import sqlite3
@@ -45,7 +44,6 @@ def finished(tmp_path_factory):
 
 @pytest.fixture
 def result(here, finished):
-    """Copy the finished sweep to where it is resumed."""
     (here / "c.yaml").write_text(CONFIGURATION)
 
     def copy():
@@ -57,7 +55,6 @@ def result(here, finished):
 
 @pytest.fixture
 def unfinished(result):
-    """A sweep that has only its first point."""
     directory = result()
     changed(
         directory,
@@ -68,21 +65,16 @@ def unfinished(result):
 
 
 def changed(directory, *statements):
-    """Change the store by SQL."""
     with closing(sqlite3.connect(directory / FILE)) as base, base:
         for statement in statements:
             base.execute(statement)
 
 
 def resumed(directory, caplog):
-    """Resume a sweep; return its table, what was said, and what was printed."""
     caplog.clear()
     done = command("sweep", "c.yaml", "--resume")
     assert (done.code, done.err) == (0, "")
     return bits(read_table(directory, "sweep")), [r.getMessage() for r in caplog.records], done.out
-
-
-# -- killed and ended -----------------------------------------------------------------------------------
 
 
 @pytest.mark.faults
@@ -116,9 +108,6 @@ def test_points_or_tables_that_are_missing_are_made_again(result, finished, capl
         assert f": {2 * first} tasks from before; " in printed
 
 
-# -- refused --------------------------------------------------------------------------------------------
-
-
 def test_unfinished_sweep_is_begun_anew_only_if_asked(unfinished, here):
     line = (
         "vibroplat: results/c/sweep holds 1 tasks of unfinished work; "
@@ -139,15 +128,9 @@ def test_unfinished_sweep_is_begun_anew_only_if_asked(unfinished, here):
 
 def test_sweep_under_other_conditions_is_not_resumed_and_the_first_is_named(unfinished, monkeypatch):
     """Points of other sources or arithmetic look alike and differ."""
-    for setting, found in (
-        ("sweep.measure_s=3.0", "0.3"),
-        ("sweep.grid={contact.restitution: [0.1]}", "{}"),
-        ("machine.platform_mass_kg=12.5", "12.42"),
-    ):
-        done = command("sweep", "c.yaml", "--resume", "--set", setting)
-        assert not_a_line(done) == ""
-        assert setting.partition("=")[0] in done.err
-        assert f"allowed: {found}" in done.err
+    done = command("sweep", "c.yaml", "--resume", "--set", "machine.platform_mass_kg=12.5")
+    assert not_a_line(done) == ""
+    assert "machine.platform_mass_kg = 12.5; allowed: 12.42" in done.err
     others = package() | {"source files": "others"}
     for what, where, found in (
         ("arithmetic", "vibroplat.study.fingerprint.arithmetic", lambda _engine: "others"),
@@ -160,8 +143,6 @@ def test_sweep_under_other_conditions_is_not_resumed_and_the_first_is_named(unfi
     assert finished_points(unfinished) == 1
     assert not_a_line(command("sweep", "c.yaml", "--resume", "--overwrite")) == ""
 
-
-# -- damaged records ------------------------------------------------------------------------------------
 
 DAMAGE = (
     "record = replace(record, '0.', '1.')",
@@ -229,9 +210,6 @@ def test_point_that_is_lost_before_the_table_is_written_ends_in_a_line(result, m
     assert not list(directory.glob("sweep.*"))
 
 
-# -- a damaged file -------------------------------------------------------------------------------------
-
-
 def test_store_that_is_damaged_as_a_whole_is_told_in_a_line(finished, result):
     page = 4096
     for damage in (
@@ -253,28 +231,6 @@ def test_store_that_is_damaged_as_a_whole_is_told_in_a_line(finished, result):
     file.unlink()
     assert command("sweep", "c.yaml").code == 0
     assert bits(read_table(file.parent, "sweep")) == finished[1]
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("number", [4, 10])
-def test_flipped_bit_never_changes_the_table(number, finished, result):
-    """One random bit after the other, each in a fresh copy: the sweep goes on, or it is told."""
-    chance = random.Random(number)
-    for _ in range(number):
-        file = result() / FILE
-        data = bytearray(file.read_bytes())
-        bit = chance.randrange(8 * len(data))
-        data[bit // 8] ^= 1 << bit % 8
-        file.write_bytes(data)
-        done = command("sweep", "c.yaml", "--resume")
-        if done.code:
-            assert not_a_line(done, codes=(1, 2)) == "", bit
-            assert not list(file.parent.glob("sweep.*")), bit
-        else:
-            assert bits(read_table(file.parent, "sweep")) == finished[1], bit
-
-
-# -- the store itself -----------------------------------------------------------------------------------
 
 
 def test_file_that_is_no_store_is_told_and_left_alone(tmp_path):

@@ -25,8 +25,6 @@ def shell(*arguments, redirect="", before="", **environment):
     return Done(done.returncode, done.stdout, done.stderr)
 
 
-# -- streams --------------------------------------------------------------------------------------------
-
 _NUMBERS = """
 import os, sys
 from vibroplat.system.terminal import open_streams
@@ -59,17 +57,10 @@ def test_help_and_refusal_with_closed_streams_keep_their_exit_codes(here):
     assert shell("run", "nope.yaml", redirect=">&-") == (2, "", "vibroplat: nope.yaml: no such file\n")
 
 
-# -- kernels that may not be compiled -------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("arguments", [("run", QUICKSTART), pytest.param(("bench", "engines"), marks=pytest.mark.long)])
-def test_run_without_compilation_is_refused_with_the_name_of_the_setting(arguments, here):
-    done = shell(*arguments, NUMBA_DISABLE_JIT="1", NUMBA_CACHE_DIR=str(here / "empty"))
+def test_run_without_compilation_is_refused_with_the_name_of_the_setting(here):
+    done = shell("run", QUICKSTART, NUMBA_DISABLE_JIT="1", NUMBA_CACHE_DIR=str(here / "empty"))
     assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
     assert done.err.startswith("vibroplat: NUMBA_DISABLE_JIT is set, ")
-
-
-# -- memory ---------------------------------------------------------------------------------------------
 
 
 def test_too_little_address_space_is_told_before_anything_is_loaded(here):
@@ -114,9 +105,6 @@ def test_errors_are_told_apart_from_a_lack_of_memory():
     assert [error for error in SHORTAGES if not memory.is_short_of_memory(error)] == []
     others = [ImportError("No module named 'x'"), RuntimeError("a mistake"), ValueError("out of memory")]
     assert [error for error in others if memory.is_short_of_memory(error)] == []
-
-
-# -- what the system refuses ----------------------------------------------------------------------------
 
 
 def test_processes_that_the_system_refuses_are_not_blamed_on_the_output(command, here, kernels, monkeypatch):

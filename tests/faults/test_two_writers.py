@@ -1,6 +1,5 @@
 """Two commands write into one folder: what is read is of one of them, and nothing of a live process is removed."""
 
-import json
 import os
 import subprocess
 import sys
@@ -9,9 +8,7 @@ from contextlib import ExitStack, suppress
 
 import pandas as pd
 import pytest
-from common.commands import command
-from common.places import LOADED, ROOT
-from common.results import left
+from common.places import ROOT
 
 from vibroplat.errors import TableError
 from vibroplat.results import locks, tables
@@ -21,10 +18,6 @@ from vibroplat.results.tables import FORMATS, read_table, write_table
 from vibroplat.study.store import Store
 
 TABLE = pd.DataFrame({"v": [1.0, 2.0]})
-BOTH = (
-    f"extends: {LOADED}\nname: c\nrun: {{duration_s: 0.05}}\n"
-    "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.5}, measure_s: 0.3, lyapunov: false}\n"
-)
 
 
 def write(directory, mark_, form="parquet", command_="run"):
@@ -36,13 +29,10 @@ def write(directory, mark_, form="parquet", command_="run"):
 
 
 def marks(directory):
-    """The marks of all files of a run, as a reader finds them."""
     result = SavedFiles(directory, "run")
     found = {result.table(name)["v"].iloc[0] for name in ("trajectory", "events")}
     return found | {float(result.document("summary")["v"]), float(result.provenance["v"])}
 
-
-# -- a race ---------------------------------------------------------------------------------------------
 
 #: A process that writes one result after the other, and takes its time between two files.
 WRITER = """
@@ -117,25 +107,6 @@ def test_table_in_the_other_format_that_was_left_behind_is_not_read(form, tmp_pa
     assert marks(tmp_path) == {2.0}
 
 
-# -- run and sweep --------------------------------------------------------------------------------------
-
-
-def test_run_and_sweep_of_one_name_keep_their_provenance(here, kernels, figures):
-    (here / "c.yaml").write_text(BOTH)
-    for number, name in enumerate(["run", "sweep"] * 2):
-        assert command(name, "c.yaml", "--set", f"contact.restitution=0.{number}").code == 0
-        assert json.loads((here / f"results/c/{name}/provenance.json").read_text())["command"] == name
-    for number, name in enumerate(("run", "sweep"), 2):
-        origin = SavedFiles(here / "results/c", name).provenance
-        assert (origin["command"], origin["configuration"]["contact"]["restitution"]) == (name, number / 10)
-    assert left(here / "results/c/run")[1] == left(here / "results/c/sweep")[1] == []
-    assert command("plot", "results/c").code == 0
-    assert figures.keys() == {"motion", "force", "exciters", "loads", "response"}
-
-
-# -- damage ---------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("form", FORMATS)
 def test_no_flipped_bit_of_a_result_is_read(form, tmp_path):
     write(tmp_path, 1, form)
@@ -169,9 +140,6 @@ def test_flipped_bit_of_a_table_without_provenance_is_told_or_harmless(tmp_path)
             assert len(str(caught.value).splitlines()) == 1
 
 
-# -- the lock -------------------------------------------------------------------------------------------
-
-
 def test_lock_names_its_holder(tmp_path, monkeypatch):
     monkeypatch.setattr(locks, "MAX_WAIT_S", 0.1)
     with locks.replacement_lock(tmp_path), pytest.raises(TableError) as caught:
@@ -201,11 +169,7 @@ def test_file_system_without_locks_is_said_and_used(tmp_path, monkeypatch, caplo
     assert marks(tmp_path) == {1.0}
 
 
-# -- temporary files ------------------------------------------------------------------------------------
-
-
 def temporary(directory, owner, age=0.0):
-    """A temporary file of an owner."""
     path = directory / f".t-{owner}abcd{len(list(directory.iterdir())):04d}.csv"
     path.write_text("half a tab")
     os.utime(path, (time.time() - age,) * 2)
@@ -213,7 +177,6 @@ def temporary(directory, owner, age=0.0):
 
 
 def dead():
-    """The number of a process that has ended."""
     process = subprocess.Popen([sys.executable, "-c", ""])
     process.wait()
     return process.pid

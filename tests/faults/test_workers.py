@@ -5,7 +5,6 @@ import os
 import shlex
 import subprocess
 import sys
-import time
 from concurrent.futures import BrokenExecutor
 from pathlib import Path
 
@@ -13,7 +12,6 @@ import matplotlib
 import psutil
 import pytest
 from common.commands import PROGRAM, script, workers_of
-from common.places import FLYING
 
 import vibroplat
 from vibroplat.plots.style import styled
@@ -31,10 +29,6 @@ sweep:
   max_settle_s: 2.0
   measure_s: 0.3
 """
-#: Points that settle for long, in compiled code.
-SECTION = "settle_by: section\n  settle_tolerance: 1.0e-15"
-MANY = FEW.replace("step: 1.0", "step: 0.002")
-LONG = FLYING + MANY.replace("max_settle_s: 2.0", f"max_settle_s: 1000.0\n  {SECTION}")
 
 
 @contextlib.contextmanager
@@ -44,9 +38,6 @@ def opened(count):
         yield workers
     finally:
         workers.close()
-
-
-# -- what they load -------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -87,8 +78,6 @@ def test_figures_start_no_program_that_a_file_of_the_directory_names(here):
         assert not matplotlib.rcParams["text.usetex"]
 
 
-# -- how they end ---------------------------------------------------------------------------------------
-
 #: A parent that says when its worker has begun.
 PARENT = """
 import sys, time
@@ -101,12 +90,21 @@ time.sleep(100)
 IDLE = "workers.submit(abs, -1).result()"
 #: A process that has the pipes too and goes on for a while.
 FORK = "import os\nif not os.fork():\n    os.close(1)\n    os.close(2)\n    time.sleep(20)"
+#: A run for ever, with time to load what it needs.
+COMPILED = """{idle}
+workers.submit(exec, '''
+from vibroplat import Scene, simulate
+scene = Scene().replace({{"run.duration_s": 1e6, "solver.engine": "{engine}"}})
+simulate(scene, keep="summary")
+''')
+time.sleep(3.0)"""
 BEGIN = {
     "in a task": f"{IDLE}; workers.submit(time.sleep, 100)",
     "starting": "",
     "idle": IDLE,
     "in Python": f"{IDLE}; workers.submit(exec, 'while True: pass')",
     "pipes": f"{IDLE}\n{FORK}",
+    **{f"in compiled code of {e}": COMPILED.format(idle=IDLE, engine=e) for e in ("native", "taylor", "sundae")},
 }
 
 
@@ -125,29 +123,7 @@ def test_worker_ends_with_a_parent_that_is_killed(what):
     assert psutil.wait_procs(children, timeout=SOON)[1] == []
 
 
-@pytest.mark.faults
-@pytest.mark.parametrize("engine", ["native", "taylor", "sundae"])
-@pytest.mark.parametrize("seconds", [0.3, 2.0])
-def test_command_that_is_killed_leaves_no_process_and_no_reader_waiting(seconds, engine, here, kernels):
-    (here / "long.yaml").write_text(LONG)
-    line = [PROGRAM, "sweep", "long.yaml", "--jobs", "2", "--engine", engine]
-    process = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True)
-    time.sleep(seconds)
-    children = psutil.Process(process.pid).children(recursive=True)
-    assert process.poll() is None
-    process.kill()
-    out, _ = process.communicate(timeout=SOON)
-    assert b"leaked" not in out
-    assert b"Traceback" not in out
-    assert psutil.wait_procs(children, timeout=SOON)[1] == []
-
-
-# -- what they answer -----------------------------------------------------------------------------------
-
-
 class UnkindError(Exception):
-    """An error that cannot be sent."""
-
     def __reduce__(self):
         raise TypeError
 
@@ -188,9 +164,6 @@ def test_threads_that_the_system_refuses_leave_no_process(monkeypatch):
     with pytest.raises(OSError, match="can't start new thread"):
         Workers(2)
     assert workers_of() == before
-
-
-# -- what there is for them -----------------------------------------------------------------------------
 
 
 @pytest.mark.faults

@@ -20,16 +20,6 @@ def p(scene):
     return parameters(scene)
 
 
-@pytest.fixture
-def follows(scene, p):
-    """What follows an impact; the mode is pressed on unless it is said otherwise."""
-
-    def after(rebound, acceleration, jerk, pressed=True):
-        return transitions.after_impact(rebound, acceleration, jerk, True, pressed, TOLERANCE, scene.speed_scale, p)
-
-    return after
-
-
 @pytest.mark.parametrize(
     ("force", "rate", "expected"),
     [
@@ -45,24 +35,24 @@ def test_contact_presses(scene, force, rate, expected):
     assert transitions.contact_holds(force, rate, NOISE, scene.speed_scale) is expected
 
 
-def test_dead_impact_attaches_only_where_contact_presses(follows):
-    assert follows(0.0, -8.0, 0.0) == transitions.ATTACH
-    assert follows(0.0, 0.8, 0.0, pressed=False) == transitions.FLY
-
-
-def test_rebound_flies_until_it_is_slow_enough(follows):
-    assert follows(1e-1, -8.0, 1e3) == transitions.FLY
-    assert follows(1e-9, -8.0, 1e3) == transitions.ACCUMULATE
-    assert follows(1e-9, 8.0, 1e3, pressed=False) == transitions.FLY
-
-
-def test_impacts_that_soon_stick_are_latched_sooner(p, follows):
-    p.restitution = 0.999
-    assert follows(1e-6, -8.0, 0.0) == transitions.FLY
-    p.sticking_speed = 1e-5
-    assert follows(1e-6, -8.0, 0.0) == transitions.ACCUMULATE
-    p.restitution = 1.0  # followed, as all elastic impacts
-    assert follows(1e-6, -8.0, 0.0) == transitions.FLY
+@pytest.mark.parametrize(
+    ("restitution", "sticking_speed", "rebound", "acceleration", "pressed", "expected"),
+    [
+        (0.5, 0.0, 0.0, -8.0, True, transitions.ATTACH),
+        (0.5, 0.0, 0.0, 0.8, False, transitions.FLY),
+        (0.5, 0.0, 1e-1, -8.0, True, transitions.FLY),
+        (0.5, 0.0, 1e-9, -8.0, True, transitions.ACCUMULATE),
+        (0.5, 0.0, 1e-9, 8.0, False, transitions.FLY),
+        (0.999, 0.0, 1e-6, -8.0, True, transitions.FLY),
+        (0.999, 1e-5, 1e-6, -8.0, True, transitions.ACCUMULATE),  # sooner, as they soon stick
+        (1.0, 1e-5, 1e-6, -8.0, True, transitions.FLY),  # followed, as all elastic impacts
+    ],
+)
+def test_what_follows_an_impact(scene, p, restitution, sticking_speed, rebound, acceleration, pressed, expected):
+    p.restitution, p.sticking_speed = restitution, sticking_speed
+    speed, jerk = scene.speed_scale, 1e3 if restitution == 0.5 else 0.0
+    found = transitions.after_impact(rebound, acceleration, jerk, True, pressed, TOLERANCE, speed, p)
+    assert found == expected
 
 
 def test_accumulation_threshold_bounds_the_neglected_jerk(scene, p):

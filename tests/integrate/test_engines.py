@@ -25,9 +25,6 @@ def with_engine(scene, engine):
     return scene.replace({"solver.engine": engine})
 
 
-# -- pieces of a run ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("engine", ["native", "taylor", pytest.param("sundae", marks=pytest.mark.long)])
 def test_a_run_may_end_at_an_event(quickstart, engine):
     scene = with_engine(quickstart.replace({"contact.restitution": 0.4, "run.duration_s": 0.2}), engine)
@@ -52,9 +49,6 @@ def test_pieces_of_a_few_steps_do_not_show(quickstart, monkeypatch, name, rows):
     for key, value in whole.summary.items():
         same = value is None or isinstance(value, str | int)
         assert key == "wall_s" or cut.summary[key] == (value if same else pytest.approx(value, rel=1e-12, abs=1e-12))
-
-
-# -- counters, work, memory -----------------------------------------------------------------------------
 
 
 def test_work_is_counted(quickstart):
@@ -113,9 +107,6 @@ def test_two_threads_give_the_tables_of_one(quickstart, engine, seconds):
         pd.testing.assert_frame_equal(one.trajectory, other.trajectory, check_exact=True)
         pd.testing.assert_frame_equal(one.events, other.events, check_exact=True)
         assert one.summary | {"wall_s": 0.0} == other.summary | {"wall_s": 0.0}
-
-
-# -- failures -------------------------------------------------------------------------------------------
 
 
 def test_residual_that_is_not_finite_ends_the_run(quickstart):

@@ -48,12 +48,3 @@ def test_sines_are_right_to_round_off():
         out = np.empty((10_000, 4))
         sines(x, y, out)
         np.testing.assert_allclose(out.T, [np.sin(x), np.cos(x), np.sin(y), np.cos(y)], atol=2.3e-16, rtol=0)
-
-
-def test_arrays_begin_with_a_line_of_the_cache():
-    for shape in ((3,), (5, 7), (2, 3, 16)):
-        array = lanes.in_lines(shape)
-        assert array.shape == shape
-        assert not array.any()
-        assert array.ctypes.data % 64 == 0
-        assert array.flags.c_contiguous

@@ -21,7 +21,6 @@ from vibroplat.kernels.polynomial import (
 
 
 def column(coefficients):
-    """A step of one unknown."""
     return np.array(coefficients, dtype=float)[:, np.newaxis]
 
 

@@ -7,7 +7,7 @@ from common.random_scenes import random_scene
 from vibroplat import Scene, simulate
 from vibroplat.hybrid.state import RUNNING
 from vibroplat.integrate import lockstep
-from vibroplat.integrate.step_end import ERROR_COEFFICIENTS, find_standstill, guard_fall, statuses
+from vibroplat.integrate.step_end import ERROR_COEFFICIENTS, guard_fall, statuses
 from vibroplat.integrate.taylor import TaylorEngine, degree_of
 from vibroplat.kernels.compiled import compiled
 from vibroplat.kernels.lanes import in_lines
@@ -53,28 +53,6 @@ def test_near_a_touch_the_answer_is_sure_beyond_the_remainder(depth, sure):
     assert decided == sure
     if sure:
         assert (found >= 0.0) == (depth > 0.0)
-
-
-def test_known_zeros_at_the_start_are_no_falls():
-    for zeros in (1, 2, 3):
-        c = np.zeros(DEGREE + 1)
-        c[zeros], c[zeros + 1] = 1.0, -2.0
-        c[:zeros] = -1e-18
-        assert fall(c, zeros) == (pytest.approx(0.5), True)
-
-
-def test_rest_of_an_exciter():
-    c, room = in_lines((DEGREE + 1, 16)), np.zeros((MAX_DEGREE + 1, 1))
-    for sense in (1.0, -1.0):
-        c[:, 8] = 0.0
-        c[:2, 8] = sense, -4.0 * sense
-        assert find_standstill(c, DEGREE, 8, room) == pytest.approx(0.25)
-        c[:3, 8] = 0.0, sense, -2.0 * sense  # at rest at the beginning, then away and back
-        assert find_standstill(c, DEGREE, 8, room) == pytest.approx(0.5)
-        c[:3, 8] = 0.0, sense, sense
-        assert find_standstill(c, DEGREE, 8, room) == -1.0
-    c[:, 8] = 0.0
-    assert find_standstill(c, DEGREE, 8, room) == -1.0
 
 
 def test_degree_follows_the_tolerance():

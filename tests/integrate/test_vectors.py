@@ -62,8 +62,3 @@ def test_comparisons_with_no_number_are_false():
     compute(record)
     np.testing.assert_array_equal(record["out"][3], record["b"])
     np.testing.assert_array_equal(record["any"][0], record["b"])
-
-
-def test_records_begin_with_a_line_of_the_cache():
-    record = lanes_record(4, FIELDS, {})
-    assert record["a"].ctypes.data % 64 == 0

@@ -86,13 +86,11 @@ SIZES = np.array([1e-3, 2e-3, 1e-2, 20.0, 20.0, 1e-3, 1e-3, 0.2, 0.4, 1.0, 150.0
 
 
 def scene_of(layers, machine="paper", **contact):
-    """Return a scene with this many layers and unequal motors."""
     constant = {"drive": Drive(supply_frequency_hz=51.5)}
     return Scene(**constant | SETUPS[machine], material=MATERIALS[layers], contact=Contact(**contact))
 
 
 def record_of(layers, machine):
-    """Return the parameters of a scene at :data:`TIME`."""
     return parameters(scene_of(layers, machine), TIME)
 
 

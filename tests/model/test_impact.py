@@ -27,7 +27,6 @@ def approaching(seed, count=20):
 
 
 def struck(before, p):
-    """Return (state after the impact, impulse, loss)."""
     after = np.empty_like(before)
     impulse, loss = impact(before, after, p)
     return after, impulse, loss
@@ -97,9 +96,6 @@ def test_central_law_has_the_printed_effective_mass(machine, layers, restitution
         k_1 = m_k**4 * np.sin(phi1 - phi2) ** 2 - 2.0 * M * m_k**2 * J_e + M**2 * J_e**2
         k = 2.0 * k_1 / (J_e * (-2.0 + np.cos(2.0 * phi1) + np.cos(2.0 * phi2)) * m_k**2 + 2.0 * M * J_e**2)
         assert impulse == pytest.approx(-(1 + restitution) * before[12] * k * m_w1 / (k + m_w1), rel=1e-13)
-
-
-# -- impacts that accumulate ----------------------------------------------------------------------------
 
 
 def follow(state, accelerations, p):

@@ -8,15 +8,7 @@ import pytest
 from vibroplat import Scene
 from vibroplat.model.accelerations import accelerations, second_derivatives
 from vibroplat.model.equations import jacobian
-from vibroplat.model.motor import (
-    kloss_slope,
-    kloss_torque,
-    motor_powers,
-    motor_torque,
-    net_slope,
-    resistance,
-    torque_rate,
-)
+from vibroplat.model.motor import kloss_slope, kloss_torque, motor_powers, motor_torque, net_slope, torque_rate
 from vibroplat.model.parameters import blank_record, parameters
 from vibroplat.model.systems import SYSTEMS
 
@@ -45,33 +37,11 @@ def test_torque_at_known_slips(direction):
     assert net_slope(0, 0.3, direction * SYNCHRONOUS, p) == pytest.approx(-steepest, rel=1e-13)
 
 
-def test_slope_is_that_over_both_speeds():
-    """Slip speed and critical slip speed: the torque depends on their ratio alone."""
-    steepest = 2.0 * CRITICAL / 24.0
-    for slip in (-40.0, -3.0, 5.0, 24.0, 90.0):
-        slope = kloss_slope(slip, 24.0, CRITICAL)
-        by_slip = central_difference(lambda x, slip=slip: kloss_torque(slip + x, 24.0, CRITICAL), step=0.05)
-        by_critical = central_difference(lambda x, slip=slip: kloss_torque(slip, 24.0 + x, CRITICAL), step=0.05)
-        # step / (s_c ω₀) = 0.002: sixth-order error and round-off are both below 1e-12 of the steepest slope
-        assert (24.0 * slope, -slip * slope) == pytest.approx((by_slip, by_critical), abs=1e-11 * steepest)
-
-
 @pytest.mark.parametrize(("slip", "critical", "torque"), [(30.0, 24.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, CRITICAL)])
 def test_a_switched_off_supply_and_one_of_0_hz_have_no_torque(slip, critical, torque):
     assert kloss_torque(slip, critical, torque) == 0.0
     assert kloss_slope(slip, critical, torque) == 0.0
 
-
-@pytest.mark.parametrize("speed", [-150.0, -0.3, 0.0, 0.3, 150.0])
-def test_resistance_is_against_the_rotation(speed):
-    """The equations have −L_R, so L_R has the sign of the speed."""
-    p, friction = blank_record(), 2e-7
-    p.friction = friction  # without motors
-    assert resistance(speed, friction) == pytest.approx(np.sign(speed) * friction * speed**2, rel=1e-15)
-    assert net_slope(0, 0.0, speed, p) == pytest.approx(-2.0 * friction * abs(speed), rel=1e-15)
-
-
-# -- a supply that changes --------------------------------------------------------------------------------
 
 #: Speeds beyond the synchronous ones, below, at rest, and against them (rad/s).
 SPEEDS = (-210.0, -80.0, -1e-3, 0.0, 1e-3, 95.0, 210.0)
@@ -94,21 +64,6 @@ def test_torque_under_a_rising_supply_is_that_of_the_frequency_then():
         for v in SPEEDS:
             numerical = central_difference(lambda change, i=i, v=v: motor_torque(i, TIME + change, v, p), step=1e-3)
             assert torque_rate(i, TIME, v, p) == pytest.approx(numerical, abs=1e-11 * fastest)
-
-
-def test_rated_frequency_matters_at_others_alone():
-    rated = {"critical_slip": 0.2, "rated_frequency_hz": 50.0}
-    for frequency, same in ((50.0, True), (25.0, False)):
-        with_it, without = (
-            parameters(Scene(motor=motor, drive={"supply_frequency_hz": frequency}))
-            for motor in (rated, {"critical_slip": 0.2})
-        )
-        assert (with_it.slip_speed == without.slip_speed).all() == same
-    # half the frequency: the same slip speed is twice the slip
-    assert with_it.slip_speed == pytest.approx(2.0 * without.slip_speed, rel=1e-15)
-
-
-# -- a supply of 0 Hz -------------------------------------------------------------------------------------
 
 
 def start(frequency=0.0, **motor):
@@ -143,6 +98,3 @@ def test_equations_have_finite_derivatives_at_0_hz(still):
     jac = np.empty((system.size, system.size))
     jacobian(system.index, 0.0, y, yp, 1e3, jac, p)
     assert all(np.isfinite(found).all() for found in (y, yp, ypp, jac))
-
-
-# -- resistance -------------------------------------------------------------------------------------------

@@ -1,7 +1,5 @@
 """Derivatives of the parameters by keys of a scene, and kernels that follow them by a complex step."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.model.equations import rows
 from vibroplat.model.impact import chatter_map, impact
-from vibroplat.model.parameters import IMPACT_LAWS, blank_record, parameters
+from vibroplat.model.parameters import IMPACT_LAWS, parameters
 from vibroplat.model.sensitivity import CHOICES, COMPLEX, IMAGINARY, flat, parameter_direction
 from vibroplat.model.systems import SYSTEMS
 
@@ -37,7 +35,6 @@ KEYS = {
 
 
 def complex_record(p, dp):
-    """Return p + ih dp."""
     found = np.zeros(1, COMPLEX)
     flat(found)[:] = flat(p) + 1j * IMAGINARY * flat(dp)
     for name in CHOICES:
@@ -103,16 +100,6 @@ def test_impact_and_latch_along_state_accelerations_and_restitution(law):
 
     found = after(1j * IMAGINARY, complex_record(p, dp), complex).imag / IMAGINARY
     np.testing.assert_allclose(found, central_difference(shifted, 1e-3), rtol=1e-8, atol=1e-8)
-
-
-def test_supply_frequency_changes_synchronous_and_critical_slip_speeds_alone():
-    scene = scene_of(2).replace({"motors.1.rated_frequency_hz": 60.0})
-    dp = parameter_direction(scene, "drive.supply_frequency_hz")
-    speeds = [2.0 * math.pi / motor.pole_pairs for motor in scene.motors]
-    assert dp.speed == pytest.approx(speeds, rel=1e-13)
-    assert dp.slip_speed == pytest.approx([scene.motors[0].critical_slip * speeds[0], 0.0], rel=1e-13)
-    dp.speed = dp.slip_speed = 0.0
-    assert dp == blank_record()
 
 
 @pytest.mark.parametrize("restitution", [0.0, 1.0])

@@ -4,7 +4,6 @@ import math
 from itertools import product
 
 import numpy as np
-import pytest
 
 from vibroplat import Machine, Scene
 from vibroplat.model.accelerations import accelerations
@@ -21,7 +20,6 @@ SEEDS = range(40)
 
 
 def drawn(seed):
-    """A machine with heavy exciters on long arms."""
     rng = np.random.default_rng(seed)
     return Machine(
         platform_mass_kg=10.0 ** rng.uniform(0.0, 1.0),
@@ -43,19 +41,12 @@ def least_eigenvalue(machine, phi):
     return least
 
 
-@pytest.mark.parametrize("seed", [0, 1, pytest.param(slice(2, None), marks=pytest.mark.long)])
-def test_mass_matrix_is_positive_definite_up_to_the_safe_rotation(seed):
+def test_mass_matrix_is_positive_definite_up_to_the_safe_rotation():
     """The bound is no exaggeration: with small rotors nothing else is left to make up for what J lacks."""
-    seeds = SEEDS[seed] if isinstance(seed, slice) else [seed]
-    machines = [drawn(seed) for seed in seeds]
-    for side in (-1.0, 1.0):
-        assert all(
-            least_eigenvalue(machine, side * Scene(machine=machine).body.safe_rotation) > 0.0 for machine in machines
-        )
-    if len(seeds) > 1:
-        assert any(
-            least_eigenvalue(machine, 1.5 * Scene(machine=machine).body.safe_rotation) < 0.0 for machine in machines
-        )
+    machines = [drawn(seed) for seed in range(12)]
+    safe = [Scene(machine=machine).body.safe_rotation for machine in machines]
+    least = {s: [least_eigenvalue(m, s * most) for m, most in zip(machines, safe, strict=True)] for s in (-1, 1, 1.5)}
+    assert min(least[-1] + least[1]) > 0.0 > min(least[1.5])
 
 
 def test_model_holds_where_the_mass_matrix_is_well_definite_and_nowhere_else():

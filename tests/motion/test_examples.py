@@ -7,13 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from common.places import ROOT
-from common.synchronization import (
-    TURN,
-    influence,
-    net_torques,
-    stable_phases,
-    steady_frequencies,
-)
+from common.synchronization import TURN, influence, stable_phases, steady_frequencies
 from scipy.optimize import brentq
 
 from vibroplat import load_config, simulate
@@ -66,9 +60,6 @@ def test_machines_of_templates_start_from_rest_and_shake_as_such_machines_do(mac
     assert 2.0 < height * (TURN * frequency) ** 2 / scene.machine.gravity_m_per_s2 < 5.0
 
 
-# -- start through resonance ------------------------------------------------------------------------------
-
-
 def test_start_is_captured_at_the_first_root_of_the_torque_balance():
     summary = finished("start-captured").summary
     roots = steady_frequencies(finished("start-captured").scene, math.pi)
@@ -89,9 +80,6 @@ def test_start_passes_with_more_damping():
     assert run.trajectory["y_m"][run.trajectory["t_s"] > 11.0].abs().max() < largest / 5.0
 
 
-# -- coast-down -------------------------------------------------------------------------------------------
-
-
 def test_coast_down_passes_resonance_below_its_amplitude():
     """The amplitude after a fast passage is F/(Mω₀) √(π/2α) (Lewis), with α the rate at which the speed falls there."""
     run = finished("coast-down")
@@ -109,9 +97,6 @@ def test_coast_down_passes_resonance_below_its_amplitude():
     steady = sum(run.scene.unbalances) * natural / machine.damping_y_n_s_per_m
     assert largest == pytest.approx(lewis, rel=0.15)
     assert largest < steady / 4.0
-
-
-# -- one motor off ----------------------------------------------------------------------------------------
 
 
 def follows(run):
@@ -146,9 +131,6 @@ def test_exciter_with_more_resistance_stops():
     assert late["phi1_rate_rad_per_s"].min() > 0.9 * run.scene.speed_scale
 
 
-# -- unequal radii ----------------------------------------------------------------------------------------
-
-
 def test_unequal_radii_shift_the_phase_difference_by_a_small_angle():
     run = finished("unequal-radii")
     omega = TURN * run.summary["excitation_frequency_hz"]
@@ -163,9 +145,6 @@ def test_unequal_radii_shift_the_phase_difference_by_a_small_angle():
     assert shift == pytest.approx(small, rel=0.05)
 
 
-# -- co-rotating exciters ---------------------------------------------------------------------------------
-
-
 def test_co_rotating_exciters_get_in_phase_or_opposite():
     together, opposite = finished("co-rotating-in-phase"), finished("co-rotating-opposite")
     assert abs(phase_of(together)) < 1e-3
@@ -176,22 +155,3 @@ def test_co_rotating_exciters_get_in_phase_or_opposite():
         assert apart(phase_of(run), expected) < 1e-3
     assert together.summary["rms_phi_rad"] < 1e-6 < together.summary["rms_y_m"]
     assert opposite.summary["rms_y_m"] < 1e-6 < opposite.summary["rms_phi_rad"]
-
-
-@pytest.mark.parametrize(("angle", "supply"), [(22.5, 50.0), pytest.param(-40.0, 58.0, marks=pytest.mark.long)])
-def test_phase_of_co_rotating_exciters_on_any_springs(angle, supply):
-    """The stable phase minimizes −(G_x + G_y) cos Δ + p² G_φ cos(Δ − 2γ), with damping by balance of torques."""
-    changes = {
-        "machine.exciter_angle_deg": angle,
-        "machine.damping_y_n_s_per_m": 400.0,
-        "drive.supply_frequency_hz": supply,
-        "run.duration_s": 16.0,
-    }
-    for skew in (0.5, 2.5):
-        run = simulate(example("co-rotating-in-phase", {**changes, "run.initial.phase_difference_rad": skew}))
-        omega = TURN * run.summary["excitation_frequency_hz"]
-        (expected,) = stable_phases(run.scene, omega)
-        assert apart(phase_of(run), expected) < 2e-3
-        assert run.summary["phase_coherence"] > 0.9999
-        first, second = net_torques(run.scene, omega, phase_of(run))
-        assert max(abs(first), abs(second)) < 2e-3

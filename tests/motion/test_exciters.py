@@ -1,18 +1,16 @@
 """Exciters with numbers of their own: equal ones as with the older keys; and motors that are bolted to the platform."""
 
-import numpy as np
 import pytest
 from common.places import QUICKSTART
 from common.results import bits
 
-from vibroplat import Scene, load_config, simulate, sweep
+from vibroplat import Scene, load_config, simulate
 
 ENGINES = ("native", "taylor")
 TURNING = {"native": 1e-10, "taylor": 1e-12}
 
 
 def with_newer_keys(scene):
-    """Write the exciters of a scene with the keys of section exciters."""
     tree = scene.to_tree()
     motor, machine = tree.pop("motor"), tree["machine"]
     own = {name: machine.pop(name) for name in ("unbalance_radius_m", "rotor_inertia_kg_m2")}
@@ -20,11 +18,9 @@ def with_newer_keys(scene):
     return Scene.from_tree(tree)
 
 
-def test_runs_and_sweeps_of_equal_exciters_are_bit_for_bit_the_same(quickstart):
-    plan = {"supply_frequency_hz": {"start": 50.0, "stop": 50.5, "step": 0.5, "direction": ["up"]}, "grid": {}}
-    plan |= {"settle_by": "section", "max_settle_s": 0.3, "measure_s": 0.05, "lyapunov": False}
+def test_runs_of_equal_exciters_are_bit_for_bit_the_same(quickstart):
     contact = {"material": {"mass_ratio": 0.1, "layers": 1}, "contact.restitution": 0.5}
-    old = quickstart.replace({**contact, "run.duration_s": 0.5, "run.perturbation": 0.01, "sweep": plan})
+    old = quickstart.replace({**contact, "run.duration_s": 0.5, "run.perturbation": 0.01})
     new = with_newer_keys(old)
     assert (old.exciters, new.motor, new.motors) == (None, None, None)
     first, second = simulate(old), simulate(new)
@@ -32,31 +28,6 @@ def test_runs_and_sweeps_of_equal_exciters_are_bit_for_bit_the_same(quickstart):
     assert bits(first.trajectory) == bits(second.trajectory)
     assert bits(first.events) == bits(second.events)
     assert first.summary | {"wall_s": 0} == second.summary | {"wall_s": 0}
-    assert bits(sweep(old).sweep) == bits(sweep(new).sweep)
-
-
-def test_mirrored_machine_moves_in_a_mirror(quickstart):
-    """Both exciters turned the other way are the machine seen from behind: x and φ change their signs."""
-    numbers = [{"unbalance_radius_m": 0.09}, {"unbalance_radius_m": 0.08, "critical_slip": 0.2}]
-    rotations = ["counter-clockwise", "clockwise"]
-    seen = quickstart.replace(
-        exciters=[n | {"rotation": r} for n, r in zip(numbers, rotations, strict=True)],
-        run={"duration_s": 0.5, "initial": {"phi1_rad": 0.3, "phase_difference_rad": 2.0}},
-    ).replace({"solver.tolerance": 1e-10})
-    # angles from the horizontal: φ becomes π − φ, and the exciters change places
-    behind = quickstart.replace(
-        exciters=[n | {"rotation": r} for n, r in zip(numbers[::-1], rotations, strict=True)],
-        run={
-            "duration_s": 0.5,
-            "initial": {"phi1_rad": np.pi - (2.0 - 0.3), "phase_difference_rad": -2.0 + 2.0 * np.pi},
-        },
-    ).replace({"solver.tolerance": 1e-10})
-    times = np.linspace(0.0, 0.5, 101)
-    one, other = (simulate(scene)(times) for scene in (seen, behind))
-    for name, sign in (("x_m", -1.0), ("y_m", 1.0), ("phi_rad", -1.0), ("gap_m", 1.0)):
-        np.testing.assert_allclose(other[name], sign * one[name], atol=1e-6 * np.abs(one[name]).max(), err_msg=name)
-    np.testing.assert_allclose(np.pi - other["phi1_rad"], one["phi2_rad"], atol=1e-6)
-    assert np.abs(one["x_m"]).max() > 1e-5
 
 
 def test_phase_difference_of_co_rotating_exciters_is_that_of_their_angles(quickstart):
@@ -100,15 +71,3 @@ def test_a_free_platform_turns_against_its_rotors(mounts, engine):
     against = [inertias @ (state[[3, 4]] - begun), inertias @ state[[10, 11]]]
     assert turned == pytest.approx([-one for one in against], rel=1e-8, abs=1e-14)
     assert abs(state[9]) > 0.3 if "deck" in mounts else state[9] == 0.0
-
-
-def test_engines_agree_and_the_balance_of_energy_holds_where_the_deck_rocks():
-    """In a start, where torques are large; the moment into the foundation has them, and is another."""
-    changes = {"run.initial": {"speed_ratio": 0.5, "phase_difference_rad": 2.0}}
-    runs = [simulate(scene_of(engine, ("deck", "deck"), **changes)) for engine in ENGINES]
-    first, second = (run.final_state for run in runs)
-    assert first == pytest.approx(second, rel=1e-6, abs=1e-8 * np.abs(second).max())
-    assert max(run.summary["energy_residual"] for run in runs) < 1e-8
-    ground = simulate(scene_of("taylor", ("ground", "ground"), **changes))
-    moment, other = (run.summary["whole_foundation_moment_max_n_m"] for run in (runs[1], ground))
-    assert abs(moment / other - 1.0) > 0.01

@@ -60,17 +60,6 @@ def test_a_motion_that_ended_early_has_none(scene):
         variation(storm)
 
 
-def test_keys_that_cannot_be_varied_are_refused(scene):
-    for keys, told in (
-        ("contact.model", "contact.model = impact cannot be varied; allowed: a key of this scene with a continuous"),
-        ("run.duration_s", "run.duration_s = 0.2 cannot be varied; allowed: "),
-    ):
-        for ask in (variation, simulate):
-            with pytest.raises(ConfigError) as caught:
-                ask(scene, **{"keys" if ask is variation else "variation": keys})
-            assert str(caught.value).startswith(told)
-
-
 def test_keys_of_the_supply_cannot_be_varied_under_a_program(scene):
     key = "motor.critical_torque_n_m"
     moved = scene.replace(drive={"program": [{"t_s": 0.0, "supply_frequency_hz": 50.0}]})

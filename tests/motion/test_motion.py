@@ -38,7 +38,6 @@ def scene(request, quickstart):
 
 
 def events_of(scene, until=None):
-    """Events of an undisturbed motion, records."""
     events = Recorder(scene, "events")
     with motion_of(scene) as motion:
         motion.to_time(until or scene.run.duration_s, [events])
@@ -48,9 +47,6 @@ def events_of(scene, until=None):
 def assert_alike(rows, others, within=STOPPED):
     assert [KINDS[k] for k in rows["kind"]] == [KINDS[k] for k in others["kind"]]
     assert np.abs(rows["t"] - others["t"]).max(initial=0.0) <= within
-
-
-# -- to the section ---------------------------------------------------------------------------------------
 
 
 def test_points_of_the_section_are_met_exactly_one_after_the_other(scene):
@@ -112,12 +108,7 @@ def test_parts_of_a_motion_add_up(scene):
     assert np.abs(work - expected).max() <= 1e-6 * np.abs(expected).max()
 
 
-# -- observers --------------------------------------------------------------------------------------------
-
-
 class Counter:
-    """Counts steps and events, and adds up how long they take."""
-
     def __init__(self):
         self.steps = self.events = self.chatters = 0
         self.seconds = 0.0

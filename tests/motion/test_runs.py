@@ -3,23 +3,11 @@
 import math
 from pathlib import Path
 
-import pandas as pd
 import pytest
 from common.known import ball_on_table
 
 from vibroplat import load_config, simulate
-from vibroplat.config.coordinates import Mode
 from vibroplat.model.parameters import parameters
-from vibroplat.model.systems import systems
-
-
-def test_two_runs_of_one_scene_are_bit_identical(quickstart):
-    scene = quickstart.replace({"contact.restitution": 0.5, "run.duration_s": 0.6})
-    first, second = simulate(scene), simulate(scene)
-    pd.testing.assert_frame_equal(first.trajectory, second.trajectory, check_exact=True)
-    pd.testing.assert_frame_equal(first.events, second.events, check_exact=True)
-    same = [k for k in first.summary if k != "wall_s"]
-    assert [first.summary[k] for k in same] == [second.summary[k] for k in same]
 
 
 def test_means_are_of_whole_periods_wherever_a_run_ends(quickstart):
@@ -36,34 +24,6 @@ def test_means_are_of_whole_periods_wherever_a_run_ends(quickstart):
     assert restless["period"] == 0
 
 
-def test_a_scene_has_only_the_unknowns_it_needs(quickstart):
-    for changes, sizes in (
-        ({"material.mass_ratio": 0.0}, {Mode.BARE: 10}),
-        ({"contact.model": "non-impact"}, {Mode.BARE: 10}),
-        ({"material.layers": 1}, {Mode.ATTACHED: 11, Mode.FLIGHT: 12}),
-        ({}, {Mode.ATTACHED: 13, Mode.FLIGHT: 14}),
-    ):
-        assert {mode: system.size for mode, system in systems(quickstart.replace(changes)).items()} == sizes
-
-
-def test_non_impact_damping_equals_a_damper(quickstart):
-    scene = quickstart.replace({"run.duration_s": 0.3})
-    beta = scene.replace({"contact": {"model": "non-impact", "viscous_per_mass_per_s": 20.0}})
-    damper = scene.replace(
-        {
-            "material.mass_ratio": 0.0,
-            "machine.damping_y_n_s_per_m": 400.0 + 20.0 * scene.material_mass,
-        }
-    )
-    run = simulate(beta)
-    pd.testing.assert_frame_equal(run.trajectory, simulate(damper).trajectory)
-    assert run.summary["events"] == 0
-    assert "contact_force_n" not in run.trajectory
-
-
-# -- outcomes -------------------------------------------------------------------------------------------
-
-
 def test_state_without_finite_accelerations_is_named(quickstart, monkeypatch):
     def broken(scene):
         p = parameters(scene)
@@ -78,9 +38,6 @@ def test_state_without_finite_accelerations_is_named(quickstart, monkeypatch):
     assert run.trajectory.empty
     assert run.summary["detail"].startswith("there are no finite accelerations; mode attached, ")
     assert "t = 0 s, state [0, " in run.summary["detail"]
-
-
-# -- memory ---------------------------------------------------------------------------------------------
 
 
 def test_a_long_bare_run_is_restarted_seldom(printed):

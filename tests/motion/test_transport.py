@@ -46,9 +46,7 @@ def test_reference(name, engine, tolerance, error, seconds):
 
 @pytest.mark.parametrize(("engine", "tolerance", "least"), [
     ("taylor", 1e-12, 1e-12),
-    ("taylor", 1e-6, 1e-12),
     ("native", 1e-9, 1e-9),
-    ("native", 1e-6, 1e-6),
 ])  # fmt: skip
 @pytest.mark.parametrize("layers", [1, 2])
 def test_symmetric_antiphase_conveys_nothing(engine, tolerance, least, layers):
@@ -117,6 +115,16 @@ def test_both_engines_agree_and_balance(changes):
     assert one.summary["contact_pull_n"] < 1e-6
 
 
+def test_slow_impacts_of_sliding_material_stick():
+    scene = load_config(REFERENCES / f"{NAMES[0]}.yaml")
+    run = simulate(scene.replace({"contact": {"restitution": 0.4, "sticking_speed_m_per_s": 0.3}}))
+    impacts = run.events[run.events["kind"] == "impact"]
+    before, after = impacts["gap_rate_before_m_per_s"], impacts["gap_rate_after_m_per_s"]
+    slow = before > -0.3
+    assert min(slow.sum(), (~slow).sum()) > 2
+    np.testing.assert_allclose(after, np.where(slow, 0.0, -0.4 * before), rtol=1e-12)
+
+
 @pytest.mark.parametrize(("changes", "told"), [
     ({"material.mass_ratio": 0.0}, "material.mass_ratio = 0.0 does not go with transport; allowed: more than 0"),
     ({"contact.model": "non-impact"}, "contact.model = non-impact does not go with transport; allowed: impact"),
@@ -140,14 +148,7 @@ def test_orbits_are_refused_in_one_line():
 
 #: Throw index, from the stroke along y, and conveying speed over the amplitude of the velocity along x, of a feeder
 #: with a line of action of 30°, mass ratio 0.2 and friction 0.4, by an independent computation; and the radius.
-FEEDER = [
-    (0.006, 0.25, 0.07),
-    (0.0215, 0.94, 0.49),
-    (0.0397, 1.77, 0.56),
-    (0.0481, 2.26, 0.79),
-    (0.057, 2.77, 0.95),
-    (0.0664, 3.3, 0.99),
-]
+FEEDER = [(0.0215, 0.94, 0.49), (0.0481, 2.26, 0.79), (0.0664, 3.3, 0.99)]
 
 
 def test_speed_of_a_feeder_over_its_throw_index():

@@ -10,7 +10,7 @@ and Kruyt, Powder Technology 87, 1996).
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -75,11 +75,9 @@ class Deck:
         return own - fallen - (self.moved(t, 0, normal=True) - self.moved(since, 0, normal=True))
 
     def gap_rate(self, t, since, rate):
-        """Return its rate."""
         return rate - self.gravity * (t - since) - self.moved(t, 1, normal=True) + self.moved(since, 1, normal=True)
 
     def pressing(self, t):
-        """Return the contact force over the block's mass."""
         return self.gravity + self.moved(t, 2, normal=True)
 
     def needed(self, t):
@@ -142,7 +140,6 @@ def closed_form(deck):
 
 
 def rates_at(deck, pieces, times):
-    """Return rate and place of the block at times."""
     begins = [piece[0] for piece in pieces]
     found = []
     for t in times:
@@ -218,31 +215,6 @@ def test_a_block_moves_as_by_closed_forms(name):
     there = run(times)
     np.testing.assert_allclose(there["along_rate_m_per_s"], rate, rtol=0.0, atol=ERROR * deck.speed)
     np.testing.assert_allclose(there["along_m"], place, rtol=0.0, atol=ERROR * deck.speed / OMEGA)
-
-
-#: Decks on which the block comes to a stick in each period, or lands without a slip.
-SPEEDS = {
-    "slides forth": Deck(along=0.7, normal=0.6, turns=6.0),
-    "slides back": Deck(along=0.6, normal=0.5, normal_phase=0.5 * math.pi, turns=6.0),
-    "slides down": Deck(along=0.8, normal=0.6, decline=0.1, turns=6.0),
-    "slides and is thrown": Deck(along=1.5, normal=1.3, friction=0.5, turns=6.0),
-    "lands sticking": Deck(along=0.8, normal=1.6, friction=0.5, turns=6.0),
-    "is thrown far": Deck(along=2.0, normal=2.5, friction=0.4, turns=6.0),
-}
-
-
-@pytest.mark.parametrize("name", SPEEDS)
-def test_mean_speed_of_a_periodic_motion(name):
-    """Where the block sticks it has forgotten its start: a motion from another one goes as fast as closed forms say."""
-    deck = SPEEDS[name]
-    period = np.array([deck.duration - 1.0 / FREQUENCY, deck.duration])
-    events, pieces = closed_form(deck)
-    begin, end = [t for t, kind in events if kind == events[-1][1]][-2:]
-    assert end - begin == pytest.approx(1.0 / FREQUENCY, rel=ERROR)
-    known = np.diff(rates_at(deck, pieces, period)[1])[0]
-    found = np.diff(moved(replace(deck, slip=0.3))(period)["along_m"])[0]
-    assert FREQUENCY * abs(found - known) <= ERROR * deck.along * GRAVITY / OMEGA
-    assert (known < 0.0) == (name == "slides back")
 
 
 @pytest.mark.parametrize("throw", [math.sqrt(1.0 + math.pi**2), 2.0])

@@ -41,16 +41,10 @@ def test_energy_residual_needs_the_truncation_term(printed):
     assert abs(summary["truncation_work_j"]) > 1e3 * abs(summary["energy_residual_j"])
 
 
-# -- momentum --------------------------------------------------------------------------------------------
-
-
 def test_printed_law_loses_the_upper_layers_momentum(quickstart):
     changes = {"contact.impact_law": "printed", "contact.restitution": 0.5}
     summary = simulate(quickstart.replace(changes), keep="summary").summary
     assert summary["momentum_residual"] > 1e-4
-
-
-# -- motions that do not keep their balances ------------------------------------------------------------
 
 
 def with_angle(scene, angle):
@@ -107,9 +101,6 @@ def test_honest_runs_at_coarse_tolerances_stay_well_within_the_limits():
         assert inaccuracy(doubled, scene) == "", path.stem
 
 
-# -- the noise of the contact force ---------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("mass_ratio", "share", "frequency"), [(0.2, 0.75, 18.5), (1e-6, 1e-6, 1e4), (0.2, 1e-6, 18.5)]
 )
@@ -133,7 +124,3 @@ def test_small_forces_are_not_clipped(runs):
     falls = table[table["t_s"].isin(events["t_s"][events["kind"] == "liftoff"]) & (table["mode"] == "attached")]
     assert len(falls) > 1
     assert (falls["contact_force_n"] != 0.0).any()
-
-
-def test_scene_without_contact_has_no_noise_of_its_force(runs):
-    assert runs["bare"].summary["contact_force_noise_n"] is None

@@ -130,21 +130,13 @@ def test_a_run_with_impacts_by_hand_and_by_both_engines(quickstart):
     assert summary["acceleration_max_m_per_s2"] > summary["gamma"] * 9.81 > 20.0
 
 
-def test_accelerations_are_those_of_the_equations(quickstart):
-    """Differences of the velocity in contact, where it is smooth."""
-    changes = {"drive.supply_frequency_hz": 44.0, "run.duration_s": 0.4, "solver.tolerance": 1e-11}
+def test_accelerations_are_the_largest_of_those_in_the_columns(quickstart):
+    changes = {"drive.supply_frequency_hz": 44.0, "run.duration_s": 0.4, "output.accelerations": True}
     run = simulate(quickstart.replace({**changes, "solver.engine": "taylor", **POINTS}))
-    begin, end = (run.summary[f"measured_{name}_s"] for name in ("from", "to"))
-    assert not run.events["t_s"].between(0.2, 0.4).any()
-    times, step = np.linspace(begin, end, 40_001), 2e-5
-    ahead, behind = run(times + step), run(times - step)
-    a = {
-        q: ((ahead[f"{q}_rate_{unit}"] - behind[f"{q}_rate_{unit}"]) / (2.0 * step)).to_numpy()
-        for q, unit in (("x", "m_per_s"), ("y", "m_per_s"), ("phi", "rad_per_s"))
-    }
-    assert run.summary["gamma"] == pytest.approx(np.abs(a["y"]).max() / 9.81, rel=2e-6)
-    for name, (x, y) in run.scene.named_points.items():
-        size = np.hypot(a["x"] - y * a["phi"], a["y"] + x * a["phi"]).max()
+    at = run(np.linspace(run.summary["measured_from_s"], run.summary["measured_to_s"], 40_001))
+    assert run.summary["gamma"] == pytest.approx(at["acceleration_y_m_per_s2"].abs().max() / 9.81, rel=2e-6)
+    for name in run.scene.named_points:
+        size = np.hypot(*(at[f"acceleration_{axis}_{name}_m_per_s2"] for axis in "xy")).max()
         assert run.summary[f"acceleration_max_{name}_m_per_s2"] == pytest.approx(size, rel=2e-6)
 
 
@@ -184,26 +176,8 @@ def test_a_start_from_rest_and_a_stop(quickstart):
 
 
 #: Scenes, their motors if these differ, and whether the exciters are in step at last. At 65.5 Hz antiphase is unstable.
-#: Those that pass slowly turn by 0.01 rad/s until 13 s, and by 0.14 rad/s on average over 1200 s.
 PAIRS = {
     "drifting": ({"drive.supply_frequency_hz": 90.0, "run.duration_s": 4.1}, ((1.2, 1e-5), (0.2, 2e-4)), False),
-    "slowly passing": (
-        {
-            "drive.supply_frequency_hz": 67.27464806678952,
-            "run.duration_s": 5.0,
-            "run.initial": {"phase_difference_rad": 1.9903850153025036, "speed_ratio": 0.6235275775481482},
-            "exciters.0.critical_torque_n_m": 0.44941681190205307,
-            "exciters.0.friction_radius_m": 3.651147695248507e-05,
-            "exciters.0.unbalance_mass_kg": 0.02631587775008642,
-            "exciters.0.position_m": [0.13288946711812866, 0.060066724381132516],
-            "exciters.1.critical_torque_n_m": 0.5536209709114368,
-            "exciters.1.friction_radius_m": 1.2126583215667421e-05,
-            "exciters.1.unbalance_mass_kg": 0.058535435332863026,
-            "exciters.1.position_m": [-0.13849515770234377, 0.052956195883551146],
-        },
-        (),
-        False,
-    ),
     "leaving antiphase": ({"drive.supply_frequency_hz": 65.5, "material.mass_ratio": 0.1}, (), False),
     "off": ({"motor.critical_torque_n_m": 0.0, "run.duration_s": 1.0}, (), False),
     "in step": ({"drive.supply_frequency_hz": 60.0, "run.duration_s": 4.0}, (), True),

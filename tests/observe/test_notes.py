@@ -25,9 +25,6 @@ def of_motion(scene, **changes):
     return simulate(scene.replace(changes), keep="summary").notes
 
 
-# -- rotation -------------------------------------------------------------------------------------------
-
-
 def test_a_platform_that_turns_far_is_noted(quickstart):
     far = [
         "the platform turns by up to 0.15 rad, over 0.1 rad: inaccurate in a model of first order in phi, and less "
@@ -37,9 +34,6 @@ def test_a_platform_that_turns_far_is_noted(quickstart):
         state = {"phi_rad": phi, "phi1_rate_rad_per_s": 160.0, "phi2_rate_rad_per_s": -160.0}
         found = of_motion(quickstart, **{"run.initial.state": state, "run.duration_s": 0.2})
         assert [note for note in found if note.startswith("the platform")] == notes
-
-
-# -- capture --------------------------------------------------------------------------------------------
 
 
 def test_motors_that_a_resonance_captures_are_noted(printed):

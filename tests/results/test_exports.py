@@ -30,11 +30,7 @@ def written(tmp_path):
 def test_a_workbook_has_tables_documents_and_what_columns_mean(written, runs, tmp_path):
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.load_workbook(written("xlsx") / "sweep.xlsx")
-    assert [*book["sweep"].iter_rows(values_only=True)] == [
-        tuple(TABLE),
-        (0.1, "chaotic", 1, 3),
-        (None, None, 2, None),
-    ]
+    assert [*book["sweep"].iter_rows(values_only=True)] == [tuple(TABLE), (0.1, "chaotic", 1, 3), (None, None, 2, None)]
     assert [*book["told"].iter_rows(values_only=True)] == [("a_m", 0.5, "m"), ("b", None, None)]
     runs["bare"].save(tmp_path / "run", "xlsx")
     book = openpyxl.load_workbook(tmp_path / "run" / "run.xlsx")

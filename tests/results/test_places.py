@@ -10,7 +10,6 @@ from vibroplat.results.result import Answer, Result
 
 @pytest.fixture
 def home(runs, tmp_path):
-    """A directory with a run in the place of its command."""
     runs["two layers"].save(tmp_path / "rig/run")
     return tmp_path / "rig"
 

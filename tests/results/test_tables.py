@@ -31,7 +31,6 @@ OLD, NEW = pd.DataFrame({"v": [1.0, 2.0]}), pd.DataFrame({"v": [3.0]})
 
 @pytest.fixture(scope="module", params=["two layers", "bare", "bouncing"])
 def finished(request, runs):
-    """Each of the finished runs in turn."""
     return runs[request.param]
 
 
@@ -39,12 +38,7 @@ def files(directory):
     return sorted(path.name for path in directory.iterdir())
 
 
-# -- writing --------------------------------------------------------------------------------------------
-
-
 def write_half(reason):
-    """A writer that leaves half a file and raises."""
-
     def write(_, target, **_options):
         if isinstance(target, Path):  # a writer of Parquet has its file open
             target.write_text("half a tab")
@@ -204,9 +198,6 @@ def test_directory_in_place_of_a_table_is_told_in_a_line(form, tmp_path):
     assert files(tmp_path) == [f"table.{form}"]
 
 
-# -- reading --------------------------------------------------------------------------------------------
-
-
 def test_missing_tables_are_told_in_a_line(tmp_path):
     with pytest.raises(TableError) as caught:
         read_table(tmp_path, "trajectory")
@@ -235,8 +226,6 @@ def test_damaged_file_is_told_in_a_line(name, tmp_path):
         assert str(caught.value).startswith(f"{path} cannot be read: ")
         assert len(str(caught.value).splitlines()) == 1
 
-
-# -- the tables of a run --------------------------------------------------------------------------------
 
 PLATFORM = ["x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad"]
 PLATFORM_RATES = [
@@ -302,9 +291,6 @@ def test_odd_sample_rates_keep_the_ends(runs):
     inside = np.setdiff1d(times[1:-1], run.events["t_s"])
     np.testing.assert_array_equal(inside, np.arange(1, np.ceil(0.25 * rate)) / rate)
     assert (times[0], times[-1]) == (0.0, 0.25)
-
-
-# -- dense output ---------------------------------------------------------------------------------------
 
 
 def test_dense_output_equals_the_table_on_the_grid_and_before_events(finished):

@@ -96,7 +96,6 @@ def _scene(number, turns, engine):
 
 
 def _steps(scene, seconds):
-    """How many steps a motion takes for a time."""
     with motion_of(scene) as motion:
         motion.to_time(seconds)
         return motion.engine.work["steps"]
@@ -237,9 +236,6 @@ def _multipliers(scene, state):
     return {"orbit": found.sequence, "stable": found.stable, "multipliers_off": float(max(off, default=0.0))}
 
 
-# -- as a program -----------------------------------------------------------------------------------------
-
-
 def write_part(folder, part):
     """Write the table of a part of all scenes, all of it or nothing."""
     unfinished = folder / f".{part:06}.parquet"
@@ -273,7 +269,6 @@ def report(folder):
 
 
 def main():
-    """Run what is missing of a campaign, and report."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--scenes", type=int, default=0)

@@ -90,10 +90,7 @@ def response(scene):
     stiffness, damping = scene.layer_spring
     coupling = m2 * (stiffness + 1j * OMEGA * damping)
     support = machine.stiffness_y_n_per_m + 1j * OMEGA * scene.damping_y
-    matrix = [
-        [support - OMEGA**2 * (scene.body.mass + m1), -coupling],
-        [-(OMEGA**2) * m2, coupling - OMEGA**2 * m2],
-    ]
+    matrix = [[support - OMEGA**2 * (scene.body.mass + m1), -coupling], [-(OMEGA**2) * m2, coupling - OMEGA**2 * m2]]
     y, upper = np.linalg.solve(np.array(matrix), [sum(scene.unbalances) * OMEGA**2, 0.0])
     return {
         "y_m": (-(scene.body.mass + m1 + m2) * GRAVITY / machine.stiffness_y_n_per_m, y),

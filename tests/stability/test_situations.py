@@ -119,9 +119,6 @@ def test_a_residual_that_a_finer_run_keeps_is_no_error_of_steps(again, left, mon
     assert (found.keys(), beyond) == (left, 0.0 if left else 8.0)
 
 
-# -- the checks themselves ------------------------------------------------------------------------------
-
-
 def test_what_is_beyond_its_limit_is_a_failure():
     found = row("a", "ok", {"small": (1.0, 2.0), "large": (3.0, 2.0)})
     assert (found["failed"], found["worst"], found["share"]) == ("large 3.0, allowed 2", "large", 1.5)

@@ -63,7 +63,6 @@ def moving(number):
 
 
 def judged_moving(number, engine):
-    """Run a scene; return its row."""
     scene = with_engine(moving(number), engine)
     run = simulate(scene)
     limits = sound(scene, run.summary)

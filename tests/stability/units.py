@@ -71,7 +71,6 @@ def unit(dimensions, factors):
 
 
 def converted(node, factors, key=""):
-    """Return the tree of a scene in other units."""
     if isinstance(node, dict):
         return {k: converted(v, factors, k) for k, v in node.items()}
     if isinstance(node, list):
