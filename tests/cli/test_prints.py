@@ -255,14 +255,14 @@ def test_times_count_from_when_motors_were_switched(runs):
     scene, later = run.scene.replace({"drive.program": program}), {"measured_from_s": 10.0, "measured_to_s": 20.0}
     peaks = {"whole_stroke_y_at_s": 0.6, "whole_foundation_force_y_max_at_s": 5.25, "synchronized_at_s": 5.5}
     lines = short_lines(Sheet(scene, run.summary | later | peaks))
-    assert lines[0].endswith(" at 0.600 s in the start")
+    assert " at 0.600 s in the start" in lines[0]
     assert lines[2].endswith(" 0.250 s after motor 2 off")
     assert next(line for line in lines if line.startswith("in step again")).split()[3:] == (
         ["0.500", "s", "after", "motor", "2", "off"]
     )
     stop = run.scene.replace({"drive.program": [program[0] | {"off": True}]})
     lines = short_lines(Sheet(stop, run.summary | {"begins_s": 20.0, "whole_stroke_y_at_s": 31.0}))
-    assert lines[1].endswith(" 11.0 s after off")
+    assert " 11.0 s after off" in lines[1]
     still = run.summary | {"measured_turns": 0}
     assert Sheet(stop, still).groups["Synchronization"][0].now == "no whole turn"
     assert "largest " in next(fact for fact in Sheet(stop, still).facts() if fact.startswith("stroke"))
@@ -273,7 +273,7 @@ def test_torques_are_relative_to_the_rated_ones_of_motors_with_a_nameplate(runs)
     plate = {"rated_power_w": 3000.0, "rated_speed_rpm": 1455.0, "breakdown_ratio": 2.5, "rated_frequency_hz": 50.0}
     motors = run.scene.replace({"motor": plate})
     lines = short_lines(Sheet(motors, run.summary | {"torque_ratio_1": 0.2, "torque_ratio_2": 0.1}))
-    assert any(line.endswith("; 20 % of critical, 50 % of rated torque") for line in lines)
+    assert any(line.endswith("; 50 % of rated torque") for line in lines)
     assert any(line.endswith(" % of critical torque") for line in short_lines(Sheet(run.scene, run.summary)))
 
 
@@ -305,7 +305,7 @@ def test_what_is_nothing_is_0_and_what_is_missing_is_left_out(runs):
     run = runs["two layers"]
     small = {"stroke_x_m": 1e-9, "foundation_force_x_max_n": 0.01}
     lines = short_lines(Sheet(run.scene, run.summary | small | {"whole_foundation_force_x_max_n": 0.02}))
-    assert " x 0; largest " in lines[0]
+    assert lines[0].endswith("; x 0")
     assert not [line for line in lines if line.startswith("foundation, x")]
     (line,) = (line for line in short_lines(Sheet(run.scene, run.summary | small)) if line.startswith("foundation, x"))
     assert line.split()[2:4] == ["0", "largest"], "a start has forces that operation has not"

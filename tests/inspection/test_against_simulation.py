@@ -7,9 +7,11 @@ tells; half an hour.
 import numpy as np
 import pytest
 
-from inspection.machines import machine, settled
+from inspection.machines import STARTS as FROM_REST
+from inspection.machines import machine, rocking, settled
 from vibroplat import find, load_config, simulate, sweep
 from vibroplat.config.reader import configurations
+from vibroplat.inspection.linear import natural_speeds
 
 pytestmark = pytest.mark.campaign
 CONFIGS = configurations()
@@ -87,6 +89,22 @@ def test_sweep_of_the_quickstart():
             right += row["sync"] in names
         print(f"\nmass ratio {ratio:g}: {right} of {len(rows)} points right")
         assert right >= (0.95 if ratio == 0.0 else 0.85) * len(rows)
+
+
+def test_how_starts_end():
+    """A start that is told to pass does with each seed; one that may be captured is with some."""
+    counts = {}
+    for scene in [*(machine(number).replace(FROM_REST) for number in range(60)), *map(rocking, range(40))]:
+        resonances = natural_speeds(scene)
+        highest = resonances[resonances < min(scene.synchronous_speeds)].max(initial=0.0) / (2.0 * np.pi)
+        summaries = [simulate(scene.replace({"run.seed": n}), keep="summary").summary for n in range(20)]
+        slowest = [one["excitation_frequency_hz"] - 0.5 * abs(one["frequency_split_hz"]) for one in summaries]
+        counts.setdefault(scene.inspect()["start"], []).append(sum(speed <= highest for speed in slowest))
+    for start, captured in counts.items():
+        print(f"\n{start}: {len(captured)} machines, captured {captured} of 20")
+    assert not any(counts["passes"] + counts["barely passes"])
+    assert np.mean(np.array(counts["may be captured"]) > 0) >= 0.9
+    assert np.mean(counts["is likely captured"]) >= 0.9 * 20
 
 
 @pytest.mark.parametrize("name", list(STARTS))

@@ -102,8 +102,7 @@ def test_a_start_is_captured_below_the_torque_that_passes():
     assert ends[0] == pytest.approx([30.8, 30.8], abs=0.2)
     assert (ends[1] > 32.0).all()
     assert (found["passage_axis"], found["passage_frequency_hz"]) == ("y", pytest.approx(30.85, abs=0.01))
-    assert "a start may be captured at 30" in str(found).splitlines()[0]
-    assert 0.5 < found["captured_share"] < 1.0
+    assert "a start may be captured below 30.8 Hz" in str(found).splitlines()[0]
 
 
 #: 0.4 t with motors at its ends: an angular resonance at 21.7 Hz, below 25 Hz.
@@ -133,15 +132,19 @@ def ends():
 
 
 def test_a_start_passes_only_if_it_does_with_every_lag_on_the_way(ends, kernels):
-    """A resonance of the other motion captures some: of runs with seeds 0 and 1 the second stays at 20.4 Hz."""
+    """A resonance of the other motion captures some: of runs with seeds 0 and 1 the second stays at 20.4 Hz.
+
+    How many of the averaged starts are captured is not told: of runs it is another share, as they hang at first.
+    """
     scene, found = Scene.from_tree(ENDS), ends
-    runs = [simulate(scene.replace({"run.seed": seed})).summary["excitation_frequency_hz"] for seed in (0, 1)]
-    assert runs == pytest.approx([found["excitation_frequency_hz"], found["captured_frequency_hz"]], rel=2e-3)
-    assert (found["expected"], found["captured_sync"], found["passage_axis"]) == ("antiphase", "in-phase", "phi")
-    assert "a start may be captured at 20.4 Hz" in str(found).splitlines()[0]
-    assert "captures 7 of 12 averaged starts (in-phase, 20.4 Hz)" in str(found)
+    first, second = (simulate(scene.replace({"run.seed": n})).summary["excitation_frequency_hz"] for n in (0, 1))
+    assert first == pytest.approx(found["excitation_frequency_hz"], rel=2e-3)
+    assert second < found["passage_frequency_hz"] == pytest.approx(21.7, abs=0.05)
+    assert (found["expected"], found["start"], found["passage_axis"]) == ("antiphase", "may be captured", "phi")
+    assert "a start may be captured below 21.7 Hz" in str(found).splitlines()[0]
+    assert "12" not in str(found).partition("to pass")[2].partition("\n")[0]
     strong = scene.replace({"exciters.N.rated_power_w": 3000}).inspect()
-    assert (strong["captured_share"], "a start passes" in str(strong)) == (0.0, True)
+    assert (strong["start"], "a start passes" in str(strong)) == ("passes", True)
 
 
 def test_the_resonances_of_the_expected_motion_are_told(ends):
@@ -160,7 +163,7 @@ def test_weak_damping_hardly_changes_what_is_expected(damping):
     scene = load_config(CONFIGS / "templates" / "heavy-screen.yaml", {"material.mass_ratio": 0.0})
     keys = [f"damping_{axis}" for axis in ("x_n_s_per_m", "y_n_s_per_m", "phi_n_m_s_per_rad")]
     weak = scene.replace({f"machine.{key}": damping * getattr(scene.machine, key) for key in keys}).inspect()
-    assert (weak["expected"], weak["captured_share"]) == ("antiphase", 0.0)
+    assert (weak["expected"], weak["start"]) == ("antiphase", "passes")
     assert 0.02 < weak["passage_ratio"] < 0.3
 
 
@@ -189,9 +192,11 @@ def test_loaded_templates_as_simulated(name, stroke, throw, force):
     {"material": {"mass_ratio": 0.1, "layers": 1}, "transport": {"friction": 0.4, "deck_angle_deg": 5.0}},
     {"name": "m" * 100, "machine.gravity_m_per_s2": 0.0, "drive.supply_frequency_hz": 20.0},
 ])  # fmt: skip
-def test_twelve_lines_for_every_machine(changes):
-    lines = str(Scene().replace(changes).inspect()).splitlines()
-    assert len(lines) == 12
+def test_at_most_twelve_lines_for_every_machine(changes):
+    found = Scene().replace(changes).inspect()
+    lines = str(found).splitlines()
+    assert len(lines) <= 12
+    assert bool(found.answer.notes) == bool(re.search(r"note: |notes?: -v|\(-v\)|more: -v", lines[-1]))
     assert all(len(line) <= 110 and not re.search(r"\b(nan|inf)\b", line) for line in lines), lines
 
 
@@ -238,8 +243,8 @@ def test_a_start_is_judged_before_the_motors_go_off():
     found = scene.replace(drive={"program": [*supply, {"t_s": 4, "off": True}]}).inspect()
     assert found["passage_ratio"] < 0.2
     lines = str(found).splitlines()
-    assert lines[0].endswith("until motors off at 4.00 s")
-    assert "a start passes" in lines[9]
+    assert "; a start passes; until off at 4.00 s; far above" in lines[0]
+    assert "to pass" in lines[7]
     ramp = [{"t_s": 0.0, "supply_frequency_hz": 0.0}, {"t_s": 2.0, "supply_frequency_hz": 80.0}]
     short = Scene(drive={"program": [*ramp, {"t_s": 2.0, "off": True}]})
     assert final_supply(short).frequency == 80.0
@@ -270,8 +275,8 @@ def test_the_damper_of_material_is_not_on_the_foundation():
 
 def test_what_is_nothing_beside_its_kind_is_0():
     lines = str(load_config(CONFIGS / "examples" / "co-rotating-opposite.yaml").inspect()).splitlines()
-    assert [line[20:24].strip() for line in lines[3:5]] == ["0", "0"]
-    assert lines[7].split()[2:] == ["123", "N", "along", "y"]
+    assert [line[22:26].strip() for line in lines[3:5]] == ["0", "0"]
+    assert lines[6].split()[2:] == ["123", "N", "along", "y"]
     assert all("  " in line[20:] for line in lines[1:] if len(line) > 60)
 
 
@@ -284,8 +289,12 @@ def test_command(tmp_path):
     assert done.code == 0
     assert done.out.startswith("mine: in-phase expected at 19.7")
     assert "note: machine: platform_mass_kg" in done.out
-    assert "each motor gives" in done.out
-    assert max(map(len, done.out.splitlines())) <= 110
+    assert done.out.index("each motor gives") < done.out.index("note: machine: ")
+    assert "torque to lift unbalance 1" in done.out
+    brief = command("inspect", str(file), "--set", "drive.supply_frequency_hz=40").out.splitlines()
+    assert len(brief) <= 12
+    assert max(map(len, brief)) <= 110
+    assert brief[-1].startswith("  note: each motor gives")
     wrong = command("inspect", str(file), "--set", "motor.critical_torque_n_m=-1")
     assert wrong.code == 2
     assert "critical_torque_n_m" in wrong.err

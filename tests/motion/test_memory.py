@@ -72,12 +72,6 @@ def test_tables_made_while_a_run_goes_on_are_those_made_afterwards(name, small_b
     assert run.summary | {"wall_s": 0.0} == whole.summary | {"wall_s": 0.0}
 
 
-def test_a_peak_that_is_missed_is_noted_without_the_table(quickstart, small_blocks):
-    coarse = quickstart.replace({"run.duration_s": 1.0, "output.sample_rate_hz": 1.0})
-    run = simulate(coarse, keep="summary", sink=Parts().sink)
-    assert run.notes == simulate(coarse).notes != []
-
-
 def peak(scene, **options):
     """Most memory (bytes) that a run takes besides what was there before."""
     tracemalloc.start()

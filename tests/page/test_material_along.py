@@ -46,7 +46,7 @@ def test_the_sheet_tells_how_fast_material_goes_and_what_follows(feeder):
     assert f"{rows['throughput'].now}; sticks {rows['sticks'].now}, slips " in told
     assert rows["throughput"].now.endswith(" kg/s")
     assert rows["wear power"].now.endswith(" W/m²")
-    assert "shear of layers" not in rows, "one layer"
+    assert "beyond internal friction" not in rows, "one layer"
     still = Sheet(feeder.scene, s | {"conveying_speed_m_per_s": 1e-12, "residence_time_s": None})
     rows = {row.label: row.now for row in still.groups["Conveying"]}
     assert rows["conveying speed"] == "0"

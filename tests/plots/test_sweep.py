@@ -93,7 +93,7 @@ def test_response_has_a_solid_curve_up_on_a_dashed_one_down(write_sweep):
     assert named[:3] == ["antiphase: vibrates along y", "in-phase: vibrates along x and rocks", "not periodic"]
     assert {"supply frequency up", "supply frequency down", "jump", "failed"} <= {*named}
     told = figure.axes[0].get_title(loc="left").splitlines()
-    assert told[-1].startswith("not drawn: Δφ (within 10° of 0° or 180° at 100 % of the points)")
+    assert told[-1].startswith("not drawn: Δφ (within 10° of 0° or 180° at 100 % of the synchronous points)")
 
 
 def test_peaks_of_two_masses_are_no_range(write_sweep):

@@ -38,7 +38,7 @@ def test_the_band_is_what_the_formula_says_of_the_motion_of_each_row(found):
     np.testing.assert_allclose(drawn[SPEED][good], 0.95 * moved[good], rtol=0.05)
     np.testing.assert_allclose(drawn[f"{SPEED}{LOW}"] / drawn[SPEED], np.where(good, 0.75 / 0.95, np.nan))
     assert band.places.tolist() == [-1, 5, 6, 7]
-    assert band.label == f"formula of practice, ± {100 * ERROR:.0f} %"
+    assert band.label == f"formulas of practice (simulations: up to {100 * ERROR:.0f} % off)"
     assert "formula" not in " ".join(panel.note for panel in picture.panels)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,9 +10,6 @@ import typer
 
 from vibroplat.cli import common
 from vibroplat.errors import ConfigError, errors_about
-
-#: Most lines of notes below those of the inspection.
-MAX_NOTES = 4
 
 
 def new(
@@ -72,16 +68,14 @@ def columns() -> None:
 def inspect(
     config: Annotated[Path, typer.Argument(help="Configuration file (YAML).")],
     set_: common.Settings = None,
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print all notes.")] = False,
+    verbose: common.Verbose = False,
 ) -> None:
     """Tell strokes, forces, resonances and starts before a run.
 
     Formulas and averaged equations take a second; nothing is simulated or written. `vibroplat columns` has their
     meanings, results/method.md how they compare with simulations.
     """
-    from vibroplat.config.plausibility import by_severity, notes_on_input
-    from vibroplat.results.answer import notes_within
+    from vibroplat.inspection.values import inspect as find_numbers
 
-    scene = common.scene_of(config, set_, None)
-    notes = by_severity(notes_on_input(scene))
-    print(scene.inspect(), *notes_within(notes, sys.maxsize if verbose else MAX_NOTES), sep="\n")
+    answer = find_numbers(common.scene_of(config, set_, None)).answer
+    print(*(answer.full() if verbose else answer.brief()), sep="\n")

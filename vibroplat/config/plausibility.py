@@ -26,8 +26,10 @@ SWING_TORQUE_RATIO = 0.7246
 UNIVERSAL_KEYS = frozenset({"gravity_m_per_s2", "mounted_on"})
 #: Least number of a slip of units that is written by a power of ten.
 MAX_PLAIN = 1e6
-#: Least usual damping ratio of springs; 0 is a machine without damping, which is meant.
-SMALL_DAMPING = 1e-4
+#: Damping ratio of springs below which free vibrations are long, and what a run may have left of them (ratio).
+SMALL_DAMPING, LEFT = 0.005, 0.01
+#: Least samples of a turn in a trajectory.
+SAMPLES = 20.0
 #: Largest usual phase difference (rad), a turn, and distance of an exciter from the centre of mass (m).
 LARGE_PHASE, LARGE_DISTANCE = 6.3, 10.0
 #: The key of a rotor's moment of inertia.
@@ -69,8 +71,8 @@ class UsualRange(NamedTuple):
 
 def notes_on_input(scene: Scene) -> list[str]:
     """Say what is unusual in a scene, and which numbers of machine and motors it takes by default, in one line each."""
-    notes = [_note_if_unusual(quantity, scene) for quantity in quantities(scene)]
-    notes += [*_weak_motors(scene), _unequal_motors(scene), _steep_deck(scene), _undamped(scene), _replaced(scene)]
+    notes = [*_weak_motors(scene), _unequal_motors(scene), _steep_deck(scene), _weakly_damped(scene)]
+    notes += [*(_note_if_unusual(quantity, scene) for quantity in quantities(scene)), _replaced(scene), _coarse(scene)]
     motors = [(name, motor, motor.replaced()) for name, motor in _motors(scene)]
     notes += _notes_on_defaults([("machine", scene.machine, given_by_exciters(scene)), *motors])
     return [note for note in notes if note]
@@ -117,13 +119,12 @@ def quantities(scene: Scene) -> Iterator[UsualRange]:
     """Yield what of a scene has a usual range."""
     machine, material, drive, initial = scene.machine, scene.material, scene.drive, scene.run.initial
     oscillators = scene.oscillators.T.tolist()
-    for (axis, spring, _), (mass, _, stiffness) in zip(_AXES, oscillators, strict=True):
+    for (axis, spring, damper), (mass, damping, stiffness) in zip(_AXES, oscillators, strict=True):
         frequency = math.sqrt(stiffness / mass) / (2.0 * math.pi) if stiffness > 0.0 else None
         yield UsualRange(frequency, 1.0, 150.0, "Hz", (f"machine.{spring}",), f"natural frequency {{}} in {axis}")
-    for (axis, _, damper), (mass, damping, stiffness) in zip(_AXES, oscillators, strict=True):
         keys = (f"machine.{damper}", *(["contact.viscous_per_mass_per_s"] if axis == "y" else []))
         ratio = _damping_ratio(damping, stiffness, mass)
-        yield UsualRange(ratio or None, SMALL_DAMPING, 1.0, "", keys, f"damping ratio {{}} in {axis}")
+        yield UsualRange(ratio, 0.0, 1.0, "", keys, f"damping ratio {{}} in {axis}")
     weight = (scene.platform_mass + sum(scene.layer_masses)) * machine.gravity_m_per_s2
     sag = weight / machine.stiffness_y_n_per_m
     yield UsualRange(sag, 0.0, 0.05, "m", ("machine.stiffness_y_n_per_m",), "static sag {}")
@@ -201,29 +202,47 @@ def _unequal_motors(scene: Scene) -> str:
 def _steep_deck(scene: Scene) -> str:
     """Return the note on a deck that holds material at rest but none that slips, or an empty text."""
     transport = scene.transport
-    if transport is None or abs(transport.deck_angle_deg) <= (angle := math.degrees(math.atan(transport.friction))):
+    if transport is None or not transport.runs_away:
         return ""
+    angle = math.degrees(math.atan(transport.friction))
     return (
         f"transport.deck_angle_deg = {given(transport.deck_angle_deg)}: once material slips it runs away, faster and "
         f"faster; its speed is bounded up to {number(angle)} deg with transport.friction = {given(transport.friction)}"
     )
 
 
-def _undamped(scene: Scene) -> str:
-    """Return the note on springs of the platform without any damping, or an empty text; material damps y."""
-    axes = zip(_AXES, scene.oscillators.T.tolist(), strict=True)
-    undamped = {
-        f"machine.{key}": 0.02 * math.sqrt(stiffness * mass)
-        for (axis, _, key), (mass, damping, stiffness) in axes
-        if stiffness and not damping and not (axis == "y" and scene.has_contact)
-    }
-    if not undamped:
+def _weakly_damped(scene: Scene) -> str:
+    """Return the note on springs of the platform whose free vibrations outlast a run, or an empty text.
+
+    They decay at the rate b / 2M, and the second half of a run is measured. Material damps y.
+    """
+    weak, enough, decay = [], [], 0.0
+    for (axis, _, key), (mass, damping, stiffness) in zip(_AXES, scene.oscillators.T.tolist(), strict=True):
+        critical = 2.0 * math.sqrt(stiffness * mass)
+        if damping < SMALL_DAMPING * critical and not (axis == "y" and scene.has_contact):
+            weak.append(f"machine.{key} = {given(getattr(scene.machine, key))}")
+            enough.append(number(0.01 * critical))
+            decay = max(decay, 2.0 * mass / damping if damping else math.inf)
+    shortest = 2.0 * decay * math.log(1.0 / LEFT)
+    if shortest <= scene.run.duration_s:
         return ""
-    keys, enough = ", ".join(undamped), ", ".join(map(number, undamped.values()))
+    contains = "never decay, so every run contains"
+    if math.isfinite(decay):
+        size, limit = quantity(decay, "s"), quantity(shortest, "s", digits=2)
+        contains = f"decay by e in {size}, so a run below {limit} contains"
     return (
-        f"{keys} = 0: free vibrations hardly decay there, so all numbers contain what the start left of them; "
-        f"{enough} would be 1 % of critical damping"
+        f"{', '.join(weak)}: free vibrations {contains} what its start leaves; {', '.join(enough)} would be 1 % of "
+        "critical damping"
     )
+
+
+def _coarse(scene: Scene) -> str:
+    """Return the note on a trajectory with few samples of each turn, or an empty text."""
+    rate = scene.output.sample_rate_hz
+    each = 2.0 * math.pi * rate / scene.speed_scale
+    if each >= SAMPLES:
+        return ""
+    return f"{HINT}output.sample_rate_hz = {given(rate)}: {number(each, 2)} samples a turn miss the largest values"
 
 
 def _replaced(scene: Scene) -> str:

@@ -328,6 +328,11 @@ class Transport(Section):
         return self.friction if self.static_friction is None else self.static_friction
 
     @property
+    def runs_away(self) -> bool:
+        """Whether material that slips becomes faster and faster."""
+        return math.tan(abs(self.angle)) > self.friction
+
+    @property
     def angle(self) -> float:
         """Decline of the deck (rad)."""
         return math.radians(self.deck_angle_deg)

@@ -1,59 +1,44 @@
-"""The twelve lines of an inspection: the answer first, then one quantity a line."""
+"""The lines of an inspection: the answer first, then one quantity a line."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from vibroplat.columns import unit_of
-from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, percent, quantity, spread
-from vibroplat.config.plausibility import SWING_TORQUE_RATIO
+from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, percent, quantity, spread, together
 from vibroplat.inspection.material import BANDS, ERROR, STRAIGHT
-from vibroplat.inspection.start import LAGS
-from vibroplat.results.answer import of_both
+from vibroplat.results.answer import fitting, of_both, short_line
 
 Numbers = Mapping[str, Any]
 
-#: Widths of a line, of the name of its quantity, of the value, and of the name of a machine.
-WIDTH, NAME, VALUE, MACHINE = 110, 18, 22, 36
-#: Torque to pass a resonance over what there is from which on a start is tight, and ratio of frequencies that are far
-#: from each other.
-TIGHT, FAR = 0.6, 2.0
+#: Most characters of the name of a machine, and the ratio of frequencies that are far from each other.
+MACHINE, FAR = 36, 2.0
 #: Change of ranges from which on material that jumps has not settled.
 MAX_CHANGE = 0.02
 #: Centrifugal forces of both exciters.
 FORCE = "centrifugal_force_{}_n"
 
 
-def twelve_lines(name: str, v: Numbers) -> list[str]:
-    """Write the lines of the numbers of an inspection; remarks that do not fit into a line are left out."""
-    rows = [_line(f"  {title:<{NAME}}{value:<{VALUE}}  ", remarks) for title, value, *remarks in _rows(v)]
-    return [_line(f"{name[:MACHINE]}: ", _answer(v)), *rows]
-
-
-def _line(begin: str, remarks: Sequence[str]) -> str:
-    shown = [remark for remark in remarks if remark]
-    while len(begin + "; ".join(shown)) > WIDTH:
-        shown.pop()
-    return (begin + "; ".join(shown)).rstrip()
-
-
-def _answer(v: Numbers) -> list[str]:
+def answer(name: str, v: Numbers) -> str:
     """Return the answer in a sentence, and how a start ends."""
     load = _load(v)
     sync, speeds = v[f"{load}expected"], [v[f"{load}excitation_frequency_{i}_hz"] for i in (1, 2)]
     if not any(speeds):
-        return ["no motor drives, the exciters rest"]
+        return f"{name[:MACHINE]}: no motor drives, the exciters rest"
     at = _speeds(v, load) if sync == "none" else quantity(speeds[0], "Hz")
     expected, where = f"{'no synchronization' if sync == 'none' else sync} expected at {at}", _where(v, max(speeds))
     empty = "without material" if v["loaded_expected"] and not load else ""
-    off = f"until motors off at {quantity(v['motors_off_s'], 's')}" if math.isfinite(v["motors_off_s"]) else ""
-    verdict = f"a start {_verdict(v)}" if v["passage_axis"] else ""
-    if v["captured_share"]:
-        return [expected, verdict, where, empty, off]
-    begin = [expected, where] if sync == "none" else [f"{expected}, {where}"]
-    return [*begin, empty, off, verdict]
+    off = f"until off at {quantity(v['motors_off_s'], 's')}" if math.isfinite(v["motors_off_s"]) else ""
+    start = f"a start {v['start']}" if v["start"] else ""
+    below = f" below {quantity(v['passage_frequency_hz'], 'Hz', digits=3)}" if "captured" in start else ""
+    return fitting(f"{name[:MACHINE]}: ", [expected, start + below, off, empty, where])
+
+
+def short_lines(v: Numbers) -> list[str]:
+    """Return the lines below the answer; remarks that do not fit into a line are left out."""
+    return [short_line(title, value, "; ".join(filter(None, remarks))) for title, value, *remarks in _rows(v)]
 
 
 def _where(v: Numbers, speed: float) -> str:
@@ -82,16 +67,6 @@ def _speeds(v: Numbers, load: str) -> str:
     return quantity(both[0], "Hz") if both[0] == both[1] else " and ".join(quantity(one, "Hz") for one in both)
 
 
-def _verdict(v: Numbers) -> str:
-    both = [(v[f"starting_torque_{i}_n_m"], v[f"lifting_torque_{i}_n_m"]) for i in (1, 2)]
-    if any(0.0 < starting < SWING_TORQUE_RATIO * lifting for starting, lifting in both):
-        return "may not leave rest"
-    if v["captured_share"]:
-        may = "is" if v["captured_share"] == 1.0 else "may be"
-        return f"{may} captured at {quantity(v['captured_frequency_hz'], 'Hz', digits=3)}"
-    return "passes" if v["passage_ratio"] < TIGHT else "barely passes"
-
-
 def _rows(v: Numbers) -> Iterator[tuple[str, ...]]:
     """Yield name, value and remarks of each quantity: of the loaded machine, and what differs of the empty one."""
     texts = {name: quantity(value, unit_of(name)) for name, value in v.items() if isinstance(value, float)}
@@ -104,58 +79,49 @@ def _rows(v: Numbers) -> Iterator[tuple[str, ...]]:
         return f"empty {text}" if load else ""
 
     weighed = "loaded_" if math.isfinite(v["loaded_mass_kg"]) else ""
-    sag, weight, conveys = f"{weighed}static_sag_m", f"{weighed}static_force_n", math.isfinite(v["unique_friction"])
-    name, mass, *of = _mass(v)
-    yield name, mass, f"sag {texts[sag]}" if conveys else "", *of
+    yield "mass", *_mass(v), f"sag {texts[f'{weighed}static_sag_m']}"
     moments, force = " + ".join(number(v[f"static_moment_{i}_kg_m"]) for i in (1, 2)), both(load + FORCE)
     fastest = max(v[f"{load}excitation_frequency_{i}_hz"] for i in (1, 2))
-    together = v[f"{load}excitation_frequency_1_hz"] == v[f"{load}excitation_frequency_2_hz"]
-    speed = _speeds(v, load) + (f" ({quantity(60.0 * fastest, 'rpm')})" if together and fastest else "")
+    alike = v[f"{load}excitation_frequency_1_hz"] == v[f"{load}excitation_frequency_2_hz"]
+    speed = _speeds(v, load) + (f" ({quantity(60.0 * fastest, 'rpm')})" if alike and fastest else "")
     yield "static moment", f"{moments} kg·m", f"centrifugal {force} at {speed}", empty(_speeds(v, ""))
     beat = "where both vibrations add" if _apart(v) else ""
     far_above = f"{texts['stroke_far_above_m']} far above resonance" if v["expected"] != "none" else ""
     yield "stroke", _strokes(v, load), empty(_strokes(v, "")), far_above, beat
     yield "throw index", _throw(v, load), *_throw_angle(v), empty(_throw(v, "")), *_of_material(v, load)
-    if conveys:
+    if math.isfinite(v["unique_friction"]):
         yield "conveying speed", *_conveying(v)
     axes = ("x", "y", "phi", "y_loaded_1", "y_loaded_2")
     x, y, phi, *contact = (number(v[f"natural_frequency_{axis}_hz"]) for axis in axes)
     with_load = " and ".join(frequency for frequency in contact if frequency != MISSING)
     damping = ", ".join(percent(v[f"damping_ratio_{axis}"]) for axis in axes[:3])
-    resting = f"empty; with material y {with_load}" if with_load else ""
+    resting = f"with material y {with_load}" if with_load else ""
     yield "resonances (Hz)", f"x {x}, y {y}, φ {phi}", resting, f"damping {damping}"
-    less = f"empty {texts['static_sag_m']} and {texts['static_force_n']}" if weighed else ""
-    if not conveys:
-        yield "static sag", texts[sag], f"spring force {texts[weight]}", less
     yield "foundation force", _foundation(v, load), *_beside(v, load)
-    lifting = [v[f"starting_torque_{i}_n_m"] / (v[f"lifting_torque_{i}_n_m"] or math.nan) for i in (1, 2)]
-    times = f" ({number(least)} times)" if (least := min(lifting)) > 0.0 else ""
-    lifts = f"lifts {both('lifting_torque_{}_n_m')}{times}"
-    yield "motor at rest", both("starting_torque_{}_n_m"), lifts, f"breakdown {both('critical_torque_{}_n_m')}"
-    needed = f"{texts['passage_torque_n_m']} of {texts['passage_available_n_m']}"
-    where = f"{v['passage_axis'].replace('phi', 'φ')} at {texts['passage_frequency_hz']}"
-    slowly, ends = f"{texts['passage_steady_torque_n_m']} if infinitely slow", f"in {where}: a start {_verdict(v)}"
-    if v["captured_share"]:
-        state = f"{v['captured_sync']}, {quantity(v['captured_frequency_hz'], 'Hz', digits=3)}"
-        captured = round(v["captured_share"] * LAGS.size)
-        ends = f"{where} captures {captured} of {LAGS.size} averaged starts ({state})"
-    passes = (needed, ends, slowly)
-    any_torque = ("any torque", "no resonance below holds the motors") if fastest else (MISSING, "no motor drives")
-    yield "passing resonance", *(passes if v["passage_axis"] else any_torque)
+    yield "torque at rest", both("starting_torque_{}_n_m"), f"to lift {both('lifting_torque_{}_n_m')}", _passing(v)
     power, friction = f"power {texts[f'{load}motor_power_w']}", f"friction {both('friction_torque_{}_n_m')}"
     yield "running", both(f"{load}motor_torque_{{}}_n_m"), power, empty(texts["motor_power_w"]), friction
     yield "synchronization", *_synchronization(v, load, both("synchronous_speed_{}_hz"))
 
 
+def _passing(v: Numbers) -> str:
+    """Write the torque that passes a resonance and what both motors give there."""
+    if not v["passage_axis"]:
+        return "no resonance below holds the motors" if v["start"] else ""
+    needed = together([v["passage_torque_n_m"], v["passage_available_n_m"]], "N·m", " of ")
+    where = quantity(v["passage_frequency_hz"], "Hz", digits=3)
+    return f"to pass {v['passage_axis'].replace('phi', 'φ')} ({where}) {needed}"
+
+
 def _mass(v: Numbers) -> tuple[str, ...]:
-    """Return the row of the masses."""
+    """Return the mass and what it consists of."""
     empty, load, material = (v[f"{name}_kg"] for name in ("mass", "loaded_mass", "material_mass"))
     if not material:
-        return "mass", quantity(empty, "kg"), "with unbalances", "no material"
+        return quantity(empty, "kg"), "with unbalances", "no material"
     if load > 0.0:
         part = f"{percent(material / empty)} of the empty {quantity(empty, 'kg')}"
-        return "mass", quantity(load, "kg"), f"with {quantity(material, 'kg')} of material, {part}", "with unbalances"
-    return "mass", quantity(empty, "kg"), f"with unbalances; {quantity(material, 'kg')} of material cannot lift off"
+        return quantity(load, "kg"), f"with {quantity(material, 'kg')} of material, {part}"
+    return quantity(empty, "kg"), f"with unbalances; {quantity(material, 'kg')} of material cannot lift off"
 
 
 def _throw(v: Numbers, load: str) -> str:
@@ -179,15 +145,14 @@ def _conveying(v: Numbers) -> Iterator[str]:
     text = "formulas are for straight paths" if v["path_ratio"] > STRAIGHT else f"formulas: throw {ranges}"
     known = math.isfinite(low)
     yield interval(low, high, "m/s") if known else MISSING
-    yield f"formula of practice, ± {percent(ERROR)}" if known else text
-    yield f"Painlevé above friction {number(v['unique_friction'])}"
+    yield f"formula of practice; simulations are up to {percent(ERROR)} off" if known else text
 
 
 def _of_material(v: Numbers, load: str) -> Iterator[str]:
     """Yield what the material does."""
     if load:
         yield f"not settled: ranges change by {percent(v['loaded_change'])}" if v["loaded_change"] > MAX_CHANGE else ""
-        yield f"lifts off from 1 on; acts as {percent(max(v['moving_fraction'], 0.0))} of its mass"
+        yield "material lifts off" if v["loaded_throw_index"] > 1.0 else "material stays on the deck"
     elif not math.isfinite(v["throw_index"]):
         yield "no gravity: all numbers are of the empty machine" if v["material_mass_kg"] else ""
     elif v["loaded_expected"] and max(v[f"excitation_frequency_{i}_hz"] for i in (1, 2)):

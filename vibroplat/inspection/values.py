@@ -7,20 +7,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from vibroplat.columns import TEXT, Column, Columns, sync_name
-from vibroplat.config.digits import quantity
-from vibroplat.config.plausibility import SWING_TORQUE_RATIO
+from vibroplat.columns import TEXT, Column, Columns, sync_name, unit_of
+from vibroplat.config.digits import given, number, percent, quantity
+from vibroplat.config.plausibility import SWING_TORQUE_RATIO, by_severity, notes_on_input
 from vibroplat.config.scene import Scene
 from vibroplat.inspection import balance, linear
 from vibroplat.inspection.balance import Balance, Supply, motor_torques
 from vibroplat.inspection.linear import ComplexArray
-from vibroplat.inspection.lines import twelve_lines
+from vibroplat.inspection.lines import answer, short_lines
 from vibroplat.inspection.material import FOLLOWED, conveying_of, loaded_motion, unique_friction
 from vibroplat.inspection.start import Starts, averaged_start, least_factor, starts_from_rest
+from vibroplat.results.answer import Answer
 
 #: Radians of a turn.
 TURN = 2.0 * math.pi
@@ -30,6 +32,8 @@ TOGETHER = 0.05
 MOVES = 0.2
 #: Relative difference of speeds from which on two balances are two motions.
 DISTINCT = 0.002
+#: Torque to pass a resonance over what there is from which on a start is tight.
+TIGHT = 0.6
 
 
 def _each(words: Mapping[str, str], described: Columns) -> dict[str, Column]:
@@ -62,16 +66,17 @@ INSPECTION: Columns = {
     "conveying_speed_low_m_per_s": Column("conveying speed, lower end of the formula of practice", _CONVEYING),
     "conveying_speed_high_m_per_s": Column("conveying speed, upper end of the formula of practice", _CONVEYING),
     "unique_friction": Column("friction up to which there is no paradox of Painlevé", "first order in k² / J_e M"),
-    "moving_fraction": Column("dynamic mass of the material divided by its mass", "below 0: it pushes"),
     "passage_axis": Column("axis of the resonance that takes the largest torque to pass", kind=TEXT),
     "passage_frequency_hz": Column("its natural frequency"),
     "passage_torque_n_m": Column("torque of both motors there that passes it from rest", "averaged starts, any lag"),
-    "passage_steady_torque_n_m": Column("torque to pass it infinitely slowly", "Sommerfeld's limit K² ω_n³ / 2b"),
     "passage_available_n_m": Column("torque of both motors there", "Kloss, with the final supply"),
     "passage_ratio": Column("torque to pass divided by torque available", "from 1 on some are captured; 0: any passes"),
-    "captured_share": Column("share of starts from rest that a resonance captures", "averaged starts, lags all around"),
-    "captured_frequency_hz": Column("speed at which the fastest of them stay"),
-    "captured_sync": Column("their synchronization", kind=TEXT),
+    "start": Column(
+        "how a start from rest ends",
+        f"averaged starts, lags all around: passes, barely passes (over {percent(TIGHT)} of the torque), may be or is "
+        "likely captured; may not leave rest if a motor lifts its unbalance by no swing",
+        kind=TEXT,
+    ),
     "moving_axes": Column("axes along which the platform moves", "over a fifth of the largest velocity", kind=TEXT),
     "holding_axis": Column("axis whose vibration holds the phase difference most", "integral criterion", kind=TEXT),
     **_each({"1": "1", "2": "2"}, {
@@ -111,8 +116,13 @@ INSPECTION: Columns = {
 class Inspection(dict[str, float | str]):
     """What follows from a scene without a run: numbers by their names, in SI units; NaN for what does not exist.
 
-    ``print(scene.inspect())`` prints twelve lines; :data:`INSPECTION` has meanings and formulas, the modules of
+    ``print(scene.inspect())`` prints at most twelve lines; :data:`INSPECTION` has meanings and formulas, the modules of
     :mod:`vibroplat.inspection` sources and ranges.
+
+    Attributes
+    ----------
+    answer
+        What is printed, with notes on the scene.
 
     Examples
     --------
@@ -122,12 +132,27 @@ class Inspection(dict[str, float | str]):
     ('antiphase', 30.85)
     """
 
-    def __init__(self, name: str, values: dict[str, float | str]) -> None:
+    def __init__(self, name: str, values: dict[str, float | str], notes: Sequence[str] = ()) -> None:
         super().__init__({key: values.get(key, "" if INSPECTION[key].kind == TEXT else math.nan) for key in INSPECTION})
-        self.name = name
+        self.answer = Answer(_texts(self), notes=notes, headline=answer(name, self), short=short_lines(self))
 
     def __str__(self) -> str:
-        return "\n".join(twelve_lines(self.name, self))
+        return str(self.answer)
+
+
+def _texts(values: Mapping[str, Any]) -> dict[str, str]:
+    """Write what there is by its meaning, but angles, which lines have; what is negligible for its unit is 0."""
+    numbers = {
+        key: value
+        for key, value in values.items()
+        if not (isinstance(value, str) or key.endswith(("difference_rad", "angle_rad"))) and math.isfinite(value)
+    }
+    largest = dict.fromkeys(map(unit_of, numbers), 0.0)
+    for key, value in numbers.items():
+        largest[unit_of(key)] = max(abs(value), largest[unit_of(key)])
+    texts = {key: value for key, value in values.items() if isinstance(value, str) and value}
+    texts |= {key: quantity(value, unit_of(key), largest=largest[unit_of(key)]) for key, value in numbers.items()}
+    return {about.meaning: texts[key] for key, about in INSPECTION.items() if key in texts}
 
 
 class Turning(NamedTuple):
@@ -170,7 +195,6 @@ def inspect(scene: Scene) -> Inspection:
         **_of_motors(scene, supply, turning.speeds),
         **_vibration(scene, _tones(scene, turning)),
         **_passage(scene, supply),
-        **_captured(scene, supply, starts),
         **_deciding(scene, turning),
         "phase_difference_rad": math.nan if running is None else running.phase,
         "expected": "none" if running is None else sync_name(running.phase),
@@ -179,9 +203,23 @@ def inspect(scene: Scene) -> Inspection:
     }
     if scene.has_contact and scene.machine.gravity_m_per_s2:
         values |= _with_load(scene, supply, turning)
+    if any(supply.driven):
+        values["start"] = _start(values, starts[1])
+    notes = notes_on_input(scene)
     if scene.transport is not None:
-        values["unique_friction"] = unique_friction(scene)
-    return Inspection(scene.name, values)
+        values["unique_friction"] = unique = unique_friction(scene)
+        notes.insert(0, _paradox(scene.transport.largest_friction, unique))
+    return Inspection(scene.name, values, by_severity(filter(None, notes)))
+
+
+def _paradox(friction: float, unique: float) -> str:
+    """Return the note on a coefficient of friction above the one up to which contact is unique, or an empty text."""
+    if not friction > unique:
+        return ""
+    return (
+        f"transport: friction {given(friction)} is above {number(unique)}: contact may have several motions or none "
+        "(Painlevé's paradox), and a run is not reliable"
+    )
 
 
 def _expected(scene: Scene, supply: Supply, starts: Starts) -> Turning:
@@ -315,7 +353,6 @@ def _with_load(scene: Scene, supply: Supply, turning: Turning) -> dict[str, floa
         **{f"loaded_{name}": value for name, value in values.items() if f"loaded_{name}" in INSPECTION},
         "loaded_expected": names,
         "loaded_change": float(at["change"]),
-        "moving_fraction": float(at["carried"].real) / sum(scene.layer_masses),
     }
 
 
@@ -341,19 +378,15 @@ def _deciding(scene: Scene, turning: Turning) -> dict[str, float | str]:
     return values
 
 
-def _captured(scene: Scene, supply: Supply, starts: Starts) -> dict[str, float | str]:
-    """Find which starts from rest are captured, and how the fastest of them turn."""
-    ends, captured = starts
-    if not captured.any():
-        return {"captured_share": 0.0}
-    fastest = float(ends[captured].mean(axis=1).max())
-    near = [one for one in balance.all_balances(scene, supply) if abs(one.speed - fastest) < TOGETHER * fastest]
-    sync = min(near, key=lambda one: abs(one.speed - fastest), default=None)
-    return {
-        "captured_share": float(captured.mean()),
-        "captured_frequency_hz": fastest / TURN,
-        "captured_sync": "none" if sync is None else sync_name(sync.phase),
-    }
+def _start(values: Mapping[str, float | str], captured: NDArray[np.bool_]) -> str:
+    """Say how starts from rest end, of which a resonance captures some."""
+    names = ("starting_torque_{}_n_m", "lifting_torque_{}_n_m", "passage_ratio")
+    torques = [[float(values[name.format(i)]) for name in names] for i in (1, 2)]
+    if any(0.0 < starting < SWING_TORQUE_RATIO * lifting for starting, lifting, _ in torques):
+        return "may not leave rest"
+    if captured.any():
+        return "is likely captured" if captured.all() else "may be captured"
+    return "passes" if torques[0][2] < TIGHT else "barely passes"
 
 
 def _passage(scene: Scene, supply: Supply) -> dict[str, float | str]:
@@ -364,13 +397,11 @@ def _passage(scene: Scene, supply: Supply) -> dict[str, float | str]:
     natural = linear.natural_speeds(scene)
     below = (natural > 0.0) & (natural < scene.speed_scale)
     index = int(np.where(below, np.abs(natural - stays), math.inf).argmin())
-    w, damping = float(natural[index]), float(scene.oscillators[1, index])
-    moment = float(np.abs(linear.couplings(scene)[:, index]).sum())
+    w = float(natural[index])
     available = float(motor_torques(scene, supply, np.array([w, w])).sum())
     return {
         "passage_axis": linear.AXES[index],
         "passage_frequency_hz": w / TURN,
-        "passage_steady_torque_n_m": moment**2 * w**3 / (2.0 * damping) if damping else math.inf,
         "passage_torque_n_m": factor * available,
         "passage_available_n_m": available,
         "passage_ratio": factor,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -13,7 +12,6 @@ from pydantic_core import PydanticCustomError
 from vibroplat.config.scene import Scene
 from vibroplat.frames import ArrayTable, pd
 from vibroplat.hybrid.state import EVENT, Automaton
-from vibroplat.observe.notes import largest_samples
 from vibroplat.observe.tables import COPIES, Blocks, Records, Segment, TrajectoryRows, closed, event_table
 from vibroplat.results.tables import TableFile
 from vibroplat.system.memory import MemoryBudget, size_text
@@ -58,31 +56,26 @@ class Recorder:
     ----------
     scene, keep, sink
         As in :func:`vibroplat.motion.run.simulate`.
-    since
-        When the measured part begins (s).
 
     Attributes
     ----------
     segments
         All segments, if they are kept.
-    peaks
-        Largest values of the trajectory table in the measured part, by column, if the table or a sink is asked for.
     note
         Warning that the trajectory table is kept instead of dense output, which grew too large; else "".
     """
 
-    def __init__(self, scene: Scene, keep: Keep, sink: Sink | Files | None = None, since: float = 0.0) -> None:
+    def __init__(self, scene: Scene, keep: Keep, sink: Sink | Files | None = None) -> None:
         self.segments: list[Segment] = []
-        self.peaks: dict[str, float] | None = None
         self.note = ""
-        self._scene, self._keep, self._sink, self._since = scene, keep, sink, since
+        self._scene, self._keep, self._sink = scene, keep, sink
         self._share = MemoryBudget(ADVICE[keep])
         self._kept_events: list[Records] = []
         self._parts: list[pd.DataFrame] = []
         self._rows: list[TrajectoryRows] = []
         self._events: Blocks | None = None
         if keep == "table" or sink is not None:
-            self._rows, self.peaks = [TrajectoryRows(scene, self._take)], {}
+            self._rows = [TrajectoryRows(scene, self._take)]
         if sink is not None:
             self._events = Blocks(EVENT, lambda events: _hand(event_table(events, scene), sink[1]))
 
@@ -130,9 +123,6 @@ class Recorder:
             self._keep_part(part)
         if self._sink is not None:
             _hand(part, self._sink[0])
-        assert self.peaks is not None
-        for column, largest in largest_samples(part.columns, self._since).items():
-            self.peaks[column] = max(largest, self.peaks.get(column, -math.inf))
 
     def finish(self) -> None:
         """Record the rest of the tables when the motion has ended."""

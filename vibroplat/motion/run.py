@@ -31,8 +31,8 @@ from vibroplat.motion.motion import Observer, Simulator
 from vibroplat.motion.recorder import Files, Keep, Recorder, Sink, SinkArgument
 from vibroplat.motion.variation import key_tuple, parameter_directions
 from vibroplat.observe.data_sheet import SHEET, WHOLE, columns, whole_run
-from vibroplat.observe.notes import change, drift, notes_on_measures, slow_motors, stiffness, symmetry
-from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, whole_periods
+from vibroplat.observe.notes import change, drift, free_swing, notes_on_measures, slow_motors, stiffness, symmetry
+from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, section_rows, whole_periods
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import INACCURATE, MEASURES, MeasuredInterval, inaccuracy, measure, synchronization
 from vibroplat.observe.synchronization import stays_synchronized
@@ -154,7 +154,7 @@ def simulate(
         keys = None if variation is False else key_tuple(() if variation is True else variation)
         start = initial_condition(scene) if start is None else start
         motion = Simulator(scene, p, driver, start.state, start.time, start.mode)
-        recorder = Recorder(scene, keep, sink, motion.now + SETTLE_FRACTION * scene.run.duration_s)
+        recorder = Recorder(scene, keep, sink)
         run = _run(motion, start, recorder, keys, [] if progress is None else [_Progress(progress, motion.now)])
     run.summary["wall_s"] = time.perf_counter() - began
     return run
@@ -171,24 +171,25 @@ def _run(
     derivative = None
     if keys is not None and motion.outcome == "ok":
         derivative = named_derivative(variations[0].derivative(motion.automaton), scene, keys)
-    summary, left = _summary(motion, part, start.time)
+    summary, left, free = _summary(motion, part, start.time)
     return RunResult(
         scene=scene,
         summary=summary,
-        remarks=partial(_notes, scene, summary, left, recorder.note),
+        remarks=partial(_notes, scene, summary, left, free, recorder.note),
         origin=start.origin,
         segments=recorder.segments,
         event_rows=recorder.events,
         end=motion.state,
         measures=part.measures,
         table=recorder.table,
-        peaks=recorder.peaks,
         derivative=derivative,
     )
 
 
-def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> tuple[dict[str, Any], Sequence[Transient]]:
-    """Summarize a finished run that began at a time (s), with the transients along x and y."""
+def _summary(
+    motion: Simulator, part: MeasuredInterval, start: float
+) -> tuple[dict[str, Any], Sequence[Transient], str]:
+    """Summarize a finished run that began at a time (s), with transients along x and y, and the note on a swing."""
     scene, engine, seconds = motion.scene, motion.engine, motion.now - start
     repeats = latest_period(section_points(part.measures, scene))
     measures = measure(part._replace(measures=whole_periods(part.measures, max(repeats, 1))), scene)
@@ -197,42 +198,47 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> tuple[d
     locked = synchronization(measures) != "none" and stays_synchronized(part.measures, scene)
     since, until = measures["measured_from_s"], measures["measured_to_s"]
     changed = scene.drive.last_change(until)
-    left = [Transient(0.0, 0.0)] * 2
-    if changed <= since and any(scene.driven(since, until)):
+    left, free = [Transient(0.0, 0.0)] * 2, free_swing(scene, measures, section_rows(part.measures))
+    if changed <= since and any(scene.driven(since, until)) and not free:
         left = transients(part.measures, scene, max(start, changed), repeats)
     stroke = max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)
-    moved = max(left[0].size, left[1].size) / stroke if stroke > MIN_STROKE else None
+    moved = max(left[0].size, left[1].size) / stroke if stroke > MIN_STROKE and not free else None
     whole = whole_run(part.measures, scene, start, slow_motors(scene, measures), locked)
-    return {
-        "name": scene.name,
-        "outcome": INACCURATE if doubt else motion.outcome,
-        "detail": doubt or motion.detail,
-        "begins_s": start,
-        "simulated_s": seconds,
-        "rotation": scene.rotation,
-        "perturbation": scene.start_perturbation,
-        "static_sag_m": 0.0 - float(static_rest(scene)[1]),
-        "period": repeats,
-        "stroke_change": moved,
-        "transient_x_m": left[0].size,
-        "transient_y_m": left[1].size,
-        **measures,
-        "contact_force_noise_n": force_noise(scene) if scene.has_contact else None,
-        "engine": engine.name,
-        "tolerance": scene.solver.tolerance,
-        **engine.work,
-        "restarts": motion.restarts,
-        "wall_s": 0.0,
-        **sheet,
-        **whole,
-    }, left
+    return (
+        {
+            "name": scene.name,
+            "outcome": INACCURATE if doubt else motion.outcome,
+            "detail": doubt or motion.detail,
+            "begins_s": start,
+            "simulated_s": seconds,
+            "rotation": scene.rotation,
+            "perturbation": scene.start_perturbation,
+            "static_sag_m": 0.0 - float(static_rest(scene)[1]),
+            "period": repeats,
+            "stroke_change": moved,
+            "transient_x_m": left[0].size,
+            "transient_y_m": left[1].size,
+            **measures,
+            "contact_force_noise_n": force_noise(scene) if scene.has_contact else None,
+            "engine": engine.name,
+            "tolerance": scene.solver.tolerance,
+            **engine.work,
+            "restarts": motion.restarts,
+            "wall_s": 0.0,
+            **sheet,
+            **whole,
+        },
+        left,
+        free,
+    )
 
 
-def _notes(scene: Scene, summary: Mapping[str, Any], left: Sequence[Transient], recorded: str) -> list[str]:
+def _notes(scene: Scene, summary: Mapping[str, Any], left: Sequence[Transient], free: str, recorded: str) -> list[str]:
     """Return the notes on a run with these transients along x and y; that of its recorder comes last."""
     begin, seconds = summary["begins_s"], summary["simulated_s"]
     notes = (
         *notes_on_measures(scene, summary),
+        free,
         _settling(left, summary),
         _unbalanced(scene, summary),
         drift(summary) if all(scene.driven(summary["measured_from_s"], summary["measured_to_s"])) else "",

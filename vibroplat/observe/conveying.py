@@ -21,6 +21,11 @@ from vibroplat.observe.section import section_rows
 #: friction, 35°.
 INTERNAL_FRICTION = 0.7
 
+#: Columns that follow from the conveying speed.
+OF_SPEED = (
+    *("conveying_speed_m_per_s", "conveying_speed_error_m_per_s"),
+    *("throughput_kg_per_s", "residence_time_s"),
+)
 #: Modes whose times are summed up, in this order.
 _TIMED = np.array([STICK, SLIP_PLUS, SLIP_MINUS])
 
@@ -39,9 +44,10 @@ CONVEYING: Columns = {
     "throughput_kg_per_s": Column("mass conveyed in a second", "if the deck's length is given"),
     "residence_time_s": Column("time that the material takes along the deck", "if its length is given and it travels"),
     "wear_power_w_per_m2": Column("power of friction over the deck's area", "if its length and width are given"),
-    "shear_ratio": Column(
-        "shear over pressure between the layers",
-        "mean in contact; the layers are rigid in shear here, which a bed is not above 0.7; empty with one layer",
+    "sheared_fraction": Column(
+        "fraction of the contact time in which a bed would shear inside",
+        f"shear over {INTERNAL_FRICTION} of the pressure between the layers, which are rigid in shear here; empty with "
+        "one layer",
     ),
     "friction_work_j": Column("energy dissipated by friction in the whole run", "with that of impacts"),
     "momentum_along_residual_n_s": Column("residual of the balance of momentum along the deck in the whole run"),
@@ -69,22 +75,21 @@ def find_sliding(
     :func:`vibroplat.model.energy.powers`.
     """
     n, (stiffness, damping), total = DIFFERENTIAL[system] // 2, slopes(p), p.mass + p.material_mass
-    loss = size = pressure = 0.0
+    loss = sheared = 0.0
     for i in range(1, nodes + 1 if ALGEBRAIC[system] else 1):
         force, friction, weight = samples[i, 2 * n], samples[i, 2 * n + 1], weights[i - 1]
         if SENSE[system] != 0.0:
             loss += weight * p.kinetic_friction * force * abs(samples[i, 2 * n - 1])
-        size += weight * abs(friction)
         if LAYERS[system] == 2:
             upper = UPPER[system]
             pressed = stiffness[4] * samples[i, upper] + damping[4] * samples[i, n + upper]
-            pressure -= weight * p.upper_mass * pressed
+            sheared += weight * (abs(friction) > -INTERNAL_FRICTION * p.material_mass * pressed)
     power[FRICTION] = loss
     power[ALONG_FORCE] = total * p.slope - damping[0] * means[0, n] - stiffness[0] * means[0, 0]
     power[ALONG_SIZE] = total * abs(p.slope) + damping[0] * means[2, n] + stiffness[0] * means[2, 0]
     for k in range(3):
         sliding[k] = 1.0 if MODES[system] == _TIMED[k] else 0.0
-    sliding[3], sliding[4], sliding[5] = loss, size, pressure
+    sliding[3], sliding[4] = loss, sheared
 
 
 def turn_speeds(ms: Accumulators, scene: Scene) -> FloatArray:
@@ -117,6 +122,7 @@ def conveying(ms: Accumulators, mean: dict[str, float], scene: Scene) -> dict[st
         measured["residence_time_s"] = length / abs(speed) if speed else None
     if length is not None and width is not None:
         measured["wear_power_w_per_m2"] = mean["friction_loss"] / (length * width)
-    if scene.layers == 2 and mean["pressure"] > 0.0:
-        measured["shear_ratio"] = scene.layer_masses[1] / mass * mean["friction_size"] / mean["pressure"]
+    touching = mean["stick"] + mean["slip_plus"] + mean["slip_minus"]
+    if scene.layers == 2 and touching > 0.0:
+        measured["sheared_fraction"] = mean["sheared"] / touching
     return {**found, **measured}

@@ -22,7 +22,7 @@ SUMS = (
     *("time", "x", "xx", "y", "yy", "phi", "phi_phi", "cosine", "sine", "flying", "power_1", "power_2"),
     *("torque_1", "torque_2", "speed_1", "speed_2", "force_x", "force_y", "moment"),
     *("force_x_force_x", "force_y_force_y", "moment_moment"),
-    *("stick", "slip_plus", "slip_minus", "friction_loss", "friction_size", "pressure"),
+    *("stick", "slip_plus", "slip_minus", "friction_loss", "sheared"),
 )
 TIME, X, XX, Y, YY, PHI, PHI_PHI, COSINE, SINE, FLYING, POWER = range(11)
 TORQUE, SPEED, PULL = 12, 14, 16

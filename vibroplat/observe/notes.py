@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.digits import given, number, percent, quantity
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
-from vibroplat.frames import pd
 from vibroplat.kernels.engines import uses_sundials
 from vibroplat.observe.conveying import INTERNAL_FRICTION
 from vibroplat.observe.data_sheet import steady_supply
@@ -39,32 +39,29 @@ STIFF = 10.0
 SYMMETRIC, DISTURBANCE = 1e-3, 0.01
 #: How many exciters there are.
 EXCITERS = 2
-#: Share of the largest value that samples may miss.
-MISSED = 0.05
-
-#: Columns of the trajectory table, their largest values in the summary, and what they are.
-_SAMPLED = (
-    ("contact_force_n", "contact_force_max_n", "contact force", "N"),
-    ("gap_m", "gap_max_m", "gap", "m"),
-)
+#: Fraction of the contact from which on shear inside is told.
+SHEARED = 0.05
+#: Relative difference of speeds up to which exciters turn together; range of angles of a swing (rad) from which on it
+#: is told, and least whole turns in which it is seen.
+FREE, SWINGS, ROWS = 1e-3, 0.02, 8
 
 
 def notes_on_measures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
     """List warnings on measures outside the range of validity of the model or of the motors."""
     notes = (
         *(rotation(measures["phi_max_rad"]), *captures(scene, measures), coarseness(scene, measures)),
-        shear(measures.get("shear_ratio")),
+        shear(measures.get("sheared_fraction")),
     )
     return [note for note in notes if note]
 
 
-def shear(ratio: float | None) -> str:
-    """Return the note on layers that would slip on each other, or an empty text."""
-    if ratio is None or ratio <= INTERNAL_FRICTION:
+def shear(fraction: float | None) -> str:
+    """Return the note on layers that would slip on each other in a fraction of their contact, or an empty text."""
+    if fraction is None or fraction <= SHEARED:
         return ""
     return (
-        f"shear between the layers is {given(round(ratio, 2))} of their pressure, and a bed shears inside from about "
-        f"{given(INTERNAL_FRICTION)} on: here the layers are rigid in shear"
+        f"in {percent(fraction)} of the contact shear between the layers is above {given(INTERNAL_FRICTION)} of their "
+        "pressure: a bed shears inside there, but here the layers are rigid in shear"
     )
 
 
@@ -167,29 +164,33 @@ def stiffness(scene: Scene, engine: str, steps: int | None, restarts: int, secon
     )
 
 
-def largest_samples(table: pd.DataFrame | Mapping[str, Any], since: float) -> dict[str, float]:
-    """Find the largest values in rows of a trajectory table from a time on (s), by column, where there are any."""
-    measured = np.asarray(table["t_s"]) >= since
-    largest_by_column = {
-        column: float(np.fmax.reduce(np.asarray(table[column])[measured], initial=-math.inf))
-        for column, *_ in _SAMPLED
-        if column in table
-    }
-    return {column: largest for column, largest in largest_by_column.items() if largest > -math.inf}
+def free_swing(scene: Scene, measures: Mapping[str, Any], rows: Any) -> str:
+    """Return the note on an exciter without drive that moves freely while the other one turns, or an empty text.
 
-
-def notes_on_samples(sampled: Mapping[str, float], measures: Mapping[str, Any], rate: float) -> list[str]:
-    """List warnings on maxima of a run (measures) that the samples of its trajectory table (rate in Hz) miss."""
-    notes = []
-    for column, key, name, unit in _SAMPLED:
-        largest = measures[key]
-        missed = 1.0 - sampled[column] / largest if column in sampled and largest else 0.0
-        if missed > MISSED:
-            notes.append(
-                f"{HINT}the trajectory table misses the largest {name}, {quantity(largest, unit)}, by "
-                f"{percent(missed)}: output.sample_rate_hz = {given(rate)} is too low"
-            )
-    return notes
+    ``rows`` are the section, at whole turns of exciter 1. There a motion that the platform forces on exciter 2 repeats,
+    and a free swing does not; of exciter 1 the two are not told apart.
+    """
+    begin, end, split = (measures[name] for name in ("measured_from_s", "measured_to_s", "frequency_split_hz"))
+    mean, driven = measures["excitation_frequency_hz"], scene.driven(begin, end)
+    if not mean or driven.count(True) != 1 or abs(split) <= FREE * mean:
+        return ""
+    if not driven[0] or len(rows) < ROWS:
+        return f"exciter {driven.index(False) + 1} is off: whether it still swings, a run twice as long shows"
+    half = len(rows) // 2
+    angles, times = rows["state"][:, COORDINATES.index("phi2_rad")], rows["t"]
+    first, last = float(np.ptp(angles[:half])), float(np.ptp(angles[half:]))
+    rate = math.log(first / last) / float(times[half] - times[0]) if first > last > 0.0 else 0.0
+    # the last turns are kept, and the measured part may have begun long before
+    size = first * math.exp(min(rate * float(times[0] - begin), 50.0))
+    if size <= SWINGS:
+        return ""
+    if size > 2.0 * math.pi or not rate:
+        return "exciter 2, off, still turns or swings: not steady, and a longer run.duration_s helps"
+    seconds = 2.0 * (end + max(math.log(last / (0.5 * SWINGS)), 0.0) / rate)
+    return (
+        f"exciter 2, off, still swings by ± {quantity(math.degrees(0.5 * size), '°')}: steady from about "
+        f"run.duration_s = {given(float(f'{seconds:.2g}'))} on"
+    )
 
 
 class SlowMotor(NamedTuple):

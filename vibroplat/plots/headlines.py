@@ -47,8 +47,9 @@ def _told(kind: str, run: Run) -> Iterator[str]:
         if not label.startswith(_ROWS[kind]):
             continue
         parts = "; ".join(words).split("; ")
+        largest = [part for part in parts if part.startswith("largest ")]
         if not sheet.transient:
-            more = [part for part in parts if part.startswith(("largest", "material in", "sticks"))]
-            yield ", ".join([f"{label} {value}", *more])
-        elif parts[-1].startswith("largest "):
-            yield f"largest {label} {parts[-1].removeprefix('largest ')}"
+            more = [part for part in parts if part.startswith(("material in", "sticks"))]
+            yield ", ".join([f"{label} {value}", *largest, *more])
+        elif largest:
+            yield f"largest {label} {largest[0].removeprefix('largest ')}"

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple, Self
 
 from vibroplat.config.digits import quantity
 from vibroplat.config.plausibility import HINT
 
-#: Most lines that a command prints without ``-v``, and their width (characters).
-MAX_LINES, WIDTH = 12, 100
+#: Most lines that a command prints without ``-v``, the width of notes, and of lines with remarks (characters).
+MAX_LINES, WIDTH, WIDEST = 12, 100, 110
 #: Most failures that are told one by one.
 MAX_FAILURES = 3
 #: Width of the labels of the overview, and of a label and a value in the short lines (characters).
@@ -97,8 +97,16 @@ def first_failures(lines: Sequence[str], total: str = "") -> list[str]:
 
 
 def short_line(label: str, value: str, more: str = "") -> str:
-    """Return a short line: a label, a value, and what qualifies it."""
-    return f"{label:<{LABEL}}{value:<{VALUE}}{more}".rstrip()
+    """Return a short line: a label, a value, and those of the remarks that qualify it for which there is room."""
+    return fitting(f"{label:<{LABEL}}{value:<{VALUE - 2}}  ", more.split("; "), WIDEST - 2)
+
+
+def fitting(begin: str, remarks: Iterable[str], width: int = WIDEST) -> str:
+    """Return the beginning of a line and as many remarks, in their order, as there is room for."""
+    shown = [remark for remark in remarks if remark]
+    while shown and len(begin + "; ".join(shown)) > width:
+        shown.pop()
+    return (begin + "; ".join(shown)).rstrip()
 
 
 def in_columns(rows: Sequence[Sequence[str]]) -> list[str]:

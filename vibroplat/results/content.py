@@ -54,8 +54,10 @@ def content_of(table: pd.DataFrame, columns: Iterable[str], *, stripped: bool = 
         values, words, unit = table[name].dropna().astype(float), display_name(name), unit_of(name)
         size, middle = float(values.abs().max()), float(values.mean())
         if name == PHASE_COLUMN:
-            near = float((np.abs(np.angle(np.exp(2j * values))) / 2.0 <= IN_STEP).mean())
-            words = f"Δφ (within 10° of 0° or 180° at {digits.percent(near)} of the points)"
+            if "sync" in table:  # others have no phase difference
+                values = values[table["sync"].loc[values.index] != "none"]
+            near = float((np.abs(np.angle(np.exp(2j * values))) / 2.0 <= IN_STEP).mean()) if len(values) else 0.0
+            words = f"Δφ (within 10° of 0° or 180° at {digits.percent(near)} of the synchronous points)"
             content[name] = words if stripped and near >= 1.0 - APART else ""
         elif size <= (digits.NEGLIGIBLE * moved if name.startswith("rms_") else 0.0):
             content[name] = f"{words} 0"

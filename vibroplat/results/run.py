@@ -24,7 +24,6 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE, MOVING_SIZE
 from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.measures import Accumulators
-from vibroplat.observe.notes import largest_samples, notes_on_samples
 from vibroplat.observe.section import section_rows, section_states
 from vibroplat.observe.summary import INACCURATE
 from vibroplat.observe.tables import (
@@ -66,7 +65,7 @@ class RunResult(Result):
     summary
         Outcome and measures; see :func:`vibroplat.observe.summary.measure`.
     remarks
-        Returns warnings, except those on peaks that the trajectory table misses; called when somebody asks for them.
+        Returns warnings; called when somebody asks for them.
     origin
         What provenance says of the run that it continues from, if any.
     segments
@@ -79,8 +78,6 @@ class RunResult(Result):
         Sums over the run, of which the summary is made.
     table
         Its trajectory table, if that was made while the run went on.
-    peaks
-        Largest values in the measured part of the trajectory table, by column, if that was made while the run went on.
     derivative
         Of the state at the end by that at the beginning and by keys, if it was asked for and the run did not end early.
     """
@@ -103,13 +100,12 @@ class RunResult(Result):
         end: FloatArray | None = None,
         measures: Accumulators | None = None,
         table: pd.DataFrame | None = None,
-        peaks: Mapping[str, float] | None = None,
         derivative: pd.DataFrame | None = None,
     ) -> None:
         self.__dict__ |= {"scene": scene, "summary": summary, "origin": origin, "configurations": {}}
         self.segments, self.measures, self.derivative, self._end = segments, measures, derivative, end
         self.event_rows = np.zeros(0, EVENT) if event_rows is None else event_rows
-        self._table, self._peaks, self._remarks = table, peaks, remarks
+        self._table, self._remarks = table, remarks
 
     @cached_property
     def summary(self) -> dict[str, Any]:
@@ -319,22 +315,8 @@ class RunResult(Result):
 
     @cached_property
     def notes(self) -> list[str]:
-        """Warnings, including those on peaks that the trajectory table misses, which is made for this.
-
-        A run that kept nothing to make a table of has no such warnings. If the table has no room in memory, a note says
-        so.
-        """
-        notes = self._remarks() if self.saved is None else list(self.summary["notes"])
-        if self.saved is not None or (self._peaks is None and not self.segments):
-            return notes
-        peaks = self._peaks
-        if peaks is None:
-            assert self.measures is not None  # of a run that was not read from its files
-            try:
-                peaks = largest_samples(self.trajectory, float(self.measures.marks["window"]))
-            except ConfigError as error:
-                return [*notes, str(error)]
-        return notes + notes_on_samples(peaks, self.summary, self.scene.output.sample_rate_hz)
+        """Warnings."""
+        return self._remarks() if self.saved is None else list(self.summary["notes"])
 
     def _repr_html_(self) -> str:
         """Return what the command prints and the figure of the motion, for a notebook."""

@@ -134,13 +134,13 @@ class Sheet:
         if of_seeds:
             count, captured = of_seeds["seeds"], of_seeds.get("captured")
             ends = f"a resonance captures {captured} or more" if captured else "times are of the first"
-            text = f"another is larger with {share(1.0 / (count + 1))} each; {ends}"
+            text = f"another is larger with {percent(1.0 / (count + 1))} each; {ends}"
             yield "largest values", f"of {counted(count, 'run')}", text if count > 1 else "run.perturbation is 0"
 
     def facts(self) -> Iterator[str]:
         """Yield labels and values of the short print; while nothing is steady, with the largest values of the run."""
         for label, value, *more in self.short():
-            most = more[0][at:] if self.transient and (at := more[0].find("largest ")) >= 0 else ""
+            most = next((part for part in more[0].split("; ") if self.transient and part.startswith("largest ")), "")
             yield _join(f"{label.replace(',', '')} {value}", most).replace("; ", ", ")
 
     # -- parts of rows ------------------------------------------------------------------------------
@@ -227,8 +227,8 @@ class Sheet:
         rows = {axis: self._row(f"stroke {axis}", f"stroke_{axis}_m", largest, left[axis]) for axis in "yx"}
         decays = _limit(largest, left[main], self.scene.oscillators[1]["xy".index(main)] > 0.0)
         rows[main] = rows[main]._replace(also=decays)
-        peak = rows[main].peak.partition(",")[0] if decays else rows[main].peak  # a line has no room for the speed
-        rows[main] = rows[main].shortly(f"stroke {main}", decays, f"{other} {rows[other].now}", peak)
+        words = [f"{other} {rows[other].now}", rows[main].peak]
+        rows[main] = rows[main].shortly(f"stroke {main}", decays, *(words[::-1] if decays else words))
         rms = [s["rms_x_m"], s["rms_y_m"]]
         still = NEGLIGIBLE * max(rms) / arm if arm else None
         turned, most = (self._text(key, error=still) for key in ("rms_phi_rad", "phi_max_rad"))
@@ -268,16 +268,16 @@ class Sheet:
         rows = [Row(name, self._text(f"{name.replace(' ', '_')}_{unit}")) for name, unit in _CONVEYED]
         transport = self.scene.transport
         assert transport is not None
-        runs_away = math.tan(math.radians(abs(transport.deck_angle_deg))) > transport.friction and not s.get("period")
+        runs_away = transport.runs_away and not s.get("period")
         rows = rows[2:] if runs_away or speed == "0" else rows
         carried = rows[0].now if rows[0].label == "throughput" else "in this time, it runs away" * runs_away
-        modes, shear = f"sticks {sticks}, slips {slips} of the time", self._text("shear_ratio")
+        modes, sheared = f"sticks {sticks}, slips {slips} of the time", self._text("sheared_fraction")
         row = Row("conveying speed", speed, f"± {error}" * (error not in ("", "0") and speed != "0"))
         return [
             row.shortly("conveying speed", row.also, carried, "" if runs_away else modes),
             *rows,
             Row("sticks", sticks, f"slips {forth} towards +x, {back} towards −x"),
-            Row("shear of layers", shear, "of their pressure" * bool(shear)),
+            Row("beyond internal friction", sheared, "of the contact time, between the layers" * bool(sheared)),
         ]
 
     def _loads(self) -> list[Row]:
@@ -323,8 +323,9 @@ class Sheet:
         words += [f"slip {percent(max(slips, key=abs))}"] if slips else []
         plates = [self.scene.exciter_pair[n - 1].breakdown_ratio for n in driven]
         loads = [ratio * plate for ratio, plate in zip(ratios, plates, strict=False) if plate]
-        rated = f", {percent(max(loads, key=abs))} of rated torque" if loads else " torque"
-        words += [f"{percent(max(ratios, key=abs))} of critical{rated}"] if ratios else []
+        words += (
+            [f"{percent(max(loads or ratios, key=abs))} of {'rated' if loads else 'critical'} torque"] if ratios else []
+        )
         return "motor power", quantity(sum(powers), "W"), _join(*words)
 
     def _bearings(self) -> list[Row]:
@@ -399,9 +400,8 @@ def _limit(stroke: float, transient: float, damped: bool) -> str:
 
 def _repeats(period: int | None) -> str:
     """Say after how many turns a motion repeats."""
-    if period is None:
-        return ""
-    return {0: f"not yet, or not within {MAX_PERIOD} turns", 1: "every turn"}.get(period, f"every {period} turns")
+    texts = {None: "", 0: f"not yet, or not within {MAX_PERIOD} turns", 1: "every turn"}
+    return texts.get(period, f"every {period} turns")
 
 
 def _join(*parts: str) -> str:

@@ -43,7 +43,7 @@ _FLIGHTS = {1e-6: ("-", "material flies"), 0.5: ("--", "half of the time"), 0.9:
 _DASHES: Sequence[Any] = ("-", "--", "-.", ":", (0, (7, 2)), (0, (1, 2, 1, 2, 5, 2)), (0, (9, 1, 2, 1)))
 UNSTABLE_LOOK = "thin: of unstable orbits"
 #: Column with the speed that formulas of practice give, and what their band is called.
-CONVEYING, PRACTICE = "conveying_speed_m_per_s", f"formula of practice, ± {percent(ERROR)}"
+CONVEYING, PRACTICE = "conveying_speed_m_per_s", f"formulas of practice (simulations: up to {percent(ERROR)} off)"
 
 
 def pictures(

@@ -23,6 +23,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Observer, Simulator, Until, never
+from vibroplat.observe.conveying import OF_SPEED
 from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.measures import SECTION_POINTS, WITH_EXTREMES
 from vibroplat.observe.notes import notes_on_measures, stiffness
@@ -254,7 +255,7 @@ def _measure_by_simulation(
         final = end.tolist()
         blocks = () if kind.drifts else part.blocks
         errors = {ERRORS[name]: error for name, error in block_errors(blocks, tuple(ERRORS)).items()}
-        row |= row_of(values, scene, errors, settling.slip) | columns_of(kind)
+        row |= row_of(values, scene, errors, settling.slip, period=kind.period) | columns_of(kind)
         row["notes"] = "; ".join(note for note in (row["notes"], stiff) if note)
         if (
             plan.find_coexisting
@@ -356,11 +357,12 @@ def row_of(
     errors: Mapping[str, float | None] = MappingProxyType({}),
     slip: float = 0.0,
     near: float = ANTIPHASE,
+    period: int | None = None,
 ) -> dict[str, Any]:
     """Return the columns of measures that were found: with their errors, the notes on them and the synchronization.
 
     ``slip`` is the change of the phase difference while the motion settled (rad), if it has not become periodic. What
-    is no farther than ``near`` from −π (rad) is π.
+    is no farther than ``near`` from −π (rad) is π. Without a ``period`` (0) material may run away, and has no speed.
     """
     row: dict[str, Any] = {name: measures[name] for name in (*MEASURED, *columns(scene))} | dict(errors)
     if scene.has_contact and row["gap_max_m"] is None:
@@ -368,6 +370,8 @@ def row_of(
     if row["phase_difference_rad"] is not None:
         error = errors.get(ERRORS["phase_difference_rad"]) or 0.0
         row["phase_difference_rad"] = wrap_angle(row["phase_difference_rad"], max(near, 2.0 * error))
+    if scene.transport is not None and scene.transport.runs_away and period == 0:
+        row |= dict.fromkeys(OF_SPEED)
     row["notes"] = "; ".join(notes_on_measures(scene, measures))
     row["sync"] = "none" if abs(slip) > MAX_DRIFT else synchronization(measures)
     return row

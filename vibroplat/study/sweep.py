@@ -18,7 +18,7 @@ from vibroplat.integrate.interface import WORK
 from vibroplat.observe.conveying import CONVEYING
 from vibroplat.observe.data_sheet import SHEET, more_columns, point_columns
 from vibroplat.observe.summary import MEASURES
-from vibroplat.results.answer import Answer
+from vibroplat.results.answer import Answer, counted
 from vibroplat.results.result import Result
 from vibroplat.study.answer import short_answer, sync_counts
 from vibroplat.study.attractor_search import failed_search, search_coexisting
@@ -400,6 +400,11 @@ def notes_on_points(table: pd.DataFrame) -> list[str]:
         note = rows["note"].iloc[0]
         begin = HINT if note.startswith(HINT) else ""
         lines.append(f"{begin}{count_text} at {place_words(key, low, high)}{first}: {note.removeprefix(HINT)}")
+    unknown = int((table["motion"] == "non-periodic").sum())
+    if unknown and "conveying_speed_m_per_s" in table:
+        lines.append(
+            f"{HINT}{counted(unknown, 'point')} may be chaotic or not: exponents are not computed with transport"
+        )
     undecided = table[(table["motion"] == "undecided") & (table["outcome"] == "ok")]
     for _, row in undecided.head(1).iterrows():
         several = len(undecided) > 1

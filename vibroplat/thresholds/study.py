@@ -11,7 +11,7 @@ from typing import Unpack
 import pandas as pd
 
 from vibroplat.columns import TEXT, Columns, unit_of
-from vibroplat.config.digits import MOST_DECIMALS, decimal, given, interval, number, places, quantity, share
+from vibroplat.config.digits import MOST_DECIMALS, decimal, given, interval, number, percent, places, quantity
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
@@ -174,7 +174,7 @@ class ThresholdStudy(Study):
         sides = [zone.side(upward) for zone in zones for upward in (False, True)]
         sure, where = [side for side in sides if side.sure], "there" if len(zones) == 1 else "beside each change"
         if sure:
-            risk = f"less than {share(max(side.largest_share for side in sure))} of other starts {where} differ"
+            risk = f"less than {percent(max(side.largest_share for side in sure))} of other starts {where} differ"
             beyond = f"none of {sum(side.tried - side.starts for side in sure)} beyond does"
             yield f"{risk} ({given(100.0 - 100.0 * ERROR)} % confidence); {beyond}"
         if self.plan.expression is None and any(side.slow for side in sides):
