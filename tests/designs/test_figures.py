@@ -9,7 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from vibroplat import Scene
 from vibroplat.errors import TableError
-from vibroplat.plots.command import draw_study
+from vibroplat.plots.command import draw_results
 from vibroplat.results.result import Answer, Result
 
 ROOT = Path(__file__).parents[2]
@@ -70,7 +70,7 @@ def test_a_result_has_the_figures_of_its_tables(kind, command, figures, tmp_path
 def drawn(plan, kind, **tables):
     """The figure of tables in memory."""
     scene = Scene().replace({"name": "d", "design": plan})
-    ((_, figure),) = draw_study("design", [Result("design", scene, tables, Answer())], [kind])
+    ((_, figure),) = draw_results([Result("design", scene, tables, Answer())], [kind])
     return figure
 
 

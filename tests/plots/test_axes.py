@@ -9,7 +9,7 @@ from common.handmade import after, branch
 from vibroplat.config.scene import Scene
 from vibroplat.plots.histories import Run
 from vibroplat.plots.pictures import draw_picture
-from vibroplat.plots.run import Shown, draw
+from vibroplat.plots.run import FIGURES, Shown
 from vibroplat.plots.style import head
 from vibroplat.results import content
 from vibroplat.results.picture import Panel, Picture
@@ -53,7 +53,7 @@ def run(scene=None, **columns):
 
 
 def exciters(shown):
-    return draw("exciters", Shown([shown])).axes
+    return draw_picture(FIGURES["exciters"](Shown([shown]))).axes
 
 
 def test_columns_of_a_figure_that_share_their_values_have_one_unit():

@@ -15,8 +15,8 @@ from vibroplat import load_config
 from vibroplat.bench import measure
 from vibroplat.config.kinds import KINDS
 from vibroplat.errors import TableError
-from vibroplat.plots import histories, paper, run
-from vibroplat.plots.command import draw_study
+from vibroplat.plots import paper, run
+from vibroplat.plots.command import draw_results
 from vibroplat.plots.display import orbit_figure
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.style import styled
@@ -204,11 +204,8 @@ def drawn_run(kind, count=1):
         table, events = change(whole.trajectory), change(whole.events)
         changed = RunResult(whole.scene, whole.summary | {"name": "run"}, table=table)
         changed.events = events
-        runs = [histories.run_of(changed) for _ in range(count)]
-        shown = run.Shown(runs, names=["one", "another"] if count > 1 else ())
-        if lacking := run.missing(kind, shown):
-            raise TableError(lacking)
-        return run.draw(kind, shown)
+        ((_, figure),) = draw_results([changed] * count, [kind])
+        return figure
 
     return draw
 
@@ -226,7 +223,7 @@ def drawn_study(command, kind, keys=()):
                 "section": diagram(held["sweep"], "y_m"),
                 "impacts": diagram(held["sweep"], "impact_speed_m_per_s"),
             }
-        ((_, figure),) = draw_study(command, [Result(command, scene, held, Answer())], [kind])
+        ((_, figure),) = draw_results([Result(command, scene, held, Answer())], [kind])
         return figure
 
     return draw
@@ -240,7 +237,7 @@ def drawn_design(kind, keys):
         named = "shares" if "over" in keys[command] else f"{command} {kind}"
         held = {name: change(table) for name, table in tables[named].items()}
         result = Result(command, load_config(QUICKSTART, dict(keys)), held, Answer())
-        ((_, figure), *_) = draw_study(command, [result], [kind])
+        ((_, figure), *_) = draw_results([result], [kind])
         return figure
 
     return draw

@@ -8,8 +8,10 @@ from vibroplat import load_config, simulate, sweep
 from vibroplat.config.digits import interval
 from vibroplat.errors import TableError
 from vibroplat.plots.histories import run_of
-from vibroplat.plots.run import FIGURES, Shown, run_figures
+from vibroplat.plots.run import FIGURES, Shown
 from vibroplat.study.picture import pictures
+
+from .conftest import drawn
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +42,7 @@ def test_many_turns_have_no_strip_and_other_scenes_no_figure(feeder, tmp_path):
     assert FIGURES["conveying"](Shown([whole])).strips is None
     plain = simulate(load_config(ROOT / "configs/quickstart.yaml", {"run.duration_s": 0.1})).save(tmp_path / "plain")
     with pytest.raises(TableError, match=r"--kind conveying: .* has no motion along the deck"):
-        list(run_figures([plain], ["conveying"]))
+        drawn("run", plain, kinds=["conveying"])
 
 
 def test_a_sweep_tells_and_draws_the_conveying_speed():

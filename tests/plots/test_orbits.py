@@ -14,7 +14,7 @@ from vibroplat.columns import PHASE
 from vibroplat.continuation.picture import MARKERS
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import TableError
-from vibroplat.plots.command import draw_study
+from vibroplat.plots.command import draw_results
 from vibroplat.results.files import SCHEMA
 from vibroplat.results.result import Answer, Result
 from vibroplat.results.tables import read_table, write_table
@@ -66,7 +66,7 @@ def lines(points, marks, column="RMS $y$ (mm)"):
     """Ends and styles of the lines of a branch, and its markers."""
     scene = load_config(QUICKSTART, {"orbits": {"key": "drive.supply_frequency_hz", "start": 0.0, "stop": 4.0}})
     tables = {"branches": points, "special": marks}
-    ((_, figure),) = draw_study("orbits", [Result("orbits", scene, tables, Answer())], ["branches"])
+    ((_, figure),) = draw_results([Result("orbits", scene, tables, Answer())], ["branches"])
     axis = next(axis for axis in figure.axes if axis.get_ylabel() == column)
     ends = []
     for line in (line for line in axis.lines if line.get_linestyle() != "None"):

@@ -16,11 +16,11 @@ from vibroplat.errors import TableError
 from vibroplat.plots import headlines, histories
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.measured import read_data
-from vibroplat.plots.run import run_figures
 from vibroplat.results.labels import run_parameters
 from vibroplat.results.run import RunResult
 from vibroplat.results.tables import read_json, read_table, write_table
 
+from . import conftest
 from .conftest import data_of, table_line, texts
 
 TURN = 2.0 * np.pi
@@ -28,7 +28,7 @@ TURN = 2.0 * np.pi
 
 def drawn(*directories, kinds=(), **options):
     """Figures of runs by name."""
-    return {name: figure for _, name, figure in run_figures(directories, kinds, **options)}
+    return conftest.drawn("run", *directories, kinds=kinds, **options)
 
 
 def from_rest(table, directory):

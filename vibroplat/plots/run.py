@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,17 +16,13 @@ from vibroplat.errors import TableError
 from vibroplat.plots.headlines import headline
 from vibroplat.plots.histories import RATES, SPEEDS, Run, lines_of, peaks_of, run_of, spectrum_of, turns_of, whole_of
 from vibroplat.plots.measured import Measured, curve_of
-from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM
 from vibroplat.results import picture
-from vibroplat.results.files import directory_of
 from vibroplat.results.labels import compared, distinct, named, phase_label, run_parameters
 from vibroplat.results.picture import BLACK, BROKEN, CURVES, LOW, ORANGE, REFERENCE, Facet, Panel
 from vibroplat.results.run import RunResult
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+OPTIONS = ("start", "stop", "data")
 #: Range of a coordinate over the largest one, above which it has a panel.
 MIN_RANGE = 0.05
 #: Most turns that are drawn as a line; more of them as a range.
@@ -149,20 +145,20 @@ class Shown:
 # -- figures -----------------------------------------------------------------------------------------------------------
 
 
-def run_figures(
-    directories: Sequence[Path],
+def pictures(
+    results: Sequence[RunResult],
     kinds: Sequence[str] = (),
     *,
     start: float | None = None,
     stop: float | None = None,
     data: Measured | None = None,
-) -> Iterator[tuple[Path, str, Figure]]:
-    """Draw figures of a run, or of several over each other; yield the directory and the name of each.
+) -> Iterator[picture.Picture]:
+    """Yield the pictures of a run, or of several over each other.
 
     Parameters
     ----------
-    directories
-        Result directories of ``vibroplat run``.
+    results
+        Runs.
     kinds
         ``motion`` (platform and gap: the whole run, and its last turns), ``conveying`` (place of the material along the
         deck, and its modes), ``force`` (contact force and impulses),
@@ -181,24 +177,26 @@ def run_figures(
         Tables are missing or have another schema version, or the interval is empty.
     """
     given = [] if data is None else [*map(str, data.given)]
-    whole = data is not None and start is stop is None
-    wholes = [whole_of(RunResult.read(directory, "run"), given) for directory in directories] if whole else []
+    wholes = [whole_of(one, given) for one in results] if data is not None and start is stop is None else []
     if data is not None and data.shift != 0.0 and wholes:
         start, stop = _measured_interval(data, wholes[0])
-    runs = [run_of(RunResult.read(directory, "run"), start, stop, given) for directory in directories]
+    runs = [run_of(one, start, stop, given) for one in results]
     if data is not None:
         numbers = [column for column in map(str, runs[0].shown.select_dtypes("number")) if column != "t_s"]
         data.select("t_s", numbers).fit(runs[0].shown)
         for column in numbers:
             tables = [table for table in wholes or [run.shown for run in runs] if column in table]
             data.compare(column, "t_s", [curve_of(table, column) for table in tables])
-    names = distinct([run.name for run in runs], directories)
-    shown = Shown(runs, data, compared("run", names, [run.scene for run in runs]) if len(runs) > 1 else ())
+    names = ()
+    if len(runs) > 1:
+        labels = distinct([run.name for run in runs], [one.home or Path(one.place) for one in results])
+        names = compared("run", labels, [run.scene for run in runs])
+    shown = Shown(runs, data, names)
     drawn = [kind for kind in kinds or FIGURES if not missing(kind, shown)]
     if not drawn:
-        raise TableError(f"--kind {kinds[0]}: {directories[0]} {missing(kinds[0], shown)}")
-    for kind in drawn:
-        yield directory_of(directories[0], "run"), kind, draw(kind, shown)
+        able = ", ".join(kind for kind in FIGURES if not missing(kind, shown))
+        raise TableError(f"--kind {kinds[0]}: {results[0].place} {missing(kinds[0], shown)}; allowed: {able}")
+    yield from (FIGURES[kind](replace(shown, parts=[], series=[], words=[], whole=[])) for kind in drawn)
 
 
 def _measured_interval(data: Measured, whole: pd.DataFrame) -> tuple[float | None, float | None]:
@@ -223,12 +221,6 @@ def missing(kind: str, shown: Shown) -> str:
     if kind in ("acceleration", "spectrum") and not any(column.startswith("acceleration_") for column in columns):
         return "has no accelerations; simulate it with --set output.accelerations=true"
     return "needs --data FILE" if kind == "measured" and shown.data is None else ""
-
-
-def draw(kind: str, shown: Shown) -> Figure:
-    """Draw a figure of runs."""
-    picture = FIGURES[kind](Shown(shown.runs, shown.data, shown.names))
-    return draw_picture(picture, data=None if kind == "spectrum" else shown.data)
 
 
 def _curve(shown: Shown, run: Run, column: str, panel: str = "", label: str = "", **look: Any) -> None:
