@@ -20,15 +20,6 @@ def drawn(command, *directories, kinds=(), **options):
 
 
 @pytest.fixture(scope="session")
-def saved(runs, tmp_path_factory):
-    """Directories of runs: ``two layers``, ``bouncing`` and ``bare``."""
-    place = tmp_path_factory.mktemp("runs")
-    for name in ("two layers", "bouncing", "bare"):
-        runs[name].save(place / name)
-    return {path.name: path for path in place.iterdir()}
-
-
-@pytest.fixture(scope="session")
 def moved(kernels, tmp_path_factory):
     """Directory of a run whose trajectory has accelerations, of the centre of mass and of a point."""
     asked = {"run.duration_s": 0.25, "output": {"accelerations": True, "points": {"tip": [0.3, 0.4]}}}

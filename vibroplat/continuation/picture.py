@@ -275,7 +275,6 @@ def boundaries(data: Branches) -> picture.Picture:
         panels=[picture.Panel(data.second)],
         series=series,
         facets=facets if len(facets) > 1 else (),
-        choice="grid",
         told=data.told(beside=data.second),
         meaning="Curves of special points over two keys.",
         high=True,

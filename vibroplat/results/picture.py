@@ -350,8 +350,6 @@ class Picture:
         What is said below the title in print, and below the figure on the page.
     rotation
         How the exciters rotate; "" if that varies or is not known.
-    choice
-        Column by which facets are chosen.
     scale
         Column whose numbers the colours of series follow.
     orbits
@@ -385,7 +383,6 @@ class Picture:
     told: str = ""
     meaning: str = ""
     rotation: str = ""
-    choice: str = ""
     scale: str = ""
     orbits: Orbits | None = None
     high: bool = False
