@@ -140,14 +140,14 @@ def test_points_of_a_sweep_lie_behind_in_the_colour_of_their_branch(followed):
 
 def test_multipliers_lie_about_the_unit_circle(followed):
     figure = drawn(followed, ["multipliers"])["multipliers"]
-    plane, largest = figure.axes[:2]
+    plane, margin = figure.axes[:2]
     table = handmade.branches()
     shown = np.concatenate([collection.get_offsets() for collection in plane.collections])
     assert len(shown) == 2 * 2 * len(table)  # with their conjugates
     np.testing.assert_allclose(np.sort_complex(shown @ [1.0, 1j]), np.sort_complex(shown @ [1.0, -1j]))
     np.testing.assert_allclose(np.hypot(*data_of(plane.lines[0])), 1.0)
     assert plane.get_xlim() == pytest.approx((-1.05 * 1.3, 1.05 * 1.3))
-    np.testing.assert_allclose(largest.lines[0].get_ydata(), table["multiplier_1_re"].abs())
+    np.testing.assert_allclose(margin.lines[0].get_ydata(), 1.0 - table["multiplier_1_re"].abs())
 
 
 def test_boundaries_are_drawn_over_two_keys(followed):
