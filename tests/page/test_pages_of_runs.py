@@ -16,7 +16,7 @@ from vibroplat.page.curves import RunLine, Runs, one_line
 from vibroplat.page.machine import drawing, machine_of, pack
 from vibroplat.page.report import sheet_html
 from vibroplat.page.results import find_results
-from vibroplat.page.run import course_of, windows_of
+from vibroplat.page.run import run_curves, windows_of
 from vibroplat.results.sheet import Sheet
 from vibroplat.results.tables import read_json, read_table, write_table
 
@@ -147,7 +147,7 @@ def test_several_runs_have_a_column_each(saved):
 def test_of_several_runs_a_colour_is_a_run_and_their_last_seconds_stand_beside_each_other(saved):
     """A long detail, as of a run that does not turn steadily, is cut to the shortest."""
     runs = find_results([saved["two layers"], saved["bouncing"]])
-    layers, bouncing = (course_of(one, one.columns("events", ("kind",), ("t_s", "impulse_n_s"))) for one in runs)
+    layers, bouncing = (run_curves(one, one.columns("events", ("kind",), ("t_s", "impulse_n_s"))) for one in runs)
     whole = replace(layers, detail=layers.detail.assign(t_s=10.0 * layers.detail["t_s"]))
     drawn = Runs([whole, bouncing], ["first", "second"])
     spans = [np.ptp(course.detail["t_s"]) for course in drawn.courses]

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from vibroplat.errors import TableError
-from vibroplat.plots.histories import Run, spectrum_of
+from vibroplat.plots.histories import RunTables, spectrum_of
 from vibroplat.results.tables import read_table
 
 from .conftest import drawn
@@ -21,7 +21,7 @@ def test_a_spectrum_has_the_amplitude_of_what_repeats_within_whole_turns():
     t = np.sort(np.concatenate([np.arange(0.0, 0.4305, 5e-4), [0.21013, 0.21013]]))
     values = 1.0 + 3.0 * np.cos(TURN * 25.0 * t) + 0.2 * np.sin(TURN * 75.0 * t)
     table = pd.DataFrame({"t_s": t, "phi1_rad": TURN * 25.0 * t, "a": values})
-    run = Run("hand", None, table, table, table, table, False, False, True)
+    run = RunTables("hand", None, table, table, table, table, False, False, True)
     frequencies, sizes = spectrum_of(run, "a")
     assert frequencies[1] == pytest.approx(2.5)
     assert sizes[[10, 30]] == pytest.approx([3.0, 0.2], rel=1e-9)

@@ -142,7 +142,7 @@ def test_what_is_not_compared_is_told(tmp_path):
     data = Measured(tmp_path / "rig.csv", pd.DataFrame({"t_s": [5.0, 6.0], "y_m": [1.0, 2.0]})).select("t_s", ["y_m"])
     data.compare("y_m", "t_s", [(np.array([0.0, 1.0]), np.array([0.0, 0.0]))])
     assert data.lines() == ["rig.csv: y is not compared: fewer than two of its values lie beside a curve, or all are 0"]
-    assert data.told("y_m") == ""
+    assert data.difference("y_m") == ""
 
 
 def test_the_shift_is_found_in_the_whole_run_and_the_interval_of_the_data_is_shown(tmp_path):

@@ -183,18 +183,18 @@ def continue_attractors(
 
     Those that stay stable are returned as attractors there, each with ``former``, its number among the given ones.
     """
-    with closing(AttractorMapper(scene, max_turns, ())) as follower:
+    with closing(AttractorMapper(scene, max_turns, ())) as mapper:
         for number, attractor in enumerate(attractors):
             if not attractor["row"].get("period") or attractor["state"] is None:
                 continue
             try:
                 state = _continue_orbit(before, key, ends, attractor)
                 if state is not None:
-                    index = follower.register_near(state, attractor["row"]["period"])
-                    follower.attractors[index].setdefault("former", number)
+                    index = mapper.register_near(state, attractor["row"]["period"])
+                    mapper.attractors[index].setdefault("former", number)
             except (NoConvergenceError, OrbitError, ValueError):
                 continue
-        return {"found": [record for record in follower.attractors if "former" in record]}
+        return {"found": [record for record in mapper.attractors if "former" in record]}
 
 
 def _continue_orbit(scene: Scene, key: str, ends: Sequence[float], attractor: Record) -> FloatArray | None:

@@ -107,7 +107,7 @@ def _starts(
         panels=panels,
         series=[picture.Series("", rows.index.to_numpy(), mode="dots") for rows in groups],
         facets=facets,
-        told=told_of([result.name], result.known_scene, keys, *lines),
+        caption=told_of([result.name], result.known_scene, keys, *lines),
         meaning="Each dot is a start, in the colour of the attractor to which its motion converges within "
         f"{plan['max_turns']} turns. A key drawn over itself shows how many starts come to each attractor.",
         orbits=picture.Orbits(attractors, (), [*(orbits.owner or ()), *range(0 if keys else len(attractors))]),
@@ -138,7 +138,7 @@ def _shares(result: Result, plan: Any, key: str, attractors: pd.DataFrame) -> pi
             for name in colours
         ],
         states=content.motions_of(attractors),
-        told=told_of([result.name], result.known_scene, [key], f"starts: {box}", omitted),
+        caption=told_of([result.name], result.known_scene, [key], f"starts: {box}", omitted),
         meaning=f"The share of the starts that converges to each attractor {turns}, and below it the motion of each.",
         orbits=picture.Orbits(attractors),
     )

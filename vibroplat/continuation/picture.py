@@ -133,7 +133,7 @@ def branches(data: Branches) -> picture.Picture:
         states=content.states_of(~table["stable"].astype(bool)),
         meanings=_STABLE,
         rotation=data.rotation,
-        told=data.told(left),
+        caption=data.told(left),
         meaning="Solid: stable orbits; dashed: unstable ones. White marks: special points of "
         f"branches, at their exact frequency.{data.meaning}",
         orbits=picture.Orbits(everything, [*range(len(table), len(everything)), *first]),
@@ -242,7 +242,7 @@ def multipliers(data: Branches) -> picture.Picture:
         series=series,
         lines=[picture.Line("stability_margin", [0.0], dash="-")],
         facets=[picture.Facet(label, numbers) for label, numbers in facets.items()],
-        told=data.told(),
+        caption=data.told(),
         places=("print",),  # the page has them beside each point
     )
 
@@ -275,7 +275,7 @@ def boundaries(data: Branches) -> picture.Picture:
         panels=[picture.Panel(data.second)],
         series=series,
         facets=facets if len(facets) > 1 else (),
-        told=data.told(beside=data.second),
+        caption=data.told(beside=data.second),
         meaning="Curves of special points over two keys.",
         high=True,
     )

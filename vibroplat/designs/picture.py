@@ -87,7 +87,7 @@ def _sensitivities(result: Result, plan: DesignPlan) -> picture.Picture:
         ],
         series=series,
         facets=facets,
-        told=_caption(result, plan),
+        caption=_caption(result, plan),
         meaning="Relative change of the measure over that of a key. Blue: both grow together, orange: one falls as the "
         "other grows.",
     )
@@ -144,7 +144,7 @@ def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
         or [picture.Panel("sample", title="no measure varies")],
         series=[picture.Series("", np.arange(len(table)) if panels else np.zeros(0, dtype=int), mode="dots")],
         lines=lines,
-        told=_caption(result, plan, "\n".join(filter(None, more))),
+        caption=_caption(result, plan, "\n".join(filter(None, more))),
         meaning="Each dot is a scene within the spread, in the colour of its regime; rings: 5, 50 and 95 %.",
     )
 
@@ -218,7 +218,7 @@ def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
         ],
         states=np.array(states, dtype=int),
         meanings=("", "", "", "bound that nothing keeps"),
-        told=_caption(result, plan, omitted),
+        caption=_caption(result, plan, omitted),
         meaning="Filled: all bounds are kept, open: they are not.",
         orbits=picture.Orbits(everything, range(len(table), len(everything)), words="Orbit of this design."),
     )

@@ -65,7 +65,7 @@ def orbit_figure(orbit: Orbit) -> Figure:
         axes=["y_from_rest_m"],
         panels=panels,
         series=[Series("", places, "", CURVES[n], "lines", of=(one.column,)) for n, one in enumerate(panels)],
-        told=run_parameters(orbit.scene),
+        caption=run_parameters(orbit.scene),
         **look,
     )
     return draw_picture(picture)

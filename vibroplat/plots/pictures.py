@@ -21,9 +21,9 @@ from vibroplat.columns import PHASE_COLUMN, quantity_of
 from vibroplat.plots.axes import begin_at_zero, in_decades, in_units, name_axis, widen_ticks
 from vibroplat.plots.layout import Cell, cells_of
 from vibroplat.plots.measured import Measured, curve_of
-from vibroplat.plots.panels import DRAWERS, HATCH, coloured, ended
+from vibroplat.plots.panels import DRAWERS, HATCH, colour_numbers, with_gap
 from vibroplat.plots.strips import PALE, draw_jumps, draw_strips, draw_words, entries_of
-from vibroplat.plots.style import TOLD, entry, few, head, legend_below
+from vibroplat.plots.style import CAPTION, entry, few, head, legend_below
 from vibroplat.results.labels import is_number, key_label
 from vibroplat.results.picture import (
     BEHIND,
@@ -125,14 +125,14 @@ class _Pen:
 
 def _draw(axis: Axes, series: Series, picture: Picture, column: str, x: FloatArray) -> None:
     """Draw a series; its axis is scaled once, after the last one."""
-    y = ended(picture.points[column])[series.places]
+    y = with_gap(picture.points[column])[series.places]
     pen = _Pen(axis, series, x, picture.states)
     if series.mode == "shade":
         pen.shade()
     elif not np.isfinite(y).any() and not (pen.states == LOST).any():
         return  # of another panel
     elif series.mode == "band":
-        pen.band(ended(picture.points[f"{column}{LOW}"])[series.places], y)
+        pen.band(with_gap(picture.points[f"{column}{LOW}"])[series.places], y)
     elif series.mode in ("lines", "both"):
         pen.line(y, wraps=column == PHASE_COLUMN)
     else:
@@ -160,7 +160,7 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
         in_decades(next((cell.axis for cell in cells if not cell.panel.x), first), "x")  # that all share
     if x == "start":
         first.xaxis.set_major_locator(MaxNLocator(integer=True))
-    head(figure, picture.title, picture.told)
+    head(figure, picture.title, picture.caption)
     if picture.scale:
         values = picture.points[picture.scale]
         norm = Normalize(float(values.min()), float(values.max()))
@@ -207,9 +207,9 @@ def _panel(cell: Cell, picture: Picture, x: str, data: tuple[Measured, pd.DataFr
     _limit(axis, panel)
     draw_words(axis, picture, panel.column, x)
     if panel.note:
-        axis.set_title(panel.note, loc="right", fontsize=8.0, color=TOLD)
+        axis.set_title(panel.note, loc="right", fontsize=8.0, color=CAPTION)
     if panel.by and panel.kind not in ("plane", "ranks") and not panel.classes and (cell.is_last or not picture.facets):
-        _, colours, norm = coloured(panel, picture.points)
+        _, colours, norm = colour_numbers(panel, picture.points)
         bar = axis.figure.colorbar(ScalarMappable(norm, colours), ax=axis, aspect=40)
         bar.set_label(panel.label or quantity_of(panel.by).label)
     if panel.title:
@@ -223,7 +223,7 @@ def _curves(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[
         axis.set_yscale("asinh", linear_width=NEAR_ZERO)
         axis.yaxis.set_major_locator(AsinhLocator(NEAR_ZERO, numticks=MAX_TICKS))
     over = panel.x or x
-    across = ended(picture.points[over])
+    across = with_gap(picture.points[over])
     for one in shown:
         _draw(axis, one, picture, panel.column, across)
     draw_jumps(axis, picture, panel, over)

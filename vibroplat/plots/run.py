@@ -14,7 +14,17 @@ from vibroplat.columns import FORCES, PHASE, PHASE_COLUMN, split, unit_of
 from vibroplat.config import digits
 from vibroplat.errors import TableError
 from vibroplat.plots.headlines import headline
-from vibroplat.plots.histories import RATES, SPEEDS, Run, lines_of, peaks_of, run_of, spectrum_of, turns_of, whole_of
+from vibroplat.plots.histories import (
+    RATES,
+    SPEEDS,
+    RunTables,
+    lines_of,
+    peaks_of,
+    run_of,
+    spectrum_of,
+    turns_of,
+    whole_of,
+)
 from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM
 from vibroplat.results import picture
@@ -47,13 +57,13 @@ _SPEEDS = Panel("speed_hz", label="speed (Hz)")
 
 
 @dataclass
-class Shown:
+class RunPicture:
     """The runs of a figure, measured data, the names of several runs, and the series that are drawn of them.
 
     :meth:`draw` adds series: of whole runs, whose numbers are in ``whole``, or of their last turns, shown next to them.
     """
 
-    runs: Sequence[Run]
+    runs: Sequence[RunTables]
     data: Measured | None = None
     names: Sequence[str] = ()
     parts: list[pd.DataFrame] = field(default_factory=list)
@@ -62,7 +72,7 @@ class Shown:
     whole: list[int] = field(default_factory=list)
 
     @property
-    def only(self) -> Run | None:
+    def only(self) -> RunTables | None:
         """The run, if there is one."""
         return self.runs[0] if len(self.runs) == 1 else None
 
@@ -76,7 +86,7 @@ class Shown:
         """Whether last turns are counted from a whole turn of exciter 1, to compare those of several runs."""
         return self.only is None and self.data is None and not any(run.chosen for run in self.runs)
 
-    def last(self, run: Run) -> pd.DataFrame:
+    def last(self, run: RunTables) -> pd.DataFrame:
         """Return the last turns of a run."""
         if not self.aligned:
             return run.last
@@ -84,18 +94,18 @@ class Shown:
         begin = float(run.last["t_s"].iloc[int(turns.gt(turns.iloc[0]).argmax())])
         return run.last[run.last["t_s"] >= begin].assign(t_s=run.last["t_s"] - begin)
 
-    def during(self, run: Run) -> pd.DataFrame:
+    def during(self, run: RunTables) -> pd.DataFrame:
         """Return the events of the last turns, at the times of these."""
         last = self.last(run)
         begin = float(run.last.loc[last.index[0], "t_s"]) - float(last["t_s"].iloc[0])
         return run.events[run.events["t_s"] >= float(run.last["t_s"].iloc[0])].assign(t_s=lambda t: t["t_s"] - begin)
 
-    def colour(self, run: Run, column: str) -> str:
+    def colour(self, run: RunTables, column: str) -> str:
         """Return the colour of a quantity, or of each run if there are several."""
         number = next(number for number, one in enumerate(self.runs) if one is run)
         return _COLOURS.get(column, PLATFORM) if self.only else CURVES[number % len(CURVES)]
 
-    def called(self, run: Run, alone: str = "") -> str:
+    def called(self, run: RunTables, alone: str = "") -> str:
         """Return the name of one of several runs."""
         return self.names[next(n for n, one in enumerate(self.runs) if one is run)] if self.names else alone
 
@@ -131,7 +141,7 @@ class Shown:
             series=self.series,
             words=self.words,
             facets=shown if self.both or self.aligned else (),
-            told="\n".join(filter(None, (names, *lines))),
+            caption="\n".join(filter(None, (names, *lines))),
             rotation={True: "co-rotating", False: "counter-rotating"}[rotations.pop()] if len(rotations) == 1 else "",
             **{"axes": ["t_s"]} | more,
         )
@@ -187,11 +197,11 @@ def pictures(
         for column in numbers:
             tables = [table for table in wholes or [run.shown for run in runs] if column in table]
             data.compare(column, "t_s", [curve_of(table, column) for table in tables])
-    names = ()
+    names = list[str]()
     if len(runs) > 1:
         labels = distinct([run.name for run in runs], [one.home or Path(one.place) for one in results])
         names = compared("run", labels, [run.scene for run in runs])
-    shown = Shown(runs, data, names)
+    shown = RunPicture(runs, data, names)
     drawn = [kind for kind in kinds or FIGURES if not missing(kind, shown)]
     if not drawn:
         able = ", ".join(kind for kind in FIGURES if not missing(kind, shown))
@@ -211,7 +221,7 @@ def _measured_interval(data: Measured, whole: pd.DataFrame) -> tuple[float | Non
     return (float(inside.min()), float(inside.max())) if inside.min() < inside.max() else (None, None)
 
 
-def missing(kind: str, shown: Shown) -> str:
+def missing(kind: str, shown: RunPicture) -> str:
     """Say what runs do not have that a figure needs; "" if nothing."""
     columns = {str(column) for run in shown.runs for column in run.shown}
     if kind == "force" and "contact_force_n" not in columns:
@@ -223,7 +233,7 @@ def missing(kind: str, shown: Shown) -> str:
     return "needs --data FILE" if kind == "measured" and shown.data is None else ""
 
 
-def _curve(shown: Shown, run: Run, column: str, panel: str = "", label: str = "", **look: Any) -> None:
+def _curve(shown: RunPicture, run: RunTables, column: str, panel: str = "", label: str = "", **look: Any) -> None:
     """Draw a column of a run: its range in each turn of the whole run, and its last turns."""
     look = {"colour": shown.colour(run, column), "of": (panel or column,)} | look
     low, high = (run.envelope[f"{column}:{end}"] for end in ("min", "max"))
@@ -235,7 +245,7 @@ def _curve(shown: Shown, run: Run, column: str, panel: str = "", label: str = ""
         shown.draw(last[["t_s"]].assign(**{panel or column: last[column]}), label, **look)
 
 
-def _coordinate(shown: Shown, column: str) -> None:
+def _coordinate(shown: RunPicture, column: str) -> None:
     """Draw a coordinate; if there is one run, contact is shaded and impacts are marked."""
     for run in (run for run in shown.runs if column in run.shown):
         _curve(shown, run, column, label=shown.called(run))
@@ -243,7 +253,7 @@ def _coordinate(shown: Shown, column: str) -> None:
             _contact(shown, run, column)
 
 
-def _contact(shown: Shown, run: Run, column: str) -> None:
+def _contact(shown: RunPicture, run: RunTables, column: str) -> None:
     """Shade the times of contact, and mark impacts on the line of zero gap."""
     last = run.last
     attached = (~last["mode"].isin(["flight", "bare"])).to_numpy()
@@ -257,7 +267,7 @@ def _contact(shown: Shown, run: Run, column: str) -> None:
         shown.draw(impacts[["t_s"]].assign(gap_m=0.0), "impact", **look)
 
 
-def _motion(shown: Shown) -> picture.Picture:
+def _motion(shown: RunPicture) -> picture.Picture:
     """Show the coordinates of the platform that matter, and the gap."""
     largest = [max(run.range_of(c) for c in _MOVING) for run in shown.runs]
     pairs = [*zip(shown.runs, largest, strict=True)]
@@ -268,7 +278,7 @@ def _motion(shown: Shown) -> picture.Picture:
     return shown.picture("motion", [shown.panel(column) for column in columns])
 
 
-def _conveying(shown: Shown) -> picture.Picture:
+def _conveying(shown: RunPicture) -> picture.Picture:
     """Show the place of the material along the deck from the begin of the turns shown, and its modes in a few turns."""
     strips = []
     for run in (run for run in shown.runs if "along_m" in run.shown):
@@ -284,7 +294,7 @@ def _conveying(shown: Shown) -> picture.Picture:
     return shown.picture("conveying", [Panel("along_m")], facets=facets, strips=modes)
 
 
-def _force(shown: Shown) -> picture.Picture:
+def _force(shown: RunPicture) -> picture.Picture:
     """Show the contact force, and below it the impulses of impacts as stems: they are no forces."""
     for run in shown.runs:
         strikes = shown.during(run).query("impulse_n_s > 0.0")
@@ -300,7 +310,7 @@ def _force(shown: Shown) -> picture.Picture:
     return shown.picture("force", panels, facets=int(shown.aligned and not shown.both))
 
 
-def _exciters(shown: Shown) -> picture.Picture:
+def _exciters(shown: RunPicture) -> picture.Picture:
     """Show the speeds of both exciters and their phase difference."""
     _speeds(shown)
     for run in shown.runs:
@@ -315,7 +325,7 @@ def _exciters(shown: Shown) -> picture.Picture:
     return shown.picture("exciters", [_SPEEDS, phases], facets=1)
 
 
-def _speeds(shown: Shown) -> None:
+def _speeds(shown: RunPicture) -> None:
     """Draw the speeds of both exciters, of which the second is dashed; those that coincide are one line."""
     for run in shown.runs:
         first, second = (run.envelope[[f"{name}:min", f"{name}:max"]].mean(axis=1) for name in SPEEDS)
@@ -327,7 +337,7 @@ def _speeds(shown: Shown) -> None:
             _curve(shown, run, name, "speed_hz", shown.called(run, called), **look)
 
 
-def _synchronous_speed(shown: Shown, run: Run) -> None:
+def _synchronous_speed(shown: RunPicture, run: RunTables) -> None:
     """Draw the synchronous speeds of both motors (Hz) over time, where they are on; where they agree, one line."""
     assert run.scene is not None
     times = np.linspace(float(run.whole["t_s"].iloc[0]), float(run.whole["t_s"].iloc[-1]), TIMES)
@@ -345,7 +355,7 @@ def _synchronous_speed(shown: Shown, run: Run) -> None:
             shown.draw(pd.DataFrame({"t_s": times, "speed_hz": speed}), label, whole=shown.both, **look)
 
 
-def _loads(shown: Shown) -> picture.Picture:
+def _loads(shown: RunPicture) -> picture.Picture:
     """Show forces into the foundation and displacements with their peaks, and the speeds."""
     columns: list[str] = []
     for group in (FORCES, _MOVING[:2]):
@@ -359,7 +369,7 @@ def _loads(shown: Shown) -> picture.Picture:
     return shown.picture("loads", [*(shown.panel(column) for column in columns), _SPEEDS])
 
 
-def _peak(shown: Shown, run: Run, column: str) -> None:
+def _peak(shown: RunPicture, run: RunTables, column: str) -> None:
     """Mark the largest size of a force, or where a stroke was complete, with its time and the speed then."""
     name, unit = _PEAKS[column], unit_of(_PEAKS[column])
     keys = (name, *(f"{split(name)[0]}_at_{end}" for end in ("s", "hz")))
@@ -376,7 +386,7 @@ def _peak(shown: Shown, run: Run, column: str) -> None:
     shown.words.append(picture.Word(text, column, at, height, beside=True))
 
 
-def _accelerations(shown: Shown) -> picture.Picture:
+def _accelerations(shown: RunPicture) -> picture.Picture:
     """Show accelerations in the rows shown: a panel for each axis, a line for each point."""
     panels = []
     for column, lines in lines_of(shown.runs, shown.names).items():
@@ -389,7 +399,7 @@ def _accelerations(shown: Shown) -> picture.Picture:
     return shown.picture("acceleration", panels, facets=0, high=True)
 
 
-def _spectra(shown: Shown) -> picture.Picture:
+def _spectra(shown: RunPicture) -> picture.Picture:
     """Show amplitude spectra of accelerations, with the orders of the exciters; of measured data there are none."""
     first, panels, turns = shown.runs[0], list[Panel](), int(shown.runs[0].turns * (1.0 + 1e-9))
     speed = float(first.shown[RATES[0]].abs().median()) / (2.0 * np.pi)  # also where a start is shown
@@ -412,7 +422,7 @@ def _spectra(shown: Shown) -> picture.Picture:
     return shown.picture("spectrum", panels, over, facets=0, high=True, axes=["frequency_hz"], lines=[orders])
 
 
-def _measured(shown: Shown) -> picture.Picture:
+def _measured(shown: RunPicture) -> picture.Picture:
     """Show each measured column with the computed one and their difference."""
     data = shown.data
     assert data is not None
@@ -422,12 +432,12 @@ def _measured(shown: Shown) -> picture.Picture:
             look: dict[str, Any] = {"colour": CURVES[number % len(CURVES)], "of": (column,)}
             shown.draw(run.shown[["t_s", column]], shown.called(run, "computed"), **look)
     shifted = f"measured data {data.shifted}" if data.shifted else ""
-    panels = [shown.panel(column, title=data.told(column)) for column in columns]
+    panels = [shown.panel(column, title=data.difference(column)) for column in columns]
     found = shown.picture("measured", panels, shifted, facets=0)
     return replace(found, title="; ".join(data.differences()) or found.title)
 
 
-FIGURES: Mapping[str, Callable[[Shown], picture.Picture]] = {
+FIGURES: Mapping[str, Callable[[RunPicture], picture.Picture]] = {
     "motion": _motion,
     "conveying": _conveying,
     "force": _force,

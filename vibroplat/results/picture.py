@@ -346,7 +346,7 @@ class Picture:
         Where points are, by their places; only where these are not in both tables.
     states, meanings
         Number in :data:`STATES` of each place, and what these mean; without any all are full.
-    told, meaning
+    caption, meaning
         What is said below the title in print, and below the figure on the page.
     rotation
         How the exciters rotate; "" if that varies or is not known.
@@ -380,7 +380,7 @@ class Picture:
     drawn: pd.DataFrame | None = None
     states: Places = field(default_factory=lambda: np.zeros(0, dtype=int))
     meanings: Sequence[str] = MOTIONS
-    told: str = ""
+    caption: str = ""
     meaning: str = ""
     rotation: str = ""
     scale: str = ""

@@ -114,7 +114,7 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         states=content.motions_of(table),
         rotation=sweeps.rotation,
         scale=scale,
-        told=sweeps.told(left, f"curves coincide: {'; '.join(equal)}" if equal else ""),
+        caption=sweeps.told(left, f"curves coincide: {'; '.join(equal)}" if equal else ""),
         meaning=f"Solid: up; dashed: down, seen where it differs; arrows: jumps; ×: failed.{formula}{sweeps.meaning}",
         orbits=picture.Orbits(table),
     )
@@ -158,7 +158,7 @@ def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> picture.Picture:
         series=series,
         facets=facets if len(facets) > 1 else (),
         strips=strips,
-        told=sweeps.told(),
+        caption=sweeps.told(),
         meaning="Each dot is a point of the Poincaré section, or an impact; the way down lies below the way up.",
         high=True,
     )
@@ -250,7 +250,7 @@ def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         strips=strips_of(sweeps, labels, flies=True) if few else None,
         rotation=sweeps.rotation,
         states=content.motions_of(table),
-        told=sweeps.told(),
+        caption=sweeps.told(),
         meaning="Each tile is a point of the sweep; white: failed.",
         orbits=picture.Orbits(table) if not len(curves) else None,
         high=True,

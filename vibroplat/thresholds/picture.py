@@ -68,7 +68,7 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
         ranges=ranges,
         states=content.motions_of(table),
         rotation=result.known_scene.rotation if result.known_scene else "",
-        told=told_of([result.name], result.known_scene, [key], omitted),
+        caption=told_of([result.name], result.known_scene, [key], omitted),
         meaning="Every value that was looked at. Filled: periodic, open: not periodic, ×: failed; dashed lines: "
         "thresholds.",
         orbits=picture.Orbits(
