@@ -88,7 +88,7 @@ def test_an_attractor_keeps_its_name_over_a_key_and_counts_without_starts(found)
     box = found[0].basins.initial_conditions
     over = {"key": "drive.supply_frequency_hz", "start": 62.84, "stop": 63.1, "count": 3}
     tables = basins(scene_of(box, random=30, over=over))
-    shares = tables.fractions.pivot_table(index="supply_frequency_hz", columns="attractor", values="fraction")
+    shares = tables.attractors.pivot_table(index="supply_frequency_hz", columns="attractor", values="fraction")
     assert list(shares) == ["antiphase, period 1", "in-phase, period 1"]
     assert shares.sum(axis=1).tolist() == pytest.approx([1.0, 1.0, 1.0])
     assert shares["antiphase, period 1"].tolist()[1] == 0.0, "carried from the value before"

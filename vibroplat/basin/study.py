@@ -85,11 +85,6 @@ STARTS_TABLE: Columns = {
     "attractor": ATTRACTORS["attractor"],
     "turns": Column("turns of exciter 1 until the initial condition was assigned to an attractor"),
 }
-FRACTIONS: Columns = {
-    name: ATTRACTORS[name]
-    for name in ("attractor", "count", "fraction", "fraction_low", "fraction_high", "within_turns")
-}
-
 
 _OVER: Columns = {"…": Column("value of the key of basins.over, by dotted name")}
 #: The tables of basins: what their rows are, and their columns.
@@ -102,7 +97,6 @@ TABLES: dict[str, tuple[str, Columns]] = {
         "`vibroplat basins`: one row per initial condition.",
         {**_OVER, "… ": Column("keys of basins.initial_conditions, by dotted name"), **STARTS_TABLE},
     ),
-    "fractions": ("`vibroplat basins` with `over`: basin fractions at each value of the key.", {**_OVER, **FRACTIONS}),
 }
 
 
@@ -270,8 +264,6 @@ def _make_result(study: BasinsStudy, sets: Sequence[AttractorSet]) -> Result:
         "attractors": study_table(attractors, [*column, *ATTRACTORS, *more], {**SWEEP, **ATTRACTORS, **more}),
         "starts": study_table(starts, [*column, *plan.initial_conditions, *STARTS_TABLE], {**SWEEP, **STARTS_TABLE}),
     }
-    if key is not None:
-        tables["fractions"] = tables["attractors"][[*column, *FRACTIONS]]
     return Result("basins", study.scene, tables, answer_of(study.scene, tables, key, sets, escaped))
 
 
@@ -309,8 +301,7 @@ def basins(scene: Scene, **options: Unpack[Options]) -> Result:
     -------
     Result
         Table ``attractors`` has one row per attractor and value of a key; each row can be a guess for
-        :func:`vibroplat.orbit`. Table ``starts`` has one row per initial condition. With ``over``, table ``fractions``
-        has the basin fractions at each value of the key.
+        :func:`vibroplat.orbit`. Table ``starts`` has one row per initial condition.
 
     Raises
     ------

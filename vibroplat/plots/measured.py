@@ -127,9 +127,8 @@ class Measured:
 
     def differences(self) -> list[str]:
         """Return the errors of all columns as text."""
-        return [
-            f"{display_name(column)} {self.difference(column)}" for column in self.errors if self.difference(column)
-        ]
+        texts = {column: self.difference(column) for column in self.errors}
+        return [f"{display_name(column)} {text}" for column, text in texts.items() if text]
 
     @property
     def shifted(self) -> str:
@@ -147,11 +146,9 @@ class Measured:
         shift = f"; {self.shifted}" if self.shifted else ""
         what = "(RMS of the difference / RMS of the measured values)"
         nothing = "is not compared: fewer than two of its values lie beside a curve, or all are 0"
-        texts = {
-            column: f"{self.difference(column)} {what}" if self.difference(column) else nothing
-            for column in self.errors
-        }
-        return [f"{self.path.name}: {display_name(column)} {text}{shift}" for column, text in texts.items()]
+        texts = {column: self.difference(column) for column in self.errors}
+        lines = {column: f"{text} {what}" if text else nothing for column, text in texts.items()}
+        return [f"{self.path.name}: {display_name(column)} {line}{shift}" for column, line in lines.items()]
 
     def draw(self, axis: Axes, x: str, column: str) -> None:
         """Draw a column over another where the data have both, in black diamonds, smaller ones if they are many.

@@ -14,17 +14,7 @@ from vibroplat.columns import FORCES, PHASE, PHASE_COLUMN, split, unit_of
 from vibroplat.config import digits
 from vibroplat.errors import TableError
 from vibroplat.plots.headlines import headline
-from vibroplat.plots.histories import (
-    RATES,
-    SPEEDS,
-    RunTables,
-    lines_of,
-    peaks_of,
-    run_of,
-    spectrum_of,
-    turns_of,
-    whole_of,
-)
+from vibroplat.plots.histories import SPEEDS, RunTables, lines_of, peaks_of, run_of, spectrum_of, turns_of, whole_of
 from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM
 from vibroplat.results import picture
@@ -402,7 +392,7 @@ def _accelerations(shown: RunPicture) -> picture.Picture:
 def _spectra(shown: RunPicture) -> picture.Picture:
     """Show amplitude spectra of accelerations, with the orders of the exciters; of measured data there are none."""
     first, panels, turns = shown.runs[0], list[Panel](), int(shown.runs[0].turns * (1.0 + 1e-9))
-    speed = float(first.shown[RATES[0]].abs().median()) / (2.0 * np.pi)  # also where a start is shown
+    speed = float(first.shown["phi1_rate_rad_per_s"].abs().median()) / (2.0 * np.pi)  # also where a start is shown
     end = np.inf
     for column, lines in lines_of(shown.runs, shown.names).items():
         spectra = [spectrum_of(run, name) for run, name, _ in lines]
