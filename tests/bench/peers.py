@@ -51,9 +51,9 @@ class Peer(TimedEngine):
         self.wanted = np.asarray(times)
         return super().run(times)
 
-    def timed(self, *, bare=False):
+    def timed(self, column):
         self.wanted, self.inside_s = np.empty(0), 0.0
-        seconds, part = super().timed(bare=bare)
+        seconds, part = super().timed(column)
         return self.inside_s if self.name.endswith(" alone") else seconds, part
 
     def close(self):

@@ -230,10 +230,9 @@ def growth(row, mass, longest):
         places = np.delete(chart.places, chart.phase)
         disturbed = start.copy()
         disturbed[places] += 1e-4 * direction * shooter.scales[places]
-        ends = [shooter.shot(state, periods * seconds) for state in (start, disturbed)]
+        ends = [shooter.shot(state, periods * seconds, full=True) for state in (start, disturbed)]
         change = ends[1].state - ends[0].state
-        rates = shooter.motion.rates
-        change -= rates * change[ANGLE_INDEX] / rates[ANGLE_INDEX]  # to the section
+        change -= ends[1].rates * change[ANGLE_INDEX] / ends[1].rates[ANGLE_INDEX]  # to the section
         factor = left @ (change / shooter.scales)[places] / (1e-4 * left @ direction)
     return periods, multiplier, factor
 

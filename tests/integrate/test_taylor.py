@@ -147,7 +147,7 @@ def test_stiff_scene_has_a_note_and_others_have_none(quickstart):
     calm = quickstart.replace({**TAYLOR, "drive.supply_frequency_hz": 40.0, "run.duration_s": 1.0})
     stiff = calm.replace({"material.natural_frequency_hz": 5000.0})
     for name, scene in (("calm", calm), ("stiff", stiff), ("native", stiff.replace({"solver.engine": "native"}))):
-        told = simulate(scene, keep="summary").summary["notes"]
+        told = simulate(scene, keep="summary").notes
         notes[name] = [note for note in told if "engine taylor takes" in note]
     assert (len(notes["calm"]), len(notes["stiff"]), len(notes["native"])) == (0, 1, 0)
     assert "solver.engine = native is likely to be faster" in notes["stiff"][0]

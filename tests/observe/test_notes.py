@@ -22,7 +22,7 @@ CAPTURED = {
 
 
 def of_motion(scene, **changes):
-    return simulate(scene.replace(changes), keep="summary").summary["notes"]
+    return simulate(scene.replace(changes), keep="summary").notes
 
 
 # -- rotation -------------------------------------------------------------------------------------------
@@ -106,11 +106,10 @@ def test_a_coarse_tolerance_of_sundials_is_noted_where_impacts_amplify_errors():
 )
 def test_a_peak_that_samples_miss_is_noted(quickstart, key, column, start, supply, seconds):
     run = simulate(quickstart.replace({"drive.supply_frequency_hz": supply, "run.duration_s": seconds}))
-    assert run.notes == run.summary["notes"] == []
+    assert run.notes == []
     coarse = simulate(run.scene.replace({"output.sample_rate_hz": 1.0}))
     late = coarse.trajectory[coarse.trajectory["t_s"] >= 0.5 * seconds]
     missed = share(1.0 - late[column].max() / coarse.summary[key])
-    assert coarse.summary["notes"] == []
     (note,) = coarse.notes
     assert note.startswith(start)
     assert note.endswith(f" by {missed}: output.sample_rate_hz = 1 is too low")
@@ -128,9 +127,13 @@ def test_samples_of_the_measured_part_alone_are_compared(quickstart):
     assert "contact force" in note
 
 
-def test_a_run_without_a_trajectory_has_the_notes_of_its_summary(quickstart):
-    run = simulate(quickstart.replace({"run.duration_s": 2.0, "output.sample_rate_hz": 1.0}), keep="events")
-    assert run.notes == run.summary["notes"] == []
+def test_notes_are_made_when_somebody_reads_them(quickstart, monkeypatch):
+    """Nobody else pays for them; a run that keeps no trajectory has none on its samples."""
+    asked, scene = [], quickstart.replace({"run.duration_s": 2.0, "output.sample_rate_hz": 1.0})
+    monkeypatch.setattr("vibroplat.motion.run.notes_on_input", lambda scene: asked.append(scene) or [])
+    run = simulate(scene, keep="events")
+    assert (run.outcome, asked) == ("ok", [])
+    assert (run.notes, run.notes, asked) == ([], [], [scene])
 
 
 def test_a_part_measured_across_a_change_of_the_supply_says_so(quickstart):
@@ -149,21 +152,21 @@ def test_a_part_measured_across_a_change_of_the_supply_says_so(quickstart):
 def test_a_run_that_has_not_settled_says_so(quickstart):
     """At 65 Hz antiphase is unstable: the exciters are on their way to in-phase when a short run ends."""
     scene = quickstart.replace({"drive.supply_frequency_hz": 65.0, "run": {"duration_s": 3.0, "perturbation": 0.01}})
-    (note,) = (note for note in simulate(scene, keep="summary").summary["notes"] if "phase" in note)
+    (note,) = (note for note in simulate(scene, keep="summary").notes if "phase" in note)
     assert note.startswith("the phase difference changes by ")
     settled = quickstart.replace({"run": {"duration_s": 3.0, "perturbation": 0.01}})
-    assert not any("phase" in note for note in simulate(settled, keep="summary").summary["notes"])
+    assert not any("phase" in note for note in simulate(settled, keep="summary").notes)
 
 
 def test_a_transient_left_in_strokes_that_repeat_is_noted():
     """Rotating bodies opposite each other excite nothing but rotation: what else moves is left from the start."""
     scene = load_config(ROOT / "configs" / "examples" / "co-rotating-opposite.yaml")
-    short, long = (simulate(scene.replace({"run.duration_s": end}), keep="summary").summary for end in (10.0, 40.0))
-    assert short["period"] == long["period"] == 1
-    assert short["stroke_change"] > 0.5
-    assert short["notes"][0].startswith(f"{share(short['stroke_change'])} of the stroke, ")
-    assert long["stroke_change"] < 0.02
-    assert not any("transient" in note for note in long["notes"])
+    short, long = (simulate(scene.replace({"run.duration_s": end}), keep="summary") for end in (10.0, 40.0))
+    assert short.summary["period"] == long.summary["period"] == 1
+    assert short.summary["stroke_change"] > 0.5
+    assert short.notes[0].startswith(f"{share(short.summary['stroke_change'])} of the stroke, ")
+    assert long.summary["stroke_change"] < 0.02
+    assert not any("transient" in note for note in long.notes)
 
 
 @pytest.mark.parametrize("damping", [100.0, 400.0])

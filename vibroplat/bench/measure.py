@@ -26,7 +26,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.motion import Simulator
 from vibroplat.motion.run import SETTLE_FRACTION, simulate
-from vibroplat.observe.summary import INACCURATE, MeasuredInterval
+from vibroplat.observe.summary import INACCURATE
 from vibroplat.plots.style import head, legend_below, new_figure, save, styled
 from vibroplat.results.answer import counted, in_columns
 from vibroplat.results.picture import CURVES, finite
@@ -44,8 +44,8 @@ TIMED_S = 10.0
 #: Processor time of a turn (s) up to which a task is repeated.
 MAX_TURN_S = 0.02
 
-#: Columns of times, and whether statistics are left out.
-TIMES = {"ms_per_s": False, "bare_ms_per_s": True}
+#: Columns of times: of all that a user waits for, of an engine with its statistics, of an engine alone.
+TIMES = (RUN, _, ALONE) = "simulate_ms_per_s", "ms_per_s", "bare_ms_per_s"
 
 K = TypeVar("K")
 T = TypeVar("T")
@@ -149,10 +149,10 @@ def event_errors(mine: pd.DataFrame, theirs: pd.DataFrame) -> dict[str, float]:
 
 
 class TimedEngine:
-    """A scene, and what makes the engine that runs it."""
+    """A scene, what makes the engine that runs it, and how long a motion is timed: at least TIMED_S (s)."""
 
     def __init__(self, scene: Scene, make: Callable[[Scene, Parameters], Engine] = make_engine) -> None:
-        self.scene, self.make = scene, make
+        self.scene, self.make, self.timed_s = scene, make, max(scene.run.duration_s, TIMED_S)
 
     def run(self, times: Iterable[float]) -> RunResult:
         """Run the scene, whose states at these times are compared; RuntimeError if it ends early."""
@@ -161,17 +161,15 @@ class TimedEngine:
             raise RuntimeError(f"{run.outcome}: {run.summary['detail']}")
         return run
 
-    @property
-    def timed_s(self) -> float:
-        """How long a motion is timed: the scene's, but at least TIMED_S (s)."""
-        return max(self.scene.run.duration_s, TIMED_S)
-
-    def timed(self, *, bare: bool = False) -> tuple[float, MeasuredInterval | None]:
-        """Return the processor time of a motion (s), and what it measured; a ``bare`` one is without statistics."""
+    def timed(self, column: str) -> tuple[float, Any]:
+        """Return a processor time of a motion (s), for a column of times, and what it gave."""
+        if column == RUN:  # with the notes that a user reads
+            scene = self.scene.replace({"run.duration_s": self.timed_s})
+            return timed(lambda: simulate(scene, keep="summary", engine=self.make).notes)
         p = parameters(self.scene)
         with closing(self.make(self.scene, p)) as engine:
             motion = Simulator(self.scene, p, engine)
-            if bare:
+            if column == ALONE:
                 return timed(motion.to_time, self.timed_s)
             return timed(motion.advance, self.timed_s, settle=SETTLE_FRACTION * self.timed_s)
 
@@ -197,8 +195,9 @@ def precision(
 ) -> pd.DataFrame:
     """Return a table of errors and run times by case, engine and tolerance; ``failed`` says why a run has none.
 
-    Times are processor times per simulated second: ``ms_per_s`` with the statistics of a run, ``bare_ms_per_s`` without
-    them. Errors are those of the case's duration, times those of TIMED_S at least.
+    Times are processor times per simulated second: ``simulate_ms_per_s`` of :func:`vibroplat.simulate` with notes,
+    ``ms_per_s`` of the engine with statistics, ``bare_ms_per_s`` of the engine. Errors are those of the case's
+    duration, times those of TIMED_S at least.
 
     ``solver_of`` makes the solver of an engine's name, a scene and a tolerance.
     """
@@ -213,16 +212,12 @@ def precision(
                 row |= {"engine": run.summary["engine"], "steps": run.summary["steps"]}
                 row |= coordinate_errors(run, case.trajectory) | event_errors(run.events, case.events)
                 row["coordinates"] = max(row[c] / scales[c] for c in COORDINATES if c in row)
-                solver.timed()  # it may fail later than the errors are measured
+                solver.timed(RUN)  # it may fail later than the errors are measured
                 solvers[key] = solver
             except Exception as reason:  # whatever a library raises is its row's, not the bench's end
                 row["failed"] = f"{type(reason).__name__}: {reason}".splitlines()[0]
             by_key[key] = row
-        tasks = {
-            (key, column): partial(solver.timed, bare=bare)
-            for key, solver in solvers.items()
-            for column, bare in TIMES.items()
-        }
+        tasks = {(key, column): partial(solver.timed, column) for key, solver in solvers.items() for column in TIMES}
         for (key, column), times in by_turns(tasks, repeats).items():
             by_key[key][column] = 1e3 * np.median(times.seconds) / solvers[key].timed_s
         rows += by_key.values()
@@ -240,9 +235,9 @@ def time_at(errors: pd.Series, times: pd.Series, level: float) -> float:
 
 
 def at_equal_error(table: pd.DataFrame) -> pd.DataFrame:
-    """Return run times (ms per s) at equal errors of coordinates, two for each case, and multiples of ``taylor``'s.
+    """Return times (ms per s) at equal errors of coordinates, two for each case, and multiples of ``taylor``'s.
 
-    With statistics and, in the columns ``bare_…``, without them.
+    Columns begin as those of :func:`precision`.
     """
     rows = []
     for case, runs in table.groupby("case", sort=False):
@@ -329,10 +324,14 @@ def brief_precision(table: pd.DataFrame, equal: pd.DataFrame | None) -> list[str
         head = f"{counted(len(errors), 'case')}: error of coordinates, over their scales, by tolerance{more}"
         return [head, *_lines(errors.rename(columns="{:.0e}".format).map("{:.1e}".format))]
     first = equal.groupby(["case", "engine"], sort=False).first().reset_index()
-    ratios = first.loc[first["engine"] != "taylor", "over_taylor"].dropna()
+    ratios = first.loc[first["engine"] != "taylor", "simulate_over_taylor"].dropna()
     ends = f" {number(ratios.min(), 2)} to {number(ratios.max(), 2)} times that of taylor" if len(ratios) else ""
-    times = first.pivot_table("ms_per_s", "case", "engine", sort=False).map(number)
-    return [f"processor time at equal error{ends}; ms per s of motion{more}", *_lines(times)]
+    times = first.assign(times=[" / ".join(map(number, row)) for row in first[[*TIMES]].to_numpy().tolist()])
+    return [
+        f"processor time of simulate at equal error{ends}{more}",
+        "  ms per s of motion: simulate / engine with statistics / engine alone",
+        *_lines(times.pivot_table("times", "case", "engine", sort=False, aggfunc="first")),
+    ]
 
 
 def brief_costs(table: pd.DataFrame, name: str) -> list[str]:
@@ -363,11 +362,11 @@ def plot_precision(table: pd.DataFrame, directory: Path, name: str, processor: s
         for row, case in zip(axes, cases, strict=True):
             row[0].set(title=case, ylabel="ms per simulated second")
             for axis, (column, label) in zip(row, ERRORS.items(), strict=True):
-                known = (table["ms_per_s"] > 0.0) & (table.get(column, pd.Series(0.0, table.index)) > 0.0)
+                known = (table[RUN] > 0.0) & (table.get(column, pd.Series(0.0, table.index)) > 0.0)
                 runs = table[known & (table["case"] == case)]
                 for i, engine in enumerate(engines):
                     of = runs[runs["engine"] == engine]
-                    axis.plot(of.get(column, []), of["ms_per_s"], ".-", lw=1.0, ms=4, color=CURVES[i % 7], label=engine)
+                    axis.plot(of.get(column, []), of[RUN], ".-", lw=1.0, ms=4, color=CURVES[i % 7], label=engine)
                 scale = "log" if len(runs) else "linear"
                 axis.set(xscale=scale, yscale=scale, xlabel=f"largest error of {label}", visible=len(runs) > 0)
                 axis.invert_xaxis()
@@ -378,8 +377,8 @@ def plot_precision(table: pd.DataFrame, directory: Path, name: str, processor: s
 
 def fastest(table: pd.DataFrame) -> str:
     """Say which engine takes the least time in most cases, of runs whose coordinates are accurate to :data:`ERROR`."""
-    good = table[(table["ms_per_s"] > 0.0) & (table["coordinates"] <= ERROR)] if "coordinates" in table else table[:0]
-    best = good.groupby(["case", "engine"])["ms_per_s"].min()
+    good = table[(table[RUN] > 0.0) & (table["coordinates"] <= ERROR)] if "coordinates" in table else table[:0]
+    best = good.groupby(["case", "engine"])[RUN].min()
     firsts = [rows.nsmallest(2).droplevel("case") for _, rows in best.groupby("case", sort=False)]
     names = pd.Series([str(rows.index[0]) for rows in firsts], dtype=object)
     if names.empty:

@@ -44,6 +44,8 @@ from vibroplat.extensions import load_provided
 EXCITERS_FROM = frozenset(("machine", "motor", "motors", "exciters"))
 _FOUND = frozenset(("exciter_pair", "body"))
 _SCALES = ("unbalances", "synchronous_speeds", "speed_scale", "length_scale", "force_scale", "state_scales")
+#: Sections on which none of this depends.
+_APART = frozenset(("run", "solver", "output"))
 
 
 def _plain(value: Any) -> Any:
@@ -145,7 +147,7 @@ class Scene(Section):
         """Copy the scene, with some sections changed; what follows from these is found anew."""
         copied = super().model_copy(update=update, deep=deep)
         changed = EXCITERS_FROM.intersection(update or ())
-        stale = {*_SCALES, *(_FOUND if changed else ())}
+        stale = {*(() if _APART.issuperset(update or ()) else _SCALES), *(_FOUND if changed else ())}
         if changed == {"machine"} and all(
             getattr(copied.machine, name) == getattr(self.machine, name) for name in (*OF_EXCITERS, "unbalance_mass_kg")
         ):

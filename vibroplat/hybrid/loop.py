@@ -148,13 +148,6 @@ def first_mode(h: Automaton) -> None:
 
 
 @compiled
-def begin_in_flight(h: Automaton) -> None:
-    """Begin in flight with a gap of 0, as at the end of a run that has just lifted off."""
-    h.run.mode = FLIGHT
-    h.run.zeros = 2
-
-
-@compiled
 def begin_segment(h: Automaton) -> bool:
     """Prepare a segment: its consistent start, its tolerances and how long it may take.
 

@@ -108,8 +108,8 @@ SYSTEMS: tuple[System, ...] = (
 
 def systems(scene: Scene) -> dict[Mode, System]:
     """Return the systems of a scene by mode; a scene without contact has the bare one alone."""
-    slides = scene.transport is not None
-    return {s.mode: s for s in SYSTEMS if s.layers == scene.layers and s.mode in scene.modes and s.slides == slides}
+    slides, layers, modes = scene.transport is not None, scene.layers, scene.modes
+    return {s.mode: s for s in SYSTEMS if s.layers == layers and s.mode in modes and s.slides == slides}
 
 
 #: The same facts by number, for compiled code: places in the full state, then −1.

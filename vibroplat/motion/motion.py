@@ -13,13 +13,12 @@ from vibroplat.config.coordinates import Mode
 from vibroplat.config.drive import interval_at
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid import state as hy
-from vibroplat.hybrid.loop import automaton, begin_in_flight, beginning, first_mode
+from vibroplat.hybrid.loop import automaton, beginning, first_mode
 from vibroplat.hybrid.resets import apply_supply_corner, record_restart_events
 from vibroplat.hybrid.sliding import apply_sliding_corner
 from vibroplat.hybrid.state import empty_steps, rewind
 from vibroplat.integrate.interface import Engine
 from vibroplat.kernels.compiled import FloatArray, same_types
-from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, record_words, supply
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS, System
 from vibroplat.observe.measures import FASTEST, MAX_FINAL_PERIOD, SECTION_ROWS, WHOLE_RUN, Accumulators
@@ -120,8 +119,8 @@ class Simulator:
         )
         self._first_mode, self._rewind = same_types(first_mode), same_types(rewind)
         self._first_mode(self.automaton)
-        if mode is Mode.FLIGHT and self.automaton.run["mode"] != Mode.FLIGHT:
-            begin_in_flight(self.automaton)
+        if mode is Mode.FLIGHT and self._field["mode"][0] != mode:  # it has just lifted off: gap and its rate are 0
+            self._run["mode"], self._run["zeros"] = mode, 2
         if mode is not None:
             at_corner = self._interval.start == time and self._interval.corner
             record_restart_events(self.automaton, mode not in (Mode.FLIGHT, Mode.BARE), at_corner)
@@ -133,12 +132,14 @@ class Simulator:
         self.automaton.inelastic["restitution"] = 0.0
 
     def take(self, scene: Scene, p: Parameters) -> None:
-        """Begin anew with another scene of the same systems, tolerance and engine, whose drive has no program."""
+        """Go over to another scene of the same systems, tolerance and engine, whose drive has no program.
+
+        Its motions begin with :meth:`reset`.
+        """
         self.scene, self._intervals, self._interval = scene, scene.drive.intervals, scene.drive.at(0.0)
-        self._run[:] = beginning(scene, self.engine.turns_per_segment)
+        self._run[:] = beginning(scene, self.engine.turns_per_segment, self._state)
         record_words(self.beginning)[:] = record_words(self.automaton.run)
         self.set_parameters(p)
-        self._first_mode(self.automaton)
 
     def reset(self, state: FloatArray) -> None:
         """Begin anew at another full state, shape (14,), at the time and in the interval of the drive as before.
@@ -239,10 +240,12 @@ class Simulator:
         There is room for the last SECTION_ROWS points of its section; for fewer where a part of a run has no more turns
         at FASTEST times the largest synchronous speed.
         """
-        if self._observer is None:
-            self._observer = Statistics(window, named=len(self.scene.output.points))
         turns = SECTION_ROWS if scope >= WHOLE_RUN else FASTEST * self.scene.speed_scale / _TURN * seconds
-        self._observer.begin(window, int(min(max(turns, MAX_FINAL_PERIOD) + 2.0, SECTION_ROWS)), blocks, scope)
+        points = int(min(max(turns, MAX_FINAL_PERIOD) + 2.0, SECTION_ROWS))
+        if self._observer is None:
+            self._observer = Statistics(window, points, len(self.scene.output.points), blocks, scope)
+        else:
+            self._observer.begin(window, points, blocks, scope)
         return self._observer
 
     def to_time(self, time: float, observers: Sequence[Observer] = ()) -> None:
@@ -331,15 +334,6 @@ class Simulator:
     def system(self) -> System:
         """The present equations."""
         return SYSTEMS[int(self._field["systems"][0, self._field["mode"].item()])]
-
-    @property
-    def rates(self) -> FloatArray:
-        """Rates of the full state, shape (14,)."""
-        h, system = self.automaton, self.system
-        y, yp = system.unknowns(self._state), np.zeros(system.size)
-        accelerations(system.index, self.now, y, yp, h.p)
-        rates: FloatArray = system.full(yp)
-        return rates
 
     @property
     def _energies(self) -> Energies:

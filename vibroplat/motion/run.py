@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -170,11 +171,11 @@ def _run(
     derivative = None
     if keys is not None and motion.outcome == "ok":
         derivative = named_derivative(variations[0].derivative(motion.automaton), scene, keys)
-    summary = _summary(motion, part, start.time)
-    summary["notes"] += filter(None, [recorder.note])
+    summary, left = _summary(motion, part, start.time)
     return RunResult(
         scene=scene,
         summary=summary,
+        remarks=partial(_notes, scene, summary, left, recorder.note),
         origin=start.origin,
         segments=recorder.segments,
         event_rows=recorder.events,
@@ -186,8 +187,8 @@ def _run(
     )
 
 
-def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[str, Any]:
-    """Summarize a finished run that began at a time (s)."""
+def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> tuple[dict[str, Any], Sequence[Transient]]:
+    """Summarize a finished run that began at a time (s), with the transients along x and y."""
     scene, engine, seconds = motion.scene, motion.engine, motion.now - start
     repeats = latest_period(section_points(part.measures, scene))
     measures = measure(part._replace(measures=whole_periods(part.measures, max(repeats, 1))), scene)
@@ -202,16 +203,6 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
     stroke = max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)
     moved = max(left[0].size, left[1].size) / stroke if stroke > MIN_STROKE else None
     whole = whole_run(part.measures, scene, start, slow_motors(scene, measures), locked)
-    notes = [
-        *notes_on_measures(scene, measures),
-        _settling(left, stroke, seconds),
-        _unbalanced(scene, measures),
-        drift(measures) if all(scene.driven(since, until)) else "",
-        change(scene, measures, start),
-        symmetry(scene, {axis: whole[f"whole_stroke_{axis}_m"] for axis in "xy"}, start, motion.now),
-        *notes_on_input(scene),
-        stiffness(scene, engine.name, engine.work["steps"], motion.restarts, seconds),
-    ]
     return {
         "name": scene.name,
         "outcome": INACCURATE if doubt else motion.outcome,
@@ -232,20 +223,37 @@ def _summary(motion: Simulator, part: MeasuredInterval, start: float) -> dict[st
         **engine.work,
         "restarts": motion.restarts,
         "wall_s": 0.0,
-        "notes": [note for note in notes if note],
         **sheet,
         **whole,
-    }
+    }, left
 
 
-def _settling(left: Sequence[Transient], stroke: float, seconds: float) -> str:
-    """Return the note on transients along x and y in strokes (m) of a run of so many seconds, or an empty text."""
+def _notes(scene: Scene, summary: Mapping[str, Any], left: Sequence[Transient], recorded: str) -> list[str]:
+    """Return the notes on a run with these transients along x and y; that of its recorder comes last."""
+    begin, seconds = summary["begins_s"], summary["simulated_s"]
+    notes = (
+        *notes_on_measures(scene, summary),
+        _settling(left, summary),
+        _unbalanced(scene, summary),
+        drift(summary) if all(scene.driven(summary["measured_from_s"], summary["measured_to_s"])) else "",
+        change(scene, summary, begin),
+        symmetry(scene, {axis: summary[f"whole_stroke_{axis}_m"] for axis in "xy"}, begin, begin + seconds),
+        *notes_on_input(scene),
+        stiffness(scene, summary["engine"], summary["steps"], summary["restarts"], seconds),
+        recorded,
+    )
+    return [note for note in notes if note]
+
+
+def _settling(left: Sequence[Transient], summary: Mapping[str, Any]) -> str:
+    """Return the note on transients along x and y in the strokes of a run, or an empty text."""
+    stroke = max(summary["stroke_x_m"] or 0.0, summary["stroke_y_m"] or 0.0)
     axis, largest = max(zip("xy", left, strict=True), key=lambda one: one[1].size)
     if stroke < MIN_STROKE or largest.size <= SETTLED * stroke:
         return ""
     text = "is left from the start, for nothing damps it, and is in the forces, too"
     if largest.rate:
-        longer = seconds + 2.0 / largest.rate * math.log(largest.size / (0.5 * SETTLED * stroke))
+        longer = summary["simulated_s"] + 2.0 / largest.rate * math.log(largest.size / (0.5 * SETTLED * stroke))
         text = (
             "is a transient that decays while it is measured, and is in the forces, too: "
             f"run.duration_s = {given(float(f'{longer:.2g}'))} leaves about {share(0.5 * SETTLED)}"

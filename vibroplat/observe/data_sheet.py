@@ -13,7 +13,6 @@ from vibroplat.columns import Column, Columns, split
 from vibroplat.config.computation import Output
 from vibroplat.config.drive import SupplyInterval
 from vibroplat.config.scene import Scene
-from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.conveying import CONVEYING, conveying
 from vibroplat.observe.extremes import (
     ACCELERATION,
@@ -306,21 +305,22 @@ def _largest(extremes: Any, columns: Mapping[str, Extreme]) -> dict[str, float |
     return values
 
 
-def _when(extremes: Any, column: Extreme, turn: FloatArray) -> tuple[float, float | None]:
+def _when(extremes: Mapping[str, Any], column: Extreme, turn: Sequence[Any]) -> tuple[float, float | None]:
     """Return when the value of a column was complete (s), and the pace around then (rad/s).
 
-    The last turn, with its marks as in :data:`vibroplat.observe.measures.MARKS`, is not complete. Its pace is that
-    since the turn before began; none if it takes longer than two of these, as where the unbalances swing.
+    Extremes are the fields of their record. The last turn, with its marks as in
+    :data:`vibroplat.observe.measures.MARKS`, is not complete. Its pace is that since the turn before began; none if it
+    takes longer than two of these, as where the unbalances swing.
     """
     k = column.quantity
     ends = [(float(extremes[f"at_{end}"][k]), float(extremes[f"pace_{end}"][k])) for end in ("least", "largest")]
     end = ends[0] if -extremes["least"][k] > extremes["largest"][k] else ends[1]
     at, speed = max(ends[::-1], key=lambda end: end[0]) if column.difference else end
-    if at <= turn[1, 0]:
+    (before, *angles), (turn_start, *_), (now, *angles_now) = turn
+    if at <= turn_start:
         return at, speed
-    (before, *_), (turn_start, *_), (now, *_) = turn
     # as pace() in extremes.py, which is for kernels: a call from here would compile it by itself
-    mean = float(np.abs(turn[2] - turn[0])[1:].mean()) / (now - before)
+    mean = 0.5 * sum(abs(b - a) for a, b in zip(angles, angles_now, strict=True)) / (now - before)
     return at, mean if now - turn_start <= 2.0 * (turn_start - before) else None
 
 
@@ -339,13 +339,14 @@ def whole_run(ms: Accumulators, scene: Scene, start: float, slow: Sequence[Any],
     """
     require(ms, WHOLE_RUN)
     numbers: dict[str, Any] = {}
-    extremes, columns = merge_extremes(ms.extremes), _from_extremes(scene)
+    extremes, columns, turn = merge_extremes(ms.extremes), _from_extremes(scene), ms.marks["turn"].tolist()
     columns = {name: columns[name] for name in _names_of_largest(columns)}
+    fields = dict(zip(extremes.dtype.names, extremes.tolist(), strict=True))
     for name, value in _largest(extremes, columns).items():
         numbers[f"whole_{name}"] = value
         if not name.startswith(TIMED):
             continue
-        base, (at, speed) = split(name)[0], _when(extremes, columns[name], ms.marks["turn"])
+        base, (at, speed) = split(name)[0], _when(fields, columns[name], turn)
         numbers[f"whole_{base}_at_s"] = None if value is None else at
         numbers[f"whole_{base}_at_hz"] = None if value is None or speed is None else speed / _TURN
     driven = any(scene.driven(float(ms.marks["window"]), float(ms.marks["until"])))

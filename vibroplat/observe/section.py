@@ -133,8 +133,9 @@ def period(points: FloatArray, tolerance: float, first: int = 1, last: int = MAX
 
 def latest_period(points: FloatArray) -> int:
     """Smallest number of turns after which the last points repeat about as well as after any other, or 0."""
-    ends = range(1, min(MAX_PERIOD, len(points) - MAX_PERIOD) + 1)
-    apart = np.array([np.abs(points[-MAX_PERIOD:] - points[-MAX_PERIOD - n : -n]).max() for n in ends])
+    turns = np.arange(1, min(MAX_PERIOD, len(points) - MAX_PERIOD) + 1)[:, np.newaxis]
+    last = np.arange(len(points) - MAX_PERIOD, len(points))
+    apart = np.abs(points[last] - points[last - turns]).max(axis=(1, 2)) if turns.size else turns
     if not apart.size or apart.min() > REPEAT_DISTANCE:
         return 0
     return int(np.argmax(apart <= max(DISTANCE_RATIO * apart.min(), EQUAL_DISTANCE))) + 1

@@ -83,10 +83,9 @@ def _range_at(
     """
     length, (expected, swing) = len(times) // (PARTS * turns) * turns, axis
     if length < 2 * turns or times[length] - times[0] < swing:
-        size, rate = _range(places, turns), 0.0
+        (size,), rate = _ranges(places[-(len(places) // turns) * turns :].reshape(1, -1, turns)), 0.0
     else:
-        ranges = [_range(part, turns) for part in places[-PARTS * length :].reshape(PARTS, length)]
-        size, last = ranges[0], ranges[-1]
+        size, *_, last = _ranges(places[-PARTS * length :].reshape(PARTS, -1, turns))
         rate = (
             math.log(size / last) / float(times[-length] - times[-PARTS * length])
             if 0.0 < last < DECAYS * size
@@ -97,6 +96,7 @@ def _range_at(
     return size * math.exp(min(earlier, 50.0)), rate
 
 
-def _range(places: FloatArray, turns: int) -> float:
-    """Return the largest range of places that are so many turns apart."""
-    return float(np.ptp(places[-(len(places) // turns) * turns :].reshape(-1, turns), axis=0).max())
+def _ranges(places: FloatArray) -> list[float]:
+    """Return the largest range of each part of places, shape (parts, periods, turns), that are whole periods apart."""
+    ranges: list[float] = np.ptp(places, axis=1).max(axis=1).tolist()
+    return ranges

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -64,7 +64,9 @@ class RunResult(Result):
     scene
         What was simulated.
     summary
-        Outcome, measures and notes; see :func:`vibroplat.observe.summary.measure`.
+        Outcome and measures; see :func:`vibroplat.observe.summary.measure`.
+    remarks
+        Returns warnings, except those on peaks that the trajectory table misses; called when somebody asks for them.
     origin
         What provenance says of the run that it continues from, if any.
     segments
@@ -94,6 +96,7 @@ class RunResult(Result):
         scene: Scene,
         summary: dict[str, Any],
         *,
+        remarks: Callable[[], list[str]] = list,
         origin: dict[str, Any] | None = None,
         segments: Sequence[Segment] = (),
         event_rows: Records | None = None,
@@ -106,11 +109,11 @@ class RunResult(Result):
         self.__dict__ |= {"scene": scene, "summary": summary, "origin": origin, "configurations": {}}
         self.segments, self.measures, self.derivative, self._end = segments, measures, derivative, end
         self.event_rows = np.zeros(0, EVENT) if event_rows is None else event_rows
-        self._table, self._peaks = table, peaks
+        self._table, self._peaks, self._remarks = table, peaks, remarks
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """Outcome, measures and notes."""
+        """Outcome and measures; in the files also :attr:`notes`."""
         summary = self._read.document("summary")
         if not isinstance(summary, dict):
             raise TableError(f"{self._read.directory / 'summary.json'} is not the summary of a run")
@@ -321,7 +324,7 @@ class RunResult(Result):
         A run that kept nothing to make a table of has no such warnings. If the table has no room in memory, a note says
         so.
         """
-        notes: list[str] = self.summary["notes"]
+        notes = self._remarks() if self.saved is None else list(self.summary["notes"])
         if self.saved is not None or (self._peaks is None and not self.segments):
             return notes
         peaks = self._peaks
@@ -385,7 +388,7 @@ class RunResult(Result):
         trajectory, file = self.rows(sample), Path(path)
         require_replaceable(file, b"MATLAB", overwrite=overwrite)
         tables = {"trajectory": trajectory, "events": self.events}
-        replace_file(file, lambda path: write_mat(path, tables, {"summary": self.summary}))
+        replace_file(file, lambda path: write_mat(path, tables, self.documents))
         return file
 
 
