@@ -91,6 +91,13 @@ def runs():
 
 
 @pytest.fixture(scope="session")
+def saved(runs, tmp_path_factory):
+    """Directories of these runs by name."""
+    place = tmp_path_factory.mktemp("runs")
+    return {name: run.save(place / name) for name, run in runs.items()}
+
+
+@pytest.fixture(scope="session")
 def printed():
     return load_config(ROOT / "configs/machines/printed.yaml")
 

@@ -88,7 +88,7 @@ def test_an_attractor_keeps_its_name_over_a_key_and_counts_without_starts(found)
     box = found[0].basins.initial_conditions
     over = {"key": "drive.supply_frequency_hz", "start": 62.84, "stop": 63.1, "count": 3}
     tables = basins(scene_of(box, random=30, over=over))
-    shares = tables.fractions.pivot_table(index="supply_frequency_hz", columns="attractor", values="fraction")
+    shares = tables.attractors.pivot_table(index="supply_frequency_hz", columns="attractor", values="fraction")
     assert list(shares) == ["antiphase, period 1", "in-phase, period 1"]
     assert shares.sum(axis=1).tolist() == pytest.approx([1.0, 1.0, 1.0])
     assert shares["antiphase, period 1"].tolist()[1] == 0.0, "carried from the value before"
@@ -250,36 +250,36 @@ def test_in_an_ellipsoid_a_motion_is_assigned_only_if_it_comes_nearer():
     plan, scene = scene.basins, scene.replace({"drive.supply_frequency_hz": 59.0, "basins": None})
     everything = {"row": {"period": 1, "multiplier_max": 0.1}, "centres": [[0.0] * 14], "systems": [0]}
     everything |= {"state": [0.0] * 14, "forms": [(1e-6 * np.eye(14)).tolist()]}
-    with closing(AttractorMapper(scene, plan.max_turns, [everything])) as follower:
-        follower._ellipsoids = follower._ellipsoids._replace(systems=np.array([follower._motion.system.index]))
-        told = follower.map_states(initial_states(scene, plan, [0]))[0]
+    with closing(AttractorMapper(scene, plan.max_turns, [everything])) as mapper:
+        mapper._ellipsoids = mapper._ellipsoids._replace(systems=np.array([mapper._motion.system.index]))
+        told = mapper.map_states(initial_states(scene, plan, [0]))[0]
         assert told["attractor"] is None
         assert len(told["windows"]) == 4
-        centre, system = np.array([follower._motion.state]), np.array([follower._motion.system.index])
-        follower._ellipsoids = follower._ellipsoids._replace(centres=centre, systems=system)
-        follower._motion.to_time = lambda *arguments: None
-        assert follower._find_ellipsoid() == (0, 2), "it is at the centre"
+        centre, system = np.array([mapper._motion.state]), np.array([mapper._motion.system.index])
+        mapper._ellipsoids = mapper._ellipsoids._replace(centres=centre, systems=system)
+        mapper._motion.to_time = lambda *arguments: None
+        assert mapper._find_ellipsoid() == (0, 2), "it is at the centre"
 
 
 def test_motion_on_an_orbit_repeats_and_motion_on_its_way_does_not():
     scene = scene_of({PHASE: [-3.0, 3.0]}, random=1)
     plan, scene = scene.basins, scene.replace({"basins": None})
-    with closing(AttractorMapper(scene, 400, [])) as follower:
-        assert follower.repeats(orbit(scene).state, 1)
-        assert not follower.repeats(initial_states(validated_base_scene(scene, plan), plan, [0])[0], 1)
+    with closing(AttractorMapper(scene, 400, [])) as mapper:
+        assert mapper.repeats(orbit(scene).state, 1)
+        assert not mapper.repeats(initial_states(validated_base_scene(scene, plan), plan, [0])[0], 1)
 
 
 def test_radius_is_of_the_crossings_that_have_an_ellipsoid(monkeypatch):
     """One crossing beside an event has none; starts are assigned at the others."""
     scene = scene_of({PHASE: [-3.0, 3.0]}, random=1)
-    with closing(AttractorMapper(scene.replace({"basins": None}), 400, [])) as follower:
-        near, crossings = orbit(scene), follower._detector.section_ellipsoids
+    with closing(AttractorMapper(scene.replace({"basins": None}), 400, [])) as mapper:
+        near, crossings = orbit(scene), mapper._detector.section_ellipsoids
         around = crossings(near.state, 1)[0][0]
         monkeypatch.setattr(
-            follower._detector, "section_ellipsoids", lambda *one: [(around, 0.0), (around, 0.5), (around, 0.25)]
+            mapper._detector, "section_ellipsoids", lambda *one: [(around, 0.0), (around, 0.5), (around, 0.25)]
         )
-        follower.register_near(near.state, 1)
-        assert (follower.attractors[0]["radius"], follower.attractors[0]["ellipsoids"]) == (0.25, 2)
+        mapper.register_near(near.state, 1)
+        assert (mapper.attractors[0]["radius"], mapper.attractors[0]["ellipsoids"]) == (0.25, 2)
 
 
 def test_what_is_printed_says_within_how_many_turns(found):
@@ -311,18 +311,18 @@ def test_assigned_starts_stay_on_their_orbit(frequency, ratio, restitution):
     keys |= {"material.layers": 2, "contact.sticking_speed_m_per_s": 0.0}
     scene = scene_of(box, ratio, random=starts, max_turns=longest).replace(keys)
     plan, scene, assigned = scene.basins, scene.replace({"basins": None}), 0
-    with closing(AttractorMapper(validated_base_scene(scene, plan), longest, [])) as follower:
-        advance, ends = follower._advance, []
-        follower._advance = lambda work, runs: (advance(work, runs), ends.append((work, runs)))[0]
+    with closing(AttractorMapper(validated_base_scene(scene, plan), longest, [])) as mapper:
+        advance, ends = mapper._advance, []
+        mapper._advance = lambda work, runs: (advance(work, runs), ends.append((work, runs)))[0]
         for state in initial_states(scene, plan, range(starts)):
-            found = follower.map_states(state[np.newaxis])[0]
+            found = mapper.map_states(state[np.newaxis])[0]
             if found["attractor"] is not None:
                 assigned += 1
                 work, runs = ends[-1]
                 if work.followed["place"][0] >= 0:  # on from where it was assigned: chaos came before
-                    follower._motion.resume(runs[0], follower._never)
-                follower._motion.to_section(700, math.inf)
-                away = np.array(follower.attractors[found["attractor"]]["centres"]) - follower._motion.state
+                    mapper._motion.resume(runs[0], mapper._never)
+                mapper._motion.to_section(700, math.inf)
+                away = np.array(mapper.attractors[found["attractor"]]["centres"]) - mapper._motion.state
                 away[:, 3:5] -= 2.0 * math.pi * np.round(away[:, 3:5] / (2.0 * math.pi))
                 assert np.abs(away / state_scales(scene)).max(axis=1).min() < 0.02
     assert assigned > starts // 2
@@ -338,8 +338,8 @@ def test_restarts_of_other_motions_make_no_event_storm():
 @pytest.mark.parametrize("number", [96, 123, 176])
 def test_a_motion_that_ends_early_is_told_with_the_time_and_the_state_of_its_end(number):
     scene = random_scene(number, turns=60).replace({"solver.engine": "taylor"})
-    with closing(AttractorMapper(scene, 300, [])) as follower:
-        told = follower.map_states(np.array([initial_state(scene)] * 2))
+    with closing(AttractorMapper(scene, 300, [])) as mapper:
+        told = mapper.map_states(np.array([initial_state(scene)] * 2))
     alone = simulate(scene, keep="summary").summary
     assert alone["outcome"] == "beyond-model"
     for one in told:

@@ -53,6 +53,20 @@ def unproven(directory):
     return directory
 
 
+def edited(directory, name, /, **changes):
+    """Change entries of a JSON file of a result; None takes one out."""
+    path = directory / f"{name}.json"
+    entries = json.loads(path.read_text()) | changes
+    path.write_text(json.dumps({key: value for key, value in entries.items() if value is not None}))
+    return directory
+
+
+def of_kind(directory, kind):
+    """Let the plan of a sweep ask for another figure."""
+    tree = json.loads((directory / "provenance.json").read_text())["configuration"]
+    return edited(directory, "provenance", configuration=tree | {"sweep": tree["sweep"] | {"kind": kind}})
+
+
 def bits(table):
     """All of a table but wall times, each number as the text that reads back as the same number."""
     return table.drop(columns="wall_s", errors="ignore").to_csv(index=False)

@@ -1,25 +1,17 @@
 """Figures of designs: elasticities, samples, evaluations with a Pareto front, and what has little to show."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
+from common.places import ROOT
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from vibroplat import Scene
+from vibroplat import Scene, design, load_config
 from vibroplat.errors import TableError
-from vibroplat.plots.command import draw_study
+from vibroplat.plots.command import draw_results
 from vibroplat.results.result import Answer, Result
 
-ROOT = Path(__file__).parents[2]
-CONFIG = """
-extends: {machine}
-solver: {{engine: taylor}}
-drive: {{supply_frequency_hz: 55.0}}
-material: {{mass_ratio: 0.1}}
-design: {{{plan}}}
-"""
+KEYS = {"solver.engine": "taylor", "drive.supply_frequency_hz": 55.0, "material.mass_ratio": 0.1}
 MASS, RADIUS = "machine.platform_mass_kg", "machine.unbalance_radius_m"
 NAMES = (
     *("platform_mass_kg", "platform_inertia_kg_m2", "unbalance_mass_kg", "unbalance_radius_m", "exciter_distance_m"),
@@ -29,48 +21,42 @@ NAMES = (
 BEST = {"keys": {MASS: [1.0, 2.0]}, "minimize": "motor_power_w", "constraints": {"rms_y_m": ">= 1e-3"}}
 LOST = "bound that nothing keeps"
 PLANS = {
-    "samples": f"keys: {{{MASS}: [10, 14]}}, parameter_tolerances: {{{MASS}: 0.01}}, samples: 8",
-    "evaluations": f"keys: {{{RADIUS}: [0.018, 0.048]}}, minimize: motor_power_w, "
-    "constraints: {rms_y_m: '>= 0.5e-3'}, "
-    "starts: 1, pareto: {rms_y_m: [0.4e-3, 0.5e-3, 9e-3]}",
+    "samples": {"keys": {MASS: [10.0, 14.0]}, "parameter_tolerances": {MASS: 0.01}, "samples": 8},
+    "evaluations": {
+        "keys": {RADIUS: [0.018, 0.048]},
+        "minimize": "motor_power_w",
+        "constraints": {"rms_y_m": ">= 0.5e-3"},
+        "starts": 1,
+        "pareto": {"rms_y_m": [0.4e-3, 0.5e-3, 9e-3]},
+    },
 }
 
 
-@pytest.mark.parametrize("kind", PLANS)
-def test_a_result_has_the_figures_of_its_tables(kind, command, figures, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    text = CONFIG.format(machine=ROOT / "configs/machines/calibrated.yaml", plan=PLANS[kind])
-    (tmp_path / "c.yaml").write_text(text, encoding="utf-8")
-    assert command("design", "c.yaml", "--out", ".").code == 0
-    assert command("plot", "c").code == 0
-    assert set(figures) == {"sensitivities", kind}
-    bars = figures["sensitivities"].axes[0]
-    assert [tick.get_text() for tick in bars.get_yticklabels()] == [
-        "platform mass" if kind == "samples" else "unbalance radius"
-    ]
-    legends = [*figures[kind].legends, *(one for axis in figures[kind].axes if (one := axis.get_legend()))]
+@pytest.mark.parametrize(("kind", "key"), [("samples", "platform mass"), ("evaluations", "unbalance radius")])
+def test_a_result_has_the_figures_of_its_tables(kind, key):
+    result = design(load_config(ROOT / "configs/machines/calibrated.yaml", KEYS | {"design": PLANS[kind]}))
+    bars, figure = result.plot().axes[0], result.plot(kind)
+    assert [tick.get_text() for tick in bars.get_yticklabels()] == [key]
+    legends = [*figure.legends, *(one for axis in figure.axes if (one := axis.get_legend()))]
     labels = {text.get_text() for legend in legends for text in legend.get_texts()}
     if kind == "samples":
         assert labels == {"antiphase, period 1", "nominal"}
-        dots, *rings = (line for line in figures[kind].axes[0].lines if line.get_marker() == "o")
+        dots, *rings = (line for line in figure.axes[0].lines if line.get_marker() == "o")
         assert len(dots.get_xdata()) == 8
         assert (np.diff(dots.get_xdata()) >= 0.0).all()
         assert [ring.get_ydata()[0] for ring in rings] == [5, 50, 95]
     else:
         assert labels >= {"best: the least that keeps all bounds", "RMS y ≥ 0.5 mm", "Pareto front", LOST}
         assert any(label.startswith("keeps all bounds (") for label in labels)
-        assert figures[kind].get_suptitle().startswith("Best: motor power ")
-    done = command("plot", "c", "--kind", "samples")
-    if kind == "samples":
-        assert done.code == 0
-    else:
-        assert (done.code, "c holds no table samples; allowed: sensitivities, evaluations" in done.err) == (2, True)
+        assert figure.get_suptitle().startswith("Best: motor power ")
+        with pytest.raises(TableError, match="holds no table samples; allowed: sensitivities, evaluations"):
+            result.plot("samples")
 
 
 def drawn(plan, kind, **tables):
     """The figure of tables in memory."""
     scene = Scene().replace({"name": "d", "design": plan})
-    ((_, figure),) = draw_study("design", [Result("design", scene, tables, Answer())], [kind])
+    ((_, figure),) = draw_results([Result("design", scene, tables, Answer())], [kind])
     return figure
 
 

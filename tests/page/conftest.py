@@ -1,25 +1,19 @@
+import shutil
+
 import pytest
 from common import handmade
 from common.places import ROOT
+from common.results import edited, unproven
 
 from vibroplat import basins, design, find, load_config, orbits, simulate, sweep
-from vibroplat.results.files import write_result
 
 
 @pytest.fixture(scope="session")
-def moved(runs, tmp_path_factory):
-    """Results of short runs by name: ``two layers``, ``bare``, ``bouncing``."""
-    place = tmp_path_factory.mktemp("runs")
-    found = {}
-    for name in ("two layers", "bare", "bouncing"):
-        run = runs[name]
-        directory = place / name.replace(" ", "-")
-        directory.mkdir()
-        origin = handmade.origin("quickstart") | {"configuration": run.scene.to_tree()}
-        tables = {"trajectory": run.trajectory, "events": run.events}
-        write_result(directory, "run", origin, tables, {"summary": run.summary | {"notes": []}}, form="parquet")
-        found[name] = directory
-    return found
+def saved(saved, tmp_path_factory):
+    """The same runs without their notes, which take room."""
+    place = tmp_path_factory.mktemp("quiet")
+    copies = {name: unproven(shutil.copytree(directory, place / name)) for name, directory in saved.items()}
+    return {name: edited(copy, "summary", notes=[]) for name, copy in copies.items()}
 
 
 @pytest.fixture(scope="session")

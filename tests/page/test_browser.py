@@ -29,10 +29,10 @@ def driver():
 
 
 @pytest.fixture(scope="module")
-def pages(moved, started, swept, followed, branched, measured, tmp_path_factory):
+def pages(saved, started, swept, followed, branched, measured, tmp_path_factory):
     """Paths of pages by name."""
     place = tmp_path_factory.mktemp("pages")
-    layers, bare, bouncing = (moved[name] for name in ("two layers", "bare", "bouncing"))
+    layers, bare, bouncing = (saved[name] for name in ("two layers", "bare", "bouncing"))
     wanted = {"one": [layers], "several": [layers, bare, bouncing], "all": [layers, swept], "start": [started]}
     wanted |= {"orbits": [branched, measured], "points": [swept, followed]}
     simulate(load_config(ROOT / "configs/templates/feeder.yaml")).save(place / "feeder/run")
@@ -210,22 +210,15 @@ READ = f"document.querySelector('{CURVE} output').textContent"
 TICKS = f"[...document.querySelectorAll('{CURVE} .xt')].map(tick => parseFloat(tick.textContent))"
 
 
-def test_the_readout_names_every_curve_with_its_unit(visit):
-    page = visit("one")
-    mouse(page, "mouseMoved", *place_in(page, CURVE, 0.5, 0.5))
-    told = eventually(lambda: js(page, READ), bool)
-    assert re.search(r"^[\d.]+ ms", told)
-    assert re.search(r"platform −?[\d.]+ mm", told)
-    assert re.search(r"underside of the material −?[\d.]+ mm", told)
-
-
-def test_the_readout_tells_what_a_curve_has(visit):
+def test_the_readout_names_every_curve_with_its_value_and_unit(visit):
     page = visit("one")
     name = "document.querySelector('#curves .plot:nth-child(2)')"
     low, high = (float(end) for end in js(page, f"{name}.dataset.y").split()[:2])
     mouse(page, "mouseMoved", *place_in(page, CURVE, 0.5, 0.5))
     told = eventually(lambda: js(page, READ), bool)
-    value = float(re.search(r"platform (−?[\d.]+)", told).group(1).replace("−", "-"))
+    assert re.search(r"^[\d.]+ ms", told)
+    assert re.search(r"underside of the material −?[\d.]+ mm", told)
+    value = float(re.search(r"platform (−?[\d.]+) mm", told).group(1).replace("−", "-"))
     points = js(
         page,
         f"""(() => {{ let [x, y] = [0, 0]; const line = {name}.querySelector('[data-n=platform]').getAttribute('d');
@@ -383,9 +376,9 @@ def test_tables_are_sorted(visit):
     assert shown[0] > 0.0
 
 
-def test_text_from_files_is_not_run(visit, moved, tmp_path):
-    copy = handmade.rename(unproven(shutil.copytree(moved["two layers"], tmp_path / "copy")), HOSTILE, HOSTILE)
-    page = visit(write_report([copy, moved["bare"]], tmp_path / "hostile.html"))
+def test_text_from_files_is_not_run(visit, saved, tmp_path):
+    copy = handmade.rename(unproven(shutil.copytree(saved["two layers"], tmp_path / "copy")), HOSTILE, HOSTILE)
+    page = visit(write_report([copy, saved["bare"]], tmp_path / "hostile.html"))
     assert js(page, "window.hacked") is None
     assert js(page, "document.querySelectorAll('img').length") == 0
     assert HOSTILE in js(page, "document.getElementById('title').textContent")

@@ -36,23 +36,23 @@ def test_parameters_have_meanings_and_are_marked_where_they_are_not_the_default_
     assert "sweep" in sweep - run
 
 
-def test_only_parameters_that_are_not_the_default_stand_above_the_others(moved):
-    text = page_of(moved["bare"])
+def test_only_parameters_that_are_not_the_default_stand_above_the_others(saved):
+    text = page_of(saved["bare"])
     begin = text.index("Parameters that differ from the default")
     shown, rest = text[begin:].split("Parameters as by default", 1)
     assert "machine.unbalance_radius_m" in shown
     assert "machine.platform_mass_kg" in rest
 
 
-def test_report_writes_one_file_and_names_it(command, moved, tmp_path):
-    copy = shutil.copytree(moved["bare"], tmp_path / "bare")
+def test_report_writes_one_file_and_names_it(command, saved, tmp_path):
+    copy = shutil.copytree(saved["bare"], tmp_path / "bare")
     done = command("report", copy, "--stop", "0.1")
     assert (done.code, done.err, done.out.splitlines()) == (0, "", [str(copy / "report.html")])
     assert "interval" in read((copy / "report.html").read_text())
 
 
-def test_a_page_needs_nothing_else_and_runs_its_own_script_only(moved, swept):
-    text = page_of(moved["two layers"], swept)
+def test_a_page_needs_nothing_else_and_runs_its_own_script_only(saved, swept):
+    text = page_of(saved["two layers"], swept)
     assert not re.search(r"(src|href)=\"(?!data:)", text)
     assert "{{" not in text
     policy = re.search(r"script-src ([^;]+);", text).group(1)
@@ -62,17 +62,17 @@ def test_a_page_needs_nothing_else_and_runs_its_own_script_only(moved, swept):
     assert "eval(" not in script
 
 
-def test_text_from_files_stays_text(moved, tmp_path):
-    copy = handmade.rename(unproven(shutil.copytree(moved["two layers"], tmp_path / "copy")), HOSTILE, HOSTILE)
-    for text in (page_of(copy), page_of(copy, moved["bare"])):
+def test_text_from_files_stays_text(saved, tmp_path):
+    copy = handmade.rename(unproven(shutil.copytree(saved["two layers"], tmp_path / "copy")), HOSTILE, HOSTILE)
+    for text in (page_of(copy), page_of(copy, saved["bare"])):
         assert HOSTILE not in text
         assert "<img" not in text
         assert text.count("</script>") == text.count("<script") == 2, "the frames, and the script"
         assert HOSTILE in read(text)
 
 
-def test_a_run_has_less_than_300_kb_and_scripts_of_its_own_alone(moved):
-    text = page_of(moved["two layers"])
+def test_a_run_has_less_than_300_kb_and_scripts_of_its_own_alone(saved):
+    text = page_of(saved["two layers"])
     assert len(text.encode()) < OF_A_RUN
     assert "class Study" not in text
 
@@ -91,8 +91,8 @@ def test_pages_of_the_shipped_run_and_of_a_sweep_of_462_points_are_small(measure
     assert sum(owner >= 0 for owner in data["owner"]) > 0.9 * len(data["owner"])
 
 
-def test_all_that_is_said_can_be_read_without_scripts(moved, swept):
-    text = page_of(moved["two layers"], swept)
+def test_all_that_is_said_can_be_read_without_scripts(saved, swept):
+    text = page_of(saved["two layers"], swept)
     told = read(text)
     for words in (
         "Amplitude and stroke",
@@ -120,7 +120,7 @@ def test_a_directory_without_results_is_refused(tmp_path, command):
 
 
 @pytest.mark.long
-def test_a_page_replaces_no_configuration_and_has_orbits_unless_told_otherwise(moved, branched, tmp_path, command):
+def test_a_page_replaces_no_configuration_and_has_orbits_unless_told_otherwise(saved, branched, tmp_path, command):
     config = tmp_path / "machine.yaml"
     config.write_text("name: mine")
     done = command("report", branched, "--out", config)
@@ -128,7 +128,7 @@ def test_a_page_replaces_no_configuration_and_has_orbits_unless_told_otherwise(m
     assert (done.code, done.err, config.read_text()) == (2, f"vibroplat: {told}\n", "name: mine")
     sizes = []
     for options in (("--overwrite", "--no-orbits"), ()):  # then there is a page to replace
-        done = command("report", branched, moved["bare"], *options, "--out", config)
+        done = command("report", branched, saved["bare"], *options, "--out", config)
         assert (done.code, done.err, done.out) == (0, "", f"{config}\n")
         assert config.read_text().startswith("<!DOCTYPE html>")
         sizes.append(len(data_of(config.read_text())["list"]))
@@ -136,6 +136,6 @@ def test_a_page_replaces_no_configuration_and_has_orbits_unless_told_otherwise(m
     assert sizes[1] > 10
 
 
-def test_pages_are_written_whole(moved, tmp_path):
-    path = write_report([moved["bare"]], tmp_path / "page.html")
+def test_pages_are_written_whole(saved, tmp_path):
+    path = write_report([saved["bare"]], tmp_path / "page.html")
     assert path.read_text().rstrip().endswith("</html>")

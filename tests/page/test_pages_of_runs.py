@@ -1,7 +1,6 @@
 """Runs on the page: the data sheet, curves over all of the run, and turns in which the machine moves."""
 
 import itertools
-import json
 import re
 import shutil
 from dataclasses import replace
@@ -9,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from common.pages import figures_of, frames_of, page_of, read, unpacked
-from common.results import unproven
+from common.results import edited, unproven
 
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
@@ -17,17 +16,14 @@ from vibroplat.page.curves import RunLine, Runs, one_line
 from vibroplat.page.machine import drawing, machine_of, pack
 from vibroplat.page.report import sheet_html
 from vibroplat.page.results import find_results
-from vibroplat.page.run import course_of, windows_of
+from vibroplat.page.run import run_curves, windows_of
 from vibroplat.results.sheet import Sheet
 from vibroplat.results.tables import read_json, read_table, write_table
 
 
 def rewritten(source, place, **changes):
     """Copy a run with another summary; None takes an entry out."""
-    copy = unproven(shutil.copytree(source, place))
-    summary = read_json(copy, "summary") | changes
-    (copy / "summary.json").write_text(json.dumps({key: value for key, value in summary.items() if value is not None}))
-    return copy
+    return edited(unproven(shutil.copytree(source, place)), "summary", **changes)
 
 
 def rows_of(sheet):
@@ -54,21 +50,42 @@ POWERS = {"motor_power_1_mean_w": 959.9, "motor_power_2_mean_w": 960.1, "whole_m
 
 
 @pytest.fixture
-def sheet(moved):
+def sheet(saved):
     """Write the data sheet of the bare run with other entries in its summary."""
-    (result,) = find_results([moved["bare"]])
+    (result,) = find_results([saved["bare"]])
     return lambda **changes: Sheet(result.scene, result.summary | changes)
 
 
-def test_static_and_dynamic_force_and_the_largest_one_stand_in_one_row(sheet):
-    rows = rows_of(sheet(**LOADS, **STEADY))
-    assert rows["y, static ± dynamic"][1:5] == ("123 ± 853 N", "", "15.7 kN", "0.454 s, 23.4 Hz")
-    assert rows["x"][1:5] == ("0", "", "54.3 N", "0.320 s, 11.9 Hz"), "1/1000 of the dynamic force along y is nothing"
+UNLIKE = POWERS | {"motor_power_2_mean_w": 1200.0, "slip_1": 0.0005, "slip_2": 0.0009}
+DRIFTING = {"excitation_frequency_hz": 25.0, "frequency_split_hz": 2.0, "phase_coherence": 0.1}
+ALONE = DRIFTING | {"excitation_frequency_hz": 12.295, "frequency_split_hz": 24.5894}
+FORCE = "y, static ± dynamic"
 
 
-def test_the_dynamic_force_is_its_column_where_there_is_one(sheet):
-    rows = rows_of(sheet(**STEADY | LOADS | {"foundation_force_y_amplitude_n": 900.0}))
-    assert rows["y, static ± dynamic"].now == "123 ± 900 N"
+@pytest.mark.parametrize(
+    ("changes", "label", "wanted"),
+    [
+        (LOADS | STEADY, FORCE, {"now": "123 ± 853 N", "also": "", "most": "15.7 kN", "when": "0.454 s, 23.4 Hz"}),
+        # 1/1000 of the dynamic force along y is nothing
+        (LOADS | STEADY, "x", {"now": "0", "also": "", "most": "54.3 N", "when": "0.320 s, 11.9 Hz"}),
+        (STEADY | LOADS | {"foundation_force_y_amplitude_n": 900.0}, FORCE, {"now": "123 ± 900 N"}),
+        (POWERS, "power, mean", {"now": "960 W"}),
+        (UNLIKE, "power, mean", {"now": "0.960 / 1.20 kW", "most": "4.62 kW"}),
+        (UNLIKE, "slip", {"now": "0.1 %"}),
+        (DRIFTING, "speeds", {"now": "26.00 Hz / 24.00 Hz"}),
+        (DRIFTING, "phase difference", {"now": "drifts"}),
+        (ALONE, "speeds", {"now": "24.59 Hz / 0"}),
+        (
+            {"period": 1, "stroke_change": 0.14},
+            "motion repeats",
+            {"also": "strokes change by 14 %"},
+        ),
+        ({"period": 1, "stroke_change": 0.001}, "motion repeats", {"now": "every turn", "also": ""}),
+    ],
+)
+def test_a_row_of_the_sheet_says_what_the_summary_has(changes, label, wanted, sheet):
+    row = rows_of(sheet(**changes))[label]
+    assert {name: getattr(row, name) for name in wanted} == wanted
 
 
 def test_each_spring_at_a_point_has_its_static_and_dynamic_force(sheet):
@@ -81,8 +98,8 @@ def test_each_spring_at_a_point_has_its_static_and_dynamic_force(sheet):
     assert alone.short == ("spring at inlet", "3.50 kN", "each, static"), "nothing moves"
 
 
-def test_a_named_point_has_one_row(moved):
-    (result,) = find_results([moved["bare"]])
+def test_a_named_point_has_one_row(saved):
+    (result,) = find_results([saved["bare"]])
     scene = result.scene.replace({"output.points": {"inlet": [-0.1, 0.0]}})
     strokes = {"stroke_y_inlet_m": 3.45e-3, "whole_stroke_y_inlet_m": 6.6e-3, "stroke_x_inlet_m": 0.2e-3}
     found = Sheet(scene, result.summary | strokes | {"acceleration_max_inlet_m_per_s2": 37.4})
@@ -90,8 +107,8 @@ def test_a_named_point_has_one_row(moved):
     assert (row.now, row.also, row.most) == ("3.45 mm", "x 0.200 mm; 37.4 m/s²", "6.60 mm")
 
 
-def test_without_gravity_no_force_is_static(moved):
-    (result,) = find_results([moved["bare"]])
+def test_without_gravity_no_force_is_static(saved):
+    (result,) = find_results([saved["bare"]])
     floating = result.scene.replace({"machine.gravity_m_per_s2": 0.0})
     rows = rows_of(Sheet(floating, result.summary | LOADS))
     assert rows["y"].now == "15.0 kN"
@@ -99,16 +116,8 @@ def test_without_gravity_no_force_is_static(moved):
     assert rows["y"].short == ("foundation, y", "15.0 kN", "largest 15.7 kN at 0.454 s, 23.4 Hz")
 
 
-def test_motors_that_are_alike_have_one_number(sheet):
-    assert rows_of(sheet(**POWERS))["power, mean"].now == "960 W"
-    unlike = rows_of(sheet(**POWERS | {"motor_power_2_mean_w": 1200.0, "slip_1": 0.0005, "slip_2": 0.0009}))
-    assert unlike["power, mean"].now == "0.960 / 1.20 kW"
-    assert unlike["power, mean"].most == "4.62 kW"
-    assert unlike["slip"].now == "0.1 %"
-
-
-def test_a_summary_of_an_old_version_has_what_it_has(moved, sheet):
-    (result,) = find_results([moved["bare"]])
+def test_a_summary_of_an_old_version_has_what_it_has(saved, sheet):
+    (result,) = find_results([saved["bare"]])
     old = {
         key: value
         for key, value in result.summary.items()
@@ -120,38 +129,25 @@ def test_a_summary_of_an_old_version_has_what_it_has(moved, sheet):
     assert Sheet(result.scene, {"outcome": "solver-failure"}).groups == {}
 
 
-def test_exciters_that_are_not_synchronous_have_two_speeds(sheet):
-    rows = rows_of(sheet(excitation_frequency_hz=25.0, frequency_split_hz=2.0, phase_coherence=0.1))
-    assert rows["speeds"].now == "26.00 Hz / 24.00 Hz"
-    assert rows["phase difference"].now == "drifts"
-    alone = sheet(excitation_frequency_hz=12.295, frequency_split_hz=24.5894, phase_coherence=0.1)
-    assert rows_of(alone)["speeds"].now == "24.59 Hz / 0"
-
-
-def test_strokes_that_still_change_are_told_beside_the_period(sheet):
-    told = {change: rows_of(sheet(period=1, stroke_change=change))["motion repeats"][1:3] for change in (0.14, 0.001)}
-    assert told == {0.14: ("every turn", "strokes change by 14 %"), 0.001: ("every turn", "")}
-
-
-def test_a_run_with_motors_off_is_not_in_operation(moved, sheet):
-    (result,) = find_results([moved["bare"]])
+def test_a_run_with_motors_off_is_not_in_operation(saved, sheet):
+    (result,) = find_results([saved["bare"]])
     assert '"col">in operation</th>' in sheet_html([sheet()], [""])
     off = result.scene.replace({"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}]})
     assert '"col">while it coasts down</th>' in sheet_html([Sheet(off, result.summary)], [""])
 
 
-def test_several_runs_have_a_column_each(moved):
-    runs = find_results([moved["two layers"], moved["bare"]])
+def test_several_runs_have_a_column_each(saved):
+    runs = find_results([saved["two layers"], saved["bare"]])
     text = sheet_html([Sheet(one.scene, one.summary) for one in runs], ["<one>", "two"])
     assert "&lt;one&gt;" in text
     assert text.count("<td>") == 2 * (text.count("<tr><th") - 1), "one row has the headings"
     assert ">Material</th>" in text
 
 
-def test_of_several_runs_a_colour_is_a_run_and_their_last_seconds_stand_beside_each_other(moved):
+def test_of_several_runs_a_colour_is_a_run_and_their_last_seconds_stand_beside_each_other(saved):
     """A long detail, as of a run that does not turn steadily, is cut to the shortest."""
-    runs = find_results([moved["two layers"], moved["bouncing"]])
-    layers, bouncing = (course_of(one, one.columns("events", ("kind",), ("t_s", "impulse_n_s"))) for one in runs)
+    runs = find_results([saved["two layers"], saved["bouncing"]])
+    layers, bouncing = (run_curves(one, one.columns("events", ("kind",), ("t_s", "impulse_n_s"))) for one in runs)
     whole = replace(layers, detail=layers.detail.assign(t_s=10.0 * layers.detail["t_s"]))
     drawn = Runs([whole, bouncing], ["first", "second"])
     spans = [np.ptp(course.detail["t_s"]) for course in drawn.courses]
@@ -163,10 +159,10 @@ def test_of_several_runs_a_colour_is_a_run_and_their_last_seconds_stand_beside_e
 # -- curves ---------------------------------------------------------------------------------------------
 
 
-def test_curves_have_the_extremes_of_all_of_the_run(moved):
+def test_curves_have_the_extremes_of_all_of_the_run(saved):
     """Forces follow from springs and dampers; what is on the page lies on the curves of the run to a pixel."""
-    figures = figures_of(page_of(moved["two layers"]))
-    trajectory, summary = read_table(moved["two layers"], "trajectory"), read_json(moved["two layers"], "summary")
+    figures = figures_of(page_of(saved["two layers"]))
+    trajectory, summary = read_table(saved["two layers"], "trajectory"), read_json(saved["two layers"], "summary")
     y = 1e3 * (trajectory["y_m"] + summary["static_sag_m"])
     found = figures["Platform y from rest, whole run"]
     assert found.points("y")[:, 1].max() == pytest.approx(y.max(), abs=0.01 * np.ptp(y))
@@ -176,9 +172,9 @@ def test_curves_have_the_extremes_of_all_of_the_run(moved):
     assert whole == pytest.approx(summary["whole_foundation_force_y_max_n"], rel=0.02)
 
 
-def test_impulses_and_the_machine_cover_the_whole_run(moved):
-    text = page_of(moved["two layers"])
-    events = read_table(moved["two layers"], "events")
+def test_impulses_and_the_machine_cover_the_whole_run(saved):
+    text = page_of(saved["two layers"])
+    events = read_table(saved["two layers"], "events")
     struck = events[events["impulse_n_s"] > 0.0]
     (motion,) = frames_of(text)
     points = figures_of(text)["Impulse of each impact, whole run"].points("impulse")
@@ -186,15 +182,15 @@ def test_impulses_and_the_machine_cover_the_whole_run(moved):
     assert points[:, 0].max() == pytest.approx(struck["t_s"].max(), abs=1e-3)
     first, last = motion["windows"][0], motion["windows"][-1]
     assert first[0] < 1.1 / 25.0
-    assert last[0] + last[1] > read_table(moved["two layers"], "trajectory")["t_s"].iloc[-1] - 1.1 / 25.0
+    assert last[0] + last[1] > read_table(saved["two layers"], "trajectory")["t_s"].iloc[-1] - 1.1 / 25.0
     assert len(motion["hits"]) > 0.8 * len(struck) > 0
 
 
-def test_frames_are_where_the_machine_was(moved):
-    (motion,) = frames_of(page_of(moved["two layers"]))
+def test_frames_are_where_the_machine_was(saved):
+    (motion,) = frames_of(page_of(saved["two layers"]))
     trajectory, sag = (
-        read_table(moved["two layers"], "trajectory"),
-        read_json(moved["two layers"], "summary")["static_sag_m"],
+        read_table(saved["two layers"], "trajectory"),
+        read_json(saved["two layers"], "summary")["static_sag_m"],
     )
     begin, seconds, first, count = motion["windows"][-1]
     times = begin + seconds * np.arange(count) / count
@@ -235,9 +231,9 @@ def test_curves_that_coincide_are_one():
     assert [line.name for line in one_line(lines)] == ["exciter 1 = 2", "exciter 3"]
 
 
-def test_speeds_of_exciters_are_in_hz_and_phases_in_degrees(moved):
-    figures = figures_of(page_of(moved["bare"]))
-    trajectory = read_table(moved["bare"], "trajectory")
+def test_speeds_of_exciters_are_in_hz_and_phases_in_degrees(saved):
+    figures = figures_of(page_of(saved["bare"]))
+    trajectory = read_table(saved["bare"], "trajectory")
     speed = figures["Speed, whole run"]
     assert speed.unit == "Hz"
     wanted = np.abs(trajectory["phi1_rate_rad_per_s"]) / (2.0 * np.pi)
@@ -245,29 +241,29 @@ def test_speeds_of_exciters_are_in_hz_and_phases_in_degrees(moved):
     assert figures["Phase difference, whole run"].unit == "°"
 
 
-def test_what_has_nothing_to_show_is_told_not_drawn(moved):
-    text = page_of(moved["bare"])
+def test_what_has_nothing_to_show_is_told_not_drawn(saved):
+    text = page_of(saved["bare"])
     assert "nothing to see in" in read(text)
     assert "Gap, whole run" not in figures_of(text)
-    assert "Contact force, whole run" in figures_of(page_of(moved["two layers"]))
+    assert "Contact force, whole run" in figures_of(page_of(saved["two layers"]))
 
 
-def test_the_interval_of_a_run_can_be_chosen(moved):
-    text = page_of(moved["two layers"], start=0.05, stop=0.1)
+def test_the_interval_of_a_run_can_be_chosen(saved):
+    text = page_of(saved["two layers"], start=0.05, stop=0.1)
     (motion,) = frames_of(text)
     ends = motion["windows"][0][0], sum(motion["windows"][-1][:2])
     assert 0.05 <= ends[0] < ends[1] <= 0.1 + 1e-4
     detail = figures_of(text)["Platform and material, interval"]
     assert detail.ends(0) == pytest.approx([0.05, 0.1], abs=1e-3)
     with pytest.raises(TableError, match=r"no data between 3 and 4 s in .*; allowed: an interval within 0 … 0\.25 s"):
-        page_of(moved["bare"], start=3.0, stop=4.0)
+        page_of(saved["bare"], start=3.0, stop=4.0)
 
 
 @pytest.mark.long
-def test_a_run_that_is_read_in_parts_is_the_same_run(moved, monkeypatch):
-    whole = frames_of(page_of(moved["two layers"]))
+def test_a_run_that_is_read_in_parts_is_the_same_run(saved, monkeypatch):
+    whole = frames_of(page_of(saved["two layers"]))
     monkeypatch.setattr("vibroplat.results.tables.MAX_PART_ROWS", 37)
-    assert frames_of(page_of(moved["two layers"]))[0]["windows"] == [
+    assert frames_of(page_of(saved["two layers"]))[0]["windows"] == [
         [pytest.approx(value, abs=1e-3) for value in window] for window in whole[0]["windows"]
     ]
 
@@ -282,9 +278,9 @@ def test_a_start_says_when_it_is_steady_and_shows_its_speeds(started):
 # -- odd runs -------------------------------------------------------------------------------------------
 
 
-def test_a_failed_run_tells_its_outcome_first(moved, tmp_path):
+def test_a_failed_run_tells_its_outcome_first(saved, tmp_path):
     copy = rewritten(
-        moved["bare"], tmp_path / "copy", outcome="too-many-events", detail="more than 10", notes=["look twice"]
+        saved["bare"], tmp_path / "copy", outcome="too-many-events", detail="more than 10", notes=["look twice"]
     )
     write_table(read_table(copy, "trajectory").iloc[:0], copy, "trajectory", "csv")
     text = page_of(copy)
@@ -295,16 +291,16 @@ def test_a_failed_run_tells_its_outcome_first(moved, tmp_path):
     assert "RMS" in read(text)
 
 
-def test_a_run_without_a_measured_part_has_no_sheet(moved, tmp_path):
+def test_a_run_without_a_measured_part_has_no_sheet(saved, tmp_path):
     nothing = dict.fromkeys(("rms_y_m", "rms_x_m", "excitation_frequency_hz"), None)
-    text = page_of(rewritten(moved["bare"], tmp_path / "copy", **nothing))
+    text = page_of(rewritten(saved["bare"], tmp_path / "copy", **nothing))
     assert "Nothing measured" in text
     assert '<table class="sheet' not in text
     assert frames_of(text)[0]["windows"]
 
 
-def test_infinite_numbers_are_missing(moved, tmp_path):
-    copy = unproven(shutil.copytree(moved["two layers"], tmp_path / "copy"))
+def test_infinite_numbers_are_missing(saved, tmp_path):
+    copy = unproven(shutil.copytree(saved["two layers"], tmp_path / "copy"))
     for name in ("trajectory", "events"):
         table = read_table(copy, name)
         numbers = table.select_dtypes(float).columns.drop("t_s")
@@ -315,18 +311,18 @@ def test_infinite_numbers_are_missing(moved, tmp_path):
     assert "inf" not in {*read(text).split()}
 
 
-def test_a_captured_start_says_so_first(moved, tmp_path):
-    text = page_of(rewritten(moved["bare"], tmp_path / "copy", captured_by="y"))
+def test_a_captured_start_says_so_first(saved, tmp_path):
+    text = page_of(rewritten(saved["bare"], tmp_path / "copy", captured_by="y"))
     assert '<p class="answer bad">CAPTURED by the resonance in y' in text
 
 
-def test_results_with_one_name_have_the_part_of_their_directories_that_differs(moved):
-    found = find_results([moved["two layers"], moved["bare"]])
-    assert [one.label for one in found] == ["quickstart (two-layers)", "quickstart (bare)"]
+def test_results_with_one_name_have_the_part_of_their_directories_that_differs(saved):
+    found = find_results([saved["two layers"], saved["bare"]])
+    assert [one.label for one in found] == ["quickstart (two layers)", "quickstart (bare)"]
 
 
-def test_results_name_the_parameters_in_which_they_differ(moved):
-    text = read(page_of(moved["two layers"], moved["bare"]))
+def test_results_name_the_parameters_in_which_they_differ(saved):
+    text = read(page_of(saved["two layers"], saved["bare"]))
     assert "mass ratio 0" in text[: text.index("Amplitude and stroke")]
 
 

@@ -1,6 +1,5 @@
 """Studies on the page: what is drawn of each kind, what a click on a point finds, tables, and odd answers."""
 
-import json
 import re
 import shutil
 
@@ -8,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from common.pages import data_of, figures_of, page_of, read, unpacked
-from common.results import unproven
+from common.results import edited, of_kind, unproven
 
 from vibroplat.continuation.rows import orbit_motion
 from vibroplat.errors import TableError, VibroplatError
@@ -239,10 +238,7 @@ def test_special_points_and_ends_come_first_where_there_is_little_room(branched,
 
 
 def test_pictures_of_one_table_share_it_and_its_orbits(swept, tmp_path):
-    copy = unproven(shutil.copytree(swept, tmp_path / "copy"))
-    proof = read_json(copy, "provenance")
-    proof["configuration"]["sweep"]["kind"] = "map"
-    (copy / "provenance.json").write_text(json.dumps(proof))
+    copy = of_kind(unproven(shutil.copytree(swept, tmp_path / "copy")), "map")
     text = page_of(copy)
     assert (data_of(text, 0)["home"], data_of(text, 1)["home"]) == (0, 0)
     assert "<table" in section(text, 0)
@@ -253,10 +249,7 @@ def test_pictures_of_one_table_share_it_and_its_orbits(swept, tmp_path):
 
 
 def test_neighbours_of_one_class_are_one_tile_of_a_map(swept, tmp_path):
-    copy = unproven(shutil.copytree(swept, tmp_path / "copy"))
-    proof = read_json(copy, "provenance")
-    proof["configuration"]["sweep"]["kind"] = "map"
-    (copy / "provenance.json").write_text(json.dumps(proof))
+    copy = of_kind(unproven(shutil.copytree(swept, tmp_path / "copy")), "map")
     table = read_table(copy, "sweep").query("direction == 'up'")
     rows = [table.assign(**{"material.mass_ratio": table["material.mass_ratio"] + 0.2 * n}) for n in range(4)]
     write_table(pd.concat(rows, ignore_index=True).assign(motion="chaotic"), copy, "sweep", "parquet")
@@ -359,9 +352,7 @@ def test_motions_that_settle_nowhere_and_values_that_are_missing(answered, tmp_p
 def told_otherwise(source, place, **told):
     """Copy a result with another answer in its provenance."""
     copy = unproven(shutil.copytree(source, place))
-    proof = read_json(copy, "provenance")
-    (copy / "provenance.json").write_text(json.dumps(proof | {"answer": proof["answer"] | told}))
-    return copy
+    return edited(copy, "provenance", answer=read_json(copy, "provenance")["answer"] | told)
 
 
 def test_lines_in_columns_are_tables_whose_cells_wrap_on_a_telephone():

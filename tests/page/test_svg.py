@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from vibroplat.page.svg import COLUMNS, DOTS, Plot, Scale, apart, path, plain_text, thin, unit_for
+from vibroplat.page.svg import COLUMNS, DOTS, Plot, Scale, distinct_dots, path, plain_text, thin, unit_for
 
 
 @pytest.mark.parametrize(
@@ -83,9 +83,9 @@ def test_a_curve_that_turns_back_keeps_both_ways():
 
 def test_dots_that_cover_each_other_are_one():
     rng = np.random.default_rng(1)
-    x, _ = apart(rng.random(1_000_000), rng.random(1_000_000))
+    x, _ = distinct_dots(rng.random(1_000_000), rng.random(1_000_000))
     assert len(x) <= (DOTS[0] + 1) * (DOTS[1] + 1)
-    assert len(apart(np.array([0.1, 0.1 + 1e-5, 0.9]), np.array([0.5, 0.5, 0.5]))[0]) == 2
+    assert len(distinct_dots(np.array([0.1, 0.1 + 1e-5, 0.9]), np.array([0.5, 0.5, 0.5]))[0]) == 2
 
 
 def test_paths_are_whole_numbers_from_point_to_point():

@@ -8,24 +8,15 @@ from common.places import QUICKSTART
 from common.results import unproven
 
 from vibroplat import load_config, simulate
-from vibroplat.plots.command import draw_study
+from vibroplat.plots.command import draw_results
 from vibroplat.plots.measured import read_data
 from vibroplat.results.files import write_result
-from vibroplat.results.result import Result
+from vibroplat.results.run import load
 
 
 def drawn(command, *directories, kinds=(), **options):
-    """Figures of results of a study by name."""
-    return dict(draw_study(command, [Result.read(place, command) for place in directories], kinds, **options))
-
-
-@pytest.fixture(scope="session")
-def saved(runs, tmp_path_factory):
-    """Directories of runs: ``two layers``, ``bouncing`` and ``bare``."""
-    place = tmp_path_factory.mktemp("runs")
-    for name in ("two layers", "bouncing", "bare"):
-        runs[name].save(place / name)
-    return {path.name: path for path in place.iterdir()}
+    """Figures of results of a command by name."""
+    return dict(draw_results([load(place, command) for place in directories], kinds, **options))
 
 
 @pytest.fixture(scope="session")

@@ -8,9 +8,10 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from vibroplat.errors import TableError
-from vibroplat.plots.histories import Run, spectrum_of
-from vibroplat.plots.run import run_figures
+from vibroplat.plots.histories import RunTables, spectrum_of
 from vibroplat.results.tables import read_table
+
+from .conftest import drawn
 
 TURN = 2.0 * np.pi
 
@@ -20,7 +21,7 @@ def test_a_spectrum_has_the_amplitude_of_what_repeats_within_whole_turns():
     t = np.sort(np.concatenate([np.arange(0.0, 0.4305, 5e-4), [0.21013, 0.21013]]))
     values = 1.0 + 3.0 * np.cos(TURN * 25.0 * t) + 0.2 * np.sin(TURN * 75.0 * t)
     table = pd.DataFrame({"t_s": t, "phi1_rad": TURN * 25.0 * t, "a": values})
-    run = Run("hand", None, table, table, table, table, False, False, True)
+    run = RunTables("hand", None, table, table, table, table, False, False, True)
     frequencies, sizes = spectrum_of(run, "a")
     assert frequencies[1] == pytest.approx(2.5)
     assert sizes[[10, 30]] == pytest.approx([3.0, 0.2], rel=1e-9)
@@ -28,7 +29,7 @@ def test_a_spectrum_has_the_amplitude_of_what_repeats_within_whole_turns():
 
 
 def test_accelerations_are_drawn_where_there_are_some(moved, saved, tmp_path):
-    figures = {name: figure for _, name, figure in run_figures([moved])}
+    figures = drawn("run", moved)
     assert {"acceleration", "spectrum"} <= {*figures}
     assert "measured" not in figures
     vertical, *_ = figures["acceleration"].axes
@@ -40,7 +41,7 @@ def test_accelerations_are_drawn_where_there_are_some(moved, saved, tmp_path):
     assert all(one.x1 < other.x0 for one, other in itertools.pairwise(orders)), "names of orders lie on each other"
     for kind, line in (("spectrum", "has no accelerations; simulate it with"), ("measured", "needs --data FILE")):
         with pytest.raises(TableError, match=f"--kind {kind}: .*{line}"):
-            list(run_figures([saved["bare"]], [kind]))
+            drawn("run", saved["bare"], kinds=[kind])
 
 
 def test_data_are_fitted_and_compared_with_any_column(moved, data_file):
@@ -48,7 +49,7 @@ def test_data_are_fitted_and_compared_with_any_column(moved, data_file):
     table = read_table(moved, "trajectory").drop_duplicates("t_s")
     table = table[table["t_s"].between(0.13, 0.2)]
     data = data_file(table.assign(t_s=table["t_s"] + 100.0), "acceleration_x_tip_m_per_s2", "phi1_rate_rad_per_s")
-    ((_, _, figure),) = run_figures([moved], ["measured"], start=0.1, data=data)
+    (figure,) = drawn("run", moved, kinds=["measured"], start=0.1, data=data).values()
     assert [axis.get_title(loc="left").splitlines()[-1] for axis in figure.axes] == ["differs by < 0.1 %"] * 2
     assert "measured data shifted by −100 s" in figure.axes[0].get_title(loc="left").splitlines()
     assert [axis.lines[1].get_marker() for axis in figure.axes] == ["D"] * 2

@@ -7,9 +7,9 @@ import pytest
 from common.handmade import after, branch
 
 from vibroplat.config.scene import Scene
-from vibroplat.plots.histories import Run
+from vibroplat.plots.histories import RunTables
 from vibroplat.plots.pictures import draw_picture
-from vibroplat.plots.run import Shown, draw
+from vibroplat.plots.run import FIGURES, RunPicture
 from vibroplat.plots.style import head
 from vibroplat.results import content
 from vibroplat.results.picture import Panel, Picture
@@ -49,11 +49,13 @@ def run(scene=None, **columns):
     )
     ends = {f"speed_{n}_hz:{end}": 1.0 for n in (1, 2) for end in ("min", "max")}
     told = {"name": "hand", "outcome": "by hand", "simulated_s": 3.0}
-    return Run("hand", scene, table, table[["t_s"]].assign(**ends), table, table.iloc[:0], False, True, True, told)
+    return RunTables(
+        "hand", scene, table, table[["t_s"]].assign(**ends), table, table.iloc[:0], False, True, True, told
+    )
 
 
 def exciters(shown):
-    return draw("exciters", Shown([shown])).axes
+    return draw_picture(FIGURES["exciters"](RunPicture([shown]))).axes
 
 
 def test_columns_of_a_figure_that_share_their_values_have_one_unit():

@@ -15,8 +15,8 @@ from vibroplat import load_config
 from vibroplat.bench import measure
 from vibroplat.config.kinds import KINDS
 from vibroplat.errors import TableError
-from vibroplat.plots import histories, paper, run
-from vibroplat.plots.command import draw_study
+from vibroplat.plots import paper, run
+from vibroplat.plots.command import draw_results
 from vibroplat.plots.display import orbit_figure
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.style import styled
@@ -204,43 +204,24 @@ def drawn_run(kind, count=1):
         table, events = change(whole.trajectory), change(whole.events)
         changed = RunResult(whole.scene, whole.summary | {"name": "run"}, table=table)
         changed.events = events
-        runs = [histories.run_of(changed) for _ in range(count)]
-        shown = run.Shown(runs, names=["one", "another"] if count > 1 else ())
-        if lacking := run.missing(kind, shown):
-            raise TableError(lacking)
-        return run.draw(kind, shown)
-
-    return draw
-
-
-def drawn_study(command, kind, keys=()):
-    """Draw a picture of tables in memory."""
-
-    def draw(change, tables):
-        scene = load_config(QUICKSTART, dict(keys))
-        held = {name: change(table) for name, table in tables[command].items()}
-        if command == "orbits":
-            held["special"] = held["special"].loc[held["special"]["point"] < len(held["branches"])]
-        else:
-            held |= {
-                "section": diagram(held["sweep"], "y_m"),
-                "impacts": diagram(held["sweep"], "impact_speed_m_per_s"),
-            }
-        ((_, figure),) = draw_study(command, [Result(command, scene, held, Answer())], [kind])
+        ((_, figure),) = draw_results([changed] * count, [kind])
         return figure
 
     return draw
 
 
-def drawn_design(kind, keys):
-    """Draw a picture of a design, of a search for thresholds or of basins, of tables in memory."""
+def drawn_study(command, kind, keys=(), named=""):
+    """Draw a picture of tables in memory; ``named`` are those of a study that has several."""
 
     def draw(change, tables):
-        command = next(name for name in ("find", "basins", "design") if name in keys)
-        named = "shares" if "over" in keys[command] else f"{command} {kind}"
-        held = {name: change(table) for name, table in tables[named].items()}
+        held = {name: change(table) for name, table in tables[named or command].items()}
+        if command == "orbits":
+            held["special"] = held["special"].loc[held["special"]["point"] < len(held["branches"])]
+        elif command == "sweep":
+            held["section"] = diagram(held["sweep"], "y_m")
+            held["impacts"] = diagram(held["sweep"], "impact_speed_m_per_s")
         result = Result(command, load_config(QUICKSTART, dict(keys)), held, Answer())
-        ((_, figure), *_) = draw_study(command, [result], [kind])
+        ((_, figure), *_) = draw_results([result], [kind])
         return figure
 
     return draw
@@ -249,18 +230,17 @@ def drawn_design(kind, keys):
 def drawn_orbit(change, tables):
     whole = tables["run"]
     table = change(whole.trajectory)
-    motion = SimpleNamespace(segments=[SimpleNamespace(end=0.1)])
-    found = {"scene": whole.scene, "period": 1, "stable": True, "sequence": "liftoff impact", "run": None}
     if len(table) < 10 or "gap_m" not in table:
         raise TableError("an orbit has as many rows as it is asked for, and all columns")
 
     class Motion:
-        segments = motion.segments
+        segments = (SimpleNamespace(end=0.1),)
 
         def __call__(self, _):
             return table
 
-    return orbit_figure(SimpleNamespace(**found | {"run": Motion()}))
+    orbit = {"scene": whole.scene, "period": 1, "stable": True, "sequence": "liftoff impact"}
+    return orbit_figure(SimpleNamespace(**orbit, run=Motion()))
 
 
 def drawn_paper(name):
@@ -295,10 +275,10 @@ FIGURES = {
     "force of two": drawn_run("force", 2),
     **{kind: drawn_study("sweep", kind) for kind in KINDS["sweep"].figures.split()},
     **{kind: drawn_study("orbits", kind, ORBITS) for kind in KINDS["orbits"].figures.split()},
-    "thresholds": drawn_design("thresholds", FIND),
-    "basins": drawn_design("basins", BASINS),
-    "shares": drawn_design("basins", {"basins": BASINS["basins"] | {"over": SHARES}}),
-    **{kind: drawn_design(kind, DESIGN) for kind in KINDS["design"].figures.split()},
+    "thresholds": drawn_study("find", "thresholds", FIND),
+    "basins": drawn_study("basins", "basins", BASINS),
+    "shares": drawn_study("basins", "basins", {"basins": BASINS["basins"] | {"over": SHARES}}, "shares"),
+    **{kind: drawn_study("design", kind, DESIGN) for kind in KINDS["design"].figures.split()},
     "orbit": drawn_orbit,
     **{name: drawn_paper(name) for name in ("fig4", "fig6")},
     "precision": drawn_precision,
@@ -332,12 +312,11 @@ def studies():
     samples = samples.assign(stable=True, regime="antiphase, period 1", stability_margin=0.01 + 0.001 * share)
     keys = [(m, key) for m in ("rms_y_m", "motor_power_w") for key in (RADIUS, "machine.platform_mass_kg")]
     sensitivities = pd.DataFrame(keys, columns=["measure", "key"]).assign(value=1.0, elasticity=[1.0, -0.5, 2.0, 0.1])
-    design = {"sensitivities": sensitivities, "samples": samples, "evaluations": evaluations}
     return {
-        "find thresholds": {"scan": scan, "thresholds": found},
-        "basins basins": {"attractors": attractors, "starts": starts},
+        "find": {"scan": scan, "thresholds": found},
+        "basins": {"attractors": attractors, "starts": starts},
         "shares": {"attractors": over, "starts": starts.assign(**{MASS: 0.0})},
-        **{f"design {kind}": design for kind in design},
+        "design": {"sensitivities": sensitivities, "samples": samples, "evaluations": evaluations},
     }
 
 

@@ -23,6 +23,7 @@ from vibroplat.results.labels import (
     halfway,
     key_label,
     legend_names,
+    shortened,
     value_label,
 )
 
@@ -73,6 +74,7 @@ def test_of_many_parameters_the_first_are_named_and_the_others_counted():
     second = legend_names(["a", "b"], differing("run", trees))[1]
     assert second.count(",") == MOST - 1
     assert second.endswith("2 more)")
+    assert shortened(["a"] * MOST) == ["a"] * MOST
 
 
 def test_an_exciter_is_named_by_its_number_and_results_of_one_name_by_their_directories():

@@ -8,8 +8,10 @@ from vibroplat import load_config, simulate, sweep
 from vibroplat.config.digits import interval
 from vibroplat.errors import TableError
 from vibroplat.plots.histories import run_of
-from vibroplat.plots.run import FIGURES, Shown, run_figures
+from vibroplat.plots.run import FIGURES, RunPicture
 from vibroplat.study.picture import pictures
+
+from .conftest import drawn
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +21,7 @@ def feeder():
 
 def test_modes_change_at_events_and_material_goes_from_the_begin_on(feeder):
     run = run_of(feeder)
-    found = FIGURES["conveying"](Shown([run]))
+    found = FIGURES["conveying"](RunPicture([run]))
     (strip,), (series,) = found.strips.rows, found.series
     spans = strip.spans(found.points["t_s"])
     begin = spans[0].low
@@ -34,13 +36,13 @@ def test_modes_change_at_events_and_material_goes_from_the_begin_on(feeder):
 
 def test_many_turns_have_no_strip_and_other_scenes_no_figure(feeder, tmp_path):
     whole = run_of(feeder, 0.0, 1.0)
-    assert FIGURES["conveying"](Shown([whole])).strips is not None
+    assert FIGURES["conveying"](RunPicture([whole])).strips is not None
     many = whole.shown.assign(phi1_rad=10.0 * whole.shown["phi1_rad"])
     object.__setattr__(whole, "shown", many)
-    assert FIGURES["conveying"](Shown([whole])).strips is None
+    assert FIGURES["conveying"](RunPicture([whole])).strips is None
     plain = simulate(load_config(ROOT / "configs/quickstart.yaml", {"run.duration_s": 0.1})).save(tmp_path / "plain")
     with pytest.raises(TableError, match=r"--kind conveying: .* has no motion along the deck"):
-        list(run_figures([plain], ["conveying"]))
+        drawn("run", plain, kinds=["conveying"])
 
 
 def test_a_sweep_tells_and_draws_the_conveying_speed():

@@ -11,7 +11,9 @@ from vibroplat import Scene, load, simulate
 from vibroplat.errors import TableError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.plots.measured import MAX_BYTES, Measured, _number, best_shift, read_data, relative_error
-from vibroplat.plots.run import _measured_interval, run_figures
+from vibroplat.plots.run import _measured_interval
+
+from .conftest import drawn
 
 MAPPING = 't=Zeit*0.001,ay_inlet=Beschl_y (g)*10,"y=Weg, y"'
 TEXT = "Zeit;Beschl_y (g);Weg, y\n0;1,5;0,1\n500;−;0,2\n1000;-2,5;0,3\n".replace("−", "")
@@ -140,7 +142,7 @@ def test_what_is_not_compared_is_told(tmp_path):
     data = Measured(tmp_path / "rig.csv", pd.DataFrame({"t_s": [5.0, 6.0], "y_m": [1.0, 2.0]})).select("t_s", ["y_m"])
     data.compare("y_m", "t_s", [(np.array([0.0, 1.0]), np.array([0.0, 0.0]))])
     assert data.lines() == ["rig.csv: y is not compared: fewer than two of its values lie beside a curve, or all are 0"]
-    assert data.told("y_m") == ""
+    assert data.difference("y_m") == ""
 
 
 def test_the_shift_is_found_in_the_whole_run_and_the_interval_of_the_data_is_shown(tmp_path):
@@ -151,10 +153,10 @@ def test_the_shift_is_found_in_the_whole_run_and_the_interval_of_the_data_is_sho
     moved = start.assign(t_s=start["t_s"] + 12.7, y_m=start["y_m"] - static_rest(scene)[1])
     moved[["t_s", "y_m"]].to_csv(tmp_path / "rig.csv", index=False)
     data = read_data(f"{tmp_path}/rig.csv:t_s=t_s,y=y_m,shift=fit")
-    _ = [*run_figures([tmp_path / "a"], ["measured"], data=data)]
+    drawn("run", tmp_path / "a", kinds=["measured"], data=data)
     assert data.errors["y_m"] < 2e-3
     again = read_data(f"{tmp_path}/rig.csv:t_s=t_s,y=y_m,shift=-12.7")
-    _ = [*run_figures([tmp_path / "a"], ["motion"], data=again)]
+    drawn("run", tmp_path / "a", kinds=["motion"], data=again)
     assert again.errors["y_m"] < 2e-3
     found = _measured_interval(data, load(tmp_path / "a").trajectory)
     assert data.shift == pytest.approx(-12.7, abs=1e-3)

@@ -14,7 +14,7 @@ from vibroplat.columns import PHASE
 from vibroplat.continuation.picture import MARKERS
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import TableError
-from vibroplat.plots.command import draw_study
+from vibroplat.plots.command import draw_results
 from vibroplat.results.files import SCHEMA
 from vibroplat.results.result import Answer, Result
 from vibroplat.results.tables import read_table, write_table
@@ -66,7 +66,7 @@ def lines(points, marks, column="RMS $y$ (mm)"):
     """Ends and styles of the lines of a branch, and its markers."""
     scene = load_config(QUICKSTART, {"orbits": {"key": "drive.supply_frequency_hz", "start": 0.0, "stop": 4.0}})
     tables = {"branches": points, "special": marks}
-    ((_, figure),) = draw_study("orbits", [Result("orbits", scene, tables, Answer())], ["branches"])
+    ((_, figure),) = draw_results([Result("orbits", scene, tables, Answer())], ["branches"])
     axis = next(axis for axis in figure.axes if axis.get_ylabel() == column)
     ends = []
     for line in (line for line in axis.lines if line.get_linestyle() != "None"):
@@ -140,14 +140,14 @@ def test_points_of_a_sweep_lie_behind_in_the_colour_of_their_branch(followed):
 
 def test_multipliers_lie_about_the_unit_circle(followed):
     figure = drawn(followed, ["multipliers"])["multipliers"]
-    plane, largest = figure.axes[:2]
+    plane, margin = figure.axes[:2]
     table = handmade.branches()
     shown = np.concatenate([collection.get_offsets() for collection in plane.collections])
     assert len(shown) == 2 * 2 * len(table)  # with their conjugates
     np.testing.assert_allclose(np.sort_complex(shown @ [1.0, 1j]), np.sort_complex(shown @ [1.0, -1j]))
     np.testing.assert_allclose(np.hypot(*data_of(plane.lines[0])), 1.0)
     assert plane.get_xlim() == pytest.approx((-1.05 * 1.3, 1.05 * 1.3))
-    np.testing.assert_allclose(largest.lines[0].get_ydata(), table["multiplier_1_re"].abs())
+    np.testing.assert_allclose(margin.lines[0].get_ydata(), 1.0 - table["multiplier_1_re"].abs())
 
 
 def test_boundaries_are_drawn_over_two_keys(followed):

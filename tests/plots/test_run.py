@@ -1,12 +1,12 @@
 """Figures of runs: what is drawn, and what is refused."""
 
-import json
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 from common.places import QUICKSTART
+from common.results import edited
 from matplotlib.collections import LineCollection
 from matplotlib.text import Text
 
@@ -16,11 +16,11 @@ from vibroplat.errors import TableError
 from vibroplat.plots import headlines, histories
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.measured import read_data
-from vibroplat.plots.run import run_figures
 from vibroplat.results.labels import run_parameters
 from vibroplat.results.run import RunResult
 from vibroplat.results.tables import read_json, read_table, write_table
 
+from . import conftest
 from .conftest import data_of, table_line, texts
 
 TURN = 2.0 * np.pi
@@ -28,7 +28,7 @@ TURN = 2.0 * np.pi
 
 def drawn(*directories, kinds=(), **options):
     """Figures of runs by name."""
-    return {name: figure for _, name, figure in run_figures(directories, kinds, **options)}
+    return conftest.drawn("run", *directories, kinds=kinds, **options)
 
 
 def from_rest(table, directory):
@@ -44,8 +44,7 @@ def shown_from(directory, turns):
 @pytest.fixture
 def settled(result):
     """A run of six turns whose motion repeats each turn."""
-    (result / "summary.json").write_text(json.dumps(read_json(result, "summary") | {"period": 1}))
-    return result
+    return edited(result, "summary", period=1)
 
 
 def test_motion_shows_platform_and_gap_of_the_last_turns(settled):
@@ -78,14 +77,11 @@ def test_few_samples_a_second_are_shown_over_more_turns(kernels, tmp_path):
 
 
 def test_y_is_counted_from_rest_where_a_scene_or_a_summary_tells_the_sag(result):
-    (result / "provenance.json").write_text(
-        json.dumps(read_json(result, "provenance") | {"configuration": {"lost": 1}})
-    )
+    edited(result, "provenance", configuration={"lost": 1})
     axis = drawn(result)["motion"].axes[0]
-    table, summary = read_table(result, "trajectory"), read_json(result, "summary")
+    table = read_table(result, "trajectory")
     assert axis.lines[0].get_ydata()[-1] == pytest.approx(1e3 * from_rest(table, result)["y_m"].iloc[-1])
-    (result / "summary.json").write_text(json.dumps({k: v for k, v in summary.items() if k != "static_sag_m"}))
-    axis = drawn(result)["motion"].axes[0]
+    axis = drawn(edited(result, "summary", static_sag_m=None))["motion"].axes[0]
     assert axis.lines[0].get_ydata()[-1] == pytest.approx(1e3 * table["y_m"].iloc[-1])
     assert axis.get_ylabel() == "$y$ (mm)"
 
@@ -308,6 +304,9 @@ def refusal(directory, **interval):
         ("provenance.json", '{"schema": 3}', "DIR holds results of schema 3; this version reads schemas 1 and 2"),
         ("provenance.json", "{", "DIR/provenance.json cannot be read: "),
         ("summary.json", "[]", "DIR/summary.json is not the summary of a run"),
+        ("summary.json", '{"excitation_frequency_hz": 25}', "DIR/summary.json is not the summary of a run"),
+        ("summary.json", '{"name": "a", "excitation_frequency_hz": "fast"}', "DIR/summary.json is not the summary"),
+        ("summary.json", '{"name": "a", "excitation_frequency_hz": -1.0}', "DIR/summary.json is not the summary"),
         ("trajectory.csv", "a,b\n1,2\n", "the trajectory table in DIR has no numbers in column t_s"),
         ("events.csv", "", "DIR/events.csv cannot be read: "),
         ("provenance.json", None, "DIR holds no finished result: it has no provenance.json"),
@@ -322,14 +321,6 @@ def test_missing_and_damaged_files_are_told_in_a_line(file, content, line, resul
     else:
         (result / file).write_text(content)
     assert refusal(result).startswith(line)
-
-
-@pytest.mark.parametrize(
-    "change", [{"name": None}, {"excitation_frequency_hz": "fast"}, {"excitation_frequency_hz": -1.0}], ids=str
-)
-def test_a_summary_of_something_else_is_refused(change, result):
-    (result / "summary.json").write_text(json.dumps(read_json(result, "summary") | change))
-    assert refusal(result) == "DIR/summary.json is not the summary of a run"
 
 
 @pytest.mark.parametrize(
@@ -353,7 +344,7 @@ def test_the_column_that_cannot_be_drawn_is_named(change, told, result):
 
 def test_dollar_signs_in_names_are_drawn_as_they_are(result):
     name = r"10 $ and $\frac$ x"
-    (result / "summary.json").write_text(json.dumps(read_json(result, "summary") | {"name": name}))
+    edited(result, "summary", name=name)
     shown, mathematics = Text()._preprocess_math(
         drawn(result, kinds=["exciters"])["exciters"].axes[0].get_title(loc="left")
     )

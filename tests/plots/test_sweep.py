@@ -1,6 +1,5 @@
 """Figures of sweeps, from their tables alone."""
 
-import json
 from functools import partial
 
 import matplotlib as mpl
@@ -8,8 +7,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
+from common import handmade
 from common.places import QUICKSTART
-from common.results import unproven
+from common.results import edited, unproven
 
 from vibroplat import load_config
 from vibroplat.columns import PHASE
@@ -18,7 +18,7 @@ from vibroplat.hybrid.state import static_rest
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.style import MOST_ENTRIES
 from vibroplat.results.picture import CURVES, SYNC
-from vibroplat.results.tables import read_json, write_table
+from vibroplat.results.tables import write_table
 from vibroplat.study import curves as of_branches
 
 from .conftest import diagram, sweep_table, texts
@@ -100,8 +100,7 @@ def test_peaks_of_two_masses_are_no_range(write_sweep):
     table = sweep_table().assign(outcome="ok", motion="periodic", sync="antiphase", gap_max_m=0.0)
     up = table["supply_frequency_hz"]
     table["rms_y_m"] = 1e-3 + 1e-5 * np.where(table[MASS] == 0.0, up, -up)
-    figure = drawn(write_sweep(table), x="supply", measure=["rms_y_m"])
-    (figure,) = figure.values()
+    (figure,) = drawn(write_sweep(table), x="supply", measure=["rms_y_m"]).values()
     low, high = up.min(), up.max()
     assert f"$f_e$ = {low:.2f}, {high:.2f} Hz" in figure.get_suptitle() or (
         f"$f_e$ = {high:.2f}, {low:.2f} Hz" in figure.get_suptitle()
@@ -220,9 +219,7 @@ def test_many_values_of_a_key_follow_a_colour_scale(write_sweep):
 def test_sweeps_are_laid_over_each_other(write_sweep, figures):
     table = sweep_table().query("branch < 2")
     plain = write_sweep(table.drop(columns=MASS), name="plain")
-    proof = read_json(plain, "provenance")
-    proof["configuration"]["material"]["mass_ratio"] = 0.3
-    (plain / "provenance.json").write_text(json.dumps(proof))
+    edited(plain, "provenance", **handmade.origin("plain", **{"material.mass_ratio": 0.3}))
     (path,) = plot_results([write_sweep(table.assign(**{MASS: 0.1}), name="soft"), plain])
     assert (path.parent.name, path.name) == ("soft", "response-compared.png")
     told = figures["response"].axes[0].get_title(loc="left").replace("\n", " ")

@@ -10,7 +10,7 @@ import pytest
 from scipy.io import loadmat
 
 from vibroplat import Scene, load, simulate
-from vibroplat.errors import ConfigError
+from vibroplat.errors import ConfigError, TableError
 from vibroplat.results.answer import Answer
 from vibroplat.results.result import Result
 
@@ -57,7 +57,7 @@ def test_a_figure_shows_itself_in_a_notebook_and_is_none_of_pyplots(run):
 def test_figures_that_there_are_not(run, runs):
     with pytest.raises(ConfigError, match="kind = 'map'; allowed: motion, conveying, force, exciters, loads"):
         run.plot("map")
-    with pytest.raises(ConfigError, match=r"has no contact force, as .* non-impact; allowed: motion, exciters, loads"):
+    with pytest.raises(TableError, match=r"has no contact force, as .* non-impact; allowed: motion, exciters, loads"):
         runs["bare"].plot("force")
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from vibroplat import find, load_config
 from vibroplat.errors import ConfigError
-from vibroplat.plots.command import draw_study
+from vibroplat.plots.command import draw_results
 from vibroplat.results.result import Result
 from vibroplat.thresholds.study import ThresholdStudy
 
@@ -136,7 +136,7 @@ def test_the_command_writes_tables_and_prints_the_answer_and_plot_draws_it(comma
     drawn = command("plot", tmp_path / "c", "--measure", "rms_y_m", "--measure", "motor_power_w")
     assert (drawn.code, drawn.out.split()) == (0, [str(tmp_path / "c/find/thresholds.png")])
     columns = ["rms_y_m", "rms_x_m", "phase_difference_rad"]
-    ((name, figure),) = draw_study("find", [Result.read(tmp_path / "c", "find")], measure=columns)
+    ((name, figure),) = draw_results([Result.read(tmp_path / "c", "find")], measure=columns)
     assert name == "thresholds"
     assert [axis.get_ylabel() for axis in figure.axes] == ["RMS $y$ (mm)", "RMS $x$ (mm)", r"$\Delta\varphi$"]
     levels = [line.get_ydata()[0] for line in figure.axes[0].lines if line.get_linestyle() == ":"]

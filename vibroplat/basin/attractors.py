@@ -6,7 +6,7 @@ Over a key, attractors are carried from value to value, and keep their identity 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
@@ -31,6 +31,12 @@ WINDOW_TOLERANCE = 0.02
 CONTINUATION_PARTS, MAX_PART_RATIO, SMALL_PART = 4, 3.0, 0.05
 
 
+#: What names of attractors say further where they are alike otherwise, by column.
+_FURTHER_WORDS: Mapping[str, Callable[[float], str]] = {
+    "phase_difference_rad": "Δφ {:.2f}".format,
+    "rms_y_m": lambda height: f"RMS y {1e3 * height:.3g} mm",
+    "impacts_per_period": lambda impacts: f"{impacts:.3g} impact{'s' * (impacts != 1.0)} a period",
+}
 #: Errors of a conveying speed up to which it may be 0.
 SPEED_ERRORS = 3.0
 
@@ -177,18 +183,18 @@ def continue_attractors(
 
     Those that stay stable are returned as attractors there, each with ``former``, its number among the given ones.
     """
-    with closing(AttractorMapper(scene, max_turns, ())) as follower:
+    with closing(AttractorMapper(scene, max_turns, ())) as mapper:
         for number, attractor in enumerate(attractors):
             if not attractor["row"].get("period") or attractor["state"] is None:
                 continue
             try:
                 state = _continue_orbit(before, key, ends, attractor)
                 if state is not None:
-                    index = follower.register_near(state, attractor["row"]["period"])
-                    follower.attractors[index].setdefault("former", number)
+                    index = mapper.register_near(state, attractor["row"]["period"])
+                    mapper.attractors[index].setdefault("former", number)
             except (NoConvergenceError, OrbitError, ValueError):
                 continue
-        return {"found": [record for record in follower.attractors if "former" in record]}
+        return {"found": [record for record in mapper.attractors if "former" in record]}
 
 
 def _continue_orbit(scene: Scene, key: str, ends: Sequence[float], attractor: Record) -> FloatArray | None:
@@ -251,9 +257,11 @@ def name_attractors(sets: Sequence[AttractorSet]) -> Iterator[list[str]]:
             first.setdefault(number, record["row"])
     rows = [first[number] for number in range(len(first))]
     names = [_name(row) for row in rows]
-    for more in (_phase, _height, _impacts):
-        different = Counter(name for name, _ in {(name, more(row)) for name, row in zip(names, rows, strict=True)})
-        names = [f"{name}{more(row)}" if different[name] > 1 else name for name, row in zip(names, rows, strict=True)]
+    for column, text in _FURTHER_WORDS.items():
+        known = [row.get(column) for row in rows]
+        longer = [name if at is None else f"{name}, {text(at)}" for name, at in zip(names, known, strict=True)]
+        different = Counter(name for name, _ in {*zip(names, longer, strict=True)})
+        names = [more if different[name] > 1 else name for name, more in zip(names, longer, strict=True)]
     counts, seen = Counter(names), Counter[str]()
     for index, name in enumerate(names):
         seen[name] += 1
@@ -277,18 +285,3 @@ def _conveying(row: Mapping[str, Any]) -> str:
     if row.get("stick_fraction") == 1.0:
         return ", material sticks"
     return ", conveys nowhere" if abs(speed) <= SPEED_ERRORS * error else f", conveys to {'+' if speed > 0.0 else '−'}x"
-
-
-def _phase(row: Mapping[str, Any]) -> str:
-    phase = row.get("phase_difference_rad")
-    return "" if phase is None else f", Δφ {phase:.2f}"
-
-
-def _height(row: Mapping[str, Any]) -> str:
-    height = row.get("rms_y_m")
-    return "" if height is None else f", RMS y {1e3 * height:.3g} mm"
-
-
-def _impacts(row: Mapping[str, Any]) -> str:
-    impacts = row.get("impacts_per_period")
-    return "" if impacts is None else f", {impacts:.3g} impact{'s' * (impacts != 1.0)} a period"

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
 from vibroplat.config.scene import Scene
@@ -29,7 +28,9 @@ def key_values(plan: BasinsPlan, numbers: Iterable[int]) -> FloatArray:
     values = np.empty((rows.size, len(plan.initial_conditions)))
     places = np.unravel_index(rows * _stride(plan) % math.prod(plan.shape), plan.shape) if plan.shape else ()
     random = [key for key, ends in plan.initial_conditions.items() if len(ends) == 2]
-    drawn = _draw(plan.seed, len(random), rows)
+    first, last = (int(rows.min()), int(rows.max())) if rows.size else (0, -1)
+    generator = np.random.Generator(np.random.PCG64(plan.seed).advance(first * len(random)))
+    drawn = generator.random((last - first + 1, len(random)))[rows - first]
     grids, draws = iter(places), iter(drawn.T)
     for column, (low, high, *count) in enumerate(plan.initial_conditions.values()):
         fractions = next(grids) / (count[0] - 1.0) if count else next(draws)
@@ -44,14 +45,6 @@ def _stride(plan: BasinsPlan) -> int:
     while math.gcd(stride, cells) > 1:
         stride += 1
     return stride
-
-
-def _draw(seed: int, count: int, rows: npt.NDArray[np.int64]) -> FloatArray:
-    """Draw so many random numbers for each of some starts."""
-    if rows.size and (np.diff(rows) == 1).all():
-        return np.random.Generator(np.random.PCG64(seed).advance(int(rows[0]) * count)).random((rows.size, count))
-    single = [_draw(seed, count, rows[k : k + 1]) for k in range(rows.size)]
-    return np.concatenate([np.empty((0, count)), *single])
 
 
 def initial_states(scene: Scene, plan: BasinsPlan, numbers: Sequence[int]) -> FloatArray:

@@ -329,17 +329,17 @@ def map_initial_conditions(
 
     ``history`` are turns that others have taken.
     """
-    with closing(AttractorMapper(scene, plan.max_turns, known, history)) as follower:
-        starts = follower.map_states(initial_states(scene, plan, range(first, first + count)))
-        return {"starts": starts, "known": len(known), "found": follower.attractors[len(known) :]}
+    with closing(AttractorMapper(scene, plan.max_turns, known, history)) as mapper:
+        starts = mapper.map_states(initial_states(scene, plan, range(first, first + count)))
+        return {"starts": starts, "known": len(known), "found": mapper.attractors[len(known) :]}
 
 
 def map_alone(scene: Scene, plan: BasinsPlan, number: int) -> Record:
     """Follow a start without what others have found: the ``row`` of what it comes to."""
-    with closing(AttractorMapper(scene, plan.max_turns, [])) as follower:
-        record = follower.map_states(initial_states(scene, plan, [number]))[0]
+    with closing(AttractorMapper(scene, plan.max_turns, [])) as mapper:
+        record = mapper.map_states(initial_states(scene, plan, [number]))[0]
         if record["attractor"] is not None:
-            return {"row": follower.attractors[record["attractor"]]["row"]}
+            return {"row": mapper.attractors[record["attractor"]]["row"]}
         return {"row": {"motion": None, "period": 0, **record.get("windows", [{"sync": None}])[-1]}}
 
 
@@ -362,5 +362,5 @@ def classify_unconverged(scene: Scene, state: list[float]) -> Record:
 
 def repeats(scene: Scene, states: Sequence[Sequence[float]], period: int) -> Record:
     """Tell which motions from full states repeat after a period already."""
-    with closing(AttractorMapper(scene, 0, [])) as follower:
-        return {"repeats": [follower.repeats(state, period) for state in states]}
+    with closing(AttractorMapper(scene, 0, [])) as mapper:
+        return {"repeats": [mapper.repeats(state, period) for state in states]}

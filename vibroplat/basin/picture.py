@@ -107,7 +107,6 @@ def _starts(
         panels=panels,
         series=[picture.Series("", rows.index.to_numpy(), mode="dots") for rows in groups],
         facets=facets,
-        choice=keys[0] if keys else "",
         caption=caption_of([result.name], result.known_scene, keys, *lines),
         meaning="Each dot is a start, in the colour of the attractor to which its motion converges within "
         f"{plan['max_turns']} turns. A key drawn over itself shows how many starts come to each attractor.",

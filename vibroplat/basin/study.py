@@ -85,11 +85,6 @@ STARTS_TABLE: Columns = {
     "attractor": ATTRACTORS["attractor"],
     "turns": Column("turns of exciter 1 until the initial condition was assigned to an attractor"),
 }
-FRACTIONS: Columns = {
-    name: ATTRACTORS[name]
-    for name in ("attractor", "count", "fraction", "fraction_low", "fraction_high", "within_turns")
-}
-
 
 _OVER: Columns = {"…": Column("value of the key of basins.over, by dotted name")}
 #: The tables of basins: what their rows are, and their columns.
@@ -102,7 +97,6 @@ TABLES: dict[str, tuple[str, Columns]] = {
         "`vibroplat basins`: one row per initial condition.",
         {**_OVER, "… ": Column("keys of basins.initial_conditions, by dotted name"), **STARTS_TABLE},
     ),
-    "fractions": ("`vibroplat basins` with `over`: basin fractions at each value of the key.", {**_OVER, **FRACTIONS}),
 }
 
 
@@ -247,13 +241,13 @@ class BasinsStudy(Study):
 # -- tables -----------------------------------------------------------------------------------------------
 
 
-def _make_result(question: BasinsStudy, sets: Sequence[AttractorSet]) -> Result:
+def _make_result(study: BasinsStudy, sets: Sequence[AttractorSet]) -> Result:
     """Make the tables and the printed answer."""
-    plan, key = question.plan, question.key
+    plan, key = study.plan, study.key
     column = {} if key is None else {column_of(key): None}
     attractors, starts, places = [], [], key_values(plan, range(plan.number))
     escaped: dict[str, int] = {}
-    for value, one, labels in zip(question.values, sets, name_attractors(sets), strict=True):
+    for value, one, labels in zip(study.values, sets, name_attractors(sets), strict=True):
         escaped |= {label: a.get("escaped", 0) for label, a in zip(labels, one.attractors, strict=True)}
         at = dict.fromkeys(column, value)
         counts, rates = one.counts, estimate_rates(one.attractors, one.starts, plan.max_turns)
@@ -263,16 +257,14 @@ def _make_result(question: BasinsStudy, sets: Sequence[AttractorSet]) -> Result:
             at
             | dict(zip(plan.initial_conditions, places[k].tolist(), strict=True))
             | {"attractor": labels[one.starts[k]["attractor"]], "turns": one.starts[k]["turns"]}
-            for k in question.order
+            for k in study.order
         ]
-    more = more_columns(question.scene)
+    more = more_columns(study.scene)
     tables = {
         "attractors": study_table(attractors, [*column, *ATTRACTORS, *more], {**SWEEP, **ATTRACTORS, **more}),
         "starts": study_table(starts, [*column, *plan.initial_conditions, *STARTS_TABLE], {**SWEEP, **STARTS_TABLE}),
     }
-    if key is not None:
-        tables["fractions"] = tables["attractors"][[*column, *FRACTIONS]]
-    return Result("basins", question.scene, tables, answer_of(question.scene, tables, key, sets, escaped))
+    return Result("basins", study.scene, tables, answer_of(study.scene, tables, key, sets, escaped))
 
 
 def _row(record: Record, label: str, count: int, rate: Rate | None, plan: BasinsPlan) -> dict[str, Any]:
@@ -309,8 +301,7 @@ def basins(scene: Scene, **options: Unpack[Options]) -> Result:
     -------
     Result
         Table ``attractors`` has one row per attractor and value of a key; each row can be a guess for
-        :func:`vibroplat.orbit`. Table ``starts`` has one row per initial condition. With ``over``, table ``fractions``
-        has the basin fractions at each value of the key.
+        :func:`vibroplat.orbit`. Table ``starts`` has one row per initial condition.
 
     Raises
     ------

@@ -212,13 +212,13 @@ def multipliers(data: Branches) -> picture.Picture:
     """Return the leading multipliers on the plane, and the largest one over a column, a facet for each combination."""
     table = data.table
     names = [str(name)[:-3] for name in table if str(name).startswith("multiplier_") and str(name).endswith("_re")]
-    columns = [data.x, "stable", "real", "imaginary", "size"]
+    columns = [data.x, "stable", "real", "imaginary", "stability_margin"]
     parts, facets, series = list[pd.DataFrame](), dict[str, list[int]](), list[picture.Series]()
     for rows in data.branches:
         label, begin = data.label(rows.iloc[0]), sum(map(len, parts))
         colour = picture.CURVES[[*facets, label].index(label) % len(picture.CURVES)]
         largest = rows["multiplier_1_re"].astype(float), rows["multiplier_1_im"].astype(float)
-        parts.append(rows.assign(size=np.hypot(*largest)).reindex(columns=columns))
+        parts.append(rows.assign(stability_margin=1.0 - np.hypot(*largest)).reindex(columns=columns))
         for name, sign in itertools.product(names, (1.0, -1.0)):  # the table may have one of a pair
             real, imaginary = (rows[f"{name}_{part}"].astype(float) for part in ("re", "im"))
             parts.append(rows.assign(real=real, imaginary=sign * imaginary).reindex(columns=columns))
@@ -227,20 +227,20 @@ def multipliers(data: Branches) -> picture.Picture:
         dots, line = picture.Series("", places[len(rows) :], mode="dots"), places[: len(rows)]
         series += [dots, picture.Series("", line, "", colour, "lines")]
     melted = pd.concat(parts, ignore_index=True)
-    unstable = int((~table["stable"].astype(bool)).sum())
+    unstable, size = int((~table["stable"].astype(bool)).sum()), 1.0 - melted["stability_margin"].min()
     return picture.Picture(
         name="multipliers",
         heading="Multipliers",
-        title=f"{unstable} of {len(table)} orbits unstable; largest |multiplier| {digits.number(melted['size'].max())}",
+        title=f"{unstable} of {len(table)} orbits unstable; largest |multiplier| {digits.number(size)}",
         table=melted,
         table_name="multipliers",
         axes=[data.x],
         panels=[
             picture.Panel("imaginary", "real", "plane", by=data.x, label="imaginary part"),
-            picture.Panel("size", label="largest |multiplier|", scale="one"),
+            picture.Panel("stability_margin", label="stability margin, 1 − |multiplier|", scale="asinh"),
         ],
         series=series,
-        lines=[picture.Line("size", [1.0], dash="-")],
+        lines=[picture.Line("stability_margin", [0.0], dash="-")],
         facets=[picture.Facet(label, numbers) for label, numbers in facets.items()],
         caption=data.caption(),
         places=("print",),  # the page has them beside each point
@@ -275,7 +275,6 @@ def boundaries(data: Branches) -> picture.Picture:
         panels=[picture.Panel(data.second)],
         series=series,
         facets=facets if len(facets) > 1 else (),
-        choice="grid",
         caption=data.caption(beside=data.second),
         meaning="Curves of special points over two keys.",
         high=True,

@@ -20,6 +20,8 @@ MAX_KEYS, MAX_MEASURES, MAX_ELASTICITIES = 4, 3, 3
 END_DISTANCE = 1e-3
 #: Relative difference of objectives up to which searches agree.
 OBJECTIVE_TOLERANCE = 1e-4
+#: Smallest share of a variance that is printed.
+MIN_PRINTED_FRACTION = 0.005
 
 
 def short_answer(plan: DesignPlan, tables: Mapping[str, pd.DataFrame], motion: str) -> tuple[str, list[str]]:
@@ -36,7 +38,7 @@ def short_answer(plan: DesignPlan, tables: Mapping[str, pd.DataFrame], motion: s
         return _best(plan, best), [_agreement(plan, best, evaluations), *_values(plan, best), *tolerances]
     if tolerances:
         return tolerances[0], tolerances[1:]
-    return f"what measures depend on, for {motion}", list(_elasticities(tables["sensitivities"]))
+    return f"what measures depend on, for {motion}", list(elasticity_lines(tables["sensitivities"], 2 * MAX_MEASURES))
 
 
 def measure_text(name: str, value: Any) -> str:
@@ -88,27 +90,36 @@ def _nearest(plan: DesignPlan, evaluations: pd.DataFrame) -> Iterator[str]:
 
 
 def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFrame) -> Iterator[str]:
-    """Yield how many samples within the tolerances are good, the quantiles of measures, and what explains them."""
+    """Yield how many samples within the tolerances are good, and the quantiles of the first measures."""
     texts = [f"{percent(samples['stable'].mean())} {'stable' if 'stability_margin' in samples else 'settle alike'}"]
     together = [*count_satisfied(plan, samples).values()][:1]
     texts += [f"{with_confidence(count, len(samples))} within bounds" for count in together]
     yield f"{counted(len(samples), 'machine')} within the tolerances: {', '.join(texts)}"
+    yield from quantile_lines(plan, samples, contributions, MAX_MEASURES)
+
+
+def quantile_lines(
+    plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFrame, most: int | None = None
+) -> list[str]:
+    """Return the quantiles of measures, most of them, and what explains their variance; all of it without ``most``."""
     asked = (plan.minimize, *plan.constraints, *plan.measures)
     names = [name for name in (*asked, *contributions["measure"].unique()) if name]
-    shown = [name for name in dict.fromkeys(names) if name in samples and samples[name].notna().any()][:MAX_MEASURES]
+    shown = [name for name in dict.fromkeys(names) if name in samples and samples[name].notna().any()][:most]
     each = len(plan.constraints) > 1
-    rows = [["", *(f"{100.0 * of:.0f} %" for of in QUANTILES), *["keep its bound"] * each]]
+    rows = [["", *(f"{100.0 * of:.0f} %" for of in QUANTILES), *["keep its bound"] * each, "share of the variance"]]
     for name in shown:
         values = samples[name].quantile(list(QUANTILES)).tolist()
         factor, unit = prefixed(values[1], unit_of(name))
         digits = FREQUENCY_DIGITS if unit == "Hz" else DIGITS
         texts = [f"{label(name)} ({unit})" if unit else label(name)]
         within = percent(plan.keeps(name, samples[name]).mean()) if name in plan.constraints else ""
-        rows.append([*texts, *(number(value / factor, digits) for value in values), *[within] * each])
-    yield from in_columns(rows)
-    own = contributions[contributions["measure"].isin(shown[:1])].sort_values("regression", ascending=False)
-    for _, row in own.head(1).iterrows():
-        yield f"{row['key']} explains {percent(row['regression'])} of the variance of {label(shown[0])}"
+        own = contributions[contributions["measure"] == name].sort_values("regression", ascending=False, kind="stable")
+        parts = zip(own["key"].head(MAX_KEYS if most is None else 1), own["regression"], strict=False)
+        explained = ", ".join(f"{key} {percent(part)}" for key, part in parts if part >= MIN_PRINTED_FRACTION)
+        if most is None and explained:
+            explained += f" (of {percent(own['explained'].iloc[0])} explained)"
+        rows.append([*texts, *(number(value / factor, digits) for value in values), *[within] * each, explained])
+    return in_columns(rows)
 
 
 def count_satisfied(plan: DesignPlan, samples: pd.DataFrame) -> dict[str, int]:
@@ -127,12 +138,12 @@ def with_confidence(count: int, number_of_samples: int) -> str:
     return f"{percent(count / number_of_samples)} ({percent(low)} to {percent(high)} with 95 % confidence)"
 
 
-def _elasticities(table: pd.DataFrame) -> Iterator[str]:
-    """Yield the largest elasticities of each measure."""
+def elasticity_lines(table: pd.DataFrame, most: int | None = None) -> Iterator[str]:
+    """Yield the largest elasticities of measures, at most so many of them."""
     known = table.dropna(subset=["elasticity"])
     yield "relative change of a measure over that of a key, largest first"
     rows = []
-    for name, own in list(known.groupby("measure", sort=False))[: 2 * MAX_MEASURES]:
+    for name, own in list(known.groupby("measure", sort=False))[:most]:
         first = own.reindex(own["elasticity"].abs().sort_values(ascending=False, kind="stable").index)
         first = first[first["elasticity"].abs() > NEGLIGIBLE * first["elasticity"].abs().max()]
         texts = _of_keys(dict(zip(first["key"], first["elasticity"], strict=True)))[:MAX_ELASTICITIES]

@@ -87,7 +87,6 @@ def _sensitivities(result: Result, plan: DesignPlan) -> picture.Picture:
         ],
         series=series,
         facets=facets,
-        choice="measure",
         caption=_caption(result, plan),
         meaning="Relative change of the measure over that of a key. Blue: both grow together, orange: one falls as the "
         "other grows.",

@@ -258,9 +258,3 @@ def sensitivities(
 def table(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     """Make the table of sensitivities."""
     return study_table(rows, list(SENSITIVITIES), SENSITIVITIES)
-
-
-def largest_elasticities(table: Sequence[dict[str, Any]], measure: str, count: int) -> list[dict[str, Any]]:
-    """Choose the rows of a measure with the largest elasticities."""
-    own = [row for row in table if row["measure"] == measure and row["elasticity"] is not None]
-    return sorted(own, key=lambda row: -abs(row["elasticity"]))[:count]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from io import StringIO
 from typing import Any, Unpack
 
@@ -10,13 +10,20 @@ import pandas as pd
 from ruamel.yaml import YAML
 
 from vibroplat.columns import Column, Columns, unit_of
-from vibroplat.config.digits import DIGITS, decimal, number, percent, places, quantity
+from vibroplat.config.digits import DIGITS, decimal, number, percent, places
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
 from vibroplat.designs import optimum
 from vibroplat.designs import samples as of_samples
 from vibroplat.designs import sensitivities as of_keys
-from vibroplat.designs.answer import count_satisfied, label, measure_text, short_answer, with_confidence
+from vibroplat.designs.answer import (
+    count_satisfied,
+    elasticity_lines,
+    measure_text,
+    quantile_lines,
+    short_answer,
+    with_confidence,
+)
 from vibroplat.designs.motions import NO_ORBITS, name_regime
 from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
@@ -30,12 +37,6 @@ from vibroplat.study.pool import Pool, Task, run_tasks
 from vibroplat.study.store import Record, Store
 from vibroplat.study.study import CrossCheckCase, Options, Progress, Study, run_study
 from vibroplat.study.sweep import SWEEP
-
-#: Maximum number of keys printed for each measure.
-MAX_PRINTED_KEYS = 4
-#: Smallest share of a variance that is printed.
-MIN_PRINTED_FRACTION = 0.005
-
 
 _VARIED: Columns = {"…": Column("values of the keys that vary, under their dotted names", "see configuration.md")}
 _MEASURED: Columns = {"measures": Column("the measures of the plan", "named as in the table sweep")}
@@ -119,7 +120,7 @@ class DesignStudy(Study):
                 )
         tables = {"sensitivities": of_keys.table(sensitivities["rows"])}
         lines = {"motion": f"{name_regime(known)}, {_stability(sensitivities['measures'].get('stability_margin'))}"}
-        text = list(_key_lines(sensitivities, self.names))
+        text = [*elasticity_lines(tables["sensitivities"])]
         if self.plan.minimize is None:
             return self._with_samples(run, self.scene, known, self._result(tables, Answer(lines, text, self.notes)))
         best, best_lines = self._best(run, known, tables)
@@ -205,7 +206,7 @@ class DesignStudy(Study):
         counts = {of: with_confidence(count, len(table)) for of, count in count_satisfied(plan, table).items()}
         answer = result.answer._replace(
             lines=counts | lines if plan.minimize is None else lines | counts,
-            text=[*result.answer.text, *_distribution_lines(table, shares)],
+            text=[*result.answer.text, *quantile_lines(plan, table, shares)],
         )
         tables = {**result.tables, "samples": table, "variance_contributions": shares}
         return self._result(tables, answer, result.configurations)
@@ -262,16 +263,6 @@ def _configuration_text(scene: Scene) -> str:
     return text.getvalue()
 
 
-def _key_lines(sensitivities: Record, names: Sequence[str]) -> Iterable[str]:
-    """Yield a line for each measure: its value and its largest elasticities."""
-    yield "elasticities of the scene as given (relative change of a measure / that of a key), largest first"
-    for name in names:
-        own = of_keys.largest_elasticities(sensitivities["rows"], name, MAX_PRINTED_KEYS)
-        if own:
-            text = ", ".join(f"{row['key']} {number(row['elasticity'])}" for row in own)
-            yield f"  {measure_text(name, sensitivities['measures'][name])}: {text}"
-
-
 def _lines_of_samples(table: pd.DataFrame, home: str) -> dict[str, str]:
     """Return the percentages of samples with a stable orbit and with the regime of the scene as given."""
     fraction = float((table["regime"] == home).mean())
@@ -281,19 +272,6 @@ def _lines_of_samples(table: pd.DataFrame, home: str) -> dict[str, str]:
     if len(others):
         lines["others"] = "; ".join(f"{name}: {count}" for name, count in others.items())
     return lines
-
-
-def _distribution_lines(table: pd.DataFrame, shares: pd.DataFrame) -> Iterable[str]:
-    """Yield lines on the quantiles of each measure and on the contributions to its variance."""
-    yield "samples: 5 %, 50 % and 95 % quantiles; fractions of the variance by linear regression"
-    for name, own in shares.groupby("measure", sort=False):
-        low, middle, high = table[name].quantile(of_samples.QUANTILES)
-        first = own.sort_values("regression", ascending=False, kind="stable").head(MAX_PRINTED_KEYS)
-        by = zip(first["key"], first["regression"], strict=True)
-        contributions = ", ".join(f"{key} {percent(part)}" for key, part in by if part >= MIN_PRINTED_FRACTION)
-        explained = f" (of {percent(own['explained'].iloc[0])} explained)" if contributions else ""
-        quantiles = ", ".join(quantity(value, unit_of(str(name)), size=middle) for value in (low, middle, high))
-        yield f"  {label(str(name))} {quantiles}: {contributions or 'no variance'}{explained}"
 
 
 STUDY = DesignStudy

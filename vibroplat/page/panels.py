@@ -13,7 +13,7 @@ from contourpy import contour_generator
 from vibroplat.columns import display_name, quantity_of, unit_of
 from vibroplat.config.digits import quantity
 from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
-from vibroplat.page.view import View, alone, axis_name, coloured, dashes, heading, places_of
+from vibroplat.page.view import View, axis_name, colour_classes, dashes, heading, isolated_points, places_of
 from vibroplat.results.labels import halfway, in_ratios
 from vibroplat.results.picture import BLACK, FULL, LOST, LOW, VERMILION, Facet, Panel, Series, Strip, StripSpan
 
@@ -29,7 +29,7 @@ MAX_MARKED = 400
 BAND_WIDTH = 5.0
 
 
-def hatches_told(hatches: Mapping[str, str], more: str) -> str:
+def hatch_legend(hatches: Mapping[str, str], more: str) -> str:
     """Return what hatches mean, and more."""
     texts = [f"{HATCHES[number % len(HATCHES)]}: {text}" for number, text in enumerate(hatches.values())]
     return plain_text("; ".join(filter(None, (*texts, more))))
@@ -106,7 +106,7 @@ def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> Non
         line_x, line_y = (np.where(rows >= 0, values[np.maximum(rows, 0)], np.nan) for values in (x, y))
         width, dash = 1.3 * min(series.width, 1.3), dashes(series.dash)
         plot.curve(line_x, line_y, name, series.colour, dash=dash, width=width, pale=series.pale)
-        full, name = alone(np.isfinite(line_x) & np.isfinite(line_y), rows), ""
+        full, name = isolated_points(np.isfinite(line_x) & np.isfinite(line_y), rows), ""
     plot.dots(x[places[full]], y[places[full]], name, series.colour, size=size, pale=series.pale)
     label = "" if full.any() else name
     plot.dots(x[places[odd]], y[places[odd]], label, series.colour, size=size, hollow=True, pale=series.pale)
@@ -117,7 +117,7 @@ def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> Non
 
 def _draw_classes(view: View, plot: Plot, panel: Panel, places: Any, x: Floats, y: Floats, colour: str = "") -> None:
     """Draw dots at some places in the colours of a column, or in one where the panel has none."""
-    looks = coloured(panel, view.picture.points.iloc[places]) if panel.by else [("", colour, slice(None))]
+    looks = colour_classes(panel, view.picture.points.iloc[places]) if panel.by else [("", colour, slice(None))]
     for name, own, chosen in looks:
         plot.dots(x[chosen], y[chosen], name, own, size=5.0 if len(places) <= MAX_MARKED else 3.2)
 
@@ -138,11 +138,11 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     title = plain_text(panel.title or panel.label) or _CALLED.get(panel.by) or axis_name(panel.by)
     plot = view.plot(panel, x, y, f"{title}; upwards: {axis_name(panel.column)}")
     points = view.picture.points
-    looks = coloured(panel, points)
+    looks = colour_classes(panel, points)
     kinds = np.select([chosen for *_, chosen in looks], [name for name, *_ in looks], "")
     classes = {name: (colour, name) for name, colour, _ in looks}
     hatched = points[panel.hatch].to_numpy(dtype=object) if panel.hatch else np.full(len(points), "")
-    plot.note = hatches_told(panel.hatches, panel.note)
+    plot.note = hatch_legend(panel.hatches, panel.note)
     for row in range(len(levels)):
         own = places[at == row]
         strip = Strip("", "", own.tolist(), kinds[own].tolist(), hatched[own].tolist())
@@ -255,7 +255,7 @@ def strips(view: View) -> list[str]:
     y = Scale(len(spans) - 0.5, -0.5, names=[plain_text(strip.label) for strip in strips.rows])
     plot = Plot(plain_text(strips.label), x, y, "picture strips")
     plot.height = f"--h:{24 * len(spans) + 6}px"
-    plot.note = hatches_told(strips.hatches, f"line: {strips.line}" if strips.line else "")
+    plot.note = hatch_legend(strips.hatches, f"line: {strips.line}" if strips.line else "")
     for row, row_spans in enumerate(spans):
         _spans(plot, row, row_spans, strips.classes, strips.hatches, 0.36)
     places = np.concatenate([np.asarray(strip.rows, dtype=int) for strip in strips.rows])

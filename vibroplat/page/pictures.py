@@ -14,7 +14,7 @@ from vibroplat.page.orbits import Motions
 from vibroplat.page.panels import SIGNS, figures
 from vibroplat.page.svg import Plot, Scale, plain_text
 from vibroplat.page.tables import fold, hint, rows_on_page, table_html
-from vibroplat.page.view import View, axis_name, coloured, dashes, ends_of_scale, heading
+from vibroplat.page.view import View, axis_name, colour_classes, dashes, ends_of_scale, heading
 from vibroplat.results.picture import Facet, Picture
 
 #: Room of the figures of a picture, over further axes too, which have all panels once more (bytes).
@@ -46,7 +46,7 @@ def picture_html(number: int, picture: Picture, motions: Motions) -> str:
         tables = table_html(f"Table {picture.table_name}", picture.table, rows)
     if picture.special is not None:
         tables += table_html(picture.special_name, picture.special, special)
-    texts = [picture.caption.replace("\n", "; "), picture.meaning, _orbits_told(moved, len(places))]
+    texts = [picture.caption.replace("\n", "; "), picture.meaning, _count_orbits(moved, len(places))]
     sentences = " ".join(f"{text.removesuffix('.')}." for text in texts if text)
     marks = {str(renumbered[row]): mark.kind for mark in picture.marks for row in mark.rows if renumbered[row] >= 0}
     own = moved if home == number else moved | {"list": []}
@@ -87,7 +87,7 @@ def _figures(label: str, view: View, facets: Sequence[Facet | None]) -> str:
     return fold(label, "", f'<div class="panels">{html}</div>') if html else ""
 
 
-def _orbits_told(moved: dict[str, Any], count: int) -> str:
+def _count_orbits(moved: dict[str, Any], count: int) -> str:
     """Say how many points have an orbit."""
     if not moved["owner"]:
         return ""
@@ -125,7 +125,7 @@ def _classes(panel: Any, picture: Picture) -> dict[str, str]:
     if not panel.by or panel.by not in picture.points:
         return {}
     if panel.classes:
-        named = coloured(panel, picture.points)
+        named = colour_classes(panel, picture.points)
         box = '<b class="box" style="background:{}"></b>'
         return {name: f"<span>{box.format(colour)}{escape(name)}</span>" for name, colour, _ in named}
     values = picture.points[panel.by].to_numpy(dtype=float, na_value=np.nan)

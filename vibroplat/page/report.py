@@ -25,7 +25,7 @@ from vibroplat.page.machine import PLAY, as_json, drawing, machine_of
 from vibroplat.page.orbits import MOST_SAMPLES, Motions, Mover, Progress
 from vibroplat.page.pictures import picture_html
 from vibroplat.page.results import differences, find_results, parameters
-from vibroplat.page.run import RunCurves, course_of
+from vibroplat.page.run import RunCurves, run_curves
 from vibroplat.page.tables import align_lines, fold, hint, listing, parameters_html, table_html
 from vibroplat.results.answer import first_failures, noted
 from vibroplat.results.labels import capital
@@ -119,7 +119,7 @@ class Report:
     @cached_property
     def courses(self) -> list[RunCurves]:
         """What is shown of each run that has rows."""
-        courses = [course_of(one, _events(one), self.start, self.stop) for one in self.runs]
+        courses = [run_curves(one, _events(one), self.start, self.stop) for one in self.runs]
         return [course for course in courses if course is not None]
 
     @cached_property

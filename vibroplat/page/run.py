@@ -15,7 +15,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.page.machine import FRAMES, MOVING, moving
 from vibroplat.page.svg import Floats
-from vibroplat.plots.reading import Cut, ends_of, rest_of, turn_edges, turned, with_forces
+from vibroplat.plots.reading import Cut, count_turns, ends_of, rest_of, turn_edges, with_forces
 from vibroplat.results.picture import finite
 from vibroplat.results.run import RunResult
 
@@ -130,7 +130,7 @@ class RunCurves:
         return None if away[-1] >= 0.95 * len(strokes) else float(self.range["t_s"].to_numpy()[known][away[-1]])
 
 
-def course_of(
+def run_curves(
     result: RunResult, events: pd.DataFrame, start: float | None = None, stop: float | None = None
 ) -> RunCurves | None:
     """Return what the page shows of a run, None if it has less than two rows.
@@ -157,7 +157,7 @@ def course_of(
     detail = begin
     if start is None and stop is None and frequency is not None:
         detail = max(first, last - LAST_TURNS / frequency)
-    few = bool(turned(ends.evenly).max(initial=0.0) <= FEW_TURNS)
+    few = bool(count_turns(ends.evenly).max(initial=0.0) <= FEW_TURNS)
     edges = np.linspace(first, last, PARTS + 1) if few else turn_edges(ends.evenly, first, last, PARTS)
     columns = [column for _, panel in PANELS for column in panel]
     cut = Cut(curves_of(result), (detail, end), edges, (*columns, *accelerations(result.scene)))

@@ -140,7 +140,7 @@ class Scale:
         return [(float(self.share(value / self.factor)), text) for (value, _), text in zip(ticks, texts, strict=True)]
 
     @property
-    def told(self) -> str:
+    def attributes(self) -> str:
         """What the script is told of it: its ends in its unit, and its kind."""
         kind = "names" if self.names else "log" if self.log else "even"
         return f"{self.low * self.factor:.7g} {self.high * self.factor:.7g} {kind}"
@@ -189,7 +189,7 @@ def thin(x: Floats, y: Floats, columns: int = COLUMNS) -> tuple[Floats, Floats]:
     return x[chosen], y[chosen]
 
 
-def apart(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+def distinct_dots(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     """Return dots in shares of the axes of which no two cover each other, ordered so that their path is short."""
     number = np.unique(np.round(x * DOTS[0]).astype(int) * (DOTS[1] + 1) + np.round(y * DOTS[1]).astype(int))
     across, up = np.divmod(number, DOTS[1] + 1)
@@ -276,7 +276,7 @@ class Plot:
         """Draw dots, of which those that would be covered are left out."""
         across, up = self.x.share(x), self.y.share(y)
         known = (np.abs(across - 0.5) <= 0.5 + 1e-9) & (np.abs(up - 0.5) <= 0.5 + 1e-9)
-        line = dot_path(*apart(across[known], up[known]))
+        line = dot_path(*distinct_dots(across[known], up[known]))
         looks = (f"stroke:{colour}", f"stroke-width:{size:g}", "opacity:.6" * pale)
         self._add("dots", line, name, *looks)
         if hollow:
@@ -350,7 +350,7 @@ class Plot:
         key = "".join(f'<em style="color:{colour}">{escape(name)}</em>' for name, colour in self.key)
         size, hits = (f' style="{self.height}"' if self.height else ""), (f" data-p='{self.hits}'" if self.hits else "")
         units = f'data-u="{escape(self.y.unit)}" data-xu="{escape(self.x.unit)}"'
-        data = f'data-x="{self.x.told}" data-y="{self.y.told}" {units}{hits}'
+        data = f'data-x="{self.x.attributes}" data-y="{self.y.attributes}" {units}{hits}'
         title = f"<figcaption><b>{escape(self.title)}</b> {escape(self.y.unit)} {key} {escape(self.note)}</figcaption>"
         texts = f'<div class="on">{"".join(self._texts)}</div></div>{numbers}<span class="xl">{escape(label)}</span>'
         return (

@@ -54,16 +54,16 @@ def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, contents: s
     )
     rows_of = zip(*(cells for _, cells in columns), strict=True)
     lines = "".join("<tr>" + "".join(f"<td>{cell}" for cell in row) for row in rows_of)
-    more, rows_told = "", counted(len(whole), "row")
+    more, count = "", counted(len(whole), "row")
     if len(chosen) < len(whole):
         which = "the last ones" if len(chosen) > 1 and chosen[0] else "evenly chosen"
-        rows_told = f"{len(chosen)} of {len(whole)} rows, {which}"
-        more = f" The page holds {rows_told}; the table of the result holds all."
+        count = f"{len(chosen)} of {len(whole)} rows, {which}"
+        more = f" The page holds {count}; the table of the result holds all."
     body = (
         f'<p class="hint"><span class="scripted">A click on a heading sorts.</span>{more}</p><div class="wide">'
         f'<table class="rows"><thead><tr>{heads}</thead><tbody>{lines}</tbody></table></div>'
     )
-    return fold(title, contents or rows_told, body)
+    return fold(title, contents or count, body)
 
 
 def _kind(name: str) -> str:

@@ -132,13 +132,13 @@ def places_of(series: Sequence[Series]) -> Any:
     return np.concatenate(parts) if parts else np.zeros(0, dtype=int)
 
 
-def alone(known: Any, rows: Any) -> Any:
+def isolated_points(known: Any, rows: Any) -> Any:
     """Return which points of a series, gaps left out, have no neighbour on its line."""
     left, right = np.append(False, known[:-1]), np.append(known[1:], False)
     return (known & ~left & ~right)[rows >= 0]
 
 
-def coloured(panel: Panel, points: pd.DataFrame) -> list[tuple[str, str, Any]]:
+def colour_classes(panel: Panel, points: pd.DataFrame) -> list[tuple[str, str, Any]]:
     """Return names, colours and which points have them: by classes of a column, or along a scale."""
     by = points[panel.by]
     if panel.classes:

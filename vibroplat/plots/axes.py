@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import FixedLocator, LogLocator
+from matplotlib.ticker import LogLocator
 
 from vibroplat.columns import COORDINATES, FORCES, PHASE, PHASE_COLUMN, Quantity, describe_sync, quantity_of
 from vibroplat.results.labels import EXCITATION, SUPPLY, key_label
@@ -24,9 +24,6 @@ SYNC_DISTANCE = np.pi / 3.0
 MARGIN, LEAST_SHARE = 0.05, 1e-3
 #: Ratio of the ends of a logarithmic axis up to which there are ticks between its powers of ten.
 NEAR_DECADES = 300.0
-#: The axis of sizes of multipliers is linear up to this distance from 1, and logarithmic farther away.
-NEAR_ONE = 1e-3
-_SIZE_TICKS = (1.0, 0.9, 1.1, 0.99, 1.01, 0.0, 2.0, 0.999, 1.001, *(10.0**power for power in range(1, 32)))
 
 
 def in_units(values: Any, column: str) -> FloatArray:
@@ -85,33 +82,3 @@ def in_decades(axis: Axes, which: Literal["x", "y"]) -> None:
     along.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < NEAR_DECADES * low else (1.0,)))
     along.set_major_formatter("{x:g}")
     along.set_minor_formatter("")
-
-
-# -- sizes of multipliers ----------------------------------------------------------------------------------------------
-
-
-def about_one(axis: Axes) -> None:
-    """Give numbers near 1, which as sizes of multipliers decide on stability, room on a vertical axis."""
-    axis.set_yscale("function", functions=(_placed_by_size, _size_at))
-    axis.update_datalim([(0.0, 1.0)], updatex=False)
-    axis.autoscale_view()
-
-
-def _placed_by_size(size: Any) -> Any:
-    return np.arcsinh((size - 1.0) / NEAR_ONE)
-
-
-def _size_at(position: Any) -> Any:
-    return 1.0 + NEAR_ONE * np.sinh(position)
-
-
-def tick_sizes(axis: Axes) -> None:
-    """Put ticks on an axis of magnitudes, those near 1 first, as far as there is room."""
-    (low, high), sizes = axis.get_ylim(), list[float]()
-    room = 0.05 * (_placed_by_size(high) - _placed_by_size(low))
-    for tick in _SIZE_TICKS:
-        distances = [abs(_placed_by_size(tick) - _placed_by_size(other)) for other in sizes]
-        if low <= tick <= high and min(distances, default=np.inf) > room:
-            sizes.append(tick)
-    axis.yaxis.set_major_locator(FixedLocator(sizes))
-    axis.yaxis.set_major_formatter("{x:g}")

@@ -8,20 +8,15 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from vibroplat.config.kinds import KINDS
 from vibroplat.continuation.orbit import Orbit
 from vibroplat.errors import ConfigError, TableError
-from vibroplat.plots import run as drawing
-from vibroplat.plots.command import draw_study
-from vibroplat.plots.histories import run_of
+from vibroplat.plots.command import FIGURES, draw_results, pictures_of
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.reading import rest_of
-from vibroplat.plots.run import Shown
 from vibroplat.plots.style import styled
 from vibroplat.results.labels import run_parameters
 from vibroplat.results.picture import CURVES, Panel, Picture, Series, finite
 from vibroplat.results.result import Result
-from vibroplat.results.run import RunResult
 
 #: Points of an orbit that are drawn.
 DRAWN = 2000
@@ -38,41 +33,21 @@ def figure_of(shown: Result | Orbit, kind: str | None = None, **options: Any) ->
         There is nothing to draw.
     """
     with styled():
-        if isinstance(shown, Orbit):
-            return orbit_figure(shown)
-        if isinstance(shown, RunResult):
-            return _run_figure(shown, kind or "motion", **options)
-        return _study_figure(shown, kind, options)
+        return orbit_figure(shown) if isinstance(shown, Orbit) else _result_figure(shown, kind, options)
 
 
-def _study_figure(result: Result, kind: str | None, options: Mapping[str, Any]) -> Figure:
-    """Draw a figure of a study, the first one if none is named."""
-    if result.command not in KINDS:
+def _result_figure(result: Result, kind: str | None, options: Mapping[str, Any]) -> Figure:
+    """Draw a figure of a result, the first one if none is named."""
+    names, allowed = FIGURES[result.command].split(), pictures_of(result.command).OPTIONS
+    if not names:
         raise ConfigError("the figures of the paper are many; allowed: vibroplat plot DIR")
-    names, own = KINDS[result.command].figures.split(), KINDS[result.command].pictures
     if kind is not None and kind not in names:
         raise ConfigError(f"kind = {kind!r}; allowed: {', '.join(names)}")
-    if wrong := [name for name in options if name not in own.OPTIONS]:
-        raise ConfigError(f"option {wrong[0]} is unknown; allowed: {', '.join(own.OPTIONS) or 'none'}")
-    figures = draw_study(result.command, [result], [] if kind is None else [kind], **options)
-    for _, figure in figures:
+    if wrong := [name for name in options if name not in allowed]:
+        raise ConfigError(f"option {wrong[0]} is unknown; allowed: {', '.join(allowed) or 'none'}")
+    for _, figure in draw_results([result], [] if kind is None else [kind], **options):
         return figure
     raise TableError(f"{result.place} holds nothing to draw")
-
-
-def _run_figure(
-    run: RunResult, kind: str, start: float | None = None, stop: float | None = None, **wrong: object
-) -> Figure:
-    """Draw a figure of a run."""
-    if wrong:
-        raise ConfigError(f"option {next(iter(wrong))} is unknown; allowed: start, stop")
-    if kind not in drawing.FIGURES:
-        raise ConfigError(f"kind = {kind!r}; allowed: {', '.join(drawing.FIGURES)}")
-    shown = Shown([run_of(run, start, stop)])
-    if lacking := drawing.missing(kind, shown):
-        allowed = ", ".join(name for name in drawing.FIGURES if not drawing.missing(name, shown))
-        raise ConfigError(f"kind = {kind!r} but this run {lacking}; allowed: {allowed}")
-    return drawing.draw(kind, shown)
 
 
 def orbit_figure(orbit: Orbit) -> Figure:

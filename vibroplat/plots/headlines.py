@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from vibroplat.plots.histories import Run
+from vibroplat.plots.histories import RunTables
 from vibroplat.results.labels import capital, plain
 from vibroplat.results.run_answer import headline as answer_of
 from vibroplat.results.sheet import Sheet
@@ -20,9 +20,9 @@ _ROWS = {
 }
 
 
-def headline(kind: str, runs: Sequence[Run]) -> str:
+def headline(kind: str, runs: Sequence[RunTables]) -> str:
     """Return the title of a figure of runs: a sentence for one of them, the first number of each of several."""
-    texts = [[*_told(kind, run)] for run in runs]
+    texts = [[*_sentences(kind, run)] for run in runs]
     if len(runs) > 1:
         named = [f"{plain(run.name)}: {parts[0]}" for run, parts in zip(runs, texts, strict=True) if parts]
         return "; ".join(dict.fromkeys(named)) or ", ".join(plain(run.name) for run in runs)
@@ -30,7 +30,7 @@ def headline(kind: str, runs: Sequence[Run]) -> str:
     return capital(sentence)
 
 
-def _told(kind: str, run: Run) -> Iterator[str]:
+def _sentences(kind: str, run: RunTables) -> Iterator[str]:
     """Yield the headline of a run, or the rows of its data sheet for a figure, with the maxima of the whole run.
 
     Without steady operation only the maxima are shown.

@@ -45,11 +45,11 @@ _MOVING_RATES = ("x_rate_m_per_s", "y_rate_m_per_s")
 #: Range of accelerations along an axis, and of lines of a spectrum, over the largest one, from which they are shown.
 MATTERS = 1e-3
 #: Relative difference of the accelerations of points that move alike, and number of spectral lines that are named.
-SAME, TOLD = 0.015, 3
+SAME, NAMED_PEAKS = 0.015, 3
 
 
 @dataclass(frozen=True)
-class Run:
+class RunTables:
     """Tables of a run over the interval of its figures.
 
     Attributes
@@ -126,7 +126,9 @@ def shown_turns(summary: Mapping[str, Any]) -> int:
     return min(max(LAST_TURNS, 2 * period - 1), SHOWN_TURNS) if isinstance(period, int) and period else SHOWN_TURNS
 
 
-def run_of(result: RunResult, start: float | None = None, stop: float | None = None, more: Iterable[str] = ()) -> Run:
+def run_of(
+    result: RunResult, start: float | None = None, stop: float | None = None, more: Iterable[str] = ()
+) -> RunTables:
     """Cut the tables of a run from ``start`` to ``stop`` (s).
 
     Of the trajectory it has what figures show, and ``more`` columns if the table has them.
@@ -168,7 +170,7 @@ def run_of(result: RunResult, start: float | None = None, stop: float | None = N
     shown_events = pd.concat([part[part["t_s"].between(detail, end)] for part in events], ignore_index=True)
     co_rotating = summary.get("rotation") == "co-rotating"
     cut = (curves.thinned, curves.envelope(), curves.shown, shown_events)
-    return Run(summary["name"], scene, *cut, co_rotating, chosen, sag is not None, summary)
+    return RunTables(summary["name"], scene, *cut, co_rotating, chosen, sag is not None, summary)
 
 
 def whole_of(result: RunResult, more: Iterable[str] = ()) -> pd.DataFrame:
@@ -203,12 +205,12 @@ def _interval(first: float, last: float, given: Mapping[str, float], length: str
     return max(begin, first), min(end, last)
 
 
-def lines_of(runs: Sequence[Run], names: Sequence[str]) -> dict[str, list[tuple[Run, str, str]]]:
+def lines_of(runs: Sequence[RunTables], names: Sequence[str]) -> dict[str, list[tuple[RunTables, str, str]]]:
     """Return runs, columns and names of lines for each axis that has any acceleration to speak of, the vertical first.
 
     Axes are called by the column of the centre of mass. Points of a run that move alike have one line.
     """
-    groups: dict[str, list[tuple[Run, str, str]]] = {}
+    groups: dict[str, list[tuple[RunTables, str, str]]] = {}
     for axis in "yx":
         for number, run in enumerate(runs):
             begin = f"acceleration_{axis}_"
@@ -227,7 +229,7 @@ def lines_of(runs: Sequence[Run], names: Sequence[str]) -> dict[str, list[tuple[
     return {axis: of for axis, of in groups.items() if sizes[axis] >= MATTERS * max(sizes.values())}
 
 
-def spectrum_of(run: Run, column: str) -> tuple[FloatArray, FloatArray]:
+def spectrum_of(run: RunTables, column: str) -> tuple[FloatArray, FloatArray]:
     """Return frequencies (Hz) and amplitudes of a column over the last whole turns shown, or over all without one."""
     rows = run.shown.drop_duplicates("t_s", keep="last")
     step = float(np.median(np.diff(rows["t_s"])))
@@ -245,5 +247,5 @@ def peaks_of(frequencies: FloatArray, sizes: FloatArray) -> str:
     """Say the largest local maxima of a spectrum."""
     inner = sizes[1:-1]
     tops = 1 + np.flatnonzero((inner >= sizes[:-2]) & (inner > sizes[2:]) & (inner > MATTERS * sizes.max()))
-    peaks = sorted(tops.tolist(), key=lambda peak: -sizes[peak])[:TOLD]
+    peaks = sorted(tops.tolist(), key=lambda peak: -sizes[peak])[:NAMED_PEAKS]
     return ", ".join(f"{quantity(sizes[k], 'm/s²')} at {quantity(frequencies[k], 'Hz')}" for k in peaks)

@@ -121,13 +121,14 @@ class Measured:
             errors = [relative_error(curve_of(self.table, column, x), curve) for curve in curves]
             self.errors[column] = min((error for error in errors if error is not None), default=np.nan)
 
-    def told(self, column: str) -> str:
+    def difference(self, column: str) -> str:
         """Return the error of a column as text; "" if it was not compared with a computed curve."""
         return f"differs by {percent(error)}" if np.isfinite(error := self.errors.get(column, np.nan)) else ""
 
     def differences(self) -> list[str]:
         """Return the errors of all columns as text."""
-        return [f"{display_name(column)} {self.told(column)}" for column in self.errors if self.told(column)]
+        texts = {column: self.difference(column) for column in self.errors}
+        return [f"{display_name(column)} {text}" for column, text in texts.items() if text]
 
     @property
     def shifted(self) -> str:
@@ -145,8 +146,9 @@ class Measured:
         shift = f"; {self.shifted}" if self.shifted else ""
         what = "(RMS of the difference / RMS of the measured values)"
         nothing = "is not compared: fewer than two of its values lie beside a curve, or all are 0"
-        texts = {column: f"{self.told(column)} {what}" if self.told(column) else nothing for column in self.errors}
-        return [f"{self.path.name}: {display_name(column)} {text}{shift}" for column, text in texts.items()]
+        texts = {column: self.difference(column) for column in self.errors}
+        lines = {column: f"{text} {what}" if text else nothing for column, text in texts.items()}
+        return [f"{self.path.name}: {display_name(column)} {line}{shift}" for column, line in lines.items()]
 
     def draw(self, axis: Axes, x: str, column: str) -> None:
         """Draw a column over another where the data have both, in black diamonds, smaller ones if they are many.

@@ -33,7 +33,7 @@ HATCH, _TICKS = "xxxx", 12
 FARTHEST, NEAREST = 2.0, 1.1
 
 
-def ended(values: Any) -> FloatArray:
+def with_gap(values: Any) -> FloatArray:
     """Return numbers with a missing one behind them, which is at the place of :data:`BROKEN`."""
     return np.append(pd.Series(values).to_numpy(dtype=float, na_value=np.nan), np.nan)
 
@@ -71,8 +71,8 @@ def _grid(table: pd.DataFrame, key: str, x: str, values: Any) -> pd.DataFrame:
     return known.pivot_table(values="value", **look).astype(float)
 
 
-def coloured(panel: Panel, points: pd.DataFrame) -> tuple[FloatArray, Any, Normalize]:
-    """Return the number by which each point is coloured, the colours and their norm."""
+def colour_numbers(panel: Panel, points: pd.DataFrame) -> tuple[FloatArray, Any, Normalize]:
+    """Return the number by which each point is colour_numbers, the colours and their norm."""
     if panel.classes:
         numbers = points[panel.by].map({name: float(i) for i, name in enumerate(panel.classes)})
         colours: Any = ListedColormap([colour for colour, _ in panel.classes.values()])
@@ -87,14 +87,14 @@ def coloured(panel: Panel, points: pd.DataFrame) -> tuple[FloatArray, Any, Norma
 def _tiles(cell: Cell, picture: Picture, x: str, shown: Sequence[Series]) -> None:
     """Draw tiles, and lines over them; beyond the first and the last row there are none."""
     axis, panel = cell[:2]
-    points, (values, colours, norm) = picture.points, coloured(panel, picture.points)
+    points, (values, colours, norm) = picture.points, colour_numbers(panel, picture.points)
     rows = np.concatenate([series.places for series in shown if series.mode == "dots"])
     table = points.iloc[rows]
     shades, alpha = pd.Series(values[rows], table.index), PALE if panel.classes else None
     _tile(axis, table, panel.column, shades, colours, norm, x, alpha)
     _over_tiles(axis, panel, table, x)
     levels = np.unique(table[panel.column])
-    across, up = ended(points[x]), ended(points[panel.column])
+    across, up = with_gap(points[x]), with_gap(points[panel.column])
     for series in (series for series in shown if series.mode == "lines"):
         places = np.interp(up[series.places], levels, np.arange(len(levels)), left=np.nan, right=np.nan)
         look: dict[str, Any] = {"color": series.colour, "lw": 0.9 * series.width, "ls": series.dash}
@@ -206,7 +206,7 @@ def _dots(cell: Cell, picture: Picture, x: str, series: Sequence[Series]) -> Non
     """Draw dots in the colours of their classes, or along a scale."""
     axis, panel = cell[:2]
     rows = np.concatenate([one.places for one in series])
-    values, colours, norm = coloured(panel, picture.points)
+    values, colours, norm = colour_numbers(panel, picture.points)
     own, size = picture.points.iloc[rows], float(np.clip(4e4 / max(len(rows), 1), 3.0, 40.0))
     look: dict[str, Any] = {"cmap": colours.with_extremes(bad="0.85"), "norm": norm, "linewidths": 0.0}
     axis.scatter(own[x], own[panel.column], c=values[rows], s=size, plotnonfinite=True, **look)

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from vibroplat.columns import PHASE, PHASE_COLUMN, display_name, unit_of
-from vibroplat.plots.pictures import draw_picture
 from vibroplat.results.content import motions_of
 from vibroplat.results.picture import (
     BLACK,
@@ -32,9 +30,7 @@ from vibroplat.study.branches import EXCITATION
 from vibroplat.study.curves import curves_of
 from vibroplat.study.sweeps import Sweeps, grid_of, key_of
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+OPTIONS = ()
 #: One colour for each mass ratio, and one for each model of contact at the mass ratio 0.2, in all figures.
 MASSES = {0.1: BLUE, 0.2: VERMILION, 0.0: BLACK}
 RESTITUTIONS = {0.0: VERMILION, 0.3: ORANGE, 0.5: PURPLE}
@@ -55,12 +51,9 @@ _SYMBOLS = {
 }
 
 
-def paper_figures(directories: Sequence[Path], _: Sequence[str] = ()) -> Iterator[tuple[Path, str, Figure]]:
-    """Draw Figs. 2–7 from the tables of reproductions; yield the directory and the name of each."""
-    for directory in directories:
-        result = Result.read(directory, "paper")
-        for name, picture in FIGURES.items():
-            yield directory, name, draw_picture(picture(result))
+def pictures(results: Sequence[Result], _: Sequence[str] = ()) -> Iterator[Picture]:
+    """Yield Figs. 2–7 of reproductions."""
+    yield from (picture(result) for result in results for picture in FIGURES.values())
 
 
 @dataclass

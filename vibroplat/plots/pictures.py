@@ -15,15 +15,15 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import AsinhLocator, MaxNLocator
 
 from vibroplat.columns import PHASE_COLUMN, quantity_of
-from vibroplat.plots.axes import about_one, begin_at_zero, in_decades, in_units, name_axis, tick_sizes, widen_ticks
+from vibroplat.plots.axes import begin_at_zero, in_decades, in_units, name_axis, widen_ticks
 from vibroplat.plots.layout import Cell, cells_of
 from vibroplat.plots.measured import Measured, curve_of
-from vibroplat.plots.panels import DRAWERS, HATCH, coloured, ended
+from vibroplat.plots.panels import DRAWERS, HATCH, colour_numbers, with_gap
 from vibroplat.plots.strips import PALE, draw_jumps, draw_strips, draw_words, entries_of
-from vibroplat.plots.style import TOLD, entry, few, head, legend_below
+from vibroplat.plots.style import CAPTION, entry, few, head, legend_below
 from vibroplat.results.labels import is_number, key_label
 from vibroplat.results.picture import (
     BEHIND,
@@ -50,6 +50,9 @@ _CROSS: Mapping[str, Any] = {"marker": "x", "ls": "", "color": FAILED, "ms": 5.0
 #: Most entries of a legend in the place of a panel that is left empty, most dots that are drawn as such, and most wraps
 #: of a line of common width; of more, nothing but a drift is to be seen.
 MOST_WITHIN, MOST_DOTS, MOST_WRAPS = 11, 2000, 60
+#: An axis that has room for numbers near 0 is linear up to this distance from it, and logarithmic farther away;
+#: and about how many ticks have room there.
+NEAR_ZERO, MAX_TICKS = 1e-3, 6
 #: Opacity of shaded intervals, of bands, and of pale marks.
 _SHADE, _BAND, _HALF = 0.15, 0.25, 0.5
 
@@ -122,14 +125,14 @@ class _Pen:
 
 def _draw(axis: Axes, series: Series, picture: Picture, column: str, x: FloatArray) -> None:
     """Draw a series; its axis is scaled once, after the last one."""
-    y = ended(picture.points[column])[series.places]
+    y = with_gap(picture.points[column])[series.places]
     pen = _Pen(axis, series, x, picture.states)
     if series.mode == "shade":
         pen.shade()
     elif not np.isfinite(y).any() and not (pen.states == LOST).any():
         return  # of another panel
     elif series.mode == "band":
-        pen.band(ended(picture.points[f"{column}{LOW}"])[series.places], y)
+        pen.band(with_gap(picture.points[f"{column}{LOW}"])[series.places], y)
     elif series.mode in ("lines", "both"):
         pen.line(y, wraps=column == PHASE_COLUMN)
     else:
@@ -204,9 +207,9 @@ def _panel(cell: Cell, picture: Picture, x: str, data: tuple[Measured, pd.DataFr
     _limit(axis, panel)
     draw_words(axis, picture, panel.column, x)
     if panel.note:
-        axis.set_title(panel.note, loc="right", fontsize=8.0, color=TOLD)
+        axis.set_title(panel.note, loc="right", fontsize=8.0, color=CAPTION)
     if panel.by and panel.kind not in ("plane", "ranks") and not panel.classes and (cell.is_last or not picture.facets):
-        _, colours, norm = coloured(panel, picture.points)
+        _, colours, norm = colour_numbers(panel, picture.points)
         bar = axis.figure.colorbar(ScalarMappable(norm, colours), ax=axis, aspect=40)
         bar.set_label(panel.label or quantity_of(panel.by).label)
     if panel.title:
@@ -216,10 +219,11 @@ def _panel(cell: Cell, picture: Picture, x: str, data: tuple[Measured, pd.DataFr
 
 def _curves(axis: Axes, picture: Picture, panel: Panel, x: str, shown: Sequence[Series]) -> None:
     """Draw series and marks."""
-    if panel.scale == "one":
-        about_one(axis)
+    if panel.scale == "asinh":
+        axis.set_yscale("asinh", linear_width=NEAR_ZERO)
+        axis.yaxis.set_major_locator(AsinhLocator(NEAR_ZERO, numticks=MAX_TICKS))
     over = panel.x or x
-    across = ended(picture.points[over])
+    across = with_gap(picture.points[over])
     for one in shown:
         _draw(axis, one, picture, panel.column, across)
     draw_jumps(axis, picture, panel, over)
@@ -253,13 +257,11 @@ def _limit(axis: Axes, panel: Panel) -> None:
         return
     if panel.scale == "log":
         in_decades(axis, "y")
-    elif panel.scale == "one":
-        tick_sizes(axis)
     elif panel.kind == "stack":
         axis.set_ylim(0.0, 1.0)
     elif panel.least is not None and not axis.dataLim.y1 < 0.0:
         begin_at_zero(axis, max(axis.get_ylim()[1], float(in_units(panel.least, panel.column))))
-    elif panel.column != PHASE_COLUMN:
+    elif panel.scale == "linear" and panel.column != PHASE_COLUMN:
         widen_ticks(axis, "y")
 
 

@@ -61,7 +61,7 @@ def ends_of(parts: Iterable[pd.DataFrame]) -> Ends | None:
     return Ends(rows, thin[0].iloc[0], last, finite(pd.concat(thin, ignore_index=True)).dropna()) if thin else None
 
 
-def turned(rows: pd.DataFrame) -> Floats:
+def count_turns(rows: pd.DataFrame) -> Floats:
     """Return how often both exciters have turned since the first one of some rows: the slower one, then the faster."""
     angles = rows[["phi1_rad", "phi2_rad"]].to_numpy(dtype=float) / (2.0 * np.pi)
     grown = np.maximum.accumulate(np.abs(angles - angles[:1]), axis=0)
@@ -75,7 +75,7 @@ def turn_edges(evenly: pd.DataFrame, begin: float, end: float, most: int) -> Flo
     what shakes as one exciter turns or swings is no range of a turn of the other one.
     """
     rows = evenly[evenly["t_s"].between(begin, end)]
-    turns, first = np.unique(turned(rows)[:, 0], return_index=True)
+    turns, first = np.unique(count_turns(rows)[:, 0], return_index=True)
     count = int(turns.max(initial=0.0) + 1e-6)
     every = max(1, -(-count // most))
     wholes = float(every) * np.arange(1, count // every + 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,19 +14,15 @@ from vibroplat.columns import FORCES, PHASE, PHASE_COLUMN, split, unit_of
 from vibroplat.config import digits
 from vibroplat.errors import TableError
 from vibroplat.plots.headlines import headline
-from vibroplat.plots.histories import RATES, SPEEDS, Run, lines_of, peaks_of, run_of, spectrum_of, turns_of, whole_of
+from vibroplat.plots.histories import SPEEDS, RunTables, lines_of, peaks_of, run_of, spectrum_of, turns_of, whole_of
 from vibroplat.plots.measured import Measured, curve_of
-from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM
 from vibroplat.results import picture
-from vibroplat.results.files import directory_of
 from vibroplat.results.labels import compared, distinct, named, phase_label, run_parameters
 from vibroplat.results.picture import BLACK, BROKEN, CURVES, LOW, ORANGE, REFERENCE, Facet, Panel
 from vibroplat.results.run import RunResult
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+OPTIONS = ("start", "stop", "data")
 #: Range of a coordinate over the largest one, above which it has a panel.
 MIN_RANGE = 0.05
 #: Most turns that are drawn as a line; more of them as a range.
@@ -51,13 +47,13 @@ _SPEEDS = Panel("speed_hz", label="speed (Hz)")
 
 
 @dataclass
-class Shown:
+class RunPicture:
     """The runs of a figure, measured data, the names of several runs, and the series that are drawn of them.
 
     :meth:`draw` adds series: of whole runs, whose numbers are in ``whole``, or of their last turns, shown next to them.
     """
 
-    runs: Sequence[Run]
+    runs: Sequence[RunTables]
     data: Measured | None = None
     names: Sequence[str] = ()
     parts: list[pd.DataFrame] = field(default_factory=list)
@@ -66,7 +62,7 @@ class Shown:
     whole: list[int] = field(default_factory=list)
 
     @property
-    def only(self) -> Run | None:
+    def only(self) -> RunTables | None:
         """The run, if there is one."""
         return self.runs[0] if len(self.runs) == 1 else None
 
@@ -80,7 +76,7 @@ class Shown:
         """Whether last turns are counted from a whole turn of exciter 1, to compare those of several runs."""
         return self.only is None and self.data is None and not any(run.chosen for run in self.runs)
 
-    def last(self, run: Run) -> pd.DataFrame:
+    def last(self, run: RunTables) -> pd.DataFrame:
         """Return the last turns of a run."""
         if not self.aligned:
             return run.last
@@ -88,18 +84,18 @@ class Shown:
         begin = float(run.last["t_s"].iloc[int(turns.gt(turns.iloc[0]).argmax())])
         return run.last[run.last["t_s"] >= begin].assign(t_s=run.last["t_s"] - begin)
 
-    def during(self, run: Run) -> pd.DataFrame:
+    def during(self, run: RunTables) -> pd.DataFrame:
         """Return the events of the last turns, at the times of these."""
         last = self.last(run)
         begin = float(run.last.loc[last.index[0], "t_s"]) - float(last["t_s"].iloc[0])
         return run.events[run.events["t_s"] >= float(run.last["t_s"].iloc[0])].assign(t_s=lambda t: t["t_s"] - begin)
 
-    def colour(self, run: Run, column: str) -> str:
+    def colour(self, run: RunTables, column: str) -> str:
         """Return the colour of a quantity, or of each run if there are several."""
         number = next(number for number, one in enumerate(self.runs) if one is run)
         return _COLOURS.get(column, PLATFORM) if self.only else CURVES[number % len(CURVES)]
 
-    def called(self, run: Run, alone: str = "") -> str:
+    def called(self, run: RunTables, alone: str = "") -> str:
         """Return the name of one of several runs."""
         return self.names[next(n for n, one in enumerate(self.runs) if one is run)] if self.names else alone
 
@@ -149,20 +145,20 @@ class Shown:
 # -- figures -----------------------------------------------------------------------------------------------------------
 
 
-def run_figures(
-    directories: Sequence[Path],
+def pictures(
+    results: Sequence[RunResult],
     kinds: Sequence[str] = (),
     *,
     start: float | None = None,
     stop: float | None = None,
     data: Measured | None = None,
-) -> Iterator[tuple[Path, str, Figure]]:
-    """Draw figures of a run, or of several over each other; yield the directory and the name of each.
+) -> Iterator[picture.Picture]:
+    """Yield the pictures of a run, or of several over each other.
 
     Parameters
     ----------
-    directories
-        Result directories of ``vibroplat run``.
+    results
+        Runs.
     kinds
         ``motion`` (platform and gap: the whole run, and its last turns), ``conveying`` (place of the material along the
         deck, and its modes), ``force`` (contact force and impulses),
@@ -181,24 +177,26 @@ def run_figures(
         Tables are missing or have another schema version, or the interval is empty.
     """
     given = [] if data is None else [*map(str, data.given)]
-    whole = data is not None and start is stop is None
-    wholes = [whole_of(RunResult.read(directory, "run"), given) for directory in directories] if whole else []
+    wholes = [whole_of(one, given) for one in results] if data is not None and start is stop is None else []
     if data is not None and data.shift != 0.0 and wholes:
         start, stop = _measured_interval(data, wholes[0])
-    runs = [run_of(RunResult.read(directory, "run"), start, stop, given) for directory in directories]
+    runs = [run_of(one, start, stop, given) for one in results]
     if data is not None:
         numbers = [column for column in map(str, runs[0].shown.select_dtypes("number")) if column != "t_s"]
         data.select("t_s", numbers).fit(runs[0].shown)
         for column in numbers:
             tables = [table for table in wholes or [run.shown for run in runs] if column in table]
             data.compare(column, "t_s", [curve_of(table, column) for table in tables])
-    names = distinct([run.name for run in runs], directories)
-    shown = Shown(runs, data, compared("run", names, [run.scene for run in runs]) if len(runs) > 1 else ())
+    names = list[str]()
+    if len(runs) > 1:
+        labels = distinct([run.name for run in runs], [one.home or Path(one.place) for one in results])
+        names = compared("run", labels, [run.scene for run in runs])
+    shown = RunPicture(runs, data, names)
     drawn = [kind for kind in kinds or FIGURES if not missing(kind, shown)]
     if not drawn:
-        raise TableError(f"--kind {kinds[0]}: {directories[0]} {missing(kinds[0], shown)}")
-    for kind in drawn:
-        yield directory_of(directories[0], "run"), kind, draw(kind, shown)
+        able = ", ".join(kind for kind in FIGURES if not missing(kind, shown))
+        raise TableError(f"--kind {kinds[0]}: {results[0].place} {missing(kinds[0], shown)}; allowed: {able}")
+    yield from (FIGURES[kind](replace(shown, parts=[], series=[], words=[], whole=[])) for kind in drawn)
 
 
 def _measured_interval(data: Measured, whole: pd.DataFrame) -> tuple[float | None, float | None]:
@@ -213,7 +211,7 @@ def _measured_interval(data: Measured, whole: pd.DataFrame) -> tuple[float | Non
     return (float(inside.min()), float(inside.max())) if inside.min() < inside.max() else (None, None)
 
 
-def missing(kind: str, shown: Shown) -> str:
+def missing(kind: str, shown: RunPicture) -> str:
     """Say what runs do not have that a figure needs; "" if nothing."""
     columns = {str(column) for run in shown.runs for column in run.shown}
     if kind == "force" and "contact_force_n" not in columns:
@@ -225,13 +223,7 @@ def missing(kind: str, shown: Shown) -> str:
     return "needs --data FILE" if kind == "measured" and shown.data is None else ""
 
 
-def draw(kind: str, shown: Shown) -> Figure:
-    """Draw a figure of runs."""
-    picture = FIGURES[kind](Shown(shown.runs, shown.data, shown.names))
-    return draw_picture(picture, data=None if kind == "spectrum" else shown.data)
-
-
-def _curve(shown: Shown, run: Run, column: str, panel: str = "", label: str = "", **look: Any) -> None:
+def _curve(shown: RunPicture, run: RunTables, column: str, panel: str = "", label: str = "", **look: Any) -> None:
     """Draw a column of a run: its range in each turn of the whole run, and its last turns."""
     look = {"colour": shown.colour(run, column), "of": (panel or column,)} | look
     low, high = (run.envelope[f"{column}:{end}"] for end in ("min", "max"))
@@ -243,7 +235,7 @@ def _curve(shown: Shown, run: Run, column: str, panel: str = "", label: str = ""
         shown.draw(last[["t_s"]].assign(**{panel or column: last[column]}), label, **look)
 
 
-def _coordinate(shown: Shown, column: str) -> None:
+def _coordinate(shown: RunPicture, column: str) -> None:
     """Draw a coordinate; if there is one run, contact is shaded and impacts are marked."""
     for run in (run for run in shown.runs if column in run.shown):
         _curve(shown, run, column, label=shown.called(run))
@@ -251,7 +243,7 @@ def _coordinate(shown: Shown, column: str) -> None:
             _contact(shown, run, column)
 
 
-def _contact(shown: Shown, run: Run, column: str) -> None:
+def _contact(shown: RunPicture, run: RunTables, column: str) -> None:
     """Shade the times of contact, and mark impacts on the line of zero gap."""
     last = run.last
     attached = (~last["mode"].isin(["flight", "bare"])).to_numpy()
@@ -265,7 +257,7 @@ def _contact(shown: Shown, run: Run, column: str) -> None:
         shown.draw(impacts[["t_s"]].assign(gap_m=0.0), "impact", **look)
 
 
-def _motion(shown: Shown) -> picture.Picture:
+def _motion(shown: RunPicture) -> picture.Picture:
     """Show the coordinates of the platform that matter, and the gap."""
     largest = [max(run.range_of(c) for c in _MOVING) for run in shown.runs]
     pairs = [*zip(shown.runs, largest, strict=True)]
@@ -276,7 +268,7 @@ def _motion(shown: Shown) -> picture.Picture:
     return shown.picture("motion", [shown.panel(column) for column in columns])
 
 
-def _conveying(shown: Shown) -> picture.Picture:
+def _conveying(shown: RunPicture) -> picture.Picture:
     """Show the place of the material along the deck from the begin of the turns shown, and its modes in a few turns."""
     strips = []
     for run in (run for run in shown.runs if "along_m" in run.shown):
@@ -292,7 +284,7 @@ def _conveying(shown: Shown) -> picture.Picture:
     return shown.picture("conveying", [Panel("along_m")], facets=facets, strips=modes)
 
 
-def _force(shown: Shown) -> picture.Picture:
+def _force(shown: RunPicture) -> picture.Picture:
     """Show the contact force, and below it the impulses of impacts as stems: they are no forces."""
     for run in shown.runs:
         strikes = shown.during(run).query("impulse_n_s > 0.0")
@@ -308,7 +300,7 @@ def _force(shown: Shown) -> picture.Picture:
     return shown.picture("force", panels, facets=int(shown.aligned and not shown.both))
 
 
-def _exciters(shown: Shown) -> picture.Picture:
+def _exciters(shown: RunPicture) -> picture.Picture:
     """Show the speeds of both exciters and their phase difference."""
     _speeds(shown)
     for run in shown.runs:
@@ -323,7 +315,7 @@ def _exciters(shown: Shown) -> picture.Picture:
     return shown.picture("exciters", [_SPEEDS, phases], facets=1)
 
 
-def _speeds(shown: Shown) -> None:
+def _speeds(shown: RunPicture) -> None:
     """Draw the speeds of both exciters, of which the second is dashed; those that coincide are one line."""
     for run in shown.runs:
         first, second = (run.envelope[[f"{name}:min", f"{name}:max"]].mean(axis=1) for name in SPEEDS)
@@ -335,7 +327,7 @@ def _speeds(shown: Shown) -> None:
             _curve(shown, run, name, "speed_hz", shown.called(run, called), **look)
 
 
-def _synchronous_speed(shown: Shown, run: Run) -> None:
+def _synchronous_speed(shown: RunPicture, run: RunTables) -> None:
     """Draw the synchronous speeds of both motors (Hz) over time, where they are on; where they agree, one line."""
     assert run.scene is not None
     times = np.linspace(float(run.whole["t_s"].iloc[0]), float(run.whole["t_s"].iloc[-1]), TIMES)
@@ -353,7 +345,7 @@ def _synchronous_speed(shown: Shown, run: Run) -> None:
             shown.draw(pd.DataFrame({"t_s": times, "speed_hz": speed}), label, whole=shown.both, **look)
 
 
-def _loads(shown: Shown) -> picture.Picture:
+def _loads(shown: RunPicture) -> picture.Picture:
     """Show forces into the foundation and displacements with their peaks, and the speeds."""
     columns: list[str] = []
     for group in (FORCES, _MOVING[:2]):
@@ -367,7 +359,7 @@ def _loads(shown: Shown) -> picture.Picture:
     return shown.picture("loads", [*(shown.panel(column) for column in columns), _SPEEDS])
 
 
-def _peak(shown: Shown, run: Run, column: str) -> None:
+def _peak(shown: RunPicture, run: RunTables, column: str) -> None:
     """Mark the largest size of a force, or where a stroke was complete, with its time and the speed then."""
     name, unit = _PEAKS[column], unit_of(_PEAKS[column])
     keys = (name, *(f"{split(name)[0]}_at_{end}" for end in ("s", "hz")))
@@ -384,7 +376,7 @@ def _peak(shown: Shown, run: Run, column: str) -> None:
     shown.words.append(picture.Word(text, column, at, height, beside=True))
 
 
-def _accelerations(shown: Shown) -> picture.Picture:
+def _accelerations(shown: RunPicture) -> picture.Picture:
     """Show accelerations in the rows shown: a panel for each axis, a line for each point."""
     panels = []
     for column, lines in lines_of(shown.runs, shown.names).items():
@@ -397,10 +389,10 @@ def _accelerations(shown: Shown) -> picture.Picture:
     return shown.picture("acceleration", panels, facets=0, high=True)
 
 
-def _spectra(shown: Shown) -> picture.Picture:
+def _spectra(shown: RunPicture) -> picture.Picture:
     """Show amplitude spectra of accelerations, with the orders of the exciters; of measured data there are none."""
     first, panels, turns = shown.runs[0], list[Panel](), int(shown.runs[0].turns * (1.0 + 1e-9))
-    speed = float(first.shown[RATES[0]].abs().median()) / (2.0 * np.pi)  # also where a start is shown
+    speed = float(first.shown["phi1_rate_rad_per_s"].abs().median()) / (2.0 * np.pi)  # also where a start is shown
     end = np.inf
     for column, lines in lines_of(shown.runs, shown.names).items():
         spectra = [spectrum_of(run, name) for run, name, _ in lines]
@@ -420,7 +412,7 @@ def _spectra(shown: Shown) -> picture.Picture:
     return shown.picture("spectrum", panels, over, facets=0, high=True, axes=["frequency_hz"], lines=[orders])
 
 
-def _measured(shown: Shown) -> picture.Picture:
+def _measured(shown: RunPicture) -> picture.Picture:
     """Show each measured column with the computed one and their difference."""
     data = shown.data
     assert data is not None
@@ -430,12 +422,12 @@ def _measured(shown: Shown) -> picture.Picture:
             look: dict[str, Any] = {"colour": CURVES[number % len(CURVES)], "of": (column,)}
             shown.draw(run.shown[["t_s", column]], shown.called(run, "computed"), **look)
     shifted = f"measured data {data.shifted}" if data.shifted else ""
-    panels = [shown.panel(column, title=data.told(column)) for column in columns]
+    panels = [shown.panel(column, title=data.difference(column)) for column in columns]
     found = shown.picture("measured", panels, shifted, facets=0)
     return replace(found, title="; ".join(data.differences()) or found.title)
 
 
-FIGURES: Mapping[str, Callable[[Shown], picture.Picture]] = {
+FIGURES: Mapping[str, Callable[[RunPicture], picture.Picture]] = {
     "motion": _motion,
     "conveying": _conveying,
     "force": _force,

@@ -73,10 +73,10 @@ def _tell(axis: Axes, strips: Strips, values: Any) -> None:
 
 def entries_of(strips: Strips) -> Iterator[Any]:
     """Yield the legend entries of the colours, hatches and lines of strips."""
-    for colour, told in strips.classes.values():
-        yield Patch(facecolor=colour, alpha=PALE, label=told)
-    for hatch, told in strips.hatches.items():
-        yield Patch(facecolor="white", edgecolor=BLACK, hatch=hatch, lw=0.3, label=told)
+    for colour, text in strips.classes.values():
+        yield Patch(facecolor=colour, alpha=PALE, label=text)
+    for hatch, text in strips.hatches.items():
+        yield Patch(facecolor="white", edgecolor=BLACK, hatch=hatch, lw=0.3, label=text)
     if strips.line:
         yield entry(strips.line, color=BLACK, lw=1.4)
 

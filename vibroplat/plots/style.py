@@ -36,7 +36,7 @@ PLAIN = (1e-3, 1e5)
 #: Lines of a legend that a figure has room for, and the height of another one (inch).
 LINES, LINE = 3, 0.2
 #: Characters per inch of a legend, of a title and of the text below the title; colour of this text.
-LETTERS, TITLE_LETTERS, TOLD_LETTERS, TOLD = 14.0, 11.5, 15.0, "#777777"
+LETTERS, TITLE_LETTERS, CAPTION_LETTERS, CAPTION = 14.0, 11.5, 15.0, "#777777"
 
 _STYLE: Any = {
     "figure.constrained_layout.use": True,
@@ -135,7 +135,7 @@ def new_figure(
     return figure, axes, strip
 
 
-def head(figure: Figure, title: str, told: str = "") -> None:
+def head(figure: Figure, title: str, caption: str = "") -> None:
     """Put the title above a figure, and below the title, in grey, which result it shows."""
     _set_ticks(figure)
     for axis in figure.axes:
@@ -144,13 +144,13 @@ def head(figure: Figure, title: str, told: str = "") -> None:
             axis.set_ylabel(_wrapped(axis.get_ylabel(), LABEL * room, least=12))
     width = figure.get_figwidth()
     figure.suptitle(_wrapped(title, TITLE_LETTERS * width), x=0.01, ha="left")
-    if told:
+    if caption:
         first = figure.axes[0]
-        beside = max((len(text.get_text()) for text in first.get_yticklabels()), default=0) / TOLD_LETTERS
-        lines = "\n".join(_wrapped(line, TOLD_LETTERS * (width - 0.8 - beside)) for line in told.splitlines())
+        beside = max((len(text.get_text()) for text in first.get_yticklabels()), default=0) / CAPTION_LETTERS
+        lines = "\n".join(_wrapped(line, CAPTION_LETTERS * (width - 0.8 - beside)) for line in caption.splitlines())
         own = first.get_title(loc="left") or first.get_title(loc="right")
         first.set_title("", loc="right")
-        first.set_title(f"{lines}\n{own}" if own else lines, loc="left", color=TOLD, fontsize=8.5)
+        first.set_title(f"{lines}\n{own}" if own else lines, loc="left", color=CAPTION, fontsize=8.5)
 
 
 def _set_ticks(figure: Figure) -> None:
@@ -185,8 +185,8 @@ def _wrapped(text: str, letters: float, least: int = 20) -> str:
     short = re.sub(_FORMULA, "\x00", text).replace("\x00 = ", "\x00\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}")
     short = short.replace(" … ", "\N{NO-BREAK SPACE}…\N{NO-BREAK SPACE}")
     lines = wrap(short, max(int(letters), least), break_on_hyphens=False)
-    told = "\n".join(lines).replace("\N{NO-BREAK SPACE}", " ")
-    return re.sub("\x00", lambda _: next(formulas), told)
+    broken = "\n".join(lines).replace("\N{NO-BREAK SPACE}", " ")
+    return re.sub("\x00", lambda _: next(formulas), broken)
 
 
 def entry(label: str, **look: Any) -> Line2D:

@@ -79,7 +79,7 @@ class Panel:
     least
         The axis begins at 0 and goes at least to here (SI units); None: as far as the points.
     scale
-        Of the vertical axis; ``one`` has room for numbers near 1.
+        Of the vertical axis; ``asinh`` has room for numbers near 0.
     note
         What is said within the panel, in grey: which curves coincide, or that a bound is far away.
     hatch, hatches, contours
@@ -94,7 +94,7 @@ class Panel:
     label: str = ""
     title: str = ""
     least: float | None = None
-    scale: Literal["linear", "log", "one"] = "linear"
+    scale: Literal["linear", "log", "asinh"] = "linear"
     note: str = ""
     hatch: str = ""
     hatches: Mapping[str, str] = field(default_factory=dict)
@@ -350,8 +350,6 @@ class Picture:
         What is said below the title in print, and below the figure on the page.
     rotation
         How the exciters rotate; "" if that varies or is not known.
-    choice
-        Column by which facets are chosen.
     scale
         Column whose numbers the colours of series follow.
     orbits
@@ -385,7 +383,6 @@ class Picture:
     caption: str = ""
     meaning: str = ""
     rotation: str = ""
-    choice: str = ""
     scale: str = ""
     orbits: Orbits | None = None
     high: bool = False
