@@ -48,10 +48,11 @@ def test_a_notebook_has_the_answer_and_a_picture(run):
 
 
 def test_a_figure_shows_itself_in_a_notebook_and_is_none_of_pyplots(run):
+    before = plt.get_fignums()
     picture = run.plot("motion")._repr_png_()
     assert picture.startswith(b"\x89PNG")
     assert int.from_bytes(picture[16:20]) == 8 * 130  # inches, dots per inch
-    assert plt.get_fignums() == []
+    assert plt.get_fignums() == before
 
 
 def test_figures_that_there_are_not(run, runs):
