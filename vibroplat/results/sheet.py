@@ -133,8 +133,8 @@ class Sheet:
             yield from (row.short for row in rows[: MAX_POINTS if name == POINTS else None] if row.short and row.now)
         if of_seeds:
             count, captured = of_seeds["seeds"], of_seeds.get("captured")
-            ends = f"a resonance captures {captured} or more" if captured else "times are of the first"
-            text = f"another is larger with {percent(1.0 / (count + 1))} each; {ends}"
+            ends = f"at least {captured} are captured" if captured else "times are of the first"
+            text = f"one more run is larger in {percent(1.0 / (count + 1))} of cases; {ends}"
             yield "largest values", f"of {counted(count, 'run')}", text if count > 1 else "run.perturbation is 0"
 
     def facts(self) -> Iterator[str]:
