@@ -79,7 +79,7 @@ BY_ROOM = [
     ("observe study", [
         "total / (count - 1) / count * (1.0 + r) → total / (count - 1) * (1.0 + r)",
     ]),
-    ("observe motion", [
+    ("observe continuation", [
         "if falling and rate > 0.0: → if rate > 0.0:",
         "MOMENTUM * energy → 0.0 * energy",
     ]),

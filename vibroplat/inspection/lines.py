@@ -139,7 +139,7 @@ def _throw_angle(v: Numbers) -> Iterator[str]:
 
 
 def _conveying(v: Numbers) -> Iterator[str]:
-    """Yield the expected conveying speed, or for what there is a formula, and the friction of Painlevé's paradox."""
+    """Yield the expected conveying speed, or for what there is a formula."""
     low, high = v["conveying_speed_low_m_per_s"], v["conveying_speed_high_m_per_s"]
     ranges = ", ".join(f"{given(first)} … {given(last)}" for (first, last), _ in BANDS)
     text = "formulas are for straight paths" if v["path_ratio"] > STRAIGHT else f"formulas: throw {ranges}"

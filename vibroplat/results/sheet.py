@@ -277,7 +277,7 @@ class Sheet:
             row.shortly("conveying speed", row.also, carried, "" if runs_away else modes),
             *rows,
             Row("sticks", sticks, f"slips {forth} towards +x, {back} towards −x"),
-            Row("beyond internal friction", sheared, "of the contact time, between the layers" * bool(sheared)),
+            Row("beyond internal friction", sheared, "of the contact time" * bool(sheared)),
         ]
 
     def _loads(self) -> list[Row]:
