@@ -71,4 +71,4 @@ def test_the_feeder_is_told_to_convey_as_it_does(feeder):
     assert lines[4].split("  ")[-1].strip().startswith("at 3")
     assert lines[5].startswith("  conveying speed     0.195 … 0.248 m/s ")
     rough = feeder.replace({"transport": {"friction": 300.0, "static_friction": 300.0}})
-    assert "friction 300 is above 277" in rough.inspect().notes[0]
+    assert "friction 300 is above 277" in rough.inspect().answer.notes[0]
