@@ -196,7 +196,7 @@ def test_a_kind_takes_a_folder_and_few_lines_elsewhere(vibroplat):
     assert "## changes" in vibroplat("columns")
     assert "`changes.keys`" in vibroplat("schema", "--markdown")
     printed = vibroplat("changes", "toy.yaml", "--check", "--jobs", "2")
-    assert "checked by: engine native, 2 motions" in printed
+    assert "checked by: engine native, 2 of 2 motions agree" in printed
     directory = vibroplat.copy / "results/toy/changes"
     assert json.loads((directory / "provenance.json").read_text())["check"]["disagreements"] == []
     assert "2 tasks from before" in vibroplat("changes", "toy.yaml", "--resume")
