@@ -172,7 +172,7 @@ def _lines(data: Branches) -> tuple[pd.DataFrame, list[picture.Series], list[int
 
 
 def _shares(rows: pd.DataFrame, special: pd.DataFrame) -> Any:
-    """Return where special points lie along a branch: the number of the point before and the share of the step."""
+    """Return where special points lie along a branch: the number of the point before and the fraction of the step."""
     before = np.clip(special["point"].to_numpy(dtype=int), 0, max(len(rows) - 2, 0))
     values = rows[EXCITATION].to_numpy(dtype=float)
     here, there = values[before], values[np.minimum(before + 1, len(rows) - 1)]
