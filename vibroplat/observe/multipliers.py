@@ -1,4 +1,4 @@
-"""What the Floquet multipliers of periodic orbits tell: test functions, counts, and whether one can be followed."""
+"""Stability of periodic orbits by their Floquet multipliers: test functions, counts, which can be followed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WATCHED_SIZE, MAX_MULTIPLIER_CHANGE = 0.9, 0.4
 
 
 class Stability(NamedTuple):
-    """What multipliers tell of an orbit.
+    """Stability of an orbit by its multipliers.
 
     Attributes
     ----------

@@ -72,7 +72,7 @@ def _failed(table: pd.DataFrame) -> str:
 
 
 def regimes(sweeps: Sweeps) -> str:
-    """Say at which share of its points a map has each synchronization and flight, and what motions there are."""
+    """Say at which fraction of its points a map has each synchronization and flight, and what motions there are."""
     table = sweeps.table
     known = table[table["sync"].notna()]
     if known.empty:
