@@ -129,6 +129,12 @@ def test_unusual_numbers_are_noted():
     assert [notes_on_input(load_config(QUICKSTART, changes)) for changes, _ in UNUSUAL] == [n for _, n in UNUSUAL]
 
 
+def test_what_concerns_one_run_is_not_noted_of_a_study():
+    scene = load_config(QUICKSTART, {"output.sample_rate_hz": 100.0})
+    assert len(notes_on_input(scene)) == 1
+    assert notes_on_inputs([scene]) == []
+
+
 def test_what_a_scene_does_not_have_is_not_unusual():
     for changes in (
         {"machine.stiffness_x_n_per_m": 0.0, "machine.damping_x_n_s_per_m": 0.0},

@@ -280,6 +280,11 @@ def test_what_is_nothing_beside_its_kind_is_0():
     assert all("  " in line[20:] for line in lines[1:] if len(line) > 60)
 
 
+def test_numbers_without_a_unit_are_of_different_kinds():
+    lines = load_config(CONFIGS / "templates" / "feeder.yaml").inspect().answer.lines
+    assert [float(text) for label, text in lines.items() if label.startswith("damping ratio")] == [0.05, 0.05, 0.0495]
+
+
 def test_command(tmp_path):
     file = tmp_path / "mine.yaml"
     file.write_text(

@@ -8,7 +8,8 @@ from common.places import QUICKSTART, ROOT
 from vibroplat import load_config, simulate
 from vibroplat.config.digits import percent
 from vibroplat.observe.data_sheet import whole_run
-from vibroplat.observe.notes import SlowMotor, slow_motors
+from vibroplat.observe.notes import SlowMotor, free_swing, slow_motors
+from vibroplat.observe.section import section_rows
 from vibroplat.results.run_answer import headline
 from vibroplat.results.sheet import Sheet, short_lines
 
@@ -105,6 +106,8 @@ def test_an_exciter_that_is_off_and_swings_on_is_told_instead_of_a_limit(seconds
     assert run.notes == ([f"exciter 2, off, still {note}"] if note else [])
     assert (summary["stroke_change"] is None) == bool(note)
     assert "tends to" not in "".join(short_lines(Sheet(scene, summary)))
+    if seconds == 40.0:  # of a run that continues another, a part is over
+        assert "run.duration_s = 370 on" in free_swing(scene, summary, section_rows(run.measures), 10.0)
     if not note:
         assert summary["stroke_x_m"] == pytest.approx(1.54e-3, rel=2e-3)
 

@@ -40,7 +40,7 @@ def test_accelerations_are_drawn_where_there_are_some(moved, saved, tmp_path):
     assert len(orders) > 3
     assert all(one.x1 < other.x0 for one, other in itertools.pairwise(orders)), "names of orders lie on each other"
     for kind, line in (("spectrum", "has no accelerations; simulate it with"), ("measured", "needs --data FILE")):
-        with pytest.raises(TableError, match=f"--kind {kind}: .*{line}"):
+        with pytest.raises(TableError, match=f"figure {kind}: .*{line}"):
             drawn("run", saved["bare"], kinds=[kind])
 
 

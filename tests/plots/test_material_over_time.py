@@ -41,7 +41,7 @@ def test_many_turns_have_no_strip_and_other_scenes_no_figure(feeder, tmp_path):
     object.__setattr__(whole, "shown", many)
     assert FIGURES["conveying"](RunPicture([whole])).strips is None
     plain = simulate(load_config(ROOT / "configs/quickstart.yaml", {"run.duration_s": 0.1})).save(tmp_path / "plain")
-    with pytest.raises(TableError, match=r"--kind conveying: .* has no motion along the deck"):
+    with pytest.raises(TableError, match=r"figure conveying: .* has no motion along the deck"):
         drawn("run", plain, kinds=["conveying"])
 
 

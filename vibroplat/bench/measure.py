@@ -325,8 +325,9 @@ def brief_precision(table: pd.DataFrame, equal: pd.DataFrame | None) -> list[str
         head = f"{counted(len(errors), 'case')}: error of coordinates, over their scales, by tolerance{more}"
         return [head, *_lines(errors.rename(columns="{:.0e}".format).map("{:.1e}".format))]
     first = equal.groupby(["case", "engine"], sort=False).first().reset_index()
-    ratios = first.loc[first["engine"] != "taylor", "simulate_over_taylor"].dropna()
-    ends = f" {number(ratios.min(), 2)} to {number(ratios.max(), 2)} times that of taylor" if len(ratios) else ""
+    others = first.loc[first["engine"] != "taylor"].dropna(subset="simulate_over_taylor")
+    ratios, names = others["simulate_over_taylor"], ", ".join(dict.fromkeys(others["engine"]))
+    ends = f": {names} {number(ratios.min(), 2)} to {number(ratios.max(), 2)} times taylor" if names else ""
     times = first.assign(times=[" / ".join(map(number, row)) for row in first[[*TIMES]].to_numpy().tolist()])
     return [
         f"processor time of simulate at equal error{ends}{more}",

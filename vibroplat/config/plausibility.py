@@ -69,10 +69,11 @@ class UsualRange(NamedTuple):
     text: str = ""
 
 
-def notes_on_input(scene: Scene) -> list[str]:
-    """Say what is unusual in a scene, and which numbers of machine and motors it takes by default, in one line each."""
-    notes = [*_weak_motors(scene), _unequal_motors(scene), _steep_deck(scene), _weakly_damped(scene)]
-    notes += [*(_note_if_unusual(quantity, scene) for quantity in quantities(scene)), _replaced(scene), _coarse(scene)]
+def notes_on_input(scene: Scene, *, of_run: bool = True) -> list[str]:
+    """Say what is unusual in a scene or ``of_run``, and which numbers of machine and motors it takes by default."""
+    notes = [*_weak_motors(scene), _unequal_motors(scene), _steep_deck(scene), _weakly_damped(scene) if of_run else ""]
+    notes += [*(_note_if_unusual(quantity, scene) for quantity in quantities(scene)), _replaced(scene)]
+    notes += [_coarse(scene) if of_run else ""]
     motors = [(name, motor, motor.replaced()) for name, motor in _motors(scene)]
     notes += _notes_on_defaults([("machine", scene.machine, given_by_exciters(scene)), *motors])
     return [note for note in notes if note]
@@ -84,10 +85,10 @@ def by_severity(notes: Iterable[str]) -> list[str]:
 
 
 def notes_on_inputs(scenes: Iterable[Scene], places: Sequence[str] = ()) -> list[str]:
-    """Say the same of several scenes, each note once, with the place of its scene if it does not hold at all places."""
+    """Say the same of several scenes of a study, each note once, with its place unless it holds at all places."""
     notes: dict[str, list[str]] = {}
     for scene, prefix in zip(scenes, places or repeat(""), strict=False):
-        for note in notes_on_input(scene):
+        for note in notes_on_input(scene, of_run=False):
             notes.setdefault(note, []).append(prefix)
     everywhere = max(len(places), 1)
     return [

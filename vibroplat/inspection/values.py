@@ -151,7 +151,8 @@ def _texts(values: Mapping[str, Any]) -> dict[str, str]:
     for key, value in numbers.items():
         largest[unit_of(key)] = max(abs(value), largest[unit_of(key)])
     texts = {key: value for key, value in values.items() if isinstance(value, str) and value}
-    texts |= {key: quantity(value, unit_of(key), largest=largest[unit_of(key)]) for key, value in numbers.items()}
+    largest.pop("", None)  # numbers without a unit are of different kinds
+    texts |= {key: quantity(value, unit_of(key), largest=largest.get(unit_of(key))) for key, value in numbers.items()}
     return {about.meaning: texts[key] for key, about in INSPECTION.items() if key in texts}
 
 

@@ -198,7 +198,7 @@ def _summary(
     locked = synchronization(measures) != "none" and stays_synchronized(part.measures, scene)
     since, until = measures["measured_from_s"], measures["measured_to_s"]
     changed = scene.drive.last_change(until)
-    left, free = [Transient(0.0, 0.0)] * 2, free_swing(scene, measures, section_rows(part.measures))
+    left, free = [Transient(0.0, 0.0)] * 2, free_swing(scene, measures, section_rows(part.measures), start)
     if changed <= since and any(scene.driven(since, until)) and not free:
         left = transients(part.measures, scene, max(start, changed), repeats)
     stroke = max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)

@@ -46,8 +46,13 @@ def peaks_of_seeds(run: RunResult) -> dict[str, Any]:
     begin, since, until = (summary[name] for name in ("begins_s", "measured_from_s", "measured_to_s"))
     if run.outcome != "ok" or summary["rms_y_m"] is None:
         return {}
-    steady = (summary["stroke_change"] or 0.0) < MAX_SPREAD
-    steady = steady and scene.drive.last_change(until) <= since and all(scene.driven(since, until))
+    changes = summary["stroke_change"]
+    steady = (
+        changes is not None
+        and changes < MAX_SPREAD
+        and scene.drive.last_change(until) <= since
+        and all(scene.driven(since, until))
+    )
     for column, value in summary.items():
         at = summary.get(f"{split(column)[0]}_at_s") if column.startswith("whole_") else None
         if at is not None and not (steady and value <= START_PEAK * summary[column.removeprefix("whole_")]):
@@ -55,7 +60,8 @@ def peaks_of_seeds(run: RunResult) -> dict[str, Any]:
     if not times:
         return {}
     seconds = LONGER * (max(times.values()) - begin) + MORE_TURNS * 2.0 * math.pi / scene.speed_scale
-    count = min(MOST_SEEDS, max(FEWEST_SEEDS, int(SIMULATED_S / seconds))) if scene.run.perturbation != 0.0 else 0
+    simulated = SIMULATED_S if summary["engine"] == "taylor" else SIMULATED_S / 10.0  # others are that much slower
+    count = min(MOST_SEEDS, max(FEWEST_SEEDS, int(simulated / seconds))) if scene.run.perturbation != 0.0 else 0
     runs = [summary]
     for k in range(1, count + 1):
         another = _with_seed(scene, k, k / (count + 1), begin)

@@ -164,11 +164,11 @@ def stiffness(scene: Scene, engine: str, steps: int | None, restarts: int, secon
     )
 
 
-def free_swing(scene: Scene, measures: Mapping[str, Any], rows: Any) -> str:
+def free_swing(scene: Scene, measures: Mapping[str, Any], rows: Any, begins: float = 0.0) -> str:
     """Return the note on an exciter without drive that moves freely while the other one turns, or an empty text.
 
     ``rows`` are the section, at whole turns of exciter 1. There a motion that the platform forces on exciter 2 repeats,
-    and a free swing does not; of exciter 1 the two are not told apart.
+    and a free swing does not; of exciter 1 the two are not told apart. The run ``begins`` at a time (s).
     """
     begin, end, split = (measures[name] for name in ("measured_from_s", "measured_to_s", "frequency_split_hz"))
     mean, driven = measures["excitation_frequency_hz"], scene.driven(begin, end)
@@ -186,7 +186,7 @@ def free_swing(scene: Scene, measures: Mapping[str, Any], rows: Any) -> str:
         return ""
     if size > 2.0 * math.pi or not rate:
         return "exciter 2, off, still turns or swings: not steady, and a longer run.duration_s helps"
-    seconds = 2.0 * (end + max(math.log(last / (0.5 * SWINGS)), 0.0) / rate)
+    seconds = 2.0 * (end - begins + max(math.log(last / (0.5 * SWINGS)), 0.0) / rate)
     return (
         f"exciter 2, off, still swings by ± {quantity(math.degrees(0.5 * size), '°')}: steady from about "
         f"run.duration_s = {given(float(f'{seconds:.2g}'))} on"

@@ -33,10 +33,11 @@ def pictures_of(command: str) -> Any:
 
 
 def draw_results(
-    results: Sequence[Result], kinds: Sequence[str] = (), *, data: Measured | None = None, **options: Any
+    results: Sequence[Result], kinds: Sequence[str] = (), *, data: Measured | str | Path | None = None, **options: Any
 ) -> Iterator[tuple[str, Figure]]:
     """Draw the pictures of results of one command; yield the name and the figure of each."""
     command = results[0].command
+    data = read_data(data) if isinstance(data, (str, Path)) else data
     if data is not None:
         options |= {"data": data} if command == "run" else {"kept": [*map(str, data.given)]}
     for picture in pictures_of(command).pictures(results, kinds, **options):
@@ -91,8 +92,6 @@ def plot_results(
             )
     chosen = [command for command in common if not kinds or {*FIGURE_NAMES[command].split()} & {*kinds}]
     given = {option: value for option, value in options.items() if value is not None}
-    if isinstance(data := given.get("data"), (str, Path)):
-        given["data"] = read_data(data)
     for option, value in given.items():
         able = [command for command in FIGURE_NAMES if option in pictures_of(command).OPTIONS]
         if not {*able} & {*chosen}:

@@ -195,7 +195,7 @@ def pictures(
     drawn = [kind for kind in kinds or FIGURES if not missing(kind, shown)]
     if not drawn:
         able = ", ".join(kind for kind in FIGURES if not missing(kind, shown))
-        raise TableError(f"--kind {kinds[0]}: {results[0].place} {missing(kinds[0], shown)}; allowed: {able}")
+        raise TableError(f"figure {kinds[0]}: {results[0].place} {missing(kinds[0], shown)}; allowed: {able}")
     yield from (FIGURES[kind](replace(shown, parts=[], series=[], words=[], whole=[])) for kind in drawn)
 
 
