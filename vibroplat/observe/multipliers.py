@@ -56,7 +56,7 @@ def n_unstable(multipliers: Any) -> int:
 
 @compiled
 def stability(multipliers: Any) -> Stability:
-    """Evaluate what multipliers tell, after they were sorted: the largest first, of a pair that above the real axis."""
+    """Evaluate the stability by multipliers, and sort these: the largest first, of a pair that above the real axis."""
     sort_multipliers(multipliers)
     fold, doubling, neimark_sacker = 1.0 + 0.0j, 1.0 + 0.0j, 1.0 + 0.0j
     above = around = below = pairs = 0
