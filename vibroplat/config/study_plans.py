@@ -1,4 +1,4 @@
-"""The plans of questions about a scene: what is asked by many motions, and within which bounds."""
+"""The plans of studies of a scene: what is asked by many motions, and within which bounds."""
 
 from __future__ import annotations
 
